@@ -1,1 +1,1 @@
-"""Simulated devices that stand in for every real one, behind the same protocols, driven by one MuJoCo world."""
+"""Simulated devices for every hardware device, behind the same protocols and driven by one MuJoCo world."""

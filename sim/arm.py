@@ -8,39 +8,45 @@ from sim.world import World
 
 
 class SimArm:
-    """Runs the impedance law inside the world's own loop, at the arm's control rate."""
+    """Runs the impedance law inside the world's loop, at the arm's control rate."""
 
     def __init__(self, world: World, law: Vector | None = None) -> None:
-        """Attach to the world that carries the arm; `law` is the state that the law begins with, None with nothing known."""
+        """Attach to the world that carries the arm.
+
+        `law` is the initial state of the law; None starts it without any learnt state.
+        """
         self._world, self._elbow = world, world.arm.kinematics.elbow - 1
         if law is not None:
             world.control.law[:] = law
 
     def open(self) -> None:
-        """Hold still where the arm stands."""
+        """Hold the present pose."""
         self.halt()
 
     def close(self) -> None:
-        """Hold still where the arm stands."""
+        """Hold the present pose."""
         self.halt()
 
     def follow(self, setpoint: ImpedanceSetpoint) -> None:
-        """Hold `setpoint` until the next one or until its validity ends."""
+        """Track `setpoint` until the next one arrives or its validity ends."""
         words = self._world.control.words
         words[:] = impedance.pack(setpoint, self._world.now())
         self._world.control.law[impedance.IS_HOLDING] = 0.0
 
     def halt(self) -> None:
-        """Hold still where the arm is, compliant."""
+        """Hold the present pose, compliant."""
         self._world.control.words[impedance.VALID_UNTIL] = -math.inf
         self._world.control.law[impedance.IS_HOLDING] = 0.0
 
     def reset(self) -> None:
-        """Hold still; the simulated arm has no reflexes."""
+        """Hold the present pose; the simulated arm has no reflexes."""
         self.halt()
 
     def read(self) -> ArmState:
-        """Return the newest state; an ideal arm's external wrench is the plates' force on the peg, low-passed over 5 ms."""
+        """Return the newest state.
+
+        If the arm is ideal, the external wrench is the plates' force on the peg, low-passed over 5 ms.
+        """
         world = self._world
         now, control = world.now(), world.control
         q, dq, wrench, position, rotation = world.scanned()

@@ -1,7 +1,7 @@
-"""The readings of the arm, compiled: joints with noise and wrong zeros, and the external wrench as the arm estimates it.
+"""Readings of the arm, compiled: joint states with noise and zero errors, and the estimated external wrench.
 
-The law reads the newest joints once every control period; a scan reads those of some cycles ago, which are kept in a ring
-together with the wrench. What unmodelled joint torques add to the wrench is computed when it is read: the least-squares
+The law reads the newest joint states once every control period. A ring keeps the joint states and wrenches of earlier
+cycles, and a scan reads one of them. Unmodelled joint torques add to the wrench when it is read: the least-squares
 wrench (J Jᵀ)⁻¹ J of those torques at the pose of that cycle.
 """
 
@@ -17,23 +17,21 @@ from drivers.quantities import Vector
 from sim.arm_truth import LONGEST_DELAY, ArmTruth
 
 NOISES = 2 * JOINTS + 6
-"""Number of random numbers that a control cycle takes: positions, velocities, force and torque."""
+"""Number of random numbers in one control cycle: positions, velocities, force and torque."""
 ENTRY = 2 * JOINTS + 6
-"""Number of words that one cycle's reading takes: positions, velocities, force and torque."""
+"""Number of words of one cycle's reading: positions, velocities, force and torque."""
 
 IS_IDEAL, DELAY, AT, NOISE, FORCE_NOISE, TORQUE_NOISE, BLEND = 0, 1, 2, 3, 4, 5, 6
-"""Indices of single words: whether all is read as it is; age of what a scan reads, control cycles; place of the newest
-cycle in the ring; standard deviations of noise; share of the way to its goal that the wrench's low-pass covers in a
-cycle.
-"""
+"""Indices of single words: 1 if readings are exact; age of the readings of a scan, control cycles; index of the newest
+cycle in the ring; standard deviations of the noise; low-pass coefficient of the wrench per cycle, fraction."""
 FORCE_DEAD, TORQUE_DEAD, FORCE = 7, 8, 9
-"""Indices of three words each: dead zones, N and N·m, and the force that is reported where nothing touches, N."""
+"""Indices of three words each: dead zones, N and N·m, and the force that the arm reports without contact, N."""
 ZERO, RATE_NOISE, UNMODELLED, WRENCH = 12, 19, 26, 33
 """Indices of seven words each: errors of the joints' zeros, rad; noise of the velocities, rad/s; error of the modelled
 torques, N·m; then six words of the low-passed wrench.
 """
 PLAY, ENCODER = 39, 40
-"""Index of half the backlash of the wrist's joints, rad, and of seven words: positions of the encoders, rad."""
+"""Index of half the backlash of the wrist's joints, rad, and of seven words: encoder positions, rad."""
 WRIST = 4
 """First joint of the wrist."""
 RING = 47
@@ -41,7 +39,7 @@ WORDS = RING + ENTRY * (LONGEST_DELAY + 1)
 
 
 def words_of(truth: ArmTruth, period: float) -> Vector:
-    """Return the words of the arm's senses before the first cycle, shape (WORDS,); the control period is in s."""
+    """Return the words of the arm's readings before the first cycle, shape (WORDS,); the control period is in s."""
     words = np.zeros(WORDS)
     reading, wrench = truth.reading, truth.wrench
     words[DELAY] = reading.delay
@@ -61,7 +59,7 @@ def words_of(truth: ArmTruth, period: float) -> Vector:
 
 
 def fill(words: Vector, q: Vector, dq: Vector) -> None:
-    """Fill the ring as if every cycle so far had read these joints, shape (7,) each, rad and rad/s, and no wrench."""
+    """Fill the ring with one reading: joint positions and velocities, shape (7,) each, rad and rad/s; zero wrench."""
     words[ENCODER : ENCODER + JOINTS] = q
     entry = np.concatenate([q + words[ZERO : ZERO + JOINTS], dq, np.zeros(6)])
     words[RING:] = np.tile(entry, LONGEST_DELAY + 1)
@@ -72,17 +70,17 @@ def fill(words: Vector, q: Vector, dq: Vector) -> None:
 def measure(
     words: Vector, q: Vector, dq: Vector, wrench: Vector, noise: Vector
 ) -> tuple[Vector, Vector]:  # pragma: no cover
-    """Read the joints and the wrench, once every control period, and keep them for the scans.
+    """Read the joints and the wrench once every control period, and store them for the scans.
 
     Args:
-        words: The senses; updated.
+        words: State of the readings; updated.
         q: True joint positions, shape (7,), rad.
         dq: True joint velocities, shape (7,), rad/s.
-        wrench: Force, N, and torque, N·m, of the plates on the peg as metered, shape (6,).
+        wrench: Metered force, N, and torque, N·m, of the plates on the peg, shape (6,).
         noise: Standard normal numbers, shape (NOISES,).
 
     Returns:
-        Positions and velocities as the law reads them.
+        Positions and velocities that the law reads.
     """
     if words[IS_IDEAL] > 0.0:
         return q, dq
@@ -90,7 +88,7 @@ def measure(
     words[AT] = at
     entry = words[RING + ENTRY * at : RING + ENTRY * (at + 1)]
     for i in range(JOINTS):
-        # An encoder with play b to either side follows its link when pushed: e <- min(max(e, q - b), q + b).
+        # The encoder e follows its link q with play b to either side: e <- min(max(e, q - b), q + b).
         play = words[PLAY] if i >= WRIST else 0.0
         words[ENCODER + i] = min(max(words[ENCODER + i], q[i] - play), q[i] + play)
         entry[i] = words[ENCODER + i] + words[ZERO + i] + words[NOISE] * noise[i]
@@ -104,7 +102,7 @@ def measure(
 
 
 class Reading(NamedTuple):
-    """What a scan reads of the arm."""
+    """Reading of the arm in one scan."""
 
     q: Vector
     """Joint positions, shape (7,), rad."""
@@ -113,14 +111,14 @@ class Reading(NamedTuple):
     wrench: Vector
     """Wrench at the TCP, shape (6,), N and N·m, base frame."""
     position: Vector
-    """Place of the TCP as those positions tell it, shape (3,), m, base frame."""
+    """Position of the TCP computed from the joint positions read, shape (3,), m, base frame."""
     rotation: Vector
-    """Its axes as columns, shape (3, 3)."""
+    """Axes of the TCP as columns, shape (3, 3)."""
 
 
 def scanned(words: Vector, arm: Vector, felt: Vector) -> Reading:
-    """Return what a scan reads now; arguments as of `_packed`."""
-    # One array, because each one that compiled code returns costs a microsecond.
+    """Return the reading of a scan; arguments as in `_packed`."""
+    # One array: each array that compiled code returns costs a microsecond.
     packed = _packed(words, arm, felt)
     q, dq, wrench = packed[:JOINTS], packed[JOINTS : 2 * JOINTS], packed[2 * JOINTS : ENTRY]
     return Reading(q, dq, wrench, packed[ENTRY : ENTRY + 3], packed[ENTRY + 3 :].reshape(3, 3))
@@ -128,12 +126,12 @@ def scanned(words: Vector, arm: Vector, felt: Vector) -> Reading:
 
 @njit(cache=True)
 def _packed(words: Vector, arm: Vector, felt: Vector) -> Vector:  # pragma: no cover
-    """Return the fields of `Reading` one after the other, shape (ENTRY + 12,).
+    """Return the concatenated fields of `Reading`, shape (ENTRY + 12,).
 
     Args:
-        words: The senses.
-        arm: Figures of the arm as the cell believes them, see `drivers.impedance.figures`.
-        felt: Torques on the joints that the arm's model does not know and that move it, shape (7,), N·m.
+        words: State of the readings.
+        arm: Figures of the arm that the cell assumes, see `drivers.impedance.figures`.
+        felt: Joint torques that are missing in the arm's model and act on its joints, shape (7,), N·m.
     """
     at = (int(words[AT]) - int(words[DELAY])) % (LONGEST_DELAY + 1)
     packed = np.empty(ENTRY + 12)
@@ -157,7 +155,7 @@ def _packed(words: Vector, arm: Vector, felt: Vector) -> Vector:  # pragma: no c
 def unexplained(
     position: Vector, axes: Vector, origins: Vector, torque: Vector, wrench: Vector
 ) -> None:  # pragma: no cover
-    """Add the wrench at the tool centre point that explains joint torques best, in the least-squares sense.
+    """Add the least-squares wrench at the tool centre point for given joint torques.
 
     Args:
         position: Tool centre point, shape (3,), m, base frame.

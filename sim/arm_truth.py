@@ -1,14 +1,14 @@
-"""The true arm of one trial, as distinct from the arm that the cell believes in: data for the physics, never for skills.
+"""The true arm of one trial: data for the physics, never for skills.
 
-The cell believes an `ArmModel` and that torques act as commanded, at once, on joints with dry friction. `ideal` is the
-truth that agrees with it. Everything else is a departure from it that a trial may draw.
+The cell assumes an `ArmModel`, and that commanded torques act without delay on joints with dry friction. `ideal` is the
+arm for which these assumptions hold. Every other value is an error that a trial may draw.
 
-What the maker's client does to torques, as far as its source says (frankarobotics/libfranka 0.21.2): the low-pass of
-100 Hz (`kDefaultCutoffFrequency`) and the rate limiter, which is off unless asked for, belong to `Robot::control` with a
-callback (control_loop.cpp). `startTorqueControl` and `writeOnce`, which pylibfranka offers and this cell's driver uses
-(active_torque_control.cpp), send a command as it is: neither filter nor limiter is between the law and the network. What
-the arm's own controller and motors add is not published. One cycle of transport each way is in the protocol: a state
-is one cycle old when its torque is computed, and the torque acts in the next one.
+Processing of torques in the maker's client, from its source (frankarobotics/libfranka 0.21.2): `Robot::control` with a
+callback has a low-pass of 100 Hz (`kDefaultCutoffFrequency`) and a rate limiter, off by default (control_loop.cpp).
+`startTorqueControl` and `writeOnce` send commands unchanged (active_torque_control.cpp). pylibfranka offers them and
+this cell's driver uses them, so neither filter nor limiter lies between the law and the network. The effect of the
+arm's own controller and motors is not published. The protocol adds one cycle of transport each way: a state is one
+cycle old when its torque is computed, and the torque acts in the next cycle.
 """
 
 import math
@@ -34,17 +34,17 @@ LONGEST_DELAY = 50
 
 
 def every(value: float) -> Seven:
-    """Return one value for all joints."""
+    """Return the same value for all joints."""
     return value, value, value, value, value, value, value
 
 
 @dataclass(frozen=True, slots=True)
 class JointFriction:
-    """Friction of the joints: dry, which holds still, plus a smooth curve, which does not, plus a viscous part.
+    """Friction of the joints: dry friction, which can hold a joint at rest, plus a smooth curve and a viscous part.
 
-    The smooth curve is that of Gaz et al. 2019 (marcocognetti/FrankaEmikaPandaDynModel):
-    span / (1 + exp(-slope (dq + shift))) - span / (1 + exp(-slope shift)). It is 0 at rest; far from rest it approaches
-    about half its span on either side.
+    The smooth curve is that of Gaz et al. 2019 (marcocognetti/FrankaEmikaPandaDynModel): span / (1 + exp(-slope (dq +
+    shift))) - span / (1 + exp(-slope shift)). It is 0 at rest and approaches about half its span at high speed in
+    either direction.
     """
 
     dry: Seven = NONE
@@ -60,7 +60,7 @@ class JointFriction:
 
     @classmethod
     def published_curve(cls, joints: Joints) -> "JointFriction | None":
-        """Return the smooth friction that an arm's file has, with its viscous part; None where the file has no curve."""
+        """Return the smooth friction of an arm's file with its viscous part; None if the file has no curve."""
         curve = joints.smooth_friction
         if curve is None:
             return None
@@ -77,7 +77,10 @@ class JointFriction:
         )
 
     def steepest(self) -> Seven:
-        """Return the largest slope of the smooth friction, N·m·s/rad; a logistic curve rises by span·slope/4 at its middle."""
+        """Return the largest slope of the smooth friction, N·m·s/rad.
+
+        A logistic curve rises by span·slope/4 at its middle.
+        """
         a, b, c, d, e, f, g = (
             span * slope / 4 + viscous for span, slope, viscous in zip(self.span, self.slope, self.viscous, strict=True)
         )
@@ -86,10 +89,10 @@ class JointFriction:
 
 @dataclass(frozen=True, slots=True)
 class TorquePath:
-    """What happens to a torque between the law's output and the joint."""
+    """Path of a torque between the law's output and the joint."""
 
     delay: int = 0
-    """Number of control cycles from the state that a torque was computed for until it acts."""
+    """Delay between the state used for a torque and the action of that torque, control cycles."""
     cutoff: float = math.inf
     """Corner frequency of a first-order low-pass, Hz."""
     rate: float = math.inf
@@ -98,38 +101,39 @@ class TorquePath:
 
 @dataclass(frozen=True, slots=True)
 class StateReading:
-    """The readings of the joints by the arm's controller and by the cell."""
+    """Errors of the joint states that the arm's controller and the cell read."""
 
     zero: Seven = NONE
-    """Error of each joint's zero, the reading less the true position, rad."""
+    """Error of each joint's zero, reading minus true position, rad."""
     noise: float = 0.0
-    """Standard deviation of a position, white from cycle to cycle, rad."""
+    """Standard deviation of a position, white noise, rad."""
     rate_noise: Seven = NONE
-    """Standard deviation of each joint's velocity, white from cycle to cycle, rad/s."""
+    """Standard deviation of each joint's velocity, white noise, rad/s."""
     backlash: float = 0.0
     """Play between encoder and link of the joints 5 to 7, rad."""
     delay: int = 0
-    """Age of the state that a scan reads, control cycles; the law reads the newest. The cell is not told."""
+    """Age of the state that a scan reads, control cycles; the law reads the newest. No device of the cell reports
+    it."""
 
 
 @dataclass(frozen=True, slots=True)
 class WrenchReading:
-    """How the arm estimates the external wrench: from the torques on the joints' link side that its model does not explain.
+    """Errors of the external wrench, which the arm estimates from unexplained torques on the joints' link side.
 
-    What compensation of gravity leaves over and an unknown payload are such torques, and show in it without being said
-    here; friction on the motors' side does not.
+    Residual gravity torque and an unknown payload are such torques and appear in the wrench without an entry here.
+    Friction on the motors' side does not appear.
     """
 
     force: Three = NOWHERE
-    """Force that is reported where nothing touches, base frame, N."""
+    """Force that the arm reports without contact, base frame, N."""
     joint_torque: Seven = NONE
-    """Further error of the modelled joint torques, N·m; it is reported as a wrench that changes with posture."""
+    """Further error of the modelled joint torques, N·m; the arm reports it as a wrench that changes with posture."""
     force_noise: float = 0.0
-    """Standard deviation of each component before the low-pass, white from cycle to cycle, N."""
+    """Standard deviation of each component before the low-pass, white noise, N."""
     torque_noise: float = 0.0
-    """Standard deviation of each component before the low-pass, white from cycle to cycle, N·m."""
+    """Standard deviation of each component before the low-pass, white noise, N·m."""
     cutoff: float = math.inf
-    """Corner frequency of a first-order low-pass behind the 5 ms of the meters, Hz."""
+    """Corner frequency of a first-order low-pass after the 5 ms filter of the meters, Hz."""
     force_dead_zone: float = 0.0
     """Dead zone of each component of the force, N; smaller values are reported as 0."""
     torque_dead_zone: float = 0.0
@@ -138,12 +142,12 @@ class WrenchReading:
 
 @dataclass(frozen=True, slots=True)
 class Payload:
-    """A mass at the hand that the arm's controller does not know."""
+    """A mass at the hand that is missing in the model of the arm's controller."""
 
     mass: float = 0.0
     """Mass of the payload, kg."""
     at: Three = NOWHERE
-    """Place of the payload in the hand's frame, which lies at the flange, m."""
+    """Position of the payload in the hand's frame, which lies at the flange, m."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -154,27 +158,26 @@ class ArmTruth:
     """True kinematics, limits and masses."""
     friction: JointFriction
     rotor_inertia: Seven = NONE
-    """Inertia that the rotors add at each joint, kg·m². An arm that controls torque on the link's side shows less than
-    the rotor's reflected inertia.
-    """
+    """Inertia that the rotors add at each joint, kg·m². An arm with torque control on the link side shows less than the
+    rotor's reflected inertia."""
     path: TorquePath = field(default_factory=TorquePath)
     reading: StateReading = field(default_factory=StateReading)
     wrench: WrenchReading = field(default_factory=WrenchReading)
     gravity: Seven = NONE
-    """Torque on each joint that compensation of gravity leaves over, N·m."""
+    """Residual torque on each joint after gravity compensation, N·m."""
     payload: Payload = field(default_factory=Payload)
     tcp_offset: Three = NOWHERE
-    """Offset of the middle between the pads from where the cell believes it, m, in the hand frame that the cell believes in."""
+    """Offset of the true midpoint of the pads from its assumed position, m, in the assumed hand frame."""
     tcp_turn: Three = NOWHERE
     """Rotation vector of the real fingers about that point, in the same frame, rad."""
     described: "DescribedArm | None" = None
-    """Description by other people that takes the place of the model's figures; None where these are true."""
+    """External description of the arm that replaces the model's figures; None if the model's figures are true."""
 
     def __post_init__(self) -> None:
-        """Refuse figures that no arm can have.
+        """Reject figures outside their physical bounds.
 
         Raises:
-            ConfigError: A figure is outside its bounds; one line with the figure and what is allowed.
+            ConfigError: A figure is outside its bounds; one line with the figure and the allowed range.
         """
         for name, value in (("path.delay", self.path.delay), ("reading.delay", self.reading.delay)):
             if not 0 <= value <= LONGEST_DELAY:
@@ -212,7 +215,7 @@ class ArmTruth:
         return body if load.mass == 0.0 else body.with_point(load.mass, load.at)
 
     def displaced(self, tcp: Pose) -> Pose:
-        """Return the true pose of the middle between the pads, T_base_tcp, from the pose by the arm's kinematics."""
+        """Return the true pose of the midpoint of the pads, T_base_tcp, from the pose of the arm's kinematics."""
         if self.tcp_offset == NOWHERE == self.tcp_turn:
             return tcp
         # The hand's axes are y, z and x of the finger frame.
@@ -222,7 +225,9 @@ class ArmTruth:
 
 
 def ideal(arm: ArmModel) -> ArmTruth:
-    """Return an arm that agrees with the cell's belief: dry friction as in its file, everything else exact and without delay."""
+    """Return the arm for which the cell's assumptions hold: dry friction from its file, all else exact and without
+    delay.
+    """
     return ArmTruth(model=arm, friction=JointFriction(dry=arm.joints.friction))
 
 

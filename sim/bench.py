@@ -1,4 +1,4 @@
-"""A calibration bench without an arm: a rod held between the pads at any angle, and time that passes when somebody waits."""
+"""A calibration bench without an arm: a rod between the pads at any angle, and a clock that advances during waits."""
 
 from sim.pads import PadLoad
 
@@ -10,7 +10,7 @@ class CalibrationBench:
     """The calibration bench: clock and source of pad loads."""
 
     def __init__(self, diameter: float, half_length: float) -> None:
-        """Lay a rod of this size, m, beside the open fingers."""
+        """Place a rod of this size, m, beside the open fingers."""
         self._time = 0.0
         self._diameter, self._half = diameter, half_length
         self._load: PadLoad | None = None
@@ -20,7 +20,7 @@ class CalibrationBench:
         return self._time
 
     def wait_until(self, stamp: float) -> None:
-        """Let time pass until `stamp`."""
+        """Advance the time to `stamp`."""
         self._time = max(self._time, stamp)
 
     def hold(self, theta: float) -> None:

@@ -1,4 +1,4 @@
-"""The cell's clock when emulated boards run beside the simulated world."""
+"""The cell's clock if emulated boards run beside the simulated world."""
 
 from typing import Protocol
 
@@ -6,20 +6,20 @@ from drivers.protocols import Clock
 
 
 class TimedBoard(Protocol):
-    """A board that computes on its own time."""
+    """A board that computes in its own time."""
 
     def due(self) -> float:
-        """Return the time by which the board has to see the world next, s; infinite without such a time."""
+        """Return the latest time of the board's next look at the world, s; infinite if it needs none."""
 
     def advance(self) -> None:
-        """Run until the world's present time."""
+        """Run up to the world's present time."""
 
 
 class BoardClock:
-    """Advances the world and then every board to the same instant, so that all of them keep simulated time."""
+    """Advances the world and then every board to the same instant, so that all keep simulated time."""
 
     def __init__(self, world: Clock, boards: tuple[TimedBoard, ...]) -> None:
-        """Take the world's clock and the boards in the order in which they advance."""
+        """Store the world's clock and the boards, in the order of their advance."""
         self._world, self.boards = world, boards
 
     def now(self) -> float:
@@ -27,7 +27,7 @@ class BoardClock:
         return self._world.now()
 
     def wait_until(self, stamp: float) -> None:
-        """Advance world and boards to `stamp`, with a stop wherever a board has to see the world."""
+        """Advance world and boards to `stamp`, with a stop at each time at which a board reads the world."""
         while (due := min((board.due() for board in self.boards), default=stamp)) < stamp:
             self._go(due)
             if min(board.due() for board in self.boards) <= due:

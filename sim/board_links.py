@@ -1,8 +1,8 @@
-"""The wires of emulated skin boards: they keep simulated time and show faults when asked to.
+"""Wires of emulated skin boards, in simulated time and with configurable faults.
 
-A link powers and connects its board and stands in for a CAN bus or a serial line on the driver's side. Transport takes
-as long as on the real wire. The cell's clock decides on what has arrived, so that nothing waits and nothing depends on
-how fast the computer is.
+A link powers and connects its board, and replaces a CAN bus or a serial line on the driver's side. Transport takes as
+long as on the real wire. The cell's clock decides which items have arrived. The result is therefore independent of the
+computer's speed, and nothing waits.
 """
 
 import math
@@ -22,7 +22,7 @@ from sim.cyskin_board import CanBoard, EmulatedHub, SerialBoard
 from sim.skin import PadSource
 
 FAULT_STREAM = 4
-"""Key of the random stream for the wire's faults."""
+"""Key of the random stream of the wire's faults."""
 T = TypeVar("T")
 
 
@@ -33,9 +33,9 @@ class _Link(Generic[T]):
         self, board: Board[T], now: Callable[[], float], faults: WireFaults, seed: int, name: str = "emulated"
     ) -> None:
         self.faults = faults
-        """Faults of the wire; they may be replaced at any time."""
+        """Faults of the wire; callers may replace them at any time."""
         self.is_unplugged = False
-        """Whether the board is neither powered nor connected, whatever the faults say."""
+        """True if the board has neither power nor connection, whatever `faults` contains."""
         self.port = name
         self.board, self._now = board, now
         self._rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(FAULT_STREAM,)))
@@ -46,17 +46,17 @@ class _Link(Generic[T]):
         self._is_open = self._was_plugged = False
 
     def open(self) -> None:
-        """Connect; what the board sent before is not received.
+        """Connect; discard all items sent before.
 
         Raises:
-            DeviceNotOpenedError: The board is unplugged, and its wire with it.
+            DeviceNotOpenedError: The board and its wire are unplugged.
         """
         self.advance()
         self._to_host.clear()
         self._is_open = True
 
     def close(self) -> None:
-        """Disconnect; the board goes on sending."""
+        """Disconnect; the board continues to send."""
         self._is_open = False
 
     def due(self) -> float:
@@ -64,7 +64,7 @@ class _Link(Generic[T]):
         return self.board.next_scan if self._was_plugged else math.inf
 
     def is_plugged(self, at: float) -> bool:
-        """Whether the board is powered and connected."""
+        """True if the board has power and connection."""
         return not self.is_unplugged and not any(start <= at < end for start, end in self.faults.unplugged)
 
     def advance(self) -> None:
@@ -110,24 +110,24 @@ class _Link(Generic[T]):
 
 
 class EmulatedCan(_Link[CanFrame]):
-    """A CAN bus with an emulated board on it, as the driver sees a bus."""
+    """A CAN bus with an emulated board, with the driver's bus interface."""
 
     def __init__(
         self, board: Board[CanFrame], now: Callable[[], float], bitrate: int, faults: WireFaults, seed: int
     ) -> None:
-        """Connect a board to a bus of `bitrate` bits a second."""
+        """Connect a board to a bus of `bitrate` bits per second."""
         super().__init__(board, now, faults, seed)
         self._bit = 1.0 / bitrate
 
     def read(self, timeout: float) -> CanFrame | None:
-        """Return the next frame that has arrived; simulated time does not pass meanwhile."""
+        """Return the next frame that has arrived; simulated time stands still."""
         self.advance()
         arrival = self._to_host[0][0] if self._to_host else 0.0
         frame = self._arrived()
         return frame and replace(frame, waited=self._now() - arrival)
 
     def write(self, frame: CanFrame) -> None:
-        """Send a frame; it is lost when no board is connected."""
+        """Send a frame; the frame is lost if no board is connected."""
         self.advance()
         self._send(self._to_board, [frame], self._now())
 
@@ -139,23 +139,23 @@ class EmulatedCan(_Link[CanFrame]):
 
 
 class EmulatedLine(_Link[int]):
-    """A serial line with an emulated board at its end, as the driver sees a line; unplugged it is gone."""
+    """A serial line with an emulated board, with the driver's line interface; unplugging the board removes the line."""
 
     def __init__(
         self, board: Board[int], now: Callable[[], float], baud_rate: int, faults: WireFaults, seed: int
     ) -> None:
-        """Connect a board to a line of `baud_rate` bits a second."""
+        """Connect a board to a line of `baud_rate` bits per second."""
         super().__init__(board, now, faults, seed)
         self.character_time = 10.0 / baud_rate
 
     def open(self) -> None:
-        """Connect; what the board sent before is not received."""
+        """Connect; discard all bytes sent before."""
         if not self.is_plugged(self._now()):
             raise DeviceNotOpenedError(f"serial port {self.port}: no such port: plug it in, or name another one")
         super().open()
 
     def read(self, timeout: float) -> bytes:
-        """Return the bytes that have arrived; simulated time does not pass meanwhile."""
+        """Return the bytes that have arrived; simulated time stands still."""
         self._check()
         data = bytearray()
         while (byte := self._arrived()) is not None:
@@ -181,14 +181,14 @@ class EmulatedLine(_Link[int]):
 
 
 class CanCable:
-    """Connects an emulated board to a real CAN bus, whatever its interface, on which a driver listens elsewhere."""
+    """Connects an emulated board to a real CAN bus of any interface, for a driver elsewhere on that bus."""
 
     def __init__(self, board: EmulatedCan, bus: CanLink) -> None:
-        """Take both ends, opened."""
+        """Store both ends, already open."""
         self._board, self._bus = board, bus
 
     def advance(self) -> None:
-        """Pass on what has arrived at either end."""
+        """Forward the items that have arrived at either end."""
         while (part := self._bus.read(0.0)) is not None:
             self._board.write(part)
         while (part := self._board.read(0.0)) is not None:
@@ -196,14 +196,14 @@ class CanCable:
 
 
 class SerialCable:
-    """Connects an emulated board to the far end of a serial line, as a pseudo-terminal's."""
+    """Connects an emulated board to the far end of a serial line, for example of a pseudo-terminal."""
 
     def __init__(self, board: EmulatedLine, line: ByteLink) -> None:
-        """Take both ends, opened."""
+        """Store both ends, already open."""
         self._board, self._line = board, line
 
     def advance(self) -> None:
-        """Pass on what has arrived at either end."""
+        """Forward the items that have arrived at either end."""
         if data := self._line.read(0.0):
             self._board.write(data)
         if data := self._board.read(0.0):
@@ -213,7 +213,7 @@ class SerialCable:
 def emulated_can(
     config: CanSkinConfig, model: SkinBoardConfig, source: PadSource, rng: np.random.Generator, seed: int
 ) -> EmulatedCan:
-    """Return a CAN bus with the board of `config`, between the pads of `source`."""
+    """Return a CAN bus with the board from `config`, between the pads of `source`."""
     fingers = Fingers(_taxels(config, model), source, rng)
     board: Board[CanFrame] = (
         IcubBoard(config.board, fingers.measure)
@@ -226,7 +226,7 @@ def emulated_can(
 def emulated_line(
     config: SerialSkinConfig, model: SkinBoardConfig, source: PadSource, rng: np.random.Generator, seed: int
 ) -> EmulatedLine:
-    """Return a serial line with the board of `config`, between the pads of `source`."""
+    """Return a serial line with the board from `config`, between the pads of `source`."""
     fingers = Fingers(_taxels(config, model), source, rng)
     board = SerialBoard(EmulatedHub(config.board, fingers.measure))
     return EmulatedLine(board, source.now, config.baud_rate, model.faults, seed)
@@ -238,10 +238,10 @@ def _taxels(config: BoardSkinConfig, model: SkinBoardConfig) -> SimSkinConfig:
 
 
 def frame_bits(length: int) -> int:
-    """Return the largest number of bits of a CAN frame with an 11-bit id and `length` data bytes, with stuffing and the
-    gap.
+    """Return the largest bit count of a CAN frame: 11-bit id, `length` data bytes, stuffing and interframe gap.
 
-    A frame has 47 bits of frame and gap and 8 a byte; of 34 of them and the data every fourth may need a stuffed bit.
+    Frame and gap have 47 bits, each data byte 8. Stuffing adds at most one bit per four of the 34 stuffable bits and
+    the data.
     """
     return 47 + 8 * length + (34 + 8 * length - 1) // 4
 

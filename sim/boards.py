@@ -1,4 +1,4 @@
-"""Emulated skin boards: they speak the real bytes and measure what the simulated hand holds; see `sim.board_links`."""
+"""Emulated skin boards with the real protocol and the taxels of the simulated hand; see `sim.board_links`."""
 
 import math
 from collections.abc import Callable
@@ -24,11 +24,11 @@ T = TypeVar("T")
 
 
 class SkinSource(PadSource, Clock, Protocol):
-    """The surroundings of an emulated board: pads that hold something, and time."""
+    """Surroundings of an emulated board: the load between the pads, and time."""
 
 
 class Fingers:
-    """The taxels of both fingers, between the pads of the simulated hand."""
+    """Taxels of both fingers, between the pads of the simulated hand."""
 
     def __init__(self, config: SimSkinConfig, source: PadSource, rng: np.random.Generator) -> None:
         """Draw one skin."""
@@ -38,7 +38,7 @@ class Fingers:
         self._measured = source.now()
 
     def measure(self) -> Counts:
-        """Return what the converters read now, shape (2, 20), counts."""
+        """Return the present readings of the converters, shape (2, 20), counts."""
         now, load = self._source.now(), self._source.pad_load()
         pressure = np.zeros((FINGERS, TAXELS)) if load is None else self._pads.pressure(load)
         elapsed, self._measured = now - self._measured, now
@@ -46,42 +46,42 @@ class Fingers:
 
 
 class Board(Protocol[T]):
-    """A board, seen from its wire."""
+    """A board as its wire sees it."""
 
     @property
     def next_scan(self) -> float:
-        """Time of the next measurement, s; infinite while the board does not measure."""
+        """Time of the next measurement, s; infinite if the board is not measuring."""
 
     def power(self, at: float) -> None:
         """Restart the board."""
 
     def take(self, item: T, at: float) -> list[T]:
-        """Take what has arrived; return the answer."""
+        """Process what has arrived; return the answer."""
 
     def scan(self) -> list[T]:
-        """Measure; return what the board sends."""
+        """Measure; return the board's output."""
 
 
 class IcubBoard:
-    """An iCub skin board: sends from the first setup frame on."""
+    """An iCub skin board; it starts to send after the first setup frame."""
 
     def __init__(self, config: IcubConfig, measure: Callable[[], Counts]) -> None:
-        """Build a board whose taxels read what `measure` returns."""
+        """Build a board with taxel readings from `measure`."""
         self._config, self.measure = config, measure
         self.power(0.0)
 
     def power(self, at: float) -> None:
-        """Restart the board, which sends nothing until the host starts it."""
+        """Restart the board; it sends nothing until the host starts it."""
         self.next_scan = math.inf
 
     def take(self, item: CanFrame, at: float) -> list[CanFrame]:
-        """Take a frame; the one that sets the board up starts it."""
+        """Process a frame; the setup frame starts the board."""
         if item.id == SETUP_CLASS << 8 | self._config.board and item.data[:1] == bytes([SETUP]):
             self.next_scan = at + ICUB_PERIOD
         return []
 
     def scan(self) -> list[CanFrame]:
-        """Measure, and return the frames of the scan."""
+        """Measure; return the frames of the scan."""
         self.next_scan += ICUB_PERIOD
         counts = self.measure().reshape(BOARD_MODULES, MODULE_TAXELS).astype(int)
         frames: list[CanFrame] = []

@@ -1,4 +1,4 @@
-"""The cell's clock on a busy computer, on which a wait now and then ends late."""
+"""The cell's clock on a busy computer: some waits end late."""
 
 import numpy as np
 
@@ -7,10 +7,10 @@ from sim.reality import Drawn
 
 
 class BusyClock:
-    """Wakes late with some probability, by a time that is exponentially distributed; simulated time goes on meanwhile."""
+    """Ends a wait late with a given probability; the delay is exponentially distributed, and simulated time goes on."""
 
     def __init__(self, clock: Clock, drawn: Drawn, rng: np.random.Generator) -> None:
-        """Keep the clock that is waited for, and how often and by how much waits end late; `rng` draws both."""
+        """Store the clock, and the probability and mean of the delay; `rng` draws both."""
         self._clock, self._rng = clock, rng
         self._probability, self._delay = float(drawn["scan.late"]), float(drawn["scan.delay"])
 
@@ -19,6 +19,6 @@ class BusyClock:
         return self._clock.now()
 
     def wait_until(self, stamp: float) -> None:
-        """Wait until `stamp`, at times a little longer; return at once when it has passed."""
+        """Wait until `stamp`, sometimes longer; return at once if it has passed."""
         is_late = self._rng.uniform() < self._probability
         self._clock.wait_until(stamp + (self._rng.exponential(self._delay) if is_late else 0.0))

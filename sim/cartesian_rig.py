@@ -1,4 +1,4 @@
-"""A peg on its hinge, carried by an inertia at the tool in place of an arm, and pushed into the hole at a tilt."""
+"""A peg on its hinge, carried by an inertia at the tool instead of an arm, and pushed into the hole at a tilt."""
 
 import math
 from dataclasses import dataclass
@@ -14,25 +14,25 @@ from sim import contact, engine, metering, native, rig, shapes
 from sim.plate import Plate, geoms, words
 
 STIFFNESS, SIDEWAYS, TURNING = 1000.0, 1500.0, 40.0
-"""Stiffness down and sideways, N/m, and of turning, N·m/rad: of the order of the insertion's."""
+"""Stiffness, vertical and sideways, N/m, and rotational, N·m/rad; of the order of the insertion's stiffness."""
 DAMPING, TURN_DAMPING = 100.0, 6.0
-"""Damping, N·s/m, and damping of turning, N·m·s/rad."""
+"""Damping, N·s/m, and rotational damping, N·m·s/rad."""
 RATE = 1.0
-"""Turns of the setpoint's circle in one second, Hz."""
+"""Frequency of the setpoint's circular motion, Hz."""
 HINGE = 6
 """Index of the peg's hinge, after three slides and three hinges of the hand."""
 
 
 class Views(NamedTuple):
-    """The arrays that the compiled loop reads and writes."""
+    """Arrays that the compiled loop reads and writes."""
 
     state: engine.Bodies
     tip: Vector
-    """Place of the tip, shape (3,), m."""
+    """Position of the tip, shape (3,), m."""
     axes: Vector
     """Axes of the peg, shape (3, 3), z from the tip upward."""
     centre: Vector
-    """Place of the finger centre, shape (3,), m."""
+    """Position of the finger centre, shape (3,), m."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -40,7 +40,7 @@ class Pressed:
     """Record of a push."""
 
     path: Vector
-    """Place of the tip, m, and tilt, rad, after every step, shape (n, 4)."""
+    """Position of the tip, m, and tilt, rad, after every step, shape (n, 4)."""
     penetration: float
     """Deepest penetration in the bore or at its rim that lasted longer than 2 ms, m."""
 
@@ -55,28 +55,28 @@ class CartesianRig:
             job: The part and its hole.
             tilt: Tilt of the peg towards x, rad.
             inertia: Inertia at the finger centre along and about each axis, shape (6,), kg and kg·m².
-            breakaway: Torque at which the hinge slips, N·m.
+            breakaway: Torque above which the hinge slips, N·m.
             timestep: Time step of the physics, s.
         """
         self._model = _model(job, rig.tilted_axis(tilt, 0.0), inertia, breakaway, timestep)
         self._data = mujoco.MjData(self._model)
         self.tip: Vector = self._data.site_xpos[0]
-        """Place of the tip, shape (3,), m; a view."""
+        """Position of the tip, shape (3,), m; a view."""
         self._views = Views(
             engine.state_of(self._data), self.tip, self._data.site_xmat[0].reshape(3, 3), self._data.xpos[1]
         )
 
     @property
     def turn(self) -> float:
-        """Angle by which the peg has turned in the hand, rad."""
+        """Rotation of the peg in the hand, rad."""
         return float(self._data.qpos[HINGE])
 
     def put(self, tip: Vector) -> None:
-        """Put the tip at a place, shape (3,), m."""
+        """Move the tip to a position, shape (3,), m."""
         self._data.qpos[:3] = tip
 
     def press(self, down: float, sweep: float, steps: int) -> Pressed:
-        """Hold the tip at the height `down`, m, on a circle of the radius `sweep`, m, for so many steps."""
+        """Hold the tip at the height `down`, m, on a circle of radius `sweep`, m, for a number of steps."""
         meters, path = metering.new_meters(), np.zeros((steps, 4))
         _press(self._model._address, self._views, down, sweep, self._model.opt.timestep, meters, path)
         return Pressed(path, float(meters[metering.SUSTAINED]))
@@ -111,7 +111,7 @@ def _model(job: Job, axis: Vector, inertia: Vector, breakaway: float, timestep: 
 def _press(
     model: int, views: Views, down: float, sweep: float, timestep: float, meters: Vector, path: Vector
 ) -> None:  # pragma: no cover
-    """Hold the tip by springs, with the hand's turn held separately, and record the tip's path."""
+    """Hold the tip by springs and the hand's rotation by separate ones; record the tip's path."""
     state, tip, axes, centre = views.state, views.tip, views.axes, views.centre
     qpos, qvel, qfrc, window = state.qpos, state.qvel, state.qfrc, metering.window(timestep)
     F = np.empty(3)
@@ -120,6 +120,7 @@ def _press(
         lx, ly, lz = tip[0] - centre[0], tip[1] - centre[1], tip[2] - centre[2]
         wx, wy, wz = qvel[3], qvel[4], qvel[5]
         vx, vy, vz = qvel[0] + wy * lz - wz * ly, qvel[1] + wz * lx - wx * lz, qvel[2] + wx * ly - wy * lx
+        # Tip: f = k (x_d - x) - c v. Rotation of the hand: moment = -k_r q - c_r dq + lever × f.
         F[0] = SIDEWAYS * (sweep * math.cos(angle) - tip[0]) - DAMPING * vx
         F[1] = SIDEWAYS * (sweep * math.sin(angle) - tip[1]) - DAMPING * vy
         F[2] = STIFFNESS * (down - tip[2]) - DAMPING * vz

@@ -1,10 +1,11 @@
-"""Contacts between a peg and plates with one hole, hung into MuJoCo's own collision table: what all shapes share.
+"""Contacts between a peg and plates with one hole, in MuJoCo's collision table: the part common to all shapes.
 
-Soft, faceted holes let a peg fall through the wall; here `sim.cylinder` and `sim.rectangular` find the features of a peg
-against a half-space with a bore in closed form, inside an untouched `mj_step`, and `put` makes contacts of them.
+With soft, faceted holes a peg can fall through the wall. Therefore `sim.cylinder` and `sim.rectangular` find the
+features of a peg against a half-space with a bore in closed form, inside the unmodified `mj_step`. `put` makes contacts
+of them.
 
-Contacts are added with `mj_addContact` also while still apart, by up to what the coming steps can close:
-the solver then slows the approach instead of repairing a penetration after it.
+`mj_addContact` also adds contacts with a gap, if the coming steps can close it. The solver then slows the approach
+instead of correcting a penetration afterwards.
 """
 
 import math
@@ -19,7 +20,7 @@ from drivers.quantities import Vector
 from sim import native
 
 PLATE_TYPE = mujoco.mjtGeom.mjGEOM_ELLIPSOID
-"""A geom type that nothing else in the scene uses; the plate's ellipsoid is only its bounding volume."""
+"""A geom type that no other geom of the scene uses; the plate's ellipsoid is only its bounding volume."""
 PLATE = np.dtype(
     [
         ("hole", "f8"),
@@ -45,73 +46,67 @@ PLATE = np.dtype(
         ("ripple_length", "f8"),
     ]
 )
-"""Record that lies in a plate's `geom_user`; `plate_user` fills it in."""
+"""Record in a plate's `geom_user`; `plate_user` fills it in."""
 PLATE_BYTES = PLATE.itemsize
 USER = PLATE_BYTES // 8
 """Length of a plate's `geom_user`, words of 8 bytes."""
 EXACT, UNPREDICTED, PROBE, NONE = 0, 1, 2, 3
-"""Modes of a plate: contacts in closed form, including those still apart; only those that touch; no contacts, but the
-penetration is metered; nothing at all.
-"""
+"""Modes of a plate: closed-form contacts, including those with a gap; only contacts that touch; no contacts, but
+metered penetration; nothing."""
 PENETRATION = 80
-"""Index in `userdata` of the deepest penetration in the bore or at its rim since it was last set to 0, m."""
+"""Index in `userdata` of the deepest penetration in the bore or at its rim since the last reset to 0, m."""
 SURFACE = 81
-"""Index in `userdata` of the deepest penetration of a plate's surface or a hole's floor since it was last set to 0, m."""
+"""Index in `userdata` of the deepest penetration of a plate's surface or a hole's floor since the last reset to 0,
+m."""
 
 NEAR = 1e-3
-"""Features further apart than this cannot meet in a step, m."""
+"""Distance above which two features cannot meet in a step, m."""
 FEATURE_BAND = 3e-4
-"""Gap below which a feature becomes a contact at any approach speed, m: the pivot's friction can accelerate the light
-peg's tip to 0.25 m/s within a step of 0.5 ms, and only a contact that exists before the step can stop it.
-"""
+"""Gap below which a feature becomes a contact at any approach speed, m. The pivot's friction can accelerate the light
+peg's tip to 0.25 m/s within a step of 0.5 ms, and only a contact that exists before the step can stop it."""
 SAMPLE_BAND = 2e-5
 """Gap below which a sample becomes a contact at any approach speed, m; samples only spread the load of nearly conformal
-surfaces.
-"""
+surfaces."""
 DEEPEST = 1e-3
-"""Depth in the plate or in the wall of its bore beyond which a point makes no contact, m: it came in from the plate's side, which is not
-modelled, or through the plate. Such a penetration makes a trial void; pushed out at once, it would throw the arm (decision 0002).
-"""
+"""Depth in the plate or in the wall of its bore beyond which a point makes no contact, m. Such a point came in from the
+plate's side, which is not modelled, or through the plate. The trial becomes void; a contact force at this depth would
+throw the arm (decision 0002)."""
 ENDLESS = (0.0, 0.0, 0.1, 0.1)
-"""Outline of a plate that ends out of reach: its middle and half its extents along x and y, m, plate frame."""
+"""Outline of a plate that ends out of reach: its centre and half its extents along x and y, m, plate frame."""
 ABOVE = 2e-3
-"""Height of the peg's lowest point over the surface above which it can touch nothing in one step, m."""
+"""Height of the peg's lowest point above which nothing can touch in one step, m, from the surface."""
 IMPEDANCE = 0.9999
-"""Constraint impedance of the contacts, the largest that MuJoCo allows, fraction."""
+"""Constraint impedance of the contacts, the maximum of MuJoCo, fraction."""
 FRICTION_LAG = 4.0
-"""Time in which friction responds to a change of the sliding speed, multiple of the time in which the normal force
-responds to the approach. The larger it is, the less a sliding peg hovers (see `put`), and the less it sinks in where
-its speed changes within a step.
-"""
+"""Response time of friction to a change of the sliding speed, multiple of the normal force's response time to the
+approach. A larger value makes a sliding peg hover less (see `put`), and sink less where its speed changes within a
+step."""
 SOLID = -1.0
-"""Half the extents that stand for a plate without a hole, m: the plane is then nearer to every point of the peg's end
-than a wall.
-"""
+"""Half the extents that mark a plate without a hole, m: the plane is then nearer than a wall to every point of the
+peg's end."""
 FRICTION_FLOOR = 1e-5
-"""Least friction of a contact, ratio; a contact with friction 0 vanishes in MuJoCo's elliptic cone."""
+"""Lower bound of a contact's friction, ratio; a contact with friction 0 vanishes in MuJoCo's elliptic cone."""
 
 
 class Rubbing(NamedTuple):
-    """How the friction of a plate changes with the sliding speed and from place to place; the record of `PLATE` ends in it."""
+    """Change of a plate's friction with the sliding speed and the position; the last part of the record of `PLATE`."""
 
     stick: float
-    """Friction at rest over that of fast sliding, less 1, ratio."""
+    """Friction at rest divided by friction of fast sliding, minus 1, ratio."""
     stick_speed: float
-    """Sliding speed at which 1/e of `stick` is left, m/s."""
+    """Sliding speed at which `stick` has fallen to 1/e, m/s."""
     ripple: float
-    """Largest change from place to place, fraction."""
+    """Amplitude of the friction's variation over the surface, fraction."""
     ripple_length: float
-    """Distance after which it repeats, along x as along y, m."""
+    """Period of `ripple` along x and along y, m."""
 
 
 EVEN = Rubbing(0.0, 1.0, 0.0, 1.0)
-"""Coulomb's law, the same everywhere."""
+"""Coulomb's law, the same at every position."""
 
 
 class Meeting(NamedTuple):
-    """A plate and a peg in the search for places where they may touch; it holds plain numbers, which compiled code
-    passes fast.
-    """
+    """A plate and a peg in the search for contacts; it holds plain numbers, because compiled code passes them fast."""
 
     model: int
     """Address of the mjModel."""
@@ -120,7 +115,7 @@ class Meeting(NamedTuple):
     plate: int
     """Address of the plate's `geom_user`, a record of `PLATE`."""
     userdata: int
-    """Address of MuJoCo's `userdata`: at its beginning the contact that is filled in, a record of `native.CONTACT`."""
+    """Address of MuJoCo's `userdata`; it begins with the contact to fill in, a record of `native.CONTACT`."""
     hole: float
     """Half the extent of the hole along x: its radius, or half its first side, m."""
     across: float
@@ -130,9 +125,9 @@ class Meeting(NamedTuple):
     chamfer: float
     """Width and depth of the chamfer at the hole's mouth, m."""
     origin: tuple[float, float, float]
-    """Middle of the hole's mouth, m, base frame."""
+    """Centre of the hole's mouth, m, base frame."""
     rows: tuple[tuple[float, float, float], tuple[float, float, float], tuple[float, float, float]]
-    """Rows of the matrix that turns from the plate's frame to the base frame."""
+    """Rows of the rotation matrix from the plate's frame to the base frame."""
     centre: tuple[float, float, float]
     """Point that moves at `velocity`, m, base frame."""
     turning: tuple[float, float, float]
@@ -155,22 +150,23 @@ def plate_user(
     chamfer: float = 0.0,
     rubbing: Rubbing = EVEN,
 ) -> Vector:
-    """Return a plate's `geom_user`, shape (USER,); the plate's frame has its origin at the middle of the hole's mouth, z outward.
+    """Return a plate's `geom_user`, shape (USER,); the plate's frame has its origin at the centre of the hole's mouth,
+    z outward.
 
     Args:
         half: Half the extents of the hole along x and y, m.
         hole_depth: Depth of the floor under the surface, m.
         friction: Coulomb coefficient between plate and peg.
-        timestep: Time step of the model, s; contacts look ahead by it.
-        solref: Stiffness of the contacts in MuJoCo's terms; without it the stiffest that its standard form allows.
+        timestep: Time step of the model, s; contacts look ahead by multiples of it.
+        solref: Stiffness of the contacts in MuJoCo's terms; None is the stiffest of its standard form.
         mode: EXACT, UNPREDICTED, PROBE or NONE.
-        has_flats: Whether the boxes of `sim.flats` follow the plate's geom.
-        outline: Rectangle of the plate: middle and half the extents along x and y, m, plate frame; beyond it nothing is touched.
+        has_flats: True if the boxes of `sim.flats` follow the plate's geom.
+        outline: Rectangle of the plate: centre and half the extents along x and y, m, plate frame; no contacts outside.
         chamfer: Width and depth of the chamfer of 45 degrees at the mouth of a round hole, m.
-        rubbing: How the friction changes with speed and place.
+        rubbing: Change of the friction with speed and position.
     """
     first, second = solref or (2.0 * timestep, 1.0)
-    # MuJoCo's k and b: of (tau, zeta) they are 1/(d tau zeta)^2 and 2/(d tau), of (-k, -b) k/d^2 and b/d.
+    # MuJoCo's k and b: for (tau, zeta) they are 1/(d tau zeta)^2 and 2/(d tau), for (-k, -b) they are k/d^2 and b/d.
     if first > 0.0:
         rub, lift = (FRICTION_LAG * first, second), 2.0 * IMPEDANCE * first * second * second
     else:
@@ -203,8 +199,8 @@ def peg_end(data, geom_plate, geom_peg, half):  # type: ignore[no-untyped-def]
     """Return the pose of a peg's end relative to a plate; `half` is half the peg's length, m.
 
     Returns:
-        The axes e1 and e2 in the end face, v away from the end, and the middle c of the end, m, all in the plate's
-        frame; then c from the plate's origin, m, base frame.
+        The axes e1 and e2 in the end face, v away from the end, and the centre c of the end, m, all in the plate's
+        frame; then the vector from the plate's origin to c, m, base frame.
     """
     last = max(geom_plate, geom_peg) + 1
     places = native.array(data + native.DATA_GEOM_XPOS, (last, 3))
@@ -220,7 +216,7 @@ def peg_end(data, geom_plate, geom_peg, half):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, inline="always")
 def _inside(R, w):  # type: ignore[no-untyped-def]
-    """Return a vector of the base frame in the frame whose axes are the columns of R."""
+    """Transform a vector from the base frame to the frame whose axes are the columns of R."""
     return (
         R[0, 0] * w[0] + R[1, 0] * w[1] + R[2, 0] * w[2],
         R[0, 1] * w[0] + R[1, 1] * w[1] + R[2, 1] * w[2],
@@ -237,10 +233,11 @@ def meeting(model, data, geom_plate, geom_peg, g, lever):  # type: ignore[no-unt
         data: Address of the mjData.
         geom_plate: The plate's geom.
         geom_peg: The peg's geom.
-        g: Middle of the peg's end from the plate's origin, m, base frame.
-        lever: Largest distance from the middle of the peg's end of a point that may touch, m.
+        g: Vector from the plate's origin to the centre of the peg's end, m, base frame.
+        lever: Largest distance of a contact point from the centre of the peg's end, m.
     """
-    # MuJoCo finds contacts before it computes velocities; without this call they would be those of the last step.
+    # MuJoCo finds contacts before it computes velocities; without this call the velocities would be those of the last
+    # step.
     native.update_velocities(model, data)
     body = carray(native.pointer(native.load(model + native.MODEL_GEOM_BODYID)), (geom_peg + 1,), np.int32)[geom_peg]
     root = carray(native.pointer(native.load(model + native.MODEL_BODY_ROOTID)), (body + 1,), np.int32)[body]
@@ -271,13 +268,13 @@ def meeting(model, data, geom_plate, geom_peg, g, lever):  # type: ignore[no-unt
 
 @njit(cache=True)
 def _contact_at(userdata):  # type: ignore[no-untyped-def]
-    """Return the contact that is filled in, a record of `native.CONTACT`."""
+    """Return the contact to fill in, a record of `native.CONTACT`."""
     return carray(native.pointer(userdata), (1,), native.CONTACT)[0]
 
 
 @njit(cache=True, inline="always")
 def _prepare(contact, plate, geom_plate, geom_peg):  # type: ignore[no-untyped-def]
-    """Write what all contacts of two geoms have in common; `mj_addContact` copies it."""
+    """Write the fields common to all contacts of two geoms; `mj_addContact` copies them."""
     contact.includemargin = contact.adhesion = contact.mu = 0.0
     friction, solref, solimp = contact.friction, contact.solref, contact.solimp
     friction[0] = friction[1] = plate.friction
@@ -296,37 +293,37 @@ def _prepare(contact, plate, geom_plate, geom_peg):  # type: ignore[no-untyped-d
 
 @njit(cache=True, inline="always")
 def _reach(cvel, com, origin, g, lever, timestep):  # type: ignore[no-untyped-def]
-    """Return the largest gap, m, that a point at the distance `lever` from the middle of the peg's end can close in the
-    coming steps.
+    """Return the largest gap, m, that a point at the distance `lever` from the centre of the peg's end can close.
 
     Args:
         cvel: Angular, then linear velocity of the peg at `com`, rad/s and m/s.
         com: Point that `cvel` refers to, m, base frame.
         origin: Origin of the plate, m, base frame.
-        g: Middle of the peg's end from the plate's origin, m, base frame.
-        lever: Distance of the point from the middle of the peg's end, m.
+        g: Vector from the plate's origin to the centre of the peg's end, m, base frame.
+        lever: Distance of the point from the centre of the peg's end, m.
         timestep: Time step of the model, s.
     """
     r0, r1, r2 = g[0] + origin[0] - com[0], g[1] + origin[1] - com[1], g[2] + origin[2] - com[2]
+    # Velocity of the end's centre: v_c = v + omega × r.
     x = cvel[3] + cvel[1] * r2 - cvel[2] * r1
     y = cvel[4] + cvel[2] * r0 - cvel[0] * r2
     z = cvel[5] + cvel[0] * r1 - cvel[1] * r0
     turning = math.sqrt(cvel[0] * cvel[0] + cvel[1] * cvel[1] + cvel[2] * cvel[2])
-    # The addition allows for rounding.
+    # reach = 4 dt (|v_c| + |omega| lever); the additions allow for rounding.
     return 4.001 * timestep * (math.sqrt(x * x + y * y + z * z) + turning * lever) + 1e-9
 
 
 @njit(cache=True)
 def put(meeting, gap, p, n, kind, band):  # type: ignore[no-untyped-def]
-    """Add a contact where the coming steps could close a gap.
+    """Add a contact if the coming steps can close the gap.
 
     Args:
         meeting: Pair of plate and peg.
         gap: Distance of the two features, m, negative when they penetrate.
         p: Point of the peg, m, plate frame.
         n: Normal from plate to peg, plate frame.
-        kind: Penetration that this is, PENETRATION or SURFACE.
-        band: Gap below which it is a contact at any approach speed, m.
+        kind: Kind of the penetration, PENETRATION or SURFACE.
+        band: Gap below which the pair is a contact at any approach speed, m.
     """
     plate = plate_at(meeting.plate)
     deepest = carray(native.pointer(meeting.userdata), (native.NUSERDATA,), np.float64)
@@ -337,6 +334,7 @@ def put(meeting, gap, p, n, kind, band):  # type: ignore[no-untyped-def]
     if gap < -DEEPEST or gap > band + meeting.reach or plate.mode == PROBE or (plate.mode == UNPREDICTED and gap > 0.0):
         return
     origin, (x, y, z) = meeting.origin, meeting.rows
+    # Point and normal in the base frame: X = o + R p, N = R n.
     X0 = origin[0] + x[0] * p[0] + x[1] * p[1] + x[2] * p[2]
     X1 = origin[1] + y[0] * p[0] + y[1] * p[1] + y[2] * p[2]
     X2 = origin[2] + z[0] * p[0] + z[1] * p[1] + z[2] * p[2]
@@ -345,14 +343,15 @@ def put(meeting, gap, p, n, kind, band):  # type: ignore[no-untyped-def]
     N2 = z[0] * n[0] + z[1] * n[1] + z[2] * n[2]
     base, omega, v = meeting.centre, meeting.turning, meeting.velocity
     r0, r1, r2 = X0 - base[0], X1 - base[1], X2 - base[2]
+    # Velocity of the point: v_X = v + omega × (X - centre); its normal part is the speed of separation.
     v0 = v[0] + omega[1] * r2 - omega[2] * r1
     v1 = v[1] + omega[2] * r0 - omega[0] * r2
     v2 = v[2] + omega[0] * r1 - omega[1] * r0
     speed = N0 * v0 + N1 * v1 + N2 * v2
-    # With solref (2 dt, 1) the constraint acts where the approach is faster than a quarter of the gap in a step.
+    # With solref (2 dt, 1) the constraint acts if the approach closes more than a quarter of the gap in a step.
     if gap > band - 4.0 * plate.timestep * min(speed, 0.0):
         return
-    # Any tangent serves, the friction cone is isotropic.
+    # Any tangent is valid, because the friction cone is isotropic.
     if abs(N0) <= abs(N1) and abs(N0) <= abs(N2):
         t0, t1, t2 = 0.0, N2, -N1
     elif abs(N1) <= abs(N2):
@@ -370,8 +369,9 @@ def put(meeting, gap, p, n, kind, band):  # type: ignore[no-untyped-def]
         mu *= 1.0 + plate.stick * math.exp(-((sliding / plate.stick_speed) ** 2))
         mu *= 1.0 + plate.ripple * math.sin(wave * p[0]) * math.sin(wave * p[1])
         contact.friction[0] = contact.friction[1] = max(mu, FRICTION_FLOOR)
-    # MuJoCo's convex friction cone lifts a sliding contact by `lift` times mu times its speed. The gap is reported
-    # larger by as much, so that the peg lies on the surface; not on rim and wall, where a braked peg would sink in.
+    # MuJoCo's convex friction cone lifts a sliding contact by `lift` times mu times its speed. The contact's distance
+    # is increased by the same amount, so that the peg lies on the surface. Rim and wall have no such term, because a
+    # decelerating peg would sink in.
     upward = max(n[2], 0.0) if kind == SURFACE else 0.0
     contact.dist = gap + plate.lift * mu * sliding * upward * upward
     pos, frame = contact.pos, contact.frame

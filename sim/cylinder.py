@@ -1,12 +1,13 @@
-"""Exact contacts between a round peg and plates with one round hole, either of which may have a chamfer of 45 degrees.
+"""Exact contacts between a round peg and plates with one round hole, both with an optional chamfer of 45 degrees.
 
-The features of a cylinder against a half-space with a bore are found in closed form. The set of places where
-the peg's end may touch is complete: every point of the peg's rims must stay out of the plate (`sim.peg_rims`), and every
-point of the hole's edges must stay out of the peg's side and chamfer (`sim.hole_edges`). The end has one rim, and a second one
-where its chamfer ends; the mouth has one edge, and with a chamfer one at the surface and one at the bore.
+The features of a cylinder against a half-space with a bore are found in closed form. The set of possible contacts of
+the peg's end is complete: every point of the peg's rims must stay out of the plate (`sim.peg_rims`), and every point of
+the hole's edges must stay out of the peg's side and chamfer (`sim.hole_edges`). A chamfered end has two rims, otherwise
+one. A chamfered mouth has one edge at the surface and one at the bore, otherwise one.
 
-Nearly conformal surfaces (a flat peg on the plate, an aligned peg in the bore, one chamfer in the other) touch along circles, for
-which fixed samples of the peg's rims and of the hole's edges stand; samples that move with the tilt would flicker.
+Nearly conformal surfaces (a flat peg on the plate, an aligned peg in the bore, one chamfer in the other) touch along
+circles. Fixed samples of the peg's rims and of the hole's edges represent these circles; samples that move with the
+tilt would flicker.
 """
 
 import math
@@ -25,7 +26,7 @@ PEG_TYPE = mujoco.mjtGeom.mjGEOM_CYLINDER
 
 @njit(cache=True, inline="always")
 def collide(model, data, geom_plate, geom_peg):  # type: ignore[no-untyped-def]
-    """Find every place where the end of the peg may touch the plate, and add it as a contact."""
+    """Find every possible contact of the peg's end with the plate, and add it."""
     plate = plate_at(plate_of(model, geom_plate))
     size = native.array(model + native.MODEL_GEOM_SIZE, (geom_peg + 1, 3))[geom_peg]
     r, half, mouth = size[0], size[1], plate.hole + plate.chamfer
@@ -38,7 +39,7 @@ def collide(model, data, geom_plate, geom_peg):  # type: ignore[no-untyped-def]
         xpos = native.array(data + native.DATA_GEOM_XPOS, (count, 3))[geom_plate:]
         xmat = native.array(data + native.DATA_GEOM_XMAT, (count, 3, 3))[geom_plate:]
         flats.aim(end, plate.hole, xpos[0], xmat[0], xpos[1:], xmat[1:])
-    # The cylinder about the chamfered end is as low as that or lower.
+    # The cylinder about the chamfered end reaches at least as low as the end.
     lowest = c[2] - r * tilt
     if plate.mode == NONE or lowest > ABOVE:
         return
@@ -58,7 +59,7 @@ def collide(model, data, geom_plate, geom_peg):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def _collide_rim(meet, rim, is_beside):  # type: ignore[no-untyped-def]
-    """Add a rim of the peg against the plane alone where the peg is beside the hole, else against all that the plate has."""
+    """Add a rim of the peg against the plane alone if the peg is beside the hole, otherwise against all faces of the plate."""
     if is_beside:
         collide_plane(meet, rim)
     else:
@@ -71,5 +72,5 @@ def _hook(model, data, buffer, geom_plate, geom_peg, margin):  # type: ignore[no
 
 
 def install() -> None:
-    """Put the exact contacts into this process's collision table; harmless when repeated."""
+    """Install the exact contacts in this process's collision table; repeated calls are harmless."""
     native.collide_by(PLATE_TYPE, PEG_TYPE, _hook)

@@ -1,8 +1,8 @@
-"""An emulated CySkin hub, as the makers' firmware answers the makers' host program.
+"""An emulated CySkin hub with the answers of the makers' firmware to the makers' host program.
 
-Its bytes are written from the messages that were observed at the makers' library [cyskin], and share no code with the
-driver, so that both cannot err in the same way. What the host program does not need, such as an answer to a new
-number or period, the hub does not send.
+Its bytes follow messages recorded with the makers' library [cyskin]. They share no code with the driver, so that both
+cannot have the same error. The hub sends only answers that the host program needs; it does not answer a new number or
+period.
 """
 
 import math
@@ -17,15 +17,15 @@ from drivers.transport.cobs import Deframer, frame
 from drivers.transport.wires import CanFrame
 
 DEFAULT_PERIOD = 0.05
-"""Scan period of a hub that was given none, s."""
+"""Default scan period of a hub, s."""
 TEMPERATURE_COUNTS = 21_000
 """Reading of a module's temperature channel, counts; its last digit is the module's number."""
 FIRST_SUI = 3500
-"""Own number (sui) of the first module of an emulated hub whose modules the config does not name."""
+"""Own number (sui) of the first module of an emulated hub if the config names no modules."""
 UID = bytes.fromhex("12345678")
 """Unique number of the hub."""
 READINGS = 24
-"""Number of readings in one message; 24 is two modules, in seven CAN frames."""
+"""Number of readings in one message; 24 readings are two modules, in seven CAN frames."""
 BOOT_LOADER_EXIT = (0x17FFFFFF, bytes.fromhex("013B00004F6D17"))
 EVERYBODY = 0xFF
 UNSUPPORTED, INVALID = 0xE2, 0xE3
@@ -37,31 +37,31 @@ class HubModule:
 
     sui: int
     names: tuple[int, ...]
-    """Names of the channels that are not cut, in their order."""
+    """Names of the enabled channels, in their order."""
 
 
 class EmulatedHub:
     """The hub behind its wire: messages in, messages out."""
 
     def __init__(self, config: HubConfig, measure: Callable[[], Counts]) -> None:
-        """Build a hub whose modules are those of `config`, and whose taxels read what `measure` returns."""
+        """Build a hub with the modules of `config` and taxel readings from `measure`."""
         self._names = config.channels
         self.measure = measure
         self.replace_modules(config.modules or range(FIRST_SUI, FIRST_SUI + BOARD_MODULES))
 
     def replace_modules(self, suis: Sequence[int]) -> None:
-        """Put modules with these own numbers (sui) on the hub, at most four, left finger first, and restart it."""
+        """Put modules with these own numbers (sui) on the hub and restart it; at most four, left finger first."""
         self.modules = [HubModule(sui, tuple(sorted((TEMPERATURE, *self._names)))) for sui in suis]
         self.power(0.0)
 
     def power(self, at: float) -> None:
-        """Restart the hub: it and its modules are in their boot loaders, and it has no number."""
+        """Restart the hub: hub and modules are in their boot loaders, and the hub has no number."""
         self.is_in_boot_loader = self.are_modules_in_boot_loaders = True
         self.number: int | None = None
         self.next_scan, self._period = math.inf, DEFAULT_PERIOD
 
     def take(self, message: bytes, at: float) -> list[bytes]:
-        """Take a whole message of the host; return the answers."""
+        """Process a whole message of the host; return the answers."""
         if self.is_in_boot_loader or len(message) < 3 or len(message) != 3 + message[1] or check_sum(message):
             return []
         command, payload = message[0], message[2:-1]
@@ -74,7 +74,7 @@ class EmulatedHub:
         return [] if self.number is None else self._answers(command, payload, at)
 
     def _answers(self, command: int, payload: bytes, at: float) -> list[bytes]:
-        """Return the answers of a hub that has its number."""
+        """Return the answers of a hub that has received its number."""
         if command == 0x31:
             self.are_modules_in_boot_loaders = False
             return []
@@ -105,7 +105,10 @@ class EmulatedHub:
         return record + bytes([12, 0]) + mask.to_bytes(2, "big") + bytes([0, 0])
 
     def scan(self) -> list[bytes]:
-        """Measure, and return the messages of the scan; modules in their boot loaders measure nothing."""
+        """Measure; return the messages of the scan.
+
+        Modules in their boot loaders return no readings.
+        """
         self.next_scan += self._period
         if self.are_modules_in_boot_loaders:
             return []
@@ -149,7 +152,7 @@ class CanBoard(_HubBoard):
         self._begun = b""
 
     def take(self, item: CanFrame, at: float) -> list[CanFrame]:
-        """Take a frame; return the answer when it ends a message."""
+        """Process a frame; return the answer if it completes a message."""
         if item.is_extended:
             if (item.id, item.data) == BOOT_LOADER_EXIT:
                 self.hub.is_in_boot_loader = False
@@ -161,7 +164,7 @@ class CanBoard(_HubBoard):
         return self._framed(self.hub.take(self._begun, at)) if part & 0x400 else []
 
     def scan(self) -> list[CanFrame]:
-        """Measure, and return the frames of the scan."""
+        """Measure; return the frames of the scan."""
         return self._framed(self.hub.scan())
 
     def _framed(self, messages: Iterable[bytes]) -> list[CanFrame]:
@@ -175,7 +178,7 @@ class CanBoard(_HubBoard):
 
 
 class SerialBoard(_HubBoard):
-    """A hub on a serial line, which has no boot loader there."""
+    """A hub on a serial line; there it has no boot loader."""
 
     def __init__(self, hub: EmulatedHub) -> None:
         """Connect the hub."""
@@ -189,11 +192,11 @@ class SerialBoard(_HubBoard):
         self._frames = Deframer(2 + 255 + 1)
 
     def take(self, item: int, at: float) -> list[int]:
-        """Take a byte; return the answer when it ends a message."""
+        """Process a byte; return the answer if it completes a message."""
         return self._framed(m for content in self._frames.feed(bytes([item])) for m in self.hub.take(content, at))
 
     def scan(self) -> list[int]:
-        """Measure, and return the bytes of the scan."""
+        """Measure; return the bytes of the scan."""
         return self._framed(self.hub.scan())
 
     def _framed(self, messages: Iterable[bytes]) -> list[int]:
@@ -201,13 +204,16 @@ class SerialBoard(_HubBoard):
 
 
 def sealed(command: int, payload: bytes) -> bytes:
-    """Return a message with its check sum."""
+    """Return a message with its checksum."""
     body = bytes([command, len(payload)]) + payload
     return body + bytes([check_sum(body)])
 
 
 def check_sum(data: bytes) -> int:
-    """Return the check sum of `data`: the rest of the division by x^8 + x^2 + x + 1, started at 0xFF; 0 with a right sum behind the data."""
+    """Return the checksum of `data`: the remainder of the division by x^8 + x^2 + x + 1, initial value 0xFF.
+
+    With a correct checksum appended to the data, the result is 0.
+    """
     rest = 0xFF
     for byte in data:
         rest ^= byte

@@ -1,7 +1,8 @@
-"""Decoys: places of the plate that a search may take for the hole, drawn from the trial's seed, and the plate cut into tiles of one hole each.
+"""Decoys drawn from the trial's seed, and the plate cut into tiles of one hole each.
 
-A tile is a plate of its own with its outline, so that the contacts stay those of one bore in closed form, and only a plate with decoys pays for them.
-All tiles share the surface: a contact point belongs to the one tile that it lies on.
+A decoy is a feature of the plate that a search can mistake for the hole. A tile is a separate plate with its outline,
+so that the closed form of one bore applies to each, and only plates with decoys cost time. All tiles share the surface:
+a contact point belongs to the tile on which it lies.
 """
 
 from collections.abc import Sequence
@@ -17,44 +18,44 @@ from sim.config import DecoyConfig
 from sim.plate import Plate
 
 DECOY_STREAM = 8
-"""Key of the random stream for decoys; the keys before it are taken."""
+"""Key of the random stream for decoys; lower keys are in use."""
 ROOM = 2e-3
-"""Solid plate round every hole that belongs to its tile, m: further than a contact looks, `contact.NEAR`."""
+"""Width of solid plate around every hole within its tile, m; more than the contact distance `contact.NEAR`."""
 TRIES = 1000
-"""Number of times that decoys are placed anew until each has a tile."""
+"""Largest number of attempts to place the decoys so that each has a tile."""
 
 Rectangle = tuple[Vector, Vector]
 """Lower and upper corner, each of shape (2,), m, plate frame."""
 
 
 class Pocket(NamedTuple):
-    """A hole of the plate, straight down to its floor."""
+    """A hole of the plate with straight walls down to its floor."""
 
     place: Vector
-    """Middle of its mouth, shape (2,), m, plate frame."""
+    """Centre of the pocket's mouth, shape (2,), m, plate frame."""
     half: tuple[float, float]
-    """Half its extents along x and y, m."""
+    """Half the pocket's extents along x and y, m."""
     depth: float
-    """Depth of its floor, m."""
+    """Depth of the pocket's floor, m."""
 
     @property
     def bounds(self) -> Rectangle:
-        """Rectangle that has to belong to the pocket's own tile."""
+        """Rectangle that must belong to the pocket's own tile."""
         reach = np.array(self.half) + ROOM
         return self.place - reach, self.place + reach
 
 
 def with_decoys(plate: Plate, hole: Hole, config: DecoyConfig, seed: int) -> Plate:
-    """Return a plate with the decoys of the trial with this seed.
+    """Return a plate with the decoys drawn from this seed.
 
     Args:
-        plate: The plate with its hole alone.
-        hole: The stated hole: decoys lie in its area, and their size is a multiple of its own.
+        plate: The plate with its hole and no decoys.
+        hole: The stated hole: decoys lie in its area, with sizes relative to it.
         config: Number and kinds of the decoys.
         seed: Seed of the trial.
 
     Raises:
-        ConfigError: The area has no room for them.
+        ConfigError: The area is too small for the decoys.
     """
     rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(DECOY_STREAM,)))
     mouth = max(plate.half[0] + plate.chamfer, 0.0), max(plate.half[1] + plate.chamfer, 0.0)
@@ -81,9 +82,9 @@ def _drawn(plate: Plate, hole: Hole, config: DecoyConfig, rng: np.random.Generat
 
 
 def cut(needed: Sequence[Rectangle], whole: Rectangle) -> list[Rectangle] | None:
-    """Return a rectangle round each one that is needed, which together are the whole; None if no straight cuts do it.
+    """Divide a rectangle into one tile around each needed rectangle; None if straight cuts cannot separate them.
 
-    Each cut goes from one side of a rectangle to the other, half-way between what lies on either side of it.
+    Each cut crosses a whole rectangle, half-way between the needed rectangles on either side.
     """
     if len(needed) == 1:
         (low, high), (lowest, highest) = needed[0], whole
@@ -116,7 +117,7 @@ def _outline(low: Vector, high: Vector) -> tuple[float, float, float, float]:
 
 
 def _tile(plate: Plate, pocket: Pocket, bounds: Rectangle) -> Plate:
-    """Return the tile of a decoy, whose frame has its origin at the decoy's mouth."""
+    """Return the tile of a decoy; its frame has its origin at the decoy's mouth."""
     return Plate(
         plate.position + plate.rotation @ np.array([*pocket.place, 0.0]),
         plate.rotation,

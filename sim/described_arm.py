@@ -1,8 +1,8 @@
-"""An arm from somebody else's description: read by MuJoCo, and put in place of the cell's own arm in the models of a trial.
+"""An arm from an external description, read by MuJoCo; it replaces the cell's own arm in the models of a trial.
 
-A description is a URDF or MJCF file. MuJoCo reads and compiles it; shapes, actuators and whatever lies behind the flange are left
-out, since hand, pads and contacts stay those of the cell. What a description does not say stays as drawn: noise, the torque
-path, and rotors where it has none. Decision 0006 says what is taken from where.
+A description is a URDF or MJCF file. MuJoCo reads and compiles it. Shapes, actuators and all bodies behind the flange
+are omitted, because hand, pads and contacts stay those of the cell. Properties without a description stay as drawn:
+noise, the torque path, and rotors if the file has none. Decision 0006 lists the source of each property.
 """
 
 import hashlib
@@ -23,47 +23,49 @@ from sim.config import DescribedArmConfig
 
 GRAVITY = 9.81
 FLANGES = ("attachment_site", "link8", "fr3_link8", "panda_link8", "right_hand", "flange")
-"""Names that flanges have in public descriptions, the likeliest first."""
+"""Names of flanges in public descriptions, the most common first."""
 QUARTER = math.pi / 4
-"""Step of the turns about the flange's z that are undone, rad: descriptions turn the flange as the hand is mounted."""
+"""Step of the flange's rotation about z that is undone, rad; descriptions rotate the flange to the mounting of the
+hand."""
 FARTHEST, LARGEST_TURN = 0.02, math.radians(3.0)
-"""Largest distance, m, and angle, rad, of the flange at the cell's home from where the cell believes it: beyond, zeros, signs or
-base of the joints are others than the cell's, and no trial would mean anything."""
+"""Largest distance, m, and angle, rad, between the described and the assumed flange at the cell's home. Beyond them,
+zeros, signs or base of the joints differ from the cell's, and trials are meaningless."""
 COUNTERWEIGHT = 1e-6
-"""Mass of the bodies on which the cell's compensation of gravity acts, kg."""
+"""Mass of the bodies that carry the cell's gravity compensation, kg."""
 _FLANGE = "flange of the cell"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DescribedArm:
-    """Seven links as a file describes them, each in the frame of its body."""
+    """Seven links of a file, each in the frame of its body."""
 
     name: str
     """Name of the file."""
     digest: str
     """SHA-256 of the file, hex."""
     flange: str
-    """Name of the body or site that is the flange."""
+    """Name of the flange's body or site."""
     turn: float
-    """Turn of that frame about its z that was undone, rad, a multiple of 45 degrees."""
+    """Rotation of that frame about its z that was undone, rad, a multiple of 45 degrees."""
     model: mujoco.MjModel
     """The arm alone, without shapes and without a hand."""
     data: mujoco.MjData
-    """State of that model, for questions to it."""
+    """State of that model, for kinematics and dynamics queries."""
     takes: tuple[str, ...]
-    """What a trial takes from the description, see `DescribedArmConfig`."""
+    """Properties that a trial takes from the description, see `DescribedArmConfig`."""
 
     def pose_of_flange(self, q: Vector) -> Pose:
-        """Return the pose of the flange at joint positions, shape (7,), rad, as MuJoCo computes it: T_base_flange."""
+        """Return the pose of the flange at joint positions, shape (7,), rad, from MuJoCo: T_base_flange."""
         self.data.qpos[:] = q
         mujoco.mj_kinematics(self.model, self.data)
         return Pose(self.data.site(_FLANGE).xpos.copy(), self.data.site(_FLANGE).xmat.reshape(3, 3).copy())
 
     def inertia(self, q: Vector) -> tuple[Vector, Vector]:
-        """Return what MuJoCo finds for the links at joint positions, shape (7,), rad, at rest.
+        """Return MuJoCo's dynamics of the links at rest, for joint positions of shape (7,), rad.
 
         Returns:
-            The mass matrix without rotors, shape (7, 7), kg·m², and the torques that hold the links against gravity, shape (7,), N·m.
+            The mass matrix without rotors, shape (7, 7), kg·m², and the torques that hold the links against gravity,
+            shape (7,), N·m.
         """
         self.data.qpos[:] = q
         self.data.qvel[:] = 0.0
@@ -80,7 +82,7 @@ class DescribedArm:
         return Pose(centre, np.column_stack([hand[:, 2], hand[:, 0], hand[:, 1]]))
 
     def true(self, drawn: ArmTruth, level: Vector) -> ArmTruth:
-        """Return the arm of a trial: the drawn one with what is taken from the description.
+        """Return the arm of a trial: the drawn arm with the properties taken from the description.
 
         Args:
             drawn: The arm as drawn from the cell's own figures.
@@ -96,11 +98,12 @@ class DescribedArm:
 
 
 def read(config: DescribedArmConfig, arm: ArmModel) -> DescribedArm:
-    """Return the arm that a file describes, on which the cell's hand can be put.
+    """Return the arm described by a file, ready for the cell's hand.
 
     Raises:
-        ConfigError: The file cannot be read, is of another digest, is not of one chain of seven hinges, has no flange of that name,
-            or puts the flange elsewhere than the cell believes; one line with the file, what was found and what is allowed.
+        ConfigError: The file is unreadable, has another digest, is not one chain of seven hinges, has no flange of that
+            name, or differs from the assumed flange pose; one line with the file, the value found and the allowed
+            values.
     """
     path = config.file
     try:
@@ -128,10 +131,10 @@ def apart(one: Pose, other: Pose) -> tuple[float, float]:
 
 
 def put_on(model: mujoco.MjModel, truth: ArmTruth) -> None:
-    """Replace what is taken from the description in a compiled model of the cell, whose bodies must not have been fused.
+    """Write the properties from the description into a compiled model of the cell; its bodies must not be fused.
 
     Args:
-        model: Model of the scene, whose bodies `link1` to `link7` and `hand` are those of `sim.scene`; changed.
+        model: Model of the scene, with the bodies `link1` to `link7` and `hand` of `sim.scene`; changed.
         truth: The arm of the trial, with a description.
     """
     described, arm = truth.described, truth.model
@@ -145,7 +148,7 @@ def put_on(model: mujoco.MjModel, truth: ArmTruth) -> None:
             model.body_pos[body], model.body_quat[body] = theirs.body_pos[own], theirs.body_quat[own]
             model.jnt_pos[joint], model.jnt_axis[joint] = theirs.jnt_pos[i], theirs.jnt_axis[i]
             model.jnt_range[joint] = theirs.jnt_range[i]
-        # The frame of our link, seen from that of theirs, or the other way round where our tree stays.
+        # Pose of our link in the frame of the described link; the inverse if our kinematic tree stays.
         way = (R.T, -R.T @ at) if is_tree else (R, at)
         if is_mass:
             model.body_mass[body], model.body_inertia[body] = theirs.body_mass[own], theirs.body_inertia[own]
@@ -164,11 +167,11 @@ def put_on(model: mujoco.MjModel, truth: ArmTruth) -> None:
 
 
 def left_over(model: mujoco.MjModel, scratch: mujoco.MjData, qpos: Vector) -> Vector:
-    """Return what the cell's compensation of gravity leaves over on the joints, shape (7,), N·m.
+    """Return the residual joint torques after the cell's gravity compensation, shape (7,), N·m.
 
     Args:
         model: Model of the scene.
-        scratch: A state of that model for this purpose alone, with no velocity.
+        scratch: A separate state of that model, without velocity.
         qpos: Positions of the model.
     """
     bias = np.empty(model.nv)
@@ -193,7 +196,7 @@ def believed_weight(index: int, arm: ArmModel) -> str:
 
 
 def _bare_arm(path: Path, wanted: str, arm: ArmModel) -> tuple[mujoco.MjModel, str, float]:
-    """Return the model of the arm up to its flange, the flange's name, and the turn that was undone, rad."""
+    """Return the model of the arm up to its flange, the flange's name, and the undone rotation, rad."""
     try:
         spec = mujoco.MjSpec.from_file(str(path))
         for kind in ("geoms", "meshes", "hfields", "skins", "materials", "textures", "cameras", "lights"):
@@ -222,7 +225,7 @@ def _clear(spec: mujoco.MjSpec, kind: str) -> None:
 def _flange(
     path: Path, spec: mujoco.MjSpec, whole: mujoco.MjModel, wanted: str
 ) -> tuple[mujoco.MjsBody, Vector, Vector, str]:
-    """Return body, place, quaternion and name of the flange; a body is taken off with all behind it."""
+    """Return body, position, quaternion and name of the flange; a flange body is removed with all bodies behind it."""
     for name in (wanted,) if wanted else FLANGES:
         if (site := spec.site(name)) is not None:
             index = whole.site(name).id
@@ -249,7 +252,10 @@ def _require_chain(path: Path, model: mujoco.MjModel) -> None:
 
 
 def _undo_turn(model: mujoco.MjModel, arm: ArmModel) -> float:
-    """Turn the flange's frame back about its z, by a multiple of 45 degrees, to where the cell has it; return the turn, rad."""
+    """Rotate the flange's frame back about its z by a multiple of 45 degrees; return the rotation, rad.
+
+    The result has the orientation of the cell's flange.
+    """
     data = mujoco.MjData(model)
     data.qpos[:] = arm.home
     mujoco.mj_kinematics(model, data)
@@ -267,7 +273,7 @@ def _believed_flange(arm: ArmModel, q: Vector) -> Pose:
 
 
 def _relative(described: DescribedArm, arm: ArmModel) -> list[tuple[Vector, Vector]]:
-    """Return axes and place of each of their bodies in the frame of our link, with all joints at 0."""
+    """Return axes and position of each described body in the frame of our link, with all joints at 0."""
     model, data = described.model, described.data
     data.qpos[:] = 0.0
     mujoco.mj_kinematics(model, data)
@@ -280,7 +286,7 @@ def _relative(described: DescribedArm, arm: ArmModel) -> list[tuple[Vector, Vect
 
 
 def _move(places: Vector, quats: Vector, body: int, R: Vector, at: Vector) -> None:
-    """Express the pose of a body's masses in another frame, whose axes R and place `at` lead there."""
+    """Express a body's inertial pose in another frame; axes R and position `at` lead there."""
     quat = np.empty(4)
     mujoco.mju_mat2Quat(quat, R.flatten())
     places[body] = R @ places[body] + at
@@ -288,7 +294,7 @@ def _move(places: Vector, quats: Vector, body: int, R: Vector, at: Vector) -> No
 
 
 def _mount(model: mujoco.MjModel, theirs: mujoco.MjModel, arm: ArmModel) -> None:
-    """Put the cell's hand on their flange."""
+    """Mount the cell's hand on the described flange."""
     hand, site = model.body("hand").id, theirs.site(_FLANGE).id
     turn = np.array([math.cos(arm.hand.turn / 2), 0.0, 0.0, math.sin(arm.hand.turn / 2)])
     model.body_pos[hand] = theirs.site_pos[site]
@@ -296,7 +302,7 @@ def _mount(model: mujoco.MjModel, theirs: mujoco.MjModel, arm: ArmModel) -> None
 
 
 def _weigh(model: mujoco.MjModel) -> None:
-    """Let the links weigh what they weigh; hand, fingers and peg stay compensated exactly."""
+    """Give the links their described weight; hand, fingers and peg stay exactly compensated."""
     model.opt.gravity[:] = (0.0, 0.0, -GRAVITY)
     for body in range(1, model.nbody):
         name = model.body(body).name

@@ -1,4 +1,4 @@
-"""The differences from trial to trial, all drawn from the trial's seed."""
+"""Differences from trial to trial, all drawn from the trial's seed."""
 
 from dataclasses import dataclass, replace
 
@@ -13,24 +13,24 @@ from sim.drawn_arm import drawn_arm
 from sim.reality import AS_BELIEVED, Drawn
 
 SENSES_STREAM = 6
-"""Key of the random stream for the noise of what the arm reads; the keys before it are taken."""
+"""Key of the random stream of the noise in the arm's readings; lower keys are in use."""
 
 FIXTURE_STREAM = 7
-"""Key of the random stream for where a fixture stands, and how it moves from part to part."""
+"""Key of the random stream of a fixture's position and of its variation from part to part."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Draw:
-    """One trial's world."""
+    """World of one trial."""
 
     seed: int
     """Seed of the trial."""
     hole: Vector
-    """Middle of the hole's mouth, shape (3,), m, base frame."""
+    """Centre of the hole's mouth, shape (3,), m, base frame."""
     tilt_direction: float
-    """Azimuth towards which the plate's normal is tilted, rad."""
+    """Azimuth of the tilt of the plate's normal, rad."""
     yaw: float
-    """Yaw of a hole that is not round, rad."""
+    """Yaw of the hole if it is not round, rad."""
     friction: float
     """Coulomb coefficient between peg and plate."""
     pad_friction: float
@@ -38,21 +38,21 @@ class Draw:
     shear_stiffness: float
     """Stiffness of both pads in their plane, N/m."""
     grasp_angle: float
-    """In-hand angle at which the peg is found in the rack, rad."""
+    """In-hand angle of the peg in the rack, rad."""
     skin: np.random.Generator
     """Random generator of the skin's gains, dead taxels and noise."""
     tilt: float
-    """Tilt of the plate's normal from the vertical, rad, beside that of `sim.plate`."""
+    """Tilt of the plate's normal from the vertical, rad; the tilt of `sim.plate` is added."""
     rack: Vector
-    """Offset of the rack from the job's place, shape (3,), m, base frame."""
+    """Offset of the rack from its stated position, shape (3,), m, base frame."""
     depth_in_hand: float
-    """Length by which the peg reaches further from the finger centre than believed when it is taken from the rack, m."""
+    """Error of the peg's length beyond the finger centre after the grasp, true minus assumed, m."""
     grip_force: float
-    """Force of the fingers over the commanded one, ratio."""
+    """True finger force divided by the commanded force, ratio."""
     latch_force: float
-    """Force of the hole's latch over the stated one, ratio."""
+    """True latch force divided by the stated force, ratio."""
     latch_place: float
-    """Height of the latch over the stated one, m."""
+    """Height of the latch above its stated height, m."""
     arm: ArmTruth
     """The true arm."""
     senses: np.random.Generator
@@ -68,15 +68,15 @@ def draw(
     cell: Drawn = AS_BELIEVED,
     part: Drawn = AS_BELIEVED,
 ) -> Draw:
-    """Return the world of the trial with this seed; independent streams, so that no draw shifts another.
+    """Return the world of the trial with this seed; random streams are independent, so that no draw shifts another.
 
     Args:
-        arm: The arm as the cell believes it to be.
-        job: The part and its believed places.
+        arm: The arm that the cell assumes.
+        job: The part and its assumed positions.
         contact: Friction of peg and plate.
         grip: Friction and shear of the pads, and the angle in the rack.
         seed: Seed of the trial.
-        cell: Errors of arm, pads and places, which stay as long as the cell does.
+        cell: Errors of arm, pads and positions, constant over the life of the cell.
         part: Errors of the peg and its grasp.
     """
     place, feel, skin = np.random.SeedSequence(seed).spawn(3)
@@ -108,9 +108,9 @@ def in_fixture(drawn: Draw, fixture: FixtureConfig, job: Job, first_seed: int, s
 
     Args:
         drawn: The world of the trial without a fixture.
-        fixture: Places of the plate from part to part.
-        job: The part and its believed places.
-        first_seed: Seed of the cell's first run, from which a fixture without a stated place is placed.
+        fixture: Distribution of the plate's position from part to part.
+        job: The part and its assumed positions.
+        first_seed: Seed of the cell's first run; it determines the position of a fixture without a stated one.
         seed: Seed of the trial.
     """
     half, centre = np.array(job.hole.area) / 2, np.array(job.hole.centre[:2])

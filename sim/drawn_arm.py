@@ -10,7 +10,7 @@ from sim.reality import Drawn
 
 
 def drawn_arm(arm: ArmModel, drawn: Drawn) -> ArmTruth:
-    """Return the true arm where the cell believes in `arm`; it agrees with the belief where nothing was drawn."""
+    """Return the true arm for the assumed `arm` and drawn errors; without errors both agree."""
     lag = float(drawn["arm.torque_lag"])
     return replace(
         ideal(arm),
@@ -30,7 +30,7 @@ def drawn_arm(arm: ArmModel, drawn: Drawn) -> ArmTruth:
 
 
 def _friction(arm: ArmModel, drawn: Drawn) -> JointFriction:
-    """Return dry friction of the published level, or the published curve where that was drawn and the arm has one."""
+    """Return dry friction at the published level, or the published curve if it was drawn and the arm has one."""
     curve = JointFriction.published_curve(arm.joints) if drawn["arm.sigmoid_friction"] > 0.0 else None
     law = curve or JointFriction(dry=arm.joints.friction)
     return replace(law.scaled(_seven(drawn["arm.friction_level"])), viscous=_seven(drawn["arm.viscous_friction"]))

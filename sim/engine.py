@@ -1,4 +1,4 @@
-"""The inner loop of the simulation, compiled: the torque law, the drives, `mj_step`, and the meters after every step."""
+"""Inner loop of the simulation, compiled: the torque law, the drives, `mj_step`, and the meters after every step."""
 
 import math
 from typing import NamedTuple
@@ -15,34 +15,33 @@ from sim import arm_senses, joint_drive, latch, metering, native, slip
 from sim.peg_distances import PegView, is_far
 
 DRIVE_FORCE, DRIVE_WIDTH, DRIVE_SPEED, DRIVE_OPENING = 0, 1, 2, 3
-"""Indices of the hand's drive: commanded closing force, N, where 0 opens to the commanded width, m; speed of a finger,
-m/s, and the force that opens it, N, which are figures of the hand.
-"""
+"""Indices of the hand's drive: commanded closing force, N, where 0 opens to the commanded width, m; a finger's speed,
+m/s, and opening force, N, which are figures of the hand."""
 FINGER_GAIN = 2e4
-"""Gain of a finger's position loop when it opens, N/m."""
+"""Gain of a finger's position loop during opening, N/m."""
 
 COARSE = 2
-"""Number of ticks in a step while the held peg is far from the hole, where nothing that is judged can be touched."""
+"""Number of ticks in a step while the held peg is far from the hole and out of reach of any metered contact."""
 
 
 def new_drive(hand: Hand) -> Vector:
-    """Return the words of a hand that is commanded to open as wide as it goes, shape (4,)."""
+    """Return the words of a hand that is commanded to open fully, shape (4,)."""
     return np.array([0.0, hand.stroke, hand.finger_speed, hand.finger_force])
 
 
 class Models(NamedTuple):
-    """The MuJoCo models that the physics steps with."""
+    """MuJoCo models for the stepping."""
 
     fine: int
     """Address of the mjModel of a single tick."""
     coarse: int
-    """Address of its twin with a time step `COARSE` times as long, or 0."""
+    """Address of its twin with a time step `COARSE` times longer, or 0."""
     hole: Vector
-    """Mouth of the hole that the twin keeps away from, see `is_far`; nothing is near a hole of negative radius."""
+    """Mouth of the hole near which the twin is not used, see `is_far`; a negative radius means no hole."""
 
 
 class Bodies(NamedTuple):
-    """The mjData that is stepped."""
+    """State that is stepped."""
 
     data: int
     """Address of the mjData."""
@@ -53,7 +52,7 @@ class Bodies(NamedTuple):
     qfrc: Vector
     """View of the applied generalised forces."""
     userdata: Vector
-    """View of the words in which the contact function leaves the penetration."""
+    """View of the words into which the contact function writes the penetration."""
 
 
 def state_of(data: mujoco.MjData) -> Bodies:
@@ -62,33 +61,33 @@ def state_of(data: mujoco.MjData) -> Bodies:
 
 
 class Watch(NamedTuple):
-    """Bodies that the meters look at, and the condition that ends the stepping."""
+    """Bodies that the meters observe, and the condition that ends the stepping."""
 
     peg: PegView
     pivot: Vector
     """View of the finger centre's position, shape (3,), m, base frame."""
     plates: int
-    """Number of plates among the first geoms."""
+    """Number of plates; their geoms come first."""
     hinge: int
     """Index of the peg's hinge among the positions, or -1."""
     lost: float
-    """Angle of the hinge beyond which the peg is no longer held, rad."""
+    """Angle of the hinge at which the peg is lost, rad."""
     is_felt: bool
-    """Whether the arm feels what the plates do to the peg."""
+    """True if the arm feels the forces of the plates on the peg."""
     mass_centre: Vector
     """View of the peg's centre of mass, shape (3,), m, base frame."""
     load: Vector
-    """View of force, N, and torque, N·m, that are applied to it, shape (6,), base frame."""
+    """View of the applied force, N, and torque, N·m, at the centre of mass, shape (6,), base frame."""
     hand: metering.HandView
 
 
 class Drives(NamedTuple):
-    """The commands, and the figures that the devices' models work with."""
+    """Commands, and figures of the device models."""
 
     arm: Vector
-    """Figures of the arm as the cell believes them, see `drivers.impedance.figures`."""
+    """Figures of the arm that the cell assumes, see `drivers.impedance.figures`."""
     words: Vector
-    """The held setpoint, see `drivers.impedance`."""
+    """Setpoint in force, see `drivers.impedance`."""
     law: Vector
     """State of the torque law."""
     drive: Vector
@@ -98,16 +97,16 @@ class Drives(NamedTuple):
     senses: Vector
     """Readings of the joints, see `sim.arm_senses`."""
     grip: Vector
-    """State of what the pads do to a held peg, see `sim.slip`."""
+    """State of the pads' shear and friction on a held peg, see `sim.slip`."""
     latch: Vector
-    """State of what resists the peg near the bottom, see `sim.latch`."""
+    """State of the latch near the bottom, see `sim.latch`."""
 
 
 class Span(NamedTuple):
-    """A span of time that is stepped at once."""
+    """A time span stepped in one call."""
 
     start: float
-    """Time before its first tick, s."""
+    """Time before the first tick, s."""
     timestep: float
     """Length of a tick, s."""
     ticks: int
@@ -116,25 +115,26 @@ class Span(NamedTuple):
     phase: int
     """Number of ticks since the last control period began."""
     noise: Vector
-    """Standard normal numbers for the span's control periods, a row each, see `sim.arm_senses`; one row where none are needed."""
+    """Standard normal numbers for the span's control periods, one row each, see `sim.arm_senses`; one row if none are
+    needed."""
 
 
 @njit(cache=True)
 def advance(
     models: Models, state: Bodies, watch: Watch, control: Drives, meters: Vector, span: Span
 ) -> int:  # pragma: no cover
-    """Advance the physics by a span of time, with the torque law once every control period.
+    """Advance the physics by a time span, with the torque law once every control period.
 
     Args:
-        models: The model, and its twin for where nothing can touch the hole.
+        models: The model, and its twin for steps in which nothing can touch the hole.
         state: Bodies of both models; updated.
-        watch: Bodies that the meters look at.
+        watch: Bodies that the meters observe.
         control: Commands and figures of the devices.
         meters: Meters, see `sim.metering`; updated.
         span: The span of time.
 
     Returns:
-        Number of ticks taken: fewer when the peg was lost, none when the state is no longer finite.
+        Number of ticks taken: fewer if the peg was lost, none if the state is no longer finite.
     """
     qpos, qvel, qfrc, peg = state.qpos, state.qvel, state.qfrc, watch.peg
     lasting = metering.window(span.timestep)
@@ -156,7 +156,7 @@ def advance(
         joint_drive.act(control.joints, qvel, qfrc, stride > 1)
         if watch.hinge >= 0:
             slip.act(control.grip, qpos, qvel, qfrc, watch.hinge)
-        # A peg that is out of the physics, where nothing is near any hole, feels nothing.
+        # A peg out of the physics, with no hole near it, has no contact force.
         is_latched = control.latch[latch.KIND] > 0.0 and models.hole[6] > -math.inf
         if is_latched:
             latch.act(control.latch, peg, watch.mass_centre, watch.load)
@@ -178,7 +178,7 @@ def advance(
 
 
 def compile_ahead() -> None:
-    """Compile `advance`, or fetch it from the cache, for the types that the stepper calls it with."""
+    """Compile `advance`, or load it from the cache, for the argument types of the stepper."""
     row, rows = np.zeros(1), np.zeros((1, 1))
     models, bodies = Models(0, 0, row), Bodies(0, row, row, row, row)
     watch = Watch(PegView(row, row, rows), row, 0, 0, 0.0, False, row, row, metering.HandView(row, row, row, row))
@@ -195,7 +195,7 @@ def compile_ahead() -> None:
 
 @njit(cache=True, inline="always")
 def _drive_fingers(state: Bodies, drive: Vector) -> None:  # pragma: no cover
-    """Apply the hand's drive to the two fingers, which move at 7 and 8."""
+    """Apply the hand's drive to the two fingers, degrees of freedom 7 and 8."""
     closing, speed, strongest = drive[DRIVE_FORCE], drive[DRIVE_SPEED], drive[DRIVE_OPENING]
     for i in range(7, 9):
         if closing > 0.0:
@@ -208,7 +208,7 @@ def _drive_fingers(state: Bodies, drive: Vector) -> None:  # pragma: no cover
 
 @njit(cache=True)
 def judged_step(model: int, state: Bodies, meters: Vector, ticks: int) -> None:  # pragma: no cover
-    """Take one step with a model and meter its penetration; `ticks` as `metering.judge` has it."""
+    """Take one step with a model and meter its penetration; `ticks` as in `metering.judge`."""
     metering.clear(state.userdata)
     native.step(model, state.data)
     metering.judge(meters, state.userdata, ticks)

@@ -1,8 +1,8 @@
-"""A few tangent flats that turn with the peg: a hole of eight boxes, each where the peg is nearest the wall.
+"""A hole of eight tangent boxes that rotate with the peg, each at the peg's nearest point to the wall.
 
-Every half-plane beyond a tangent of the hole is solid plate, so that flats which move each step can only leave material
-out, never add any. Sectors that are fixed to the peg's tilt azimuth keep one flat each, so that no flat jumps to
-another's place.
+Every half-plane beyond a tangent of the hole is solid plate. Flats that move each step can therefore only omit
+material, never add any. Each sector is fixed to the peg's tilt azimuth and keeps one flat, so that no flat jumps to
+another's position.
 """
 
 import math
@@ -15,11 +15,11 @@ FLATS = 8
 FLAT_SIZE = (0.05, 0.11, 0.02)
 """Half sizes of a box: away from the hole, along the tangent, and down, m."""
 SECTOR = 2.0 * math.pi / FLATS
-"""Angle between two boxes where nothing touches, rad."""
+"""Angle between two boxes without contact, rad."""
 SAMPLES = 192
-"""Number of samples of the peg's rim; between two of them the nearest point is missed by less than 1 um."""
+"""Number of samples of the peg's rim; the error of the nearest point is less than 1 um."""
 REACH = 1e-4
-"""Height above the surface up to which points of the rim count, m."""
+"""Height above the surface up to which points of the rim are used, m."""
 
 _COS = np.cos(2.0 * math.pi / SAMPLES * np.arange(SAMPLES))
 _SIN = np.sin(2.0 * math.pi / SAMPLES * np.arange(SAMPLES))
@@ -27,8 +27,9 @@ _SIN = np.sin(2.0 * math.pi / SAMPLES * np.arange(SAMPLES))
 
 @njit(cache=True, inline="always")
 def aim(end, hole, origin, R, xpos, xmat):  # type: ignore[no-untyped-def]
-    """Turn the boxes to the points where the part of the peg below the surface, projected on it, is furthest from the
-    hole's axis.
+    """Rotate the boxes to the points of the peg that are furthest from the hole's axis, projected on the surface.
+
+    Only the part of the peg below the surface is used.
 
     Args:
         end: The end of the peg in the plate's frame, see `sim.cylinder.End`.
@@ -44,7 +45,7 @@ def aim(end, hole, origin, R, xpos, xmat):  # type: ignore[no-untyped-def]
     furthest, lowest = np.zeros(FLATS), np.full(FLATS, REACH)
     U = np.empty((FLATS, 2))
     for k in range(FLATS):
-        # A sector without a point of the peg keeps its flat in its middle.
+        # A sector without a point of the peg keeps its flat in its centre.
         cosine, sine = math.cos(SECTOR * k), math.sin(SECTOR * k)
         U[k, 0], U[k, 1] = ax * cosine - ay * sine, ay * cosine + ax * sine
     for i in range(SAMPLES):
@@ -58,14 +59,14 @@ def aim(end, hole, origin, R, xpos, xmat):  # type: ignore[no-untyped-def]
             square = px * px + py * py
             angle = math.atan2(py * ax - px * ay, px * ax + py * ay)
             k = math.floor(angle / SECTOR + 0.5) % FLATS
-            # Points below the surface come first, among them the one furthest out; else the lowest.
+            # If points are below the surface, the outermost of them is used; otherwise the lowest point.
             is_first = square > furthest[k] if pz < 0.0 else pz < lowest[k]
             if is_first:
                 lowest[k] = pz
                 furthest[k] = square if pz < 0.0 else 0.0
                 distance = math.sqrt(square)
                 U[k, 0], U[k, 1] = px / distance, py / distance
-            # Then the same line of the peg's side where it leaves the surface.
+            # Then the same line of the peg's side at its exit from the surface.
             px, py = px + v[0] * up, py + v[1] * up
     w, _, h = FLAT_SIZE
     for k in range(FLATS):

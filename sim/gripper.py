@@ -5,9 +5,9 @@ from sim import engine
 from sim.world import World
 
 GRIPPING_SHARE = 0.5
-"""Share of the set force that both pads carry when the hand counts as gripping, fraction."""
+"""Share of the set force on both pads from which the hand reports a grip, fraction."""
 POSITION_TOLERANCE = 1e-3
-"""Distance from the commanded width within which the hand has arrived, m."""
+"""Distance from the commanded width within which the hand reports arrival, m."""
 
 
 class SimGripper:
@@ -21,10 +21,10 @@ class SimGripper:
         """Do nothing: there is no connection."""
 
     def close(self) -> None:
-        """Keep what is held, because an opening hand would drop the peg."""
+        """Keep the grip, because an opening hand would drop the peg."""
 
     def grip(self, force: float) -> None:
-        """Close until `force`, N, is held or the fingers meet."""
+        """Close until the force reaches `force`, N, or the fingers meet."""
         self._world.control.drive[engine.DRIVE_FORCE] = force * self._world.draw.grip_force
 
     def release(self, width: float) -> None:

@@ -1,9 +1,8 @@
-"""A rig for measuring models of arm and grip: the peg is pushed into the hole at a tilt by the arm's own law.
+"""Test rig for models of arm and grip: the peg is pushed into the hole at a tilt by the arm's own law.
 
-The hole is in closed form each time. The carrier of the peg ranges from a rigid mover over the arm's inertia at the
-tool to the whole arm, and the grip from a hinge to pads in contact. The depth is compared with the exact one at the
-tilt that the peg has at that instant, and the largest ratio counts: friction makes it smaller, a peg in the wall
-larger.
+The hole is always in closed form. The peg's carrier is a rigid mover, the arm's inertia at the tool, or the whole arm;
+the grip is a hinge or pads in contact. The error compares the depth with the exact depth at the instantaneous tilt and
+takes the largest ratio. Friction reduces it, and penetration of the wall increases it.
 """
 
 import math
@@ -33,43 +32,43 @@ TIMESTEP = 5e-4
 PUSH = 10.0
 """Force on the peg, N."""
 SWEEP = 2e-3
-"""Radius of the circle of the setpoint, m; its motion keeps friction from holding the peg out."""
+"""Radius of the setpoint's circle, m; its motion prevents friction from holding the peg out."""
 SECONDS, WAY = 3.0, 2.0
-"""Duration of the push, and of the way to the hole, s."""
+"""Duration of the push, and of the motion to the hole, s."""
 GRIP = 30.0
 """Grip force, N."""
 ELBOW = 0.05
-"""Position towards which the elbow is drawn, rad."""
+"""Position to which the law draws the elbow, rad."""
 STEP = 5e-3
-"""Sideways step of the setpoint in the air, m, after which the tip's remaining distance is measured."""
+"""Sideways setpoint step in the air, m; the tip's remaining distance is measured after it."""
 
 
 NOT_ROUND = (
     "not measured: the arm's rigs know the exact depth at any attitude of pegs that look the same however turned"
 )
-"""Why a peg with corners is pushed by the rigid mover alone."""
+"""Reason why a peg with corners is pushed by the rigid mover alone."""
 
 
 @dataclass(frozen=True, slots=True)
 class HandRow:
-    """Result for one model of arm and grip; a row of arm_and_grip.csv."""
+    """Result of one model of arm and grip; a row of arm_and_grip.csv."""
 
     name: str
     real_time: float
-    """Speed in multiples of real time, the torque law included, one core."""
+    """Speed as a multiple of real time, torque law included, one core."""
     error: float
-    """Largest depth relative to the exact one at the tilt of that instant, less 1, ratio."""
+    """Largest ratio of the depth to the exact depth at the tilt of that instant, minus 1, ratio."""
     penetration: float
     """Deepest penetration that lasted longer than 2 ms, m."""
     left: float
     """Distance of the tip from its setpoint after a step of 5 mm in the air, m."""
     turned: float
-    """Angle by which the peg turned in the hand, rad."""
+    """Rotation of the peg in the hand, rad."""
     fault: str = ""
 
 
 def measure(kind: str, arm: ArmModel, job: Job) -> HandRow:
-    """Measure one model of arm and grip; the row of one that cannot work says why."""
+    """Measure one model of arm and grip; if it cannot work, its row gives the reason."""
     try:
         with native.quiet():
             if kind == KINDS[0]:
@@ -79,7 +78,7 @@ def measure(kind: str, arm: ArmModel, job: Job) -> HandRow:
             if kind.startswith("Cartesian"):
                 return _cartesian(arm, job)
             return _whole(kind, arm, job, "pads" if "pads" in kind else "hinge")
-    except Exception as error:  # a model that fails in whatever way is a row of the table, not the end of the study
+    except Exception as error:  # any failure of a model is a row of the table, not the end of the study
         return HandRow(kind, math.nan, math.inf, math.inf, math.inf, math.inf, f"{type(error).__name__}: {error}")
 
 
@@ -89,7 +88,7 @@ def _rigid(job: Job) -> HandRow:
     for degrees in TILTS:
         tilt = math.radians(degrees)
         model = rig.tilted_peg(peg, hole, tilt, 0.0, 0.0, TIMESTEP)
-        # The first call loads or compiles and must not be timed.
+        # The first call loads or compiles code and must not be timed.
         rig.push(model, peg, tilt, 0.0, PUSH, TIMESTEP)
         started = time.thread_time()
         pushed = rig.push(model, peg, tilt, 0.0, PUSH, SECONDS)
@@ -125,7 +124,7 @@ def _whole(kind: str, model: ArmModel, job: Job, grip: str) -> HandRow:
 
 
 def _holding(model: ArmModel, job: Job, grip: str) -> tuple[World, SimArm]:
-    """Return a world whose hand holds the peg, pointing down, over a frictionless hole."""
+    """Return a world with the peg in its hand, pointing down, over a frictionless hole."""
     sim = SimConfig(timestep=TIMESTEP, pace="max", model=ModelConfig(grip=grip))
     world = World(model, sim, ContactConfig(friction=0.0), GripConfig(friction=1.0, angle=0.0), "parallelogram", job)
     arm = SimArm(world)
@@ -137,7 +136,7 @@ def _holding(model: ArmModel, job: Job, grip: str) -> tuple[World, SimArm]:
 
 
 def _lead(world: World, arm: SimArm, tilt: float) -> float:
-    """Bring the tilted peg's tip above the hole; return its distance from the setpoint after a step, m."""
+    """Move the tilted peg's tip above the hole; return its distance from the setpoint after a step, m."""
     tip, axis = _tip(world)
     above = world.plate.position + np.array([0.0, 0.0, 0.02])
     began, offset = world.now(), np.zeros(3)
@@ -184,7 +183,7 @@ def _circle(elapsed: float) -> Vector:
 
 @cache
 def _depths(job: Job) -> tuple[Vector, Vector]:
-    """Return tilts, rad, and the exact depths there, m, as logarithms: between tilts the depth follows a power law."""
+    """Return tilts, rad, and their exact depths, m, as logarithms: between tilts the depth follows a power law."""
     tilts = np.radians(np.geomspace(0.5, 40.0, 48))
     peg, hole = job.peg.part, job.hole.part
     if peg.chamfer > 0.0 or hole.chamfer > 0.0:
@@ -193,7 +192,7 @@ def _depths(job: Job) -> tuple[Vector, Vector]:
 
 
 def _excess(job: Job, end: Vector, lean: float) -> float:
-    """Return by how much the peg is deeper than its tilt allows, relative; -1 where it is not at the hole."""
+    """Return the excess of the depth over the exact depth at this tilt, relative; -1 if the peg is not at the hole."""
     if math.hypot(end[0], end[1]) > job.hole.part.thickness:
         return -1.0
     depth = (job.peg.part.thickness / 2 - job.peg.chamfer) * math.sin(lean) - float(end[2])
@@ -208,7 +207,7 @@ def _cartesian(arm_model: ArmModel, job: Job) -> HandRow:
         world, arm = _holding(arm_model, job, "hinge")
         _lead(world, arm, tilt)
         carried = CartesianRig(job, tilt, np.diag(_inertia(world)), world.stepper.grip_limits().torque, TIMESTEP)
-        # In the air nothing keeps the tip from its setpoint.
+        # In the air the tip follows its setpoint without resistance.
         carried.put(np.array([-STEP, 0.0, 0.02]))
         carried.press(0.02, 0.0, 2000)
         left = max(left, float(np.linalg.norm(carried.tip - np.array([0.0, 0.0, 0.02]))))

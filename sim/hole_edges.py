@@ -1,7 +1,8 @@
-"""Contacts of a round hole's edges with a round peg: with its side, and with the chamfer of its end.
+"""Contacts of a round hole's edges with a round peg's side and the chamfer of its end.
 
-Every point of an edge must stay out of the peg {d < r, d < r + s, s > -cp}: s is its height above the upper rim of the peg's
-chamfer along the peg's axis, d its distance from that axis. Without a chamfer, cp = 0, that rim is the end's, and there is no cone.
+Every point of an edge must stay out of the peg {d < r, d < r + s, s > -cp}: s is its height above the upper rim of the
+peg's chamfer along the peg's axis, d its distance from that axis. Without a chamfer, cp = 0: the rim is that of the
+end, and there is no cone.
 """
 
 import math
@@ -15,14 +16,14 @@ from sim.peg_rims import ANGLE, COS, SAMPLE_EVERY, SCAN, SIN, SLANT
 
 @njit(cache=True)
 def collide_edge(meet, end, chamfer, radius, height):  # type: ignore[no-untyped-def]
-    """Add an edge of the hole against the peg's side and chamfer, where it reaches above the end face and comes near.
+    """Add an edge of the hole against the peg's side and chamfer, at points above the end face and near the peg.
 
     Args:
         meet: Pair of plate and peg.
-        end: Upper rim of the peg's chamfer, or its only one.
+        end: Upper rim of the peg's chamfer, or its only rim.
         chamfer: Width and height of the peg's chamfer, m.
         radius: Radius of the edge, m.
-        height: Height of the edge over the plate's surface, m.
+        height: Height of the edge above the plate's surface, m.
     """
     q, along = _from_rim(end, (0.0, 0.0, height))
     away = math.sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2])
@@ -51,7 +52,7 @@ def collide_edge(meet, end, chamfer, radius, height):  # type: ignore[no-untyped
 
 @njit(cache=True)
 def _from_rim(end, p):  # type: ignore[no-untyped-def]
-    """Return a point from the middle of the peg's rim, and its part along the peg's axis, m."""
+    """Return the vector from the centre of the peg's rim to a point, and its component along the peg's axis, m."""
     c, v = end.c, end.v
     q = (p[0] - c[0], p[1] - c[1], p[2] - c[2])
     return q, q[0] * v[0] + q[1] * v[1] + q[2] * v[2]
@@ -59,24 +60,25 @@ def _from_rim(end, p):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def _clearance(end, p):  # type: ignore[no-untyped-def]
-    """Return the distances of a point from the peg's side and from the cone of its chamfer, m, negative inside."""
+    """Return the distances of a point from the peg's side and from the cone of its chamfer, m; negative inside."""
     q, along = _from_rim(end, p)
     side = math.sqrt(max(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] - along * along, 0.0)) - end.r
+    # Side: d - r. Cone: (d - r - s) / sqrt 2.
     return side, SLANT * (side - along)
 
 
 @njit(cache=True, inline="always")
 def _is_on_cone(end, p):  # type: ignore[no-untyped-def]
-    """Return whether the cone of the peg's chamfer is what a point would touch, and not its side."""
+    """Return True if a point would touch the cone of the peg's chamfer rather than its side."""
     side, cone = _clearance(end, p)
     return cone > side
 
 
 @njit(cache=True, inline="always")
 def _nearest_the_axis(end, radius, height, angle):  # type: ignore[no-untyped-def]
-    """Return the point of the hole's edge that is nearest the peg's axis, searched from `angle`, rad."""
+    """Return the point of the hole's edge nearest to the peg's axis, searched from `angle`, rad."""
     v = end.v
-    # Newton on the squared distance from the axis.
+    # Newton's method on half the squared distance from the axis, F = d²/2: a <- a - F'/F''.
     for _ in range(4):
         cosine, sine = math.cos(angle), math.sin(angle)
         q, along = _from_rim(end, (radius * cosine, radius * sine, height))
@@ -99,9 +101,9 @@ def _nearest_the_axis(end, radius, height, angle):  # type: ignore[no-untyped-de
 
 @njit(cache=True, inline="always")
 def _nearest_the_cone(end, radius, height, angle):  # type: ignore[no-untyped-def]
-    """Return the point of the hole's edge that is nearest the cone of the peg's chamfer, searched from `angle`, rad."""
+    """Return the point of the hole's edge nearest to the cone of the peg's chamfer, searched from `angle`, rad."""
     v = end.v
-    # Newton on the distance from the axis less the height above the rim.
+    # Newton's method on the distance from the axis minus the height above the rim.
     for _ in range(4):
         cosine, sine = math.cos(angle), math.sin(angle)
         q, along = _from_rim(end, (radius * cosine, radius * sine, height))

@@ -1,13 +1,13 @@
-"""What a latch near the bottom of the hole does to the peg's end, compiled: a detent, or the friction of a light press fit.
+"""Force of a latch near the bottom of the hole on the peg's end, compiled: a detent, or a light press fit.
 
-The force acts on the middle of the peg's end along the hole's axis, by its depth alone. With x the share of the latch's way that the end
-has gone, from 0 where it begins to resist to 1 at the bottom:
+The force acts on the centre of the peg's end along the hole's axis and depends on the depth alone. The normalised depth
+x is 0 at the start of the latch and 1 at the bottom:
 
-- detent: F sin(2 pi x), the slope of the energy F h (1 - cos(2 pi x)) / (2 pi), so that all that its crest takes comes back behind it. It is the ramp
-  of a snap-fit, whose force rises with its deflection, and its other side: the mating force W = P (mu + tan a) / (1 - mu tan a), [bayer], without
-  friction.
-- press fit: up to F x against the motion, growing with the length that is pressed, as the friction of an even pressure does [you]. It yields
-  like a spring until it slides, which keeps it free of a speed that it would have to divide by.
+- detent: F sin(2 pi x), the slope of the energy F h (1 - cos(2 pi x)) / (2 pi), so that the work up to the crest is
+  returned after it. It models both ramps of a snap-fit, whose force rises with its deflection: the mating force W = P
+  (mu + tan a) / (1 - mu tan a), [bayer], without friction.
+- press fit: up to F x against the motion, growing with the pressed length, as friction under even pressure does [you].
+  It acts as a spring until it slides, and therefore needs no division by a speed.
 
 Forces of 5 to 20 N are those of light latches; a plug of a data network takes up to 30 N (IEC 60512-13-1).
 """
@@ -23,27 +23,28 @@ from sim.peg_distances import PegView, below_mouth
 from sim.plate import Plate
 
 KINDS = {"detent": 1.0, "press": 2.0}
-"""Word of each kind of latch; 0 is none."""
+"""Number of each kind of latch; 0 is none."""
 PRESS_STIFFNESS = 5e4
-"""Stiffness of a press fit before it slides, N/m; assumed, that of the pads' shear, which is followed in the same steps."""
+"""Stiffness of a press fit before it slides, N/m; assumed equal to the pads' shear stiffness, which the same steps
+resolve."""
 KIND, FORCE, TOP, HEIGHT, REACH, STUCK = 0, 1, 2, 3, 4, 5
-"""Kind; largest force, N; depth at which it begins to resist, and length of its way, m; distance from the axis within which an end is in the
-hole, m; depth at which a press fit sticks, m.
-"""
+"""Kind; largest force, N; depth at the start of the latch, and its length, m; distance from the axis within which an
+end is in the hole, m; depth at which a press fit sticks, m."""
 MOUTH, AXES, APPLIED = 6, 9, 18
-"""Middle of the hole's mouth, three words, m; axes of the plate, nine; force and torque of the last step on the peg's mass, six, N and N·m."""
+"""Centre of the hole's mouth, three words, m; axes of the plate, nine; force and torque of the last step on the peg's
+centre of mass, six, N and N·m."""
 WORDS = 24
 
 
 def words_of(latch: Latch | None, plate: Plate, bottom: float, force: float, place: float) -> Vector:
-    """Return the words of a latch that touches nothing yet, shape (WORDS,).
+    """Return the words of a latch without contact, shape (WORDS,).
 
     Args:
-        latch: The latch as the job states it; None for a hole without one.
+        latch: The latch stated in the job; None for a hole without one.
         plate: The true plate.
-        bottom: Depth of the bottom that the latch is placed by, m.
-        force: True force over the stated one, ratio.
-        place: Height of the true latch over the stated one, m.
+        bottom: Depth of the bottom to which the latch's position refers, m.
+        force: True force divided by the stated force, ratio.
+        place: Height of the true latch above the stated one, m.
     """
     words = np.zeros(WORDS)
     if latch is None:
@@ -56,23 +57,24 @@ def words_of(latch: Latch | None, plate: Plate, bottom: float, force: float, pla
 
 
 def loosen(words: Vector) -> None:
-    """Take it that the applied forces have been cleared, as where the peg becomes another body."""
+    """Reset the memory of applied forces after the load has been cleared, for example if the peg becomes another body."""
     words[APPLIED : APPLIED + 6] = 0.0
 
 
 @njit(cache=True, inline="always")
 def act(words: Vector, peg: PegView, mass_centre: Vector, load: Vector) -> None:  # pragma: no cover
-    """Write what the latch does to the peg in the step that begins now into the load.
+    """Add the latch's force and torque on the peg in the coming step to the load.
 
     Args:
         words: The latch; updated.
         peg: Size and pose of the peg.
         mass_centre: View of the peg's centre of mass, shape (3,), m, base frame.
-        load: View of force, N, and torque, N·m, on it, shape (6,), base frame; what others have put there stays.
+        load: View of force, N, and torque, N·m, at that point, shape (6,), base frame; other contributions stay.
     """
     plate = words[AXES : AXES + 9].reshape(3, 3)
     depth, beside = below_mouth(peg.size[1], peg.middle, peg.axes, words[MOUTH : MOUTH + 3], plate)
     resisting = resistance(words, depth) if beside < words[REACH] else 0.0
+    # f = F n along the plate's normal; torque = r × f, with r from the centre of mass to the centre of the peg's end.
     f = (resisting * plate[0, 2], resisting * plate[1, 2], resisting * plate[2, 2])
     r = (
         peg.middle[0] - peg.size[1] * peg.axes[0, 2] - mass_centre[0],
@@ -88,11 +90,13 @@ def act(words: Vector, peg: PegView, mass_centre: Vector, load: Vector) -> None:
 
 @njit(cache=True, inline="always")
 def resistance(words: Vector, depth: float) -> float:  # pragma: no cover
-    """Return the force out of the hole on an end at a depth, m, in N; moves the place where a press fit sticks."""
+    """Return the force on an end at a depth, m, N, positive out of the hole; moves the sticking depth of a press fit."""
+    # x = (depth - top) / height.
     way = (depth - words[TOP]) / words[HEIGHT]
     if words[KIND] == 1.0:
         return words[FORCE] * math.sin(2.0 * math.pi * way) if 0.0 < way < 1.0 else 0.0
     most = words[FORCE] * min(max(way, 0.0), 1.0)
+    # Detent, above: F sin(2 pi x). Press fit: k (depth - s); the sticking depth s follows if |k (depth - s)| > F x.
     slack = most / PRESS_STIFFNESS
     words[STUCK] = min(max(words[STUCK], depth - slack), depth + slack)
     pressed: float = PRESS_STIFFNESS * (depth - words[STUCK])
@@ -101,7 +105,7 @@ def resistance(words: Vector, depth: float) -> float:  # pragma: no cover
 
 @njit(cache=True, inline="always")
 def add_felt(words: Vector, peg: PegView, pivot: Vector, force: Vector, torque: Vector) -> None:  # pragma: no cover
-    """Add the latch's force, N, on the peg's end to what the plates do to the peg, and its torque about the pivot, N·m."""
+    """Add the latch's force, N, and its torque about the pivot, N·m, to the wrench of the plates on the peg."""
     f0, f1, f2 = words[APPLIED], words[APPLIED + 1], words[APPLIED + 2]
     r0 = peg.middle[0] - peg.size[1] * peg.axes[0, 2] - pivot[0]
     r1 = peg.middle[1] - peg.size[1] * peg.axes[1, 2] - pivot[1]

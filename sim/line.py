@@ -1,7 +1,7 @@
-"""Surroundings of a simulated cell: a rack whose slots empty, a line that exchanges workpieces, and a person who clears up.
+"""Surroundings of a simulated cell: a rack with slots, a line that exchanges workpieces, and a person who removes pegs.
 
-Nothing is taken away because a run begins: a peg that fell lies where it fell, and while it lies about nothing else
-stands in the rack's next slot, since the world has one peg.
+A new run removes nothing: a dropped peg stays at its place. The world has one peg, so that the rack's next slot is then
+empty.
 """
 
 import math
@@ -12,27 +12,31 @@ from sim.situation import PegSituation
 from sim.world import World
 
 BIN_REACH = 0.08
-"""Distance from the middle of the reject bin within which a peg that was let go above it is in the bin, m."""
+"""Distance from the centre of the reject bin within which a peg released above it is in the bin, m."""
 EXCHANGE_TIME = 0.05
-"""Time in which the line exchanges a workpiece, s: the switch's board must notice."""
+"""Time in which the line exchanges a workpiece, s: long enough for the switch's board to detect it."""
 EXCHANGE_STEPS = 5
-"""Number of clock steps in that time; an emulated board reads its lever once in each step and reports it in the next."""
+"""Number of clock steps in that time. An emulated board reads its lever once in each step and reports it in the
+next."""
 UNTOUCHED = 2e-3
-"""Largest distance of the peg's middle from where it was placed at which it has not left its slot, m."""
+"""Largest displacement of the peg's centre at which it is still in its slot, m."""
 
 
 class SimLine:
     """The line around one simulated cell."""
 
     def __init__(self, world: World, clock: Clock, bin_at: Point) -> None:
-        """Take the world, the cell's clock, and the place above the reject bin, m, base frame."""
+        """Store the world, the cell's clock, and the position above the reject bin, m, base frame."""
         self._world, self._clock, self._bin = world, clock, bin_at
         self._emptied: set[int] = set()
         self._stood = world.peg_pose().position
         self._slot = world.job.slot % world.job.rack.slots
 
     def stock(self, job: Job, seed: int) -> None:
-        """Set up what the run with this seed finds: its workpiece, and a peg in the job's slot where one still stands."""
+        """Set up the workpiece and the peg for the run with this seed.
+
+        The job's slot holds a peg if one is left.
+        """
         if self.lies_about():
             return
         if not self._is_in_slot():
@@ -45,7 +49,7 @@ class SimLine:
             self._world.take_away()
 
     def exchange(self) -> None:
-        """Take the workpiece away, with the peg in its hole, as the line does once it has read that the peg is seated."""
+        """Remove the workpiece with the peg in its hole, as the line does after it has read the seated state."""
         if self._world.peg is PegSituation.FREE and self._world.truth().is_in_hole:
             self._leave_slot()
             self._world.take_away()
@@ -56,20 +60,20 @@ class SimLine:
         self._emptied.clear()
 
     def clear(self) -> None:
-        """Take away a peg that is in the hand, in the hole or lies about, as a person does."""
+        """Remove a peg that is in the hand, in the hole or dropped, as a person does."""
         if not self._is_in_slot():
             self._leave_slot()
             self._world.take_away()
         self._let_pass()
 
     def lies_about(self) -> bool:
-        """Whether the peg is in the hand, in the hole or where it fell; neither in its slot nor in the bin nor gone."""
+        """True if the peg is in the hand, in the hole or dropped; False in its slot, in the bin or gone."""
         if self._world.peg is PegSituation.GONE or self._is_in_slot():
             return False
         return self._world.peg is PegSituation.HELD or not self._is_in_bin()
 
     def _let_pass(self) -> None:
-        """Let the time pass that this takes, in which the switch tells that the hole is empty."""
+        """Advance the time of an exchange; the switch reports an empty hole meanwhile."""
         for _ in range(EXCHANGE_STEPS):
             self._clock.wait_until(self._clock.now() + EXCHANGE_TIME / EXCHANGE_STEPS)
 

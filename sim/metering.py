@@ -1,4 +1,4 @@
-"""The meters of the physics, compiled: force of the plates on the peg, penetrations that last, the peg's turn, and the hand's jerk."""
+"""Meters of the physics, compiled: plate force on the peg, sustained penetrations, in-hand rotation, and the hand's jerk."""
 
 import math
 from typing import NamedTuple
@@ -13,34 +13,34 @@ METER_WORDS = 128
 """Number of words of the meters."""
 FORCE, TORQUE, PEAK_FORCE = 0, 3, 6
 """Indices of meters: net force of the plates on the peg and its torque about the finger centre, base frame, low-passed,
-N and N·m; largest force, N.
-"""
+N and N·m; largest force, N."""
 SUSTAINED, RING_AT, TURN_FROM, TURN_MAX = 7, 8, 9, 10
-"""Indices of meters: deepest penetration of a bore or its rim that lasted, m; place of its ring; hinge angle from which
-turns are counted and the largest turn, rad.
-"""
+"""Indices of meters: deepest sustained penetration of a bore or its rim, m; index of its ring; reference hinge angle of
+the rotation, and largest rotation, rad."""
 OVER_TIME, SURFACE_SUSTAINED = 11, 12
-"""Indices of meters: time that the force on the held peg exceeded `OVER_FORCE`, s; deepest penetration of a surface or
-a floor that lasted, m.
-"""
+"""Indices of meters: time with a force on the held peg above `OVER_FORCE`, s; deepest sustained penetration of a
+surface or a floor, m."""
 JERK_FREE, JERK_CONTACT = 13, 14
-"""Indices of meters: largest jerk of the finger centre while the arm is told to go through free space, and at all other times, m/s³."""
+"""Indices of meters: largest jerk of the finger centre during commanded motion in free space, and at all other times,
+m/s³."""
 RING, SURFACE_RING = 20, 70
-"""Places of the rings that hold the newest ticks' penetrations, of bores and rims and of surfaces and floors."""
+"""Indices of the rings with the newest ticks' penetrations, of bores and rims and of surfaces and floors."""
 
 VELOCITY, ACCELERATION = 112, 115
-"""Places of the finger centre's velocity, m/s, and acceleration, m/s², base frame, behind the low-pass of `JERK_BANDWIDTH`."""
+"""Indices of the finger centre's velocity, m/s, and acceleration, m/s², base frame, after the low-pass of
+`JERK_BANDWIDTH`."""
 
 JERK_BANDWIDTH = 10.0
-"""Corner frequency of the low-pass of second order, Butterworth, behind which the jerk is taken, as [r79] does, Hz. The shipped stiffness lets the hand swing at
-2 to 5 Hz; a blow that stops it within a step says nothing of how fast, and counts with its change of speed times (2 pi 10 Hz)²,
-which is 200 m/s³ for 0.05 m/s."""
+"""Corner frequency of the second-order Butterworth low-pass of the jerk, as in [r79], Hz. With the default stiffness
+the hand oscillates at 2 to 5 Hz. An impact that stops the hand within a step counts with its change of speed times (2
+pi 10 Hz)², that is 200 m/s³ for 0.05 m/s, and is independent of the stopping time."""
 FORCE_FILTER = 0.005
-"""Time constant of the low-pass on forces, s, a bandwidth of 32 Hz; single steps of a rigid contact carry no information."""
+"""Time constant of the force low-pass, s, a bandwidth of 32 Hz; single steps of a rigid contact carry no
+information."""
 OVER_FORCE = 20.0
-"""Force on the peg, N, above which time is counted."""
+"""Force on the peg above which time is counted, N."""
 SUSTAINED_TIME = 0.002
-"""Time for which a penetration has to last to count, s."""
+"""Shortest duration of a sustained penetration, s."""
 
 
 class HandView(NamedTuple):
@@ -49,9 +49,9 @@ class HandView(NamedTuple):
     velocity: Vector
     """Angular, then linear velocity of the last link at `reference`, shape (6,), rad/s and m/s."""
     reference: Vector
-    """Point of the last link's frame that `velocity` is of, shape (3,), m."""
+    """Reference point of `velocity` on the last link, shape (3,), m."""
     left: Vector
-    """Place of one finger, or the finger centre, shape (3,), m; the finger centre is half-way to `right`."""
+    """Position of one finger, or the finger centre, shape (3,), m; the finger centre is half-way to `right`."""
     right: Vector
 
 
@@ -62,7 +62,7 @@ def new_meters() -> Vector:
 
 @njit(cache=True, inline="always")
 def window(timestep: float) -> int:  # pragma: no cover
-    """Return the number of ticks of `timestep`, s, that a penetration has to last to count."""
+    """Return the number of ticks of `timestep`, s, after which a penetration is sustained."""
     return math.floor(SUSTAINED_TIME / timestep + 0.5) + 1
 
 
@@ -70,7 +70,8 @@ def window(timestep: float) -> int:  # pragma: no cover
 def take(
     meters: Vector, force: Vector, torque: Vector, elapsed: float, hinge: int, qpos: Vector
 ) -> None:  # pragma: no cover
-    """Meter the net force, N, and the torque, N·m, of a step of `elapsed`, s, and the held peg's turn."""
+    """Update the meters with the net force, N, and torque, N·m, of a step of `elapsed`, s, and the held peg's rotation."""
+    # First-order low-pass, implicit Euler: y <- y + h / (T + h) (f - y).
     blend = elapsed / (FORCE_FILTER + elapsed)
     size = 0.0
     for i in range(3):
@@ -86,16 +87,16 @@ def take(
 
 @njit(cache=True, inline="always")
 def take_jerk(meters: Vector, hand: HandView, elapsed: float, is_free: bool) -> None:  # pragma: no cover
-    """Meter the jerk of the finger centre in a step of `elapsed`, s: the change of its low-passed acceleration.
+    """Meter the jerk of the finger centre in a step of `elapsed`, s: the rate of change of its low-passed acceleration.
 
-    The low-pass a' = w² (v - u) - sqrt(2) w a, u' = a, with w = 2 pi `JERK_BANDWIDTH`, is integrated by the trapezoidal rule with the velocity v
-    held over the step, so that steps may have any length.
+    The low-pass a' = w² (v - u) - sqrt(2) w a, u' = a, with w = 2 pi `JERK_BANDWIDTH`, is integrated by the trapezoidal
+    rule with the velocity v constant over the step, so that steps can have any length.
 
     Args:
         meters: Meters, updated.
         hand: The hand.
         elapsed: Length of the step, s.
-        is_free: Whether the arm is told to go through free space.
+        is_free: True during commanded motion in free space.
     """
     spin, speed = hand.velocity[:3], hand.velocity[3:]
     x, y, z = (
@@ -113,6 +114,7 @@ def take_jerk(meters: Vector, hand: HandView, elapsed: float, is_free: bool) -> 
     size = 0.0
     for i in range(3):
         smooth, before = meters[VELOCITY + i], meters[ACCELERATION + i]
+        # Trapezoidal rule: a1 + a0 = (2 a0 + h w² (v - u0)) / (1 + sqrt(2) w h / 2 + w² h² / 4), jerk = |a1 - a0| / h.
         both = (2.0 * before + stiff * (velocity[i] - smooth)) / (1.0 + damped / 2.0 + stiff * elapsed / 4.0)
         meters[VELOCITY + i] = smooth + elapsed / 2.0 * both
         meters[ACCELERATION + i] = both - before
@@ -146,7 +148,7 @@ def net_force(data: int, pivot: Vector, plates: int, force: Vector, torque: Vect
 
 @njit(cache=True)
 def pad_force(data: int, left: int, right: int) -> float:  # pragma: no cover
-    """Return the smaller of the forces between two geoms, the pads, and whatever they touch, N."""
+    """Return the smaller of the contact forces on two geoms, the pads, N."""
     on_left = on_right = 0.0
     for c in native.contacts(data):
         if c.efc_address < 0:
@@ -161,13 +163,16 @@ def pad_force(data: int, left: int, right: int) -> float:  # pragma: no cover
 
 @njit(cache=True, inline="always")
 def clear(userdata: Vector) -> None:  # pragma: no cover
-    """Set the penetrations that the contact functions leave back to 0."""
+    """Reset the penetrations of the contact functions to 0."""
     userdata[contact.PENETRATION] = userdata[contact.SURFACE] = 0.0
 
 
 @njit(cache=True, inline="always")
 def judge(meters: Vector, userdata: Vector, ticks: int) -> None:  # pragma: no cover
-    """Meter one tick's penetrations; the least one of the newest `ticks` is the depth that has lasted so long."""
+    """Meter one tick's penetrations.
+
+    The minimum over the newest `ticks` is the sustained depth.
+    """
     at = int(meters[RING_AT])
     meters[RING + at] = userdata[contact.PENETRATION]
     meters[SURFACE_RING + at] = userdata[contact.SURFACE]

@@ -1,7 +1,7 @@
-"""Reach into MuJoCo's structs from compiled code: where the arrays are, and how to follow a pointer.
+"""Access to MuJoCo's structs from compiled code: offsets of the arrays, and pointers.
 
-Numba's cache on disk does not notice a changed constant of another package, so the byte offsets are
-literals of this file, good for one release of MuJoCo, and proved against the running library on import.
+Numba's cache on disk does not detect a changed constant of another package. The byte offsets are therefore literals of
+this file, valid for one release of MuJoCo, and verified against the running library on import.
 """
 
 import ctypes
@@ -71,7 +71,7 @@ CONTACT = np.dtype(
         "itemsize": CONTACT_BYTES,
     }
 )  # fmt: skip
-"""An mjContact as compiled code sees it."""
+"""Layout of an mjContact in compiled code."""
 
 _BALL = """<mujoco><worldbody><geom type="plane" size="1 1 1"/>
 <body pos="0 0 .09"><freejoint/><geom size=".1"/></body></worldbody></mujoco>"""
@@ -81,9 +81,8 @@ _PROBE = """<mujoco><size nuser_geom="8" nuserdata="8"/><worldbody><geom type="e
 <tendon><spatial name="string"><site site="here"/><site site="there"/></spatial></tendon>
 <actuator><general joint="hinge" dyntype="filter"/></actuator><sensor><jointpos joint="hinge"/></sensor>
 <equality><connect body1="ball" anchor="0 0 0"/></equality></mujoco>"""
-"""Model with one element of every kind, so that no array is empty; an empty array shares its neighbour's address and
-would prove nothing.
-"""
+"""Model with one element of every kind, so that no array is empty; an empty array has its neighbour's address and would
+prove nothing."""
 
 
 def library_path() -> Path:
@@ -93,24 +92,24 @@ def library_path() -> Path:
 
 @cache
 def _collision(hook: Callable[..., Any]) -> Any:
-    """Return a function compiled as MuJoCo calls those of its collision table; kept as long as the process lives."""
+    """Return a function compiled with the signature of MuJoCo's collision table; kept for the life of the process."""
     integer, address = types.int32, types.intp
     signature = integer(address, address, address, integer, integer, types.float64)
     return cfunc(signature, cache=True)(hook)
 
 
 def collide_by(plate: mujoco.mjtGeom, peg: mujoco.mjtGeom, function: Callable[..., Any]) -> None:
-    """Compile a function and put it into this process's collision table for a pair of geom types."""
+    """Compile a function and install it in this process's collision table for a pair of geom types."""
     count = int(mujoco.mjtGeom.mjNGEOMTYPES)
     table = (ctypes.c_void_p * (count * count)).in_dll(ctypes.CDLL(str(library_path())), "mjCOLLISIONFUNC")
     table[int(plate) * count + int(peg)] = _collision(function).address
 
 
 def verify_layout() -> None:
-    """Prove the offsets of this file against the loaded library.
+    """Verify the offsets of this file against the loaded library.
 
     Raises:
-        ImportError: The library is of another release than this file's offsets.
+        ImportError: The release of the library differs from that of this file's offsets.
     """
     found = mujoco.mj_versionString()
     if found != MUJOCO_VERSION:
@@ -136,7 +135,7 @@ def verify_layout() -> None:
 
 
 def _verify_contacts(found: str) -> None:
-    """Prove the offsets of contacts and their forces on a ball that lies on a plane."""
+    """Verify the offsets of contacts and their forces on a ball that lies on a plane."""
     model = mujoco.MjModel.from_xml_string(_BALL)
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
@@ -154,11 +153,11 @@ def _verify_contacts(found: str) -> None:
 
 
 def log_warnings() -> None:
-    """Send MuJoCo's warnings to the log instead of the terminal and a file in the folder of whoever starts the program.
+    """Send MuJoCo's warnings to the log instead of the terminal and a file in the current folder.
 
-    A state that is no longer finite ends the run by itself. "Linesearch objective is not convex" comes from the solver, where
-    the second derivative of the cost of a contact on the edge of its friction cone is not positive, which only rounding
-    can make it: MuJoCo puts a small positive number in its place and searches on.
+    A state that is no longer finite ends the run by itself. "Linesearch objective is not convex" comes from the solver.
+    The second derivative of the cost of a contact on the edge of its friction cone is then not positive, which only
+    rounding can cause. MuJoCo replaces it by a small positive number and continues the search.
     """
     mujoco.set_mju_user_warning(_log)
 
@@ -169,7 +168,7 @@ def _log(text: str) -> None:
 
 @contextmanager
 def quiet() -> Iterator[None]:
-    """Keep MuJoCo's warnings off the terminal and out of a log file, where models are pushed until they fail."""
+    """Suppress MuJoCo's warnings on the terminal and in a log file, for tests that push models until they fail."""
     before = mujoco.get_mju_user_warning()
     mujoco.set_mju_user_warning(lambda text: None)
     try:
@@ -179,13 +178,13 @@ def quiet() -> Iterator[None]:
 
 
 def step_time(data: mujoco.MjData) -> float:
-    """Return the wall time that `mj_step` has taken on this data, s; see `clocked`."""
+    """Return the wall time of `mj_step` on this data, s; see `clocked`."""
     return float(data.timer[mujoco.mjtTimer.mjTIMER_STEP].duration)
 
 
 @intrinsic
 def pointer(typingctx, address):  # type: ignore[no-untyped-def]
-    """Turn an integer address into a pointer, for `numba.carray`."""
+    """Convert an integer address to a pointer, for `numba.carray`."""
     signature = types.voidptr(address)
 
     def codegen(context, builder, signature, args):  # type: ignore[no-untyped-def]
@@ -202,7 +201,7 @@ def load(address):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def array(address, shape):  # type: ignore[no-untyped-def]
-    """Return a view of float64 of this shape on the array whose pointer is stored at an address."""
+    """Return a float64 view of this shape of the array whose pointer is stored at an address."""
     return carray(pointer(load(address)), shape, np.float64)
 
 
@@ -222,12 +221,13 @@ def contact_force(data, contact):  # type: ignore[no-untyped-def]
 verify_layout()
 _timer = ctypes.c_void_p.in_dll(ctypes.CDLL(str(library_path())), "mjcb_time")
 _clock, _timer.value = _timer.value, None
-"""Clock of the wall that the Python package sets in MuJoCo, which reads it some thirty times a step; only profiling needs it."""
+"""Wall clock that the Python package sets in MuJoCo. MuJoCo reads it some thirty times a step, and only profiling needs
+it."""
 
 
 @contextmanager
 def clocked() -> Iterator[None]:
-    """Let MuJoCo time its own stages (`mjData.timer`) within this context."""
+    """Enable MuJoCo's timers of its stages (`mjData.timer`) within this context."""
     _timer.value = _clock
     try:
         yield

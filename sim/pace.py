@@ -1,4 +1,4 @@
-"""Simulated time, counted in ticks of the physics, and its pace beside the wall clock."""
+"""Simulated time, counted in ticks of the physics, and its pace relative to the wall clock."""
 
 import time
 from typing import Literal
@@ -12,7 +12,7 @@ class Pace:
 
         Args:
             timestep: Length of a tick, s.
-            pace: Multiple of real time to keep to, or "max".
+            pace: Multiple of real time, or "max".
         """
         self.timestep = timestep
         self.ticks = 0
@@ -28,7 +28,7 @@ class Pace:
         return round((stamp - self.now()) / self.timestep)
 
     def keep(self) -> None:
-        """Wait until the wall clock has come as far as simulated time; never at pace "max"."""
+        """Wait until the wall clock has reached simulated time; no wait at pace "max"."""
         if self._pace == "max":
             return
         now, simulated = time.monotonic(), self.now() / self._pace
@@ -38,5 +38,5 @@ class Pace:
         if behind > 0.0:
             time.sleep(behind)
         else:
-            # A computer too slow for the pace does not make up for lost time.
+            # If the computer is too slow for the pace, the lost time is not recovered.
             self._wall = now - simulated

@@ -1,4 +1,4 @@
-"""The equilibrium of a peg between two pads, and the pressure that each taxel sees: the compiled part of `sim.pads`."""
+"""Equilibrium of a peg between two pads, and the pressure on each taxel: the compiled part of `sim.pads`."""
 
 import math
 
@@ -13,47 +13,47 @@ CELL = 1e-3
 NEWTON_STEPS = 40
 NEWTON_TOLERANCE = 1e-4
 LIGHTEST = 1e-3
-"""Share of the grip's own load below which loads need not be resolved by Newton's method, fraction."""
+"""Share of the grip's own load below which Newton's method need not resolve loads, fraction."""
 FURTHEST = 0.9
-"""Largest share of the distance to the solid pad that one step may cover, fraction."""
+"""Largest step of Newton's method, as a share of the remaining compression of the pad, fraction."""
 LIFTED_SLOPE = 1e-3
-"""Slope of a pad that is not touched, so that Newton's matrix has an inverse."""
+"""Slope of an untouched pad, so that Newton's matrix is invertible."""
 SMALLEST = 1e-6
-"""Shortest step, in Newton steps."""
+"""Shortest step of the line search, Newton steps."""
 
 
 @njit(cache=True)
 def _secant(depth: float, thickness: float, exponent: float) -> float:  # pragma: no cover
-    """Return what a pad answers over the depth, m, in units of the foundation; see `sim.pads`."""
+    """Return force over depth of a pad at this depth, m, in units of the foundation; see `sim.pads`."""
     share = max(depth, 0.0) / thickness
     room = 1.0 / (1.0 - share)
     if exponent == 1.0:
         return room
-    # t (x^n + x^2 / (1 - x)) over d = t x; for n = 1 it is 1 / (1 - x).
+    # With x = d/t: t (x^n + x²/(1 - x)) / d; for n = 1 this is 1/(1 - x).
     other: float = share ** (exponent - 1.0) + share * room if share > 0.0 else 0.0
     return other
 
 
 @njit(cache=True)
 def _slope(depth: float, thickness: float, exponent: float) -> float:  # pragma: no cover
-    """Return the derivative of the answer at a depth, m, > 0."""
+    """Return the derivative of a pad's force at a depth, m, > 0."""
     room = 1.0 / (1.0 - depth / thickness)
     if exponent == 1.0:
         return room * room
-    # n x^(n-1) + 1 / (1 - x)^2 - 1
+    # n x^(n-1) + 1/(1 - x)² - 1
     other: float = exponent * (depth / thickness) ** (exponent - 1.0) + room * room - 1.0
     return other
 
 
 @njit(cache=True)
 def _energy(depth: Vector, thickness: float, exponent: float) -> float:  # pragma: no cover
-    """Return the energy stored at these depths, the integral of the answer, in units of the foundation."""
+    """Return the energy stored at these depths, the integral of the pads' force, in units of the foundation."""
     total = 0.0
     for k in range(depth.size):
         share = max(depth[k], 0.0) / thickness
         total += share + math.log1p(-share)
         if exponent != 1.0:
-            # t^2 (x^(n+1) / (n+1) - x^2 / 2) beside that of n = 1.
+            # Difference from n = 1: t² (x^(n+1)/(n + 1) - x²/2).
             total -= share ** (exponent + 1.0) / (exponent + 1.0) - share * share / 2.0
     return -total * thickness**2
 
@@ -62,15 +62,15 @@ def _energy(depth: Vector, thickness: float, exponent: float) -> float:  # pragm
 def lie(  # noqa: C901  one Newton iteration, compiled, whose loops share its arrays
     motions: Vector, wanted: Vector, start: Vector, rest: float, thickness: float, exponent: float
 ) -> Vector:  # pragma: no cover
-    """Return the amounts of the motions at which the pads' answer, in units of the foundation, equals `wanted`.
+    """Return the amplitudes of the motions for which the pads' load, in units of the foundation, equals `wanted`.
 
     Args:
-        motions: Depth that a unit of each motion adds at each point of both pads, shape (m, n).
-        wanted: Required sums of the answers, each times its motion, shape (m,).
-        start: First guess of the amounts, shape (m,).
-        rest: Part of the depth that no motion changes, m.
-        thickness: Depth at which a pad is solid, m.
-        exponent: Exponent of the answer at small depth.
+        motions: Depth per unit of each motion at each point of both pads, shape (m, n).
+        wanted: Required sums of the pads' load weighted by each motion, shape (m,).
+        start: Initial amplitudes, shape (m,).
+        rest: Constant part of the depth, m.
+        thickness: Depth at which a pad is fully compressed, m.
+        exponent: Exponent of force over depth at small depth.
     """
     m, n = motions.shape
     amounts = start.copy()
@@ -81,6 +81,7 @@ def lie(  # noqa: C901  one Newton iteration, compiled, whose loops share its ar
         for i in range(m):
             depth[k] += amounts[i] * motions[i, k]
         pressed += max(depth[k], 0.0)
+    # E(a) = sum of stored energy at depth d = rest + Mᵀa, minus wanted · a.
     energy = _energy(depth, thickness, exponent)
     for i in range(m):
         energy -= wanted[i] * amounts[i]
@@ -96,6 +97,7 @@ def lie(  # noqa: C901  one Newton iteration, compiled, whose loops share its ar
             room = _secant(depth[k], thickness, exponent)
             slope = _slope(depth[k], thickness, exponent) if depth[k] > 0.0 else LIFTED_SLOPE
             for i in range(m):
+                # Residual r = wanted - M g(d) and Hessian H = M diag(g'(d)) Mᵀ.
                 missing[i] -= motions[i, k] * max(depth[k], 0.0) * room
                 for j in range(m):
                     matrix[i, j] += motions[i, k] * slope * motions[j, k]
@@ -106,7 +108,7 @@ def lie(  # noqa: C901  one Newton iteration, compiled, whose loops share its ar
         if worst < enough:
             break
         solve(matrix, move)
-        # A step covers at most the share `FURTHEST` of the way to the solid pad.
+        # A step covers at most the share `FURTHEST` of the remaining compression.
         share, gain = 0.0, 0.0
         for k in range(n):
             change[k] = 0.0
@@ -123,6 +125,7 @@ def lie(  # noqa: C901  one Newton iteration, compiled, whose loops share its ar
             reached = _energy(trial, thickness, exponent)
             for i in range(m):
                 reached -= wanted[i] * (amounts[i] + size * move[i])
+            # Armijo's condition: E(a + s H⁻¹r) <= E(a) - 1e-4 s r·H⁻¹r.
             if reached <= energy - 1e-4 * size * gain:
                 break
             size /= 2.0
@@ -144,15 +147,15 @@ def spread(
     weights: Vector,
     taxels: Vector,
 ) -> None:  # pragma: no cover
-    """Add up the pressure that each taxel sees.
+    """Add up the pressure on each taxel.
 
     Args:
         ends: Ends of the contact line, m along the peg from the finger centre.
         pressing: delta0, u and phi, as in `Pressing`.
-        peg: theta, offset, diameter or width of its face, and whether a face lies on the pads.
-        pad: Stiffness of the pad's foundation, N/m², thickness, m, and exponent of its answer.
+        peg: theta, offset, diameter or width of its face, and True if a face lies on the pads.
+        pad: Stiffness of the pad's foundation, N/m², thickness, m, and exponent of force over depth.
         cells: Cells of the grid, shape (n, 2), m.
-        weights: Share of each cell's pressure that a taxel sees, shape (2, 20, n).
+        weights: Share of each cell's pressure on a taxel, shape (2, 20, n).
         taxels: Pressures, shape (2, 20), Pa, at zero; filled in.
     """
     low, high = ends
@@ -173,9 +176,10 @@ def spread(
             if is_flat:
                 shape = min(max((width / 2.0 - abs(beside)) / CELL + 0.5, 0.0), 1.0) / width
             else:
-                # A cylinder leaves a groove of half width b, b² = d·depth, and depth·(1 - (y/b)²) across it.
+                # A cylinder makes a groove of half width b, b² = d·depth, with the depth profile depth·(1 - (y/b)²).
                 square = max(width * depth, 1e-12)
                 shape = max(1.0 - beside * beside / square, 0.0) * 0.75 / math.sqrt(square)
+            # Pressure of a cell: profile(y) · k depth / (1 - depth/t), with the general exponent below.
             pressure = inside * shape * foundation * depth / (1.0 - depth / thickness)
             if exponent != 1.0:
                 pressure = inside * shape * foundation * depth * _secant(depth, thickness, exponent)

@@ -1,9 +1,9 @@
-"""Pads of the two fingers under a peg: loads in, pressure on the taxels out; quasi-static, pure.
+"""Pads of the two fingers under a peg: loads in, pressure on the taxels out; quasi-static, without side effects.
 
-Along the contact line, s from the finger centre towards the peg's tip, the peg sinks into the left pad by
-delta0 + u + phi·s and into the right one by delta0 - u - phi·s; where that is negative there is no contact.
-A pad of thickness t answers with k·t·(x^n + x²/(1 - x)) a metre, where x = delta/t; that is k·delta / (1 - x) for the exponent
-n = 1. The cylinder spreads that over its width as a bed of springs does, and the elastomer blurs it on its way to the taxels.
+Along the contact line, s from the finger centre towards the peg's tip, the depth is delta0 + u + phi·s in the left pad
+and delta0 - u - phi·s in the right one; a negative depth means no contact. The load of a pad of thickness t is k·t·(x^n
++ x²/(1 - x)) per metre, with x = delta/t; for the exponent n = 1 it is k·delta / (1 - x). The cylinder spreads the load
+over its width as on a bed of springs, and the elastomer blurs it before the taxels.
 """
 
 import math
@@ -21,21 +21,22 @@ from sim.pad_solver import CELL, lie, spread
 
 LINE_POINTS = 33
 LEVER_LIMIT = 0.9
-"""Share of the largest bearable load to which loads are clipped that would lift the peg off a pad or lever it out, fraction."""
+"""Limit on loads that would lift the peg off a pad or tilt it out, as a share of the largest load that the pads bear,
+fraction."""
 GAUSS = ((-math.sqrt(0.6), 5 / 18), (0.0, 8 / 18), (math.sqrt(0.6), 5 / 18))
-"""Places, on -1 to 1, and weights of a mean by Gauss-Legendre quadrature."""
+"""Points on -1 to 1, and weights of a mean by Gauss-Legendre quadrature."""
 
 
 @dataclass(frozen=True, slots=True)
 class PadLoad:
-    """The load of the pads: the grip, and the forces that it resists."""
+    """Load of the pads: the grip, and the external forces on the peg."""
 
     theta: float
-    """In-hand angle about the closing axis, rad: the peg points along (cos t, sin t, 0) of the finger frame."""
+    """In-hand angle theta about the closing axis, rad: the peg points along (cos t, sin t, 0) of the finger frame."""
     offset: float
     """Distance of the peg's axis from the finger centre along (-sin t, cos t, 0), m."""
     grip_force: float
-    """Grip force of the hand, N; each pad's load while nothing pushes the peg."""
+    """Grip force of the hand, N; each pad's load without external force on the peg."""
     across: float
     """Force on the peg along z of the finger frame, towards the left pad, N."""
     tilting: float
@@ -49,22 +50,22 @@ class PadLoad:
     width: float
     """Diameter of a round peg, or width of the faces that lie in the pads, m."""
     is_flat: bool = False
-    """Whether two flat faces of the peg lie in the pads."""
+    """True if two flat faces of the peg lie in the pads."""
 
 
 TOUCH = PadLoad(
     theta=0.0, offset=0.0, grip_force=1.0, across=0.0, tilting=0.0, reach_tip=0.05, reach_back=0.01, width=0.008
 )
-"""Load that touches every pad, for warming up."""
+"""Load with contact on every pad, for warming up."""
 
 
 def load_of(peg: Peg, tcp: Pose, pose: Pose, grip_force: float, force: Vector, torque: Vector) -> PadLoad:
-    """Return the load of the pads: the grip, and the reaction to what pushes the peg, whose inertia is neglected.
+    """Return the load of the pads: the grip, and the reaction to external forces; the peg's inertia is neglected.
 
     Args:
         peg: The part.
         tcp: T_base_tcp, at the finger centre.
-        pose: Pose of the peg's middle, z from its end upward, base frame.
+        pose: Pose of the peg's centre, z from its end upward, base frame.
         grip_force: Grip force of the hand, N.
         force: Force of the plates on the peg, shape (3,), N, base frame.
         torque: Torque of that force about the finger centre, shape (3,), N·m, base frame.
@@ -81,7 +82,7 @@ def load_of(peg: Peg, tcp: Pose, pose: Pose, grip_force: float, force: Vector, t
         offset=float(way @ lateral),
         grip_force=grip_force,
         across=float(force @ closing),
-        # A force f along z at the lever s along the peg gives s·f about (z × peg), with the sign turned.
+        # A force f along z at the lever s along the peg exerts s·f about (z × peg), with opposite sign.
         tilting=-float(torque @ lateral),
         reach_tip=reach,
         reach_back=2 * half - reach,
@@ -91,7 +92,7 @@ def load_of(peg: Peg, tcp: Pose, pose: Pose, grip_force: float, force: Vector, t
 
 
 def contact_span(load: PadLoad, length: float, width: float) -> tuple[float, float]:
-    """Return the ends of the contact line on a pad of this size, two values of s, m; equal where the peg misses the pad."""
+    """Return the ends of the contact line on a pad of this size, two values of s, m; equal if the peg misses the pad."""
     return _span(load.theta, load.offset, load.reach_tip, load.reach_back, length / 2, width / 2)
 
 
@@ -111,23 +112,23 @@ def _span(
 
 
 class GripLimits(NamedTuple):
-    """Largest loads that friction of the two pads bears in their plane before the peg slips, force and moment each alone."""
+    """Largest force and moment that friction of the two pads transmits in their plane before the peg slips, each alone."""
 
     force: float
     """Largest force along the pads, in any direction, N."""
     torque: float
-    """Largest moment about the closing axis through the middle of the contact, N·m."""
+    """Largest moment about the closing axis through the centre of the contact, N·m."""
     middle: float
-    """Middle of the contact, m along the peg from the finger centre towards its tip."""
+    """Centre of the contact, m along the peg from the finger centre towards its tip."""
     length: float
-    """Length of the contact along the peg, m; 0 where the peg is not between the pads."""
+    """Length of the contact along the peg, m; 0 if the peg is not between the pads."""
 
 
 def breakaway_torque(load: PadLoad, friction: float, length: float, width: float) -> float:
-    """Return the torque about the closing axis at which the peg starts to turn in the pads, N·m, see `grip_limits`.
+    """Return the torque about the closing axis above which the peg rotates in the pads, N·m, see `grip_limits`.
 
     Args:
-        load: Load of the pads; `across` and `tilting` do not count.
+        load: Load of the pads; `across` and `tilting` have no effect.
         friction: Coulomb coefficient of peg on pad.
         length: Length of a pad along the finger, m.
         width: Width of a pad across the finger, m.
@@ -152,21 +153,20 @@ def grip_limits(
     friction: float,
     flat: float = 0.0,
 ) -> GripLimits:
-    """Return the largest force and moment that friction in the pads bears, by Coulomb's law for a line or face under
-    uniform pressure.
+    """Return the largest force and moment from friction in the pads, by Coulomb's law under uniform pressure.
 
-    The two pads' normal forces add up to twice the grip force N, so that a force slides the peg at 2·mu·N. A moment turns
-    it about the middle of the contact, and each pad resists with mu·N·(integral of |r| ds)/l: for a line of length l that is
-    mu·N·l/4 a pad. A flat face is many such lines.
+    The two pads' normal forces add up to twice the grip force N, so that a force slides the peg at 2·mu·N. A moment
+    rotates it about the centre of the contact, and each pad resists with mu·N·(integral of |r| ds)/l. For a line of
+    length l that is mu·N·l/4 per pad. A flat face consists of many such lines.
 
     Args:
         theta: In-hand angle, rad.
         offset: Distance of the peg's axis from the finger centre along (-sin t, cos t, 0), m.
         grip_force: Grip force of the hand, N.
-        reach: Lengths of the peg from the finger centre towards its tip and the other way, m.
+        reach: Lengths of the peg from the finger centre towards its tip and towards its back end, m.
         half: Half the length and half the width of a pad, m.
         friction: Coulomb coefficient of peg on pad.
-        flat: Width of a flat face, m; 0 is the line of a round peg.
+        flat: Width of a flat face, m; 0 for the line contact of a round peg.
     """
     lines = [(flat / 2 * place, weight) for place, weight in GAUSS] if flat > 0.0 else [(0.0, 1.0)]
     spans = [(beside, weight, *_span(theta, offset + beside, *reach, *half)) for beside, weight in lines]
@@ -190,7 +190,7 @@ def _lever(s: float, offset: float) -> float:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Pressing:
-    """The lie of the peg in the pads."""
+    """Position and depth of the peg in the pads."""
 
     low: float
     """Start of the contact line, m along the peg from the finger centre."""
@@ -211,15 +211,15 @@ class Pressing:
 
 
 class Pads:
-    """Two pads with taxels under them."""
+    """Two pads over taxels."""
 
     def __init__(self, config: PadConfig, layout: Layout, misplaced: Vector | None = None) -> None:
-        """Set up pads of the size that belongs to `layout`.
+        """Set up pads of the size of `layout`.
 
         Args:
             config: Elastomer and taxels.
             layout: Layout of the two modules of a finger.
-            misplaced: Offset of each taxel from its place in the layout, shape (2, 20, 2), m; None for no offsets.
+            misplaced: Offset of each taxel from its position in the layout, shape (2, 20, 2), m; None for no offsets.
         """
         self.length, self.width = pad_size(layout)
         self._config = config
@@ -229,20 +229,22 @@ class Pads:
             if misplaced is None
             else weights_at(finger_positions(layout) + misplaced, layout, config.blur, config.taxel_diameter)
         )
-        # The first touch of a process compiles, which must not happen during a run that a PLC watches.
+        # The first contact of a process compiles code, which must not happen during a run with a PLC watchdog.
         self.pressure(TOUCH)
 
     def line_load(self, depth: Vector) -> Vector:
         """Return the load of a pad for a depth of the contact line, N/m."""
+        # k t (x^n + x² / (1 - x)), x = depth / t.
         share = depth / self._config.thickness
         answer = share**self._config.exponent + share**2 / (1.0 - share)
         load: Vector = self._foundation * self._config.thickness * answer
         return load
 
     def press(self, load: PadLoad) -> Pressing:
-        """Return the lie of the peg under `load`.
+        """Return position and depth of the peg under `load`.
 
-        Newton's method minimises the potential energy of the pads, which is convex, so that the answer is unique.
+        Newton's method minimises the potential energy of the pads. The energy is convex, so that the solution is
+        unique.
         """
         low, high = contact_span(load, self.length, self.width)
         if high - low < CELL or load.grip_force <= 0.0:
@@ -250,9 +252,10 @@ class Pads:
         step = (high - low) / LINE_POINTS
         s = low + step * (np.arange(LINE_POINTS) + 0.5)
         mean, pad = load.grip_force / (high - low) / self._foundation, self._config
+        # Mean depth for n = 1, from m = delta0 / (1 - delta0/t) with the mean load m: delta0 = m / (1 + m/t).
         delta0 = mean / (1.0 + mean / pad.thickness)
         if pad.exponent != 1.0:
-            # Under the grip alone every point of both pads answers with the mean.
+            # Under the grip alone every point of both pads carries the mean load.
             one = np.ones((1, 1))
             delta0 = float(lie(one, np.array([mean]), np.array([delta0]), 0.0, pad.thickness, pad.exponent)[0])
         across, tilting = _bearable(load, low, high)
@@ -266,11 +269,11 @@ class Pads:
         return Pressing(low, high, float(delta0), float(u), float(phi))
 
     def pressure(self, load: PadLoad) -> Vector:
-        """Return the pressure that each taxel sees, shape (2, 20), left finger first, Pa."""
+        """Return the pressure on each taxel, shape (2, 20), left finger first, Pa."""
         pressing = self.press(load)
         if pressing.high <= pressing.low:
             return np.zeros(self._weights.shape[:2])
-        # The pad's edges shorten a line; a face is cut by the grid, which has no cells beyond the edges.
+        # The pad's edges shorten a line; the grid limits a face, because it has no cells beyond the edges.
         ends = (-load.reach_back, load.reach_tip) if load.is_flat else (pressing.low, pressing.high)
         taxels = np.zeros(self._weights.shape[:2])
         spread(
@@ -286,7 +289,7 @@ class Pads:
 
 
 def _bearable(load: PadLoad, low: float, high: float) -> tuple[float, float]:
-    """Return `across` and `tilting`, reduced to what pads that cannot pull can bear."""
+    """Return `across` and `tilting`, limited to loads that pads without tension can bear."""
     most = 2.0 * LEVER_LIMIT * load.grip_force
     across = min(max(load.across, -most), most)
     left, right = load.grip_force + across / 2, load.grip_force - across / 2
@@ -297,20 +300,20 @@ def _bearable(load: PadLoad, low: float, high: float) -> tuple[float, float]:
 
 @lru_cache
 def taxel_weights(layout: Layout, blur: float, diameter: float) -> tuple[Vector, Vector]:
-    """Return the result of `weights_at` for taxels that sit where the layout says."""
+    """Return the result of `weights_at` for taxels at their positions in the layout."""
     return weights_at(finger_positions(layout), layout, blur, diameter)
 
 
 def weights_at(places: Vector, layout: Layout, blur: float, diameter: float) -> tuple[Vector, Vector]:
     """Return the grid's cells, shape (n, 2), m, and the share of each cell's pressure in a taxel, shape (2, 20, n).
 
-    The point spread is a Gaussian averaged over the taxel's disc; on an endless pad the shares of a taxel add up to 1.
+    The point spread is a Gaussian averaged over the taxel's disc; on an infinite pad the shares of a taxel add up to 1.
 
     Args:
-        places: Middles of the taxels in the plane of the pad, shape (2, 20, 2), m.
-        layout: Layout of the taxels, which gives the pad its size.
+        places: Centres of the taxels in the plane of the pad, shape (2, 20, 2), m.
+        layout: Layout of the taxels, which defines the pad's size.
         blur: Standard deviation of the point spread, m.
-        diameter: Diameter of the area that a taxel averages over, m.
+        diameter: Diameter of a taxel's averaging area, m.
     """
     length, width = pad_size(layout)
     x, y = ((np.arange(round(size / CELL)) + 0.5) * size / round(size / CELL) - size / 2 for size in (length, width))

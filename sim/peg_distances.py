@@ -7,30 +7,29 @@ from drivers.compiled import njit
 from drivers.quantities import Vector
 
 FAR = 0.003
-"""Distance of every point of the peg's end from the hole's edge beyond which the peg is far, m; in 1 ms it moves less
-than a tenth of that.
-"""
+"""Distance of every point of the peg's end from the hole's edge beyond which the peg is far, m. In 1 ms the end moves
+less than a tenth of it."""
 
 
 class PegView(NamedTuple):
-    """The peg's size and present pose."""
+    """Size and present pose of the peg."""
 
     size: Vector
     """Radius and half the length, m."""
     middle: Vector
-    """View of the peg's middle, shape (3,), m, base frame."""
+    """View of the peg's centre, shape (3,), m, base frame."""
     axes: Vector
     """View of the peg's axes, shape (3, 3), z from its end upward."""
 
 
 @njit(cache=True)
 def is_far(hole: Vector, size: Vector, middle: Vector, axes: Vector) -> bool:  # pragma: no cover
-    """Return whether every point of the peg's end is `FAR` from the hole's edge, sideways or above.
+    """Return True if every point of the peg's end is `FAR` from the hole's edge, sideways or above.
 
     Args:
-        hole: Middle of the mouth, m; outward axis; radius, m: shape (7,), base frame.
+        hole: Centre of the mouth, m; outward axis; radius, m: shape (7,), base frame.
         size: Radius and half the length of the peg, m.
-        middle: Middle of the peg, shape (3,), m, base frame.
+        middle: Centre of the peg, shape (3,), m, base frame.
         axes: Axes of the peg, shape (3, 3), z from its end upward.
     """
     height, square, along = 0.0, 0.0, 0.0
@@ -48,12 +47,12 @@ def is_far(hole: Vector, size: Vector, middle: Vector, axes: Vector) -> bool:  #
 def pad_gap(
     pads: tuple[int, int], sizes: Vector, places: Vector, axes: Vector, peg: PegView
 ) -> float:  # pragma: no cover
-    """Return a lower bound of the distance between the pads and the peg, m; negative where they may touch.
+    """Return a lower bound of the distance between the pads and the peg, m; negative if contact is possible.
 
     Args:
         pads: Indices of the pads' geoms, which are boxes.
         sizes: Half the extents of all geoms, shape (n, 3), m.
-        places: Middles of all geoms, shape (n, 3), m, base frame.
+        places: Centres of all geoms, shape (n, 3), m, base frame.
         axes: Axes of all geoms, shape (n, 9).
         peg: Size and pose of the peg.
     """
@@ -76,13 +75,13 @@ def pad_gap(
 def below_mouth(
     half: float, middle: Vector, axes: Vector, mouth: Vector, plate: Vector
 ) -> tuple[float, float]:  # pragma: no cover
-    """Return the distances of the middle of a peg's end below a hole's mouth and beside the hole's axis, m.
+    """Return the depth of the centre of a peg's end below a hole's mouth, and its distance from the hole's axis, m.
 
     Args:
         half: Half the length of the peg, m.
-        middle: Middle of the peg, shape (3,), m, base frame.
+        middle: Centre of the peg, shape (3,), m, base frame.
         axes: Axes of the peg, shape (3, 3), z from its end upward.
-        mouth: Middle of the hole's mouth, shape (3,), m, base frame.
+        mouth: Centre of the hole's mouth, shape (3,), m, base frame.
         plate: Axes of the plate, shape (3, 3), z outward.
     """
     x = middle[0] - half * axes[0, 2] - mouth[0]

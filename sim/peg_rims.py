@@ -1,10 +1,10 @@
-"""Contacts of a round peg's rims with a plate: with its surface, the wall of its bore, its chamfer, its edges and its floor.
+"""Contacts of a round peg's rims with a plate: its surface, the wall of its bore, its chamfer, its edges and its floor.
 
-Every point of a rim must stay out of the solid {z < 0, rho > R, rho > R + c + z}, so its clearance is
-g = max(z, R - rho, (R + c - rho + z) / sqrt 2), the distances to plane, wall and cone; without a chamfer, c = 0, there is no
-cone. The local minima of g over the rim are rim on plane (z decides), rim on wall (R - rho decides), rim on cone and, where two
-of them are equal, edge on edge, whose normal is the convex combination of the two that is perpendicular to the rim: the cross
-product of the two edges' tangents.
+Every point of a rim must stay out of the solid {z < 0, rho > R, rho > R + c + z}, so its clearance is g = max(z, R -
+rho, (R + c - rho + z) / sqrt 2), the distances to plane, wall and cone; without a chamfer, c = 0, there is no cone. The
+local minima of g over the rim are rim on plane (g = z), rim on wall (g = R - rho) and rim on cone. If two terms are
+equal, the minimum is edge on edge. Its normal is the convex combination of the two normals that is perpendicular to the
+rim: the cross product of the two edges' tangents.
 """
 
 import math
@@ -16,14 +16,14 @@ from drivers.compiled import njit
 from sim.contact import FEATURE_BAND, NEAR, PENETRATION, SAMPLE_BAND, SURFACE, put
 
 SCAN = 48
-"""Number of points of a peg's rim, and of a hole's edge, that are scanned for minima."""
+"""Number of points of a peg's rim, and of a hole's edge, in the scan for minima."""
 SAMPLE_EVERY = 3
-"""Interval of the scanned points that are also contacts where surfaces are nearly conformal: every third."""
+"""Interval of the scanned points that are also contacts on nearly conformal surfaces."""
 UP = (0.0, 0.0, 1.0)
 SLANT = math.sqrt(0.5)
 """Sine and cosine of a chamfer's angle."""
 PLANE, CONE, WALL = (0.0, 1.0), (SLANT, SLANT), (1.0, 0.0)
-"""Normals of the faces of a plate, into the hole and upward."""
+"""Normals of the faces of a plate, components into the hole and upward."""
 
 ANGLE = 2.0 * math.pi / SCAN
 COS = np.cos(ANGLE * np.arange(SCAN))
@@ -31,10 +31,10 @@ SIN = np.sin(ANGLE * np.arange(SCAN))
 
 
 class End(NamedTuple):
-    """A rim of a round peg in the plate's frame: that of its end face, or the upper one of its chamfer."""
+    """A rim of a round peg in the plate's frame: that of its end face, or the upper rim of its chamfer."""
 
     c: tuple[float, float, float]
-    """Middle of the rim, m."""
+    """Centre of the rim, m."""
     e1: tuple[float, float, float]
     """First axis in the plane of the rim."""
     e2: tuple[float, float, float]
@@ -74,7 +74,7 @@ def _inward(p, rho):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, inline="always")
 def _mouth(meet):  # type: ignore[no-untyped-def]
-    """Return the radius of the hole's chamfer at the surface, m; minus infinity, which is near nothing, where there is none."""
+    """Return the radius of the hole's chamfer at the surface, m; minus infinity without a chamfer."""
     return meet.hole + meet.chamfer if meet.chamfer > 0.0 else -math.inf
 
 
@@ -93,7 +93,7 @@ def _put_cone(meet, distance, p, rho, band):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, inline="always")
 def collide_plane(meet, end):  # type: ignore[no-untyped-def]
-    """Add the rim against the plane where all of it is over solid plate."""
+    """Add the rim against the plane if the whole rim is over solid plate."""
     for i in range(0, SCAN, SAMPLE_EVERY):
         if end.c[2] + end.r * (COS[i] * end.e1[2] + SIN[i] * end.e2[2]) <= SAMPLE_BAND + meet.reach:
             p, _ = _rim(end, COS[i], SIN[i])
@@ -151,7 +151,7 @@ def collide_rim(meet, end):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, inline="always")
 def _collide_cone(meet, end, Z, W):  # type: ignore[no-untyped-def]
-    """Add the peg's rim against the hole's chamfer and both edges of it, given its distances to plane and wall, m."""
+    """Add the peg's rim against the hole's chamfer and both its edges, given the rim's distances to plane and wall, m."""
     near = NEAR + end.r * ANGLE
     S = SLANT * (meet.chamfer + W + Z)
     for i in range(SCAN):
@@ -167,9 +167,12 @@ def _collide_cone(meet, end, Z, W):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, inline="always")
 def _rim_on_wall(meet, end, angle):  # type: ignore[no-untyped-def]
-    """Add the point of the rim near `angle` that is nearest the wall, unless another face is nearer there: then it is no minimum."""
+    """Add the point of the rim near `angle` that is nearest to the wall.
+
+    If another face is nearer there, the point is no minimum and is omitted.
+    """
     hole, c = meet.hole, end.c
-    # Newton on d(rho^2)/d(angle).
+    # Newton's method on d(rho²)/d(angle).
     for _ in range(4):
         p, dp = _rim(end, math.cos(angle), math.sin(angle))
         slope = p[0] * dp[0] + p[1] * dp[1]
@@ -185,9 +188,9 @@ def _rim_on_wall(meet, end, angle):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, inline="always")
 def _rim_on_cone(meet, end, angle):  # type: ignore[no-untyped-def]
-    """Add the point of the rim near `angle` that is nearest the chamfer, unless another face is nearer there."""
+    """Add the point of the rim near `angle` that is nearest to the chamfer, unless another face is nearer there."""
     c = end.c
-    # Newton on d(z - rho)/d(angle).
+    # Newton's method on d(z - rho)/d(angle).
     for _ in range(4):
         p, dp = _rim(end, math.cos(angle), math.sin(angle))
         rho = max(math.sqrt(p[0] * p[0] + p[1] * p[1]), 1e-9)
@@ -206,7 +209,7 @@ def _rim_on_cone(meet, end, angle):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, inline="always")
 def _is_crossed(first, second, near):  # type: ignore[no-untyped-def]
-    """Return whether two faces change places between a scanned point and the next one, and are near there.
+    """Return True if the nearer of two faces changes between a scanned point and the next one, and both are near there.
 
     Args:
         first: Distances to the first face at both points, m.
@@ -218,7 +221,7 @@ def _is_crossed(first, second, near):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, inline="always")
 def _distance(meet, face, p, rho):  # type: ignore[no-untyped-def]
-    """Return the distance of a point to a face of the plate, m."""
+    """Return the distance of a point from a face of the plate, m."""
     return face[0] * (_radius(meet, face) - rho) + face[1] * p[2]
 
 
@@ -230,14 +233,15 @@ def _radius(meet, face):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def _edge_on_edge(meet, end, i, faces, values):  # type: ignore[no-untyped-def]
-    """Add the point of the rim after a scanned one where two faces are equally far, by regula falsi (Illinois).
+    """Add the point of the rim after a scanned one at equal distance from two faces, by regula falsi (Illinois).
 
     Args:
         meet: Pair of plate and peg.
         end: Rim of the peg.
         i: Number of the scanned point.
         faces: The two faces, and the third one, which must not be nearer.
-        values: Distance to the first face less distance to the second one at that point and the next one, m; of unequal signs.
+        values: Distance to the first face minus distance to the second at that point and the next one, m; of opposite
+            signs.
     """
     one, two, other = faces
     radius = two[0] * _radius(meet, two) - one[0] * _radius(meet, one)

@@ -1,8 +1,8 @@
-"""A plate with its hole, and its models: closed form, or facets for MuJoCo's own collision to work on.
+"""A plate with its hole, and its models: closed form, or facets for MuJoCo's own collision detection.
 
-A ring of boxes tangent to the hole leaves a gap at every corner, R (1/cos(pi/N) - 1); flats that turn with the peg
-leave none. Facets make contacts by MuJoCo's box against cylinder; beside them the closed form can go along as a
-probe, which makes no contacts and only tells the penetration.
+A ring of boxes tangent to the hole leaves a gap at every corner, R (1/cos(pi/N) - 1); flats that rotate with the peg
+leave none. Facets use MuJoCo's contact of box and cylinder. The closed form can run in parallel as a probe, which makes
+no contacts and only meters the penetration.
 """
 
 import math
@@ -16,38 +16,38 @@ from sim import contact, flats
 from sim.config import ModelConfig
 
 SIMP = "0.9999 0.9999 0.00001"
-"""`solimp` of facets: MuJoCo's stiffest, within 10 um."""
+"""Parameter `solimp` of facets: MuJoCo's stiffest, within 10 um."""
 RING_WIDTH = 0.05
 """Half the width of a box of the ring, radially, m."""
 FLOOR = 0.01
-"""Half the thickness of the floor under facets, m."""
+"""Half the thickness of the floor of a faceted hole, m."""
 EXACT = ModelConfig()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Plate:
-    """A plate with its hole as it really is."""
+    """True geometry of a plate with its hole."""
 
     position: Vector
-    """Middle of the hole's mouth, shape (3,), m, base frame."""
+    """Centre of the hole's mouth, shape (3,), m, base frame."""
     rotation: Vector
-    """Axes of the plate, z outward, x and y along the sides of a hole that has any, shape (3, 3)."""
+    """Axes of the plate, shape (3, 3), z outward; x and y along the sides of a hole with sides."""
     half: tuple[float, float]
-    """Half the extents of the hole along x and y, m: the radius for both, or half of each side."""
+    """Half the extents of the hole along x and y, m: the radius twice, or half of each side."""
     depth: float
     """Depth of the floor, m."""
 
     outline: tuple[float, float, float, float] = contact.ENDLESS
-    """Middle and half the extents of the plate along x and y of its own frame, m; beyond them nothing is touched."""
+    """Centre and half the extents of the plate along x and y of its own frame, m; no contacts outside."""
     chamfer: float = 0.0
     """Width and depth of the chamfer of 45 degrees at the mouth of a round hole, m."""
     rubbing: contact.Rubbing = contact.EVEN
-    """How the friction changes with speed and place."""
+    """Change of the friction with speed and position."""
     tiles: tuple["Plate", ...] = ()
-    """Tiles of one hole each, that of the plate's own hole first, see `sim.decoys`; empty for a plate with one hole."""
+    """Tiles of one hole each, the plate's own hole first, see `sim.decoys`; empty for a plate with one hole."""
 
     def is_below(self, place: Vector) -> bool:
-        """Whether the plate is what lies below a place, shape (3,), m, base frame."""
+        """True if the plate lies below a position, shape (3,), m, base frame."""
         x, y, height = self.rotation.T @ (place - self.position)
         middle_x, middle_y, half_x, half_y = self.outline
         return bool(height > 0.0 and abs(x - middle_x) <= half_x and abs(y - middle_y) <= half_y)
@@ -56,12 +56,12 @@ class Plate:
 def outline_of(
     place: Vector, rotation: Vector, low: tuple[float, float], high: tuple[float, float]
 ) -> tuple[float, float, float, float]:
-    """Return the outline of a plate, see `Plate`, that covers a rectangle of the base frame.
+    """Return the outline of a plate that covers a rectangle of the base frame, see `Plate`.
 
     Args:
-        place: Middle of the hole's mouth, shape (3,), m, base frame.
+        place: Centre of the hole's mouth, shape (3,), m, base frame.
         rotation: Axes of the plate, shape (3, 3).
-        low: Least x and y of the rectangle, m, base frame.
+        low: Smallest x and y of the rectangle, m, base frame.
         high: Largest x and y, m.
     """
     away = np.array([(low[0] + high[0]) / 2 - place[0], (low[1] + high[1]) / 2 - place[1], 0.0])
@@ -73,7 +73,7 @@ def outline_of(
 def geoms(
     name: str, plate: Plate, friction: float, timestep: float, model: ModelConfig = EXACT, is_judged: bool = True
 ) -> list[str]:
-    """Return the plate as geoms in MuJoCo's XML, the one of the closed form first.
+    """Return the plate as geoms in MuJoCo's XML, the closed form first.
 
     Args:
         name: Name of the first geom.
@@ -81,7 +81,7 @@ def geoms(
         friction: Coulomb coefficient against the peg.
         timestep: Time step of the physics, s.
         model: Model of the hole.
-        is_judged: Whether the penetration is told also where facets make the contacts.
+        is_judged: True to meter the penetration even if facets make the contacts.
     """
     if plate.tiles:
         tiles = ((name if i == 0 else f"{name} {i}", tile) for i, tile in enumerate(plate.tiles))
@@ -95,7 +95,7 @@ def geoms(
     how = (timestep, solref, mode, has_flats)
     user = contact.plate_user(plate.half, plate.depth, friction, *how, plate.outline, plate.chamfer, plate.rubbing)
     x, y, half_x, half_y = plate.outline
-    # The ellipsoid bounds the volume in which the closed form is asked at all.
+    # The ellipsoid bounds the volume in which MuJoCo calls the closed form.
     around = math.hypot(abs(x) + half_x, abs(y) + half_y)
     shapes = [
         f'<geom name="{name}" type="ellipsoid" size="{words((around, around, around))}" {_pose(plate, np.zeros(3), 0.0)} '
@@ -119,7 +119,7 @@ def geoms(
 
 
 def stiffness(model: ModelConfig, timestep: float) -> tuple[float, float]:
-    """Return the contacts' `solref`: a time constant, s, and a damping ratio, or -k and -b where k is given."""
+    """Return the contacts' `solref`: a time constant, s, and a damping ratio, or -k and -b if k is given."""
     if model.stiffness is not None:
         return -model.stiffness, -2.0 * math.sqrt(model.stiffness)
     return max(model.time_constant * timestep, model.contact_time), 1.0
@@ -129,13 +129,13 @@ def flags(model: ModelConfig) -> str:
     """Return MuJoCo's flags for this model of the hole."""
     if model.hole in ("exact", "unpredicted"):
         return ""
-    # Without the mid-phase the first geom is dealt with before the flats that it turns.
+    # Without the mid-phase, MuJoCo processes the first geom before the flats that it rotates.
     path = "enable" if model.native_ccd else "disable"
     return f'nativeccd="{path}" multiccd="disable" midphase="disable"'
 
 
 def words(values: object) -> str:
-    """Return numbers as XML has them, to the last digit."""
+    """Return numbers in XML form, to the last digit."""
     return " ".join(repr(float(v)) for v in np.asarray(values).ravel())
 
 

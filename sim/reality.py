@@ -1,8 +1,8 @@
-"""The differences between the true cell and the cell that the software believes in, drawn per trial and known to no skill.
+"""Differences between the true cell and the cell assumed by the software, drawn per trial and hidden from all skills.
 
-`config/reality.toml` says how each error is distributed, in which unit, and from which source; `reality.scale` says
-how large the errors are. Every error has a stream of random numbers of its own, which depends on the trial's seed and
-on the error's name alone, so that an error that is added, left out or drawn alone shifts no other.
+`config/reality.toml` contains distribution, unit and source of each error; `reality.scale` scales the errors. Every
+error has its own random stream, which depends only on the trial's seed and the error's name. Adding, omitting or
+isolating an error therefore does not change the others.
 """
 
 import tomllib
@@ -24,9 +24,9 @@ from drivers.skin.layout import MODULES
 from sim.config import RealityConfig
 
 REALITY_STREAM = 4
-"""Key of the random streams of errors; the trial's place, feel, skin and search draw from those before it."""
+"""Key of the random streams of errors; the trial's position, readings, skin and search use lower keys."""
 CUT_OFF = 3.0
-"""Standard deviations from 0 at which normal draws are cut off."""
+"""Limit of normal draws, standard deviations from 0."""
 SHAPES: dict[str, tuple[int, ...]] = {
     "trial": (),
     "axis": (3,),
@@ -35,20 +35,20 @@ SHAPES: dict[str, tuple[int, ...]] = {
     "taxel": (FINGERS, TAXELS),
     "taxel_axis": (FINGERS, TAXELS, 2),
 }
-"""Shape of a draw by what one value is drawn for."""
+"""Shape of a draw by the object of one value."""
 RECORDED = ("trial", "axis", "joint", "module")
-"""Kinds of draws that a trial's row records; values of single taxels follow from the seed."""
+"""Kinds of draws recorded in a trial's row; values of single taxels follow from the seed."""
 
 
 class ErrorKind(NamedTuple):
-    """How the simulation draws and uses one error."""
+    """Rules for drawing and using one error."""
 
     each: str
-    """What one value is drawn for, a key of `SHAPES`."""
+    """Object of one value, a key of `SHAPES`."""
     ideal: float
-    """Value in a cell that agrees with the software's belief."""
+    """Value in a cell that agrees with the software's assumptions."""
     part_of: str = ""
-    """Error without which this one does nothing, and with which it is drawn wherever that one is drawn alone."""
+    """Error without which this one has no effect; if that error is drawn alone, this one is drawn too."""
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -86,11 +86,11 @@ KINDS: dict[str, ErrorKind] = {
     "scan.late": ErrorKind("trial", 0.0),
     "scan.delay": ErrorKind("trial", 0.0, part_of="scan.late"),
 }
-"""Kind of every error by its name in the file, which must hold each of them once."""
+"""Kind of every error by its name in the file; the file must contain each name once."""
 
 Figure = float | tuple[float, ...]
 Drawn = Mapping[str, Vector]
-"""One trial's errors by name, each of the shape that its kind says."""
+"""One trial's errors by name, each of the shape of its kind."""
 
 
 def _fixed(value: Vector) -> Vector:
@@ -99,7 +99,7 @@ def _fixed(value: Vector) -> Vector:
 
 
 AS_BELIEVED: Drawn = {name: _fixed(np.full(kind.shape, kind.ideal)) for name, kind in KINDS.items()}
-"""Draw of a cell that agrees with the software's belief."""
+"""Draw of a cell that agrees with the software's assumptions."""
 
 
 class ErrorModel(ConfigModel):
@@ -110,7 +110,7 @@ class ErrorModel(ConfigModel):
     unit: Annotated[str, Field(min_length=1)]
     """Unit of the drawn value."""
     basis: Literal["measured", "published", "assumed"]
-    """Whether the source gives the figure or only its order of magnitude."""
+    """Basis of the figure; `assumed` if the source supports only its order of magnitude."""
     source: Annotated[str, Field(min_length=10)]
     """Source of the figure."""
 
@@ -132,13 +132,13 @@ class Normal(ErrorModel):
 
 
 class Uniform(ErrorModel):
-    """Even distribution between two bounds, which grow with the scale."""
+    """Uniform distribution between two bounds, which grow with the scale."""
 
     distribution: Literal["uniform"]
     low: Figure
-    """Least value, in `unit`."""
+    """Smallest value, in `unit`."""
     high: Figure
-    """Greatest value, in `unit`."""
+    """Largest value, in `unit`."""
 
     @model_validator(mode="after")
     def _is_ordered(self) -> "Uniform":
@@ -152,7 +152,7 @@ class Uniform(ErrorModel):
 
 
 class Factor(ErrorModel):
-    """A factor about 1 that is distributed evenly in its logarithm."""
+    """A factor about 1 with a uniformly distributed logarithm."""
 
     distribution: Literal["factor"]
     spread: Annotated[float, Field(ge=1.0)] | tuple[Annotated[float, Field(ge=1.0)], ...]
@@ -164,7 +164,7 @@ class Factor(ErrorModel):
 
 
 class Lognormal(ErrorModel):
-    """A factor about 1 whose logarithm is normal, cut off at 3 sigma."""
+    """A factor about 1 with a normally distributed logarithm, cut off at 3 sigma."""
 
     distribution: Literal["lognormal"]
     sigma: NonNegativeFloat
@@ -176,11 +176,14 @@ class Lognormal(ErrorModel):
 
 
 class Quantiles(ErrorModel):
-    """A factor about 1 whose measured quantiles are stated; even in its logarithm between two of them, and never beyond the outermost."""
+    """A factor about 1 with measured quantiles.
+
+    Its logarithm is uniform between two quantiles and ends at the outermost ones.
+    """
 
     distribution: Literal["quantiles"]
     shares: tuple[Fraction, ...]
-    """Shares of all draws that are at most the value of the same place."""
+    """Share of all draws at or below each of `values`."""
     values: tuple[Annotated[float, Field(gt=0.0)], ...]
     """Value at each share, in `unit`."""
 
@@ -193,31 +196,31 @@ class Quantiles(ErrorModel):
         return self
 
     def figures(self) -> Mapping[str, Figure]:
-        """Return nothing, because no figure belongs to a joint, an axis or a module of its own."""
+        """Return no figures, because none belongs to a joint, an axis or a module."""
         return {}
 
     def draw(self, rng: np.random.Generator, scale: float, shape: tuple[int, ...]) -> Vector:
         """Return one draw of a shape at a scale."""
-        # x = exp(scale * ln F^-1(u)), with u even on 0 to 1.
+        # x = exp(scale · ln F^-1(u)), u uniform on 0 to 1.
         return np.asarray(np.exp(scale * np.interp(rng.uniform(size=shape), self.shares, np.log(self.values))))
 
 
 class Range(ErrorModel):
-    """A factor that is distributed evenly in its logarithm over a range that nothing physical leaves."""
+    """A factor with a uniformly distributed logarithm over a physically fixed range."""
 
     distribution: Literal["range"]
     low: Annotated[float, Field(gt=0.0)]
-    """Least factor."""
+    """Smallest factor."""
     high: Annotated[float, Field(gt=0.0)]
     """Largest factor."""
 
     def draw(self, rng: np.random.Generator, scale: float, shape: tuple[int, ...]) -> Vector:
-        """Return one draw of a shape at a scale; beyond scale 1 the range stays as it is."""
+        """Return one draw of a shape at a scale; for scales above 1 the range stays constant."""
         return np.asarray(np.exp(min(scale, 1.0) * rng.uniform(np.log(self.low), np.log(self.high), shape)))
 
 
 class Chance(ErrorModel):
-    """Draw of 1 with some probability, else of 0."""
+    """Draw of 1 with a given probability, otherwise 0."""
 
     distribution: Literal["chance"]
     probability: Fraction
@@ -234,14 +237,14 @@ AnyError = Annotated[
 
 
 class Reality:
-    """The errors that one file describes."""
+    """Errors described by one file."""
 
     def __init__(self, errors: Mapping[str, AnyError]) -> None:
-        """Keep the errors by name."""
+        """Store the errors by name."""
         self.errors = dict(errors)
 
     def changed(self, tables: Mapping[str, Mapping[str, Any]]) -> "Reality":
-        """Return these errors with some replaced, as `reality.errors` has them.
+        """Return these errors with the replacements from `reality.errors`.
 
         Raises:
             ConfigError: An error is unknown, without a source or out of bounds.
@@ -249,10 +252,11 @@ class Reality:
         return Reality(self.errors | _errors("reality.errors", tables))
 
     def draw(self, seed: int, reality: RealityConfig) -> Drawn:
-        """Return the draw of the trial with this seed; the values cannot be changed.
+        """Return the draw of the trial with this seed; the values are read-only.
 
         Raises:
-            ConfigError: `reality.alone` or `reality.without` names no error, or `alone` one that does nothing alone.
+            ConfigError: `reality.alone` or `reality.without` names no error, or `alone` names one without effect of its
+                own.
         """
         if reality.alone not in ("", *self.errors):
             raise ConfigError(f"reality.alone = {reality.alone!r}: no such error; {', '.join(self.errors)} allowed")
@@ -272,7 +276,7 @@ class Reality:
 
 @dataclass(frozen=True, slots=True)
 class Errors:
-    """The errors of one cell and their scale."""
+    """Errors of one cell and their scale."""
 
     reality: Reality
     config: RealityConfig
@@ -287,14 +291,15 @@ class Errors:
 
 
 NO_ERRORS = Errors(Reality({}), RealityConfig(scale=0.0))
-"""Errors of a cell that agrees with the software's belief."""
+"""Errors of a cell that agrees with the software's assumptions."""
 
 
 def read(path: Path) -> Reality:
-    """Return the errors that a file describes.
+    """Return the errors described by a file.
 
     Raises:
-        ConfigError: The file is not readable or not TOML, or an error is missing, unknown, without a source or out of bounds.
+        ConfigError: The file is unreadable or not TOML, or an error is missing, unknown, without a source or out of
+            bounds.
     """
     try:
         tree = tomllib.loads(path.read_text(encoding="utf-8"))
@@ -310,7 +315,10 @@ def read(path: Path) -> Reality:
 
 
 def recorded(drawn: Drawn) -> dict[str, str]:
-    """Return the part of a draw that a trial's row records: by name, values parted by spaces; taxels follow from the seed."""
+    """Return the part of a draw that a trial's row records: values by name, separated by spaces.
+
+    Values of taxels follow from the seed.
+    """
     return {
         f"reality.{name}": " ".join(f"{value:.5g}" for value in drawn[name].flat)
         for name, kind in KINDS.items()
@@ -333,7 +341,7 @@ def _tables(path: str, group: str, tables: Any) -> list[tuple[str, Any]]:
 
 
 class _Holder(ConfigModel):
-    """Model of one error that pydantic chooses by the error's distribution."""
+    """Wrapper of one error, whose model pydantic chooses by its distribution."""
 
     error: AnyError
 
@@ -342,7 +350,7 @@ def _error(path: str, name: str, table: Any) -> AnyError:
     try:
         model = _Holder.model_validate({"error": table}).error
     except ValidationError as error:
-        # For a figure that may be one number or several, the complaint at the deepest place is the one to report.
+        # If a figure can be one number or several, the message at the deepest location is the one to report.
         first = max(error.errors(), key=lambda said: len(said["loc"]))
         key = first["loc"][2] if len(first["loc"]) > 2 else "distribution"
         said = first["msg"].removeprefix("Value error, ")
@@ -359,7 +367,7 @@ def _one_each(path: str, name: str, error: AnyError) -> AnyError:
 
 
 def _standard(rng: np.random.Generator, shape: tuple[int, ...]) -> Vector:
-    """Return standard normal draws; those beyond the cut-off are drawn again."""
+    """Return standard normal draws; values beyond the limit are drawn again."""
     values = np.asarray(rng.standard_normal(shape))
     while np.any(far := np.abs(values) > CUT_OFF):
         values = np.where(far, rng.standard_normal(shape), values)

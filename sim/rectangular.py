@@ -1,9 +1,9 @@
-"""Exact contacts between a rectangular peg and plates with one rectangular hole, beside `sim.cylinder` with the round ones.
+"""Exact contacts between a rectangular peg and plates with one rectangular hole; `sim.cylinder` has the round ones.
 
-Peg and solid are bounded by planes, so the places where they can touch are finite in number: the corners of the peg's
-end against plane, walls and floor, and the hole's four rim edges against the peg's edges. The hole's own corners are
-re-entrant and touch nothing. A pair of edges counts where the normal of both lies in the cone of normals of the solid's
-edge and, turned round, of the peg's; a little outside of it, where a face is nearly flush with an edge, it stands for
+Peg and solid are bounded by planes, so the number of possible contacts is finite: the corners of the peg's end against
+plane, walls and floor, and the hole's four rim edges against the peg's edges. The hole's own corners are re-entrant and
+cannot touch. A pair of edges is a contact if their common normal lies in the normal cone of the solid's edge and,
+reversed, in that of the peg's. Slightly outside the cone, a face is nearly flush with an edge. The pair then represents
 the end of their common line and only spreads the load.
 """
 
@@ -34,17 +34,16 @@ PEG_TYPE = mujoco.mjtGeom.mjGEOM_BOX
 """Geom type of the peg; against `PLATE_TYPE` no other pair uses it. The plate's `hole` and `across` are half the hole's sides."""
 
 FLUSH = 0.02
-"""Sine of the angle by which a normal may lie outside of a cone."""
+"""Sine of the largest angle of a normal outside a cone."""
 ROUNDING = 1e-6
-"""Distance below which a pair outside of a cone is closer than touching and is left out, m."""
+"""Penetration below which a pair outside a cone is omitted, m."""
 PARALLEL = 1e-6
-"""Sine of the angle below which two edges have no common normal; their ends and the edges across then stand for them."""
+"""Sine of the angle below which two edges have no common normal; their ends and the perpendicular edges then represent
+them."""
 BEYOND = 1e-3
-"""Length by which a rim edge is extended beyond its ends, m. An edge of the peg that crosses the extension is over
-solid plate and must not be below it either. Without the extension, an edge of the peg that slides past a corner of the
-hole would meet the next rim edge only after it has entered it, because the crossing point moves by more than a tenth of
-a millimetre in a step.
-"""
+"""Extension of a rim edge beyond its ends, m. An edge of the peg that crosses the extension is over solid plate and
+must not be below it either. Without the extension, an edge of the peg that slides past a corner of the hole would meet
+the next rim edge only after entering it: the crossing point moves by more than a tenth of a millimetre in a step."""
 
 
 @njit(cache=True)
@@ -54,7 +53,7 @@ def _dot(a, b):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, inline="always")
 def collide(model, data, geom_plate, geom_peg):  # type: ignore[no-untyped-def]
-    """Find every place where the end of the peg may touch the plate, and add it as a contact."""
+    """Find every possible contact of the peg's end with the plate, and add it."""
     plate = plate_at(plate_of(model, geom_plate))
     size = native.array(model + native.MODEL_GEOM_SIZE, (geom_peg + 1, 3))[geom_peg]
     half, depth = (plate.hole, plate.across), plate.depth
@@ -66,7 +65,7 @@ def collide(model, data, geom_plate, geom_peg):  # type: ignore[no-untyped-def]
     lever = max(size[0] + size[1], away + math.hypot(half[0] + BEYOND, half[1] + BEYOND) + NEAR)
     meet = meeting(model, data, geom_plate, geom_peg, g, lever)
 
-    # The end's corners: a point in the solid is below the plane and beyond a wall, so its clearance is the larger gap.
+    # Corners of the end: a point in the solid is below the plane and beyond a wall, so its clearance is the larger gap.
     corners = np.empty((4, 3))
     for n in range(4):
         s, t = size[0] * (1.0 if n in (0, 3) else -1.0), size[1] * (1.0 if n < 2 else -1.0)
@@ -85,10 +84,10 @@ def collide(model, data, geom_plate, geom_peg):  # type: ignore[no-untyped-def]
                 put(meet, gap, p, inward, PENETRATION, FEATURE_BAND)
         put(meet, p[2] + depth, p, (0.0, 0.0, 1.0), SURFACE, FEATURE_BAND)
 
-    # The hole's edges against the peg's: four round its end, four along it.
+    # Edges of the hole against edges of the peg: four around its end, four along it.
     for n in range(4):
         after = (n + 1) % 4
-        # The faces on either side of the corner's own edge, and the one between it and the next corner's.
+        # Faces on either side of the corner's own edge, and the face between it and the next corner's edge.
         before = _outward(e1, e2, n)
         between = _outward(e1, e2, after)
         start = (corners[n, 0], corners[n, 1], corners[n, 2])
@@ -105,7 +104,7 @@ def collide(model, data, geom_plate, geom_peg):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, inline="always")
 def _outward(e1, e2, n):  # type: ignore[no-untyped-def]
-    """Return the outward normal of the side face that ends at corner n; corners go from (+, +) by way of (-, +)."""
+    """Return the outward normal of the side face that ends at corner n; corners start at (+, +) and continue to (-, +)."""
     side = e1 if n % 2 == 0 else e2
     sign = 1.0 if n < 2 else -1.0
     return (sign * side[0], sign * side[1], sign * side[2])
@@ -113,11 +112,11 @@ def _outward(e1, e2, n):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, inline="always")
 def _least_way_out(start, along, length, inward, half):  # type: ignore[no-untyped-def]
-    """Return the least way, m, straight up or straight into the bore, by which one edge of the peg leaves the solid behind one wall; a large
-    one where no part of it is in there.
+    """Return the smallest displacement, m, up or into the bore, that moves an edge of the peg out of the solid.
 
-    No common normal of two edges is a longer way out. One that is belongs to an edge whose end touches the surface beside the hole, or a wall
-    below the rim.
+    The solid is that behind one wall. If no part of the edge is inside, the result is a large number. A contact along
+    the common normal of two edges needs at most this displacement. If a normal needs more, it belongs to an edge whose
+    end touches the surface beside the hole, or a wall below the rim.
     """
     fall, rise = start[2], along[2]
     wall, inwards = half + _dot(start, inward), _dot(along, inward)
@@ -137,10 +136,11 @@ def _least_way_out(start, along, length, inward, half):  # type: ignore[no-untyp
 
 @njit(cache=True)
 def _edges(meet, start, along, length, one, other):  # type: ignore[no-untyped-def]
-    """Add one edge of the peg, from `start` along a unit vector, against the hole's four; one and other are its faces' normals."""
+    """Add one edge of the peg, from `start` along a unit vector, against the hole's four; `one` and `other` are its faces' normals."""
     for k in range(4):
         sign = 1.0 if k < 2 else -1.0
-        # The rim edge's direction t, the wall's normal into the bore and distance from its axis, and half the edge's length.
+        # Direction t of the rim edge, the wall's normal into the bore, its distance from the axis, and half the edge's
+        # length.
         if k % 2 == 0:
             t, inward, away, reach = (0.0, 1.0, 0.0), (-sign, 0.0, 0.0), meet.hole, meet.across
         else:
@@ -158,12 +158,12 @@ def _edges(meet, start, along, length, one, other):  # type: ignore[no-untyped-d
         inside = min(min(n[2], _dot(n, inward)), min(-_dot(n, one), -_dot(n, other)))
         if inside < -FLUSH:
             continue
-        # From the middle of the rim edge to the start of the peg's.
+        # Vector from the centre of the rim edge to the start of the peg's edge.
         d = (start[0] + away * inward[0], start[1] + away * inward[1], start[2])
         gap = _dot(d, n)
         if abs(gap) > NEAR or (inside < 0.0 and gap < -ROUNDING):
             continue
-        # Where the two lines are closest, along either.
+        # Parameters of the two lines' closest points.
         cosine = _dot(t, along)
         across = 1.0 - cosine * cosine
         u = (cosine * _dot(d, t) - _dot(d, along)) / across
@@ -183,5 +183,5 @@ def _hook(model, data, buffer, geom_plate, geom_peg, margin):  # type: ignore[no
 
 
 def install() -> None:
-    """Put these contacts into this process's collision table; harmless when repeated."""
+    """Install these contacts in this process's collision table; repeated calls are harmless."""
     native.collide_by(PLATE_TYPE, PEG_TYPE, _hook)

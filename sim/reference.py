@@ -1,4 +1,4 @@
-"""The physics of version 0.2.0 as a measure of speed: its models, and the steps that a simulated second of a trial took."""
+"""Physics of version 0.2.0 as a speed reference: its models, and the number of steps in a simulated second of a trial."""
 
 import time
 from importlib.resources import files
@@ -13,11 +13,11 @@ STEPS = {("held", "far"): 751, ("held", "near"): 401, ("free", "free"): 187}
 PEG = 0.008
 """Diameter of the peg of these models, m."""
 FROM_EACH = 5
-"""Number of steps that are taken from a keyframe before the state returns to it."""
+"""Number of steps from a keyframe before the state returns to it."""
 
 
 def model(name: str) -> mujoco.MjModel:
-    """Return a model, "held" of the arm that holds a peg or "free" of a peg in the rack; contacts are those of the program."""
+    """Return a model: "held" is an arm with a peg in its hand, "free" a peg in the rack; contacts are those of the program."""
     shapes.install(section_of(PEG, None))
     return mujoco.MjModel.from_xml_string(
         files(__package__).joinpath(f"reference_{name}.xml").read_text(encoding="utf-8")

@@ -1,6 +1,6 @@
-"""A rig for measuring models of the hole: a peg at a fixed attitude on three slides is pushed in, dragged, or dropped.
+"""Test rig for models of the hole: a peg at a fixed attitude on three slides is pushed in, dragged, or dropped.
 
-The slides are rigid, so that only the contacts give way. The work is the same for every model.
+The slides are rigid, so that only the contacts are compliant. The computation is the same for every model.
 """
 
 import math
@@ -21,9 +21,9 @@ HOLE_DEPTH = 0.03
 MASS = 0.5
 """Mass of the peg and its carrier, kg."""
 DAMPING = 5.0
-"""Damping of the slides while the peg is pushed, N·s/m."""
+"""Damping of the slides during a push, N·s/m."""
 SERVO_STIFFNESS, SERVO_DAMPING = 5e4, 300.0
-"""Stiffness, N/m, and damping, N·s/m, of the slides while the peg is dragged."""
+"""Stiffness, N/m, and damping, N·s/m, of the slides during a drag."""
 
 
 def tilted_peg(
@@ -36,17 +36,18 @@ def tilted_peg(
     model: ModelConfig = EXACT,
     is_judged: bool = True,
 ) -> mujoco.MjModel:
-    """Return the model of a peg that is tilted by `tilt` towards `azimuth`, its end's middle at the slides' origin, over a hole.
+    """Return the model of a peg over a hole, tilted by `tilt` towards `azimuth`; its end's centre is the slides'
+    origin.
 
     Args:
         peg: Cross-section of the peg.
-        hole: Cross-section of the hole, turned as an upright peg is.
+        hole: Cross-section of the hole, aligned with an upright peg.
         tilt: Tilt of the peg from the hole's axis, rad.
         azimuth: Tilt azimuth, rad.
         friction: Coulomb coefficient.
         timestep: Time step of the physics, s.
         model: Model of the hole.
-        is_judged: Whether the penetration is metered for facets too.
+        is_judged: True to meter the penetration for facets too.
     """
     shapes.install(peg)
     length, axes = 0.05, attitude(tilt, azimuth)
@@ -65,18 +66,18 @@ def tilted_peg(
 
 
 def attitude(tilt: float, azimuth: float) -> Vector:
-    """Return the axes of a peg that is tilted by `tilt` towards `azimuth`, rad, x the closing axis, z upward, shape (3, 3)."""
+    """Return the axes of a peg tilted by `tilt` towards `azimuth`, rad, shape (3, 3); x the closing axis, z upward."""
     return rotation_about(np.array([-math.sin(azimuth), math.cos(azimuth), 0.0]), tilt)
 
 
 def lowest(peg: Part, tilt: float, azimuth: float) -> Vector:
-    """Return the lowest point of a tilted peg from the middle of its end, shape (3,), m."""
+    """Return the vector from the centre of a tilted peg's end to its lowest point, shape (3,), m."""
     axes = attitude(tilt, azimuth)
     return peg.lowest(np.zeros(3), axes[:, 2], axes[:, 0])
 
 
 def tilted_axis(tilt: float, azimuth: float) -> Vector:
-    """Return the axis, from its end upward, of a peg that is tilted by `tilt` towards `azimuth`, rad; unit, shape (3,)."""
+    """Return the axis of a peg tilted by `tilt` towards `azimuth`, rad, from its end upward; unit vector, shape (3,)."""
     return np.array([math.sin(tilt) * math.cos(azimuth), math.sin(tilt) * math.sin(azimuth), math.cos(tilt)])
 
 
@@ -85,15 +86,15 @@ class Pushed:
     """Result of a push."""
 
     depth: float
-    """Depth of the peg's lowest point below the surface, m; NaN when the state is no longer finite."""
+    """Depth of the peg's lowest point below the surface, m; NaN if the state is no longer finite."""
     penetration: float
     """Deepest penetration in the bore or at its rim that lasted longer than 2 ms, m."""
     speed: float
-    """Largest speed in the last tenth of the time, m/s; a stable contact is at rest by then."""
+    """Largest speed in the last tenth of the time, m/s; with a stable contact the peg is then at rest."""
 
 
 def push(model: mujoco.MjModel, peg: Part, tilt: float, azimuth: float, force: float, seconds: float) -> Pushed:
-    """Push the peg down, free to move sideways, from above the hole.
+    """Push the peg down from above the hole; sideways it is free.
 
     Args:
         model: Model from `tilted_peg`.
@@ -135,16 +136,16 @@ def _push(
 
 
 def drag(model: mujoco.MjModel, peg: Part, tilt: float, direction: float, beside: float) -> float:
-    """Drag a tilted peg past the hole over solid plate, and return the peak-to-peak swing of the lateral force, N.
+    """Drag a tilted peg past the hole over solid plate, and return the peak-to-peak lateral force, N.
 
-    A smooth plate without friction exerts no lateral force, so that any swing comes from seams.
+    A smooth plate without friction exerts no lateral force, so that any variation is caused by seams.
 
     Args:
         model: Model from `tilted_peg`, tilted towards azimuth 0.
         peg: Cross-section of the peg.
         tilt: Tilt of the peg, rad.
         direction: Azimuth of the path, rad.
-        beside: Distance of the path of the lowest point from the hole's axis, m.
+        beside: Distance between the lowest point's path and the hole's axis, m.
     """
     data, dt, speed, push_force = mujoco.MjData(model), model.opt.timestep, 0.05, 5.0
     way = np.array([math.cos(direction), math.sin(direction)])

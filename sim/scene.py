@@ -1,10 +1,9 @@
-"""The MuJoCo models of the cell, which hold only what can be touched.
+"""MuJoCo models of the cell; they contain only bodies with contacts.
 
-Two models share the arm. In `held` the peg hangs from the hand by a hinge about the closing axis, the
-model that [gibbons], Sec. II and Fig. 2, states, and by two slides in the pads' plane; what the pads do to it there
-follows from `sim.slip`. In `free` the peg is
-a body of its own, in the rack, between the fingers' pads or in the hole. Gravity is switched off and the
-peg's weight applied by hand: the arm's controller compensates the arm's own exactly.
+Two models share the arm. In `held` the peg is attached to the hand by a hinge about the closing axis, as in [gibbons],
+Sec. II and Fig. 2, and by two slides in the pads' plane. `sim.slip` computes the pads' force on it. In `free` the peg
+is a separate body, in the rack, between the fingers' pads or in the hole. Gravity is off and the peg's weight is an
+applied force, because the arm's controller compensates the arm's own weight exactly.
 """
 
 import math
@@ -23,21 +22,22 @@ from sim.config import ModelConfig
 from sim.plate import EXACT, Plate, flags, geoms, words
 
 GRIP = "grip"
-"""Body at the finger centre that turns with the held peg."""
+"""Body at the finger centre that rotates with the held peg."""
 HINGE_RANGE = math.radians(100.0)
-"""Range of the hinge's angle, rad, up to where the peg meets the palm; beyond it the grasp is lost."""
+"""Range of the hinge's angle, rad; at its end the peg meets the palm and the grasp is lost."""
 RACK_CLEARANCE = 0.25e-3
 """Radial clearance of a slot, m."""
 PAD_MARGIN = 2e-4
-"""Distance from which MuJoCo looks at a pad and the peg, m; they press each other only when they touch. Without, 3.17 takes
-a rare shallow contact of a box with a cylinder for a peg that is through the whole box."""
+"""Distance below which MuJoCo checks a pad and the peg, m; force needs contact. Without this margin, release 3.17
+treats a rare shallow contact of box and cylinder as a peg through the whole box."""
 PAD_THICKNESS = 0.004
-"""Thickness of the block that stands for a finger's rubber, towards the peg, m; it has no effect on the physics."""
+"""Thickness of the block that represents a finger's rubber, towards the peg, m; it has no effect on the physics."""
 FINGER_ARMATURE = 1.0
-"""Inertia of the hand's drive as felt at a finger, kg; not published, of the order of a geared motor's."""
+"""Inertia of the hand's drive at a finger, kg; not published, of the order of a geared motor's."""
 TOLERANCE = 1e-12
-"""Tolerance of the solver's cost, which the arm's inertia scales: at 1e-9 the light peg is left unsolved and hops, at 1e-12 its
-acceleration errs by less than 1e-3 rad/s². The line search need not be finer than Newton's next step makes it."""
+"""Tolerance of the solver's cost, which scales with the arm's inertia. At 1e-9 the solution of the light peg is
+incomplete and it hops; at 1e-12 its acceleration errs by less than 1e-3 rad/s². A finer line search is not needed
+before Newton's next step."""
 
 
 def held_model(
@@ -46,7 +46,8 @@ def held_model(
     """Return the model of the arm with the peg on its hinge and slides, above one plate."""
     axis, hand = -job.peg.length / 2 + job.peg.overhang / 2, arm.model.hand
     # The peg's frame is that of `drivers.frames.peg_in_finger(0)`: x the closing axis, z from the tip to the finger.
-    # The hinge turns about the finger centre, and the slides move the peg in its own frame: along it, then beside it.
+    # The hinge rotates about the finger centre. The slides move the peg in its own frame: first along it, then across
+    # it.
     peg = f"""<body name="{GRIP}" pos="0 0 {hand.finger_centre}" quat="0 {math.sqrt(0.5)} {math.sqrt(0.5)} 0">
       <inertial mass="1e-6" pos="0 0 0" diaginertia="1e-9 1e-9 1e-9"/>
       <joint name="pivot" type="hinge" axis="1 0 0" armature="{slip.TURNING_INERTIA}"/>
@@ -68,7 +69,7 @@ def free_model(
     pad: tuple[float, float],
     timestep: float,
 ) -> mujoco.MjModel:
-    """Return the model of the arm with two moving fingers, pads of length and width `pad`, m, and the peg as a body of its own."""
+    """Return the model of the arm with two moving fingers, pads of length and width `pad`, m, and the peg as a separate body."""
     length, width = pad
     hand = arm.model.hand
     fingers = ""
@@ -89,9 +90,9 @@ def free_model(
 
 
 def without_peg(model: mujoco.MjModel, longer: int) -> mujoco.MjModel:
-    """Return a twin of the free model in which nothing touches the peg, with a time step `longer` times as long.
+    """Return a twin of the free model without contacts of the peg, with a time step `longer` times as long.
 
-    A peg at rest, without its weight, then stays where it is, at no cost.
+    A peg at rest, without its weight, then stays in place at no computing cost.
     """
     twin = copy(model)
     twin.opt.timestep *= longer
@@ -127,7 +128,7 @@ def _arm(arm: ArmTruth, timestep: float, hand_mass: float, in_hand: str) -> str:
 
 
 def _displaced(arm: ArmTruth, in_hand: str) -> str:
-    """Return the true place of what is in the hand, displaced and turned about the point where the cell believes it."""
+    """Return the true position of an object in the hand, displaced and rotated about its assumed position."""
     offset, turn = np.array(arm.tcp_offset), np.array(arm.tcp_turn)
     if not offset.any() and not turn.any():
         return in_hand
@@ -139,14 +140,14 @@ def _displaced(arm: ArmTruth, in_hand: str) -> str:
 
 
 def _inertial(body: Inertial) -> str:
-    """Return a body's masses; without products of inertia MuJoCo keeps the axes as they are."""
+    """Return a body's inertial; without products of inertia MuJoCo keeps the axes."""
     main, products = body.inertia[:3], body.inertia[3:]
     inertia = f'fullinertia="{words(body.inertia)}"' if any(products) else f'diaginertia="{words(main)}"'
     return f'<inertial mass="{body.mass}" pos="{words(body.com)}" {inertia}/>'
 
 
 def _compile(plates: str, arm: ArmTruth, bodies: str, extra: str, options: str, timestep: float) -> mujoco.MjModel:
-    # Bodies that another description moves must not be fused.
+    # Bodies moved by another description must not be fused.
     fuse = "true" if arm.described is None else "false"
     model = mujoco.MjModel.from_xml_string(
         f"""<mujoco model="cell">

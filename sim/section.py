@@ -1,4 +1,4 @@
-"""The exact depth of a tilted peg in its hole, by sections and independent of any simulation."""
+"""Exact depth of a tilted peg in its hole, from sections and independent of any simulation."""
 
 import math
 from functools import cache
@@ -10,7 +10,7 @@ from drivers.part.contract import Part
 from drivers.quantities import Vector
 
 DEEPEST = 0.03
-"""Depth at which the search for the depth ends, m."""
+"""Upper end of the search for the depth, m."""
 
 
 @cache
@@ -18,7 +18,7 @@ def section_depth(diameter: float, hole: float, tilt: float, points: int = 40001
     """Return the exact depth of the lowest point by the full section test, m.
 
     The part of the peg below the surface, projected on the surface, must fit inside the hole's disc. Its outline
-    is made of the rim below the surface and of where the peg's side leaves the surface.
+    consists of the rim below the surface and the intersection of the peg's side with the surface.
 
     Args:
         diameter: Diameter of the peg, m.
@@ -52,17 +52,18 @@ def section_depth(diameter: float, hole: float, tilt: float, points: int = 40001
 
 
 def chamfered_depth(peg: Part, hole: Part, tilt: float, points: int) -> float:
-    """Return the exact depth of the lowest point of a round peg in a round hole, m, where peg or hole are chamfered.
+    """Return the exact depth of the lowest point of a round peg in a round hole, m, with a chamfer on either.
 
-    Every line of the peg's surface, from the rim of its end over its chamfer and up its side, is followed through the hole.
-    The hole's radius is linear in the height between surface, lower end of the chamfer and what is below, and a distance from an
-    axis is convex along a line, so that a line fits where its ends, its bend and its points at those heights do.
+    The test follows every line of the peg's surface, from the rim of its end over its chamfer and up its side. The
+    hole's radius is piecewise linear in the height, with breaks at the surface and at the lower end of the chamfer. The
+    distance from an axis is convex along a line. A line therefore fits if its ends, its bend and its points at those
+    heights fit.
 
     Args:
         peg: Cross-section of the peg.
         hole: Cross-section of the hole.
         tilt: Angle between the axes, rad, > 0.
-        points: Number of lines on half the peg, which is symmetric.
+        points: Number of lines on half the symmetric peg.
     """
     angle = np.linspace(0.0, math.pi, points)
     tilted = np.array([[math.cos(tilt), 0.0, math.sin(tilt)], [0.0, 1.0, 0.0], [-math.sin(tilt), 0.0, math.cos(tilt)]])
@@ -95,7 +96,10 @@ def chamfered_depth(peg: Part, hole: Part, tilt: float, points: int) -> float:
 
 
 def _at(start: Vector, end: Vector, level: float) -> Vector:
-    """Return the points of lines, from `start` to `end`, each of shape (3, n), at a height, m; a line that does not reach it gives its start."""
+    """Return the points of lines, from `start` to `end`, each of shape (3, n), at a height, m.
+
+    A line that does not reach the height returns its start.
+    """
     with np.errstate(divide="ignore", invalid="ignore"):
         share = (level - start[2]) / (end[2] - start[2])
     share = np.where((share >= 0.0) & (share <= 1.0), share, 0.0)
@@ -106,7 +110,7 @@ def polygonal_depth(peg: Part, hole: Part, axes: Vector) -> float:
     """Return the exact depth of the lowest corner by the full section test, m, in a rectangular hole along x and y.
 
     The part of the peg below the surface, projected on the surface, must fit between the walls: the section is the
-    convex hull of the corners below and of where edges of the peg pass through the surface.
+    convex hull of the corners below the surface and the intersections of the peg's edges with it.
 
     Args:
         peg: Cross-section of the peg, a polygon.

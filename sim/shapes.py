@@ -1,4 +1,4 @@
-"""The geometry of each kind of part in MuJoCo, and its contacts with a plate; the one place that chooses them by the part."""
+"""Geometry of each kind of part in MuJoCo, and its contacts with a plate; the only module that selects them by part."""
 
 import math
 from collections.abc import Callable, Mapping
@@ -10,21 +10,21 @@ from sim import cylinder, rectangular
 from sim.section import chamfered_depth, polygonal_depth, section_depth
 
 POINTS = 4001
-"""Number of points on a round rim from which the exact depth is computed."""
+"""Number of points on a round rim for the exact depth."""
 
 
 @dataclass(frozen=True, slots=True)
 class Solid:
-    """How one kind of part is simulated."""
+    """Simulation of one kind of part."""
 
     geom: str
     """MuJoCo's name of the peg's geom type."""
     size: Callable[[Part], str]
     """Sizes of the geom across its axis, in MuJoCo's order."""
     install: Callable[[], None]
-    """Puts the contacts with a plate into this process's collision table; harmless when repeated."""
+    """Installs the contacts with a plate in this process's collision table; repeated calls are harmless."""
     depth: Callable[[Part, Part, Vector], float]
-    """Returns the exact depth, m, of a peg with these axes, shape (3, 3), in a hole along x and y, by sections."""
+    """Returns the exact depth, m, of a peg with these axes, shape (3, 3), in a hole along x and y, from sections."""
 
 
 def _round_depth(peg: Part, hole: Part, axes: Vector) -> float:
@@ -42,12 +42,15 @@ SOLIDS: Mapping[str, Solid] = {
 
 
 def install(part: Part) -> None:
-    """Put the contacts of a kind of part into this process's collision table; harmless when repeated."""
+    """Install the contacts of a kind of part in this process's collision table; repeated calls are harmless."""
     SOLIDS[part.kind].install()
 
 
 def peg_geom(part: Part, half_length: float) -> str:
-    """Return type, size and chamfer of a peg's geom, as attributes of MuJoCo's XML; the chamfer is the first word of `geom_user`."""
+    """Return type, size and chamfer of a peg's geom as attributes of MuJoCo's XML.
+
+    The chamfer is the first word of `geom_user`.
+    """
     solid = SOLIDS[part.kind]
     return f'type="{solid.geom}" size="{solid.size(part)} {half_length}" user="{part.chamfer!r}"'
 

@@ -18,7 +18,7 @@ from sim.pads import PadLoad, Pads
 from sim.reality import Drawn
 
 Disturb = Callable[[Counts], Counts | None]
-"""Function from raw counts to what arrives of them; None is a frame lost on the way."""
+"""Function from raw counts to received counts; None is a frame lost in transmission."""
 
 _SHAPE = (FINGERS, TAXELS)
 _LARGEST = np.iinfo(np.uint16).max
@@ -26,14 +26,14 @@ _LARGEST = np.iinfo(np.uint16).max
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SkinTruth:
-    """The differences of a skin from its layout and the config's noise; neither skills nor drivers know them."""
+    """Errors of a skin relative to its layout and the config's noise; hidden from skills and drivers."""
 
     noise_level: Vector
-    """Noise of each taxel over that of the config, shape (2, 20), ratio."""
+    """Noise of each taxel divided by that of the config, shape (2, 20), ratio."""
     misplaced: Vector
-    """Offset of each taxel from its place in the layout, shape (2, 20, 2), m."""
+    """Offset of each taxel from its position in the layout, shape (2, 20, 2), m."""
     dead: Mask
-    """Mask of taxels that read zero, beside those that the config asks for, shape (2, 20)."""
+    """Mask of taxels that read zero, in addition to those of the config, shape (2, 20)."""
     age: float
     """Time from the measurement of a frame to its delivery, s."""
 
@@ -57,20 +57,20 @@ AS_BELIEVED = SkinTruth(np.ones(_SHAPE), np.zeros((*_SHAPE, 2)), np.zeros(_SHAPE
 
 
 class PadSource(Protocol):
-    """The world, as far as a skin sees it."""
+    """Part of the world that a skin measures."""
 
     def now(self) -> float:
         """Return the time, s."""
 
     def pad_load(self) -> PadLoad | None:
-        """Return the present load of the pads; None when nothing is between them."""
+        """Return the present load of the pads; None if nothing is between them."""
 
 
 class Taxels:
     """Taxels and their converter: pressure in, raw counts out.
 
-    Gain, offset and dead taxels are drawn once; the offset then walks at random, and part of the answer to a load comes
-    late (creep of the elastomer, first order).
+    Gain, offset and dead taxels are drawn once. The offset then follows a random walk, and part of the response to a
+    load is delayed (creep of the elastomer, first order).
     """
 
     def __init__(self, config: SimSkinConfig, rng: np.random.Generator, truth: SkinTruth = AS_BELIEVED) -> None:
@@ -91,7 +91,7 @@ class Taxels:
 
         Args:
             pressure: Pressure on each taxel, shape (2, 20), Pa.
-            elapsed: Time since the last measurement, s; the load is taken as constant over it.
+            elapsed: Time since the last measurement, s; the load is assumed constant over it.
         """
         config, rng = self._config, self._rng
         answer = self._gain * pressure
@@ -99,17 +99,17 @@ class Taxels:
         self._offset += config.drift * config.full_scale * math.sqrt(elapsed) * rng.standard_normal(_SHAPE)
         reading = self._offset + (1.0 - config.creep) * answer + config.creep * self._late
         reading += self._noise * rng.standard_normal(_SHAPE)
-        # The converter saturates at its rail; more pressure is not an error mark.
+        # The converter saturates at its rail; a higher pressure must not produce the error code.
         reading = np.clip(np.rint(reading), 0, config.health.saturation)
         return np.where(self.dead, 0, reading).astype(np.uint16)
 
 
 class SimSkin:
-    """Both fingers' skin, measured when the world's clock passes the next frame's instant.
+    """Skin of both fingers; it measures when the world's clock passes the next frame's instant.
 
-    The stand-in sees the world only while it is read, so it is to be read at least once a scan: a frame is
-    measured at the first read at or after its instant, bears the time of that read, and frames in between
-    that nobody read are lost, as they are on a board that keeps only the newest.
+    The simulated skin sees the world only during a read, so it must be read at least once per scan. It measures a frame
+    at the first read at or after the frame's instant, and stamps it with the time of that read. Frames without a read
+    in between are lost, as on a board that keeps only the newest.
     """
 
     def __init__(
@@ -120,11 +120,11 @@ class SimSkin:
         disturb: Disturb = lambda counts: counts,
         truth: SkinTruth = AS_BELIEVED,
     ) -> None:
-        """Describe the skin; `disturb` may spoil or lose frames."""
+        """Store the skin's properties; `disturb` can corrupt or lose frames."""
         self._config, self._source, self._rng, self._disturb = config, source, rng, disturb
         self._truth, self._pads = truth, truth.pads(config)
         self._under_way: deque[TaxelFrame] = deque()
-        """Frames that were measured and are not delivered yet."""
+        """Measured frames that are not delivered yet."""
         self._taxels: Taxels | None = None
         self._health: SkinHealth | None = None
         self._order = TaxelOrder()
@@ -132,12 +132,12 @@ class SimSkin:
         self._start = self._measured = 0.0
         self._due = 0
         self.is_unplugged = False
-        """Whether the board's cable is pulled out: what it measures does not arrive."""
+        """True if the board's cable is unplugged; its measurements do not arrive."""
 
     def open(self) -> None:
-        """Draw a skin the first time, and take the baseline, which costs no simulated time.
+        """Draw a skin on the first call, and record the baseline, which takes no simulated time.
 
-        Nothing may be between the pads: what lies there would become part of the baseline.
+        The pads must be empty: an object between them would become part of the baseline.
         """
         if self._taxels is None:
             self._taxels = Taxels(self._config, self._rng, self._truth)
@@ -162,7 +162,7 @@ class SimSkin:
         passed = math.floor((now - self._start) * self._config.rate + 1e-6)
         if passed >= self._due:
             self._measure(self._taxels, self._health, now, passed)
-        # A board measures before it is opened, so that its first frame is there at once.
+        # A board measures before it is opened, so that its first frame is available at once.
         while self._under_way and (self._frame is None or now >= self._under_way[0].stamp + self._truth.age):
             self._frame = self._under_way.popleft()
         last = self._start if self._frame is None else self._frame.stamp

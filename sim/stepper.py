@@ -1,4 +1,4 @@
-"""The stepping of a trial's scene: which of its models runs, what the next model takes over, and one call for a span."""
+"""Stepping of a trial's scene: selection of the running model, transfer of its state, and one call per time span."""
 
 import math
 
@@ -28,27 +28,26 @@ from sim.situation import PegSituation
 from sim.trial_scene import Mechanism, TrialScene
 
 NOWHERE: Vector = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 1.0, -math.inf])
-"""Mouth of a hole that nothing is near."""
+"""Mouth of a hole that is far from everything."""
 FINGERS, PEG = slice(7, 9), slice(9, 15)
 """Degrees of freedom of the free model after the arm's seven."""
 HINGE, ALONG, BESIDE = 7, 8, 9
-"""Degrees of freedom of the held model after the arm's seven: the peg's turn about the closing axis, and its places
-along and beside its own axis.
-"""
+"""Degrees of freedom of the held model after the arm's seven: the peg's rotation about the closing axis, and its
+positions along and beside its own axis."""
 LEAST_AXIS = 1e-6
-"""Square of the horizontal share below which an axis counts as upright."""
+"""Square of the horizontal component below which an axis is upright."""
 TABLE = 0.0
-"""Height of the table that arm, rack and plate stand on, m, base frame: what falls beside them lies there."""
+"""Height of the table under arm, rack and plate, m, base frame; a peg dropped beside them lies there."""
 LYING_GAP = 1e-4
-"""Gap under a peg that has just been laid on the plate, m."""
+"""Gap under a peg that has just been placed on the plate, m."""
 NO_NOISE: Vector = np.zeros((1, arm_senses.NOISES))
 
 
 class Stepper:
-    """Moves arm, hand and peg through one trial after the other; the arm keeps its place between trials."""
+    """Moves arm, hand and peg through successive trials; the arm keeps its pose between trials."""
 
     def __init__(self, arm: ArmModel, sim: SimConfig, grip: GripConfig, pad: tuple[float, float], pace: Pace) -> None:
-        """Place the arm where it waits; `pad` is length and width of a pad, m."""
+        """Place the arm at its waiting pose; `pad` is length and width of a pad, m."""
         self._arm, self._model_of, self._grip, self._pad, self._pace = arm, sim.model, grip, pad, pace
         self.law_every = round(arm.control_period / sim.timestep)
         """Number of ticks in a control period."""
@@ -71,12 +70,12 @@ class Stepper:
         self._carried = 0.0, 0.0
         self._is_resting = False
         self._lie: tuple[float, ...] = ()
-        """Lie of the peg for which the limits of the grip were computed last, and those limits."""
+        """Pose of the peg at the last computation of the grip limits, and those limits."""
         self._limits = GripLimits(0.0, 0.0, 0.0, 0.0)
 
     @property
     def has_twins(self) -> bool:
-        """Whether longer steps can be taken."""
+        """True if longer steps are possible."""
         return self._model_of.long_steps and self.law_every % engine.COARSE == 0
 
     @property
@@ -100,7 +99,7 @@ class Stepper:
         self.enter_free(float(self.control.drive[engine.DRIVE_WIDTH]), scene.racked())
 
     def _change_arm(self, truth: ArmTruth) -> None:
-        """Replace the arm by another one at the same place, under the torques that the law commanded last."""
+        """Replace the arm by another one at the same pose, under the last torques commanded by the law."""
         timestep, period, law = self._pace.timestep, self._arm.control_period, self.control.law
         joints = joint_drive.words_of(truth, period, (timestep, engine.COARSE * timestep))
         joint_drive.fill(joints, law[impedance.TORQUE : impedance.TORQUE + JOINTS])
@@ -109,10 +108,10 @@ class Stepper:
         self.control = self.control._replace(joints=joints, senses=senses)
         self._real = impedance.figures(truth.model)
 
-    # Changes of situation, which carry positions and velocities along.
+    # Changes of situation; they carry positions and velocities along.
 
     def enter_free(self, width: float, peg: Pose) -> None:
-        """Let the peg be a body of its own, its middle at a pose, between fingers `width` m apart."""
+        """Make the peg a separate body with its centre at a pose, between fingers `width` m apart."""
         self._run(PegSituation.FREE, self.scene.free)
         data = self.running.data
         data.qpos[7] = data.qpos[8] = width / 2
@@ -123,10 +122,10 @@ class Stepper:
         self._begin(weight=self.scene.size.weight)
 
     def enter_held(self) -> None:
-        """Hang the peg into the hand, as it lies between the pads."""
+        """Attach the peg to the hand at its present pose between the pads."""
         tcp, pose = self.tcp(), self.peg_pose()
         axis = tcp.rotation.T @ pose.rotation[:, 2]
-        # The nearest point of the peg's axis to the finger centre is where the pads hold it.
+        # The pads hold the peg at the point of its axis nearest to the finger centre.
         reach = float((tcp.position - pose.position) @ pose.rotation[:, 2]) + self.scene.size.half
         self._run(PegSituation.HELD, self.scene.held)
         self.peg_length = reach - self._grip.slip
@@ -144,7 +143,7 @@ class Stepper:
         self._begin(weight=self.scene.size.weight)
 
     def hold(self, theta: float) -> None:
-        """Put the peg into the hand at this in-hand angle, rad, as after a grasp; with pads they must still close."""
+        """Put the peg into the hand at this in-hand angle, rad, as after a grasp; pads in contact must still close."""
         reach = frames.compose(self.tcp(), frames.peg_in_finger(theta, self.scene.job.peg.length))
         middle = Pose(reach.position + self.scene.size.half * reach.rotation[:, 2], reach.rotation)
         self.enter_free(self.scene.job.peg.part.thickness, middle)
@@ -152,10 +151,10 @@ class Stepper:
             self.enter_held()
 
     def fall(self) -> None:
-        """Lay a peg that the pads have lost flat on what is below it, or leave it standing in its hole.
+        """Place a lost peg flat on the surface below it, or leave it standing in its hole.
 
-        The fall itself is not simulated, only where it ends. A lying peg has no weight, because only its end and the
-        edge of that end have contacts with the plate: its back end would sink in.
+        Only the end of the fall is simulated. A lying peg has no weight, because only its end and the edge of that end
+        have contacts with the plate: its back end would sink in.
         """
         plate, (depth, is_in_hole) = self.scene.plate, self.depth()
         if is_in_hole:
@@ -171,7 +170,7 @@ class Stepper:
         self._lay(self.scene.job.peg.part.thickness, place, ground)
 
     def _lay(self, width: float, place: Vector, ground: Vector) -> None:
-        """Lay the peg flat on the ground below where it is, between fingers `width` m apart.
+        """Place the peg flat on the ground below it, between fingers `width` m apart.
 
         Args:
             width: Distance between the fingers, m.
@@ -193,7 +192,7 @@ class Stepper:
         self.peg = PegSituation.GONE
 
     def _run(self, peg: PegSituation, mechanism: Mechanism) -> None:
-        """Let a mechanism run on from the arm's present state."""
+        """Continue with a mechanism from the arm's present state."""
         if self._running is not None:
             self._q, self._dq = self.q, self.dq
         self.peg, self._running = peg, mechanism
@@ -248,12 +247,12 @@ class Stepper:
     # Stepping of the physics.
 
     def command(self, torque: Vector) -> None:
-        """Command joint torques, shape (7,), N·m, in place of the law's; once a control period."""
+        """Command joint torques, shape (7,), N·m, instead of the law's; once a control period."""
         data = self.running.data
         joint_drive.command(self.control.joints, self.control.arm, data.qpos[:7], torque, data.qfrc_applied)
 
     def advance(self, ticks: int) -> int:
-        """Advance the physics by `ticks`, or by fewer where the peg changes its situation; return the number taken.
+        """Advance the physics by `ticks`, or by fewer if the peg's situation changes; return the number taken.
 
         Raises:
             SimulationUnstableError: The state is no longer finite.
@@ -279,13 +278,13 @@ class Stepper:
         return taken
 
     def _noises(self, ticks: int) -> Vector:
-        """Return the random numbers for the arm's readings in so many ticks."""
+        """Return the random numbers for the arm's readings in this number of ticks."""
         if self.control.senses[arm_senses.IS_IDEAL] > 0.0:
             return NO_NOISE
         return self._noise.standard_normal((ticks // self.law_every + 1, arm_senses.NOISES))
 
     def _let_rest(self) -> None:
-        """Take a peg that lies still, out of the pads' reach, out of the physics; put it back before they reach it."""
+        """Take a peg at rest and out of the pads' reach out of the physics; put it back before the pads reach it."""
         mechanism = self.running
         if mechanism.twin is None:
             return
@@ -310,7 +309,7 @@ class Stepper:
             force[:] = self._load
 
     def _pass_on(self) -> None:
-        """Change the peg's situation when the last ticks ask for it."""
+        """Change the peg's situation if the last ticks require it."""
         grip_force = float(self.control.drive[engine.DRIVE_FORCE])
         if self.peg is PegSituation.HELD:
             if situation.has_fallen_out(self.theta(), self.grip_limits().length):
@@ -326,7 +325,7 @@ class Stepper:
             elif self._model_of.grip == "hinge" and self._pace.now() - self._in_grip_since > situation.SETTLED_GRIP:
                 self.enter_held()
 
-    # Present places.
+    # Present positions.
 
     @property
     def q(self) -> Vector:
@@ -351,7 +350,7 @@ class Stepper:
         return arm_senses.scanned(control.senses, control.arm, felt)
 
     def physics(self) -> tuple[mujoco.MjModel, mujoco.MjData]:
-        """Return the model that the next step takes, and the data."""
+        """Return the model of the next step, and the data."""
         is_far = peg_distances.is_far(self._models.hole, *self.peg_view)
         return (self._steppers[-1] if is_far else self._steppers[0]), self.running.data
 
@@ -364,11 +363,11 @@ class Stepper:
         return self.scene.arm.displaced(Pose(position, rotation))
 
     def peg_pose(self) -> Pose:
-        """Return the pose of the peg's middle, z from its end upward."""
+        """Return the pose of the peg's centre, z from its end upward."""
         return Pose(self.peg_view.middle.copy(), self.peg_view.axes.copy())
 
     def end(self) -> Vector:
-        """Return the middle of the peg's end face, m, base frame."""
+        """Return the centre of the peg's end face, m, base frame."""
         end: Vector = self.peg_view.middle - self.scene.size.half * self.peg_view.axes[:, 2]
         return end
 
@@ -376,11 +375,11 @@ class Stepper:
         """Return the height of the peg's lowest point, m, base frame."""
         size, (x, y, z) = self.scene.size, self.peg_view.axes[:, 2].tolist()
         lean, end = math.hypot(x, y), float(self.peg_view.middle[2]) - size.half * z
-        # The lower of the two rims that a chamfer has.
+        # The lower of the two rims of a chamfered end.
         return float(end - max((size.reach - size.chamfer) * lean, size.reach * lean - size.chamfer * z))
 
     def depth(self) -> tuple[float, bool]:
-        """Return the depth of the tip below the hole's mouth along its axis, m, and whether it is in the hole."""
+        """Return the depth of the tip below the hole's mouth along its axis, m, and True if the tip is in the hole."""
         plate = self.scene.plate
         depth, beside = peg_distances.below_mouth(
             self.scene.size.half, self.peg_view.middle, self.peg_view.axes, plate.position, plate.rotation
@@ -388,7 +387,7 @@ class Stepper:
         return depth, depth > 0.0 and beside < min(plate.half)
 
     def pivot(self) -> tuple[float, Vector]:
-        """Return the true in-hand angle, rad, NaN if no hand holds the peg, and the middle of the peg's end face, m."""
+        """Return the true in-hand angle, rad, NaN if no hand holds the peg, and the centre of the peg's end face, m."""
         theta = self.theta() if self.peg is PegSituation.HELD else math.nan
         return theta, self.end()
 
@@ -406,11 +405,11 @@ class Stepper:
         return squeezed
 
     def feels_plates(self) -> bool:
-        """Whether the peg is in the hand, so that forces on it are felt by the arm."""
+        """True if the peg is in the hand, so that the arm feels forces on it."""
         return self.peg is PegSituation.HELD or (self.peg is PegSituation.FREE and self._model_of.grip == "pads")
 
     def grip_limits(self) -> GripLimits:
-        """Return the most that friction of the pads bears of the held peg as it lies now."""
+        """Return the largest loads from friction of the pads on the held peg in its present pose."""
         lie = *self.running.data.qpos[HINGE : BESIDE + 1].tolist(), self.pad_force()
         if lie != self._lie:
             (theta, along, beside, force), (length, width) = lie, self._pad

@@ -6,13 +6,13 @@ from drivers.quantities import SwitchState
 
 
 class SwitchSource(Protocol):
-    """The world, as far as the switch under the hole sees it."""
+    """Part of the world that the switch under the hole measures."""
 
     def now(self) -> float:
         """Return the time, s."""
 
     def is_switch_pressed(self) -> bool:
-        """Whether something presses the lever."""
+        """True if the lever is pressed."""
 
 
 class SimSwitch:
@@ -22,7 +22,7 @@ class SimSwitch:
         """Attach to the world that has the hole."""
         self._world = world
         self.is_unplugged = False
-        """Whether the board's cable is pulled out."""
+        """True if the board's cable is unplugged."""
 
     def open(self) -> None:
         """Do nothing: there is no connection."""
@@ -31,7 +31,10 @@ class SimSwitch:
         """Do nothing: there is no connection."""
 
     def read(self) -> SwitchState:
-        """Return whether the lever is pressed now; the board's debounce of 5 ms is shorter than one scan."""
+        """Return True if the lever is pressed now.
+
+        The board's debounce of 5 ms is shorter than one scan.
+        """
         if self.is_unplugged:
             return SwitchState.UNKNOWN
         return SwitchState.CLOSED if self._world.is_switch_pressed() else SwitchState.OPEN

@@ -28,7 +28,7 @@ _COMPILE = ("cc", "-O2", "-shared", "-fPIC", "-I/usr/include/simavr", str(_SOURC
 
 @cache
 def _library() -> ctypes.CDLL:
-    """Compile the emulator, once in a process, and load it."""
+    """Compile the emulator once per process, and load it."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "switch_board.so"
         try:
@@ -45,10 +45,10 @@ def _library() -> ctypes.CDLL:
 
 
 class Chip:
-    """An ATmega328P that runs when it is told to."""
+    """An ATmega328P that runs on demand."""
 
     def __init__(self, firmware: Path = FIRMWARE) -> None:
-        """Power the chip up.
+        """Power up the chip.
 
         Raises:
             DeviceNotOpenedError: There is no compiler, no libsimavr, or no such firmware.
@@ -60,11 +60,11 @@ class Chip:
         self.run(0, True, False)
 
     def stop(self) -> None:
-        """Remove the chip's power; only the first call counts."""
+        """Remove the chip's power; repeated calls are harmless."""
         self._library.chip_free(self._chip)
 
     def run(self, cycle: int, normally_open: bool, normally_closed: bool) -> list[tuple[int, int]]:
-        """Run until `cycle` with these levels, True is high, at the two pins.
+        """Run until `cycle` with these levels at the two pins, True for high.
 
         Returns:
             Bytes that left the UART meanwhile, each with the cycle at which its last bit ends.
@@ -77,15 +77,15 @@ class Chip:
 
     @property
     def resets(self) -> int:
-        """Number of resets of the chip, the one at power-up included; a boot loader runs after each."""
+        """Number of resets of the chip, including power-up; a boot loader runs after each."""
         return int(self._library.chip_resets(self._chip))
 
     def reset(self) -> None:
-        """Pull the reset pin."""
+        """Activate the reset pin."""
         self._library.chip_reset(self._chip)
 
     def spoil_data(self, address: int, value: int) -> None:
-        """Overwrite one byte of memory or a register, as an error inside the chip would."""
+        """Overwrite one byte of memory or a register, as an internal error of the chip does."""
         self._library.chip_spoil_data(self._chip, address, value)
 
     def spoil_program(self, address: int) -> None:
@@ -94,20 +94,20 @@ class Chip:
 
 
 class EmulatedSwitchBoard:
-    """The chip wired to the simulated hole, in step with the simulated time; faults on demand.
+    """The chip wired to the simulated hole, in simulated time and with configurable faults.
 
-    The lever is looked at once in every step of the cell's clock, and the chip sees it in the step after.
+    The board reads the lever once in every step of the cell's clock, and the chip sees it in the next step.
     """
 
     def __init__(
         self, source: SwitchSource, firmware: Path = FIRMWARE, faults: WireFaults = SOUND, seed: int = 0
     ) -> None:
-        """Describe the board; nothing runs yet."""
+        """Store the board's properties; nothing runs yet."""
         self._source, self._firmware = source, firmware
         self.faults = faults
-        """Faults of the wire; they may be replaced at any time."""
+        """Faults of the wire; callers may replace them at any time."""
         self.is_unplugged = False
-        """Whether the board's cable is pulled out, whatever the faults say."""
+        """True if the board's cable is unplugged, whatever `faults` contains."""
         self._rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(FAULT_STREAM,)))
         self._late: deque[tuple[float, bytes]] = deque()
         self._seen = -math.inf
@@ -119,10 +119,10 @@ class EmulatedSwitchBoard:
         self._chip: Chip | None = None
         self._start = 0.0
         self.is_pressed = False
-        """Whether the chip sees the lever pressed in the step to come."""
+        """True if the chip sees the lever pressed in the coming step."""
 
     def open(self) -> None:
-        """Plug the board in, which powers it up; a board that is plugged in is left as it is."""
+        """Plug the board in, which powers it up; no effect if it is plugged in already."""
         if self._chip is None:
             self._chip = Chip(self._firmware)
             self._start = self._source.now()
@@ -130,7 +130,7 @@ class EmulatedSwitchBoard:
             self.terminal.plug_in()
 
     def close(self) -> None:
-        """Unplug it; may be called again."""
+        """Unplug the board; repeated calls are harmless."""
         self.terminal.unplug()
         if self._chip is not None:
             self._chip.stop()
@@ -138,12 +138,12 @@ class EmulatedSwitchBoard:
 
     @property
     def chip(self) -> Chip:
-        """Chip of the board that is plugged in."""
+        """Chip of the board if it is plugged in."""
         assert self._chip is not None
         return self._chip
 
     def due(self) -> float:
-        """Return the time by which the chip has to see the lever next, s: every step of the cell's clock."""
+        """Return the time of the chip's next look at the lever, s: every step of the cell's clock."""
         return math.inf
 
     def advance(self) -> None:
@@ -159,7 +159,7 @@ class EmulatedSwitchBoard:
             self.terminal.send(self._worn(self._late.popleft()[1]))
 
     def _suffer(self) -> None:
-        """Unplug, plug in or reset the board where its faults say so."""
+        """Unplug, plug in or reset the board as its faults require."""
         now, faults = self._source.now(), self.faults
         is_away = self.is_unplugged or any(start <= now < end for start, end in faults.unplugged)
         if is_away != self._is_away:
@@ -171,7 +171,7 @@ class EmulatedSwitchBoard:
         self._seen = now
 
     def _worn(self, data: bytes) -> bytes:
-        """Return the bytes that a bad cable passes."""
+        """Return the bytes that pass a bad cable."""
         faults = self.faults
         if not faults.drop and not faults.corrupt:
             return data

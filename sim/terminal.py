@@ -1,4 +1,4 @@
-"""The far end of a serial port: a pseudo-terminal that can be unplugged and plugged in again under the same name."""
+"""Far end of a serial port: a pseudo-terminal that can be unplugged and plugged in again under the same name."""
 
 import fcntl
 import os
@@ -12,29 +12,29 @@ from pathlib import Path
 BUFFER = 3000
 """Number of unread bytes that the line keeps; a pseudo-terminal holds 4095."""
 ARRIVAL_TIME = 5.0
-"""Longest time until the kernel has passed bytes on, s of wall time."""
+"""Longest time in which the kernel forwards bytes, s of wall time."""
 
 
 class Terminal:
-    """One serial port as its board sees it."""
+    """Board side of one serial port."""
 
     def __init__(self, name: str) -> None:
         """Choose the port's name; it does not exist yet."""
         self.port = str(Path(tempfile.gettempdir()) / f"{name}-{os.getpid()}-{id(self)}")
-        """Name of the serial port, which stays the same when the board is plugged in again."""
+        """Name of the serial port; it stays the same if the board is plugged in again."""
         self.is_read_meanwhile = False
-        """Whether the reader is another thread or process, so that bytes need not be seen to arrive before `send` returns."""
+        """True if the reader is another thread or process; `send` then returns before the arrival of the bytes."""
         self._ends: tuple[int, int] | None = None
 
     def plug_in(self) -> None:
-        """Make the port; one that exists is left as it is."""
+        """Create the port; no effect if it exists."""
         if self._ends is None:
             self._ends = os.openpty()
             tty.setraw(self._ends[1])
             Path(self.port).symlink_to(os.ttyname(self._ends[1]))
 
     def unplug(self) -> None:
-        """Take the port away from whoever has it open; may be called again."""
+        """Remove the port, even if it is open elsewhere; repeated calls are harmless."""
         if self._ends is not None:
             Path(self.port).unlink(missing_ok=True)
             for end in self._ends:
@@ -42,9 +42,9 @@ class Terminal:
             self._ends = None
 
     def send(self, data: bytes) -> None:
-        """Put bytes on the line and see them arrive, so that whoever reads next has them, however busy the machine is.
+        """Send bytes and wait for their arrival, so that the next read returns them even on a busy computer.
 
-        Bytes that nobody reads are lost once the line is full, as in a USB adapter; all are while it is unplugged.
+        Unread bytes are lost if the line is full, as in a USB adapter; all bytes are lost while it is unplugged.
         """
         if self._ends is None or not data:
             return
@@ -61,5 +61,5 @@ class Terminal:
 
 
 def _waiting(port: int) -> int:
-    """Return how many bytes wait to be read."""
+    """Return the number of bytes that wait for a read."""
     return int.from_bytes(fcntl.ioctl(port, termios.FIONREAD, bytes(4)), sys.byteorder)

@@ -1,4 +1,4 @@
-"""The contents of one trial: plate, rack and peg as drawn, and the compiled models that move them."""
+"""Contents of one trial: plate, rack and peg as drawn, and the compiled models that move them."""
 
 import math
 from dataclasses import dataclass, replace
@@ -32,8 +32,9 @@ class Mechanism:
         Args:
             model: The model.
             twin: The same model with a time step `engine.COARSE` times as long, for the same state, or None.
-            sides: Bodies with the finger centre half-way between them; the plates' torque is taken about the first one.
-            plates: Number of plates among the first geoms, which the net force counts.
+            sides: Bodies on either side of the finger centre; the first one is the reference point of the plates'
+                torque.
+            plates: Number of plates; their geoms come first and the net force includes them.
         """
         self.model, self.twin, self.plates = model, twin, plates
         self.data = mujoco.MjData(model)
@@ -60,17 +61,18 @@ class TrialScene:
     """Plate, rack and models of one trial."""
 
     def __init__(self, sim: SimConfig, job: Job, drawn: Draw, pad: tuple[float, float], has_twins: bool) -> None:
-        """Compile the models of what was drawn.
+        """Compile the models of the drawn world.
 
         Args:
             sim: Config of the simulated world.
             job: The part, its rack and its hole.
             drawn: Draw of the trial's seed.
             pad: Length and width of a pad, m.
-            has_twins: Whether longer steps are taken where nothing can touch the hole, if the joints' friction bears them.
+            has_twins: True for longer steps while nothing can touch the hole, if the joints' friction permits them.
 
         Raises:
-            ConfigError: The joints' smooth friction is too steep for the time step, or the plate has no room for its decoys.
+            ConfigError: The joints' smooth friction is too steep for the time step, or the plate is too small for its
+                decoys.
         """
         self.job = job
         self.arm = drawn.arm if sim.model.arm == "full" else replace(drawn.arm, friction=JointFriction())
@@ -83,7 +85,7 @@ class TrialScene:
             self.plate = with_decoys(self.plate, job.hole, true.decoys, drawn.seed)
         force = drawn.latch_force * (1.0 - true.latch_wear)
         self.latch = latch.words_of(job.hole.latch, self.plate, job.hole.depth, force, drawn.latch_place)
-        """What resists the peg near the bottom, see `sim.latch`."""
+        """Latch near the bottom, see `sim.latch`."""
         self.shear_stiffness = drawn.shear_stiffness
         """Stiffness of both pads in their plane, N/m."""
         dt, how = sim.timestep, sim.model
@@ -97,7 +99,7 @@ class TrialScene:
             )
         self.held = Mechanism(held, twins[0], (scene.GRIP, scene.GRIP), int(held.geom("peg").id))
         self.free = Mechanism(free, twins[1], ("left", "right"), int(free.geom("left").id))
-        """Free model with its twin, which leaves the peg out."""
+        """Free model with its twin, which omits the peg."""
         self.pads = (int(free.geom("left").id), int(free.geom("right").id))
         """Geoms of the pads in the free model."""
         self.size = PegSize(
@@ -108,22 +110,22 @@ class TrialScene:
         )
         reach = job.hole.part.reach + job.hole.chamfer if true.present else contact.SOLID
         if self.plate.tiles:
-            # Every place of the plate is near one of its holes.
+            # Every position of the plate is near one of its holes.
             reach = 2.0 * math.hypot(*self.plate.outline[2:])
         self.hole: Vector = np.array([*self.plate.position, *self.plate.rotation[:, 2], reach])
-        """Middle of the mouth, outward axis and reach of the hole with its chamfer, see `peg_distances.is_far`."""
+        """Centre of the mouth, outward axis and reach of the hole with its chamfer, see `peg_distances.is_far`."""
 
     def racked(self) -> Pose:
-        """Return the pose of the peg's middle in its slot."""
+        """Return the pose of the peg's centre in its slot."""
         up = self.rack.rotation[:, 2]
         return Pose(self.rack.position + up * (self.size.half - self.rack.depth), self.rack.rotation)
 
 
 def _can_step(arm: ArmTruth, timestep: float) -> bool:
-    """Return whether long steps are short enough for the smooth friction of the joints.
+    """Return True if long steps are short enough for the smooth friction of the joints.
 
     Raises:
-        ConfigError: A single tick is too long already.
+        ConfigError: A single tick is already too long.
     """
     if not any(arm.friction.steepest()):
         return True
@@ -143,7 +145,7 @@ def _plate(job: Job, drawn: Draw, true: PlateConfig) -> Plate:
     if hole.part.symmetry > 0.0:
         lean = lean @ frames.rotation_about(frames.UP, drawn.yaw)
     half = hole.part.half if true.present else (contact.SOLID, contact.SOLID)
-    # A switch needs some way to close; without one the bottom is where the part is seated.
+    # A switch needs some travel to close; without a switch the bottom is the seated depth.
     floor = hole.depth - true.shallow + (FLOOR_MARGIN if hole.evidence == "switch" else 0.0)
     chamfer = hole.chamfer if true.present else 0.0
     rubbing = contact.Rubbing(true.stick, true.stick_speed, true.ripple, true.ripple_length)
@@ -153,14 +155,14 @@ def _plate(job: Job, drawn: Draw, true: PlateConfig) -> Plate:
 def _rack(job: Job, drawn: Draw) -> Plate:
     rack = job.rack
     slot = np.array(rack.first) + np.array([0.0, rack.pitch * (job.slot % rack.slots), 0.0]) + drawn.rack
-    # The hand comes with its closing axis along y, so the slot is tilted about y and its first side lies along y.
+    # The hand arrives with its closing axis along y, so the slot is tilted about y and its first side lies along y.
     lean = frames.rotation_about(np.array([0.0, 1.0, 0.0]), -drawn.grasp_angle)
     turned = lean @ frames.rotation_about(frames.UP, job.peg.part.least_turn(math.pi / 2))
     return Plate(
         slot,
         turned,
         job.peg.part.grown(scene.RACK_CLEARANCE).half,
-        # A deeper slot makes the hand take the peg closer to its back end.
+        # In a deeper slot the hand grasps the peg closer to its back end.
         rack.depth + drawn.depth_in_hand,
         outline_of(slot - drawn.rack, turned, *rack.bounds),
     )

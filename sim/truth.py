@@ -1,4 +1,4 @@
-"""The true state of a simulated cell, which no sensor tells: for records and tests, never for skills."""
+"""True state of a simulated cell, beyond its sensors: for records and tests, never for skills."""
 
 from dataclasses import dataclass
 
@@ -6,7 +6,8 @@ from sim.situation import PegSituation
 
 VOID_PENETRATION = 10e-6
 VOID_SHARE = 0.2
-"""Penetration, as a share of the radial clearance, that makes a trial void when it lasts longer than 2 ms; so do 10 um."""
+"""Penetration, as a share of the radial clearance, that makes a trial void if it lasts longer than 2 ms; 10 um do
+too."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -16,15 +17,15 @@ class Truth:
     stamp: float
     peg: PegSituation
     theta: float
-    """In-hand angle, rad; NaN when the peg is not held."""
+    """In-hand angle, rad; NaN if the peg is not held."""
     tip: tuple[float, float, float]
-    """Middle of the peg's end face, m, base frame."""
+    """Centre of the peg's end face, m, base frame."""
     hole: tuple[float, float, float]
-    """Middle of the hole's mouth, m, base frame."""
+    """Centre of the hole's mouth, m, base frame."""
     depth: float
     """Depth of the tip below the hole's mouth along its axis, m; negative above."""
     is_in_hole: bool
-    """Whether the tip is below the surface and within the hole's radius of its axis."""
+    """True if the tip is below the surface and within the hole's radius of its axis."""
     switch_closed: bool
     peak_contact_force: float
     """Largest net force of the plates on the held peg, N, after a first-order low-pass of 5 ms (32 Hz)."""
@@ -32,23 +33,24 @@ class Truth:
     """Deepest penetration of a bore or its rim that lasted longer than 2 ms, m."""
     is_void: bool
     max_in_hand_rotation: float
-    """Largest turn of the peg in the hand since the grasp, rad."""
+    """Largest rotation of the peg in the hand since the grasp, rad."""
     grip_slip: float
-    """Largest distance that the peg slipped along and across the fingers since it was last grasped, m."""
+    """Largest slip of the peg along and across the fingers since the last grasp, m."""
     time_over_20N: float  # noqa: N815 - a column of trials.csv
-    """Time that the force, low-passed as for `peak_contact_force`, exceeded 20 N, s."""
+    """Time with a force above 20 N, s; the force is low-passed as for `peak_contact_force`."""
     jerk_free: float
-    """Largest jerk of the finger centre on ways through free space, m/s³, behind a low-pass of 10 Hz, see `sim.metering`."""
+    """Largest jerk of the finger centre in free space, m/s³, after a low-pass of 10 Hz, see `sim.metering`."""
     jerk_contact: float
-    """Largest jerk of the finger centre at all other times, m/s³, behind the same low-pass."""
+    """Largest jerk of the finger centre at all other times, m/s³, after the same low-pass."""
     plate_penetration: float
-    """Deepest penetration of a surface or a hole's floor that lasted longer than 2 ms, m; recorded, not judged."""
+    """Deepest penetration of a surface or a hole's floor that lasted longer than 2 ms, m; recorded only, no
+    criterion."""
     joint_speed: float
     """Speed of the fastest joint, rad/s."""
 
 
 def is_void(penetration: float, clearance: float) -> bool:
-    """Return whether a trial is void because its bodies penetrated each other.
+    """Return True if a trial is void because its bodies penetrated each other.
 
     Args:
         penetration: Deepest penetration of a bore or its rim that lasted longer than 2 ms, m.

@@ -1,4 +1,4 @@
-"""The physics of one cell as its devices use it: the clock, the commands, the readings, and the truth."""
+"""Physics of one cell as its devices use it: the clock, the commands, the readings, and the true state."""
 
 from dataclasses import replace
 
@@ -40,13 +40,13 @@ class World:
         job: Job,
         errors: Errors = NO_ERRORS,
     ) -> None:
-        """Keep the configuration and build the scene of the first run; the skin's layout tells the pads' size.
+        """Store the configuration and build the scene of the first run; the skin's layout defines the pads' size.
 
         Raises:
-            ConfigError: `reality.alone` names no error, or the description of the arm cannot be used.
+            ConfigError: `reality.alone` names no error, or the description of the arm is unusable.
         """
         self._errors, self.drawn = errors, errors.draw(sim.seed)
-        """Errors of the cell and their draw, constant for as long as the cell stands: arm, places, skin and computer."""
+        """Errors of the cell and their draw, constant over the life of the cell: arm, positions, skin and computer."""
         self.arm, self._sim, self._contact, self._grip = arm, sim, friction, grip
         self._described = described_arm.read(sim.described, arm) if sim.described else None
         self.pad = pad_size(layout)
@@ -57,7 +57,7 @@ class World:
         self.restock(job, sim.seed)
 
     def restock(self, job: Job, seed: int) -> None:
-        """Stand a fresh peg in the rack and draw the trial's world from `seed`; the arm stays where it is."""
+        """Place a fresh peg in the rack and draw the trial's world from `seed`; the arm keeps its pose."""
         part = self._errors.draw(seed)
         drawn = draw(self.arm, job, self._contact, self._grip, seed, self.drawn, part)
         if self._sim.fixture is not None:
@@ -67,7 +67,7 @@ class World:
         self.begin(job, drawn)
 
     def begin(self, job: Job, drawn: Draw) -> None:
-        """Stand a fresh peg in the rack of a world that is drawn already; the arm stays where it is."""
+        """Place a fresh peg in the rack of a world that is drawn already; the arm keeps its pose."""
         self.job, self.draw = job, drawn
         shapes.install(job.peg.part)
         scene = TrialScene(self._sim, job, drawn, self.pad, self.stepper.has_twins)
@@ -94,7 +94,7 @@ class World:
 
     @property
     def control(self) -> engine.Drives:
-        """Commands, which the devices write."""
+        """Commands written by the devices."""
         return self.stepper.control
 
     @property
@@ -109,7 +109,7 @@ class World:
 
     @property
     def is_held(self) -> bool:
-        """Whether the peg hangs in the hand."""
+        """True if the peg hangs in the hand."""
         return self.peg is PegSituation.HELD
 
     @property
@@ -136,7 +136,7 @@ class World:
         return self.stepper.scanned()
 
     def physics(self) -> tuple[mujoco.MjModel, mujoco.MjData]:
-        """Return the model that the next step takes, and the data, for measurements."""
+        """Return the model of the next step, and the data, for measurements."""
         return self.stepper.physics()
 
     def inertia(self, point: Vector) -> Vector:
@@ -158,7 +158,7 @@ class World:
         return self.stepper.pad_force()
 
     def pad_load(self) -> PadLoad | None:
-        """Return the present load of the pads; None when nothing is between them."""
+        """Return the present load of the pads; None if nothing is between them."""
         if self.peg is PegSituation.GONE or (self.peg is PegSituation.FREE and self.pad_force() <= 0.0):
             return None
         return load_of(
@@ -177,16 +177,16 @@ class World:
         return self.meters[first : first + 3].copy() if self.stepper.feels_plates() else np.zeros(3)
 
     def peg_pose(self) -> Pose:
-        """Return the true pose of the peg's middle, z from its end upward."""
+        """Return the true pose of the peg's centre, z from its end upward."""
         return self.stepper.peg_pose()
 
     def is_switch_pressed(self) -> bool:
-        """Whether the peg's end presses the switch, where the hole has one."""
+        """True if the hole has a switch and the peg's end presses it."""
         depth, in_hole = self.stepper.depth()
         return in_hole and depth >= self.job.hole.depth and self.job.hole.evidence == "switch"
 
     def pivot(self) -> tuple[float, Vector]:
-        """Return the true in-hand angle, rad, NaN if no hand holds the peg, and the middle of the peg's end face, m."""
+        """Return the true in-hand angle, rad, NaN if no hand holds the peg, and the centre of the peg's end face, m."""
         return self.stepper.pivot()
 
     def truth(self) -> Truth:

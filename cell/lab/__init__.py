@@ -1,1 +1,1 @@
-"""The laboratory: simulated trials, studies and the demo; it uses the product, and the product never imports it."""
+"""Laboratory: simulated trials, studies and the demo. It uses the product; the product must not import it."""

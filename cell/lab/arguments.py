@@ -1,4 +1,4 @@
-"""Options that studies share; imports nothing heavy."""
+"""Options common to all studies; imports nothing heavy."""
 
 import argparse
 import os
@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 
 def add_study(parser: argparse.ArgumentParser) -> None:
-    """Add the options of every study of a simulated cell: its config, where its files go, and whether it is cut short."""
+    """Add the options of every study of a simulated cell: config, output folder, and a shorter run."""
     add_config(parser)
     add_out(parser)
     parser.add_argument("--quick", action="store_true", help="less of everything")
@@ -31,7 +31,7 @@ def add_seed(parser: argparse.ArgumentParser) -> None:
 
 
 def add_trials(parser: argparse.ArgumentParser, of_what: str) -> None:
-    """Add --trials; `of_what` says what they are, and their number without the option."""
+    """Add --trials; `of_what` describes the trials and gives their default number."""
     parser.add_argument("--trials", type=positive, metavar="N", help=of_what)
 
 
@@ -47,15 +47,15 @@ def add_workers(parser: argparse.ArgumentParser) -> None:
 
 
 def load_simulated(args: argparse.Namespace, what: str, pace: str | None = "max") -> "LoadedConfig":
-    """Return the config that --config and --set name.
+    """Return the config given by --config and --set.
 
     Args:
         args: Parsed options.
         what: Command that needs the config.
-        pace: Pace of the simulated cell where --set states none; None leaves it to the file.
+        pace: Pace of the simulated cell if --set states none; None keeps the file's.
 
     Raises:
-        ConfigError: The config is wrong, or the cell is not a simulated one.
+        ConfigError: The config is invalid, or the cell is not simulated.
     """
     loaded = load_config(args, default_pace=pace)
     loaded.cell.require_simulated(what)

@@ -1,4 +1,4 @@
-"""Charts that several commands draw: speed against accuracy, and names beside points that cover neither each other nor a point."""
+"""Charts of several commands: speed against accuracy, and labels that overlap neither each other nor a point."""
 
 import math
 from collections.abc import Sequence
@@ -16,13 +16,13 @@ from cell.statistics import wilson
 
 CHART = "speed_accuracy.png"
 OFFSETS = (12, 26, 42, 60, 80, 102, 126, 152)
-"""Distances from its point at which a name is tried, points; beyond the first a thin line leads to it."""
+"""Distances from its point that a label tries, points; beyond the first a thin line leads to it."""
 SIDES = ((1, 0), (-1, 0), (1, 1), (-1, 1), (1, -1), (-1, -1), (0, 1), (0, -1), (2, 1), (-2, 1), (2, -1), (-2, -1))
-"""Directions in which it is tried, in order."""
+"""Directions that a label tries, in order."""
 LETTERS = 9.0
 """Size of the letters, points."""
 CLEAR = 6.0
-"""Half the side of the square that a point takes, pixels."""
+"""Half the side of the square around a point, pixels."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,7 +70,7 @@ def plot_speed_accuracy(points: Sequence[Point], path: Path) -> None:
 
 @dataclass(frozen=True, slots=True)
 class Label:
-    """A point's name, at the point's place on both axes."""
+    """Label of a point, at the point's position on both axes."""
 
     x: float
     y: float
@@ -79,7 +79,7 @@ class Label:
 
 
 def place_labels(figure: Figure, axes: Axes, labels: Sequence[Label]) -> None:
-    """Write every name at the first free place around its point; one that finds none stands at the last that was tried."""
+    """Write every label at the first free position around its point; if none is free, at the last position tried."""
     figure.draw_without_rendering()
     frame = axes.get_window_extent()
     spots = [axes.transData.transform((label.x, label.y)) for label in labels]
@@ -93,7 +93,7 @@ def place_labels(figure: Figure, axes: Axes, labels: Sequence[Label]) -> None:
 
 
 def _written(axes: Axes, label: Label, offset: tuple[float, float], taken: list[Bbox], frame: Bbox) -> bool:
-    """Write a name at an offset from its point, points, if nothing is there; return whether it stands."""
+    """Write a label at an offset from its point, points, if the position is free; return True if it was written."""
     side = "left" if offset[0] > 0 else "right" if offset[0] < 0 else "center"
     note = axes.annotate(
         label.text,

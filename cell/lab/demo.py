@@ -1,4 +1,4 @@
-"""The main job on the embedded default: a PLC peer that asks for every insertion over Modbus TCP, and a cell that obeys."""
+"""Main job on the embedded default: a PLC peer requests every insertion over Modbus TCP, and the cell executes it."""
 
 import json
 import threading
@@ -26,13 +26,13 @@ from skills.catalogue import CATALOGUE
 from skills.contract import Outcome
 
 LONGEST = 3600.0
-"""Wall time after which the peer gives up a run, s."""
+"""Wall time after which the peer aborts a run, s."""
 RUN_PICTURE = "trial.png"
 
 
 @dataclass(frozen=True, slots=True)
 class DemoResult:
-    """Result of the demo, as the peer and the journal have it."""
+    """Result of the demo from the peer and the journal."""
 
     reports: list[ReportImage]
     """Report that the PLC read at the end of each insertion."""
@@ -40,12 +40,12 @@ class DemoResult:
     """Row of each insertion in the journal."""
 
     def tried(self) -> list[Tried]:
-        """Return the runs in the form that the stage table takes."""
+        """Return the runs in the form of the stage table."""
         return [as_tried(row) for row in self.rows]
 
 
 def as_tried(row: RunRow) -> Tried:
-    """Return a run on record in the form that the stage table takes."""
+    """Return a recorded run in the form of the stage table."""
     names = {stage.name for stage in PUBLISHED}
     times = {name: time for name, time in json.loads(row.stage_times) if name in names}
     return Tried(row.outcome == Outcome.SUCCESS, row.stage, times)
@@ -63,9 +63,9 @@ def run_demo(
     Args:
         loaded: A simulated cell.
         journal: The opened journal.
-        trials: Number of insertions that the peer asks for.
+        trials: Number of insertions requested by the peer.
         watch: Called by the peer's thread with the number of ended insertions and the report that it reads.
-        stop: Ends the demo when it is set; the arm is stopped first.
+        stop: Ends the demo if set; the arm is stopped first.
 
     Raises:
         CellError: The port is in use, or the peer lost the cell.
@@ -75,7 +75,7 @@ def run_demo(
     errors: list[CellError] = []
     with opened(assemble(loaded.cell)) as cell:
         supervisor = Supervisor(cell, loaded, bridge, journal, stop)
-        supervisor.scan()  # the first scan compiles, and a PLC in the same process would not be served meanwhile
+        supervisor.scan()  # the first scan compiles, and a PLC in the same process would get no answers meanwhile
         bridge.start()
         has_ended = threading.Event()
 
@@ -106,14 +106,14 @@ def run_demo(
 def _be_plc(
     host: str, port: int, trials: int, reports: list[ReportImage], watch: Callable[[int, ReportImage], None]
 ) -> None:
-    """Ask for one insertion after the other, as a PLC does, and reset the cell after a fault or a stop."""
+    """Request one insertion after the other, as a PLC does, and reset the cell after a fault or a stop."""
     peer = Peer(host, port)
     peer.connect()
     try:
         peer.take()
         for number in range(trials):
             if PartPlace(peer.read_report().part) in UNRESOLVED:
-                peer.run(Control.CLEARED, timeout=LONGEST)  # a person takes the last peg away
+                peer.run(Control.CLEARED, timeout=LONGEST)  # a person removes the last peg
             report = peer.run(
                 CATALOGUE["insert_peg"].code,
                 serial=f"demo-{number + 1}",
@@ -130,7 +130,7 @@ def _be_plc(
 
 
 def draw_demo(result: DemoResult, journal: Journal, folder: Path) -> list[Path]:
-    """Draw one trial, a successful one if there is one, and the chart; return the files."""
+    """Draw one trial, a successful one if available, and the chart; return the files."""
     pictures = []
     shown = next(
         (row for row in result.rows if row.outcome == Outcome.SUCCESS), result.rows[0] if result.rows else None

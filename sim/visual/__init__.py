@@ -1,1 +1,1 @@
-"""Pictures of the cell: a scene of its own that is posed from recorded states and that the physics never sees."""
+"""Pictures of the cell: a separate scene, posed from recorded states and without effect on the physics."""

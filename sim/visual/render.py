@@ -1,4 +1,4 @@
-"""Pictures of the scene without a display."""
+"""Off-screen pictures of the scene."""
 
 import os
 import sys
@@ -16,15 +16,15 @@ from sim.visual.scene import BESIDE, MOST_TRAIL, OPENED, TRAIL, WHOLE, Stage
 Image = NDArray[np.uint8]
 """An image, shape (height, width, 3), red first."""
 ADVICE = "pictures without a display need EGL and a software driver, on Debian the packages libegl1 and libgl1-mesa-dri"
-"""Advice where OpenGL does not work."""
+"""Advice if OpenGL does not work."""
 TRAIL_COLOUR = np.array([0.05, 0.55, 0.75, 1.0], dtype=np.float32)
 
 
 class Camera:
-    """Renders the scene off screen; it is a context manager, and serves one thread."""
+    """Renders the scene off screen; it is a context manager for one thread."""
 
     def __init__(self, stage: Stage) -> None:
-        """Keep the scene; `open` makes what OpenGL needs."""
+        """Store the scene; `open` creates the OpenGL resources."""
         self._stage = stage
         self._gl: Any = None
         self._context: Any = None
@@ -48,7 +48,7 @@ class Camera:
         mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self._context)
 
     def close(self) -> None:
-        """Release the OpenGL context; harmless when repeated."""
+        """Release the OpenGL context; repeated calls are harmless."""
         if self._context is not None:
             self._context.free()
             self._context = None
@@ -93,7 +93,7 @@ class Camera:
 
 
 def draw_trail(scene: mujoco.MjvScene, trail: Vector) -> None:
-    """Add the line through `trail`, shape (n, 3), m, to a scene; a point that is NaN interrupts it."""
+    """Add the line through `trail`, shape (n, 3), m, to a scene; a NaN point interrupts it."""
     for start, end in pairwise(trail):
         if scene.ngeom >= scene.maxgeom or not (np.isfinite(start).all() and np.isfinite(end).all()):
             continue
@@ -104,7 +104,7 @@ def draw_trail(scene: mujoco.MjvScene, trail: Vector) -> None:
 
 
 def _context_type() -> Any:
-    """Return the class of the OpenGL context: EGL on Linux, which needs no display, or what MUJOCO_GL asks for."""
+    """Return the class of the OpenGL context: the one named by MUJOCO_GL, or EGL on Linux, which needs no display."""
     if sys.platform == "linux" and not os.environ.get("MUJOCO_GL"):
         from mujoco.egl import GLContext
     else:

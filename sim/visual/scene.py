@@ -1,10 +1,11 @@
-"""The scene that pictures show: arm, hand with its taxels, rack, plate, peg, bench, light and cameras.
+"""Scene of the pictures: arm, hand with its taxels, rack, plate, peg, bench, light and cameras.
 
-It is a MuJoCo model of its own, posed from recorded joint positions and poses by `Stage.pose`. It has no contacts, no
-actuators and no relation to the models in `sim.scene`, so nothing that is drawn can change what is simulated.
+It is a separate MuJoCo model, posed from recorded joint positions and poses by `Stage.pose`. It has no contacts, no
+actuators and no relation to the models in `sim.scene`, so that drawing cannot change the simulation.
 
 The arm is drawn from its Denavit-Hartenberg figures alone: a column along every offset d, a beam along every length a,
-a housing about every joint in which two axes meet. It therefore looks like the arm of the figures, not like a photograph.
+a housing about every joint in which two axes meet. It therefore looks like the arm of the figures, not like a
+photograph.
 """
 
 import math
@@ -21,23 +22,23 @@ from drivers.skin.layout import finger_positions, pad_size
 from sim.visual import shapes
 
 WHOLE, OPENED, BESIDE = 1, 2, 3
-"""Groups of geoms: the whole plate, the plate cut open, and what stands between the section and its camera."""
+"""Groups of geoms: the whole plate, the plate cut open, and the objects between the section and its camera."""
 MARGIN = 0.022
-"""Width of the plate beyond the area that holds the hole, m."""
+"""Width of the plate beyond the area of the hole's positions, m."""
 BELOW = 0.008
 """Thickness of the plate below the hole's floor, m."""
 SEEN = 0.085
-"""Height of the region that the section shows, m."""
+"""Height of the region in the section, m."""
 TRAIL = 2.5
-"""Width of the line that the tip draws on the plate, pixels."""
+"""Width of the tip's line on the plate, pixels."""
 MOST_TRAIL = 1500
-"""Largest number of pieces of that line."""
+"""Largest number of segments of that line."""
 HATCH = 0.004
 """Distance between the hatching lines along x, m."""
 CAMERA, LOOKS_AT = (0.88, -1.17, 0.60), (0.325, -0.02, 0.285)
-"""Place of the camera of the whole cell, and the point that it looks at, m, base frame."""
+"""Position of the camera of the whole cell, and its target point, m, base frame."""
 LIT = 15e3
-"""Reading at which a taxel's disc is drawn brightest, counts."""
+"""Reading at the largest brightness of a taxel's disc, counts."""
 
 PAINT = {
     "shell": "0.93 0.94 0.95 1",
@@ -64,11 +65,11 @@ class Moment:
     width: float
     """Distance between the pads, m."""
     peg: Pose | None
-    """Pose of the peg's middle, z from its end upward, base frame; None when nobody knows where it is."""
+    """Pose of the peg's centre, z from its end upward, base frame; None if it is unknown."""
     taxels: Vector
     """Readings of the taxels, counts, left finger first, shape (2, 20)."""
     is_seated: bool = False
-    """Whether the switch under the hole is closed."""
+    """True if the switch under the hole is closed."""
 
 
 class Stage:
@@ -91,7 +92,7 @@ class Stage:
         self._hatch()
 
     def _hatch(self) -> None:
-        """Draw the slanting hatching lines of technical drawings into the texture of the cut."""
+        """Draw the hatching lines of technical drawings into the texture of the cut."""
         model, texture = self.model, self.model.texture("hatch").id
         side, start = int(model.tex_width[texture]), int(model.tex_adr[texture])
         across, down = np.meshgrid(np.arange(side), np.arange(side))
@@ -100,7 +101,7 @@ class Stage:
         model.tex_data[start : start + pixels.size] = pixels.ravel()
 
     def pose(self, moment: Moment) -> None:
-        """Pose everything as it was at one instant."""
+        """Pose all bodies as at one instant."""
         data, model = self.data, self.model
         data.qpos[: self._joints] = moment.joints
         data.qpos[self._joints :] = moment.width / 2
@@ -226,7 +227,7 @@ def _plate(job: Job, hole: Pose | None) -> tuple[str, str]:
 
 
 def _cuts(faces: Sequence[Sequence[tuple[float, float]]]) -> str:
-    """Return the mesh of quadrangles, each by the x and z of its corners, m, in the plane of the cut, hatched at `HATCH`."""
+    """Return the mesh of quadrangles in the plane of the cut, hatched at `HATCH`; x and z of each corner, m."""
     corners = [(x, -0.0001, z) for face in faces for x, z in face]
     triangles = [4 * k + corner for k in range(len(faces)) for corner in (0, 1, 2, 0, 2, 3)]
     places = [(x / HATCH, z / HATCH) for x, _, z in corners]
@@ -312,7 +313,7 @@ def _hand(facts: SceneFacts) -> tuple[str, str]:
     places = finger_positions(layout)
     for number, (name, sign) in enumerate(zip(FINGER_NAMES, (1, -1), strict=True)):
         root, tip = base - hand.finger_centre, length / 2 + 0.003
-        # The finger frame has x out of the hand and y across it, which is x of the hand.
+        # The finger frame has x out of the hand, and y across it along the hand's x.
         discs = "".join(
             f'<geom name="{name}_{k}" type="cylinder" size="0.0016 0.0003" pos="{y} {sign * 0.0002} {x}" euler="{math.pi / 2} 0 0"/>'
             for k, (x, y) in enumerate(places[number])
@@ -333,7 +334,7 @@ def _mesh(name: str, mesh: shapes.Mesh) -> str:
 
 
 def _facing(where: tuple[float, float, float], at: tuple[float, float, float]) -> str:
-    """Return the x and y axes of a camera that looks from one point to another, upright."""
+    """Return the x and y axes of an upright camera at one point that looks at another."""
     back = np.array(where) - np.array(at)
     back /= np.linalg.norm(back)
     right = np.cross([0.0, 0.0, 1.0], back)

@@ -1,4 +1,4 @@
-"""Meshes that MuJoCo has no primitive for: a plate with a hole, whole or cut open, and boxes with round edges."""
+"""Meshes without a MuJoCo primitive: a plate with a hole, whole or cut open, and boxes with round edges."""
 
 import math
 from dataclasses import dataclass
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from drivers.quantities import Vector
 
 RAYS = 180
-"""Number of directions from the hole's middle in which outline and hole are sampled."""
+"""Number of directions from the hole's centre in which outline and hole are sampled."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -34,11 +34,11 @@ def perforated(
     """Return a plate with one blind hole whose mouth is the origin, z out of the plate.
 
     Args:
-        outline: Edges of the plate, least and largest x, least and largest y, m; the hole lies between them.
+        outline: Edges of the plate: smallest and largest x, smallest and largest y, m; the hole lies between them.
         sides: Corners of the hole's mouth, shape (n, 2), m, counter-clockwise about the origin.
         depth: Depth of the hole's floor, m.
         thickness: Thickness of the plate, m, more than the depth.
-        cut: Whether the part at negative y is cut off.
+        cut: True to cut off the part at negative y.
         chamfer: Width and depth of a chamfer at the mouth, m.
     """
     x0, x1, y0, y1 = outline
@@ -66,7 +66,7 @@ def perforated(
 
 
 def rounded_box(half: tuple[float, float, float], radius: float) -> Vector:
-    """Return points whose convex hull is a box with round edges, shape (n, 3), m, about its middle."""
+    """Return points whose convex hull is a box with round edges, shape (n, 3), m, about its centre."""
     steps = np.linspace(0.0, math.pi / 2, 7)
     ball = np.array([[math.cos(b) * math.cos(a), math.cos(b) * math.sin(a), math.sin(b)] for a in steps for b in steps])
     inner = np.array(half) - radius
@@ -102,7 +102,7 @@ def _at(points: Vector, height: float) -> Vector:
 
 
 def _reached(polygon: Vector, rays: Vector) -> Vector:
-    """Return where rays from the origin, at the given angles, leave a convex polygon about it, shape (n, 2), m."""
+    """Return the exit points of rays from the origin, at the given angles, from a convex polygon around it, shape (n, 2), m."""
     start, way = polygon, np.roll(polygon, -1, axis=0) - polygon
     normal = np.column_stack([way[:, 1], -way[:, 0]])
     distance = (normal * start).sum(axis=1)
@@ -115,7 +115,7 @@ def _reached(polygon: Vector, rays: Vector) -> Vector:
 
 
 def _lofted(rings: list[Vector], closed: bool) -> Mesh:
-    """Return the surface between neighbouring rings; open ones get flat ends, fanned from the last ring's axis."""
+    """Return the surface between neighbouring rings; open rings get flat ends, fanned from the last ring's axis."""
     count = len(rings[0])
     faces = []
     for k in range(len(rings) - 1):
@@ -127,7 +127,8 @@ def _lofted(rings: list[Vector], closed: bool) -> Mesh:
     if not closed:
         for i, is_first in ((0, True), (count - 1, False)):
             profile = [k * count + i for k in range(len(rings) - 1)]
-            # The rings are bottom outside, top outside, mouth with its chamfer, floor, and the axis below it: the first one sees all.
+            # Order of the rings: bottom outside, top outside, mouth with its chamfer, floor, and the axis below it. The
+            # first ring sees all.
             ends = [(profile[0], one, two) for one, two in pairwise(profile[1:])]
             faces += [end if is_first else end[::-1] for end in ends]
     used = np.array(faces, dtype=np.intp)

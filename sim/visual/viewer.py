@@ -1,4 +1,4 @@
-"""The scene in MuJoCo's viewer, which needs a display."""
+"""The scene in MuJoCo's viewer; it needs a display."""
 
 import os
 import sys
@@ -15,14 +15,14 @@ from sim.visual.render import draw_trail
 from sim.visual.scene import BESIDE, LOOKS_AT, OPENED, WHOLE, Moment, Stage
 
 DISTANCE, AZIMUTH, ELEVATION = 1.35, 116.0, -16.0
-"""First place of the camera relative to what it looks at: distance, m, azimuth and elevation, degrees."""
+"""Initial position of the camera relative to its target: distance, m, azimuth and elevation, degrees."""
 
 
 class Window:
     """A window on the scene; it is a context manager."""
 
     def __init__(self, facts: SceneFacts, hole: Pose | None) -> None:
-        """Keep the facts of the scene; entering opens the window."""
+        """Store the facts of the scene; entering opens the window."""
         self._facts, self._hole = facts, hole
         self._open = ExitStack()
         self._viewer: Any = None
@@ -56,11 +56,11 @@ class Window:
         self._open.close()
 
     def is_open(self) -> bool:
-        """Whether the window is still open."""
+        """True while the window is open."""
         return bool(self._viewer.is_running())
 
     def show(self, moment: Moment, trail: Vector) -> None:
-        """Show the cell at one instant, with the line that the tip has drawn, shape (n, 3), m."""
+        """Show the cell at one instant, with the tip's line, shape (n, 3), m."""
         with self._viewer.lock():
             self._stage.pose(moment)
             scene = self._viewer.user_scn
@@ -70,7 +70,7 @@ class Window:
 
 
 def _require_display() -> None:
-    """Make sure that a window can be opened: GLFW says it only with a thread that has already failed.
+    """Check that a window can be opened, because GLFW reports a failure only after a thread has failed.
 
     Raises:
         ConfigError: No window can be opened.

@@ -1,1 +1,1 @@
-"""The study of what calibrating the arm brings: whether its figures are true, and the first peg with and without them."""
+"""Study of arm calibration: accuracy of its figures, and the first peg with and without them."""

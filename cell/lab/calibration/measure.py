@@ -1,4 +1,4 @@
-"""Arms that are drawn, calibrated, compared with what was drawn, and tried with and without their calibration."""
+"""Drawn arms: calibrated, compared with their true figures, and tried with and without their calibration."""
 
 import json
 from collections.abc import Callable, Mapping, Sequence
@@ -24,30 +24,30 @@ from sim.drawn_arm import drawn_arm
 from sim.reality import Reality
 
 SCALES = {"honest arms": 1.0, "careless arms": 2.0}
-"""Scale of the draw by the name of the arms."""
+"""Scale of the errors by the name of the arms."""
 NAMED = ("joint friction x 4", "rotor inertia of the FR3, sigmoid friction")
-"""Rows of `cell.lab.reality.rows` that are tried too."""
+"""Rows of `cell.lab.reality.rows` in addition to the drawn arms."""
 SIDES = ("without", "with")
 STEP = 5e-4
-"""Step by which the true friction is made into words, s; its value does not matter here."""
+"""Step for the conversion of the true friction to words, s; its value has no effect here."""
 
 
 @dataclass(frozen=True, slots=True)
 class Tried:
-    """One arm, calibrated, and its first peg without and with the calibration."""
+    """One arm, its calibration, and its first peg without and with it."""
 
     kind: str
     seed: int
     trouble: str
-    """Why there is no calibration; empty where there is one."""
+    """Reason why the calibration failed; empty if it succeeded."""
     held: int
-    """Number of figures, friction at each speed and offset of each joint, whose interval holds what was drawn."""
+    """Number of figures whose interval contains the true value: friction at each speed and offset of each joint."""
     figures: int
     """Number of all these figures."""
     worst: float
-    """Largest difference between a figure and what was drawn, N·m."""
+    """Largest difference between a figure and its true value, N·m."""
     trials: tuple[TrialRow, ...]
-    """Trials without and, where there is one, with the calibration."""
+    """Trials without the calibration and, if there is one, with it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,17 +61,17 @@ class KindLine:
     figures: int
     worst: float
     results: tuple[TrialsResult, ...]
-    """Results without and with the calibration, of the arms that were calibrated."""
+    """Results without and with the calibration, of the arms with a calibration."""
     troubles: str
 
 
 def kinds(
     path: Path | None, sets: Sequence[str], config: CellConfig, folder: Path, names: Sequence[str]
 ) -> dict[str, CellConfig]:
-    """Return the config of every kind of arm, or of those that are named.
+    """Return the config of every kind of arm, or of the named kinds.
 
     Raises:
-        ConfigError: There is no kind of that name.
+        ConfigError: A kind of that name does not exist.
     """
     cell = TriedCell(path, sets, config, errors_of(config))
     known = [*SCALES, *NAMED]
@@ -92,14 +92,14 @@ def kinds(
 def measure(
     configs: Mapping[str, CellConfig], seeds: range, workers: int, folder: Path, done: Callable[[int], None]
 ) -> list[KindLine]:
-    """Calibrate and try an arm of every kind for every seed; each arm's file stays in the folder.
+    """Calibrate and test an arm of every kind for every seed; each arm's file stays in the folder.
 
     Args:
         configs: Config of each kind of arm.
         seeds: Seeds, one arm each.
         workers: Number of processes.
         folder: Folder of the files.
-        done: Called with the number of further arms that are done.
+        done: Called with the number of further completed arms.
     """
     jobs = [(kind, seed) for kind in configs for seed in seeds]
     tried: list[Tried] = []
@@ -130,7 +130,7 @@ def _try(configs: Mapping[str, CellConfig], jobs: Sequence[tuple[str, int]], fol
 
 
 def differences(found: ArmCalibration, config: CellConfig, seed: int) -> tuple[Vector, Vector]:
-    """Return how far friction at each speed and offset are from what was drawn, and their intervals, shape (n, 7), N·m."""
+    """Return the errors of friction at each speed and of the offset, and their intervals, shape (n, 7), N·m."""
     drawn = Reality(errors_of(config)).draw(seed, config.reality)
     arm = drawn_arm(config.arm_model(), drawn)
     words = joint_drive.words_of(arm, config.arm_model().control_period, (STEP, STEP))

@@ -1,4 +1,4 @@
-"""`cell study calibration`: whether a calibration of the arm is true, and what it brings."""
+"""`cell study calibration`: accuracy and benefit of an arm calibration."""
 
 import argparse
 from dataclasses import asdict
@@ -12,7 +12,7 @@ SUMMARY = "whether what `cell calibrate arm` finds is true, and the first peg of
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add what is simulated, and the number of arms of each kind."""
+    """Add the simulated cell and the number of arms of each kind."""
     add_study(parser)
     add_seed(parser)
     add_trials(parser, "arms of each kind; default 8, with --quick 1")
@@ -21,7 +21,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> StudyReport:
-    """Calibrate arms of every kind, compare, try each with and without, and write the tables."""
+    """Calibrate arms of every kind, compare them, test each with and without calibration, and write the tables."""
     from cell.lab.calibration import measure, tables
     from cell.lab.frontier.measure import title_of
     from cell.lab.rows import write_rows

@@ -10,7 +10,7 @@ from sim.metering import OVER_FORCE
 
 
 def truth(lines: Sequence[KindLine], title: str) -> Table:
-    """Return how many arms could be calibrated, and how many figures' intervals hold what was drawn."""
+    """Return the number of calibrated arms, and the number of figures whose intervals contain the true value."""
     table = Table(title=title, caption="a figure: friction of a joint at a speed, or its offset; intervals of 95 %")
     for name in ("arms", "calibrated", "intervals that hold", "worst (N·m)"):
         table.add_column(name, justify="left" if name == "arms" else "right")

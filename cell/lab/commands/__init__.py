@@ -1,1 +1,1 @@
-"""The laboratory's commands, one a module; each imports what it needs when it is run."""
+"""Commands of the laboratory, one per module; each imports its dependencies when it runs."""

@@ -1,4 +1,4 @@
-"""`cell demo`: the main job on the embedded default, asked for by a PLC peer."""
+"""`cell demo`: the main job on the embedded default, requested by a PLC peer."""
 
 import argparse
 from dataclasses import asdict
@@ -16,7 +16,7 @@ SUMMARY = "the main job: a PLC peer triggers insertions over Modbus TCP"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add how many insertions, and where records and pictures go."""
+    """Add the number of insertions, and the folder of records and pictures."""
     add_config(parser)
     add_journal(parser)
     parser.add_argument(
@@ -28,7 +28,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Run the insertions, draw one and the chart; GOOD when all of them succeeded."""
+    """Run the insertions, draw one and the chart; GOOD if all of them succeeded."""
     from cell import words
     from cell.lab.demo import draw_demo, run_demo
     from cell.lab.published import stage_table

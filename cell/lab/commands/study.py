@@ -1,4 +1,4 @@
-"""`cell study`: one study, with the options that are its own."""
+"""`cell study`: one study with its own options."""
 
 import argparse
 from importlib import import_module
@@ -14,7 +14,7 @@ SUMMARY = "one study: how fast, how exact, where a method fails"
 
 
 class Study(Protocol):
-    """The contents of a study's module `study.py`; it imports what it needs when it is run."""
+    """Interface of a study's module `study.py`; it imports its dependencies when it runs."""
 
     SUMMARY: str
     """Purpose of the study, in one line for the help."""
@@ -23,7 +23,7 @@ class Study(Protocol):
         """Add the study's own arguments to those of every command."""
 
     def run(self, args: argparse.Namespace) -> "StudyReport":
-        """Measure, draw, write, and return what there is to show."""
+        """Measure, draw, write, and return the report."""
 
 
 STUDIES = (
@@ -67,7 +67,7 @@ def load_study(name: str) -> Study:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Run the study; GOOD unless it found what never may be."""
+    """Run the study; NOT_GOOD if it found an ending that must never occur, otherwise GOOD."""
     from rich.console import Group
 
     report = load_study(args.name).run(args)

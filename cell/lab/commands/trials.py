@@ -17,7 +17,7 @@ SUMMARY = "many insertions on fresh simulated cells"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the number of trials, their seeds, where they run and where the rows go."""
+    """Add the number of trials, their seeds, their workers and the output folder."""
     add_config(parser)
     parser.add_argument("--trials", type=positive, default=40, metavar="N")
     parser.add_argument("--seed", type=natural, default=1, metavar="S", help="seed of the first trial; default 1")

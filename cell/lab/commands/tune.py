@@ -1,4 +1,4 @@
-"""`cell tune`: a recipe that fulfils a wish for time, force and success, with the evidence for it."""
+"""`cell tune`: a recipe that fulfils a wish for time, force and success, with its evidence."""
 
 import argparse
 import os
@@ -21,11 +21,11 @@ if TYPE_CHECKING:
 SUMMARY = "a recipe that fulfils a wish for time, force and success, searched for in simulation"
 RECIPE = "recipe.toml"
 AWAY = 1_000_000
-"""Distance from the seeds that settings are chosen by to those that the best one is judged on."""
+"""Distance between the seeds for the choice of settings and the seeds for judging the best one."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the wish, how much is tried for it, and where the recipe goes."""
+    """Add the wish, the effort, and the output file of the recipe."""
     add_config(parser)
     parser.add_argument(
         "--want", required=True, metavar="WISH", help='as in "p95<=8 s, force<=20 N, success>=98 %%"; mean<= as well'
@@ -53,7 +53,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Search, judge, write the recipe; NOT_GOOD with what was reached where the wish is not fulfilled."""
+    """Search, judge, write the recipe; NOT_GOOD with the result reached if the wish is not fulfilled."""
     from cell.lab.tune import measure
     from cell.lab.tune.wish import wishes_of
 

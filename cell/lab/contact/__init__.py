@@ -1,1 +1,1 @@
-"""Study of models of contact: their speed, their accuracy, and where each fails."""
+"""Study of contact models: their speed, their accuracy, and the limits of each."""

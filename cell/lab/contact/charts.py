@@ -37,7 +37,7 @@ VERDICTS = {"holds": "#b7dfb9", "penetrates": "#f6d98b", "unstable": "#e58f8f"}
 
 
 def draw(found: Findings, folder: Path) -> list[Path]:
-    """Draw chart and map and return where they are."""
+    """Draw chart and map; return their files."""
     _chart(found, folder / CHART)
     _map(found, folder / MAP)
     return [folder / CHART, folder / MAP]
@@ -83,7 +83,7 @@ def _draw_ladder(axes: Axes, found: Findings) -> None:
 
 
 def _draw_rung(axes: Axes, row: RungRow, longest_step: float) -> None:
-    """Draw one rung of the ladder: its marker, a sign for each gate that it fails, and its name where it has one."""
+    """Draw one rung of the ladder: its marker, a sign for each failed gate, and its name if it has one."""
     marker, colour = FAMILIES.get(row.family, ("o", "#000000"))
     y = min(max(100 * row.error, LOWEST), HIGHEST)
     size = 5 + 3 * math.log2(max(row.timestep / 2.5e-4, 1.0))
@@ -112,7 +112,7 @@ def _draw_rung(axes: Axes, row: RungRow, longest_step: float) -> None:
 
 
 def _ladder_legend(present: set[str], longest_step: float) -> list[Line2D]:
-    """Return what each family that is present, each sign of a failed gate, and each size stands for."""
+    """Return legend entries of the families present, the signs of failed gates, and the sizes."""
     families = [(marker, colour, name) for name, (marker, colour) in FAMILIES.items() if name in present]
     void = f"void: over {1e6 * VOID_PENETRATION:.0f} um in the bore for 2 ms"
     outrun = f"step over {1e3 * longest_step:.2f} ms: the grip outruns the contacts"
@@ -158,7 +158,7 @@ def _draw_hands(axes: Axes, found: Findings) -> None:
 
 
 def _plain_ticks(axes: Axes, speeds: Sequence[float]) -> None:
-    """Label both axes with plain numbers, the one of speeds at those of `speeds` that it shows."""
+    """Label both axes with plain numbers; the axis of speeds at those `speeds` that it shows."""
     low, high = axes.get_xlim()
     axes.set_xlim(0.85 * low, 1.15 * high)
     axes.set_xticks([speed for speed in speeds if 0.85 * low <= speed <= 1.15 * high])
@@ -222,7 +222,7 @@ def _map(found: Findings, path: Path) -> None:
 
 
 def _edges(values: Sequence[float]) -> Vector:
-    """Return the edges of cells around values that are spaced evenly in logarithm."""
+    """Return the edges of cells around values with even spacing in the logarithm."""
     logs = np.log(values)
     middles = (logs[:-1] + logs[1:]) / 2
     edges: Vector = np.exp(np.concatenate([[2 * logs[0] - middles[0]], middles, [2 * logs[-1] - middles[-1]]]))

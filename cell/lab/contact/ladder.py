@@ -1,4 +1,4 @@
-"""The rungs of the ladder of models, and how much of it is measured."""
+"""Rungs of the ladder of models, and the extent of their measurement."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -13,9 +13,9 @@ SHIPPED, FINEST = "closed form, 0.5 ms", "closed form, 0.25 ms"
 COARSER = "closed form, 1 ms"
 PADS = "closed form, 0.5 ms, pads in contact"
 NOT_RUN = {"rigid mover": "not run: it does not give way, and the method pushes by a setpoint below the surface"}
-"""Models that no whole trial can be run on, and why."""
+"""Models without whole trials, and the reason."""
 TIGHT = (FINEST, SHIPPED, COARSER)
-"""Rungs that are also tried in half the clearance, where the cost of a longer step shows first."""
+"""Rungs also tested with half the clearance, where the cost of a longer step appears first."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,14 +41,14 @@ class Plan:
     stiffnesses: tuple[float, ...]
     """Stiffnesses of the map's rows, 1/s²."""
     trials: int
-    """Number of whole trials on each rung that has them."""
+    """Number of whole trials on each rung with trials."""
     tight: int
-    """Number of whole trials in half the clearance, on the rungs of `TIGHT`."""
+    """Number of whole trials with half the clearance, on the rungs of `TIGHT`."""
     workers: int
 
 
 def model(**changes: Any) -> ModelConfig:
-    """Return a model other than the shipped one, whose contacts are as stiff as its time step allows."""
+    """Return a model other than the default, with contacts as stiff as its time step allows."""
     return ModelConfig(contact_time=0.0, **changes)
 
 
@@ -75,7 +75,7 @@ def ladder(timesteps: Sequence[float], facets: Sequence[int]) -> tuple[Rung, ...
 
 
 def plan(is_quick: bool, workers: int, part: Part) -> Plan:
-    """Return the extent of the study of a part, with the models of the hole that serve it."""
+    """Return the extent of the study of a part, with the models of the hole that support it."""
     whole = _plan(is_quick, workers)
     return replace(whole, rungs=tuple(rung for rung in whole.rungs if rung.model.has_hole_for(part)))
 
@@ -93,7 +93,7 @@ def _plan(is_quick: bool, workers: int) -> Plan:
 
 
 def on_trial(part: Part) -> tuple[Rung, ...]:
-    """Return the rungs on which whole trials of a part are run, the finest first."""
+    """Return the rungs for whole trials of a part, the finest first."""
     rungs = (
         Rung(FINEST, "", model(long_steps=False), 2.5e-4),
         Rung("closed form, 0.5 ms, no long steps", "", model(long_steps=False), 5e-4),

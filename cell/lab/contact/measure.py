@@ -1,9 +1,9 @@
-"""The ladder of models, each measured on the same work: how fast, how exact, where it fails, and what each skill needs.
+"""The ladder of models, each measured on the same work: speed, accuracy, limits, and the needs of each skill.
 
-The work: the cell's peg at a fixed tilt is pushed with 10 N into the cell's hole, free to move sideways, at five
-tilts; the depth reached is held against the exact test by sections. Beside that a drag over solid plate, which
-shows seams, and a peg that is too thick by 20 um, which must stay out. Then whole trials, and a map of where integration
-fails. Every model is marked, none is dropped: one that penetrates is void, one that never rests is unstable.
+A rig pushes the cell's peg at five fixed tilts with 10 N into the cell's hole; sideways the peg is free. The depth is
+compared with the exact test by sections. A drag over solid plate reveals seams, and a peg that is 20 um too thick must
+stay out. Whole trials and a map of the limits of integration follow. Every model stays in the table: if it penetrates,
+it is void; if it never comes to rest, it is unstable.
 """
 
 import math
@@ -30,25 +30,25 @@ from skills.catalogue import GRASP
 from skills.contract import Outcome
 
 THICKER = 1e-5
-"""Gap by which the peg that has to stay out is thicker than the hole on every side, m."""
+"""Excess of the too thick peg over the hole on every side, m."""
 BESIDE = 2.45e-3
-"""Distance of the path of a dragged peg's edge from the hole's rim, m."""
+"""Distance between a dragged peg's edge path and the hole's rim, m."""
 SHALLOW, STEEP = (1, 2, 5), (15, 45)
-"""Tilts, degrees: of a peg that is being freed, and of one that falls."""
+"""Tilts, degrees: of a peg during release, and of a falling peg."""
 PUSH, SECONDS = 10.0, 1.5
 """Force, N, and duration, s, of a push."""
 AT_REST = 1e-2
-"""Speed below which a pushed peg counts as at rest, m/s."""
+"""Speed below which a pushed peg is at rest, m/s."""
 EXACT_ENOUGH = 0.01
-"""Relative error of the depth that a skill bears."""
+"""Relative error of the depth that a skill tolerates."""
 SMOOTH = 3.0
-"""Swing of the lateral force over solid plate that a search bears, N."""
+"""Peak-to-peak lateral force over solid plate that a search tolerates, N."""
 MAP_SECONDS, MAP_TILT = 0.6, 5
 
 
 @dataclass(frozen=True, slots=True)
 class RungRow:
-    """Result for one rung; a row of contact.csv."""
+    """Result of one rung; a row of contact.csv."""
 
     name: str
     family: str
@@ -57,21 +57,21 @@ class RungRow:
     real_time: float
     """Speed of bare physics in multiples of real time, one core."""
     shallow_error: float
-    """Worst relative error of the depth at 1 to 5 degrees; infinite when the state was no longer finite."""
+    """Worst relative error of the depth at 1 to 5 degrees; infinite if the state is no longer finite."""
     steep_error: float
-    """Worst relative error of the depth at 15 and 45 degrees; infinite when the state was no longer finite."""
+    """Worst relative error of the depth at 15 and 45 degrees; infinite if the state is no longer finite."""
     penetration: float
     """Deepest penetration that lasted longer than 2 ms, m."""
     is_void: bool
     rests: bool
     drag: float
-    """Swing of the lateral force over solid plate, N."""
+    """Peak-to-peak lateral force over solid plate, N."""
     keeps_out: bool
-    """Whether the peg that is too thick stays out."""
+    """True if the too thick peg stays out."""
     pushes: int
     """Number of measured pushes."""
     fault: str = ""
-    """Reason why the rung could not be measured; empty when it could."""
+    """Reason why the rung has no measurement; empty if it has one."""
 
     @property
     def error(self) -> float:
@@ -80,7 +80,7 @@ class RungRow:
 
 
 def verdict(row: RungRow) -> str:
-    """Return in words what became of a rung."""
+    """Return the verdict on a rung in words."""
     if row.fault:
         return row.fault
     wrong = []
@@ -123,19 +123,19 @@ class TrialsRow:
     outcomes: str
     """Outcome of each trial, in the order of the seeds."""
     changed: int
-    """Number of trials that end otherwise than on the finest rung."""
+    """Number of trials with another ending than on the finest rung."""
     penetration: float
     """Deepest penetration of all trials that lasted longer than 2 ms, m."""
     force: float
     """Mean of the trials' peak contact forces, N."""
     force_error: float
-    """Mean of the trials' peak contact forces less that of the finest rung, N."""
+    """Mean of the trials' peak contact forces minus that of the finest rung, N."""
     force_spread: float
     """Standard deviation of the finest rung's peak contact force from seed to seed, N; NaN for a single trial."""
     real_time: float
     """Speed in multiples of real time, one core, everything included."""
     fault: str = ""
-    """Reason why there are no trials; empty where there are."""
+    """Reason why there are no trials; empty if there are."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,7 +147,7 @@ class Findings:
     integration: list[MapRow]
     trials: list[TrialsRow]
     tight: list[TrialsRow]
-    """Results of the trials in half the clearance."""
+    """Results of the trials with half the clearance."""
     longest_step: float
     """Longest step of a sound grip, see `longest_step`, s."""
     parts: str
@@ -192,16 +192,16 @@ def run(config: CellConfig, todo: Plan, seed: int, done: Callable[[str], None] =
 
 
 def size(part: Part) -> str:
-    """Return the size of a part in words: its extents, or a single one where every turn leaves it the same."""
+    """Return the size of a part in words: its extents, or a single extent if every rotation leaves it the same."""
     along, across = (f"{2e3 * half:g}" for half in part.half)
     return f"{along} x {across} mm" if part.symmetry > 0.0 else f"{along} mm"
 
 
 def longest_step(config: CellConfig) -> float:
-    """Return the longest step in which the grip cannot carry the peg's end past the contacts ahead of it, s.
+    """Return the longest step in which the grip cannot move the peg's end past the contacts ahead of it, s.
 
-    A feature is a contact within `FEATURE_BAND` of touch whatever its speed. In one step dt from rest the pads' friction
-    torque moves the end by L·(torque / inertia)·dt², and what was no contact before that step cannot stop it.
+    A feature within `FEATURE_BAND` of touch is a contact at any speed. In one step dt from rest, the pads' friction
+    torque moves the end by L·(torque / inertia)·dt². Only a contact that exists before the step can stop it.
     """
     job, friction = config.job(), config.grip.friction if config.grip is not None else 0.0
     length, width = pad_size(config.skin.layout)
@@ -224,15 +224,15 @@ def _not_run(name: str, why: str) -> TrialsRow:
 
 
 def _in_half_the_clearance(config: CellConfig) -> CellConfig:
-    """Return the cell with a hole that is half as much wider than the peg."""
+    """Return the cell with half the difference between hole and peg."""
     return config.model_copy(update={"hole": halfway(config.peg, config.hole)})
 
 
 def measure_rung(rung: Rung, azimuths: Sequence[float], peg: Part, hole: Part) -> RungRow:
-    """Measure one rung on a peg and its hole; the row of a model that cannot work says why."""
+    """Measure one rung on a peg and its hole; if the model cannot work, the row gives the reason."""
     try:
         return _measure_rung(rung, azimuths, peg, hole)
-    except Exception as error:  # a model that fails in whatever way is a row of the ladder, not the end of the study
+    except Exception as error:  # any failure of a model is a row of the ladder, not the end of the study
         return RungRow(
             rung.name,
             rung.family,
@@ -276,7 +276,7 @@ class _Push:
 
     degrees: int
     error: float
-    """Relative error of the depth; infinite when the state was no longer finite."""
+    """Relative error of the depth; infinite if the state is no longer finite."""
     penetration: float
     """Deepest penetration that lasted longer than 2 ms, m."""
     rests: bool
@@ -304,7 +304,7 @@ def _push_in(rung: Rung, azimuths: Sequence[float], peg: Part, hole: Part) -> li
 
 
 def _seams(rung: Rung, peg: Part, hole: Part) -> float:
-    """Return the largest swing of the lateral force over solid plate, N."""
+    """Return the largest peak-to-peak lateral force over solid plate, N."""
     seams, tilt = 0.0, math.pi / 4
     with native.quiet():
         for direction in (0.4, 1.9):
@@ -315,7 +315,7 @@ def _seams(rung: Rung, peg: Part, hole: Part) -> float:
 
 
 def _keeps_out(rung: Rung, hole: Part) -> bool:
-    """Return whether a peg that is thicker than the hole goes no deeper than its tilt allows."""
+    """Return True if a peg thicker than the hole goes no deeper than its tilt allows."""
     thick, azimuth = hole.grown(THICKER), 0.3
     with native.quiet():
         for degrees in (1, 5):
@@ -328,7 +328,7 @@ def _keeps_out(rung: Rung, hole: Part) -> bool:
 
 
 def measure_point(kind: str, timestep: float, stiffness: float, peg: Part, hole: Part) -> MapRow:
-    """Measure one point of the map of integration, with the model of the hole that `kind` names."""
+    """Measure one point of the map of integration, with the model of the hole named by `kind`."""
     tilt, azimuth = math.radians(MAP_TILT), 0.3
     exact = exact_depth(peg, hole, rig.attitude(tilt, azimuth))
     with native.quiet():
@@ -345,7 +345,7 @@ def measure_point(kind: str, timestep: float, stiffness: float, peg: Part, hole:
 
 
 def _trial(config: CellConfig, rung: Rung, seed: int) -> tuple[TrialRow, float]:
-    """Return the trial's row and what it took of a core, s."""
+    """Return the trial's row and its core time, s."""
     assert config.sim is not None
     changed = config.sim.model_copy(update={"timestep": rung.timestep, "model": rung.model})
     started = time.thread_time()
@@ -373,7 +373,7 @@ def _tried(name: str, results: Sequence[tuple[TrialRow, float]], finest: Sequenc
 
 
 def write(found: Findings, folder: Path) -> list[Path]:
-    """Write the tables as CSV and return where."""
+    """Write the tables as CSV; return their files."""
     names: dict[str, Sequence[object]] = {
         "contact.csv": found.rungs,
         "arm_and_grip.csv": found.hands,

@@ -1,4 +1,4 @@
-"""The needs of each skill: the fastest models that meet them, by the measurements."""
+"""Needs of each skill, and the fastest models that meet them according to the measurements."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -26,11 +26,10 @@ NEEDS: dict[str, tuple[str, Callable[[RungRow], bool]]] = {
 
 HELD = "full arm, hinge"
 NOT_MEASURED = "not measured"
-"""Arm and grip of a peg that the arm's rigs cannot push."""
+"""Label of arm and grip for a peg that the arm's rigs cannot push."""
 ALIKE = 0.1
-"""Largest share by which the tip's distance from its setpoint may differ from that with the full arm; a skill has to
-bear joint friction.
-"""
+"""Largest relative difference of the tip's distance from its setpoint to that with the full arm; a skill must tolerate
+joint friction."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,16 +39,15 @@ class NeedRow:
     skill: str
     needs: str
     hole: str
-    """Fastest model of the hole that meets them, with steps so short that the grip cannot carry the peg past its
-    contacts, and with trials that end as on the finest rung; empty when there is none.
-    """
+    """Fastest model of the hole that meets them; empty if there is none. Its steps are short enough that the grip
+    cannot carry the peg past its contacts, and its trials end as on the finest rung."""
     arm_and_grip: str
     shipped: str
-    """Whether the shipped models are those."""
+    """Result of the comparison with the default models."""
 
 
 def needed(found: Findings) -> list[NeedRow]:
-    """Return for every skill the fastest models that meet its needs, and whether they are the shipped ones."""
+    """Return for every skill the fastest models that meet its needs, and whether they are the default."""
     whole = {row.name: row for row in found.trials}
     asked = [rows for rows in (found.trials, found.tight) if rows]
     hands = {row.name: row for row in found.hands}
@@ -86,10 +84,10 @@ def needed(found: Findings) -> list[NeedRow]:
 
 
 def end_alike(name: str, rows: Sequence[TrialsRow]) -> bool:
-    """Return whether trials on a rung end as on the finest.
+    """Return True if trials on a rung end as on the finest.
 
-    The outcomes have to be the same and none void, and the peak forces have to differ on average by less than those of
-    two seeds do; a limit, or a technician, then makes the same of one trial's force.
+    The outcomes must be the same and none void. The peak forces must differ on average by less than those of two seeds;
+    then a limit, or a technician, draws the same conclusion from one trial's force.
     """
     row = next((row for row in rows if row.name == name), None)
     if row is None or row.fault or row.changed or row.voids:

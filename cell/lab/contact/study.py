@@ -1,4 +1,4 @@
-"""`cell study contact`: the ladder of models of contact, all on the same work."""
+"""`cell study contact`: the ladder of contact models, all on the same work."""
 
 import argparse
 from dataclasses import asdict
@@ -12,7 +12,7 @@ SUMMARY = "the ladder of models of contact: how fast, how exact, where each fail
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add what is simulated, and on how many processes."""
+    """Add the simulated cell and the number of processes."""
     add_study(parser)
     add_seed(parser)
     add_workers(parser)

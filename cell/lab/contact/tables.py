@@ -12,7 +12,7 @@ from cell.statistics import wilson
 
 
 def tables(found: Findings) -> list[Table]:
-    """Return the tables: ladder, arm and grip, whole trials, what each skill needs."""
+    """Return the tables: ladder, arm and grip, whole trials, and the needs of each skill."""
     ladder = Table(
         "model of the hole",
         "x real time",

@@ -1,1 +1,1 @@
-"""Study of hole events, false and true."""
+"""Study of false and true hole events."""

@@ -20,7 +20,7 @@ STYLES = {HEIGHT: ("#4477aa", "o"), SKIN: ("#ccbb44", "v")}
 
 
 def draw(found: EventStudy, search: SpraySearchParams, path: Path) -> None:
-    """Draw detection and delay against false events, and the false dips against those that their own spread makes."""
+    """Draw detection and delay against false events, and the false dips against the prediction from the height's spread."""
     figure = Figure(figsize=(14.0, 5.6), layout="constrained")
     seen, late, told = figure.subplots(1, 3)
     handles = []
@@ -75,12 +75,12 @@ def _curves(seen: Axes, late: Axes, lines: Sequence[EventLine], colour: str, mar
 
 
 def _place(line: EventLine) -> float:
-    """Return the place of a line on the axis of false events in 1,000 searches; none seen is drawn at half of one."""
+    """Return the position of a line on the axis of false events in 1,000 searches; zero events are drawn at 0.5."""
     return 1e3 * max(line.stopped, 0.5) / line.searches
 
 
 def _stated(axes: Axes, empty: Sequence[Watched], search: SpraySearchParams) -> None:
-    """Draw the share of searches that a dip stops whose threshold follows from the spread of the height."""
+    """Draw the share of searches stopped by a dip, for thresholds from the spread of the height."""
     colour, marker = STYLES[HEIGHT]
     for rate in RATES:
         stopped = sum(row.before[HEIGHT].largest > rice_limit(row, rate, search.timeout) for row in empty if row.slid)

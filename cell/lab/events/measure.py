@@ -1,10 +1,9 @@
-"""Hole events, false and true: the share of searches that stop on a plate without a hole, and the delay where there is
-one.
+"""False and true hole events: share of searches that stop on a plate without a hole, and delay on a plate with one.
 
-A search slides over the plate and nothing stops it, while both detectors watch: the dip of the tip, by which the cell searches, and the
-change of the skin's average, as [gibbons] prints it. Until its first event a search that obeys a detector goes the very same way, so
-that one run tells of all thresholds. The seeds with a dip at the threshold in use are run again, obeying, to see what the judgement at
-rest makes of it.
+A search slides over the plate without a stop, while both detectors run: the dip of the tip, which the cell uses, and
+the change of the skin's average from [gibbons]. Up to its first event, a search that obeys a detector follows the same
+path, so that one run covers all thresholds. Seeds with a dip at the threshold in use run again with stops, to measure
+the result of the judgement at rest.
 """
 
 import math
@@ -34,23 +33,22 @@ from skills.surface import Plane, SurfaceEstimate
 
 HEIGHT, SKIN = "height", "skin"
 DETECTORS = (HEIGHT, SKIN)
-"""Names of the detectors: the dip of the tip, and the change of the skin's average."""
+"""Names of the detectors: dip of the tip, and change of the skin's average."""
 OVER = 5e-5
-"""Depth of the peg's lowest point below the plate from which it is over the hole, m; the plate's contacts give way by a
-hundredth of it.
-"""
+"""Depth of the peg's lowest point below the plate from which it is over the hole, m; the plate's contacts yield by a
+hundredth of it."""
 FALL = 2e-4
-"""Least depth of a fall, m; shallower passes over the hole's edge are not counted."""
+"""Smallest depth of a drop, m; shallower passes over the hole's edge are ignored."""
 WINDOW = 1.0
-"""Time after the beginning of a fall in which an event counts as its detection, s."""
+"""Time after the start of a drop in which an event is its detection, s."""
 
 High = tuple[float, float, float]
-"""Time since sliding began or since the fall, s; largest value so far; way of the peg's edge since then, m."""
+"""Time since the start of sliding or since the drop, s; largest value so far; path of the peg's edge since then, m."""
 
 
 @lru_cache
 def printed_threshold() -> float:
-    """Return the change of the average that shows the hole to the printed search, fraction."""
+    """Return the change of the average at which the printed search detects the hole, fraction."""
     paper = load(preset="paper").cell.paper
     assert paper is not None
     return paper.search.threshold
@@ -58,12 +56,12 @@ def printed_threshold() -> float:
 
 @dataclass(slots=True)
 class Highs:
-    """The times at which a detector's value exceeded all before; any threshold can be judged from them."""
+    """Times at which a detector's value exceeded all earlier values; they determine the result at any threshold."""
 
     values: list[High] = field(default_factory=list)
 
     def note(self, time: float, value: float, way: float = 0.0) -> None:
-        """Take one value into account."""
+        """Add one value."""
         if value > (self.values[-1][1] if self.values else 0.0):
             self.values.append((time, value, way))
 
@@ -79,39 +77,39 @@ class Highs:
 
 @dataclass(slots=True)
 class Watched:
-    """Record of one search that nothing stopped."""
+    """Record of one search without a stop."""
 
     seed: int
     has_hole: bool
     ended: str = ""
-    """Reason why the search ended before its time; empty where it went on to the timeout or to the end of the window."""
+    """Reason why the search ended early; empty if it continued to the timeout or to the end of the window."""
     slid: float = 0.0
-    """Time of sliding, s; with a hole, until the fall."""
+    """Time of sliding, s; with a hole, until the drop."""
     spread: float = 0.0
     """Standard deviation of the height about the estimated surface, m."""
     crossings: float = 0.0
     """Rate at which the height passes its median upwards, 1/s."""
     before: dict[str, Highs] = field(default_factory=dict)
-    """Highs of every detector while the peg slid over solid plate."""
+    """Highs of every detector during sliding over solid plate."""
     after: dict[str, Highs] | None = None
-    """Highs of every detector from the fall on; None where the peg never fell."""
+    """Highs of every detector after the drop; None if the peg never dropped."""
     began_in_hole: bool = False
-    """Whether the peg came down right in the hole, so that there is no fall."""
+    """True if the peg came down in the hole, so that there is no drop."""
 
 
 @dataclass(frozen=True, slots=True)
 class Listened:
-    """Record of one search on a plate without a hole, stopped by its evidence."""
+    """Record of one search on a plate without a hole that stops on its evidence."""
 
     seed: int
     rests: int
     """Number of false probes."""
     found: bool
-    """Whether the search took the place for the hole."""
+    """True if the search reported a hole."""
 
 
 class _Watch:
-    """Sees everything that a search sees, and the truth beside it."""
+    """Records all data of a search, and the truth."""
 
     def __init__(self, cell: Cell, row: Watched) -> None:
         self.row = row
@@ -134,13 +132,13 @@ class _Watch:
         return Request.STOP if self.is_done else Request.RUN
 
     def slide(self) -> None:
-        """Note that the sliding begins."""
+        """Record the start of sliding."""
         if self._start is None:
             assert self.seen is not None
             self._start, self._event = self.seen.stamp, HoleEvent(printed_threshold())
 
     def height(self, below: float) -> None:
-        """Note the dip or the fall of one scan, whichever is larger; the last call of a scan."""
+        """Record the larger of dip and drop of one scan; the last call of a scan."""
         assert self.seen is not None
         if self._start is None:
             return
@@ -152,7 +150,7 @@ class _Watch:
             self.row.slid = self.seen.stamp - self._start
 
     def _compare(self, start: float) -> None:
-        """Compare with the truth whether the peg has begun to fall."""
+        """Check in the truth for the start of a drop."""
         assert self.seen is not None
         truth, now = self._cell.truth(), self.seen.stamp  # type: ignore[misc]
         _, axis = end_point(self.seen.arm.tcp, truth.theta, self._length)
@@ -182,7 +180,7 @@ class _Watch:
 
 
 class _StillSurface(SurfaceEstimate):
-    """Surface estimate that tells the watch of every dip, but the search of none."""
+    """Surface estimate that reports every dip to the watch and none to the search."""
 
     def __init__(self, watch: _Watch) -> None:
         super().__init__()
@@ -213,7 +211,7 @@ class _StillSurface(SurfaceEstimate):
 
 
 def watch(config: CellConfig, has_hole: bool, seed: int) -> Watched:
-    """Let the search of this seed slide on, whatever it meets, while every detector watches."""
+    """Let the search of this seed slide without a stop, while every detector runs."""
     row = Watched(seed, has_hole)
     cell = _cell(config, has_hole, seed)
     params = cell.config.params(SEARCH)
@@ -285,17 +283,17 @@ def measure(
     workers: int,
     done: Callable[[], None],
 ) -> list[Watched]:
-    """Watch a search of every seed without a hole, and of the first `with_hole` with one.
+    """Watch a search of every seed without a hole, and of the first `with_hole` seeds with one.
 
     Args:
         config: Config of the cell.
         seeds: Seeds, one search each.
-        with_hole: Number of seeds that are also run on a plate with the hole.
+        with_hole: Number of seeds that also run on a plate with the hole.
         workers: Number of processes.
         done: Called after every search.
 
     Raises:
-        ConfigError: The cell is not simulated, or its plate cannot be without a hole.
+        ConfigError: The cell is not simulated, or its plate must have a hole.
     """
     if config.sim is None or config.sim.model.hole not in ("exact", "unpredicted"):
         raise ConfigError('study events: needs a simulated cell with sim.model.hole = "exact"')
@@ -308,7 +306,7 @@ def measure(
 
 
 def rice_limit(row: Watched, false_alarms: float, horizon: float) -> float:
-    """Return the dip that the height's own spread passes this often in a search of this length, m.
+    """Return the dip exceeded at this rate by the height's own spread in a search of this length, m.
 
     [rice]: a normal process passes the level u upwards crossings·exp(-u²/2 spread²) times a second.
     """
@@ -317,7 +315,7 @@ def rice_limit(row: Watched, false_alarms: float, horizon: float) -> float:
 
 
 def rice_chance(row: Watched, dip: float) -> float:
-    """Return the probability that the height passes the dip, m, in the time that the search slid, by the same formula."""
+    """Return the probability that the height exceeds the dip, m, during the sliding time, by the same formula."""
     if row.spread == 0.0:
         return 0.0
     return -math.expm1(-row.crossings * row.slid * math.exp(-0.5 * (dip / row.spread) ** 2))

@@ -29,20 +29,20 @@ from skills.catalogue import SEARCH
 
 TABLE = "events.csv"
 RATES = tuple(float(f"{rate:.1g}") for rate in np.geomspace(1e-4, 3.0, 10))
-"""Stated false alarms a search over which the charts go."""
+"""Stated false alarms per search, the range of the charts."""
 DIPS = (5e-5, 1e-4, 1.5e-4, 2e-4, 2.5e-4, 3e-4, 4e-4, 5e-4, 7e-4, 1e-3)
 FALLS = (0.08, 0.1, 0.12, 0.14, 0.16, 0.18, 0.2, 0.22, 0.25, 0.3, 0.4)
-"""Thresholds by hand over which the charts go: m, and fractions of the average."""
+"""Manual thresholds, the range of the charts: m, and fractions of the average."""
 NAMES = {HEIGHT: "height of the tip", SKIN: "skin: change, frame to frame"}
 
 
 @dataclass(frozen=True, slots=True)
 class EventLine:
-    """Result of one detector at one threshold; times in s, ways in m, NaN where there is no value."""
+    """Result of one detector at one threshold; times in s, paths in m, NaN if there is no value."""
 
     detector: str
     in_use: bool
-    """Whether the threshold is that of the config; the other lines are the charts' curves."""
+    """True if the threshold is that of the config; the other lines are the charts' curves."""
     threshold: float
     """Threshold: m for the height, fraction of the average for the skin."""
     searches: int
@@ -57,22 +57,22 @@ class EventLine:
     probes: int
     """Number of false events of all searches, judged at rest; -1 for the skin."""
     finds: int
-    """Number of searches in which the judgement at rest took such a place for the hole."""
+    """Number of searches in which the judgement at rest reported a hole at such a point."""
     finds_high: float
-    """Upper end of the Wilson 95 % interval of that share; the lower is 0 where there are none."""
+    """Upper end of the Wilson 95 % interval of that share; the lower end is 0 if there are none."""
     falls: int
-    """Number of falls of the peg, one in each search with a hole."""
+    """Number of drops of the peg, one in each search with a hole."""
     early: int
-    """Number of falls that a false event preceded."""
+    """Number of drops after a false event."""
     detected: int
-    """Number of the other falls with an event within the window."""
+    """Number of the other drops with an event within the window."""
     detected_low: float
     detected_high: float
     delay: float
-    """Median time from the beginning of the fall to the event, s."""
+    """Median time from the start of the drop to the event, s."""
     delay_p95: float
     way: float
-    """Median way of the peg's edge from the beginning of the fall to the event, m."""
+    """Median path of the peg's edge from the start of the drop to the event, m."""
     way_p95: float
 
 
@@ -85,9 +85,9 @@ class EventStudy:
     empty: list[Watched]
     """Records of the searches without a hole."""
     in_hole: int
-    """Number of searches that began with the peg in the hole and have no fall."""
+    """Number of searches that began with the peg in the hole and have no drop."""
     never: int
-    """Number of searches with a hole in which the peg never fell."""
+    """Number of searches with a hole in which the peg never dropped."""
     others: list[str]
     """Endings of searches without a hole other than by their timeout."""
 
@@ -98,7 +98,7 @@ def run(config: CellConfig, seeds: range, with_hole: int, workers: int, done: Ca
     Args:
         config: Config of a simulated cell.
         seeds: Seeds, one search without a hole each.
-        with_hole: Number of seeds that are also run with a hole.
+        with_hole: Number of seeds that also run with a hole.
         workers: Number of processes.
         done: Called after every search.
     """

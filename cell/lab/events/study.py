@@ -1,4 +1,4 @@
-"""`cell study events`: hole events, false ones on plates without a hole, and true ones where a peg falls."""
+"""`cell study events`: false hole events on plates without a hole, and true ones at a drop of the peg."""
 
 import argparse
 from dataclasses import asdict
@@ -14,7 +14,7 @@ QUICK_TIMEOUT = 8.0
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add what is simulated, and the number of searches."""
+    """Add the simulated cell and the number of searches."""
     add_study(parser)
     add_seed(parser)
     add_trials(parser, "searches without a hole; default 1000, with --quick 4")

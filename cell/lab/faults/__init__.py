@@ -1,1 +1,1 @@
-"""Faults of every kind at every stage of the served cell, and what becomes of arm, peg, record and production."""
+"""Faults of every kind at every stage of the served cell, and their effect on arm, peg, record and production."""

@@ -1,4 +1,4 @@
-"""The served cell of the campaign: real drivers over emulated boards, bridge, journal and supervisor, and a PLC beside it."""
+"""Served cell of the campaign: real drivers over emulated boards, bridge, journal and supervisor, and a PLC."""
 
 import tempfile
 import threading
@@ -31,54 +31,56 @@ from skills.rest import REST_SPEED
 WAITING = (State.IDLE, State.COMPLETE, State.STOPPED, State.ABORTED, State.HELD)
 """States that wait for a command."""
 LIFE_TIMEOUT, PATIENCE = 2.0, 30.0
-"""Times after which a silent PLC is lost, s of wall time: where one shall fall silent, and where a busy computer alone may hold it up."""
+"""Times after which a silent PLC is lost, s of wall time: for kinds with a silent PLC, and for all others on a busy
+computer."""
 LEASE_TIMEOUT = 30.0
 """Silence after which the lease is free again, s of wall time."""
 LONGEST = 600.0
 """Longest wait for one command, s of wall time."""
 CYCLE = 0.02
-"""Time between two looks at the cell, s of wall time."""
+"""Time between two checks of the cell, s of wall time."""
 TURN = 0.0005
-"""Time for which an idle scan lets the other threads work, s of wall time."""
+"""Time that an idle scan leaves to the other threads, s of wall time."""
 GOING_ON = (State.STARTING, State.EXECUTE, State.COMPLETING)
-"""States in which a program goes on."""
+"""States in which a program is running."""
 REST_LIMIT = 0.3
 """Longest time from the report to rest, s."""
 KEYS = ("skin.kind=can", "switch.kind=serial", "switch.port=emulated", "hole.area=[0.03,0.03]")
-"""Keys of a cell that is driven through its wires, and whose hole is found within seconds."""
+"""Config keys of a cell with emulated wires whose hole is found within seconds."""
 
 
 class Hurried(threading.Event):
-    """Request to end the program that lets an idle cell scan on at once: simulated time need not wait for the wall."""
+    """Request to end the program that does not delay the scans of an idle cell: simulated time need not wait for the wall clock."""
 
     def wait(self, timeout: float | None = None) -> bool:
-        """Let other threads have a turn, and return whether the end is asked for."""
+        """Yield to other threads, and return True if the end is requested."""
         time.sleep(TURN)
         return self.is_set()
 
 
 @dataclass(slots=True)
 class Sighting:
-    """Observation of the arm from the fault on; times on the cell's clock, s."""
+    """Observation of the arm after the fault; times on the cell's clock, s."""
 
     injected: float | None = None
     detected: float | None = None
-    """Time at which the report had a fault, the run's recovery began, or the state was no longer one in which a program goes on."""
+    """Time of the first report with a fault, of the start of the run's recovery, or of the end of the running
+    states."""
     moved: float = 0.0
     """Time of the arm's last motion."""
     stood: Vector | None = None
-    """Place of the hand when it was to be at rest, `REST_LIMIT` after the report, shape (3,), m, base frame."""
+    """Position of the hand `REST_LIMIT` after the report, when it must be at rest, shape (3,), m, base frame."""
     creep: float = 0.0
-    """Largest distance of the hand from that place later on, m."""
+    """Largest later distance of the hand from that position, m."""
     peak_force: float = 0.0
-    """Largest external force at the TCP by the arm's own estimate, N."""
+    """Largest external force at the TCP, from the arm's own estimate, N."""
     contact_force: float = 0.0
     """Largest net force of the plates on the held peg since the grasp, N."""
 
 
 @dataclass(slots=True)
 class WatchedClock:
-    """The cell's clock, which does something at a moment of a stage and looks at the arm at every scan."""
+    """The cell's clock; it injects a fault at a moment of a stage and observes the arm at every scan."""
 
     clock: Clock
     look: Callable[[float], None] = lambda now: None
@@ -88,7 +90,7 @@ class WatchedClock:
         return self.clock.now()
 
     def wait_until(self, stamp: float) -> None:
-        """Wait, then look."""
+        """Wait, then observe."""
         self.clock.wait_until(stamp)
         self.look(self.clock.now())
 
@@ -97,7 +99,7 @@ class FaultyPeer(Peer):
     """A PLC that tears its command blocks for a while."""
 
     torn_until = 0.0
-    """Monotonic time until which the end of each block is older than its beginning, s."""
+    """Monotonic time until which the end of each block is older than its start, s."""
 
     def _write(self, image: CommandImage) -> None:
         if time.monotonic() < self.torn_until:
@@ -107,7 +109,7 @@ class FaultyPeer(Peer):
 
 @dataclass(slots=True)
 class FaultBench:
-    """The served cell in the reach of the faults."""
+    """The served cell with access for the faults."""
 
     loaded: LoadedConfig
     cell: Cell
@@ -124,20 +126,20 @@ class FaultBench:
     thread: threading.Thread
     seen: Sighting = field(default_factory=Sighting)
     stage: int = 0
-    """Number of the stage in which the fault is due; 0 when none is due."""
+    """Number of the stage in which the fault is due; 0 if none is due."""
     delay: float = 0.0
     """Time from the stage's first scan to the fault, s."""
     inject: Callable[[], None] = lambda: None
     plc_act: Callable[[], None] | None = None
-    """What the PLC does in its next cycle, on its own thread."""
+    """Action of the PLC in its next cycle, on its own thread."""
     is_plc_lost: bool = False
-    """Whether the PLC that started the run never reads how it ended."""
+    """True if the PLC that started the run never reads its end."""
     _entered: float | None = None
     _before: int = 0
-    """Number of the run before the one in which the fault is due."""
+    """Number of the run before the run with the fault."""
 
     def run(self, code: int) -> ReportImage:
-        """Trigger a command and return its result or refusal; where the PLC is lost meanwhile, what it reads afterwards.
+        """Trigger a command and return its result or refusal; if the PLC is lost meanwhile, its later reading.
 
         Raises:
             CellError: The cell does not answer.
@@ -157,7 +159,7 @@ class FaultBench:
         return self.connect()
 
     def connect(self) -> ReportImage:
-        """Come back with a new connection, and take the lease."""
+        """Reconnect and take the lease."""
         self.peer.close()
         self.peer = FaultyPeer(*self.bridge.address)
         self.peer.connect()
@@ -165,13 +167,13 @@ class FaultBench:
         return self.peer.cycle()
 
     def let_pass(self, length: float) -> None:
-        """Wait until the cell's clock has gone on so far, s, or the program has ended."""
+        """Wait until the cell's clock has advanced by this time, s, or the program has ended."""
         end, deadline = self.cell.clock.now() + length, time.monotonic() + LONGEST
         while self.cell.clock.now() < end and self.thread.is_alive() and time.monotonic() < deadline:
             time.sleep(TURN)
 
     def _act(self) -> None:
-        """Do what the PLC is to do now."""
+        """Execute the PLC's pending action."""
         act, self.plc_act = self.plc_act, None
         if act is not None:
             act()
@@ -189,13 +191,13 @@ class FaultBench:
         self.thread.join()
 
     def arm_fault(self, stage: str, delay: float, inject: Callable[[], None]) -> None:
-        """Let a fault happen `delay` seconds after `stage` begins."""
+        """Schedule a fault `delay` seconds after `stage` begins."""
         self.seen, self._entered = Sighting(), None
         self._before = self.supervisor.report.run
         self.delay, self.inject, self.stage = delay, inject, CATALOGUE.stage_number(stage)
 
     def look(self, now: float) -> None:
-        """Inject what is due, and look at the arm, at every scan."""
+        """Inject due faults and observe the arm; once per scan."""
         report, seen = self.supervisor.report, self.seen
         is_new = report.run not in (0, self._before)
         if self.stage and is_new and report.stage == self.stage and self._entered is None:
@@ -223,7 +225,7 @@ class FaultBench:
 
 @contextmanager
 def bench(loaded: LoadedConfig, life_timeout: float = PATIENCE) -> Iterator[FaultBench]:
-    """Yield a served cell, which is closed at the end; the time is that after which a silent PLC is lost, s of wall time."""
+    """Yield a served cell and close it at the end; the argument is the timeout of a silent PLC, s of wall time."""
     plc = loaded.cell.plc
     patient = plc.model_copy(
         update={
@@ -261,10 +263,10 @@ def bench(loaded: LoadedConfig, life_timeout: float = PATIENCE) -> Iterator[Faul
 
 
 def _scanning(supervisor: Supervisor) -> threading.Thread:
-    """Return the thread that serves."""
+    """Return the thread that serves the cell."""
 
     def serve() -> None:
-        with suppress(Exception):  # the report and the record tell what ended it
+        with suppress(Exception):  # the report and the record contain the reason of the end
             supervisor.serve()
 
     thread = threading.Thread(target=serve, name="scan")

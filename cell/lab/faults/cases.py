@@ -1,4 +1,4 @@
-"""What becomes of one fault, and the table of cases on the disk."""
+"""Result of one fault, and the table of cases on the disk."""
 
 import math
 from collections.abc import Sequence
@@ -11,7 +11,7 @@ from plc_bridge.images import ReportImage
 from plc_bridge.messages import Refusal, Result
 
 WENT_ON = ("success", "failure")
-"""Endings of an insertion after which production goes on."""
+"""Endings of an insertion after which production continues."""
 TABLE = "faults.csv"
 Planned = tuple[FaultKind, str, float]
 """A kind, the stage, and the time from the stage's first scan to the fault, s."""
@@ -19,48 +19,49 @@ Planned = tuple[FaultKind, str, float]
 
 @dataclass(frozen=True, slots=True)
 class FaultCase:
-    """What becomes of one fault."""
+    """Result of one fault."""
 
     kind: str
     stage: str
     moment: float
     """Time from the stage's first scan to the fault, s."""
     outcome: str
-    """Result that the PLC reads; `not reached` where the run ended before the fault was due."""
+    """Result that the PLC reads; `not reached` if the run ended before the fault was due."""
     reason: str
     fault: int
     state: str
     """State of the cell after the run."""
     part: str
-    """Where the report says the peg is."""
+    """Position of the peg in the report."""
     detection: float
-    """Time from the fault to its report, s; NaN where the run went on to a success."""
+    """Time from the fault to its report, s; NaN if the run continued to a success."""
     rest: float
-    """Time from the report to the arm's last motion, s; NaN where the run went on to a success or, after a failure, to its recovery."""
+    """Time from the report to the arm's last motion, s; NaN if the run continued to a success or, after a failure, to
+    its recovery."""
     rest_after: float
-    """Time from the fault to the arm's last motion in the run, s; NaN where it moved on as above."""
+    """Time from the fault to the arm's last motion in the run, s; NaN if it continued as above."""
     creep: float
-    """Way of the hand from the time on at which it is to be at rest, m; NaN where it moved on as above."""
+    """Motion of the hand after the time at which it must be at rest, m; NaN if it continued as above."""
     peak_force: float
-    """Largest external force at the TCP from the fault on, by the arm's own estimate, N."""
+    """Largest external force at the TCP after the fault, from the arm's own estimate, N."""
     contact_force: float
     """Largest true net force of plate or hole on the held peg in the run, N."""
     wrong_success: bool
-    """Whether the PLC reads a success although no peg is seated."""
+    """True if the PLC reads a success although no peg is seated."""
     part_untrue: bool
-    """Whether the peg is elsewhere than the report says."""
+    """True if the peg is not at the reported position."""
     record: bool
-    """Whether the run is on record to its end, with samples unless the disk was the fault."""
+    """True if the run is recorded to its end, with samples unless the disk was the fault."""
     reset: str
-    """Result of the RESET; empty where none was needed."""
+    """Result of the RESET; empty if none was needed."""
     actions: int
-    """Number of actions of an operator beside the RESET before the next peg."""
+    """Number of operator actions after the RESET before the next peg."""
     following: str
     """Result of the next insertion."""
 
     @property
     def is_back(self) -> bool:
-        """Whether the cell is back in production after a reset and at most one action more."""
+        """True if the cell is back in production after a reset and at most one further action."""
         return self.actions <= 1 and self.following in WENT_ON
 
 
@@ -86,23 +87,23 @@ SILENT = FaultCase(
     actions=0,
     following="silent",
 )
-"""A cell that no longer answers."""
+"""A cell that does not answer any more."""
 
 
 def word(report: ReportImage) -> str:
-    """Return a result, or why a command was refused."""
+    """Return a result, or the reason of a refusal."""
     if report.refusal:
         return f"refused: {Refusal(report.refusal).name.lower()}"
     return Result(report.result).name.lower()
 
 
 def write(rows: Sequence[FaultCase], folder: Path) -> Path:
-    """Write the table, one row a case; return the file."""
+    """Write the table, one row per case; return the file."""
     return write_rows(rows, folder / TABLE)
 
 
 def begun(tried: Sequence[Planned], folder: Path) -> list[FaultCase]:
-    """Return the rows that a call which was broken off has left of these cases; none where the table is of others."""
+    """Return the rows that an interrupted call left for these cases; none if the table belongs to others."""
     rows = kept_rows(FaultCase, folder / TABLE)
     same = [
         (row.kind, row.stage, row.moment) == (kind.name, stage, moment)

@@ -1,4 +1,4 @@
-"""The chart of the campaign."""
+"""Chart of the campaign."""
 
 import math
 from collections.abc import Sequence
@@ -14,7 +14,7 @@ CHART = "faults.png"
 
 
 def draw(rows: Sequence[FaultCase], path: Path) -> None:
-    """Draw the time from each fault to rest against the largest force from the fault on, by what was broken."""
+    """Draw the time from each fault to rest against the largest force after the fault, by the faulty component."""
     figure = Figure(figsize=(7.5, 5), layout="constrained")
     axes = figure.add_subplot()
     groups = list(dict.fromkeys(row.kind.split(":")[0] for row in rows))

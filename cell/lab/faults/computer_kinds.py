@@ -1,4 +1,4 @@
-"""Faults of the computer that the cell runs on: its disk, its clock, its time."""
+"""Faults of the cell's computer: disk, clock, and processor time."""
 
 import os
 import resource
@@ -17,11 +17,11 @@ from cell.lab.faults.bench import FaultBench
 from cell.lab.faults.contract import FaultKind, Undo
 
 STEPPED = timedelta(hours=1)
-"""Length by which the computer's clock is put back or on."""
+"""Step of the computer's clock, backward or forward."""
 NOBODY = 65534
-"""User who may write nothing that is not his."""
+"""User who can write only their own files."""
 HELD_UP = 0.5
-"""Time for which something holds up the scan, s of wall time."""
+"""Duration of a scan delay, s of wall time."""
 
 
 def _full(bench: FaultBench) -> Undo:
@@ -31,12 +31,12 @@ def _full(bench: FaultBench) -> Undo:
 
 
 def _read_only(bench: FaultBench) -> Undo:
-    """Let nothing be made or opened for writing in the journal's folder; what is open stays so, as where a disk is mounted anew."""
+    """Make the journal's folder read-only; open files stay writable, as after a remount of the disk."""
     user, folder = os.geteuid(), bench.journal.folder
     modes = {path: path.stat().st_mode for path in (folder, *folder.iterdir())}
     for path, mode in modes.items():
         path.chmod(mode & 0o555 | (0o055 if path.is_dir() else 0o044))
-    if user == 0:  # whom no mode binds
+    if user == 0:  # file modes do not restrict root
         os.seteuid(NOBODY)
 
     def undo() -> None:
@@ -88,10 +88,10 @@ def _folder_gone(bench: FaultBench) -> Undo:
 
 
 def _put_back(away: Path, folder: Path) -> None:
-    """Put the folder back as a disk that is mounted again: what the cell has made in its place meanwhile is no longer seen."""
+    """Restore the folder as a remounted disk does: files that the cell created in its place disappear."""
     meanwhile = folder.with_name(f"{folder.name}-meanwhile")
     while away.exists():
-        with suppress(OSError):  # the cell may make it anew between the two
+        with suppress(OSError):  # the cell can create it again between the two
             if folder.exists():
                 folder.rename(meanwhile)
             away.rename(folder)
@@ -129,4 +129,4 @@ COMPUTER_KINDS: tuple[FaultKind, ...] = (
     FaultKind("program: held up", _held_up, is_harmless=True),
     FaultKind("program: asked to end", _stop_asked, ends_program=True),
 )
-"""All kinds of the computer."""
+"""All kinds of computer faults."""

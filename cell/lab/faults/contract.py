@@ -1,4 +1,4 @@
-"""One kind of fault: how it begins and how an operator ends it."""
+"""One kind of fault: its start, and its repair by an operator."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -7,11 +7,11 @@ from cell.lab.faults.bench import FaultBench
 from cell.lab.faults.starts import Program
 
 Undo = Callable[[], None]
-"""Function that mends what was broken."""
+"""Function that repairs a fault."""
 
 
 def unharmed(bench: FaultBench) -> Undo:
-    """Do nothing, where nothing is to be mended."""
+    """Do nothing, if nothing needs repair."""
     return lambda: None
 
 
@@ -21,18 +21,19 @@ class FaultKind:
 
     name: str
     begin: Callable[[FaultBench], Undo] = unharmed
-    """Function that does the harm, on the scan thread, and returns what mends it."""
+    """Function that causes the fault on the scan thread, and returns its repair."""
     to_program: Callable[[Program], None] | None = None
-    """Function that does the harm from outside, to a cell that is a program of its own; None where `begin` does it."""
+    """Function that causes the fault from outside, in a cell that is a separate program; None if `begin` causes it."""
     is_harmless: bool = False
-    """Whether the cell has to go on as if nothing had happened."""
+    """True if the cell must continue without any effect."""
     ends_program: bool = False
-    """Whether the program ends and is started again."""
+    """True if the program ends and starts again."""
     status: int | None = None
-    """Exit status with which a program that `to_program` ends has to end; negative is the signal that killed it. None where it goes on."""
+    """Required exit status of a program that `to_program` ends; negative is the signal that killed it. None if the
+    program continues."""
     silences_plc: bool = False
-    """Whether the PLC falls silent, which the cell of this kind then notices within seconds."""
+    """True if the PLC falls silent; the cell of this kind detects this within seconds."""
     is_record_apart: bool = False
-    """Whether the record of the run is in another folder than the mended cell reads."""
+    """True if the run's record is in another folder than the repaired cell reads."""
     slow: str = ""
-    """Reason why the arm may move for longer than a second after the fault; empty where it may not."""
+    """Reason why the arm may move for longer than a second after the fault; empty if it must not."""

@@ -1,4 +1,4 @@
-"""Devices of a cell with something wrong between them and the cell, switched on and off while it runs."""
+"""Devices with faults between device and cell, switched on and off at run time."""
 
 import math
 from collections.abc import Callable
@@ -22,7 +22,7 @@ def _as_it_is(told: Told) -> Told:
 
 @dataclass(slots=True)
 class FaultyArm:
-    """An arm whose states are changed on the way, and that no longer obeys while `is_deaf`."""
+    """An arm with modified states that ignores commands while `is_deaf` is set."""
 
     arm: Arm
     change: Change[ArmState] = _as_it_is
@@ -37,12 +37,12 @@ class FaultyArm:
         self.arm.close()
 
     def follow(self, setpoint: ImpedanceSetpoint) -> None:
-        """Hold a setpoint unless the arm is deaf."""
+        """Hold a setpoint unless `is_deaf` is set."""
         if not self.is_deaf:
             self.arm.follow(setpoint)
 
     def read(self) -> ArmState:
-        """Return the newest state as it is changed."""
+        """Return the newest state after modification."""
         return self.change(self.arm.read())
 
     def halt(self) -> None:
@@ -50,13 +50,13 @@ class FaultyArm:
         self.arm.halt()
 
     def reset(self) -> None:
-        """Leave a reflex or a stop whose cause is gone."""
+        """Leave a reflex or a stop if its cause is gone."""
         self.arm.reset()
 
 
 @dataclass(slots=True)
 class FaultyGripper:
-    """A hand whose states are changed on the way, and that no longer opens or closes while it is stuck."""
+    """A hand with modified states that neither opens nor closes while it is stuck."""
 
     gripper: Gripper
     change: Change[GripperState] = _as_it_is
@@ -81,13 +81,13 @@ class FaultyGripper:
             self.gripper.release(width)
 
     def read(self) -> GripperState:
-        """Return the newest state as it is changed."""
+        """Return the newest state after modification."""
         return self.change(self.gripper.read())
 
 
 @dataclass(slots=True)
 class FaultySwitch:
-    """A switch whose state is changed on the way."""
+    """A switch with a modified state."""
 
     switch: SuccessSwitch
     change: Change[SwitchState] = _as_it_is
@@ -101,20 +101,20 @@ class FaultySwitch:
         self.switch.close()
 
     def read(self) -> SwitchState:
-        """Return the state as it is changed."""
+        """Return the state after modification."""
         return self.change(self.switch.read())
 
 
-# Substitutes of readings.
+# Modified readings.
 
 
 def reflex(_: ArmState) -> ArmState:
-    """Be stopped by a reflex."""
+    """Report a stop by a reflex."""
     raise ArmReflexError("arm: reflex: joint 4 above its torque limit")
 
 
 def stopped(_: ArmState) -> ArmState:
-    """Be stopped from outside."""
+    """Report an external stop."""
     raise ArmStoppedError("arm: protective stop")
 
 
@@ -129,7 +129,7 @@ def no_number(state: ArmState) -> ArmState:
 
 
 def beyond_any_sensor(state: ArmState) -> ArmState:
-    """Report a force that no sensor can give."""
+    """Report a force beyond the range of any sensor."""
     return replace(state, wrench=Wrench(np.full(3, 1e308), state.wrench.torque))
 
 
@@ -139,7 +139,7 @@ def no_stamp(state: ArmState) -> ArmState:
 
 
 def still() -> Change[ArmState]:
-    """Report the first state for ever, each time as a fresh one."""
+    """Report the first state forever, each time as a fresh one."""
     first: list[ArmState] = []
 
     def change(state: ArmState) -> ArmState:
@@ -155,7 +155,7 @@ def no_joint(state: ArmState) -> ArmState:
 
 
 def offset_wrench(state: ArmState) -> ArmState:
-    """Report 15 N more along z than there are."""
+    """Report 15 N more along z than the true force."""
     return replace(state, wrench=Wrench(state.wrench.force + np.array([0.0, 0.0, 15.0]), state.wrench.torque))
 
 
@@ -165,7 +165,7 @@ def silent_hand(_: GripperState) -> GripperState:
 
 
 def frozen() -> Change[Counts]:
-    """Measure the first reading for ever."""
+    """Return the first reading forever."""
     first: list[Counts] = []
 
     def change(counts: Counts) -> Counts:
@@ -176,36 +176,36 @@ def frozen() -> Change[Counts]:
 
 
 def filled(value: int) -> Change[Counts]:
-    """Measure one value, counts, with the noise of a live converter, in all taxels."""
+    """Return one value, counts, with the noise of a live converter, in all taxels."""
     rng = np.random.default_rng(0)
     return lambda counts: (value + rng.integers(-3, 4, counts.shape)).clip(0).astype(counts.dtype)
 
 
 def shifted(counts: Counts) -> Counts:
-    """Measure 4000 counts more in the left finger."""
+    """Return 4000 counts more in the left finger."""
     moved = counts.astype(np.int64)
     moved[0] += 4000
     return moved.clip(0, 42_000).astype(counts.dtype)
 
 
 def modules_swapped(counts: Counts) -> Counts:
-    """Measure with the two modules of each finger swapped."""
+    """Return readings with the two modules of each finger swapped."""
     return np.roll(counts, counts.shape[1] // 2, axis=1)
 
 
 def fingers_swapped(counts: Counts) -> Counts:
-    """Measure each finger with the other one's taxels."""
+    """Return each finger's readings from the other one's taxels."""
     return counts[::-1].copy()
 
 
 def at_random() -> Change[Counts]:
-    """Measure anything between nothing and full scale."""
+    """Return random readings between zero and full scale."""
     rng = np.random.default_rng(0)
     return lambda counts: rng.integers(0, 42_000, counts.shape).astype(counts.dtype)
 
 
 def flapping() -> Change[SwitchState]:
-    """Tell another state at every look."""
+    """Report another state at every read."""
     told = [SwitchState.OPEN, SwitchState.CLOSED]
 
     def change(_: SwitchState) -> SwitchState:

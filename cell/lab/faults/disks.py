@@ -1,4 +1,4 @@
-"""A disk that is full from a random moment of an insertion on: what the PLC is told, and what the journal says afterwards."""
+"""A disk that becomes full at a random moment of an insertion: the PLC's readings, and the journal afterwards."""
 
 import os
 import resource
@@ -22,42 +22,42 @@ from plc_bridge.peer import Peer
 from plc_bridge.registers import Warnings
 
 WARNED = 3.0
-"""Longest time from the end of a run to a warning about it, s of wall time."""
+"""Longest time from the end of a run to its warning, s of wall time."""
 RECORDED = 300.0
-"""Longest time until a run is on record once there is room again, s of wall time."""
+"""Longest time until a run is recorded after the disk has space again, s of wall time."""
 WAYS = ("room again", "asked to end", "room again", "killed")
-"""What comes after the insertion has ended on the full disk, one after the other."""
+"""Events after the insertion has ended on the full disk, one after the other."""
 
 
 @dataclass(frozen=True, slots=True)
 class FullDisk:
-    """What one full disk leaves."""
+    """Result of one full disk."""
 
     way: str
-    """What came after the insertion had ended."""
+    """Event after the insertion had ended."""
     progress: int
-    """Progress of the insertion at which no file grows any more, percent."""
+    """Progress of the insertion from which files cannot grow, percent."""
     run: int
     result: str
-    """How the PLC was told that it ended."""
+    """Ending that the PLC read."""
     is_warned: bool
-    """Whether the PLC was told, until a moment after the end, that the run is not recorded, where something of it was lost."""
+    """True if the PLC read a warning about lost data within a moment after the end; also True if nothing was lost."""
     outcome: str
-    """Outcome of that run after the next start; empty where it is not on record."""
+    """Outcome of that run after the next start; empty if it has no record."""
     samples: int
     """Number of that run's scans on record."""
     told_scans: int
-    """Number of that run's scans that the PLC had been told of a second before the disk was full."""
+    """Number of that run's scans that the PLC had read a second before the disk was full."""
     still_running: int
-    """Number of runs that are reported as under way after the next start."""
+    """Number of runs reported as running after the next start."""
     changed: int
-    """Number of earlier runs whose record is another one than before."""
+    """Number of earlier runs with a changed record."""
     next_samples: int
-    """Number of scans on record of a run that was made when there was room again; -1 where none was made."""
+    """Number of recorded scans of a run made after the disk had space again; -1 if none was made."""
 
     @property
     def is_sound(self) -> bool:
-        """Whether the run had an honest end, and nothing from before the last second is lost."""
+        """True if the run had a correct ending, and lost only data of its last second."""
         is_honest = self.outcome in ((self.result,) if self.way == "room again" else (self.result, LOST))
         is_whole = self.samples >= self.told_scans and self.changed == 0 and self.next_samples != 0
         return is_honest and is_whole and self.is_warned and self.still_running == 0
@@ -71,24 +71,25 @@ def fill(
     begun: Sequence[FullDisk],
     watch: Callable[[Sequence[FullDisk]], None],
 ) -> list[FullDisk]:
-    """Serve the cell again and again on one journal, and let its disk be full from a drawn moment on.
+    """Serve the cell repeatedly on one journal, with a disk that becomes full at a drawn moment.
 
-    A program whose files may not grow meets the same as on a full disk, and nobody else on the computer does.
+    A limit on file sizes has the same effect on this program as a full disk, without affecting the rest of the
+    computer.
 
     Args:
-        drawn: What comes after each full disk, and the progress at which it is full, percent.
+        drawn: Event after each full disk, and the progress at which the disk is full, percent.
         seed: Seed of the first simulated cell.
         arguments: Further arguments of the served cell.
-        folder: Folder of the journal, with what an earlier call has left there.
-        begun: First cases, which an earlier call has seen.
+        folder: Folder of the journal, with the results of an earlier call.
+        begun: First cases, from an earlier call.
         watch: Called after each case with all of them.
 
     Raises:
-        CellError: A cell cannot be started.
+        CellError: A cell does not start.
     """
     found = list(begun)
     with Journal(folder):
-        pass  # a run that an earlier call broke off is closed
+        pass  # a run that an earlier call interrupted is closed
     for number in range(len(begun), len(drawn)):
         found.append(_one(folder, *drawn[number], [*arguments, "--set", f"sim.seed={seed + number}"]))
         watch(found)
@@ -96,13 +97,13 @@ def fill(
 
 
 def draw(tries: int, seed: int) -> list[tuple[str, int]]:
-    """Return what comes after each full disk, one way after the other, and the progress at which it is full, percent."""
+    """Return the event after each full disk, in turn, and the progress at which the disk is full, percent."""
     rng = np.random.default_rng(seed)
     return [(WAYS[number % len(WAYS)], int(rng.integers(0, 101))) for number in range(tries)]
 
 
 def begun(seen: Sequence[FullDisk], drawn: Sequence[tuple[str, int]]) -> list[FullDisk]:
-    """Return the first cases that an earlier call has seen, as far as they are those that are drawn."""
+    """Return the first cases of an earlier call, as far as they match the drawn ones."""
     pairs = zip(seen, drawn, strict=False)
     return [case for case, _ in takewhile(lambda pair: (pair[0].way, pair[0].progress) == pair[1], pairs)]
 
@@ -126,7 +127,7 @@ def _one(folder: Path, way: str, progress: int, arguments: Sequence[str]) -> Ful
         program.signal(signal.SIGKILL if way == "killed" else signal.SIGTERM)
         program.wait(ENDING)
     with Journal(folder):
-        pass  # the next start closes what is open
+        pass  # the next start closes open runs
     rows = _rows(folder)
     row = rows.get(seen.run)
     samples = recorded(folder, row)
@@ -147,7 +148,7 @@ def _one(folder: Path, way: str, progress: int, arguments: Sequence[str]) -> Ful
 
 
 def _is_warned(address: tuple[str, int]) -> bool:
-    """Wait for a moment until a PLC is told that something is not recorded, and return whether it is."""
+    """Wait a moment for a warning about unrecorded data, and return True if the PLC reads one."""
     deadline = time.monotonic() + WARNED
     with closing(Peer(*address)) as peer:
         while not (warned := bool(peer.look().warnings & Warnings.NOT_RECORDED)) and time.monotonic() < deadline:
@@ -161,16 +162,16 @@ def _rows(folder: Path) -> dict[int, RunRow]:
 
 
 def _limit(program: Program, most: int) -> None:
-    """Let no file of a program grow beyond so many bytes."""
+    """Limit the files of a program to this number of bytes."""
     _, hard = resource.prlimit(program.pid, resource.RLIMIT_FSIZE)
     resource.prlimit(program.pid, resource.RLIMIT_FSIZE, (most, hard))
 
 
 def _wait_for_record(folder: Path, run: int) -> None:
-    """Wait until the index has the end of a run.
+    """Wait until the index contains the end of a run.
 
     Raises:
-        CellError: It does not come.
+        CellError: The end does not appear.
     """
     deadline = time.monotonic() + RECORDED
     while (row := _rows(folder).get(run)) is None or row.outcome == "running":

@@ -1,4 +1,4 @@
-"""Signals and starvation: the cell as a program of its own at the pace of the wall clock, met from outside in the middle of an insertion."""
+"""Signals and starvation: the cell as a separate program in real time, disturbed from outside during an insertion."""
 
 import math
 import os
@@ -31,12 +31,12 @@ from skills.catalogue import CATALOGUE
 from skills.rest import REST_SPEED
 
 ENDS = {signal.SIGTERM: 0, signal.SIGINT: 0, signal.SIGHUP: 0, signal.SIGKILL: -signal.SIGKILL}
-"""Signals that end the program, each with the exit status that it has to have then."""
+"""Signals that end the program, with the required exit status of each."""
 HELD_UP = 0.5
-"""Time for which the program stands still or is starved, s of wall time."""
+"""Time for which the program is stopped or starved, s of wall time."""
 BUSY = "import time; end = time.monotonic() + {:g}\nwhile time.monotonic() < end: pass"
 BUSY_EACH = 8
-"""Number of programs that starve the cell on each processor."""
+"""Number of programs per processor that starve the cell."""
 _INSERT = CATALOGUE["insert_peg"].code
 
 
@@ -45,14 +45,14 @@ def _sent(number: signal.Signals) -> Callable[[Program], None]:
 
 
 def _paused(program: Program) -> None:
-    """Stop the program and let it go on, as a terminal or a debugger does."""
+    """Stop and continue the program, as a terminal or a debugger does."""
     program.signal(signal.SIGSTOP)
     time.sleep(HELD_UP)
     program.signal(signal.SIGCONT)
 
 
 def _starved(program: Program) -> None:
-    """Let many programs compete with the cell for every processor."""
+    """Run many programs that compete with the cell for every processor."""
     number = BUSY_EACH * (os.cpu_count() or 1)
     busy = [subprocess.Popen([sys.executable, "-S", "-c", BUSY.format(HELD_UP)]) for _ in range(number)]
     for each in busy:
@@ -67,26 +67,26 @@ PROCESS_KINDS: tuple[FaultKind, ...] = (
     FaultKind("process: stopped and continued", to_program=_paused),
     FaultKind("process: starved", to_program=_starved),
 )
-"""All kinds of the program as one of the computer's processes."""
+"""All kinds of faults of the program as a process."""
 
 
 def tried(kind: FaultKind, stage: str, moment: float, arguments: Sequence[str]) -> FaultCase:
-    """Serve a cell, do the harm `moment` seconds after `stage` begins, and look at what is on record and how production goes on.
+    """Serve a cell, cause the fault `moment` seconds after `stage` begins, and check the record and further production.
 
     Args:
         kind: A kind with `to_program`.
         stage: Name of the stage.
-        moment: Time from the stage's first report to the harm, s of wall time.
+        moment: Time from the stage's first report to the fault, s of wall time.
         arguments: Further arguments of the served cell.
 
     Raises:
-        CellError: The cell does not start, or falls silent.
+        CellError: The cell does not start, or does not answer.
     """
     assert kind.to_program is not None
     arguments = [*arguments, "--set", f"plc.life_timeout={PATIENCE:g}"]
     with TemporaryDirectory() as name:
         folder, seen = Path(name), Seen()
-        status: int | None = None  # of a program that goes on, or does not end
+        status: int | None = None  # of a program that continues, or does not end
         with served(folder, arguments) as program, closing(Peer(*program.address)) as peer:
             is_due = _lead_to(peer, stage, moment, seen)
             told, kept = seen.lives[-1][1] if seen.lives else 0, seen.scans_before(LAST)
@@ -97,7 +97,7 @@ def tried(kind: FaultKind, stage: str, moment: float, arguments: Sequence[str]) 
             else:
                 _follow(peer, seen)
                 back = brought_back(peer)
-        with Journal(folder) as journal:  # closes what the program left open, as its next start does
+        with Journal(folder) as journal:  # closes open runs of the program, as its next start does
             row = journal.find(seen.run)
         now = seen.part.name.lower()
         if kind.ends_program:
@@ -128,10 +128,10 @@ def tried(kind: FaultKind, stage: str, moment: float, arguments: Sequence[str]) 
 
 
 def _lead_to(peer: Peer, stage: str, moment: float, seen: Seen) -> bool:
-    """Let an insertion come to a moment of a stage, s after its first report; return whether it does before it ends.
+    """Run an insertion to a time after a stage's first report, s; return True if it gets there before it ends.
 
     Raises:
-        CellError: The cell refuses it, falls silent or does not come so far.
+        CellError: The cell refuses it, does not answer or does not reach the stage.
     """
     number, entered, deadline = CATALOGUE.stage_number(stage), math.inf, time.monotonic() + LONGEST
     peer.connect()
@@ -152,23 +152,23 @@ def _lead_to(peer: Peer, stage: str, moment: float, seen: Seen) -> bool:
 
 
 def _follow(peer: Peer, seen: Seen) -> None:
-    """Note what is told of the run until it ends.
+    """Record the reports of the run until it ends.
 
     Raises:
-        CellError: The cell falls silent.
+        CellError: The cell does not answer.
     """
     seen.see(peer.wait_for_result(LONGEST, seen.see))
     peer.acknowledge()
 
 
 def _on_record(row: RunRow, folder: Path, told: int, kept: int) -> FaultCase:
-    """Return what the record says of a run.
+    """Return the record of a run.
 
     Args:
         row: Its row.
         folder: Folder of the journal.
-        told: Number of its scans that the PLC had been told of when the harm was done.
-        kept: Number of its scans that must be on record.
+        told: Number of its scans that the PLC had read at the time of the fault.
+        kept: Number of its scans that must be recorded.
     """
     columns = read_samples(folder / f"run-{row.run:06d}.arrows")
     stamps = columns["stamp"]
@@ -183,6 +183,6 @@ def _on_record(row: RunRow, folder: Path, told: int, kept: int) -> FaultCase:
         fault=row.fault,
         rest_after=max(float(moving[-1] - since), 0.0) if is_ended and moving.size else math.nan,
         peak_force=float(np.max(forces[told:], initial=0.0)),
-        # Of a run that is killed in its first second nothing may be on record but its row.
+        # A run killed in its first second can have no record except its row.
         record=bool(row.ended) and row.outcome != RUNNING and stamps.size >= max(kept, row.outcome != LOST),
     )

@@ -1,4 +1,4 @@
-"""The program killed, or asked to end, in the middle of insertions: what its journal and its next start say."""
+"""The program killed, or asked to end, during insertions: its journal and its next start."""
 
 import signal
 import time
@@ -23,17 +23,17 @@ from plc_bridge.peer import Peer
 from skills.catalogue import CATALOGUE
 
 LONGEST = 1800.0
-"""Longest time until an insertion has come so far, s of wall time: other work may leave this one next to nothing."""
+"""Longest time until an insertion reaches its progress, s of wall time; other work can leave this one little time."""
 CYCLE = 0.02
 """Time between two cycles of the PLC, s of wall time."""
 ENDS = (signal.SIGKILL, signal.SIGKILL, signal.SIGTERM, signal.SIGKILL, signal.SIGKILL, signal.SIGHUP)
-"""Signals, one after the other."""
+"""Signals, in turn."""
 LAST = 1.0
-"""Time before a signal of which samples may be lost, s of wall time."""
+"""Time before a signal from which samples can be lost, s of wall time."""
 ENDING = 30.0
-"""Longest wait for a program that was asked to end, s of wall time."""
+"""Longest wait for the end of a program after a request, s of wall time."""
 RESETS, PAUSE = 5, 1.0
-"""Number of times that a person resets a cell that stands aborted before giving it up, and the time before each, s of wall time."""
+"""Number of resets of an aborted cell before it is given up, and the time before each, s of wall time."""
 LEFT = {
     "rack": ("rack", "unknown"),
     "in_hand": ("unknown",),
@@ -43,47 +43,46 @@ LEFT = {
     "on_plate": ("on_plate",),
     "unknown": ("unknown",),
 }
-"""Places that the next start may tell by the place that was told last: a peg may have gone on for the moment until the end, and of one
-that was held nobody knows once the hand is empty.
-"""
+"""Positions that the next start can report, by the last reported position. A peg can move on in the moment before the
+end, and a held peg has no known position after the hand is empty."""
 _INSERT = CATALOGUE["insert_peg"].code
 
 
 @dataclass(frozen=True, slots=True)
 class Kill:
-    """What one signal leaves."""
+    """Result of one signal."""
 
     signal: str
     progress: int
-    """Progress of an insertion at which the signal comes, percent; 100 is after its end."""
+    """Progress of an insertion at the signal, percent; 100 is after its end."""
     status: int
     """Exit status of the program; negative is the signal that killed it."""
     told: int
-    """Number of the run that the PLC had read last."""
+    """Number of the run in the PLC's last reading."""
     outcome: str
-    """Outcome of that run after the next start; empty where it is not on record."""
+    """Outcome of that run after the next start; empty if it has no record."""
     samples: int
     """Number of that run's scans on record."""
     told_scans: int
-    """Number of that run's scans that the PLC had been told of a second before the signal."""
+    """Number of that run's scans that the PLC had read a second before the signal."""
     still_running: int
-    """Number of runs that are reported as under way after the next start."""
+    """Number of runs reported as running after the next start."""
     twice: int
-    """Number of runs whose number an earlier one had."""
+    """Number of runs with the number of an earlier run."""
     part: str
-    """Place of the peg as the PLC had read it last."""
+    """Position of the peg in the PLC's last reading."""
     part_next: str
-    """Place of the peg as the next start tells it, of a world whose hand and hole are empty."""
+    """Position of the peg in the report of the next start, in a world with empty hand and hole."""
     resets: int = 0
     """Number of resets that the cell needed before its insertion began."""
     aborted: int = 0
-    """Fault code with which the cell stood aborted before its insertion began; 0 where it stood ready."""
+    """Fault code of the aborted cell before its insertion began; 0 if it was ready."""
     trouble: str = ""
-    """What kept the insertion from coming so far; empty where nothing did."""
+    """Reason why the insertion did not reach its progress; empty if it did."""
 
     @property
     def is_sound(self) -> bool:
-        """Whether nothing was lost but the last second, and nothing is said that is not true."""
+        """True if only data of the last second were lost, and every report was true."""
         is_ended_well = self.status == (-signal.SIGKILL if self.signal == "SIGKILL" else 0)
         is_told = self.told == 0 or self.outcome not in ("", "running")
         is_told = is_told and self.samples >= self.told_scans
@@ -100,18 +99,18 @@ def kill(
     begun: Sequence[Kill],
     watch: Callable[[Sequence[Kill]], None],
 ) -> list[Kill]:
-    """Start the served cell again and again on one journal, and end it at drawn moments.
+    """Start the served cell repeatedly on one journal, and end it at drawn moments.
 
     Args:
-        drawn: The signal of each end, and the progress at which it comes, percent.
+        drawn: Signal of each end, and the progress at the signal, percent.
         seed: Seed of the first simulated cell.
         arguments: Further arguments of the served cell.
-        folder: Folder of the journal, with what an earlier call has left there.
-        begun: First ends, which an earlier call has seen.
+        folder: Folder of the journal, with the results of an earlier call.
+        begun: First ends, from an earlier call.
         watch: Called after each end with all of them.
 
     Raises:
-        CellError: A cell cannot be started.
+        CellError: A cell does not start.
     """
     found = list(begun)
     for number in range(len(begun), len(drawn)):
@@ -128,13 +127,13 @@ def kill(
 
 
 def draw(tries: int, seed: int, ends: Sequence[signal.Signals] = ENDS) -> list[tuple[signal.Signals, int]]:
-    """Return the signal of each end, one of `ends` after the other, and the progress at which it comes, percent."""
+    """Return the signal of each end, from `ends` in turn, and the progress at the signal, percent."""
     rng = np.random.default_rng(seed)
     return [(ends[number % len(ends)], int(rng.integers(0, 101))) for number in range(tries)]
 
 
 def begun(seen: Sequence[Kill], drawn: Sequence[tuple[signal.Signals, int]]) -> list[Kill]:
-    """Return the first ends that an earlier call has seen whole, as far as they are those that are drawn."""
+    """Return the first complete ends of an earlier call, as far as they match the drawn ones."""
     pairs = zip(seen, drawn, strict=False)
     return [case for case, _ in takewhile(lambda pair: pair[0].part_next and _was(pair[0]) == pair[1], pairs)]
 
@@ -144,7 +143,7 @@ def _was(case: Kill) -> tuple[signal.Signals, int]:
 
 
 def _one(folder: Path, how: signal.Signals, progress: int, arguments: Sequence[str]) -> tuple[str, Kill]:
-    """Return where the peg is when the cell starts, and what the signal leaves, without what the next start will say."""
+    """Return the peg's position at the start of the cell, and the result of the signal without the next start's report."""
     with Journal(folder, is_read_only=True) as journal:
         before = {row.run for row in journal.runs(1_000_000)}
     seen, trouble = Seen(), ""
@@ -158,7 +157,7 @@ def _one(folder: Path, how: signal.Signals, progress: int, arguments: Sequence[s
         try:
             status = program.wait(ENDING)
         except CellError as error:
-            status, trouble = -signal.SIGKILL, str(error)  # which it is given at once
+            status, trouble = -signal.SIGKILL, str(error)  # which it receives at once
     with Journal(folder) as journal:
         rows = {row.run: row for row in journal.runs(1_000_000)}
     told = seen.run
@@ -182,13 +181,13 @@ def _one(folder: Path, how: signal.Signals, progress: int, arguments: Sequence[s
 
 
 def part_at(address: tuple[str, int]) -> str:
-    """Return where a served cell says that its peg is."""
+    """Return the peg's position reported by a served cell."""
     with closing(Peer(*address)) as peer:
         return PartPlace(peer.look().part).name.lower()
 
 
 def recorded(folder: Path, row: RunRow | None) -> int:
-    """Return the number of scans of a run that are on record."""
+    """Return the number of recorded scans of a run."""
     if row is None or row.outcome != LOST:
         return 0 if row is None else row.samples
     with suppress(CellError):
@@ -198,23 +197,23 @@ def recorded(folder: Path, row: RunRow | None) -> int:
 
 @dataclass(slots=True)
 class Seen:
-    """What a PLC has read of a run."""
+    """A PLC's readings of a run."""
 
     run: int = 0
     part: PartPlace = PartPlace.UNKNOWN
     warnings: int = 0
-    """All warnings of the run together."""
+    """All warnings of the run combined."""
     resets: int = 0
     """Number of resets before the run began."""
     aborted: int = 0
-    """Fault code with which the cell stood aborted before the first of them."""
+    """Fault code of the aborted cell before the first of them."""
     report: ReportImage | None = None
     """The last report."""
     lives: list[tuple[float, int]] = field(default_factory=list)
-    """Moments of wall time, and the number of scans since the first of them, by the cell's sign of life."""
+    """Wall times, and the number of scans since the first of them, from the cell's sign of life."""
 
     def see(self, report: ReportImage) -> None:
-        """Take one report of the run."""
+        """Add one report of the run."""
         step = 0 if self.report is None or report.run != self.run else (report.life - self.report.life) % 0x10000
         if report.run != self.run:
             self.lives, self.warnings = [], 0
@@ -224,8 +223,9 @@ class Seen:
             self.lives.append((time.monotonic(), step + (self.lives[-1][1] if self.lives else 0)))
 
     def scans_before(self, span: float) -> int:
-        """Return the number of scans that were told of before the last `span`, s, of wall time or, where that is earlier, of
-        a block of samples, which is a second of the cell's clock.
+        """Return the number of scans reported before the last `span`, s, of wall time.
+
+        If it is earlier, the limit is a block of samples: one second of the cell's clock.
         """
         now = time.monotonic()
         told = max((scans for moment, scans in self.lives if moment <= now - span), default=0)
@@ -235,19 +235,19 @@ class Seen:
 def insert(
     address: tuple[str, int], progress: int, then: Callable[[Seen], None] | None = None, seen: Seen | None = None
 ) -> Seen:
-    """Let an insertion come so far, percent, and return what was told of it last.
+    """Run an insertion to this progress, percent, and return its last report.
 
-    What keeps it from its start is seen to first, as a person would: a cell that stands aborted is reset, and a peg that an
-    earlier end left somewhere is taken away.
+    Obstacles to its start are removed first, as by a person: an aborted cell is reset, and a peg left by an earlier end
+    is removed.
 
     Args:
-        address: Where the cell is served.
-        progress: How far it comes, percent; 101 is its end.
-        then: Called once the insertion has come so far, which then goes on to its end; None leaves it there.
-        seen: Where to note what is told; it is also what is returned.
+        address: Address of the served cell.
+        progress: Progress to reach, percent; 101 is its end.
+        then: Called at that progress; the insertion then continues to its end. None returns at that progress.
+        seen: Destination of the reports; also the return value.
 
     Raises:
-        CellError: It does not come so far.
+        CellError: The insertion does not reach that progress.
     """
     deadline, seen = time.monotonic() + LONGEST, seen or Seen()
     with closing(Peer(*address)) as peer:
@@ -257,7 +257,8 @@ def insert(
         while time.monotonic() < deadline:
             if report.run not in (0, before):
                 seen.see(report)
-                # An end that this PLC never reads is one too: the cell took it for lost, as on a computer that is too busy.
+                # An end that this PLC never reads is valid too: the cell regarded the PLC as lost, for example on a
+                # busy computer.
                 is_over = report.result != Result.NONE or report.state == State.ABORTED
                 if then is not None and (is_over or report.progress >= progress):
                     then(seen)
@@ -277,10 +278,10 @@ def insert(
 
 
 def _reset(peer: Peer, report: ReportImage, seen: Seen) -> None:
-    """Reset a cell that stands aborted or stopped, and note it.
+    """Reset an aborted or stopped cell, and record the reset.
 
     Raises:
-        CellError: It was reset before, again and again, and does not come back.
+        CellError: The cell stays aborted after repeated resets.
     """
     if seen.resets >= RESETS:
         raise CellError(f"the cell stands aborted with fault {report.fault} after {seen.resets} resets")

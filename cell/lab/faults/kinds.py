@@ -1,4 +1,4 @@
-"""Kinds of faults: those of the devices, and the table of all."""
+"""Kinds of faults of the devices, and the table of all kinds."""
 
 from collections.abc import Callable
 
@@ -16,9 +16,9 @@ from skills.catalogue import GRASP
 
 AWAY = ((0.0, 1e6),)
 THERE = "before the peg is there the switch says what it should"
-"""Reason why a switch that is wrong is not found out at once."""
+"""Reason why a switch fault is not detected at once."""
 WEAK = 2.0
-"""Closing force of a hand that has lost its strength, N."""
+"""Closing force of a weakened hand, N."""
 
 
 def _wire(faults: WireFaults) -> Callable[[FaultBench], Undo]:
@@ -82,7 +82,7 @@ def _lets_go(bench: FaultBench) -> Undo:
 
 
 def _early(lead: float) -> Callable[[FaultBench], Undo]:
-    """Return how a switch begins to close so much before the peg is seated, m."""
+    """Return a fault in which the switch closes at this distance before the peg is seated, m."""
 
     def begin(bench: FaultBench) -> Undo:
         truth = bench.cell.truth
@@ -141,4 +141,4 @@ KINDS: tuple[FaultKind, ...] = (
     *PLC_KINDS,
     *SKILL_KINDS,
 )
-"""All kinds that are tried."""
+"""All kinds in the campaign."""

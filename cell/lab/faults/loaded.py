@@ -1,4 +1,4 @@
-"""Importing this loads and compiles what a served cell needs: one insertion as fast as it goes, recorded and thrown away."""
+"""Import of this module loads and compiles all code of a served cell: one insertion at full speed, recorded and deleted."""
 
 import os
 from contextlib import redirect_stderr, redirect_stdout

@@ -1,4 +1,4 @@
-"""One fault after the other in the middle of an insertion, and what becomes of it."""
+"""Faults during an insertion, one after the other, and the result of each."""
 
 import math
 from collections import Counter
@@ -30,25 +30,29 @@ MOMENTS: dict[str, tuple[float, ...]] = {
     "spiral_adjust": (0.05, 0.3, 0.6, 0.9),
     "release_and_retract": (0.05, 0.2, 0.4, 0.8),
 }
-"""Times from the first scan of each stage to the fault, s: over the whole of it, on the way, in contact and with the hand at work."""
+"""Times from the first scan of each stage to the fault, s: over the whole stage, in motion, in contact and while the
+hand works."""
 QUICK = 150
-"""Number of cases that a campaign is cut short to."""
+"""Number of cases in a shortened campaign."""
 CELL_CASES = 10
-"""Number of cases that one served cell goes through before a new one, whose errors are drawn anew."""
+"""Number of cases for one served cell before a new one, with newly drawn errors."""
 SEEN_ON = 1.5
-"""Time for which the arm is looked at after the run, s."""
+"""Time of observation of the arm after the run, s."""
 MENDED = 2.5
-"""Time between mending and the reset, s, in which a board is found again; a skin's hub needs up to two seconds."""
+"""Time between repair and reset, s, in which a board is detected again; a skin's hub needs up to two seconds."""
 _INSERT = CATALOGUE["insert_peg"].code
 
 
 def cases(kinds: Sequence[FaultKind]) -> list[Planned]:
-    """Return all that can be tried, kind by kind."""
+    """Return all possible cases, kind by kind."""
     return [(kind, stage, moment) for kind in kinds for stage, moments in MOMENTS.items() for moment in moments]
 
 
 def drawn(tried: Sequence[Planned], number: int, seed: int) -> list[Planned]:
-    """Return so many of the cases at random; every kind comes once before one comes twice, and at every stage before it comes to one again."""
+    """Return this number of cases at random.
+
+    Every kind occurs once before any kind repeats, and at every stage before any stage repeats.
+    """
     rng = np.random.default_rng(seed)
     shuffled = [tried[index] for index in rng.permutation(len(tried))]
     stages: dict[str, list[str]] = {}
@@ -71,17 +75,17 @@ def measure(
     done: int = 0,
     arguments: Callable[[int], Sequence[str]] = lambda number: (),
 ) -> list[FaultCase]:
-    """Try every case but the first `done`; each cell serves a few, and one that does not come back is exchanged.
+    """Run every case except the first `done`; each cell serves a few, and a cell that does not recover is replaced.
 
     Args:
         make: Function that returns the config of the cell with this number.
         tried: The cases.
-        watch: Function that is given each case as it is done.
-        done: Number of cases that were tried before.
-        arguments: Function that returns the arguments by which a program serves the cell with this number.
+        watch: Function called with each completed case.
+        done: Number of cases from earlier calls.
+        arguments: Function that returns the arguments of the program that serves the cell with this number.
 
     Raises:
-        CellError: A new cell cannot be made.
+        CellError: A new cell cannot be created.
     """
     found: list[FaultCase] = []
     for first in range(done - done % CELL_CASES, len(tried), CELL_CASES):
@@ -93,13 +97,13 @@ def measure(
 
 
 def _served(loaded: LoadedConfig, tried: Sequence[Planned], arguments: Sequence[str]) -> Iterator[FaultCase]:
-    """Try cases one after the other, and give each as it is done."""
+    """Run cases one after the other, and yield each when it is done."""
     with ExitStack() as stack:
         tested: FaultBench | None = None
         life_timeout = LIFE_TIMEOUT if any(kind.silences_plc for kind, _, _ in tried) else PATIENCE
         for kind, stage, moment in tried:
             if kind.to_program is not None:
-                stack.close()  # a cell of this process would take the time of the other
+                stack.close()  # a cell of this process would use the processor time of the other
                 tested = None
             elif tested is None:
                 tested = stack.enter_context(bench(loaded, life_timeout))
@@ -126,8 +130,8 @@ def _case(tested: FaultBench, kind: FaultKind, stage: str, moment: float) -> Fau
         if kind.ends_program and undo:
             tested.thread.join()
         outcome = _outcome(tested, report)
-        # A peg that fell, and a switch that has just moved, are told a moment later: what is reported of the peg is compared with
-        # the truth when all has come to rest, and of a success at once, before the line takes the workpiece away.
+        # A fallen peg and a switch that has just moved are reported a moment later. The reported position is therefore
+        # compared with the truth at rest. A success is compared at once, before the line removes the workpiece.
         if outcome != "success":
             tested.let_pass(SEEN_ON)
         part = PartPlace(report.part if outcome == "success" else tested.supervisor.report.part)
@@ -141,7 +145,7 @@ def _case(tested: FaultBench, kind: FaultKind, stage: str, moment: float) -> Fau
     if kind.ends_program and undo:
         tested.restart()
     went_on = seen.injected is None or outcome == "success" or seen.detected is None
-    moved_on = went_on or outcome == "failure"  # and the arm freed itself by motions of its own
+    moved_on = went_on or outcome == "failure"  # and the arm freed itself by its own motions
     record = record or _is_on_record(tested, report, outcome, kind)
     reset, actions, following = bring_back(tested)
     return FaultCase(
@@ -169,7 +173,7 @@ def _case(tested: FaultBench, kind: FaultKind, stage: str, moment: float) -> Fau
 
 
 def _outcome(tested: FaultBench, report: ReportImage) -> str:
-    """Return the result that the PLC reads, or what is on record where it was lost meanwhile."""
+    """Return the result that the PLC reads, or the recorded result if the PLC was lost meanwhile."""
     if tested.is_plc_lost and tested.supervisor.last is not None:
         return tested.supervisor.last.outcome
     return word(report)
@@ -182,7 +186,7 @@ def _truth(tested: FaultBench) -> Truth:
 
 
 def _is_true(place: PartPlace, truth: Truth, is_gripping: bool) -> bool:
-    """Tell whether the peg can be where the report says; a place that is unknown is not untrue."""
+    """Return True if the peg can be at the reported position; an unknown position is never untrue."""
     is_held = truth.peg is PegSituation.HELD or is_gripping
     match place:
         case PartPlace.UNKNOWN:
@@ -199,20 +203,20 @@ def _is_true(place: PartPlace, truth: Truth, is_gripping: bool) -> bool:
 
 
 def _is_on_record(tested: FaultBench, report: ReportImage, outcome: str, kind: FaultKind) -> bool:
-    """Tell whether the run is on record as it ended."""
+    """Return True if the record contains the run with its actual ending."""
     last = tested.supervisor.last
     try:
         row = tested.journal.find(last.run if tested.is_plc_lost and last is not None else report.run)
     except CellError:
         return False
     is_sampled = row.samples > 0 or kind.name.startswith("disk")
-    # A fault that came after the run is the cell's and not the run's; the report tells it beside the run's result.
+    # A fault after the run belongs to the cell and not to the run; the report contains it beside the run's result.
     fault = 0 if outcome == "success" else report.fault
     return bool(row.ended) and row.outcome == outcome and row.fault == fault and is_sampled
 
 
 def bring_back(tested: FaultBench) -> tuple[str, int, str]:
-    """Do as an operator does; return the result of the reset, the number of further actions, and the next result."""
+    """Act as an operator; return the result of the reset, the number of further actions, and the next result."""
     tested.let_pass(MENDED)
     with suppress(CellError):
         return brought_back(tested.peer, lambda: tested.let_pass(MENDED))

@@ -1,4 +1,4 @@
-"""What an operator does after a run that ended anyhow, who knows no more of the cell than what the PLC reads."""
+"""Actions of an operator after any ending of a run, from the PLC's readings alone."""
 
 from collections.abc import Callable
 
@@ -11,19 +11,19 @@ from plc_bridge.peer import Peer
 from skills.catalogue import CATALOGUE
 
 MOST_ACTIONS = 2
-"""Number of actions beside the reset after which the operator gives up."""
+"""Number of actions after the reset before the operator gives up."""
 _INSERT, _RECOVER = CATALOGUE["insert_peg"].code, CATALOGUE["recover"].code
 
 
 def brought_back(peer: Peer, wait: Callable[[], None] = lambda: None) -> tuple[str, int, str]:
-    """Bring a cell back into production; return the result of the reset, the number of further actions, and the next insertion's result.
+    """Bring a cell back into production; return the reset's result, the number of further actions and the next result.
 
     Args:
         peer: The PLC, which holds the lease.
-        wait: Function that lets some time pass after the reset.
+        wait: Function that waits some time after the reset.
 
     Raises:
-        CellError: The cell falls silent.
+        CellError: The cell does not answer.
     """
     reset, actions = _reset(peer), 0
     wait()
@@ -37,12 +37,12 @@ def brought_back(peer: Peer, wait: Callable[[], None] = lambda: None) -> tuple[s
 
 
 def _reset(peer: Peer) -> str:
-    """Reset a cell that asks for it; return the result, or nothing where none was needed."""
+    """Reset a cell if it requires it; return the result, or an empty text if no reset was needed."""
     if peer.look().state not in (State.ABORTED, State.STOPPED):
         return ""
     return word(peer.run(Control.RESET, timeout=LONGEST))
 
 
 def _remedy(report: ReportImage) -> int:
-    """Return the command that the report of a refused start asks for: the hand lets go of what it holds, or a person acts."""
+    """Return the command required by the report of a refused start: release of the held peg, or action of a person."""
     return _RECOVER if report.part_evidence & PartEvidence.HAND_HOLDS else Control.CLEARED

@@ -15,7 +15,7 @@ from plc_bridge.peer import CellSilentError, Peer
 from skills.catalogue import CATALOGUE
 
 LASTING = 0.5
-"""Time for which torn blocks, storms and strangers last, s of wall time."""
+"""Duration of torn blocks, storms and foreign connections, s of wall time."""
 SILENT = "its life counter stands still for plc.life_timeout before anybody can know"
 _INSERT = CATALOGUE["insert_peg"].code
 
@@ -23,7 +23,7 @@ _INSERT = CATALOGUE["insert_peg"].code
 def _lost(act: Callable[[FaultBench], None]) -> Callable[[FaultBench], Undo]:
     def begin(bench: FaultBench) -> Undo:
         bench.plc_act = lambda: act(bench)
-        # Simulated time, which is faster than the silence of the wall clock, stands still until the silence counts.
+        # Simulated time runs faster than the wall clock of the silence, so it stands still until the timeout.
         time.sleep(LIFE_TIMEOUT)
         return lambda: None
 
@@ -38,7 +38,7 @@ def _killed(bench: FaultBench) -> None:
 
 def _frozen(bench: FaultBench) -> None:
     bench.is_plc_lost = True
-    raise CellSilentError("the PLC's program stands still")  # and its connection stays open until it comes back
+    raise CellSilentError("the PLC's program stands still")  # and its connection stays open until it returns
 
 
 def _torn(bench: FaultBench) -> Undo:
@@ -62,7 +62,7 @@ def _storm(bench: FaultBench) -> None:
 
 
 def _second(bench: FaultBench) -> None:
-    """Let another PLC ask for the lease, and for everything that only its holder may ask for."""
+    """Let another PLC request the lease, and every command that only the holder may request."""
     peer, until = Peer(*bench.bridge.address), time.monotonic() + LASTING
     with suppress(CellError):
         peer.connect()
@@ -80,4 +80,4 @@ PLC_KINDS: tuple[FaultKind, ...] = (
     FaultKind("plc: storm of connections", _meanwhile(_storm), is_harmless=True),
     FaultKind("plc: two at once", _meanwhile(_second), is_harmless=True),
 )
-"""All kinds of the PLC."""
+"""All kinds of PLC faults."""

@@ -1,4 +1,4 @@
-"""Faults of skills: one that raises, blocks, asks for wrong motions, or says that it is done and is not."""
+"""Faults of skills: a skill raises, blocks, requests wrong motions, or reports a false success."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -17,9 +17,9 @@ from skills.spray_search import SpraySearchResult
 from skills.tactile_insert import TactileInsertResult
 
 BLOCKED = 0.5
-"""Time for which a skill does not scan, s."""
+"""Time without a scan in a skill, s."""
 FAR, DEEP, DRIFT = 0.5, 0.09, 0.002
-"""Distances by which a setpoint is wrong: aside at once, downward at once, and downward more at each scan, m."""
+"""Errors of a setpoint: sideways at once, downward at once, and downward increasing with each scan, m."""
 DONE = (Outcome.SUCCESS, Reason.NONE, 0.0)
 Wrong = Callable[[ImpedanceSetpoint], ImpedanceSetpoint]
 
@@ -61,7 +61,7 @@ def _drifting() -> Wrong:
 
 
 def _lies(bench: FaultBench) -> Undo:
-    """Let every skill that begins from now on, up to the last, say that it is done, and do nothing."""
+    """Let every later skill, up to the last, report success without doing anything."""
     said: tuple[tuple[ModuleType, SkillResult], ...] = (
         (spray_search, SpraySearchResult(*DONE, (0.5, 0.0, 0.1), (0.5, 0.0), 0, None)),
         (tactile_insert, TactileInsertResult(*DONE, 0.0, 0.0)),
@@ -87,4 +87,4 @@ SKILL_KINDS: tuple[FaultKind, ...] = (
     FaultKind("skill: drifts downward", _asks(_drifting)),
     FaultKind("skill: lies", _lies, slow="what it says is judged when the run ends"),
 )
-"""All kinds of the skills."""
+"""All kinds of skill faults."""

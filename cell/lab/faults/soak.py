@@ -1,4 +1,4 @@
-"""Hours of mixed commands on one served cell: whether its memory, its handles and its threads stay as many."""
+"""Hours of mixed commands on one served cell: growth of its memory, handles and threads."""
 
 import csv
 import os
@@ -25,53 +25,54 @@ from skills.catalogue import CATALOGUE
 
 TABLE = "soak.csv"
 SAMPLES = 20
-"""Number of looks at memory, handles and threads."""
+"""Number of samples of memory, handles and threads."""
 SETTLED = 0.25
-"""Share of the time after which caches are filled, and growth counts."""
+"""Share of the time after which caches are filled and growth is measured."""
 LATEST = 60
-"""Largest number of the PLC's cycle in which something comes in between a run."""
+"""Largest PLC cycle number for an event during a run."""
 ENDED = tuple(state for state in WAITING if state is not State.HELD)
-"""States in which no run is under way."""
+"""States without a running run."""
 _OVER = {Control.HOLD: WAITING, Control.UNHOLD: ENDED, Control.STOP: ENDED, Control.ABORT: ENDED}
-"""States in which a control has been obeyed."""
+"""States in which a control has been executed."""
 UNKNOWN_CODE, UNKNOWN_RECIPE = 9999, 999
 _INSERT, _GRASP = CATALOGUE["insert_peg"].code, CATALOGUE["grasp_from_rack"].code
 
 
 @dataclass(frozen=True, slots=True)
 class SoakSample:
-    """One look at the program, after some of the commands."""
+    """One sample of the program, after some of the commands."""
 
     hours: float
     """Simulated time, hours."""
     commands: int
-    """Number of the groups of commands until then."""
+    """Number of command groups up to this sample."""
     seated: int
-    """Number of those whose last insertion was a success."""
+    """Number of groups whose last insertion was a success."""
     failed: int
-    """Number of those that ended in a failure of it, after which production goes on."""
+    """Number of groups that ended in a failure, after which production continues."""
     lost: int
-    """Number of those after which the cell did not insert again."""
+    """Number of groups after which the cell did not insert again."""
     lost_after: str
-    """Those since the look before, each with its number and how the insertion at its end ended."""
+    """Lost groups since the previous sample, each with its number and the ending of its last insertion."""
     memory: float
-    """Memory that the program holds, MB."""
+    """Memory of the program, MB."""
     handles: int
     """Number of open files, sockets and terminals."""
     threads: int
 
 
 Act = Callable[[FaultBench, np.random.Generator], str]
-"""Some commands; returns how the insertion at their end ended: its result, or why it was refused."""
+"""Group of commands; returns the ending of its last insertion: result, or reason of the refusal."""
 
 
 def soak(
     loaded: LoadedConfig, hours: float, seed: int, watch: Callable[[SoakSample], None]
 ) -> tuple[list[SoakSample], Counter[str]]:
-    """Give one cell random commands for so many simulated hours; return what was seen, and how often each came.
+    """Send random commands to one cell for a number of simulated hours; return the samples, and the count of each
+    group.
 
     Raises:
-        CellError: The cell cannot be made, or no longer answers.
+        CellError: The cell cannot be created, or does not answer any more.
     """
     rng, found, acts, endings = np.random.default_rng(seed), list[SoakSample](), Counter[str](), Counter[str]()
     lost_after: list[str] = []
@@ -93,7 +94,7 @@ def soak(
 
 
 def write(sample: SoakSample, path: Path) -> None:
-    """Add a look to the table on the disk."""
+    """Add a sample to the table on the disk."""
     is_new = not path.exists()
     with path.open("a", newline="", encoding="utf-8") as stream:
         writer = csv.writer(stream, lineterminator="\n")
@@ -103,7 +104,7 @@ def write(sample: SoakSample, path: Path) -> None:
 
 
 def growth(found: Sequence[SoakSample]) -> tuple[float, float, float]:
-    """Return how memory, MB, handles and threads grow in a simulated hour, from the time on at which caches are filled."""
+    """Return the growth of memory, MB, handles and threads per simulated hour, after caches are filled."""
     late = found[int(SETTLED * len(found)) :]
     hours = [sample.hours for sample in late]
     memory, handles, threads = (
@@ -125,7 +126,7 @@ def _look(hours: float, endings: Counter[str], lost_after: Sequence[str]) -> Soa
 
 
 def _inserted(tested: FaultBench) -> str:
-    """Insert a peg as an operator does after anything; return how that ended."""
+    """Insert a peg as an operator does after any event; return the ending."""
     _, _, following = bring_back(tested)
     return following
 
@@ -135,7 +136,7 @@ def _insert(tested: FaultBench, rng: np.random.Generator) -> str:
 
 
 def _interrupted(*controls: Control) -> Act:
-    """Return what sends these controls in the middle of an insertion, each once the cell waits after the one before."""
+    """Return a function that sends these controls during an insertion, each when the cell waits after the previous one."""
 
     def act(tested: FaultBench, rng: np.random.Generator) -> str:
         tested.peer.trigger(_INSERT)
@@ -154,7 +155,7 @@ def _is_in(states: Sequence[State]) -> Callable[[ReportImage], bool]:
 
 
 def _cycles(tested: FaultBench, is_over: Callable[[ReportImage], bool], most: int = round(LONGEST / CYCLE)) -> None:
-    """Let the PLC go through its cycles until something is over, at most so many."""
+    """Run the PLC's cycles until a condition holds, up to a maximum number."""
     for _ in range(most):
         if is_over(tested.peer.cycle()):
             return
@@ -210,4 +211,4 @@ ACTS: dict[str, Act] = {
     "ask the records": _asked,
     "reflex of the arm": _reflex,
 }
-"""Groups of commands, each of which ends with an insertion."""
+"""Groups of commands; each ends with an insertion."""

@@ -1,6 +1,6 @@
-"""Starts of `cell serve` that cost a tenth: forks of a process that has loaded and compiled everything beforehand.
+"""Starts of `cell serve` at a tenth of the cost: forks of a process that has loaded and compiled all code.
 
-A signal meets such a program as it meets any other; whatever it opens, writes and serves begins after the fork.
+Signals act on such a program as on any other; all files, records and servers are opened after the fork.
 """
 
 import multiprocessing
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from multiprocessing.context import ForkServerProcess
 
 LOADED = "cell.lab.faults.loaded"
-"""Module whose import loads everything."""
+"""Module whose import loads all code."""
 _CONTEXT = multiprocessing.get_context("forkserver")
 
 
@@ -26,7 +26,7 @@ class Program:
     """A program that serves a cell."""
 
     def __init__(self, process: "ForkServerProcess", address: tuple[str, int]) -> None:
-        """Take the process, and where it listens."""
+        """Store the process and the address of its server."""
         self._process, self.address = process, address
 
     @property
@@ -40,10 +40,10 @@ class Program:
         os.kill(self.pid, number)
 
     def wait(self, timeout: float) -> int:
-        """Wait for the end, so many s at most, and return the exit status; negative is the signal that killed it.
+        """Wait for the end, at most this time, s, and return the exit status; negative is the signal that killed it.
 
         Raises:
-            CellError: It does not end.
+            CellError: The program does not end.
         """
         self._process.join(timeout)
         if self._process.exitcode is None:
@@ -53,10 +53,10 @@ class Program:
 
 @contextmanager
 def served(folder: Path, arguments: Sequence[str]) -> Iterator[Program]:
-    """Yield a served cell in a process of its own.
+    """Yield a served cell in a separate process.
 
     Raises:
-        CellError: It does not start.
+        CellError: The cell does not start.
     """
     words = ["serve", "--journal", str(folder), "--set", "plc.modbus.port=0", *arguments]
     _CONTEXT.set_forkserver_preload([LOADED])
@@ -78,7 +78,7 @@ def served(folder: Path, arguments: Sequence[str]) -> Iterator[Program]:
 
 
 def _serve(words: list[str], told: Connection) -> None:
-    """Be the program: what it prints goes to `told`, what it complains of nowhere."""
+    """Run the program: its output goes to `told`, its error output is discarded."""
     from cell.cli import main
 
     os.dup2(told.fileno(), sys.stdout.fileno())

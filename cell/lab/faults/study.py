@@ -1,4 +1,4 @@
-"""`cell study faults`: every kind of fault in the middle of an insertion."""
+"""`cell study faults`: every kind of fault during an insertion."""
 
 import argparse
 import signal
@@ -22,7 +22,7 @@ SUMMARY = "faults of every kind at every stage: time to rest, force, state, reco
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add what is simulated, where the files go, and which kinds are tried."""
+    """Add the simulated cell, the output folder, and the kinds of faults."""
     add_study(parser)
     add_seed(parser)
     parser.add_argument(
@@ -58,7 +58,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> StudyReport:
-    """Try every case, write the table and draw the chart; with --kills, --disks or --soak do that instead."""
+    """Run every case, write the table and draw the chart; with --kills, --disks or --soak run that instead."""
     if args.kills or args.disks:
         return _ends(args)
     if args.soak > 0.0:
@@ -93,7 +93,7 @@ def run(args: argparse.Namespace) -> StudyReport:
 
         def watch(case: cases.FaultCase) -> None:
             rows.append(case)
-            cases.write(rows, folder)  # a campaign that is broken off leaves what it found
+            cases.write(rows, folder)  # an interrupted campaign keeps its results
             bars.advance(bar)
 
         measure.measure(make, tried, watch, len(rows), arguments)
@@ -116,13 +116,13 @@ def _ends(args: argparse.Namespace) -> StudyReport:
     )
     folder = out_folder(args.out)
     written = folder / f"{name}.csv"
-    # The journal of the ends goes on with them, where the same call was broken off.
+    # If the same call was interrupted, the journal of the ends continues with them.
     records = folder / f"{name}-{args.seed}"
     with progress() as bars:
         bar = bars.add_task(of_what, total=tries)
 
         def watch(found: Sequence[kills.Kill | disks.FullDisk]) -> None:
-            write_rows(found, written)  # what is broken off leaves what it found
+            write_rows(found, written)  # an interrupted call keeps its results
             bars.update(bar, completed=len(found))
 
         cases: Sequence[kills.Kill | disks.FullDisk]
@@ -155,7 +155,7 @@ def _soak(args: argparse.Namespace) -> StudyReport:
         written = out_folder(args.out) / soak.TABLE
 
         def watch(sample: soak.SoakSample) -> None:
-            soak.write(sample, written)  # hours that are broken off leave what was seen
+            soak.write(sample, written)  # an interrupted call keeps its samples
             bars.advance(bar)
 
         written.unlink(missing_ok=True)

@@ -1,4 +1,4 @@
-"""The table of the campaign; nothing is printed here."""
+"""Table of the campaign; nothing is printed here."""
 
 import math
 from collections import Counter
@@ -12,17 +12,16 @@ from cell.lab.faults.cases import FaultCase
 from cell.lab.faults.kinds import KINDS
 
 REST_AFTER_LIMIT, FORCE_SHARE = 1.0, 1.2
-"""Longest time to rest from the fault, s, and largest share of the force limit."""
+"""Longest time to rest after the fault, s, and largest share of the force limit."""
 NEVER = ("wrong successes", "no record", "over force", "not back")
-"""Columns that must be zero on any computer. The moment of a rest on a busy one, and a place that a peg is just falling to, are left to whoever
-reads the table.
-"""
+"""Columns that must be zero on any computer. The reader of the table judges the moment of rest on a busy computer, and
+the position of a falling peg."""
 HARMLESS = frozenset(kind.name for kind in KINDS if kind.is_harmless)
 SLOW = frozenset(kind.name for kind in KINDS if kind.slow)
 
 
 def lines(rows: Sequence[FaultCase], force_limit: float) -> list[dict[str, Any]]:
-    """Return one line for each kind, and one for all; the columns from `wrong successes` on must be zero."""
+    """Return one line for each kind and one for all; the columns from `wrong successes` on must be zero."""
     kinds = list(dict.fromkeys(row.kind for row in rows))
     return [_line(kind, [row for row in rows if row.kind == kind], force_limit) for kind in kinds] + [
         _line("all", rows, force_limit)
