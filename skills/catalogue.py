@@ -1,6 +1,6 @@
-"""The explicit table of skills and programs: config, recipes, PLC map, margins and records derive from it.
+"""Table of skills and programs: config, recipes, PLC map, margins and records derive from it.
 
-A new skill is one module, with parameters, result and `run`, and one entry here; nothing registers itself.
+To add a skill, write one module with its parameters, result and `run`, and add one entry here.
 """
 
 from dataclasses import replace
@@ -24,14 +24,14 @@ from skills.spiral_params import SpiralAdjustParams
 from skills.surface import Plane, nominal
 
 RETRIED = (Reason.NOT_ALIGNED, Reason.NOT_SEATED)
-"""Reasons for a failure that a new search can mend."""
+"""Reasons of a failure after which `insert_peg` searches again."""
 
 
 def insert_peg(skills: SkillSet, ctx: SkillContext) -> list[StageRecord]:
-    """Take a peg, find the hole, align, seat and let go; search again where the peg was not in the hole, and recover
-    after a failure.
+    """Take a peg, find the hole, align and seat the peg, and release it.
 
-    The run's outcome is that of its first stage that neither succeeded nor was tried again, or success.
+    If the peg turns out not to be in the hole, search again. After a failure, recover. The run's outcome is that of the
+    first stage that failed and was not retried; without such a stage it is success.
     """
     records, belief, retries = GRASP.run(skills, ctx), ANYWHERE, _handling(skills, ctx).retries
     for left in reversed(range(retries + 1)):
@@ -55,9 +55,7 @@ def insert_peg(skills: SkillSet, ctx: SkillContext) -> list[StageRecord]:
 def find_and_seat(
     skills: SkillSet, ctx: SkillContext, attempt: int = 0, belief: Belief = ANYWHERE
 ) -> list[StageRecord]:
-    """Find the hole, align the peg and seat it, on the surface that the search has estimated; end at the first stage
-    that does not succeed.
-    """
+    """Find the hole, align the peg and seat it, using the surface estimate of the search; stop at the first failed stage."""
     found = run_stage(SEARCH.name, lambda c: _search(skills, c, belief), ctx)
     plane = found.result.plane if isinstance(found.result, spray_search.SpraySearchResult) else None
     if found.result.outcome is not Outcome.SUCCESS:
@@ -76,10 +74,10 @@ def find_and_seat(
 
 
 def _place_of_hole(ctx: SkillContext, plane: Plane | None) -> tuple[float, float]:
-    """Return where a seated peg stands in the plate's surface, m, base frame.
+    """Return the position of a seated peg in the plate's surface, m, base frame.
 
-    A seated peg stands along the normal; theta, which errs by more, is not needed. How far its axis lies beside the
-    finger centre the skin tells, for a peg that was pressed sideways has moved between the pads.
+    A seated peg is parallel to the normal, so theta, which has the larger error, is not needed. Sideways forces can have
+    moved the peg between the pads, so the skin's offset of the peg's axis from the finger centre is added.
     """
     seen, plane = ctx.observe(), plane or nominal(ctx.job.hole)
     centre = seen.arm.tcp.position + seen.peg.offset * seen.arm.tcp.rotation[:, 1]
@@ -92,7 +90,7 @@ def _search(skills: SkillSet, ctx: SkillContext, belief: Belief = ANYWHERE) -> S
 
 
 def _learnt(belief: Belief, found: SkillResult, ctx: SkillContext) -> Belief:
-    """Return what a further attempt begins with, after a search that may have found a place."""
+    """Return the prior of the next attempt, given the result of this attempt's search."""
     if not isinstance(found, spray_search.SpraySearchResult) or found.edge is None:
         return belief
     return belief.after(found.edge, ctx.job.hole.part.inscribed, found.left)
@@ -111,7 +109,7 @@ def _handling(skills: SkillSet, ctx: SkillContext) -> Handling:
 
 
 def sections_of(skills: SkillSet, grip_share: float = 1.0) -> Sections:
-    """Return what a handling is made of, with this share of the grip counted on, fraction."""
+    """Return the config sections of a handling; `grip_share` is the assumed share of the grip, fraction."""
     return Sections(
         search=skills[SEARCH],
         insert=skills[INSERT],

@@ -1,4 +1,4 @@
-"""Whether hand and peg stay clear of plate and rack on a way through free space, before it begins; pure."""
+"""Clearance of hand and peg from plate and rack, checked along a free-space path before it starts; pure."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,20 +11,20 @@ from drivers.parts import Job
 from drivers.quantities import InHandTip, Vector
 
 SAMPLES = 24
-"""Number of places along a way at which the distance is looked at, beside its beginning."""
+"""Number of points along a path at which the distance is checked, in addition to its start."""
 RINGS, AROUND = 6, 12
-"""Rings of points on the peg, and points on each of them."""
+"""Number of rings of points on the peg, and number of points on each ring."""
 BALLS = 5
-"""Number of balls that stand for a capsule of the hand."""
+"""Number of balls that approximate a capsule of the hand."""
 DEEP = 1.0
-"""Depth of the boxes below their upper faces, m: nothing passes under plate or rack."""
+"""Depth of the boxes below their upper faces, m; it excludes paths below plate or rack."""
 TOLERANCE = 1e-4
-"""Distance by which a way may come nearer than allowed, m; where a way only touches the bound, rounding must not refuse it."""
+"""Tolerance on the clearance, m, so that rounding does not reject a path exactly at the limit."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Box:
-    """A solid whose faces lie along the base frame's axes."""
+    """Solid box with faces along the base frame's axes."""
 
     name: str
     low: Vector
@@ -34,6 +34,7 @@ class Box:
 
     def gaps(self, points: Vector) -> Vector:
         """Return the distance of each point, shape (n, 3), m, base frame, from the box; negative inside, shape (n,), m."""
+        # d = max(low - p, p - high) per axis; distance = |max(d, 0)| + min(max over axes of d, 0)
         beyond = np.maximum(self.low - points, points - self.high)
         outside = np.linalg.norm(np.maximum(beyond, 0.0), axis=1)
         return np.asarray(outside + np.minimum(beyond.max(axis=1), 0.0))
@@ -41,18 +42,18 @@ class Box:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Attitude:
-    """Where the controlled point is on a way, and how the hand is turned."""
+    """Position of the controlled point and orientation of the hand at one point of a path."""
 
     tip: Vector
     """Controlled point, shape (3,), m, base frame."""
     axis: Vector
     """Axis of the peg or of the bare hand, unit, shape (3,), base frame."""
     roll: Vector
-    """Closing axis, as far as the axis allows, shape (3,), base frame."""
+    """Closing axis before it is made orthogonal to `axis`, shape (3,), base frame."""
 
 
 def boxes_of(job: Job) -> tuple[Box, Box]:
-    """Return plate and rack as the job states them."""
+    """Return plate and rack of the job as boxes."""
     (near, far), (least, most) = job.rack.bounds, job.hole.plate_bounds
     plate, rack = job.hole.centre[2], job.rack.first[2]
     return (
@@ -62,7 +63,7 @@ def boxes_of(job: Job) -> tuple[Box, Box]:
 
 
 def nearest(at: Attitude, job: Job, in_hand: InHandTip | None, boxes: Sequence[Box]) -> tuple[float, str, str]:
-    """Return the least distance of hand and peg from the boxes, m, and what is how near to which box, in words."""
+    """Return the least distance of hand and peg from the boxes, m, the name of the part ("hand" or "peg"), and that of the box."""
     theta, length = (0.0, 0.0) if in_hand is None else (in_hand.theta, in_hand.length)
     closing = at.roll - (at.roll @ at.axis) * at.axis
     closing /= np.linalg.norm(closing)
@@ -71,7 +72,7 @@ def nearest(at: Attitude, job: Job, in_hand: InHandTip | None, boxes: Sequence[B
     rotation = peg @ finger_peg.rotation.T
     centre = at.tip - rotation @ finger_peg.position
     hand = job.hand
-    # Fingers that hold a peg span less than wide open ones by what they are closed.
+    # Closed fingers span less than open ones, by their closing distance.
     closed = 0.0 if in_hand is None else max(hand.stroke - job.peg.part.thickness, 0.0)
     capsules = (
         (hand.body_offset, hand.body_radius, hand.half_span),
@@ -89,18 +90,18 @@ def nearest(at: Attitude, job: Job, in_hand: InHandTip | None, boxes: Sequence[B
 
 
 def require_clear(way: Sequence[Attitude], job: Job, in_hand: InHandTip | None, clearance: float) -> None:
-    """Make sure that a way leads past plate and rack.
+    """Check the clearance of a path from plate and rack.
 
-    A way may begin and end nearer than `clearance`, as over a slot, but come no nearer in between.
+    If the start or the end is nearer than `clearance`, for example over a slot, its distance is the limit instead.
 
     Args:
-        way: Places along the way, its beginning and its end included.
-        job: Part, plate and rack as they are believed to be.
-        in_hand: The peg as it is held; None for the empty hand.
+        way: Points along the path, including its start and its end.
+        job: Part, plate and rack.
+        in_hand: Pose of the peg in the hand; None for the empty hand.
         clearance: Least distance, m.
 
     Raises:
-        SetpointError: One line that names what would come how near to what, and where.
+        SetpointError: The path comes too near; the message names part, box, distance and position.
     """
     boxes = boxes_of(job)
     seen = [nearest(at, job, in_hand, boxes) for at in way]
@@ -116,7 +117,7 @@ def require_clear(way: Sequence[Attitude], job: Job, in_hand: InHandTip | None, 
 
 
 def _surface(tip: Vector, peg: Vector, job: Job, length: float) -> Vector:
-    """Return points on the peg, shape (n, 3), m, base frame; `peg` has its axes as columns."""
+    """Return points on the peg, shape (n, 3), m, base frame; the columns of `peg` are its axes."""
     angles = np.linspace(0.0, 2.0 * np.pi, AROUND, endpoint=False)
     ring = job.peg.part.reach * (np.cos(angles)[:, None] * peg[:, 0] + np.sin(angles)[:, None] * peg[:, 1])
     heights = np.linspace(0.0, length + job.peg.overhang, RINGS)

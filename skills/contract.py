@@ -1,4 +1,4 @@
-"""What a skill is: typed parameters and a context in, a typed result out."""
+"""Contract of a skill: typed parameters and a context in, a typed result out."""
 
 import logging
 from collections import deque
@@ -47,24 +47,22 @@ logger = logging.getLogger(__name__)
 
 
 class SkillParams(ConfigModel):
-    """Parameters of a skill; every skill derives a model of its own."""
+    """Base of all skills' parameters; every skill derives its own model."""
 
 
 class Outcome(StrEnum):
-    """How a skill, a program or a run ended: the words of records, tables and, by their names, of the PLC's result."""
+    """Outcome of a skill, a program or a run; records and tables use the values, the PLC's result the names."""
 
     SUCCESS = "success"
     FAILURE = "failure"
     ABORTED = "aborted"
     """A person or the PLC stopped the run."""
     FAULT = "fault"
-    """A device or the program failed; no skill returns this, the supervisor says it of a run in which a `CellError` was
-    raised.
-    """
+    """A device or the program failed. Skills never return it; the supervisor sets it if a run raises a `CellError`."""
 
 
 class Reason(IntEnum):
-    """Reason of a skill's ending, in the words that all skills share; the PLC reads the number."""
+    """Reason why a skill ended, common to all skills; the PLC reads the number."""
 
     NONE = 0
     MISSED_GRASP = 1
@@ -77,41 +75,41 @@ class Reason(IntEnum):
     STOPPED = 8
     STILL_HELD = 9
     JAMMED = 10
-    """A peg did not come out of the hole; the hand has let it go."""
+    """The peg did not come out of the hole; the hand has released it."""
     PART_LEFT = 11
-    """A peg lies where a person must take it away."""
+    """A peg is in a place from which a person must remove it."""
 
 
 @dataclass(frozen=True, slots=True)
 class SkillResult:
-    """How a skill ended; every skill adds its facts."""
+    """Base of all skills' results; every skill adds its facts."""
 
     outcome: Outcome
     reason: IntEnum
-    """A `Reason`, or one of the skill's own words as its entry in the catalogue names them."""
+    """A `Reason`, or one of the skill's own reasons from its entry in the catalogue."""
     elapsed: float
-    """Time that counts as the skill's own, s; a free-space approach before it does not."""
+    """Duration of the skill, s, without a preceding free-space approach."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Observation:
-    """Everything one scan reads."""
+    """Readings and estimates of one scan."""
 
     stamp: float
     """Start of the scan, s."""
     elapsed: float
-    """Time along the skill's path, s: late scans slow it, and time on hold does not count."""
+    """Time along the skill's path, s; late scans slow it, and time on hold does not count."""
     step: float
-    """Time by which the path has gone on since the scan before, s."""
+    """Advance of the path time since the previous scan, s."""
     running: float
-    """Time that the skill's scan has been running on the cell's clock, s; time on hold does not count."""
+    """Running time of the skill on the cell's clock, s; time on hold does not count."""
     arm: ArmState
     gripper: GripperState
     frame: TaxelFrame
     is_new_frame: bool
-    """Whether the skin delivered `frame` in this scan."""
+    """True if the skin delivered `frame` in this scan."""
     peg: PegPose
-    """What is known of the peg now; its stamp is that of the newest frame in it and tells the age."""
+    """Present estimate of the peg's pose; its stamp is that of the newest frame used."""
     tip: Vector
     """End point of the peg, shape (3,), m, base frame."""
     axis: Vector
@@ -120,33 +118,33 @@ class Observation:
 
 
 class Request(Enum):
-    """What the supervisor asks of a skill at each scan."""
+    """Request of the supervisor to a skill, read at each scan."""
 
     RUN = "run"
     HOLD = "hold"
-    """Wait, with the arm brought to rest."""
+    """Bring the arm to rest and wait."""
     RESUME = "resume"
-    """Lead the arm back to the setpoint that it was halted from."""
+    """Move the arm back to the setpoint that it held before the hold."""
     STOP = "stop"
 
 
 class Interrupted(Exception):  # noqa: N818  a way to end, not an error
-    """The scan ends the skill: stop, force limit or workspace limit; `flow` turns it into a result."""
+    """End of a skill from within its scan: stop, force limit, workspace limit or lost grasp; `flow` converts it to a result."""
 
     def __init__(self, reason: Reason) -> None:
-        """Carry the reason to whoever runs the skill."""
+        """Store the reason for the caller of the skill."""
         super().__init__(reason.name)
         self.reason = reason
 
 
 LONGEST_BLIND = 0.7
-"""Longest time for which a skill that holds a peg goes on without a new healthy frame, s: with what it takes to stand, the arm
-rests within a second of the last one. Source: decision 0021.
+"""Longest time without a new healthy frame while a skill holds a peg, s. Including its braking time, the arm then rests
+within a second of the last healthy frame. Source: decision 0021.
 """
 LATEST_STATE = 0.1
-"""Largest age of the arm's state, s; a device that repeats an old state counts as silent."""
+"""Largest age of the arm's state, s; if a device repeats an old state, it counts as timed out."""
 LEAST_TRUSTED = 20
-"""Least number of trusted taxels of both fingers with which a skill goes on: half of all, one module of each finger."""
+"""Least number of trusted taxels of both fingers during a skill: half of all, for example one module of each finger."""
 
 
 Recorder = Callable[[Observation, ImpedanceSetpoint | None], None]
@@ -154,7 +152,7 @@ Recorder = Callable[[Observation, ImpedanceSetpoint | None], None]
 
 @dataclass(slots=True)
 class SkillContext:
-    """Everything that a skill works with: devices, the job, the limits, and the scan."""
+    """Context of a skill: devices, job, limits and scan."""
 
     clock: Clock
     arm: Arm
@@ -168,50 +166,51 @@ class SkillContext:
     rng: np.random.Generator
     """Random generator of a skill's choices, such as the start of a search."""
     scan_limits: ScanLimits = field(default_factory=ScanLimits)
-    """How late the scan may come."""
+    """Limits on the lateness of scans."""
     wrench: WrenchConfig = field(default_factory=WrenchConfig)
-    """What may be believed of the external wrench."""
+    """Limits on the offset and noise of the external wrench."""
     tracker: Tracker = field(default_factory=lambda: Blend(Smoothing()))
     poll: Callable[[], Request] = lambda: Request.RUN
-    """Function that is asked once a scan what the skill shall do."""
+    """Function that returns the supervisor's request, called once a scan."""
     progress: Callable[[float], None] = lambda fraction: None
-    """Function that is told how much of the skill is done, 0 to 1."""
+    """Function that receives the progress of the skill, 0 to 1."""
     ended: Callable[[str, float], None] = lambda stage, elapsed: None
-    """Function that is told that a stage has ended, and the time that it counts as its own, s."""
+    """Function called with the name and the duration, s, of each stage that has ended."""
     record: Recorder = lambda seen, setpoint: None
-    """Function that is given every observation with the setpoint that was held while it was made."""
+    """Function called with every observation and the setpoint held during it."""
     stage: str = ""
-    """Name of the skill under way."""
+    """Name of the running skill."""
     held: ImpedanceSetpoint | None = field(default=None, init=False)
     rest: Rest = field(init=False)
-    """Rest of the arm."""
+    """Brake that brings the arm to rest."""
     zero: WrenchZero = field(default_factory=WrenchZero, init=False)
-    """Wrench that the arm reports where nothing touches it; it is subtracted from every observation."""
+    """Offset of the wrench in free air; it is subtracted from every observation."""
     peg: HeldPeg = field(default_factory=HeldPeg, init=False)
-    """What is known of the peg in the hand."""
+    """Knowledge about the peg in the hand."""
     _unseen_since: float | None = field(default=None, init=False)
-    """Time from which the hand holds a peg that the skin has not shown yet, s; None where no such peg is held."""
+    """Time since which the hand has held a peg without a healthy pose, s; None if there is no such peg."""
     _sequence: int = field(default=-1, init=False)
     _next_id: int = field(default=0, init=False)
     _late: deque[bool] = field(default_factory=new_window, init=False)
-    """Lateness of the last scans."""
+    """Lateness of the last scans: True if late."""
     _wrenches: deque[Wrench] = field(default_factory=lambda: deque(maxlen=SCANS), init=False)
-    """Wrenches that the arm reported in the last scans."""
+    """Wrenches reported by the arm in the last scans."""
     _soft: tuple[int, Vector] | None = field(default=None, init=False)
-    """Id of the setpoint whose motion the passivity guard has softened, and the largest stiffness that it leaves, shape (6,)."""
+    """Id of the motion softened by the passivity guard, and its largest permitted stiffness, shape (6,)."""
 
     def __post_init__(self) -> None:
-        """Let the arm be brought to rest through the gate that setpoints pass."""
+        """Make the brake, which halts the arm through the setpoint gate."""
         self.rest = Rest(self.arm)
 
     def new_id(self) -> int:
-        """Return a setpoint id that was not used before, which resets the arm's integral."""
+        """Return an unused setpoint id; a new id resets the arm's integral."""
         self._next_id += 1
         return self._next_id
 
     def follow(self, setpoint: ImpedanceSetpoint) -> None:
-        """Hand `setpoint` to the arm and remember it for the record, with less stiffness once the passivity guard has
-        softened its motion.
+        """Send `setpoint` to the arm and keep it for the record.
+
+        If the passivity guard has softened this motion, the stiffness is reduced first.
         """
         if self._soft is not None and setpoint.id == self._soft[0]:
             setpoint = replace(setpoint, stiffness=np.minimum(setpoint.stiffness, self._soft[1]))
@@ -220,25 +219,25 @@ class SkillContext:
         self.arm.follow(setpoint)
 
     def note_slip(self) -> None:
-        """Note that the peg has slipped along the fingers: the skills count on less grip from now on and push less."""
+        """Record a slip of the peg along the fingers; from now on the skills assume less grip and push less."""
         self.peg = self.peg.slipped()
         share = 1e2 * self.peg.grip_share
         logger.info("peg: slipped along the fingers; %.0f %% of the believed grip is counted on", share)
 
     @property
     def length(self) -> float:
-        """Distance from the finger centre to the peg's end point, m, as far as is known."""
+        """Distance from the finger centre to the peg's end point, m, by the best estimate."""
         return self.job.peg.length + self.peg.excess
 
     def in_hand(self) -> InHandTip:
-        """Return where the end point is in the hand, as far as is known."""
+        """Return the estimated pose of the end point in the hand."""
         return InHandTip(self.peg.pose.theta, self.length, self.peg.pose.stamp)
 
     def zero_wrench(self) -> None:
-        """Set the wrench's offset to its mean over the last scans, in which the hand rested in free air.
+        """Set the wrench's offset to its mean over the last scans; the hand must have rested in free air.
 
         Raises:
-            WrenchOffsetError: The mean is implausible for free air.
+            WrenchOffsetError: The wrenches are implausible for free air.
         """
         self.zero = zero_of(self._wrenches, self.wrench)
         x, y, z = self.zero.force
@@ -248,7 +247,7 @@ class SkillContext:
         """Return the newest state of the hand.
 
         Raises:
-            NotFiniteError: Its width is no number.
+            NotFiniteError: The width is not a plausible number.
             CellError: The hand's own `read` raised it.
         """
         return require_finite_hand(self.gripper.read())
@@ -257,7 +256,7 @@ class SkillContext:
         """Read every sensor once; the three times, s, are copied into the observation.
 
         Raises:
-            CellError: A device is silent, stopped or not to be believed.
+            CellError: A device has timed out or stopped, or its readings are implausible.
         """
         arm = self.arm.read()
         self._wrenches.append(arm.wrench)
@@ -301,18 +300,18 @@ class SkillContext:
     def scan(self, timeout: float, holding: bool = False, limited: bool = True) -> Iterator[Observation]:
         """Yield one observation a scan until `timeout` seconds have passed on the cell's clock; the only loop of a skill.
 
-        A hold request halts the arm and stops the count of the timeout until the arm is back at its setpoint. A scan that comes
-        late slows the path, whose time is `Observation.elapsed`; beyond `scan_limits` it is a fault.
+        A hold request halts the arm and stops the timeout until the arm is back at its setpoint. A late scan slows the
+        path time `Observation.elapsed`. If a scan exceeds `scan_limits`, it raises a fault.
 
         Args:
-            timeout: Longest time to go on, s; time on hold does not count.
-            holding: Whether the hand must hold a peg all the while, and the skin see it.
-            limited: Whether the limits of force and workspace hold; only a way out of a violation may go without.
+            timeout: Longest running time, s; time on hold does not count.
+            holding: True if the hand must hold a peg and the skin must measure its pose throughout.
+            limited: True to check the limits of force and workspace; False only for a motion out of a violation.
 
         Raises:
             Interrupted: Stop request, force limit, workspace limit or a lost grasp; the arm is halted.
             NotPassiveError: The held setpoint pumps energy into the arm; the arm is halted.
-            CellError: A device is silent, stopped or not to be believed.
+            CellError: A device has timed out or stopped, or its readings are implausible.
         """
         elapsed = running = 0.0
         paused, timing, guard = (
@@ -347,14 +346,14 @@ class SkillContext:
                 elapsed, running = elapsed + timing.step, running + timing.passed
 
     def _hold_or_leave(self, request: Request) -> None:
-        """Bring the arm to rest on a hold, and otherwise let it move."""
+        """Bring the arm to rest during a hold, otherwise release it."""
         if request is not Request.HOLD:
             self.rest.leave()
         elif not self.rest.is_sought:
             self.rest.seek(self.clock.now())
 
     def _keep_to_setpoint(self, seen: Observation, request: Request, paused: ArmState | None) -> None:
-        """Make sure that the arm is close to its setpoint, or after a hold lead it back there from where it `paused`."""
+        """Check that the arm is close to its setpoint; after a hold, move it back there from where it `paused`."""
         if self.held is None:
             return
         if request is Request.RUN:
@@ -363,7 +362,7 @@ class SkillContext:
             self.arm.follow(way_back(paused, self.held, seen.stamp, self.scan_period))
 
     def _require_peg(self, seen: Observation) -> None:
-        """Make sure that the hand still holds the peg and that the skin still sees it."""
+        """Check that the hand holds the peg and that the skin has measured its pose recently."""
         if not seen.gripper.is_gripping:
             self._interrupt(Reason.LOST_GRASP)
         if seen.peg.healthy:

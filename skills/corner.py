@@ -1,4 +1,4 @@
-"""Parameters for a peg with corners: it searches with a corner, and is turned until it drops into the hole."""
+"""Parameters of a peg with corners, which searches with a corner and is turned until it drops into the hole."""
 
 import math
 from typing import Annotated
@@ -12,46 +12,44 @@ from skills.search.params import SpraySearchParams
 
 
 class CornerParams(ConfigModel):
-    """How a peg with corners is handled; keys that are not given here are those of the round peg's skills.
+    """Parameters of a peg with corners; keys not given here come from the sections of the round peg's skills.
 
     Source: chosen, not measured; reason in docs/tried/corners.md.
     """
 
     tilt: Annotated[float, Field(gt=0.0, lt=1.4)]
-    """Tilt of the peg in the search, rad; the closing axis lies beside the plane of the tilt, so that an error of theta
-    shows as height.
+    """Tilt of the peg in the search, rad; the closing axis is not in the plane of the tilt, so an error of theta changes
+    the measured height.
     """
     speed: Annotated[float, Field(gt=0.0, le=0.5)]
-    """Peak speed of the tip along the path, m/s; a corner that has fallen in meets the hole's wall at this speed."""
+    """Peak speed of the tip along the path, m/s; after a drop the corner hits the hole's wall at this speed."""
     pitch: Annotated[float, Field(gt=0.0, le=2.0)]
     """Largest distance between neighbouring passes, multiple of the hole's shorter side."""
     dip_threshold: PositiveFloat
-    """Dip threshold of the corner below the surface estimate that is evidence of an edge, m; larger than a round peg's
-    because an error of theta shows as height. Source: docs/tried/corners.md.
+    """Dip threshold: depth of the corner below the surface estimate that is evidence of an edge, m; larger than a round
+    peg's because an error of theta changes the measured height. Source: docs/tried/corners.md.
     """
     lag: PositiveFloat
-    """Lag of the corner behind its setpoint along a pass that is evidence of an edge as well, m. Source: docs/tried/corners.md."""
+    """Lag of the corner behind its setpoint along a pass that is also evidence of an edge, m. Source: docs/tried/corners.md."""
     fall: PositiveFloat
-    """Depth below the surface at which the resting corner is in the hole, m; an error of theta shows as height. Source:
+    """Depth below the surface at which the resting corner is in the hole, m; it allows for the error of theta. Source:
     docs/tried/corners.md.
     """
     blend: Annotated[float, Field(gt=0.0, le=1.0)]
     """Weight of a new frame in the running estimate of theta, fraction; it replaces `smoothing.blend` because an error
-    of theta shows as height.
+    of theta changes the measured height.
     """
     retries: Annotated[int, Field(ge=0, le=20)]
-    """Number of times that `insert_peg` searches anew with a peg that has corners; each attempt sweeps the yaw about
-    another middle.
+    """Number of further searches of `insert_peg` for a peg with corners; each attempt sweeps the yaw about another
+    middle.
     """
     insert: CornerInsertParams
-    """How the peg is raised and turned in the hole."""
+    """Parameters of raising and turning the peg in the hole."""
     adjust: CornerAdjustParams
-    """How the peg is seated."""
+    """Parameters of seating the peg."""
 
     def searching(self, search: SpraySearchParams) -> SpraySearchParams:
-        """Return the parameters of a search with a corner: those of the round peg's search, with `corner` laid over
-        them.
-        """
+        """Return the parameters of a search with a corner: those of the round peg's search, overridden by `corner`."""
         return search.model_copy(
             update={
                 "tilt": self.tilt,

@@ -1,8 +1,8 @@
-"""Bring a peg with corners, one of which is in its hole, upright between the walls, so that the hole guides it.
+"""Bring a peg with corners, one corner in its hole, upright between the walls, so that the hole guides it.
 
-At a small tilt the peg stands as deep as its corner reaches. On the way upright its corner stays led into the hole's own, which
-keeps it in place along both walls, and its yaw sweeps to and fro about the one that the insertion found. How far the tip then
-sinks tells that the peg is between the walls; from there on the hole guides it as it guides a round peg.
+At a small tilt, the peg rests at the depth of its corner. While the peg is raised, its corner is pushed into the hole's
+corner, which holds it at both walls. The yaw sweeps about the yaw found by the insertion. The depth gained by the tip
+shows when the peg is between the walls. From then on, the hole guides it like a round peg.
 """
 
 import math
@@ -22,18 +22,20 @@ from skills.seating import depth_of, is_seated
 from skills.surface import Plane, nominal
 
 TURNED = 0.2
-"""Turn of the peg in the hand beyond which its tip does not move as the hand does, rad; several times the noise of theta."""
+"""Rotation in the hand above which the skill fails, because the tip no longer follows the hand, rad; several times the noise of theta."""
 
 STRAYED_FOR = 0.15
-"""Time for which the tip has to have strayed, s: some frames of the skin. Source: docs/tried/corners.md."""
+"""Least time outside `strayed` for a loss of the hole, s: a few frames of the skin. Source: docs/tried/corners.md."""
 SINKS = 0.25
-"""Share of `caught` by which a peg that still goes in sinks within `STANDS_FOR`, fraction. Source: docs/tried/corners.md."""
+"""Least depth gained in `STANDS_FOR` by a peg that is still sinking, fraction of `caught`. Source: docs/tried/corners.md."""
 STANDS_FOR = 0.8
-"""Time after which a peg that the walls have caught stands, s; the next skill frees it, for it reads theta anew. Source: docs/tried/corners.md."""
+"""Time without depth gain after which a guided peg counts as stuck, s; the next skill frees it with a new theta.
+Source: docs/tried/corners.md.
+"""
 
 
 class CornerAdjustParams(SkillParams):
-    """How to bring a peg with corners between the walls of its hole. The skill uses no tactile measurements.
+    """Parameters of bringing a peg with corners between the walls of its hole. The skill uses no tactile measurements.
 
     Source: chosen, not measured; reason in docs/tried/corners.md.
     """
@@ -43,42 +45,44 @@ class CornerAdjustParams(SkillParams):
     push_stiffness: PositiveFloat
     """Stiffness along z, which makes the push, N/m."""
     push_damping_ratio: PositiveFloat
-    """Damping along z, multiple of the critical one."""
+    """Damping ratio along z, multiple of the critical damping."""
     push_offset: NonNegativeFloat
     """Depth of the tip's setpoint below the tip, m."""
     lead: tuple[NonNegativeFloat, NonNegativeFloat]
-    """Distance of the tip's setpoint ahead of the tip, along the closing axis and across it, m; it keeps the corner in the hole's own."""
+    """Lead of the tip's setpoint over the tip, along the closing axis and across it, m; it keeps the corner in the hole's corner."""
     raise_rate: PositiveFloat
-    """Rate at which the setpoint of the axis goes towards the normal, rad/s."""
+    """Rate at which the setpoint of the axis moves to the normal, rad/s."""
     tilt: Annotated[float, Field(ge=0.0, lt=0.2)]
-    """Tilt that is kept until the tip has sunk by `caught`, rad; upright before, the corner is no deeper than the others, and leaves the hole."""
+    """Tilt to keep until the tip has sunk by `caught`, rad; if the peg is upright earlier, the corner is no deeper than the others and
+    leaves the hole.
+    """
     caught: PositiveFloat
-    """Distance by which the tip sinks when the walls have the peg's sides, m."""
+    """Depth gained at which the hole's walls guide the peg, m."""
     strayed: PositiveFloat
-    """Distance of the tip from where it began, in the plate, at which the corner has left the hole, m."""
+    """Distance of the tip from its start, in the plate, at which the corner has left the hole, m."""
     dither_radius: NonNegativeFloat
-    """First radius of the dither of the finger centre, m; it fades within each period."""
+    """Largest radius of the dither of the finger centre, m; it fades within each period."""
     dither_rate: PositiveFloat
     """Turning rate of the dither, rad/s."""
     dither_period: PositiveFloat
-    """Period of the dither, s; within it the radius fades to nothing."""
+    """Period of the dither, s; the radius fades to zero within it."""
     turn: PositiveFloat
-    """Most by which the hand's yaw is asked to differ from what it is, rad; times the stiffness it bounds the torque on the walls."""
+    """Largest difference between the setpoint and the measured yaw, rad; times the stiffness it bounds the torque on the walls."""
     turn_rate: PositiveFloat
     """Rate of the yaw sweep's setpoint about the normal, rad/s."""
     growth: PositiveFloat
-    """Angle by which every turn to one side reaches further than the last, rad."""
+    """Increase of the yaw sweep's amplitude from one swing to the next, rad."""
     reach: Annotated[float, Field(gt=0.0, le=0.4)]
-    """Largest angle of the sweep to either side, rad; the play that a peg has at its insertion's tilt is less."""
+    """Largest angle of the sweep to either side, rad; it exceeds the play of the peg at its insertion's tilt."""
     entered: PositiveFloat
-    """Distance by which the tip sinks when the peg is between the walls, m; more than the peg slips along the fingers."""
+    """Depth gained at which the peg is between the walls, m; it exceeds the slip along the fingers."""
     timeout: PositiveFloat
-    """Longest time until the peg is between the walls, s; otherwise the cell searches anew and turns the peg another way."""
+    """Longest time until the peg is between the walls, s; then the cell searches again and sweeps about another yaw."""
 
 
 @dataclass(frozen=True, slots=True)
 class CornerAdjustResult(SkillResult):
-    """Where the peg was when the walls had it, or time was up."""
+    """Depth of the peg at the end."""
 
     depth: float
     """Depth of the tip below the surface by the arm, m."""
@@ -86,19 +90,19 @@ class CornerAdjustResult(SkillResult):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Entry:
-    """How the peg began, and the setpoints that follow from it; pure."""
+    """Initial state of the peg, and the setpoints that follow from it; pure."""
 
     params: CornerAdjustParams
     in_hand: InHandTip
-    """The peg in the hand, frozen: an estimate that is fed back while the peg is wedged would follow its own bias."""
+    """Pose of the peg in the hand at the start, kept constant: fed back while the peg is wedged, the estimate would drift with its bias."""
     normal: Vector
     """Normal of the plate, unit, shape (3,), base frame."""
     axis: Vector
-    """Axis of the peg at the beginning, unit, shape (3,), base frame."""
+    """Axis of the peg at the start, unit, shape (3,), base frame."""
     closing: Vector
-    """Closing axis of the hand at the beginning, unit, shape (3,), base frame."""
+    """Closing axis of the hand at the start, unit, shape (3,), base frame."""
     lean: Vector = field(init=False)
-    """Direction in the plate that the peg leaned to, unit, shape (3,)."""
+    """Direction of the peg's lean in the plate, unit, shape (3,)."""
     lead: Vector = field(init=False)
     """Lead of the tip's setpoint before any yaw, shape (3,), m."""
 
@@ -109,24 +113,30 @@ class Entry:
         object.__setattr__(self, "lead", lead_to(self.lean, self.closing, self.normal, self.params.lead))
 
     def end_point(self, seen: Observation) -> tuple[Vector, Vector]:
-        """Return end point, m, and axis of the peg, each shape (3,), base frame."""
+        """Return the end point, m, and the axis of the peg, each shape (3,), base frame."""
         return end_point(seen.arm.tcp, self.in_hand.theta, self.in_hand.length)
 
     def axis_at(self, left: float, elapsed: float) -> Vector:
-        """Return the setpoint of the axis, unit, shape (3,), where a tilt of `left`, rad, is left after `elapsed` seconds of the dither."""
+        """Return the setpoint of the axis, unit, shape (3,), for the tilt `left`, rad, `elapsed` seconds into the dither."""
         params, length = self.params, self.in_hand.length
         offset = dither(elapsed, params.dither_radius, params.dither_rate, params.dither_period)
         return tilted_by(offset + length * (self.normal[:2] + math.sin(left) * self.lean[:2]), length)
 
     def raised(self, left: float, sunk: float, period: float) -> float:
-        """Return the tilt that is left of `left`, rad, after `period` seconds more, where the tip has sunk by `sunk`, m."""
+        """Return the next tilt, rad.
+
+        Args:
+            left: Present tilt, rad.
+            sunk: Depth gained by the tip, m.
+            period: Time to the next tilt, s.
+        """
         least = 0.0 if sunk > self.params.caught else self.params.tilt
         return max(left - self.params.raise_rate * period, min(left, least))
 
     def setpoint(
         self, seen: Observation, tilts: tuple[float, float], period: float, identity: int
     ) -> ImpedanceSetpoint:
-        """Return the setpoint of a scan; `tilts` are those of its setpoint now and a `period`, s, later, rad."""
+        """Return the setpoint of a scan; `tilts` are the tilts of the setpoint now and `period` seconds later, rad."""
         params, closing = self.params, seen.arm.tcp.rotation[:, 2]
         tip, axis = self.end_point(seen)
         yaw = turned_by(closing, self.closing, self.normal)
@@ -151,18 +161,23 @@ class Entry:
 
 @dataclass(frozen=True, slots=True)
 class Watch:
-    """Whether the corner is still in the hole, and whether the peg has been caught by the walls and stands; pure."""
+    """State of the peg over the scans: corner in the hole, and guided by the walls but stuck; pure."""
 
     deepest: float = 0.0
-    """Distance that the tip had sunk when it last counted as going in, m."""
+    """Depth gained at the last progress, m."""
     since: float = 0.0
-    """Time of that, s."""
+    """Time of the last progress, s."""
     inside: float = 0.0
-    """Time at which the tip was last where it may be, s."""
+    """Last time at which the tip was within `strayed`, s."""
 
     def after(self, elapsed: float, sunk: float, strayed: float, params: CornerAdjustParams) -> "Watch":
-        """Return the watch after a scan in which the tip has sunk by `sunk`, m, and lies `strayed`, m, from where it began in the plate; a peg that
-        the walls have caught cannot stray.
+        """Return the state after one more scan; if the walls guide the peg, it cannot stray.
+
+        Args:
+            elapsed: Time of the scan, s.
+            sunk: Depth gained by the tip, m.
+            strayed: Distance of the tip from its start, in the plate, m.
+            params: Limits of the skill.
         """
         inside = elapsed if strayed <= params.strayed or sunk > params.caught else self.inside
         if sunk > self.deepest + SINKS * params.caught:
@@ -170,17 +185,21 @@ class Watch:
         return Watch(self.deepest, self.since, inside)
 
     def has_strayed(self, elapsed: float) -> bool:
-        """Return whether the tip has strayed for longer than the skin takes to tell a turn in the hand."""
+        """Return True if the tip has strayed for longer than `STRAYED_FOR`, in which the skin measures any turn in the hand."""
         return elapsed - self.inside > STRAYED_FOR
 
     def is_caught(self, elapsed: float, params: CornerAdjustParams) -> bool:
-        """Return whether the walls have caught the peg, and it stands."""
+        """Return True if the walls guide the peg and it is stuck."""
         return self.deepest > params.caught and elapsed - self.since > STANDS_FOR
 
 
 def run(params: CornerAdjustParams, ctx: SkillContext, plane: Plane | None = None) -> CornerAdjustResult:
-    """Bring the peg upright and turn it until it sinks between the walls; `plane` is the surface that the search
-    estimated, None the job's own.
+    """Bring the peg upright and turn it until it sinks between the walls.
+
+    Args:
+        params: Parameters of the skill.
+        ctx: The skill's context.
+        plane: Surface estimate of the search; None for the surface of the job.
     """
     plane, hole = plane or nominal(ctx.job.hole), ctx.job.hole
     first, identity = ctx.observe(), ctx.new_id()
@@ -191,7 +210,8 @@ def run(params: CornerAdjustParams, ctx: SkillContext, plane: Plane | None = Non
         running = seen.running
         tip, _ = entry.end_point(seen)
         sunk = plane.depth(tip) - plane.depth(first.tip)
-        # A peg that turns in the hand moves the one for good, and the other until the next frame of the skin.
+        # If the peg turns in the hand, the tip with the frozen theta is wrong permanently, and the tip with the
+        # measured theta is wrong until the next frame. The smaller distance is used.
         strayed = min(math.dist(place[:2], first.tip[:2]) for place in (tip, seen.tip))
         watch = watch.after(seen.elapsed, sunk, strayed, params)
         if abs(seen.peg.theta - entry.in_hand.theta) > TURNED or watch.has_strayed(seen.elapsed):

@@ -1,9 +1,8 @@
-"""Raise a peg with corners, one of which is in a hole that is turned by an unknown angle, and turn it until it drops
-in.
+"""Raise a peg with corners, one corner in a hole of unknown yaw, and turn the peg until it drops in.
 
-The peg is raised over its leading corner to a small tilt. There it stands only as deep as its corner reaches, unless it
-is turned as the hole is, to within the clearance; then it can sink until its faces meet the walls. The hand sweeps its
-yaw to and fro about the plate's normal, with the corner pushed towards the hole's own, until the tip sinks.
+The skill raises the peg over its leading corner to a small tilt. There the peg rests at the depth of its corner. If its
+yaw matches the hole's to within the clearance, it sinks until its faces meet the walls. The hand sweeps the yaw about
+the plate's normal and pushes the corner towards the hole's corner until the tip sinks.
 """
 
 import math
@@ -23,7 +22,7 @@ from skills.surface import Plane, nominal
 
 
 class CornerInsertParams(SkillParams):
-    """How to raise and turn the peg.
+    """Parameters of raising and turning the peg.
 
     Source: chosen, not measured; reason in docs/tried/corners.md.
     """
@@ -33,20 +32,20 @@ class CornerInsertParams(SkillParams):
     push_stiffness: PositiveFloat
     """Stiffness along z, which makes the push, N/m."""
     push_back: Annotated[float, Field(gt=0.0, le=1.0)]
-    """Share of the push that is kept while the peg is raised, fraction; under the full push a peg that is raised in the
-    hole turns in the hand, under too small a one the push ahead lifts its corner over the edge. Source: docs/tried/corners.md.
+    """Share of the push while the peg is raised, fraction. Under the full push, the peg turns in the hand. Under too small a push,
+    the lead lifts the corner over the edge. Source: docs/tried/corners.md.
     """
     push_offset: NonNegativeFloat
     """Depth of the tip's setpoint below the tip, m."""
     lead: tuple[NonNegativeFloat, NonNegativeFloat]
-    """Distance of the tip's setpoint ahead of the tip, along the closing axis and across it, m; it keeps the corner in
-    the hole's own. A push across the closing axis turns the peg in the hand.
+    """Lead of the tip's setpoint over the tip, along the closing axis and across it, m; it keeps the corner in the
+    hole's corner. A push across the closing axis turns the peg in the hand.
     """
     tilt: Annotated[float, Field(gt=0.0, lt=0.4)]
     """Tilt to which the peg is raised, rad. Source: docs/tried/corners.md."""
     follow_rate: PositiveFloat = 2.0
-    """Rate at which the hand turns after a peg that has turned in it, 1/s; where walls hold the tip, a hand that turned after it at once would
-    only turn in its pads. Source: docs/tried/search.md.
+    """Rate at which the hand follows a rotation of the peg in the hand, 1/s; if walls hold the tip and the hand follows at once, the peg
+    only turns further in the pads. Source: docs/tried/search.md.
     """
     integral_gain: NonNegativeFloat
     """Integral gain on orientation, N·m/(rad·s); K_I of [gibbons], Eq. (6)."""
@@ -57,47 +56,47 @@ class CornerInsertParams(SkillParams):
     raise_rate: PositiveFloat
     """Rate at which the setpoint of the axis is raised, rad/s."""
     raise_stop: NonNegativeFloat = 0.3
-    """Time in which the setpoint of the raised axis comes to a stand, s; where it stops at once the hand's inertia draws the corner back along the
+    """Stopping time of the setpoint of the raised axis, s; if it stops at once, the hand's inertia moves the corner back along the
     closing axis by 2 mm. Source: docs/tried/corners.md.
     """
     press: NonNegativeFloat = 0.003
-    """Distance of the tip's setpoint ahead of the tip along the closing axis once the peg is raised, m; it has to exceed what friction of joints and
-    plate holds. The pads stand square to it. Source: docs/tried/corners.md.
+    """Lead of the tip's setpoint over the tip along the closing axis once the peg is raised, m; it must overcome the friction of joints and
+    plate. The pads are perpendicular to it. Source: docs/tried/corners.md.
     """
     turn_rate: PositiveFloat
-    """Rate of the yaw sweep's setpoint about the normal, rad/s; slow enough for the peg to sink while it is turned as
-    the hole is.
+    """Rate of the yaw sweep's setpoint about the normal, rad/s; slow enough for the peg to sink while its yaw matches
+    the hole's.
     """
     centres: Annotated[tuple[Annotated[float, Field(ge=-1.0, le=1.0)], ...], Field(min_length=1)]
-    """Middle of the yaw sweep in the first attempt, in the next, and so on, fraction of the most that the hole can be
-    turned; the corner climbs out of the hole where the sweep goes far beyond the hole's own yaw.
+    """Middle of the yaw sweep in each successive attempt, fraction of the hole's largest yaw; if the sweep goes far
+    beyond the hole's yaw, the corner climbs out of the hole.
     """
     yaw_sweep: Annotated[float, Field(ge=0.0, le=1.0)]
-    """Reach of the yaw sweep to either side, fraction of the most that the hole can be turned; it has to reach `felt`,
-    or the hand never lags far enough to tell a wall.
+    """Reach of the yaw sweep to either side, fraction of the hole's largest yaw; the sweep must reach `felt`, otherwise
+    the lag of the hand cannot detect a wall.
     """
     margin: NonNegativeFloat
     """Addition to the reach of the yaw sweep, rad."""
     dither_radius: NonNegativeFloat
-    """First radius of the dither of the finger centre, m; it fades within each period and frees the peg of static
-    friction.
+    """Largest radius of the dither of the finger centre, m; it fades within each period and releases static friction
+    of the peg.
     """
     dither_rate: PositiveFloat
     """Turning rate of the dither, rad/s."""
     dither_period: PositiveFloat
-    """Period of the dither, s; within it the radius fades to nothing."""
+    """Period of the dither, s; the radius fades to zero within it."""
     growth: PositiveFloat
-    """Angle by which every turn to one side reaches further than the last, rad; small yaws of the hole are the
-    likeliest and are tried first.
+    """Increase of the yaw sweep's amplitude from one swing to the next, rad; small yaws of the hole are the likeliest
+    and are tried first.
     """
     felt: PositiveFloat
-    """Angle by which the hand lags behind its setpoint about the normal when walls hold the peg, rad; many times the
-    lag that the joints' friction causes. Source: docs/tried/corners.md.
+    """Lag of the hand behind its setpoint about the normal at which walls hold the peg, rad; many times the lag caused
+    by the joints' friction. Source: docs/tried/corners.md.
     """
     sunk: PositiveFloat
-    """Distance by which the tip sinks when the peg drops in without a wall having been felt, m."""
+    """Depth gained at which the peg has dropped in without contact with a wall, m."""
     strayed: PositiveFloat
-    """Distance of the tip from where it was raised at which it has left the hole, m."""
+    """Distance of the tip from the start of the sweep at which it has left the hole, m."""
     lost_height: PositiveFloat
     """Height of the corner above the surface at which it has left the hole, m."""
     timeout: PositiveFloat
@@ -106,52 +105,52 @@ class CornerInsertParams(SkillParams):
 
 @dataclass(frozen=True, slots=True)
 class CornerInsertResult(SkillResult):
-    """How the peg was turned when it sank."""
+    """Yaw and tilt of the peg at the end."""
 
     yaw: float
-    """Yaw of the peg about the plate's normal since the beginning, rad."""
+    """Yaw setpoint about the plate's normal relative to the start, rad."""
     phi: float
     """Angle between the peg and the normal by the skin, rad."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Raised:
-    """The attitude to which the peg is raised before its yaw is swept."""
+    """Attitude of the raised peg before its yaw is swept."""
 
     normal: Vector
     """Normal of the plate, unit, shape (3,), base frame."""
     about: Vector
-    """Axis about which the peg is raised, unit, shape (3,), base frame."""
+    """Axis of rotation for raising the peg, unit, shape (3,), base frame."""
     axis: Vector
     """Axis of the raised peg, unit, shape (3,), base frame."""
     roll: Vector
-    """Closing axis of the hand at the raised peg, unit, shape (3,), base frame."""
+    """Closing axis of the hand with the peg raised, unit, shape (3,), base frame."""
     lead: Vector
     """Lead of the tip's setpoint before any yaw, shape (3,), m, base frame."""
     along: Vector
-    """Direction in the plate along the closing axis towards the hole's own corner before any yaw, unit, shape (3,), base frame."""
+    """Direction in the plate along the closing axis to the hole's corner before any yaw, unit, shape (3,), base frame."""
     swing: float
-    """Angle by which the peg is raised, rad; negative where it is lowered to the tilt that it shall have."""
+    """Angle by which the peg is raised, rad; negative if it must be lowered to the tilt of the parameters."""
     risen: float
-    """Time of running at which the peg's setpoint is raised, s."""
+    """Time at which the setpoint is raised, s."""
     settled: float
-    """Time of running at which the peg is raised and has settled, s; the yaw sweep then begins."""
+    """Time at which the raised peg has settled and the yaw sweep starts, s."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class YawSweep:
-    """The yaw sweep of one attempt, and what it has met."""
+    """Yaw sweep of one attempt, with the positions of the tip during it."""
 
     centre: float
     """Middle of the sweep, rad."""
     reach: float
     """Largest angle to either side of the middle, rad."""
     most: float = math.inf
-    """Largest yaw that is asked for, rad: no hole is turned further."""
+    """Largest yaw setpoint, rad: the largest yaw of a hole."""
     anchor: Vector | None = None
-    """Place of the tip when the sweep began, shape (3,), m, base frame; None before."""
+    """Position of the tip at the start of the sweep, shape (3,), m, base frame; None before."""
     highest: float = -math.inf
-    """Largest height of the tip above the surface in the sweep, m."""
+    """Largest height of the tip above the surface during the sweep, m."""
 
     def after(self, tip: Vector, depth: float) -> "YawSweep":
         """Return the sweep after a scan with the tip at `depth`, m, below the surface."""
@@ -159,11 +158,11 @@ class YawSweep:
         return replace(self, anchor=anchor, highest=max(self.highest, -depth))
 
     def distance(self, tip: Vector) -> float:
-        """Return the distance of the tip from where the sweep began, m; 0 before."""
+        """Return the distance of the tip from its position at the start of the sweep, m; 0 before the sweep."""
         return 0.0 if self.anchor is None else float(np.linalg.norm(tip - self.anchor))
 
     def yaw(self, elapsed: float, settled: float, params: CornerInsertParams) -> float:
-        """Return the yaw's setpoint, rad; until the peg has settled it goes to the middle of the sweep."""
+        """Return the yaw setpoint, rad; until the peg has settled, it moves linearly to the middle of the sweep."""
         if elapsed < settled:
             return self.centre * min(elapsed / settled, 1.0)
         yaw = self.centre + to_and_fro(elapsed - settled, params.turn_rate, params.growth, self.reach)
@@ -173,8 +172,13 @@ class YawSweep:
 def run(
     params: CornerInsertParams, ctx: SkillContext, plane: Plane | None = None, attempt: int = 0
 ) -> CornerInsertResult:
-    """Sweep the yaw until the peg is turned as the hole is and drops in; `plane` is the surface that the search
-    estimated, None the job's own.
+    """Sweep the yaw until it matches the hole's and the peg drops in.
+
+    Args:
+        params: Parameters of the skill.
+        ctx: The skill's context.
+        plane: Surface estimate of the search; None for the surface of the job.
+        attempt: Number of the attempt, from 0; it selects the middle of the sweep.
     """
     plane = plane or nominal(ctx.job.hole)
     raised = raise_from(ctx.observe(), plane.normal, params)
@@ -203,7 +207,7 @@ def run(
 
 
 def raise_from(seen: Observation, normal: Vector, params: CornerInsertParams) -> Raised:
-    """Return the attitude to which the peg is raised from where it is seen, over the corner that leads."""
+    """Return the attitude of the raised peg, from its present attitude, rotated over its leading corner."""
     about = np.cross(normal, seen.axis)
     about /= max(float(np.linalg.norm(about)), 1e-9)
     turn = rotation_about(about, params.tilt - angle_between(normal, seen.axis))
@@ -216,9 +220,11 @@ def raise_from(seen: Observation, normal: Vector, params: CornerInsertParams) ->
 
 
 def left_to_raise(params: CornerInsertParams, raised: Raised, elapsed: float) -> float:
-    """Return the angle that the setpoint is still to be raised by after `elapsed` seconds, rad: at a constant rate, which fades to nothing
-    within the time of the stop. It is negative where the peg leans by less than it shall, and has to be lowered.
+    """Return the remaining angle of the raise after `elapsed` seconds, rad; negative if the peg must be lowered.
+
+    The rate is constant and falls linearly to zero within the stopping time `raise_stop`.
     """
+    # t = time left, w = raise_rate, s = raise_stop: w (t - s/2) for t >= s, else w t² / (2 s)
     left = max(raised.risen - elapsed, 0.0)
     if left >= params.raise_stop:
         size = params.raise_rate * (left - params.raise_stop / 2.0)
@@ -228,8 +234,10 @@ def left_to_raise(params: CornerInsertParams, raised: Raised, elapsed: float) ->
 
 
 def lead_at(params: CornerInsertParams, raised: Raised, elapsed: float) -> Vector:
-    """Return the lead of the tip's setpoint before any yaw after `elapsed` seconds, shape (3,), m: while the peg is raised friction at
-    a wall that is pressed harder would hold it, and the raised peg would climb out.
+    """Return the lead of the tip's setpoint before any yaw after `elapsed` seconds, shape (3,), m.
+
+    The lead grows to `press` only after the peg is raised. If the corner pressed harder against a wall earlier, friction
+    would hold it and the peg would climb out while it is raised.
     """
     share = min(max(elapsed - raised.risen, 0.0) / max(params.settle, 1e-9), 1.0)
     more = max(params.press - float(raised.lead @ raised.along), 0.0)
@@ -238,15 +246,16 @@ def lead_at(params: CornerInsertParams, raised: Raised, elapsed: float) -> Vecto
 
 
 def sweep_of(params: CornerInsertParams, most: float, attempt: int) -> YawSweep:
-    """Return the yaw sweep of an attempt, counted from 0, for a hole that is turned by at most `most`, rad."""
+    """Return the yaw sweep of an attempt, counted from 0, for a hole with a yaw of at most `most`, rad."""
     centre = params.centres[attempt % len(params.centres)] * most
     reach, bound = (max(angle, params.felt) + params.margin for angle in (params.yaw_sweep * most, most))
     return YawSweep(centre, reach, bound)
 
 
 def attitude(params: CornerInsertParams, raised: Raised, sweep: YawSweep, elapsed: float, length: float) -> Vector:
-    """Return the rotation, shape (3, 3), from the raised peg to its setpoint after `elapsed` seconds: raised as far as
-    it is time for, yawed, dithered once the peg has settled.
+    """Return the rotation, shape (3, 3), from the raised peg to its setpoint after `elapsed` seconds.
+
+    It combines the remaining raise, the yaw and, once the peg has settled, the dither.
     """
     yawed = rotation_about(raised.normal, sweep.yaw(elapsed, raised.settled, params))
     turned: Vector = yawed @ rotation_about(raised.about, left_to_raise(params, raised, elapsed))
@@ -265,7 +274,7 @@ def _setpoint(
     identity: int,
     theta: float,
 ) -> ImpedanceSetpoint:
-    """Return the setpoint of one scan; `theta` is the in-hand angle that the hand has turned after so far, rad."""
+    """Return the setpoint of one scan; `theta` is the in-hand angle that the hand has followed so far, rad."""
     stiffness, length = params.gains.stiffness(), ctx.length
     stiffness[2] = params.push_stiffness * (1.0 if seen.elapsed >= raised.settled else params.push_back)
     now, soon = (attitude(params, raised, sweep, seen.elapsed + later, length) for later in (0.0, ctx.scan_period))
@@ -287,8 +296,13 @@ def _setpoint(
 
 
 def lead_to(ahead: Vector, roll: Vector, normal: Vector, leads: tuple[float, float]) -> Vector:
-    """Return the lead of the tip's setpoint, along the closing axis `roll` and across it to the side of `ahead`, in the
-    plane, shape (3,), m.
+    """Return the lead of the tip's setpoint in the plane, shape (3,), m, on the side of `ahead`.
+
+    Args:
+        ahead: Direction of the lead's side, shape (3,).
+        roll: Closing axis, unit, shape (3,).
+        normal: Normal of the plane, unit, shape (3,).
+        leads: Lead along the closing axis and across it, m.
     """
     along = roll - float(roll @ normal) * normal
     along /= float(np.linalg.norm(along))
@@ -305,15 +319,15 @@ def tipped(offset: Vector) -> Vector:
 
 def turned_by(now: Vector, before: Vector, normal: Vector) -> float:
     """Return the angle about `normal` from `before` to `now`, rad; all three are unit vectors of shape (3,)."""
+    # atan2(n·(b × a), b·a - (n·a)(n·b)), a = now, b = before
     along = float(normal @ now) * float(normal @ before)
     return math.atan2(float(normal @ np.cross(before, now)), float(before @ now) - along)
 
 
 def to_and_fro(time: float, rate: float, growth: float, reach: float) -> float:
-    """Return the angle after `time` of turning at constant `rate` from 0 to one side, then to the other, and so on,
-    rad.
+    """Return the angle of a triangular sweep at constant `rate` about 0 after `time`, rad.
 
-    Every turn reaches further than the last by `growth`, up to `reach`.
+    The sweep alternates between both sides. The amplitude grows by `growth` from one swing to the next, up to `reach`.
     """
     way, end, side = rate * time, 0.0, 1.0
     while True:

@@ -1,4 +1,4 @@
-"""Entries of the catalogue of skills and programs, and the checks that no two of them claim the same thing."""
+"""Entries of the catalogue of skills and programs, and the checks that their names and numbers are distinct."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ P = TypeVar("P", bound=SkillParams)
 
 
 class Claim(Enum):
-    """Claim of a success, which the cell compares with the evidence of its devices before it reports the success."""
+    """Claim made by a success; the cell compares it with the evidence of its devices before it reports the success."""
 
     NOTHING = "nothing"
     HELD = "held"
@@ -24,42 +24,42 @@ class Claim(Enum):
     SEATED = "seated"
     """The peg in the hand is seated."""
     LEFT = "left"
-    """A seated peg was let go and stayed."""
+    """The hand released a seated peg, and the peg stayed."""
     INSERTED = "inserted"
-    """A peg was seated in this run, let go, and stayed."""
+    """The run seated and released a peg, and the peg stayed."""
     FREED = "freed"
     """The hand is open, and no peg blocks the next run."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Skill(Generic[P]):
-    """One skill: everything that config, line, margins and records derive from it."""
+    """One skill: the source of its config section, PLC numbers, stability margins and records."""
 
     name: str
-    """Name under which a technician asks for the skill and its runs go on record."""
+    """Name of the skill in commands and records."""
     code: int
-    """Command code on the PLC line; skills and programs start at 100, and a code is never given to another."""
+    """Command code on the PLC line, from 100; a code is never reused."""
     stage: int
-    """Number of its stage on the PLC line, from 1; a number is never given to another."""
+    """Number of its stage on the PLC line, from 1; a number is never reused."""
     section: str
     """Section of the config, and of recipes, that holds its parameters."""
     params: type[P]
     perform: Callable[[P, SkillContext], SkillResult]
     """The function `run` of the skill's module."""
     by_part: "Callable[[SkillSet, SkillContext], SkillResult] | None" = None
-    """Function that replaces `perform` where the part decides how the skill is done."""
+    """Function that replaces `perform` if the part selects the method."""
     steered: tuple[str, ...] = ()
-    """Names of the parameters of type `Gains` that act on what the skin tells; their stability is checked when a config
-    is loaded.
+    """Names of the parameters of type `Gains` in a loop over the skin's measurements; loading a config checks their
+    stability.
     """
     counts: bool = False
-    """Whether the skill's time is part of a run's total."""
+    """True if the skill's time is part of a run's total."""
     starts_empty: bool = False
-    """Whether the skill begins with an empty hand and takes a fresh peg."""
+    """True if the skill starts with an empty hand and takes a new peg."""
     claim: Claim = Claim.NOTHING
-    """What the success of the skill says."""
+    """Claim made by a success of the skill."""
     reasons: type[IntEnum] | None = None
-    """The skill's own words for why it ended, beside those of `Reason`; their numbers start at 100."""
+    """Reasons specific to the skill, in addition to `Reason`; their numbers start at 100."""
 
     def run(self, skills: "SkillSet", ctx: SkillContext) -> list[StageRecord]:
         """Run the skill alone, with its own parameters from `skills`."""
@@ -72,36 +72,36 @@ class Skill(Generic[P]):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Program:
-    """Several skills, run under one command."""
+    """Sequence of skills run by one command."""
 
     name: str
-    """Name under which a technician asks for the program and its runs go on record."""
+    """Name of the program in commands and records."""
     code: int
-    """Command code on the PLC line; skills and programs start at 100, and a code is never given to another."""
+    """Command code on the PLC line, from 100; a code is never reused."""
     run: "Callable[[SkillSet, SkillContext], list[StageRecord]]"
     """Function that runs the skills and returns the stages in the order in which they ended."""
     stages: tuple[str, ...] = ()
-    """Names of the stages of a run in which everything succeeds, in order; progress is measured by them."""
+    """Names of the stages of a fully successful run, in order; the progress is computed from them."""
     starts_empty: bool = False
-    """Whether the program begins with an empty hand and takes a fresh peg."""
+    """True if the program starts with an empty hand and takes a new peg."""
     claim: Claim = Claim.NOTHING
-    """What the success of the program says."""
+    """Claim made by a success of the program."""
 
 
 @dataclass(frozen=True, slots=True)
 class SkillSet:
-    """The parameters that a run is made with: `skills[SEARCH]` are those of the search, typed as the search has them."""
+    """Parameters of a run; `skills[SEARCH]` returns those of the search, with their type."""
 
     sections: Mapping[str, SkillParams]
     """Parameters of each skill, by the name of its section."""
     corner: CornerParams | None
-    """Parameters for a peg with corners, whose skills replace those of a round peg under the same names; None without
-    them.
+    """Parameters for a peg with corners, whose skills replace those of a round peg under the same names; None if not
+    configured.
     """
     retries: int
-    """Number of further searches when the peg turns out not to be in the hole; 0 in [gibbons]."""
+    """Number of further searches if the peg turns out not to be in the hole; 0 in [gibbons]."""
     paper: PaperParams | None
-    """Skills that are done as [gibbons] prints them, and their parameters; None is none."""
+    """Skills that use the printed method of [gibbons], and their parameters; None for none."""
 
     def __getitem__(self, skill: Skill[P]) -> P:
         params = self.sections[skill.section]
@@ -115,13 +115,13 @@ FIRST_OWN_REASON = 100
 
 
 class Catalogue(Mapping[str, Entry]):
-    """Skills and programs by name, and the tables that the rest of the cell derives from them."""
+    """Skills and programs by name, and the tables derived from them."""
 
     def __init__(self, *entries: Entry) -> None:
-        """Take the entries and make sure that no two claim the same name, code, stage or section.
+        """Store the entries and check that their names, codes, stages, sections and reasons are distinct.
 
         Raises:
-            ConfigError: One line that names the entry, what it claims and who has it.
+            ConfigError: Two entries have the same value; the message names both entries and the value.
         """
         skills = sorted((entry for entry in entries if isinstance(entry, Skill)), key=lambda skill: skill.stage)
         _require_distinct("name", ((entry.name, entry.name) for entry in entries))
@@ -136,13 +136,13 @@ class Catalogue(Mapping[str, Entry]):
         self._entries = {entry.name: entry for entry in entries}
         self.by_code = {entry.code: entry for entry in entries}
         self.skills: tuple[Skill[Any], ...] = tuple(skills)
-        """Each skill by the number of its stage."""
+        """Skills in the order of their stage numbers."""
         self.stages = {skill.stage: skill.name for skill in skills}
         """Name of each stage by its number."""
         self.counted = tuple(skill.name for skill in skills if skill.counts)
         """Names of the stages whose times make up the total of a run."""
         self.reasons = {reason.value: reason.name for reason in (*Reason, *(reason for reason, _ in own))}
-        """Meaning of each number that a run's reason may have."""
+        """Name of each reason by its number."""
 
     def __getitem__(self, name: str) -> Entry:
         return self._entries[name]
@@ -154,16 +154,14 @@ class Catalogue(Mapping[str, Entry]):
         return len(self._entries)
 
     def in_places(self, times: Mapping[str, float]) -> tuple[float, ...]:
-        """Return the times of stages, given by name, s, each at the place of its stage's number; 0 where a stage has no
-        time.
-        """
+        """Return the times of the stages, s, in the order of their numbers; 0 if a stage has no time."""
         return tuple(times.get(self.stages.get(number, ""), 0.0) for number in range(1, max(self.stages) + 1))
 
     def require_known(self, record: StageRecord) -> None:
-        """Make sure that the line has a number for a stage that ended and for why it ended.
+        """Check that the stage and the reason of a record have numbers on the PLC line.
 
         Raises:
-            ConfigError: No skill has that name, or the reason is neither one of every skill's nor in the entry's `reasons`.
+            ConfigError: No skill has that name, or the reason is neither in `Reason` nor in the entry's `reasons`.
         """
         self.stage_number(record.name)
         reason = record.result.reason
@@ -197,7 +195,7 @@ def _require_distinct(what: str, claims: Iterable[tuple[Any, str]]) -> None:
 
 
 def _require_sound(skill: Skill[Any]) -> None:
-    """Make sure that an entry's own fields agree with each other."""
+    """Check that an entry's fields are consistent."""
     if skill.stage < 1:
         raise ConfigError(f"skill catalogue: {skill.name}: stage {skill.stage}: numbers from 1 on allowed")
     for name in skill.steered:

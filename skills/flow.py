@@ -1,4 +1,4 @@
-"""Composition of skills: in order, with retries, and with stages on record."""
+"""Composition of skills: run them in order and record each stage."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ Step = Callable[[SkillContext], SkillResult]
 
 @dataclass(frozen=True, slots=True)
 class StageRecord:
-    """One skill of a run, as it ended."""
+    """Record of one skill of a run after its end."""
 
     name: str
     result: SkillResult
@@ -20,14 +20,14 @@ class StageRecord:
     ended: float
     """End of the skill, s, on the cell's clock."""
     retried: bool = False
-    """Whether the skill failed and the program tried again."""
+    """True if the skill failed and the program tried again."""
 
 
 def run_stage(name: str, step: Step, ctx: SkillContext) -> StageRecord:
-    """Run one step under its name; an interruption becomes its result.
+    """Run one step under its name; an interruption is converted to a result.
 
     Raises:
-        CellError: The step answers with something else than a result, or something is broken; the supervisor stops, reports and re-arms.
+        CellError: The step did not return a `SkillResult`, or the step raised a fault.
     """
     ctx.stage = name
     ctx.progress(0.0)
@@ -44,7 +44,7 @@ def run_stage(name: str, step: Step, ctx: SkillContext) -> StageRecord:
 
 
 def in_order(steps: Sequence[tuple[str, Step]], ctx: SkillContext) -> list[StageRecord]:
-    """Run named steps one after the other until one does not succeed; return the steps that were run."""
+    """Run named steps in order until one does not succeed; return the records of the steps run."""
     records: list[StageRecord] = []
     for name, step in steps:
         records.append(run_stage(name, step, ctx))

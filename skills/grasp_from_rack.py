@@ -1,6 +1,4 @@
-"""Take the peg from a rack slot: come from above, close with a set force, draw the peg out, and make sure that it came
-along.
-"""
+"""Take the peg from a rack slot: approach from above, close with a set force, draw the peg out, check that it is held."""
 
 import math
 from dataclasses import dataclass, replace
@@ -18,55 +16,53 @@ from skills.tactile.order import PrintOrder
 from skills.tactile.steady import GraspPrint
 
 ACROSS_RACK: Vector = np.array([0.0, -1.0, 0.0])
-"""Direction of the closing axis at the rack, base frame; always the same, so that the wrist does not wind up from run
-to run.
-"""
+"""Direction of the closing axis at the rack, base frame; it is constant so that the wrist does not wind up over the runs."""
 
 CENTRED = (2e-4, math.radians(0.2))
-"""Error of the hand's place, m, and of its directions, rad, below which it closes. Source: docs/tried/grasp.md."""
+"""Error of the hand's position, m, and of its directions, rad, below which it closes at once. Source: docs/tried/grasp.md."""
 RESTING = 2e-3
-"""Speed of the hand below which it counts as at rest, m/s; a hand that breaks loose from friction passes the slot."""
+"""Speed of the hand below which it is at rest, m/s; when static friction releases, a moving hand overshoots the slot."""
 CENTRING_TIME = 2.0
 """Longest time to centre the hand on the slot, s."""
 NEAR = (1e-3, math.radians(1.0))
-"""Error of the hand's place, m, and of its directions, rad, beyond which it does not close: the slot leaves no more.
+"""Largest error of the hand's position, m, and of its directions, rad, for closing: the clearance of the slot.
 Source: docs/tried/grasp.md.
 """
 TRIM = Trim(rate=6.0, limit=0.01)
-"""Integral that trims the hand's place over the slot, along each axis."""
+"""Integral that trims the hand's position over the slot, along each axis."""
 INTEGRAL_GAIN, INTEGRAL_LIMIT = 300.0, 6.0
 """Integral gain of the arm's orientation over the slot, N·m/(rad·s), and its saturation, N·m."""
 DRAWING_SPEED = 0.05
-"""Speed at which the peg leaves the slot, m/s; a peg that rubs in the slot is drawn through the pads at higher speeds.
+"""Speed at which the peg leaves the slot, m/s; at higher speeds a peg that rubs in the slot slips between the pads.
 Source: docs/tried/grasp.md.
 """
 PRINT_TIME = 5.0
-"""Longest wait for the frames that tell whether the skin shows the peg, s; a skin at 10 Hz tells within 0.9 s, a silent one is a fault before."""
+"""Longest wait for the frames that show the peg, s; at 10 Hz they take 0.9 s, and a skin that times out raises a fault earlier."""
 DRAWING_TIME = 2.0
-"""Time added to what the drawing speed takes before the draw is given up, s."""
+"""Time limit of the draw, multiple of its time at `DRAWING_SPEED`."""
 
 
 class GraspFromRackParams(SkillParams):
-    """How to take a peg from the rack.
+    """Parameters of taking a peg from the rack.
 
     Source: chosen, not measured.
     """
 
     transfer: Transfer
-    """How the hand goes to the slot and away from it."""
+    """Motion of the hand to the slot and away from it."""
     force: Annotated[float, Field(gt=0.0, le=70.0)]
     """Grip force, N."""
     pad_friction: Annotated[float, Field(gt=0.0, le=2.0)] = 0.3
-    """Least Coulomb coefficient of peg on pads that is believed, ratio; with the grip force it bounds every push. Source: assumed.
+    """Assumed least Coulomb coefficient of peg on pads, ratio; with the grip force it bounds every push. Source: assumed.
     """
     grip_margin: Annotated[float, Field(ge=1.0, le=10.0)] = 1.4375
-    """Factor by which grip force times friction may fall short of what is stated, ratio; pushes stay below what the pads then bear.
+    """Safety factor on grip force times friction, ratio; pushes stay below the load that the pads bear with it.
     Source: docs/tried/search.md.
     """
     opening: Annotated[float, Field(gt=0.0, le=0.08)]
-    """Distance between the pads on the way down, m."""
+    """Distance between the pads during the approach, m."""
     clearance: Annotated[float, Field(gt=0.0, le=0.3)]
-    """Height of the fingers' way above the slot, m; the peg is lifted by as much."""
+    """Height of the fingers above the slot before and after the grasp, m."""
     closing_time: Annotated[float, Field(gt=0.0, le=10.0)]
     """Longest time for the fingers to close, s."""
     width_tolerance: Annotated[float, Field(gt=0.0, le=0.005)]
@@ -75,7 +71,7 @@ class GraspFromRackParams(SkillParams):
 
 @dataclass(frozen=True, slots=True)
 class GraspFromRackResult(SkillResult):
-    """What the hand holds."""
+    """State of the hand after the grasp."""
 
     width: float
     """Distance between the pads at the end, m."""
@@ -84,11 +80,11 @@ class GraspFromRackResult(SkillResult):
 
 
 def run(params: GraspFromRackParams, ctx: SkillContext) -> GraspFromRackResult:
-    """Take the peg from the job's slot and make sure that it is held."""
+    """Take the peg from the job's slot and check that the hand holds it."""
     started = ctx.clock.now()
     job = ctx.job
     slot = np.array(job.rack.first) + np.array([0.0, job.rack.pitch * (job.slot % job.rack.slots), 0.0])
-    # The peg stands on the slot's floor, so that the finger centre goes to `length` above that floor.
+    # The peg stands on the slot's floor, so the finger centre goes to the height `length` above that floor.
     grip_at = slot + UP * (job.peg.length - job.rack.depth)
 
     ctx.gripper.release(params.opening)
@@ -119,7 +115,7 @@ def run(params: GraspFromRackParams, ctx: SkillContext) -> GraspFromRackResult:
 
 
 def _rise(height: float, params: GraspFromRackParams, ctx: SkillContext) -> None:
-    """Rise straight up to `height`, m, base frame, where a fault left the hand lower: it would sweep over the plate as it turns."""
+    """Rise straight up to `height`, m, base frame, if a fault left the hand lower; turning there could hit the plate."""
     hand = ctx.observe().arm.tcp
     if hand.position[2] >= height:
         return
@@ -129,14 +125,13 @@ def _rise(height: float, params: GraspFromRackParams, ctx: SkillContext) -> None
 
 
 class Centring:
-    """Brings the open hand to the slot, from which friction in the joints holds it off, and keeps it there
-    while it closes.
+    """Integral control that centres the open hand on the slot against joint friction, also while the hand closes.
 
-    A peg that is gripped aslant jams in the slot. The setpoint that is left behind balances the joints' friction.
+    If the hand grips the peg aslant, the peg jams in the slot. The final setpoint balances the joints' friction.
     """
 
     def __init__(self, grip_at: Vector, ctx: SkillContext) -> None:
-        """Begin from the setpoint that is held, towards `grip_at`, shape (3,), m, base frame."""
+        """Start from the held setpoint, with the goal `grip_at`, shape (3,), m, base frame."""
         assert ctx.held is not None
         self._ctx, self._grip_at, self._trims = ctx, grip_at, [TRIM] * 3
         self._held = replace(
@@ -150,7 +145,7 @@ class Centring:
         self._off, self._aslant, self._speed = np.full(3, math.inf), math.inf, math.inf
 
     def follow(self, seen: Observation, near: tuple[float, float]) -> bool:
-        """Take one scan; return whether the hand rests as near as `near`, m and rad."""
+        """Process one scan; return True if the hand rests within `near`, m and rad, of the goal."""
         hand, before = seen.arm.tcp, self._off
         self._off = self._grip_at - hand.position
         self._speed = float(np.abs(self._off - before).max()) / seen.step
@@ -162,16 +157,16 @@ class Centring:
         return self.is_within(near) and self._speed < RESTING
 
     def is_within(self, near: tuple[float, float]) -> bool:
-        """Return whether the hand was as near as `near`, m and rad, at the last scan."""
+        """Return True if the hand was within `near`, m and rad, of the goal at the last scan."""
         return float(np.abs(self._off).max()) < near[0] and self._aslant < near[1]
 
     def freeze(self) -> None:
-        """Leave the setpoint as it is."""
+        """Freeze the setpoint and stop the arm's integral."""
         self._ctx.follow(replace(self._held, integral_gain=0.0))
 
 
 def _close(params: GraspFromRackParams, centring: Centring, ctx: SkillContext) -> bool:
-    """Close the hand, which is centred all the while; return whether it holds a peg."""
+    """Close the hand while `centring` continues; return True if it holds a peg."""
     ctx.gripper.grip(params.force)
     for seen in ctx.scan(params.closing_time):
         if seen.gripper.is_gripping or not seen.gripper.is_moving:
@@ -182,11 +177,12 @@ def _close(params: GraspFromRackParams, centring: Centring, ctx: SkillContext) -
 
 
 def _require_print(params: GraspFromRackParams, ctx: SkillContext) -> None:
-    """Make sure that the skin shows the grasp's own print while the peg still stands in its slot; otherwise let go of it there.
+    """Check that the skin shows a print of this grasp while the peg is still in its slot; otherwise release it there.
+
+    The check detects modules that are dead, stuck below the rail, exchanged, or read at random, before the peg moves.
 
     Raises:
-        SkinUntrustedError: It does not. Modules that are dead, stuck below the rail, in each other's places or tell anything at random
-            are found here, before the peg is moved.
+        SkinUntrustedError: The skin does not show the print, or the print fits exchanged modules better.
     """
     shown, order = GraspPrint(), PrintOrder(ctx.estimator)
     for seen in ctx.scan(PRINT_TIME):
@@ -205,9 +201,7 @@ def _require_print(params: GraspFromRackParams, ctx: SkillContext) -> None:
 
 
 def _draw_out(height: float, ctx: SkillContext) -> None:
-    """Rise from the held setpoint until the finger centre is at `height`, m, base frame, where the peg's end has left
-    the slot.
-    """
+    """Rise until the finger centre is at `height`, m, base frame, at which the peg's end has left the slot."""
     held = ctx.held
     assert held is not None
     twist = Twist(UP * DRAWING_SPEED, np.zeros(3))

@@ -1,8 +1,9 @@
-"""How hard a held peg may be pushed before it slips along the fingers, by what is believed of the grip; pure.
+"""Largest push on a held peg before it slips along the fingers, from the assumed grip; pure.
 
-Friction of the two pads bears 2 mu N along the fingers, and mu N l/2 about the closing axis. A load of both is borne inside an
-ellipse, and a peg that turns in the pads also slips along them, square to that ellipse: with the share s of 2 mu N along
-the fingers, a turn of one radian makes a slip of (l/4) s / sqrt(1 - s^2). This is the limit surface of friction [howe].
+Friction of the two pads bears the force 2 mu N along the fingers, and the moment mu N l/2 about the closing axis. The
+limit of both together is an ellipse, the limit surface of friction [howe]. If the peg turns in the pads, it also slips
+along the fingers, in the direction normal to the ellipse. With the share s of 2 mu N along the fingers, a rotation of one
+radian causes a slip of (l/4) s / sqrt(1 - s^2).
 """
 
 import math
@@ -20,45 +21,50 @@ from skills.spiral_params import SpiralAdjustParams
 from skills.tactile_insert import TactileInsertParams
 
 CONTACT = 0.036
-"""Length of the peg between the pads, m: pads of 41 mm, behind whose middle the peg ends after 15 mm. Longer pads bear more moment, and a
-turn then makes more slip."""
+"""Contact length l of the peg in the pads, m: the pads are 41 mm long, and the peg ends 15 mm behind their middle. A
+longer contact bears more moment, and a rotation then causes more slip.
+"""
 MOST_SHARE = 0.9
-"""Largest share of what the pads bear that a load counts as, fraction; near 1 the computed slip of a turn has no bound."""
+"""Cap on load over friction limit, fraction; the computed slip of a rotation diverges at 1."""
 MOST_PATIENT = 3.0
-"""Largest factor by which a weaker push lengthens an adjustment and the time without progress after which it is given up: a peg that stands beside
-its hole would be pushed for minutes. Source: docs/tried/adjustment.md."""
+"""Largest factor by which a weaker push lengthens the timeouts of an adjustment; without it, a peg next to its hole would
+be pushed for minutes. Source: docs/tried/adjustment.md.
+"""
 
 P = TypeVar("P", bound=ConfigModel)
 
 
 @dataclass(frozen=True, slots=True)
 class Grip:
-    """What is believed of the grip."""
+    """Assumed grip."""
 
     force: float
     """Grip force, N."""
     friction: float
     """Coulomb coefficient of peg on pads, ratio."""
     margin: float
-    """Factor by which the product of both may be smaller, ratio, >= 1."""
+    """Safety factor on the product of both, ratio, >= 1."""
 
     @property
     def bears(self) -> float:
-        """Largest force along the fingers that the pads surely bear, N."""
+        """Largest force along the fingers that the pads bear with the safety margin, N."""
+        # 2 mu N / margin
         return 2.0 * self.friction * self.force / self.margin
 
     def bears_over_plate(self, tilt: float, dip: float) -> float:
-        """Return the largest push on a plate, N, under which a peg that slips by turning is not taken for one that falls.
+        """Return the largest push on a plate, N, under which the slip of a rotating peg is not detected as a drop.
 
         Args:
             tilt: Tilt of the peg from the plate's normal, rad.
             dip: Change of the tip's height that counts as evidence of an edge, m.
         """
+        # Slip of a rotation by SLIP: cos(tilt) SLIP (l/4) s / sqrt(1 - s²) = dip, solved for s = q / sqrt(1 + q²);
+        # push = s bears / cos(tilt)
         per_turn = dip / (math.cos(tilt) * SLIP * CONTACT / 4.0)
         return per_turn / math.hypot(per_turn, 1.0) * self.bears / math.cos(tilt)
 
     def searching(self, search: SpraySearchParams) -> SpraySearchParams:
-        """Return the parameters of a search that pushes no harder than the pads bear; a weaker push goes more slowly."""
+        """Return the search parameters with the push limited to the load that the pads bear; a weaker push reduces the speed."""
         share = _share(
             search.push_stiffness * search.push_offset, self.bears_over_plate(search.tilt, search.dip_threshold)
         )
@@ -73,15 +79,16 @@ class Grip:
         )
 
     def inserting(self, insert: TactileInsertParams) -> TactileInsertParams:
-        """Return the parameters of an insertion that pushes no harder than the pads bear."""
+        """Return the insertion parameters with the push limited to the load that the pads bear."""
         low, high = insert.push_stiffness
         share = _share(high * insert.push_offset, self.bears)
         return _softer(insert, share, push_stiffness=(low * share, high * share))
 
     def bears_dithered(self, adjust: SpiralAdjustParams, length: float) -> float:
-        """Return the largest push down a hole, N, under which the slip of a dithered peg is not taken for progress.
+        """Return the largest push down a hole, N, under which the slip of a dithered peg does not count as progress.
 
-        In one period the circles, whose radius is half the first one in the mean, turn the peg about one axis by 2/pi of their arc.
+        In one period, the mean radius of the circles is half the largest. The circles turn the peg about one axis by 2/pi
+        of their arc.
 
         Args:
             adjust: Parameters of the adjustment.
@@ -92,8 +99,9 @@ class Grip:
         return per_turn / math.hypot(per_turn, 1.0) * self.bears
 
     def adjusting(self, adjust: SpiralAdjustParams, length: float) -> SpiralAdjustParams:
-        """Return the parameters of an adjustment that pushes no harder than the pads bear, for a peg of this length, m; a weaker push
-        takes longer.
+        """Return the adjustment parameters with the push limited to the load that the pads bear, for a peg of this length, m.
+
+        A weaker push lengthens the timeouts.
         """
         push = adjust.push_stiffness * adjust.push_offset
         if push <= self.bears:
@@ -109,19 +117,21 @@ class Grip:
         )
 
     def load(self, force: float, moment: float) -> float:
-        """Return how far out in the limit surface of the pads a load is, ratio: 1 on it.
+        """Return the load relative to the limit surface of the pads, ratio: 1 on the surface, less inside.
 
         Args:
             force: Force along the fingers, N.
-            moment: Moment about the closing axis, N·m; alone the pads bear `bears` times a quarter of `CONTACT`.
+            moment: Moment about the closing axis, N·m; the limit without a force is `bears` times a quarter of `CONTACT`.
         """
+        # sqrt(F² + (M / (l/4))²) / bears
         return math.hypot(force, moment / (CONTACT / 4.0)) / self.bears
 
     def load_over_corner(self, down: float, across: float, tilt: float, peg: Peg) -> float:
-        """Return the load of the pads, as `load` does, where a peg leans over its corner and is pushed at its end.
+        """Return the load of the pads, as `load` does, for a peg that leans over its corner and is pushed at its end.
 
-        The end lies `length sin(tilt)` beside the finger centre towards the corner, of which the part across the closing axis is the arm of
-        the push down; that of the push across is `length cos(tilt)`. The wall's and the plate's answers turn the peg the same way.
+        The end is `length sin(tilt)` from the finger centre towards the corner. The component of that distance across the
+        closing axis is the lever arm of the push down. The lever arm of the push across is `length cos(tilt)`. The
+        reactions of wall and plate turn the peg in the same direction.
 
         Args:
             down: Push down, N.
@@ -133,8 +143,10 @@ class Grip:
         return self.load(down * math.cos(tilt), peg.length * (down * arm + across * math.cos(tilt)))
 
     def raising(self, insert: CornerInsertParams, tilt: float, peg: Peg) -> CornerInsertParams:
-        """Return the parameters with which a peg that leans over its corner by `tilt`, rad, is raised and turned: its pushes, down and
-        ahead, become smaller by one factor where the pads would not bear them at the beginning or at the end of the way.
+        """Return the parameters for raising and turning a peg that leans over its corner by `tilt`, rad.
+
+        If the pads do not bear the pushes at the start or at the end of the raise, one factor reduces the push down and the
+        push ahead.
         """
         down, across = insert.push_stiffness * insert.push_offset, insert.gains.translation * insert.lead[1]
         share, kept = (
@@ -150,9 +162,9 @@ class Grip:
         )
 
     def entering(self, adjust: CornerAdjustParams, tilt: float, peg: Peg) -> CornerAdjustParams:
-        """Return the parameters with which a peg that leans by `tilt`, rad, is brought between the walls, its pushes bounded likewise.
+        """Return the parameters for bringing a peg that leans by `tilt`, rad, between the walls, with pushes that the pads bear.
 
-        The push along the closing axis does not turn the peg in the pads, and stays.
+        The push along the closing axis does not turn the peg in the pads, so it stays unchanged.
         """
         down, across = adjust.push_stiffness * adjust.push_offset, adjust.gains.translation * adjust.lead[1]
         share = _share(self.load_over_corner(down, across, tilt, peg), 1.0)
@@ -161,18 +173,19 @@ class Grip:
 
 
 def slip_of_turn(share: float) -> float:
-    """Return the slip along the fingers, m, of a peg that turns by 1 rad under this share of what the pads bear along them."""
+    """Return the slip along the fingers, m, per radian of rotation; `share` is the axial load over its friction limit."""
+    # (l/4) s / sqrt(1 - s²)
     share = min(share, MOST_SHARE)
     return CONTACT / 4.0 * share / math.sqrt(1.0 - share * share)
 
 
 def grip_of(grasp: GraspFromRackParams, share: float = 1.0) -> Grip:
-    """Return what a cell believes of its grip, of which slips have left this share to be counted on."""
+    """Return the assumed grip; `share` is the share of it assumed to remain after slips, fraction."""
     return Grip(share * grasp.force, grasp.pad_friction, grasp.grip_margin)
 
 
 def _share(push: float, most: float) -> float:
-    """Return the share of a push that may be kept, fraction."""
+    """Return the factor that reduces `push` to at most `most`, fraction."""
     return min(most / max(push, 1e-9), 1.0)
 
 

@@ -1,4 +1,4 @@
-"""Tables of how each kind of part is searched with, aligned and seated; the one place that chooses skills, by the part and by the method."""
+"""Handling of each kind of part: search, alignment and seating; the only module that selects skills by part and method."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
@@ -24,7 +24,7 @@ from skills.surface import Plane
 
 @dataclass(frozen=True, slots=True)
 class Sections:
-    """The sections of a config file that a handling is made of."""
+    """Config sections from which a handling is made."""
 
     search: SpraySearchParams
     insert: tactile_insert.TactileInsertParams
@@ -33,47 +33,45 @@ class Sections:
     retries: int
     """Number of further searches, key `retries` of the config."""
     grasp: GraspFromRackParams
-    """How the peg was gripped, which bounds what it may be pushed with."""
+    """Parameters of the grasp; they bound every push."""
     paper: PaperParams | None
-    """Skills that are done as [gibbons] prints them, and their parameters; None is none."""
+    """Skills that use the printed method of [gibbons], and their parameters; None for none."""
     grip_share: float = 1.0
-    """Share of that grip which is counted on, fraction."""
+    """Assumed share of the grip after slips, fraction."""
 
 
 FIRST_STALL = 0.4
-"""Share of `adjust.stall_timeout` that a jammed peg is given in the first of several attempts, fraction: a new search takes 2.5 s, and mostly mends
-what holds it. Source: docs/tried/adjustment.md.
+"""Share of `adjust.stall_timeout` in the first of several attempts, fraction: a new search takes 2.5 s and frees most jammed pegs.
+Source: docs/tried/adjustment.md.
 """
 
 
 @dataclass(frozen=True, slots=True)
 class Handling:
-    """How one kind of part is handled."""
+    """Handling of one kind of part."""
 
     search: SpraySearchParams
     """Parameters of the search."""
     find: Callable[[SkillContext, Belief], SkillResult]
-    """Function that searches for the hole, with what is believed of its place."""
+    """Function that searches for the hole, given the prior of its position."""
     insert: Callable[[SkillContext, Plane | None, int], SkillResult]
-    """Function that aligns the peg on the surface that the search estimated, if any, in the attempt with this number,
-    from 0.
-    """
+    """Function that aligns the peg, given the surface estimate of the search, if any, and the attempt's number from 0."""
     adjust: Callable[[SkillContext, Plane | None, int], SkillResult]
-    """Function that seats the aligned peg on that surface, likewise."""
+    """Function that seats the aligned peg, given the surface estimate and the attempt's number."""
     retries: int
-    """Number of further searches when the peg turns out not to be in the hole; 0 in [gibbons]."""
+    """Number of further searches if the peg turns out not to be in the hole; 0 in [gibbons]."""
     steered: Mapping[str, Gains] = field(default_factory=dict)
-    """Gains that act on what the skin tells, by key of the config, beside those that the catalogue of skills lists."""
+    """Gains in loops over the skin's measurements, by config key, in addition to those of the catalogue of skills."""
     blend: float | None = None
-    """Weight of a new frame in the in-hand angle, which replaces `smoothing.blend`, fraction; None keeps that."""
+    """Weight of a new frame in the in-hand angle instead of `smoothing.blend`, fraction; None for no replacement."""
 
 
 @dataclass(frozen=True, slots=True)
 class Way:
-    """Functions and section that make up the handling of one kind of part."""
+    """Config section and constructor of the handling of one kind of part."""
 
     section: str
-    """Section of the config that the handling needs; empty where it needs none of its own."""
+    """Config section that the handling needs."""
     make: Callable[[Part, Sections], Handling]
 
 
@@ -98,9 +96,7 @@ def _over_the_edge(part: Part, sections: Sections) -> Handling:
 
 
 def stall_share(attempt: int, retries: int) -> float:
-    """Return the share of the stall timeout that a jammed peg is given in an attempt, counted from 0: less than all of it where that is the
-    first of several.
-    """
+    """Return the share of the stall timeout in an attempt, counted from 0; it is below 1 in the first of several attempts."""
     return FIRST_STALL if attempt == 0 < retries else 1.0
 
 
@@ -145,13 +141,13 @@ def is_printed_for(part: Part) -> bool:
 
 
 def handling(part: Part, sections: Sections) -> Handling:
-    """Return how this part is handled."""
+    """Return the handling of this part."""
     made = WAYS[part.kind].make(part, sections)
     return made if sections.paper is None else _as_printed(made, sections.search, sections.paper)
 
 
 def _as_printed(made: Handling, search: SpraySearchParams, paper: PaperParams) -> Handling:
-    """Return a handling in which the skills that `paper.skills` names are those that [gibbons] prints."""
+    """Return a handling in which the skills named in `paper.skills` use the printed method of [gibbons]."""
     printed: dict[str, dict[str, Any]] = {
         "search": {"find": lambda ctx, belief: paper_search.run(paper.search, search, ctx)},
         "insert": {"insert": lambda ctx, plane, attempt: paper_insert.run(paper.insert, ctx)},

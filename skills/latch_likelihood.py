@@ -1,12 +1,12 @@
-"""Tell the latch of a hole and the bottom behind it by force against height, felt on one way down or on several; pure.
+"""Detect the latch of a hole and the bottom behind it from force against height, over one insertion stroke or several; pure.
 
-    ways of a peg      profile         likelihood of every force F and place s        told_by
-    to one bottom  -->  force at  -->  that F f((y - s) / h) + c explains it, y  -->  product over the ways; share of it  -->  Signature.doubt
-                        each height    above the bottom, by `unlikelihood`             where no latch as stated lies
+    strokes to     profile          unlikelihood                                 told_by
+    one bottom --> force at    -->  likelihood of F f((y - s) / h) + c      -->  product over the strokes; its share  --> Signature.doubt
+                   each height y    for every force F and height offset s        outside the stated latch
 
-What the arm reports as a force errs by some newtons that stay as they are over a few millimetres; the constant c takes them out. A peg that leans rubs
-at the walls by as much as the latch resists, at other heights on each way, and is only held back by them; that is why all ways count, each by
-how far it deviates from the latch.
+The arm's reported force has an offset of some newtons, which is constant over a few millimetres; the constant c removes
+it. A leaning peg rubs on the walls with a force as large as the latch's, at different heights on each stroke. Rubbing
+only opposes the motion. Therefore all strokes count, each weighted by its deviation from the latch.
 """
 
 from collections.abc import Sequence
@@ -19,80 +19,80 @@ from drivers.parts import Latch
 from drivers.quantities import Vector
 
 BEFORE = 0.0015
-"""Way above the latch that tells what the arm reports where nothing resists, m."""
+"""Length of the stroke above the latch used to measure the force offset, m."""
 GRID = 1e-4
 """Distance between the heights at which curve and latch are compared, m."""
 FLOOR = 2e-4
-"""Height above the resting place from which the curve counts, m: below it the bottom bears the push already."""
+"""Height above the resting position below which the curve is ignored, m: there the bottom already bears the push."""
 SHEAR = 2e-5
-"""Way by which the pads give along the fingers, m/N; assumed: two pads of rubber of 60 kPa shear modulus, 180 mm² each, 0.4 mm of them left
-under the grip. An error by its half moves the measured place by 0.1 mm.
+"""Compliance of the pads along the fingers, m/N; assumed: two rubber pads of 60 kPa shear modulus, 180 mm² each, 0.4 mm thick under
+the grip. An error of half its value changes the measured height by 0.1 mm.
 """
 LEAST_POINTS = 8
 """Least number of scans in the curve; fewer do not show its shape."""
 FORCE_SHARE = 0.5
-"""Share of the stated force, and its inverse, that the measured one must lie between, fraction: halfway between a latch that is worn out and
-one as stated.
+"""Least measured force as a share of the stated force, fraction; its inverse is the largest. It is halfway between a worn-out latch and
+the stated one.
 """
 PLACE = 0.0005
-"""Largest difference between the measured height of the latch above the bottom and the stated one, m: halfway to a bottom that is 1 mm higher."""
+"""Largest difference between the measured and the stated height of the latch above the bottom, m: halfway to a bottom that is 1 mm higher."""
 DOUBT = 1e-3
-"""Largest share of the likelihood that a latch with another force or place may have, fraction: of as many parts as are seated and are not, each
-known no better than that, one in a thousand of those that are told is none.
+"""Largest likelihood share of latches with another force or height for a seated peg, fraction. If half of the parts are seated, one in a
+thousand parts judged seated is not.
 """
 HANGING = 3.5e-4
-"""Way over which the deviations of a curve from its latch hang together, m; measured by `cell study seating`, see decision 0022: a leaning peg rubs
-for some tenths of a millimetre, so that a way of 4.3 mm has the weight of twelve independent readings and not that of its scans.
+"""Correlation length of the residual force, m; measured by `cell study seating`, see decision 0022. A leaning peg rubs over some tenths of a
+millimetre, so a stroke of 4.3 mm has the weight of twelve independent readings, fewer than its scans.
 """
 MOST_FORCE = 3.0
-"""Largest force of a latch that is considered, as a share of the stated one: beyond what a latch as stated can have by as much as that has itself."""
+"""Largest considered force of a latch, as a share of the stated one; it exceeds the largest accepted share, 2, by 1."""
 FORCE_STEP = 0.1
-"""Distance between the forces that are considered, as a share of the stated one."""
+"""Step of the considered forces, as a share of the stated one."""
 EXACT = 0.1
-"""Least sum of the sizes of a curve's deviations up and down, N; no arm reports a force better."""
+"""Least sum a + b of a curve's deviations down and up, N: the best resolution of an arm's force."""
 REMEMBERED = 64
-"""Number of ways whose likelihoods are remembered, so that skill and gate do not reckon them at every scan of a rest."""
+"""Number of strokes whose likelihoods are cached; skill and gate evaluate them at every scan of a rest."""
 
 
 @dataclass(frozen=True, slots=True)
 class Signature:
-    """What the curve of a part that rests says of its latch."""
+    """Estimate of the latch from the curves of a resting peg."""
 
     force: float
     """Force of the latch, N."""
     offset: float
-    """Height of the latch over the stated one, m."""
+    """Height of the latch minus its stated height, m."""
     doubt: float
-    """Share of the likelihood that a latch with another force or at another place has, fraction."""
+    """Likelihood share of latches with another force or height than stated, fraction."""
 
     @property
     def is_sure(self) -> bool:
-        """Whether this is the latch as the recipe states it, with the bottom where it should be."""
+        """True if this is the stated latch with the bottom at its stated depth."""
         return self.doubt <= DOUBT
 
     @property
     def is_refuted(self) -> bool:
-        """Whether this is surely another latch, or another bottom."""
+        """True if this is another latch, or another bottom."""
         return self.doubt >= 1.0 - DOUBT
 
 
 @dataclass(frozen=True, slots=True)
 class Way:
-    """One way down to where something bears the peg."""
+    """One insertion stroke down to a rest."""
 
     heights: tuple[float, ...]
-    """Heights of the hand, falling, m, base frame."""
+    """Heights of the hand, decreasing, m, base frame."""
     forces: tuple[float, ...]
-    """Force on the hand along z at each, N."""
+    """Force on the hand along z at each height, N."""
 
     def profile(self, latch: Latch) -> tuple[Vector, Vector] | None:
-        """Return heights above the bottom, m, at even distances, and the force at each, N; None of a way that does not show the latch."""
+        """Return evenly spaced heights above the bottom, m, and the force at each, N; None if the stroke does not show the latch."""
         if len(self.heights) < LEAST_POINTS:
             return None
         force = np.array(self.forces[::-1])
-        # The end is where the hand is, but for the pads, which give way under the force.
+        # Height of the peg's end: that of the hand, corrected for the shear of the pads, z + SHEAR F.
         end = np.array(self.heights[::-1]) + SHEAR * force
-        # The bottom is where it began to bear the push: the fingers may have slid down the peg since.
+        # The bottom is the height at which the force rises to half the push; the fingers can have slid down the peg since.
         level = (float(np.median(force)) + float(force[0])) / 2.0
         bottom = max(int(np.argmax(force < level)) - 1, 0)
         end, force = end[bottom:], force[bottom:]
@@ -104,10 +104,11 @@ class Way:
 
 
 def told_by(ways: Sequence[Way], latch: Latch) -> Signature:
-    """Return what several ways down to one bottom say of its latch together; those that do not show it count for nothing.
+    """Return the estimate of the latch from several strokes to one bottom; strokes that do not show the latch are ignored.
 
-    The likelihoods of independent ways multiply, for every force and place before one is chosen: a way on which the peg rubbed tells little,
-    and takes nothing from one that went smoothly. Of parts that are not seated no more than `DOUBT` are ever told, however often one looks.
+    The likelihoods of independent strokes are multiplied for every force and height. A stroke with rubbing therefore adds
+    little information and removes none. The share of unseated parts judged as seated stays below `DOUBT` for any
+    number of strokes.
     """
     tables = [table for way in ways if (table := unlikelihood(way, latch)) is not None]
     shares, offsets = considered(latch)
@@ -120,25 +121,24 @@ def told_by(ways: Sequence[Way], latch: Latch) -> Signature:
 
 
 def considered(latch: Latch) -> tuple[Vector, Vector]:
-    """Return the forces of a latch that are considered, as shares of the stated one, shape (n, 1), and its heights over the stated one,
-    shape (1, m), m.
-    """
+    """Return the considered latches: forces as shares of the stated one, shape (n, 1), and height offsets, shape (1, m), m."""
     shares = FORCE_STEP * np.arange(round(MOST_FORCE / FORCE_STEP) + 1, dtype=np.float64)
-    # A bottom that is far enough off to be told must be among them where the latch is low.
+    # For a low latch, the range must still include a bottom that is clearly at another height: at least 3 PLACE.
     most = round(max(latch.height / 2, 3.0 * PLACE) / GRID)
     return shares[:, None], GRID * np.arange(-most, most + 1, dtype=np.float64)[None, :]
 
 
 @lru_cache(maxsize=REMEMBERED)
 def unlikelihood(way: Way, latch: Latch) -> Vector | None:
-    """Return the negative logarithm of the likelihood of every force and place of the latch that are considered, but for a constant,
-    shape (n, m); None for a way that does not show it.
+    """Return the negative log likelihood of every considered force and height of the latch, up to a constant, shape (n, m).
 
-    A wall that a peg rubs at only holds it back. Deviations upwards are therefore as large as they are on this way, b, and those downwards have
-    a size a of their own, at most b: the density is exp(-r / b) / (a + b) above the latch and exp(r / a) / (a + b) below it. Where the likelihood is
-    largest, the mean p of what is above and the mean m of what is below give a + b = (sqrt(p) + sqrt(m))², so that n independent ones
-    have (sqrt(p) + sqrt(m)) ** (-2 n); for a = b it is the law of least absolute deviations. The constant c is one of the deviations
-    themselves, since it is largest there.
+    A wall only opposes the motion of a rubbing peg. The residual r of the force therefore has a scale b above the latch's
+    curve and a scale a <= b below it: the density is exp(-r / b) / (a + b) for r > 0 and exp(r / a) / (a + b) for r < 0.
+    At the maximum of the likelihood, a + b = (sqrt(p) + sqrt(m))², where p is the mean of the positive part of r and m
+    that of its negative part. For n independent residuals the likelihood is (sqrt(p) + sqrt(m)) ** (-2 n). If a = b, this
+    is the law of least absolute deviations. The maximum over the constant c lies at one of the residuals.
+
+    The result is None if the stroke does not show the latch.
     """
     profile = way.profile(latch)
     if profile is None:
@@ -148,18 +148,20 @@ def unlikelihood(way: Way, latch: Latch) -> Vector | None:
     shapes = resistance(above[None, :] - offsets.T, latch)
     rest = np.sort(force - shares[:, :, None] * shapes[None], axis=2)
     sums, count = np.cumsum(rest, axis=2), len(above)
+    # Candidate c = k-th residual: m = (k r_k - sum_{i <= k} r_i) / n, p = (sum_{i > k} r_i - (n - k) r_k) / n
     number = np.arange(1, count + 1)
     less = (number * rest - sums) / count
     more = (sums[:, :, -1:] - sums - (count - number) * rest) / count
     sizes = (np.sqrt(np.maximum(less, EXACT / 4)) + np.sqrt(np.maximum(more, EXACT / 4))) ** 2
-    # No more of the curve lies below the latch than above it.
+    # At most half of the residuals lie below c, because a <= b.
     table = count * GRID / HANGING * np.log(sizes[:, :, : (count + 1) // 2].min(axis=2))
     table.setflags(write=False)
     return np.asarray(table)
 
 
 def resistance(above: Vector, latch: Latch) -> Vector:
-    """Return the force of a latch, N, at heights above the bottom, m, of any shape; the law that `drivers.parts.Latch` states."""
+    """Return the force of a latch, N, at heights above the bottom, m, of any shape, by the law of `drivers.parts.Latch`."""
+    # u = 1 - y / h, 0 <= u <= 1: F sin(2 pi u) for a detent, else F u
     way = 1.0 - above / latch.height
     curve = np.sin(2.0 * np.pi * way) if latch.kind == "detent" else way
     return np.where((way >= 0.0) & (way <= 1.0), latch.force * curve, 0.0)

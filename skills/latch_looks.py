@@ -1,11 +1,12 @@
-"""Look for the latch of a hole without a switch on several ways down to the bottom; pure.
+"""Detection of the latch of a hole without a switch, over several insertion strokes to the bottom; pure.
 
-    way down -> rest -> all ways so far show the latch: seated
-                    |-> they do not yet: draw the peg up through the latch, push again, and look once more
-                    `-> surely another latch or bottom, or there have been enough: given up
+    stroke -> rest -> the strokes so far show the latch: seated
+                  |-> they do not yet: draw the peg up through the latch and push again
+                  `-> another latch or bottom, or too many strokes: give up
 
-Each way down counts once, where the peg first rests at the bottom, and is judged together with those before it. A peg that is judged anew on each way until
-it passes is judged too often, and so is a curve that goes on while a hand shakes the peg at the bottom.
+Each stroke counts once, at the first rest on the bottom, and is judged together with the strokes before it. Judging each
+stroke alone until one passes would test too often, and so would extending a curve while the hand shakes the peg at the
+bottom.
 """
 
 import math
@@ -19,35 +20,35 @@ from skills.seating import BORNE_FOR, DOUBTED
 from skills.signature import Curve
 
 MOST_LOOKS = 5
-"""Ways down after which a peg whose latch they have not shown is given up; chosen, not measured: looks add up, and each takes two seconds.
+"""Largest number of strokes without a detected latch; chosen, not measured: strokes accumulate, and each takes two seconds.
 Source: decision 0022.
 """
 LEAST_LOOKS = 2
-"""Ways down before a peg is given up, however sure the first is: the peg may have been wedged just above the bottom. Source: decision 0022."""
+"""Least number of strokes before the peg is given up, because the first can have wedged just above the bottom. Source: decision 0022."""
 TURNING_BACK = 0.05
-"""Speed at which the setpoint goes from push to pull and back, m/s."""
+"""Speed of the setpoint from push to pull and back, m/s."""
 
 
 @dataclass(frozen=True, slots=True)
 class Looks:
-    """The ways down so far, and the pull that draws the peg up for another one."""
+    """Insertion strokes so far, and the pull that draws the peg up for another stroke."""
 
     curve: Curve = field(default_factory=Curve)
-    """Force against height on the way down that goes on."""
+    """Force against height on the present stroke."""
     missed: int = 0
-    """Number of ways down to the bottom after which the latch was not shown."""
+    """Number of strokes to the bottom after which the latch was not detected."""
     is_over: bool = False
-    """Whether there have been enough of them."""
+    """True when no further insertion stroke will be tried."""
     is_shown: bool = False
-    """Whether the ways down have shown the latch, with the bottom behind it."""
+    """True if the strokes have shown the latch, with the bottom behind it."""
     top: float = -math.inf
-    """Height of the hand up to which the peg is drawn up, m, base frame; lower than any while it is pushed."""
+    """Height of the hand at which the pull ends, m, base frame; -inf during a push."""
     pull: float = -math.inf
-    """Height of the setpoint over the tip at the last scan, m, negative for a push; lower than any before the first look is over."""
+    """Height of the setpoint over the tip at the last scan, m, negative for a push; -inf before the first stroke is judged."""
 
     @property
     def is_lifting(self) -> bool:
-        """Whether the peg is drawn up."""
+        """True while the peg is drawn up."""
         return math.isfinite(self.top)
 
     def after(self, seen: Observation, setpoint: ImpedanceSetpoint | None, latch: Latch, beyond: float) -> "Looks":
@@ -55,15 +56,15 @@ class Looks:
 
         Args:
             seen: The scan.
-            setpoint: Setpoint that was followed in it.
-            latch: The latch as the recipe states it.
-            beyond: Depth of the tip beyond the hole's, below the surface that the search has felt, m; a rest is one at the bottom if it is
-                within `DOUBTED`.
+            setpoint: Setpoint followed during the scan.
+            latch: The latch of the recipe.
+            beyond: Depth of the tip minus the hole's depth, by the surface estimate of the search, m; a rest counts as at the bottom
+                if this is within `DOUBTED`.
         """
         height, curve = float(seen.arm.tcp.position[2]), self.curve.after(seen, setpoint, latch)
         if self.is_lifting:
             return replace(self, curve=curve, top=self.top if height < self.top else -math.inf)
-        # The gate sees the same rest by itself, and may count it from a later scan.
+        # The gate detects the same rest independently, possibly one scan later.
         told = curve.signature(latch, seen.stamp - BORNE_FOR)
         if told is None or abs(beyond) > DOUBTED:
             return replace(self, curve=curve)
@@ -74,7 +75,7 @@ class Looks:
         return replace(self, curve=curve, missed=missed, is_over=is_enough(missed, told), top=top)
 
     def pulling(self, push: float, period: float) -> "Looks":
-        """Return the looks with the pull of the scan that begins now.
+        """Return the looks with the pull for the present scan.
 
         Args:
             push: Depth of a pushing setpoint below the tip, m.
@@ -87,5 +88,5 @@ class Looks:
 
 
 def is_enough(ways: int, told: Signature) -> bool:
-    """Return whether so many ways down, which have not shown the latch, are enough to give the peg up."""
+    """Return True if the peg is to be given up after this number of strokes without a detected latch."""
     return ways >= (LEAST_LOOKS if told.is_refuted else MOST_LOOKS)

@@ -15,29 +15,32 @@ from skills.clearance import SAMPLES, Attitude, require_clear
 from skills.contract import Observation, SkillContext
 
 VALIDITY = 0.1
-"""Time for which a setpoint is valid, s; without a newer one the arm then holds still."""
+"""Validity of a setpoint, s; without a newer setpoint, the arm then holds still."""
 
 LONGEST_MOVE = 10.0
-"""Time on the cell's clock after which a move is over although late scans keep it from its end, multiple of its own time."""
+"""Time limit of a move on the cell's clock, multiple of its planned time; late scans slow a move."""
 
 TWIST = 0.5
-"""Share of the rotational stiffness that a hand has about the vertical on the way, fraction: about its own axis it has the least inertia beside rotors
-that may not show, and swung where torques came 3.5 ms late. Source: decision 0012."""
+"""Share of the rotational stiffness about the vertical during a move, fraction. The wrist's inertia about this axis is the lowest, and rotor
+inertia may be hidden by the torque controller. With the full stiffness, the hand oscillated at a torque delay of 3.5 ms.
+Source: decision 0012.
+"""
 
 STRAY = 4e-3
-"""Largest distance from where the hole was found at which a setpoint still follows the tip of a peg that is not broader than 8 mm, m; a hole keeps
-its place. The tip of a broader peg, whose edge has fallen in, goes as much further while the peg is turned upright. Source: docs/tried/insertion.md."""
+"""Largest distance from the found hole at which the setpoint follows the tip, m, for pegs up to 8 mm broad; the hole does not move. After its
+edge has dropped in, the tip of a broader peg moves further while the peg is raised: half its breadth. Source: docs/tried/insertion.md.
+"""
 
 
 class Gains(ConfigModel):
-    """Stiffness and damping ratio with which the arm follows a setpoint."""
+    """Stiffness and damping ratio of the arm's impedance law."""
 
     translation: PositiveFloat
     """Translational stiffness, N/m."""
     rotation: PositiveFloat
     """Rotational stiffness, N·m/rad."""
     damping_ratio: PositiveFloat = 1.0
-    """Damping of every mode, multiple of what is critical at the arm's own inertia. Source: decision 0011."""
+    """Damping ratio of every mode, multiple of the critical damping at the arm's own inertia. Source: decision 0011."""
 
     def stiffness(self) -> Vector:
         """Return the stiffness, shape (6,)."""
@@ -49,24 +52,24 @@ class Gains(ConfigModel):
 
 
 class Transfer(ConfigModel):
-    """How the arm moves through free space.
+    """Parameters of a move through free space.
 
     Source: chosen, not measured.
     """
 
     gains: Gains
-    """Stiffness and damping ratio on the way."""
+    """Stiffness and damping ratio during the move."""
     speed: PositiveFloat
     """Largest speed of the tip, m/s."""
     turn_speed: PositiveFloat
     """Largest turning rate, rad/s."""
     elbow: Annotated[float, Field(ge=-math.pi, le=math.pi)]
-    """Position of the elbow's joint that the null space is drawn to, rad; without it the elbow would wander from run to run."""
+    """Goal of the elbow's joint in the null space, rad; without it the elbow would drift from run to run."""
     clearance: Annotated[float, Field(ge=0.0, le=0.05)] = 0.002
-    """Least distance of hand and peg from plate and rack on the way, m; only a way that begins or ends nearer may come nearer. Source: decision 0013."""
+    """Least distance of hand and peg from plate and rack during a move, m; a move that starts or ends nearer may come as near. Source: decision 0013."""
 
     def stiffness(self) -> Vector:
-        """Return the stiffness on the way, shape (6,): N/m along the axes of the base frame, then N·m/rad about them."""
+        """Return the stiffness during a move, shape (6,): N/m along the axes of the base frame, then N·m/rad about them."""
         stiffness = self.gains.stiffness()
         stiffness[5] *= TWIST
         return stiffness
@@ -74,7 +77,7 @@ class Transfer(ConfigModel):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Goal:
-    """Goal of a move: place of the controlled point, m, and directions of the peg's axis and of the closing axis, base frame."""
+    """Goal of a move: position of the controlled point, m, and directions of the peg's axis and closing axis, base frame."""
 
     tip: Vector
     axis: Vector
@@ -82,7 +85,8 @@ class Goal:
 
 
 def minimum_jerk(share: float) -> tuple[float, float]:
-    """Return position and rate, both per whole move, after a share of its time: 10 s^3 - 15 s^4 + 6 s^5 (Flash and Hogan)."""
+    """Return the minimum-jerk position and rate, both per whole move, at a share of its time (Flash and Hogan)."""
+    # x = 10 s³ - 15 s⁴ + 6 s⁵, dx/ds = 30 s² (1 - s)²
     s = min(max(share, 0.0), 1.0)
     return s**3 * (10.0 - 15.0 * s + 6.0 * s * s), 30.0 * s * s * (1.0 - s) ** 2
 
@@ -95,19 +99,18 @@ def move(
     settle: float = 0.3,
     limited: bool = True,
 ) -> Iterator[Observation]:
-    """Move the tip straight to `goal`, turning on the way, and yield every scan until it has settled there.
+    """Move the tip straight to `goal` while the hand turns, and yield every scan until it has settled there.
 
-    The setpoint follows a minimum-jerk profile whose peak keeps to the transfer's speeds, with its twist fed
-    forward.
+    The setpoint follows a minimum-jerk profile with its twist as feedforward. Its peak stays within the transfer's speeds.
 
     Args:
         goal: Goal of the move.
         transfer: Speeds and gains of the move.
         ctx: The skill's context.
-        in_hand: The peg as it is held, which the hand must not lose on the way, or None for the empty hand.
-        settle: Time allowed to settle at the end, s.
-        limited: Whether the limits of force and workspace hold; a motion that may begin in contact goes without them, and
-            the arm learns nothing about its joints from it.
+        in_hand: Pose of the peg in the hand; its loss ends the move. None for the empty hand.
+        settle: Time to settle at the end, s.
+        limited: True to check the limits of force and workspace. False for a motion that can start in contact; the arm
+            then learns nothing about its joints from it.
     """
     first = ctx.observe()
     if in_hand is None:
@@ -145,22 +148,23 @@ def move(
 
 
 class Way:
-    """The way from one place to another: straight for the tip, about one axis for the peg, and about the peg for the hand."""
+    """Path between two goals: a straight line of the tip, a rotation of the peg's axis, and a rotation about the peg."""
 
     def __init__(self, start: Goal, goal: Goal) -> None:
-        """Lay the way from `start` to `goal`."""
+        """Prepare the path from `start` to `goal`."""
         self._start, self._way = start, goal.tip - start.tip
         self._swing_axis, self._swing = _turn_between(start.axis, goal.axis)
         carried = rotation_about(self._swing_axis, self._swing) @ start.roll
         self._twist = math.atan2(float(goal.axis @ np.cross(carried, goal.roll)), float(carried @ goal.roll))
 
     def duration(self, transfer: Transfer) -> float:
-        """Return the time for which a minimum-jerk profile keeps to the transfer's speeds, s."""
+        """Return the time in which a minimum-jerk profile stays within the transfer's speeds, s, at least 0.2."""
+        # Peak of dx/ds = 30 s² (1 - s)²: 1.875 at s = 1/2
         turn, peak = self._swing + abs(self._twist), 1.875
         return max(peak * float(np.linalg.norm(self._way)) / transfer.speed, peak * turn / transfer.turn_speed, 0.2)
 
     def at(self, share: float) -> tuple[Goal, Twist]:
-        """Return the place after a share of the way, and the twist there per whole way."""
+        """Return the goal at a share of the path, and the twist there per whole path."""
         start, turned = self._start, rotation_about(self._swing_axis, self._swing * share)
         axis = turned @ start.axis
         roll = rotation_about(axis, self._twist * share) @ turned @ start.roll
@@ -179,13 +183,14 @@ def _turn_between(a: Vector, b: Vector) -> tuple[Vector, float]:
 
 
 def tilted_by(offset: Vector, length: float) -> Vector:
-    """Return the axis of a peg whose finger centre, `length` above its tip, stands off the vertical by `offset`, m."""
+    """Return the axis of a peg, unit, with its finger centre `length` from its tip and `offset`, m, from the vertical."""
+    # v = [o_x, o_y, sqrt(length² - |o|²)] / length
     axis = np.array([offset[0], offset[1], 0.0]) + math.sqrt(max(length**2 - float(offset @ offset), 1e-12)) * UP
     return axis / np.linalg.norm(axis)
 
 
 def stay(ctx: SkillContext, stamp: float) -> None:
-    """Keep the held setpoint alive, at rest."""
+    """Extend the validity of the held setpoint, with zero twist."""
     if ctx.held is not None:
         ctx.follow(replace(ctx.held, valid_until=stamp + VALIDITY, twist=None))
 
@@ -197,13 +202,14 @@ def between(goal: Vector, start: Vector, share: float) -> Vector:
 
 
 def spin_between(before: Vector, after: Vector, period: float) -> Vector:
-    """Return the angular velocity, shape (3,), rad/s, that takes one rotation, shape (3, 3), to the next in `period` seconds."""
+    """Return the angular velocity, shape (3,), rad/s, from one rotation, shape (3, 3), to the next in `period` seconds."""
+    # R = after · beforeᵀ; omega = [R32 - R23, R13 - R31, R21 - R12] / (2 period), for small angles
     turn = after @ before.T
     return np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]]) / (2.0 * period)
 
 
 def anchored(tip: Vector, found: Vector, breadth: float = 0.0) -> Vector:
-    """Return the tip, shape (3,), m, drawn back along x and y to within `STRAY`, or half the peg's breadth, of where the hole was found."""
+    """Return the tip, shape (3,), m, with x and y limited to the distance `STRAY`, or half the peg's breadth, from the found hole."""
     stray = max(STRAY, breadth / 2.0)
     way = (tip - found)[:2]
     size = math.hypot(way[0], way[1])
@@ -215,16 +221,17 @@ def anchored(tip: Vector, found: Vector, breadth: float = 0.0) -> Vector:
 
 @dataclass(frozen=True, slots=True)
 class Trim:
-    """An integral on the setpoint's side, where the arm's law has none: [gibbons] integrates the orientation alone."""
+    """Integral action on the position setpoint; the arm's law integrates only the orientation, as in [gibbons]."""
 
     rate: float
     """Rate at which the trim grows with the error, 1/s."""
     limit: float
     """Largest trim, m."""
     value: float = 0.0
-    """Trim that is added to the setpoint, m."""
+    """Trim added to the setpoint, m."""
 
     def after(self, error: float, period: float) -> "Trim":
         """Return the trim after `period` seconds with this error of the tip, m."""
+        # trim <- trim + rate · error · period, within ±limit
         value = min(max(self.value + self.rate * error * period, -self.limit), self.limit)
         return Trim(self.rate, self.limit, value)

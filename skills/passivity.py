@@ -1,11 +1,12 @@
-"""A guard over the held setpoint, by the energy that only that setpoint can have put into the arm; pure.
+"""Passivity guard: it limits the kinetic energy that the held setpoint puts into the arm; pure.
 
-Plates and pads only take energy. Energy of the arm beyond its planned motion came out of the springs of the held
-setpoint, and a passive loop gives out little more than errors and slips put in. A loop that is not passive, because
-theta or the error is too old for the gains, pumps: the arm's energy grows from swing to swing. The energy is compared
-with that of a motion which presses with the force limit when the same spring stops it, m v²/2 = F²/(2 K), so that the
-guard acts before the limit does. The classical passivity observer sums force times velocity. At the rate of a scan that
-sum is wrong for a fast oscillation, while any two samples show the kinetic energy.
+Plates and pads only dissipate energy. Kinetic energy beyond the planned motion comes from the springs of the held
+setpoint. A passive loop releases little more energy than errors and slips put in. If theta or the error is too old for
+the gains, the loop is not passive: the arm's energy grows with each oscillation.
+
+The limit is the energy of a motion that reaches the force limit when the same spring stops it, m v²/2 = F²/(2 K).
+The guard therefore acts before the force limit does. The classical passivity observer sums force times velocity. At the
+scan rate, that sum is wrong for a fast oscillation, but any two samples give the kinetic energy.
 """
 
 import math
@@ -17,21 +18,21 @@ from drivers.quantities import ImpedanceSetpoint, Pose
 WRIST = 0.15
 """Distance behind the finger centre at which the arm's translational and rotational inertia decouple, m."""
 MASS = 5.0
-"""Mass of the arm at that point, kg; 4 to 9 kg in the simulated arm over poses and directions, with the hand free to
-turn or not.
+"""Mass of the arm at the decoupling point, kg; 4 to 9 kg in the simulated arm over poses and directions, with the hand
+free to turn or not.
 """
 INERTIA = 0.03
-"""Inertia of the arm about that point, kg·m²; 0.007 to 0.08 kg·m² in the simulated arm likewise."""
+"""Inertia of the arm about the decoupling point, kg·m²; 0.007 to 0.08 kg·m² in the simulated arm over poses and directions."""
 LEVER = 0.1
-"""Lever by which the force limit gives the largest torque of the rotational spring, m."""
+"""Lever arm: the torque limit of the rotational spring is the force limit times this, m."""
 SOFTEN, STOP = 0.75, 1.0
 """Shares of the energy at the force limit at which the guard softens the motion and stops it, fraction."""
 SOFTENED = 0.5
-"""Share of the stiffness that is kept for the rest of a softened motion, fraction."""
+"""Factor on the stiffness for the rest of a softened motion, fraction."""
 
 
 class PassivityVerdict(IntEnum):
-    """What the guard asks for."""
+    """Decision of the guard."""
 
     PASSIVE = 0
     SOFTEN = 1
@@ -39,17 +40,16 @@ class PassivityVerdict(IntEnum):
 
 
 def share_of_limit(setpoint: ImpedanceSetpoint, before: Pose, after: Pose, period: float, force_limit: float) -> float:
-    """Return the kinetic energy of the arm's motion beyond the planned one, as a fraction of the energy at the force
-    limit.
+    """Return the kinetic energy of the arm's deviation from the planned motion, fraction of the energy at the force limit.
 
     Args:
-        setpoint: Setpoint that was held between the two samples.
+        setpoint: Setpoint held between the two samples.
         before: T_base_tcp at the first sample.
         after: T_base_tcp at the second sample.
         period: Time between the samples, s.
         force_limit: Largest external force at the TCP, N.
     """
-    # Plain numbers, because arrays of three would cost ten times as much at every scan.
+    # Plain numbers: arrays of three would take ten times as long at every scan.
     p, q = before.position.tolist(), after.position.tolist()
     (ax, ay, az), (bx, by, bz), (cx, cy, cz) = before.rotation.tolist()
     (dx, dy, dz), (ex, ey, ez), (fx, fy, fz) = after.rotation.tolist()
@@ -57,17 +57,19 @@ def share_of_limit(setpoint: ImpedanceSetpoint, before: Pose, after: Pose, perio
     vx = (wrist[0] - p[0] + WRIST * ax) / period
     vy = (wrist[1] - p[1] + WRIST * bx) / period
     vz = (wrist[2] - p[2] + WRIST * cx) / period
-    # The antisymmetric part of after·beforeᵀ is the rotation between the samples.
+    # R = after·beforeᵀ; omega = [R32 - R23, R13 - R31, R21 - R12] / (2 period), for small angles
     wx = (fx * bx + fy * by + fz * bz - ex * cx - ey * cy - ez * cz) / (2.0 * period)
     wy = (dx * cx + dy * cy + dz * cz - fx * ax - fy * ay - fz * az) / (2.0 * period)
     wz = (ex * ax + ey * ay + ez * az - dx * bx - dy * by - dz * bz) / (2.0 * period)
     if setpoint.twist is not None:
+        # Planned velocity at the wrist, with l from the tip to the wrist: v - (v_tip + omega_plan x l), omega - omega_plan
         theta, length = (0.0, 0.0) if setpoint.in_hand is None else (setpoint.in_hand.theta, setpoint.in_hand.length)
         c, s = length * math.cos(theta), length * math.sin(theta)
         lx, ly, lz = (-WRIST * x - c * x - s * y for x, y in ((dx, dy), (ex, ey), (fx, fy)))
         (tx, ty, tz), (ox, oy, oz) = setpoint.twist.linear.tolist(), setpoint.twist.angular.tolist()
         vx, vy, vz = vx - tx - oy * lz + oz * ly, vy - ty - oz * lx + ox * lz, vz - tz - ox * ly + oy * lx
         wx, wy, wz = wx - ox, wy - oy, wz - oz
+    # m v²/2 over F²/(2 K), summed over the axes, and I omega²/2 over (LEVER F)²/(2 K_r)
     kx, ky, kz, rx, ry, rz = setpoint.stiffness.tolist()
     pushing = MASS * (kx * vx * vx + ky * vy * vy + kz * vz * vz) / force_limit**2
     turning = INERTIA * (rx * wx * wx + ry * wy * wy + rz * wz * wz) / (LEVER * force_limit) ** 2
@@ -76,7 +78,7 @@ def share_of_limit(setpoint: ImpedanceSetpoint, before: Pose, after: Pose, perio
 
 @dataclass(slots=True)
 class PassivityGuard:
-    """Judges the energy of one scan after the other; a single high scan is a knock, two in a row are a swing."""
+    """Guard over successive scans; one high scan is an impact, two in a row are an oscillation."""
 
     force_limit: float
     """Largest external force at the TCP, N."""
@@ -85,10 +87,10 @@ class PassivityGuard:
     _before: tuple[float, Pose] | None = None
 
     def update(self, setpoint: ImpedanceSetpoint | None, tcp: Pose, stamp: float) -> PassivityVerdict:
-        """Judge one scan.
+        """Process one scan and return the decision.
 
         Args:
-            setpoint: Setpoint held since the scan before; None when there was none.
+            setpoint: Setpoint held since the previous scan; None if there was none.
             tcp: T_base_tcp now.
             stamp: Time, s.
         """

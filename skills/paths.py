@@ -8,17 +8,19 @@ import numpy as np
 from drivers.quantities import Vector
 
 TURN_TIME = 0.1
-"""Time of the turn from one lane into the next, s; it takes 2.5 m/s² at 0.125 m/s, which the arm follows."""
+"""Time of the turn from one lane into the next, s; at 0.125 m/s the acceleration is 2.5 m/s², which the arm can follow."""
 
 
 @dataclass(frozen=True, slots=True)
 class Lanes:
-    """Straight lanes there and back at one speed, a pitch apart, that cover a rectangle; those of the next cover lie between
-    them and along both borders, where a hole has a lane to one side of it alone.
+    """Straight parallel lanes at constant speed, a pitch apart, that cover a rectangle.
 
-    The first lane begins at a corner, or before it. A turn takes `TURN_TIME`: the speed along the lane reverses at
-    constant acceleration while the point moves to the next lane along a cosine. It lies within the rectangle and touches its
-    border half-way: a peg that turns is slow, and falls into a hole there all the sooner.
+    The lanes of the next cover lie between those of the first and along both borders, where a hole has a lane on one
+    side only. The first lane starts at a corner, or outside it.
+
+    A turn takes `TURN_TIME`: the speed along the lane reverses at constant acceleration, and the point moves to the next
+    lane along a cosine. The turn lies within the rectangle and touches its border half-way. The peg is slow in a turn, so
+    it drops into a hole there more easily.
     """
 
     half: tuple[float, float]
@@ -32,15 +34,15 @@ class Lanes:
     signs: tuple[float, float]
     """Signs of the coordinates of the first corner."""
     run_in: float
-    """Distance outside the rectangle at which the first lane begins, m."""
+    """Distance outside the rectangle at which the first lane starts, m."""
 
     @property
     def cover(self) -> float:
-        """Time in which the rectangle is covered once for the first time, s."""
+        """Time of the first cover of the rectangle, s."""
         return self._lead + self.lanes * (self._straight + TURN_TIME)
 
     def at(self, time: float) -> tuple[Vector, Vector]:
-        """Return the point, m, and its velocity, m/s, at `time`, each shape (2,), from the middle of the rectangle."""
+        """Return the point, m, relative to the middle of the rectangle, and its velocity, m/s, at `time`, each shape (2,)."""
         slow = 1 - self.fast
         straight = self._straight
         time -= self._lead
@@ -53,6 +55,8 @@ class Lanes:
             along, rate = self.speed * (within - straight / 2.0), self.speed
             across, drift = here, 0.0
         else:
+            # Turn, T = TURN_TIME: along = v (straight/2 + t (1 - t/T)), its rate v (1 - 2 t/T);
+            # across = here + (there - here) (1 - cos(pi t/T)) / 2
             t = within - straight
             along = self.speed * (straight / 2.0 + t * (1.0 - t / TURN_TIME))
             rate = self.speed * (1.0 - 2.0 * t / TURN_TIME)
@@ -68,16 +72,16 @@ class Lanes:
 
     @property
     def _straight(self) -> float:
-        """Time along the straight piece of a lane, s: a turn reaches beyond it by a quarter of its time at full speed."""
+        """Time along the straight part of a lane, s; each turn extends beyond it by v · TURN_TIME / 4."""
         return max(2.0 * self.half[self.fast] / self.speed - TURN_TIME / 2.0, 0.0)
 
     @property
     def _lead(self) -> float:
-        """Time from the beginning of the path to that of the first straight piece, s."""
+        """Time from the start of the path to the start of the first straight part, s."""
         return self.run_in / self.speed + self.half[self.fast] / self.speed - self._straight / 2.0
 
     def _place(self, lane: int) -> float:
-        """Return where a lane lies, in pitches from the middle; every second cover is shifted by half a pitch and has one lane more."""
+        """Return the position of a lane, in pitches from the middle; every second cover is shifted by half a pitch and has one more lane."""
         number = lane % (2 * self.lanes + 1)
         if number < self.lanes:
             return (self.lanes - 1) / 2.0 - number
@@ -87,9 +91,7 @@ class Lanes:
 def lanes(
     half: tuple[float, float], pitch: float, speed: float, fast: int, near: tuple[float, float], run_in: float
 ) -> Lanes:
-    """Return lanes over a rectangle, at most `pitch` apart, m, from the corner next to `near`; units are those of
-    `Lanes`.
-    """
+    """Return lanes over a rectangle, at most `pitch` apart, m, from the corner next to `near`; units as in `Lanes`."""
     signs = (math.copysign(1.0, near[0]), math.copysign(1.0, near[1]))
     return Lanes(half, fast, speed, max(math.ceil(2.0 * half[1 - fast] / pitch), 1), signs, run_in)
 
@@ -113,9 +115,9 @@ def spiral(time: float, growth: float, turn_rate: float) -> Vector:
 
 
 def spiral_at_speed(time: float, speed: float, pitch: float) -> Vector:
-    """Return the point at `time` on an Archimedean spiral that is run through at about constant speed.
+    """Return the point at `time` on an Archimedean spiral at about constant speed.
 
-    With r = pitch·angle/2π the way after many turns is pitch·angle²/4π, so that angle = sqrt(4π·speed·time/pitch).
+    With r = pitch·angle/2π, the length after many turns is pitch·angle²/4π, so angle = sqrt(4π·speed·time/pitch).
 
     Args:
         time: Time since the start, s, >= 0.
@@ -131,17 +133,17 @@ def spiral_at_speed(time: float, speed: float, pitch: float) -> Vector:
 
 
 def dither(time: float, radius: float, turn_rate: float, period: float) -> Vector:
-    """Return the point at `time` of a dither: circles that grow from nothing and fade to nothing within each period.
+    """Return the point at `time` of a dither: circles whose radius grows from zero and fades to zero within each period.
 
-    A decaying oscillation leaves a system with dry friction free of stored torque, as a decaying field leaves iron free
-    of magnetisation; a peg jams less the smaller the torque it carries. The radius grows during a fifth of the period,
-    because a sudden start would strike the peg.
+    A decaying oscillation releases the torque stored by dry friction, as a decaying field demagnetises iron. A smaller
+    torque on the peg reduces jamming. The radius grows during a fifth of the period, because a sudden start would hit the
+    peg.
 
     Args:
         time: Time since the start, s, >= 0.
         radius: Largest radius, m.
         turn_rate: Angular rate, rad/s.
-        period: Time in which the circles grow and fade once, s.
+        period: Time of one growth and fade of the circles, s.
 
     Returns:
         Point in the plane of the circles, shape (2,), m, from their centre.

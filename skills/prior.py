@@ -1,7 +1,7 @@
-"""Where a fixture holds the hole, as learnt from part to part: a Kalman filter with drift and a gate; pure.
+"""Prior of the hole's position in a fixture, learnt from part to part: a Kalman filter with drift and a gate; pure.
 
-The hole of the n-th part is at f_n + s_n: f_n is the place of the fixture, which drifts by a normal step from part to part, and
-s_n is the scatter of a single part in it. x and y are independent of each other.
+The hole of the n-th part is at f_n + s_n. The position f_n of the fixture drifts by a normal step from part to part, and
+s_n is the scatter of a single part in it. x and y are independent.
 """
 
 import math
@@ -15,63 +15,64 @@ from drivers.parts import HolePrior
 from skills.search.tour import Point
 
 NEEDED = 2
-"""Number of parts on end that have to agree before a place is believed."""
+"""Number of successive parts that must agree before their estimate is used."""
 LEAST_DEVIATION = 2e-4
-"""Smallest standard deviation that is told of a hole, m: the arm finds a seated peg no better."""
+"""Smallest standard deviation of a prior, m: the accuracy of the arm for a seated peg."""
 MEMORY = 20
-"""Number of parts over which the scatter is averaged."""
+"""Number of parts in the average of the scatter."""
 
 
 class LearningConfig(ConfigModel):
-    """[learning]: what a served cell takes over from part to part.
+    """[learning]: estimates that a served cell keeps from part to part.
 
     Source: chosen, not measured; reason in decision 0025.
     """
 
     place: bool = True
-    """Whether the cell learns where the hole of each recipe is, and searches there first. Source: decision 0025."""
+    """True if the cell learns the position of the hole for each recipe and searches there first. Source: decision 0025."""
     scatter: Annotated[float, Field(ge=1e-4, le=0.01)] = 0.001
-    """Standard deviation of the hole's place between parts of one fixture that is assumed before parts have told, m. Source: assumed."""
+    """Initial standard deviation of the hole's position between parts of one fixture, m. Source: assumed."""
     drift: Annotated[float, Field(ge=0.0, le=0.01)] = 0.0001
-    """Standard deviation of the fixture's own move from one part to the next, m."""
+    """Standard deviation of the fixture's motion from one part to the next, m."""
     gate: Annotated[float, Field(ge=2.0, le=10.0)] = 4.0
-    """Distance from where the hole was expected beyond which a hole is of another fixture, standard deviations."""
+    """Distance from the expected position beyond which a hole belongs to another fixture, standard deviations."""
     longest_age: Annotated[float, Field(gt=0.0, le=3.2e7)] = 2592000.0
-    """Time after which a learnt place is not used any more, s; the default is 30 days."""
+    """Longest time for which a learnt position is used, s; the default is 30 days."""
 
 
 @dataclass(frozen=True, slots=True)
 class PlaceEstimate:
-    """What is known of a fixture after some parts."""
+    """Estimate of a fixture's position after some parts."""
 
     mean: Point
-    """Place of the fixture, shape (2,), m, base frame."""
+    """Position of the fixture, shape (2,), m, base frame."""
     variance: Point
-    """Variance of that place along x and y, m²."""
+    """Variance of that position along x and y, m²."""
     scatter: Point
     """Variance of a part's hole about the fixture along x and y, m²."""
     parts: int
-    """Number of parts that it was learnt from."""
+    """Number of parts in the estimate."""
     stray: Point | None = None
-    """Hole of the newest part where it did not fit, m, base frame; None where it did."""
+    """Hole of the newest part if it did not fit, m, base frame; None if it did."""
 
     def prior(self, learning: LearningConfig) -> HolePrior | None:
-        """Return where the next hole is likely; None is anywhere, before parts agree and after one that did not fit."""
+        """Return the prior of the next hole; None for no prior: before parts agree, and after a part that did not fit."""
         if self.parts < NEEDED or self.stray is not None:
             return None
         x, y = (max(math.sqrt(value), LEAST_DEVIATION) for value in self._spread(learning))
         return HolePrior(mean=self.mean, deviation=(x, y))
 
     def fits(self, hole: Point, learning: LearningConfig) -> bool:
-        """Tell whether a hole, shape (2,), m, base frame, is one of this fixture."""
+        """Return True if a hole, shape (2,), m, base frame, belongs to this fixture."""
+        # Mahalanobis distance: sqrt(sum((hole - mean)² / spread)) <= gate
         spread = self._spread(learning)
         squares = ((h - m) ** 2 / s for h, m, s in zip(hole, self.mean, spread, strict=True))
         return math.sqrt(sum(squares)) <= learning.gate
 
     def after(self, hole: Point, learning: LearningConfig) -> "PlaceEstimate":
-        """Return the estimate after a part whose hole was found at `hole`, shape (2,), m, base frame.
+        """Return the estimate after a part with its hole found at `hole`, shape (2,), m, base frame.
 
-        A hole that does not fit is kept as a stray: the next one decides between the fixture that was known and a new one.
+        If the hole does not fit, it is stored as a stray. The next hole decides between the known fixture and a new one.
         """
         if self.fits(hole, learning):
             return self._updated(hole, learning)
@@ -82,11 +83,12 @@ class PlaceEstimate:
 
     def _spread(self, learning: LearningConfig) -> Point:
         """Return the variances of the next hole about the mean, m²."""
+        # P + S + Q, Q = drift²
         x, y = (v + s + learning.drift**2 for v, s in zip(self.variance, self.scatter, strict=True))
         return x, y
 
     def _updated(self, hole: Point, learning: LearningConfig) -> "PlaceEstimate":
-        """Return the estimate after a hole that fits; Kalman's update along each axis, and a scatter that forgets."""
+        """Return the estimate after a hole that fits: a Kalman update along each axis, and a moving average of the scatter."""
         parts = self.parts + 1
         mean, variance, scatter = zip(
             *(
@@ -99,13 +101,13 @@ class PlaceEstimate:
 
 
 def first_estimate(hole: Point, learning: LearningConfig) -> PlaceEstimate:
-    """Return what one part tells, whose hole was found at `hole`, shape (2,), m, base frame."""
+    """Return the estimate after one part with its hole found at `hole`, shape (2,), m, base frame."""
     spread = learning.scatter**2
     return PlaceEstimate(hole, (spread, spread), (spread, spread), 1)
 
 
 def from_prior(prior: HolePrior, learning: LearningConfig) -> PlaceEstimate:
-    """Return the estimate that a configured prior stands for, before any part."""
+    """Return the estimate equivalent to a configured prior, before any part."""
     x, y = prior.deviation
     spread = learning.scatter**2
     scatter = min(x * x / 2, spread), min(y * y / 2, spread)
@@ -114,6 +116,7 @@ def from_prior(prior: HolePrior, learning: LearningConfig) -> PlaceEstimate:
 
 def _along(hole: float, mean: float, variance: float, scatter: float, share: float) -> tuple[float, float, float]:
     """Return mean, variance and scatter along one axis after a hole; `share` is the weight of this part in the scatter."""
+    # K = P / (P + S), mean <- mean + K e, P <- (1 - K) P, S <- S + share ((1 - K) e² - S), e = hole - mean
     gain, off = variance / (variance + scatter), hole - mean
     learnt = max(scatter + share * ((1.0 - gain) * off * off - scatter), LEAST_DEVIATION**2)
     return mean + gain * off, (1.0 - gain) * variance, learnt

@@ -1,4 +1,4 @@
-"""Take a peg, which may be jammed, out of the hole before another try: along the hole's axis as far as it is known, with a dither."""
+"""Pull a peg out of the hole before another attempt, along the estimated normal and with a dither, because it may be jammed."""
 
 from drivers.frames import UP
 from drivers.quantities import ImpedanceSetpoint, Vector
@@ -9,7 +9,7 @@ from skills.paths import dither
 SPEED = 0.05
 """Speed at which the setpoint rises, m/s."""
 SHARE = 0.625
-"""Largest pull by the setpoint's lead over the tip, fraction of the force limit."""
+"""Largest pull from the setpoint's lead over the tip, fraction of the force limit."""
 SHAKEN = (0.003, 25.0, 0.5)
 """Radius of the dither of the finger centre, m, its turning rate, rad/s, and its period, s."""
 LONGEST = 10.0
@@ -17,18 +17,18 @@ LONGEST = 10.0
 
 
 def pull_out(height: float, gains: Gains, ctx: SkillContext, limited: bool = True) -> Vector | None:
-    """Pull the peg along the normal of the plate, as the search has felt it, until its tip stands at `height`, m, base frame.
+    """Pull the peg along the plate's estimated normal until its tip is at `height`, m, base frame.
 
-    Where nothing was felt the peg is pulled straight up. It is not moved aside before.
+    Without a surface estimate, the pull is straight up.
 
     Args:
-        height: Height to which the tip is pulled, m, base frame.
-        gains: Stiffness with which the arm pulls; the setpoint's lead over the tip bounds the force.
+        height: Goal height of the tip, m, base frame.
+        gains: Stiffness of the arm during the pull; the setpoint's lead over the tip bounds the force.
         ctx: The skill's context.
-        limited: Whether the limits of force and workspace hold; only a way out of a violation may go without.
+        limited: True to check the limits of force and workspace; False only for a motion out of a violation.
 
     Returns:
-        None where it came out; else the tip where it is stuck, shape (3,), m, base frame.
+        None if the peg came out, otherwise the position of the stuck tip, shape (3,), m, base frame.
     """
     here = ctx.observe()
     identity, in_hand = ctx.new_id(), ctx.in_hand()
@@ -39,6 +39,7 @@ def pull_out(height: float, gains: Gains, ctx: SkillContext, limited: bool = Tru
         tip = seen.tip
         if tip[2] >= height:
             return None
+        # Setpoint: SPEED along the normal, with a lead over the tip of at most SHARE · force limit / stiffness
         target = target + SPEED * seen.step * out
         target = target - max(float(out @ (target - tip)) - most, 0.0) * out
         offset = dither(seen.elapsed, *SHAKEN)
@@ -58,10 +59,10 @@ def pull_out(height: float, gains: Gains, ctx: SkillContext, limited: bool = Tru
 
 
 def approach(goal: Goal, transfer: Transfer, ctx: SkillContext) -> Vector | None:
-    """Move the peg above a place on the plate, first out of the hole if it stands in one, and zero the wrench there.
+    """Move the peg above a point on the plate and zero the wrench there; if the tip is lower than the goal, pull it up first.
 
     Returns:
-        None, or the tip where it is stuck in the hole, shape (3,), m, base frame.
+        None, or the position of the tip stuck in the hole, shape (3,), m, base frame.
     """
     if ctx.observe().tip[2] < goal.tip[2]:
         stuck = pull_out(goal.tip[2], transfer.gains, ctx)

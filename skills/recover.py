@@ -1,19 +1,18 @@
-"""Free hand and arm after a failure; what the hand holds goes to the reject bin, but a seated peg is left where it is.
+"""Free hand and arm after a failure: drop a held peg into the reject bin, but leave a seated peg in the hole.
 
-    | where the peg is            | what is done                                                                      |
-    | --------------------------- | --------------------------------------------------------------------------------- |
-    | in the hand, clear of all   | draw up, drop it into the bin                                                       |
-    | in the hand, at the plate   | pull it along the hole's axis, as far as that is known, with the force bounded, as  |
-    |                             | it may be in the hole; then the bin                                               |
-    | in the hand, in the hole,   | let go of it, draw back without it, and say that it is jammed: a person must         |
-    | and it does not come out,   | take it out                                                                         |
-    | or slips out of the hand    |                                                                                   |
-    | in the hand, seated         | let go of it and draw back                                                          |
-    | in a hand that is as wide   | as one that slips out of the hand, if its end may be in the hole                     |
-    | as the peg but does not grip|                                                                                   |
-    | nowhere in the hand         | draw up, open the hand; whether a person is needed the supervisor says               |
+    | state of the peg             | action                                                                          |
+    | ---------------------------- | ------------------------------------------------------------------------------- |
+    | held, clear of the plate     | raise it, drop it into the bin                                                  |
+    | held, at the plate           | pull it along the estimated normal with a bounded force, because it may be in   |
+    |                              | the hole; then drop it into the bin                                             |
+    | held, in the hole, and stuck | release it, retract without it, report it as jammed: a person must remove it    |
+    | or slipping out of the hand  |                                                                                 |
+    | held, seated                 | release it and retract                                                          |
+    | between the pads but not     | as for a peg that slips out of the hand, if its end may be in the hole          |
+    | gripped                      |                                                                                 |
+    | not in the hand              | raise the hand and open it; the supervisor decides if a person is needed        |
 
-A hand that does not open is never drawn away from a peg that the hole holds.
+If the hand does not open, it never retracts from a peg that the hole holds.
 """
 
 from dataclasses import dataclass
@@ -32,40 +31,40 @@ from skills.pull_out import pull_out
 from skills.release_and_retract import let_go
 
 MARGIN = 0.01
-"""Distance that is kept from the edge of the workspace, m."""
+"""Distance to keep from the edge of the workspace, m."""
 CLEAR = 0.005
-"""Height of a held peg's end over the surface from which on nothing can hold it, m."""
+"""Height of a held peg's end over the surface above which the hole cannot hold it, m."""
 
 
 class RecoverParams(SkillParams):
-    """How to come back.
+    """Parameters of the recovery.
 
     Source: chosen, not measured.
     """
 
     transfer: Transfer
-    """How the hand goes to the bin."""
+    """Motion of the hand to the bin."""
     height: Annotated[float, Field(gt=0.0, le=0.3)]
-    """Distance to draw up first, m."""
+    """Distance to rise first, m."""
     bin: Point
-    """Place above the reject bin where the peg is let go, m, base frame. Source: set for each cell."""
+    """Position above the reject bin for releasing the peg, m, base frame. Source: set for each cell."""
     opening: Annotated[float, Field(gt=0.0, le=0.08)]
-    """Distance between the pads that lets the peg go, m."""
+    """Distance between the pads that releases the peg, m."""
     opening_time: Annotated[float, Field(gt=0.0, le=10.0)]
     """Longest time for the fingers to open, s."""
     first: bool = False
-    """Whether a start that finds a peg in the hand clears it away first, instead of being refused. Source: decision 0021."""
+    """True if a start with a peg in the hand first removes the peg; otherwise such a start is refused. Source: decision 0021."""
 
 
 @dataclass(frozen=True, slots=True)
 class RecoverResult(SkillResult):
-    """Whether a peg was dropped into the bin."""
+    """Result of the recovery; `dropped` is True if a peg was dropped into the bin."""
 
     dropped: bool
 
 
 def run(params: RecoverParams, ctx: SkillContext) -> RecoverResult:
-    """Free the peg where it can be freed, turn the hand down above the bin, open it."""
+    """Free the peg if possible, move the hand above the bin pointing down, and open it."""
     first = ctx.observe()
     held = first.gripper.is_gripping
     is_jammed = False
@@ -88,9 +87,9 @@ def run(params: RecoverParams, ctx: SkillContext) -> RecoverResult:
 
 
 def _pull(params: RecoverParams, ctx: SkillContext) -> Vector | None:
-    """Pull the peg out until its end is clear of the plate; return where it is stuck or slips out of the hand, or None.
+    """Pull the peg until its end is clear of the plate; return the tip if it is stuck or slips out of the hand, else None.
 
-    The limits do not count here: what the failure left pressed must first be able to give way, and the pull is bounded.
+    The limits are not checked: contact forces left by the failure must first decay, and the pull itself is bounded.
     """
     try:
         return pull_out(ctx.job.hole.centre[2] + CLEAR, params.transfer.gains, ctx, limited=False)
@@ -101,7 +100,7 @@ def _pull(params: RecoverParams, ctx: SkillContext) -> Vector | None:
 
 
 def _relax(ctx: SkillContext) -> None:
-    """Let the arm hold still where it is; the hand of an arm that pulls would leap when it lets go."""
+    """Hold the arm still at its present pose, because an arm that pulls would jump when the hand opens."""
     ctx.arm.halt()
     ctx.held = None
 
@@ -111,7 +110,7 @@ def _draw_up(params: RecoverParams, ctx: SkillContext) -> None:
     low, high = np.array(ctx.limits.low), np.array(ctx.limits.high)
     inside = np.clip(tcp.position + UP * params.height, low + MARGIN, high - MARGIN)
     out = Goal(inside, -tcp.rotation[:, 0], tcp.rotation[:, 2])
-    # What the failure left pressed or outside must first be free to move away.
+    # The limits are not checked: the failure can have left the hand in contact or outside the workspace.
     for _ in move(out, params.transfer, ctx, None, limited=False):
         pass
 

@@ -1,4 +1,4 @@
-"""Let go of a seated peg and leave it in place: open, draw back, make sure that it stayed."""
+"""Release a seated peg: open the hand, retract, check that the peg stayed."""
 
 from dataclasses import dataclass
 from typing import Annotated
@@ -11,35 +11,35 @@ from skills.contract import Observation, Outcome, Reason, SkillContext, SkillPar
 from skills.motion import Goal, Transfer, move, stay
 
 ANSWER_TIME = 1.0
-"""Longest wait for a switch that does not answer, s; the supervisor waits half as long. Source: chosen, not measured."""
+"""Timeout of the switch, s; the supervisor waits half as long. Source: chosen, not measured."""
 
 
 class ReleaseAndRetractParams(SkillParams):
-    """How to let go.
+    """Parameters of releasing the peg.
 
     Source: chosen, not measured.
     """
 
     transfer: Transfer
-    """How the hand draws back."""
+    """Motion of the hand while it retracts."""
     opening: Annotated[float, Field(gt=0.0, le=0.08)]
-    """Distance between the pads that lets the peg go, m."""
+    """Distance between the pads that releases the peg, m."""
     opening_time: Annotated[float, Field(gt=0.0, le=10.0)]
     """Longest time for the fingers to open, s."""
     height: Annotated[float, Field(gt=0.0, le=0.3)]
-    """Distance to draw back, m."""
+    """Distance to retract, m."""
 
 
 @dataclass(frozen=True, slots=True)
 class ReleaseAndRetractResult(SkillResult):
-    """What was left behind."""
+    """State of the peg after its release."""
 
     stayed: bool
-    """The switch is still closed."""
+    """True if the switch is still closed."""
 
 
 def run(params: ReleaseAndRetractParams, ctx: SkillContext) -> ReleaseAndRetractResult:
-    """Open the hand and draw it back along the fingers, then upwards; a hand that does not open stays where it is."""
+    """Open the hand and retract it upwards; if the hand does not open, it stays in place."""
     first = ctx.observe()
     if not let_go(params.opening, params.opening_time, ctx):
         return _result(Outcome.FAILURE, Reason.STILL_HELD, ctx, first)
@@ -53,7 +53,10 @@ def run(params: ReleaseAndRetractParams, ctx: SkillContext) -> ReleaseAndRetract
 
 
 def _answer(ctx: SkillContext) -> SwitchState:
-    """Return what the switch says once it answers, or that it does not. The supervisor ends a run whose success needs a switch that is silent."""
+    """Return the state of the switch within `ANSWER_TIME`; UNKNOWN if it times out.
+
+    If a success needs a switch that has timed out, the supervisor ends the run.
+    """
     switch = ctx.observe().switch
     if switch is not SwitchState.UNKNOWN:
         return switch
@@ -65,10 +68,12 @@ def _answer(ctx: SkillContext) -> SwitchState:
 
 
 def let_go(opening: float, longest: float, ctx: SkillContext) -> bool:
-    """Open the hand where it is; return whether it is wider than the peg, as a hand that does not grip may still be around it.
+    """Open the hand in place; return True if the pads are further apart than the peg is thick.
+
+    `is_gripping` alone is not sufficient, because a hand that does not grip can still enclose the peg.
 
     Args:
-        opening: Distance between the pads that lets the peg go, m.
+        opening: Distance between the pads that releases the peg, m.
         longest: Longest time for the fingers to open, s.
         ctx: The skill's context.
     """

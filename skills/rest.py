@@ -1,7 +1,8 @@
-"""How an arm is brought to rest: braked for a moment, then held; one rule for hold, stop, abort and faults.
+"""Bring an arm to rest: brake briefly, then hold; the same rule for hold, stop, abort and faults.
 
-A single halt would hold the place where a fast arm was, so that it swings back; halts at every scan let it run out. Then
-the last one must hold: many would let the arm sink by what its model of gravity lacks, and it would never rest.
+A single halt holds the position at its time, so a fast arm would swing back to it. Halts at every scan move the held
+position along until the arm is slow. Then the last halt must hold: under repeated halts, errors of the gravity model
+would make the arm sink, and it would never rest.
 """
 
 from collections.abc import Callable
@@ -13,64 +14,64 @@ from drivers.protocols import Arm, Clock
 from drivers.quantities import ArmState, Vector
 
 REST_SPEED = 0.01
-"""Largest speed of every joint of an arm that stands still, rad/s."""
+"""Largest speed of every joint of an arm at rest, rad/s."""
 REST_SCANS = 5
-"""Number of scans in a row below that speed after which an arm stands still: one may be where a swing turns."""
+"""Number of successive scans below `REST_SPEED` after which the arm is at rest; a single scan can be a turning point of an oscillation."""
 BRAKE_SPEED = 0.03
-"""Speed of the fastest joint above which an arm is halted anew at every scan, rad/s: what is slower the held place stops without a
-swing back. Source: decision 0009.
+"""Speed of the fastest joint above which the arm is halted again at every scan, rad/s; a slower arm stops at the held position without
+swinging back. Source: decision 0009.
 """
 BRAKE_TIME = 0.1
-"""Longest time for which an arm is halted anew, s: five time constants of an arm whose inertia is as believed, after which one that is still
-fast is pulled by something, and has to be held. Source: decision 0014.
+"""Longest time of repeated halts, s: five time constants of an arm with the assumed inertia. If the arm is still fast then, an external
+force pulls it and it must be held. Source: decision 0014.
 """
 REST_TIME = 1.0
-"""Time from which on an arm that stays in place is at rest whatever speed it reads, s: that of a real one may never read zero."""
+"""Time after which an arm that stays in place is at rest at any measured speed, s; the measured speed of a real arm may never be zero."""
 PLACE_TIME = 0.1
-"""Time over which an arm has to stay in place, s: it may move on by `REST_SPEED` times that."""
+"""Time over which the arm must stay in place, s; the limit of its motion is `REST_SPEED` times that."""
 LONGEST = 3.0
-"""Longest time for an arm to come to rest, s; one that moves for longer does not obey, which is a fault."""
+"""Longest time for an arm to come to rest, s; a longer motion is a fault."""
 
 
 class Rest:
-    """Brings one arm to rest, and knows whether it has come to rest."""
+    """Brings one arm to rest and reports whether it is at rest."""
 
     def __init__(self, arm: Arm) -> None:
-        """Take the arm; it may move until `seek` is called."""
+        """Store the arm; it may move until `seek` is called."""
         self._arm = arm
         self._since: float | None = None
         self._calm = 0
         self._place: tuple[Vector, float] | None = None
-        """Joints and time from which on it is seen whether the arm stays in place."""
+        """Joint positions and time of the reference for staying in place."""
         self._is_in_place = False
         self.is_reached = False
-        """Whether the arm was brought to rest and nobody has moved it since."""
+        """True if the arm is at rest and has not been released since."""
 
     @property
     def is_sought(self) -> bool:
-        """Whether the arm is being brought to rest, or is at rest."""
+        """True if the arm is being brought to rest, or is at rest."""
         return self._since is not None
 
     def leave(self) -> None:
-        """Note that the arm is to move from now on."""
+        """Release the arm: it may move from now on."""
         self._since, self.is_reached = None, False
 
     def seek(self, now: float) -> None:
-        """Halt the arm at the time `now`, s, and begin to bring it to rest.
+        """Halt the arm at the time `now`, s, and start to bring it to rest.
 
         Raises:
-            CellError: The arm does not take the halt.
+            CellError: The arm rejects the halt.
         """
         self._since, self._calm, self.is_reached = now, 0, False
         self._place, self._is_in_place = None, False
         self._arm.halt()
 
     def take(self, arm: ArmState, now: float) -> bool:
-        """Take the arm's state of one scan at the time `now`, s: brake or hold; return whether rest is reached.
+        """Process the arm's state of one scan at the time `now`, s: brake or hold; return True if the arm is at rest.
 
         Raises:
-            ArmRestlessError: The arm still moves long after it was halted.
-            CellError: The arm does not take the halt.
+            ArmRestlessError: The arm still moves `LONGEST` seconds after the halt.
+            CellError: The arm rejects the halt.
         """
         if self._since is None or self.is_reached:
             return self.is_reached
@@ -90,7 +91,7 @@ class Rest:
         return self.is_reached
 
     def _watch_place(self, q: Vector, now: float) -> None:
-        """See whether the joints, rad, are where they were some scans ago."""
+        """Compare the joint positions, rad, with those `PLACE_TIME` ago."""
         if self._place is None:
             self._place = q, now
         before, since = self._place
@@ -99,12 +100,13 @@ class Rest:
             self._place = q, now
 
     def wait(self, clock: Clock, period: float, meanwhile: Callable[[], None] = lambda: None) -> None:
-        """Bring the arm to rest if it is not there yet, and do something `meanwhile` in every scan, one a period, s.
+        """Bring the arm to rest, unless it is at rest; call `meanwhile` at every scan, one a `period`, s.
 
-        An arm whose state cannot be read is braked without it, for one halt alone would let it swing back.
+        If the arm's state cannot be read, the arm is still halted at every scan of the braking time, because after a single
+        halt it would swing back.
 
         Raises:
-            CellError: The arm is silent, does not take the halt or goes on moving.
+            CellError: The arm times out, rejects the halt or keeps moving.
         """
         if not self.is_sought:
             self.seek(clock.now())
@@ -113,7 +115,7 @@ class Rest:
             meanwhile()
 
     def _take_newest(self, now: float) -> bool:
-        """Take the arm's newest state, or brake without one; return whether rest is reached."""
+        """Process the arm's newest state, or brake without a state; return True if the arm is at rest."""
         try:
             arm = self._arm.read()
         except CellError:

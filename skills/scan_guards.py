@@ -1,4 +1,4 @@
-"""Checks that every scan makes, and the way back from a hold; pure."""
+"""Checks made at every scan, and the path back after a hold; pure."""
 
 import math
 from collections import deque
@@ -16,78 +16,74 @@ from drivers.quantities import FINGER_NAMES, ArmState, GripperState, ImpedanceSe
 from skills.tactile.pose import PegPose
 
 OVERRUN_WINDOW = 100
-"""Number of scans over which overruns are counted."""
+"""Number of scans in the count of overruns."""
 LONGEST_STEP = 3.0
-"""Largest part of a path that is done in one scan, periods of the scan; a scan that comes later than that slows the path. At the speed of a
-transfer the setpoint then jumps by 7.5 mm, which the arm follows with 11 N.
+"""Largest advance of a path in one scan, periods of the scan; if a scan is later, it slows the path. At the speed of a transfer the
+setpoint then jumps by 7.5 mm, which the arm follows with 11 N.
 """
 TRACKING_LIMIT = 0.1
-"""Largest distance between the controlled point and its setpoint, m; the lead that skills push with stays below half of
-it.
-"""
+"""Largest distance between the controlled point and its setpoint, m; the skills' pushes lead by less than half of it."""
 MOST_LEVEL = 1500.0
-"""Largest reading of a finger's taxels that a held peg does not press, counts: at least a fifth of them lie beside it, and read below 510 with
+"""Largest offset of a finger's readings, counts. At least a fifth of a finger's taxels are beside a held peg. They read below 510 with
 round and flat pegs of 8 and 12 mm at 30 and 70 N, at all angles. Source: derived from the pads of the simulation.
 """
 FREE_SHARE = 5
-"""One of so many taxels of a finger is beside any peg."""
+"""Divisor of the number of a finger's taxels: at least this part of them is beside any peg."""
 MOST_COUNTS = 65535.0
-"""Largest reading of a taxel, counts: that of a converter of 16 bits."""
+"""Largest reading of a taxel, counts: that of a 16-bit converter."""
 WIDEST = 1.0
 """Largest distance between the pads of any hand, m."""
 RESUME_TIME = 1.0
-"""Time of the way from a hold back to the setpoint, s; a peg that left the plate while the arm braked comes down on it
-slowly.
-"""
+"""Duration of the path from a hold back to the setpoint, s; if the peg left the plate while the arm braked, it returns slowly."""
 
 
 class ScanLimits(ConfigModel):
-    """[scan]: how late the scan may come before the run ends; until then a late scan only slows the path."""
+    """[scan]: limits on the lateness of scans; below them a late scan only slows the path."""
 
     late: Fraction = 0.8
-    """Largest share of the last 100 scans that may take longer than two periods, fraction; more of them are a fault. Source: decision 0015."""
+    """Largest share of the last 100 scans that may take longer than two periods, fraction; a larger share is a fault. Source: decision 0015."""
     longest: Annotated[float, Field(gt=0.0, le=1.0)] = 0.2
-    """Longest time from one scan to the next, s; later than this the arm is halted, and the run ends with a fault. Source: decision 0015."""
+    """Longest time from one scan to the next, s; if it is exceeded, the arm is halted and the run ends with a fault. Source: decision 0015."""
 
 
 def new_window() -> deque[bool]:
-    """Return the memory for which of the last scans were late, before the first one."""
+    """Return an empty record of the lateness of the last scans."""
     return deque(maxlen=OVERRUN_WINDOW)
 
 
 class ScanTiming:
-    """Judges how late the scans come, and tells how far a path goes on in each of them; one object serves one skill's scan."""
+    """Lateness of the scans and advance of the path in each; one object serves one call of a skill's scan."""
 
     def __init__(self, scan_period: float, limits: ScanLimits, late: deque[bool]) -> None:
-        """Begin before the first scan; the period is in s, and `late` tells of the scans before."""
+        """Start before the first scan; the period is in s, and `late` records the lateness of earlier scans."""
         self._period, self._limits, self._late = scan_period, limits, late
         self._before: float | None = None
         self.passed = scan_period
-        """Time since the scan before, s, on the cell's clock; a period at the first scan."""
+        """Time since the previous scan, s, on the cell's clock; one period at the first scan."""
 
     @property
     def step(self) -> float:
-        """Time by which a path goes on in this scan, s: what has passed, as far as a path may step."""
+        """Advance of the path time in this scan, s: the time since the previous scan, at most `LONGEST_STEP` periods."""
         return min(self.passed, LONGEST_STEP * self._period)
 
     @property
     def due(self) -> float:
-        """When the next scan is due, s, on the cell's clock: a period after this one, so that no late scan is made up for."""
+        """Time of the next scan, s, on the cell's clock: one period after this scan, so late scans are not caught up."""
         return (self._before or 0.0) + self._period
 
     def take(self, stamp: float) -> None:
-        """Take the start of a scan on the cell's clock, s."""
+        """Record the start of a scan on the cell's clock, s."""
         if self._before is not None:
-            # Ticks of a simulated clock are no exact binary fractions; a path counts whole periods where scans keep their time.
+            # Ticks of a simulated clock are not exact binary fractions; rounding makes punctual scans whole periods.
             self.passed = round(stamp - self._before, 9)
         self._before = stamp
         self._late.append(self.passed > 2.0 * self._period)
 
     def require_kept(self) -> None:
-        """Make sure that the limits are kept.
+        """Check the limits on lateness.
 
         Raises:
-            ScanOverrunError: This scan comes later than allowed, or too many of the last ones came late.
+            ScanOverrunError: This scan is later than allowed, or too many of the last scans were late.
         """
         if self.passed > self._limits.longest:
             raise ScanOverrunError(
@@ -105,9 +101,7 @@ class ScanTiming:
 
 
 def way_back(paused: ArmState, held: ImpedanceSetpoint, stamp: float, scan_period: float) -> ImpedanceSetpoint:
-    """Return the setpoint at `stamp` on the straight way from where the arm was `paused` to the setpoint that it held
-    before.
-    """
+    """Return the setpoint at `stamp` on the straight path from the arm's `paused` state back to the `held` setpoint."""
     theta, length = (0.0, 0.0) if held.in_hand is None else (held.in_hand.theta, held.in_hand.length)
     tip, axis = end_point(paused.tcp, theta, length)
     share = min((stamp - paused.stamp) / RESUME_TIME, 1.0)
@@ -122,10 +116,10 @@ def way_back(paused: ArmState, held: ImpedanceSetpoint, stamp: float, scan_perio
 
 
 def require_tracking(arm: ArmState, held: ImpedanceSetpoint) -> None:
-    """Make sure that the arm is close to its setpoint.
+    """Check that the arm is close to its setpoint.
 
     Raises:
-        TrackingError: It is blocked, or was told to be somewhere else altogether.
+        TrackingError: The arm is blocked, or the setpoint is out of reach.
     """
     point = arm.tcp.position
     if held.in_hand is not None:
@@ -139,10 +133,10 @@ def require_tracking(arm: ArmState, held: ImpedanceSetpoint) -> None:
 
 
 def require_finite_skin(frame: TaxelFrame) -> None:
-    """Make sure that the stamp and every trusted taxel are numbers that a skin can give.
+    """Check that the stamp and every trusted reading are plausible numbers.
 
     Raises:
-        NotFiniteError: One line that names the finger and the taxel.
+        NotFiniteError: The stamp is not finite, or a reading is not plausible; the message names the finger and the taxel.
     """
     if not math.isfinite(frame.stamp):
         raise NotFiniteError(f"skin: stamp: {frame.stamp}; a number needed")
@@ -155,10 +149,10 @@ def require_finite_skin(frame: TaxelFrame) -> None:
 
 
 def require_finite_hand(hand: GripperState) -> GripperState:
-    """Return the state of a hand whose width is a number that a hand can have.
+    """Return the state of a hand after a check that its width is a plausible number.
 
     Raises:
-        NotFiniteError: It is not; one line.
+        NotFiniteError: The width is not plausible.
     """
     if not abs(hand.width) <= WIDEST:
         raise NotFiniteError(f"hand: width: {hand.width}; a number needed")
@@ -166,7 +160,7 @@ def require_finite_hand(hand: GripperState) -> GripperState:
 
 
 def require_finite_theta(pose: PegPose) -> None:
-    """Make sure that theta is finite in an estimate that calls itself healthy.
+    """Check that theta of a healthy estimate is finite.
 
     Raises:
         NotFiniteError: Theta is not finite.
@@ -176,10 +170,10 @@ def require_finite_theta(pose: PegPose) -> None:
 
 
 def require_level_skin(frame: TaxelFrame) -> None:
-    """Make sure that no finger reads an offset all over: a peg presses only a part of it.
+    """Check that no finger has an offset on all taxels; a peg presses only some of them.
 
     Raises:
-        SkinUntrustedError: One line that names the finger and its offset.
+        SkinUntrustedError: A finger has an offset; the message names the finger and the offset.
     """
     for name, values, trusted in zip(FINGER_NAMES, frame.values, frame.trusted, strict=True):
         told = np.sort(values[trusted])

@@ -1,4 +1,4 @@
-"""Judge whether the peg is seated: the switch decides, and the depth of the tip has to agree with it; pure."""
+"""Decide whether the peg is seated: the switch decides, and the depth of the tip must agree; pure."""
 
 import math
 from dataclasses import dataclass
@@ -9,43 +9,40 @@ from drivers.quantities import ImpedanceSetpoint, SwitchState, Vector
 from skills.contract import Observation
 
 CLOSED_TOLERANCE = 0.004
-"""Largest difference between the tip's depth by the arm and the hole's depth when the switch closes, m; theta is known
-no better.
-"""
+"""Largest difference between the tip's depth by the arm and the hole's depth when the switch closes, m: the error of theta."""
 OPEN_TOLERANCE = 0.0015
-"""Distance from the hole's depth within which a tip that can be pushed no further should have closed the switch, m."""
+"""Distance from the hole's depth within which a resting tip should have closed the switch, m."""
 
 MOST_SHALLOW = 0.001
-"""Largest depth that a peg may be short of the hole's where the switch closes, from the surface that its search has felt, m; such a peg counts as
-seated at once.
-"""
+"""Largest shortfall from the hole's depth at which a closed switch seats the peg at once, m, by the surface estimate of the search."""
 DOUBTED = 0.002
-"""Largest depth that a peg may be short of the hole's, m, where the bottom bears it: surface and tip are measured with the hand at two
-attitudes, and err by 0.4 mm against each other, by 0.5 mm where a cell errs twice as much. Source: decision 0021.
+"""Largest shortfall from the hole's depth at which a peg at rest on the bottom is seated, m. Surface and tip are measured at two attitudes of
+the hand. Their difference errs by 0.4 mm, and by 0.5 mm in a cell with twice the errors. Source: decision 0021.
 """
 MOST_DEEP = 0.002
-"""Largest depth beyond the hole's at which a peg counts as seated at once where the switch closes, from the surface that its search has felt, m: a peg
-looks deeper that the hole has pushed up in the hand since. One that looks deeper still is seated where the bottom bears it. Source: decision 0021.
+"""Largest depth beyond the hole's at which a closed switch seats the peg at once, m, by the surface estimate of the search. If the hole has
+pushed the peg up in the hand, it appears deeper. Beyond this limit the peg must rest on the bottom. Source: decision 0021.
 """
 BORNE_FOR = 0.2
-"""Time for which the bottom has to bear a peg that is pushed, s; one that is guided goes down by millimetres in it."""
+"""Least time of a rest under a push, s; a guided peg descends by millimetres in this time."""
 BORNE_WITHIN = 3e-4
-"""Largest change of the tip's height in that time, m."""
+"""Largest change of the tip's height during a rest, m."""
 LEAST_PUSH = 4.0
-"""Least push that something has to bear, N; friction in the joints of an arm holds the hand against less."""
+"""Least push during a rest, N; joint friction alone can hold the hand against a smaller push."""
 
 
 @dataclass(frozen=True, slots=True)
 class Footing:
-    """Rest of a peg that is pushed down a hole on what bears it."""
+    """Rest of a pushed peg on the bottom or on another support."""
 
     height: float = math.inf
     """Height of the tip when it came to rest, m, base frame."""
     since: float = math.inf
-    """Time since which it has been pushed there, s; infinite where it is not."""
+    """Start of the rest under a push, s; infinite if the peg is not pushed."""
 
     def after(self, seen: Observation, setpoint: ImpedanceSetpoint | None) -> "Footing":
-        """Return the footing after one more scan with the setpoint that was followed; the push is the spring's along z."""
+        """Return the footing after one more scan with the followed setpoint."""
+        # Push of the spring along z: K_z (z - z*)
         height = float(seen.tip[2])
         if setpoint is None or float(setpoint.stiffness[2] * (height - setpoint.tip[2])) < LEAST_PUSH:
             return Footing()
@@ -54,25 +51,25 @@ class Footing:
         return Footing(height, seen.stamp)
 
     def is_firm(self, now: float) -> bool:
-        """Return whether the peg has been borne for long enough at the time `now`, s."""
+        """Return True if the rest has lasted `BORNE_FOR` at the time `now`, s."""
         return now - self.since >= BORNE_FOR
 
 
 @dataclass(frozen=True, slots=True)
 class Arrival:
-    """What the scans with a closed switch tell of a peg that arrives at the bottom."""
+    """Arrival of the peg at the bottom, over the scans with a closed switch."""
 
     is_doubted: bool | None = None
-    """Whether the depth at which the switch closed leaves open whether the peg is seated; None before it closed."""
+    """True if the depth at the closing of the switch alone does not decide the seating; None before the switch closed."""
     footing: Footing = Footing()
 
     def after(self, seen: Observation, setpoint: ImpedanceSetpoint | None, short: float) -> "Arrival":
-        """Return what is known after one more scan with a closed switch.
+        """Return the arrival after one more scan with a closed switch.
 
         Args:
             seen: The scan.
-            setpoint: Setpoint that was followed in it.
-            short: How much the peg is short of the hole's depth, from the surface that its search has felt, m.
+            setpoint: Setpoint followed during the scan.
+            short: Hole's depth minus the peg's depth, by the surface estimate of the search, m.
         """
         is_doubted = self.is_doubted
         if is_doubted is None:
@@ -80,8 +77,9 @@ class Arrival:
         return Arrival(is_doubted, self.footing.after(seen, setpoint))
 
     def is_over(self, now: float) -> bool:
-        """Return whether pushing on tells nothing more at the time `now`, s: the depth is beyond doubt, something bears the peg, or the
-        push is too weak to tell.
+        """Return True if a longer push gives no further information at the time `now`, s.
+
+        This is so if the depth decides the seating, if the peg rests, or if the push is too weak for a rest.
         """
         return not self.is_doubted or self.footing.is_firm(now) or self.footing.since == math.inf
 
@@ -92,16 +90,16 @@ def depth_of(tip: Vector, hole: Hole) -> float:
 
 
 def is_seated(switch: SwitchState, tip: Vector, hole: Hole) -> bool:
-    """Return whether the switch is closed, after a check that the tip is then at the hole's depth.
+    """Return True if the switch is closed; check that the tip is then at the hole's depth.
 
     Args:
         switch: State of the switch.
         tip: End point of the peg by the arm, shape (3,), m, base frame.
-        hole: The hole as the job states it.
+        hole: The hole of the job.
 
     Raises:
-        SwitchDisagreesError: The switch is closed, and the tip is elsewhere.
-        SwitchUnknownError: The switch gives no valid answer.
+        SwitchDisagreesError: The switch is closed, but the tip is not at the hole's depth.
+        SwitchUnknownError: The state of the switch is unknown.
     """
     if switch is SwitchState.UNKNOWN:
         raise SwitchUnknownError("switch: state unknown; closed or open needed")
@@ -117,7 +115,7 @@ def is_seated(switch: SwitchState, tip: Vector, hole: Hole) -> bool:
 
 
 def require_short_of_bottom(tip: Vector, hole: Hole) -> None:
-    """Make sure that an open switch is plausible, after all the time to seat the peg is spent.
+    """Check that an open switch is plausible, after the timeout of seating the peg.
 
     Raises:
         SwitchDisagreesError: The tip is at the bottom.

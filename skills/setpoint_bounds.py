@@ -1,4 +1,4 @@
-"""The values that a setpoint may have wherever the arm is: numbers, and no more than the arm may be asked for; pure."""
+"""Bounds on the values of a setpoint that do not depend on the arm's pose; pure."""
 
 import math
 from collections.abc import Sequence
@@ -11,24 +11,24 @@ from drivers.quantities import ImpedanceSetpoint
 UNIT_TOLERANCE = 1e-3
 """Largest difference between the length of an axis and 1."""
 MOST_DAMPING_RATIO = 10.0
-"""Largest damping ratio. A damping that acts 3.6 ms late, as torques do behind 100 Hz and two cycles of transport, lets a hand of 3 kg on 1500 N/m
-swing from 9.7 on, a quarter of pi over rate and delay; a sound skill asks for 7.5 at the most.
+"""Largest damping ratio. With a delay of 3.6 ms, from torques at 100 Hz and two cycles of transport, a hand of 3 kg at 1500 N/m
+oscillates from 9.7 on: pi/4 over natural frequency and delay. The skills request at most 7.5.
 """
 LONGEST_VALIDITY = 1.0
-"""Longest time from the arm's state for which a setpoint may be valid, s: ten scans at the slowest scan rate, 10 Hz, so that an arm whose program
-is gone stands within it.
+"""Longest validity of a setpoint after the arm's state, s: ten scans at the slowest scan rate, 10 Hz. If the program ends, the arm stops
+within this time.
 """
 AGE_SLACK = 1e-3
 """Largest difference between two readings of a clock, s."""
 MOST_THETA = math.pi
-"""Largest in-hand angle, rad; beyond it the same peg has a smaller one."""
+"""Largest in-hand angle, rad; a larger angle equals a smaller one of the same peg."""
 MOST_LENGTH = 0.5
 """Largest distance from the finger centre to the peg's end, m: that of `peg.length`."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ArmBounds:
-    """What an arm may be asked for, by its file of figures."""
+    """Bounds of the setpoints of an arm, from its arm file."""
 
     speed: float
     """Largest speed of the tool, m/s."""
@@ -41,7 +41,7 @@ class ArmBounds:
     torques: tuple[float, ...]
     """Largest torque of each joint, N·m."""
     torque_rate: float
-    """Largest change of a commanded torque that every joint bears, N·m/s."""
+    """Largest rate of the commanded torque permitted for every joint, N·m/s."""
     q_min: tuple[float, ...]
     """Lower end of the permitted joint positions, rad."""
     q_max: tuple[float, ...]
@@ -51,7 +51,7 @@ class ArmBounds:
 
 
 class Numbers(NamedTuple):
-    """A setpoint as plain numbers, because each operation on an array of three costs as much as ten of theirs."""
+    """A setpoint as plain numbers; an operation on an array of three takes as long as ten on plain numbers."""
 
     tip: list[float]
     axis: list[float]
@@ -63,19 +63,19 @@ class Numbers(NamedTuple):
     theta: float
     length: float
     roll: list[float]
-    """Closing direction; empty where none is asked for, as twist and posture are."""
+    """Closing direction; empty if not set, as are twist and posture."""
     linear: list[float]
     angular: list[float]
     posture: list[float]
 
     @property
     def hand(self) -> list[float]:
-        """Place of the hand, m, base frame."""
+        """Position of the finger centre, m, base frame: tip + length · axis."""
         return [at + self.length * along for at, along in zip(self.tip, self.axis, strict=True)]
 
 
 def numbers_of(setpoint: ImpedanceSetpoint) -> Numbers:
-    """Return a setpoint's numbers; those of the peg in the hand are 0 for a bare hand."""
+    """Return a setpoint's numbers; theta and length are 0 for an empty hand."""
     hand, twist = setpoint.in_hand, setpoint.twist
     stiffness = setpoint.stiffness.tolist()
     return Numbers(
@@ -94,16 +94,16 @@ def numbers_of(setpoint: ImpedanceSetpoint) -> Numbers:
 
 
 def require_values(setpoint: ImpedanceSetpoint, numbers: Numbers, stamp: float, bounds: ArmBounds) -> None:
-    """Make sure that every value of a setpoint is a number, and that the arm may be asked for it.
+    """Check that every value of a setpoint is finite and within its bounds.
 
     Args:
-        setpoint: What a skill asks for.
-        numbers: Its numbers.
+        setpoint: Setpoint of a skill.
+        numbers: The numbers of `setpoint`.
         stamp: Time of the arm's newest state, s.
-        bounds: What the arm may be asked for.
+        bounds: Bounds of the arm's setpoints.
 
     Raises:
-        SetpointError: One line that names the value, what was found and what is allowed.
+        SetpointError: A value is out of bounds; the message names it, the value found and the permitted values.
     """
     _require_numbers(setpoint, numbers)
     if abs(math.hypot(*numbers.axis) - 1.0) > UNIT_TOLERANCE:
@@ -117,7 +117,8 @@ def require_values(setpoint: ImpedanceSetpoint, numbers: Numbers, stamp: float, 
         ("stiffness", max(numbers.pushing), 0.0, bounds.stiffness, "N/m"),
         ("rotational stiffness", max(numbers.turning), 0.0, bounds.turn_stiffness, "N·m/rad"),
         ("damping ratio", max(numbers.damping_ratio), 0.0, MOST_DAMPING_RATIO, ""),
-        # What an integral adds lasts, and the weakest joint has to bear it; it grows no faster than torques may, at an error of 1 rad.
+        # The integral's torque is lasting, so the weakest joint must bear it. At an error of 1 rad it must grow no faster
+        # than the permitted torque rate.
         ("integral_limit", setpoint.integral_limit, 0.0, min(bounds.torques), "N·m"),
         ("integral_gain", setpoint.integral_gain, 0.0, bounds.torque_rate, "N·m/(rad·s)"),
         ("theta in the hand", numbers.theta, -MOST_THETA, MOST_THETA, "rad"),
@@ -132,15 +133,15 @@ def require_values(setpoint: ImpedanceSetpoint, numbers: Numbers, stamp: float, 
 
 
 def require_permitted(posture: Sequence[float], q: Sequence[float], bounds: ArmBounds) -> None:
-    """Make sure that a posture lies within the range of every joint, or no further outside than the joint is.
+    """Check that a posture is within the range of every joint, or no further outside than the joint itself.
 
     Args:
-        posture: Joint positions that the null space is drawn to, rad.
+        posture: Goal of the joint positions in the null space, rad.
         q: Joint positions, rad.
-        bounds: What the arm may be asked for.
+        bounds: Bounds of the arm's setpoints.
 
     Raises:
-        SetpointError: It does not; one line that names the joint.
+        SetpointError: The posture of a joint is out of range; the message names the joint.
     """
     worst, joint = 0.0, -1
     for k, (there, here, low, high) in enumerate(zip(posture, q, bounds.q_min, bounds.q_max, strict=True)):
@@ -184,10 +185,10 @@ def require_numbers(
     error: type[SetpointError] | type[NotFiniteError],
     most: float = math.inf,
 ) -> None:
-    """Make sure that all values are finite and from -`most` to `most`; `of_what` and `name` say what they are.
+    """Check that all values are finite and from -`most` to `most`; `of_what` and `name` identify them in the message.
 
     Raises:
-        CellError: `error`, with the first that is not.
+        CellError: A value is not; the error has the type `error` and names the first such value.
     """
     for place, value in enumerate(values):
         if not (math.isfinite(value) and abs(value) <= most):

@@ -1,7 +1,7 @@
-"""The one gate for what is commanded: every setpoint of a skill passes it before the arm sees it.
+"""Setpoint gate: it checks every setpoint of a skill before the arm receives it.
 
-`GatedArm` stands between the skills and the arm. What it refuses is beyond anything that a sound skill asks for; the
-forces that a skill means to press with are bounded by the skill itself.
+`GatedArm` is between the skills and the arm. It refuses only setpoints beyond any that a correct skill requests. Each skill
+bounds its own contact forces.
 """
 
 import math
@@ -28,39 +28,39 @@ from skills.setpoint_bounds import (
 )
 
 MOST_ASKEW = 1.0
-"""Largest angle between the axis of a setpoint and that of the peg or hand, rad; a sound skill stays below 0.6."""
+"""Largest angle between the axis of a setpoint and that of the peg or hand, rad; a correct skill stays below 0.6."""
 LONGEST_STEP_TIME = 0.1
-"""A step after a longer pause is judged as one after this time, s."""
+"""Largest time used to compute the permitted step, s; a longer pause does not permit a larger step."""
 STEP_SLACK = 1e-3
-"""Addition to the longest step, m: an integral or a new frame of the skin may move a setpoint at rest."""
+"""Addition to the longest step, m: an integral or a new frame of the skin can move a setpoint at rest."""
 LEAD = 0.02
-"""Largest distance from where the arm is at which a motion may begin, m; a sound skill begins to push 13 mm ahead at the most."""
+"""Largest distance from the arm at which a motion may start, m; a correct skill starts a push at most 13 mm ahead."""
 POSTURE_SLACK = 0.02
 """Addition to the longest step of a posture, rad."""
 POSTURE_LEAD = 0.2
-"""Largest distance from a joint at which the posture of a motion may begin, rad: the null space then draws with 2 N·m, a sixth of what a wrist bears;
-a halt leaves a sound one 0.1 rad behind. The elbow's joint, which has a goal of its own, may be drawn from anywhere.
+"""Largest distance from a joint at which the posture of a motion may start, rad: the null-space torque is then 2 N·m, a sixth of a wrist's
+limit. After a halt, a correct posture is 0.1 rad from the joints. The elbow's joint has its own goal and no such limit.
 """
 OUTWARD_SLACK = 1e-3
-"""A setpoint outside the workspace may be so much further out than the hand, m, on the way back in."""
+"""Tolerance for setpoints outside the workspace while the hand returns, m."""
 LONGEST_UNTAKEN = 0.2
-"""Longest time for which the arm may report that it follows an older setpoint than it was given, or none, s; its loop takes one in milliseconds.
+"""Longest time for which the arm may report an older setpoint than the last one sent, or none, s; its control loop takes milliseconds.
 Source: chosen, not measured; reason in decision 0013.
 """
 
 
 LONGEST_UNCHANGED = 0.15
-"""Longest time for which all readings of an arm may stay the same to the last digit while its setpoint moves, s: 15 scans at 100 Hz, and a fault
-within 0.2 s.
+"""Longest time for which all readings of an arm may be identical to the last digit while its setpoint moves, s: 15 scans at 100 Hz, and a
+fault within 0.2 s.
 """
 LEAST_MOVED = 1e-4
-"""Least distance of a setpoint to which an arm must answer, m; at 1500 N/m it is a force of 0.15 N, far above the resolution of any sensor."""
+"""Least motion of a setpoint that must change the readings, m; at 1500 N/m it is a force of 0.15 N, far above the resolution of any sensor."""
 MOST_LOAD = 1e4
-"""Largest force, N, or torque, N·m, that a sensor of an arm can report; arms of this size bear less than a tenth of it."""
+"""Largest force, N, or torque, N·m, that a sensor of an arm can report; more than ten times the load of arms of this size."""
 
 
 class Limits(ConfigModel):
-    """What ends a skill at once; no defaults.
+    """Limits that end a skill at once; no defaults.
 
     Source: set for each cell.
     """
@@ -68,25 +68,25 @@ class Limits(ConfigModel):
     force: Annotated[float, Field(gt=0.0, le=500.0)]
     """Largest estimated external force at the TCP, N."""
     low: Point
-    """Lower corner of the workspace that the TCP must stay in, m, base frame."""
+    """Lower corner of the permitted workspace of the TCP, m, base frame."""
     high: Point
-    """Upper corner of the workspace that the TCP must stay in, m, base frame."""
+    """Upper corner of the permitted workspace of the TCP, m, base frame."""
 
 
 @dataclass(frozen=True, slots=True)
 class Handed:
-    """A setpoint that the arm was given, and when."""
+    """A setpoint sent to the arm, with its time."""
 
     setpoint: ImpedanceSetpoint
     stamp: float
-    """Time of the arm's state that it was judged by, s."""
+    """Time of the arm's state used to check the setpoint, s."""
 
 
 def require_readings(arm: ArmState) -> None:
-    """Make sure that every reading of an arm is a number that a sensor can give.
+    """Check that every reading of an arm is a plausible number.
 
     Raises:
-        NotFiniteError: A reading is not; one line that names it.
+        NotFiniteError: A reading is not plausible; the message names it.
     """
     require_numbers("arm", "stamp", (arm.stamp,), NotFiniteError)
     for name, values, most in (
@@ -99,7 +99,7 @@ def require_readings(arm: ArmState) -> None:
         ("commanded torque", arm.commanded, MOST_LOAD),
         ("unexplained torque", arm.unexplained, MOST_LOAD),
     ):
-        # A sum of squares is within the square of the bound only if each term is; beyond it a closer look decides.
+        # If the sum of squares is within most², every value is within the bound. Otherwise each value is checked.
         if values is not None and not np.vdot(values, values) <= most * most:
             require_numbers("arm", name, values.ravel().tolist(), NotFiniteError, most)
 
@@ -107,18 +107,18 @@ def require_readings(arm: ArmState) -> None:
 def require_sound(
     setpoint: ImpedanceSetpoint, arm: ArmState, before: Handed | None, limits: Limits, bounds: ArmBounds
 ) -> None:
-    """Make sure that the arm may be given a setpoint.
+    """Check that a setpoint may be sent to the arm.
 
     Args:
-        setpoint: What a skill asks for.
+        setpoint: Setpoint of a skill.
         arm: The newest state of the arm.
-        before: The setpoint before it, if any.
+        before: The previous setpoint, if any.
         limits: Limits of force and workspace.
-        bounds: What the arm may be asked for.
+        bounds: Bounds of the arm's setpoints.
 
     Raises:
-        SetpointError: It is no number, outside the workspace, too far, too fast or more than the arm may be asked for.
-        TrackingError: The arm stays so far behind it that it would press with more than the force limit.
+        SetpointError: The setpoint is not finite, outside the workspace, too far, too fast or out of the arm's bounds.
+        TrackingError: The arm lags so far behind that the spring would exceed the force limit.
     """
     asked, here, rotation = numbers_of(setpoint), arm.tcp.position.tolist(), arm.tcp.rotation.tolist()
     require_values(setpoint, asked, arm.stamp, bounds)
@@ -138,7 +138,7 @@ def require_sound(
 
 
 def _require_aligned(asked: Numbers, axis: list[float], closing: list[float], bounds: ArmBounds) -> None:
-    """Make sure that neither axis nor roll turns the hand away at once, nor both with more torque than any joint has."""
+    """Check the angles from the hand to the setpoint's axis and roll, and that their torque is within the joints' limits."""
     if (askew := angle_between(axis, asked.axis)) > MOST_ASKEW:
         raise SetpointError(f"setpoint: axis {askew:.2f} rad from where it points; at most {MOST_ASKEW} rad allowed")
     rolled = _angle_about(axis, closing, asked.roll) if asked.roll else 0.0
@@ -162,7 +162,8 @@ def _angle_about(axis: list[float], start: list[float], goal: list[float]) -> fl
 
 
 def _require_force(asked: Numbers, away: list[float], goes_on: bool, limits: Limits) -> None:
-    """Make sure that stiffness times error is at most the force limit; an arm that does not follow a sound motion is blocked."""
+    """Check that stiffness times error is within the force limit; if a motion that goes on exceeds it, the arm is blocked."""
+    # F = |(K_x e_x, K_y e_y, K_z e_z)|
     (kx, ky, kz), (x, y, z) = asked.pushing, away
     force = math.hypot(kx * x, ky * y, kz * z)
     if force > limits.force:
@@ -173,7 +174,7 @@ def _require_force(asked: Numbers, away: list[float], goes_on: bool, limits: Lim
 
 
 def _require_beginning(asked: Numbers, away: float, before: Handed | None, stamp: float, most: float) -> None:
-    """Make sure that a motion begins where the arm is, or goes on from the setpoint before it, whatever its id."""
+    """Check that a new motion starts near the arm, or near the previous setpoint."""
     if away <= LEAD:
         return
     found = f"setpoint: a motion that begins {1e3 * away:.0f} mm from where the arm is"
@@ -187,7 +188,7 @@ def _require_beginning(asked: Numbers, away: float, before: Handed | None, stamp
 
 
 def _require_posture(asked: Numbers, number: int, arm: ArmState, before: Handed | None, bounds: ArmBounds) -> None:
-    """Make sure that a posture lies where the joints may be, and goes on from the one before it no faster than the joints may, or begins near them."""
+    """Check that a posture is in the joints' ranges, and that it starts near the joints or continues within their speed limits."""
     if not asked.posture:
         return
     q, last = arm.q.tolist(), None if before is None else before.setpoint.posture
@@ -214,7 +215,7 @@ def _is_same(state: ArmState, other: ArmState) -> bool:
 
 
 def _furthest(posture: list[float], start: list[float], allowed: list[float]) -> tuple[int, float, float] | None:
-    """Return the joint that goes furthest beyond what is allowed, its step and that, rad; None if none does."""
+    """Return the joint that exceeds its permitted step most, its step and its permitted step, rad; None if no joint does."""
     worst, found = 0.0, None
     for joint, (there, was, most) in enumerate(zip(posture, start, allowed, strict=True)):
         step = there - was if there > was else was - there
@@ -224,7 +225,7 @@ def _furthest(posture: list[float], start: list[float], allowed: list[float]) ->
 
 
 def _has_same_point(setpoint: ImpedanceSetpoint, before: ImpedanceSetpoint) -> bool:
-    """Whether a setpoint goes on from the one before it: of the same id, and of peg or bare hand as that was."""
+    """Return True if a setpoint continues the previous motion: same id, and both with a peg or both without."""
     return setpoint.id == before.id and (setpoint.in_hand is None) == (before.in_hand is None)
 
 
@@ -233,12 +234,12 @@ def _time_since(before: Handed, stamp: float) -> float:
 
 
 def _longest_step(before: Handed, stamp: float, most: float) -> float:
-    """Return the longest step from a setpoint to one at `stamp`, m, at most at the speed `most`, m/s."""
+    """Return the longest permitted step from a setpoint to one at `stamp`, m, for the speed limit `most`, m/s."""
     return most * _time_since(before, stamp) + STEP_SLACK
 
 
 def _require_inside(asked: Numbers, here: list[float], limits: Limits) -> None:
-    """Make sure that the hand's place is inside the workspace, or on its way back from where the hand is outside."""
+    """Check that the setpoint of the hand is inside the workspace, or no further outside than the hand is."""
     hand = asked.hand
     worst, axis = 0.0, 0
     for k, (there, low, high) in enumerate(zip(hand, limits.low, limits.high, strict=True)):
@@ -262,17 +263,17 @@ def _require_step(asked: Numbers, before: Handed, stamp: float, most: float) -> 
 
 
 class GatedArm:
-    """An arm behind the gate; satisfies `drivers.protocols.Arm`."""
+    """Arm behind the setpoint gate; satisfies `drivers.protocols.Arm`."""
 
     def __init__(self, arm: Arm, bounds: ArmBounds, limits: Limits) -> None:
-        """Keep the arm, what it may be asked for, and the limits of force and workspace."""
+        """Store the arm, the bounds of its setpoints, and the limits of force and workspace."""
         self._arm, self._bounds, self._limits = arm, bounds, limits
         self._state: ArmState | None = None
         self._before: Handed | None = None
         self._untaken_since: float | None = None
-        """Time of the first setpoint that the arm has not taken, s; None where it follows the one that it was given."""
+        """Time of the first setpoint that the arm has not adopted, s; None if it follows the last one sent."""
         self._unchanged: tuple[ArmState, list[float]] | None = None
-        """First of the newest states that are equal to the last digit, and where the setpoint was then; None if no setpoint is held."""
+        """First of the newest identical states, and the setpoint's tip at its time, m; None if no setpoint is held."""
 
     def open(self) -> None:
         """Open the arm."""
@@ -283,11 +284,11 @@ class GatedArm:
         self._arm.close()
 
     def follow(self, setpoint: ImpedanceSetpoint) -> None:
-        """Hand over a sound setpoint; halt the arm at any other.
+        """Send a setpoint to the arm if it passes the checks; otherwise halt the arm.
 
         Raises:
-            SetpointError: It is no number, outside the workspace, too far, too fast or more than the arm may be asked for.
-            TrackingError: The arm stays so far behind it that it would press with more than the force limit.
+            SetpointError: The setpoint is not finite, outside the workspace, too far, too fast or out of the arm's bounds.
+            TrackingError: The arm lags so far behind that the spring would exceed the force limit.
         """
         state = self._state if self._state is not None else self.read()
         try:
@@ -302,10 +303,10 @@ class GatedArm:
         """Return the newest state.
 
         Raises:
-            NotFiniteError: Something in it is no number that a sensor can give; an arm that follows a setpoint is halted, once, for one that is halted
-                at every reading sinks by what its model of gravity lacks.
-            TrackingError: The arm does not take its setpoints; it is halted, once.
-            ArmSilentError: The readings stand still while the setpoint moves; the arm is halted.
+            NotFiniteError: A reading is not plausible. If the arm follows a setpoint, it is halted once; repeated halts would let it sink
+                by the error of its gravity model.
+            TrackingError: The arm does not adopt its setpoints; it is halted, once.
+            ArmSilentError: The readings do not change while the setpoint moves; the arm is halted.
             CellError: The arm's own `read` raised it.
         """
         state = self._arm.read()
@@ -321,9 +322,9 @@ class GatedArm:
         return state
 
     def _require_taken(self, state: ArmState) -> None:
-        """Make sure that the arm follows the setpoint that it was given last, as long as that is valid.
+        """Check that the arm has adopted the last setpoint, while that is valid.
 
-        How far the hand is behind it does not count: a soft, slow or pressed arm lags, and takes every setpoint.
+        The lag of the hand is not checked here: a compliant or loaded arm lags although it adopts every setpoint.
         """
         before = self._before
         if before is None or before.setpoint.valid_until < state.stamp:
@@ -340,7 +341,7 @@ class GatedArm:
             raise TrackingError(f"arm: takes no setpoint for {untaken:.2f} s; {LONGEST_UNTAKEN:g} s allowed")
 
     def _require_live(self, state: ArmState) -> None:
-        """Make sure that the readings change while the setpoint moves: the noise of a sensor changes the last digits at least."""
+        """Check that the readings change while the setpoint moves; sensor noise changes at least the last digits."""
         if self._before is None:
             self._unchanged = None
             return
@@ -357,7 +358,7 @@ class GatedArm:
             )
 
     def halt(self) -> None:
-        """Hold still where the arm is, compliant; the next setpoint is judged as a new one."""
+        """Hold the arm still at its present pose, compliant; the next setpoint is checked as the start of a motion."""
         self._before = self._untaken_since = None
         self._arm.halt()
 

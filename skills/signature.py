@@ -1,10 +1,11 @@
-"""Force against height of a held peg on its ways down a hole, as far as something bears it at the end; pure.
+"""Force against height of a held peg over its insertion strokes, each up to a rest; pure.
 
-    hand's height, force along z                                       drawn up: one way more
-    of the scans in which the peg goes  -->  Curve of the present way  -->  rest: `told_by` of this way and those that ended at its height
-    deeper than ever before
+    height of the hand, force along z                                 -->  drawn up: a new stroke starts
+    of each scan with a new largest depth -->  Curve of the stroke    -->  rest: `told_by` of this stroke and those that ended
+                                                                           at its height
 
-The hole guides the peg, so that the hand's height tells differences of the end's without theta, and at one attitude.
+The hole guides the peg at a constant attitude. The height of the hand therefore measures differences of the end's height
+without theta.
 """
 
 import math
@@ -17,38 +18,38 @@ from skills.latch_likelihood import BEFORE, PLACE, Signature, Way, told_by, unli
 from skills.seating import Footing
 
 STEP = 2e-5
-"""Least way by which the peg has to go deeper than ever before for a scan to count, m; the arm's height scatters by less."""
+"""Least new depth for a scan to be added to the curve, m; it exceeds the noise of the arm's height."""
 LIFTED = 0.002
-"""Height above its deepest place from which a held peg counts as drawn out again, m."""
+"""Height above the deepest point at which a held peg counts as drawn up, m."""
 MOST_WAYS = 64
-"""Number of the last ways down that are kept: those of ten attempts with five looks each, and some that ended elsewhere."""
+"""Number of strokes to keep: ten attempts with five strokes each, and some that ended elsewhere."""
 
 
 @dataclass(frozen=True, slots=True)
 class Curve:
-    """Force against height of a held peg on its way down, and whether something bears it now."""
+    """Force against height of a held peg on its present stroke, with its rest and the earlier strokes."""
 
     heights: tuple[float, ...] = ()
-    """Heights of the hand, falling, m, base frame."""
+    """Heights of the hand, decreasing, m, base frame."""
     forces: tuple[float, ...] = ()
-    """Force on the hand along z at each, N."""
+    """Force on the hand along z at each height, N."""
     footing: Footing = field(default_factory=Footing)
-    """Rest of the peg on what bears it."""
+    """Rest of the peg on its support."""
     has_rested: bool = False
-    """Whether something has borne the peg at the end of this way for long enough."""
+    """True if the peg has rested long enough at the end of this stroke."""
     earlier: tuple[Way, ...] = ()
-    """Ways down of the same held peg that ended in a rest, before it was drawn up."""
+    """Earlier strokes of the same held peg that ended in a rest."""
 
     @property
     def ways(self) -> tuple[Way, ...]:
-        """Ways down of this held peg that have ended in a rest, with the present one."""
+        """Strokes of this held peg that have ended in a rest, including the present one."""
         return (*self.earlier, *((Way(self.heights, self.forces),) if self.has_rested else ()))[-MOST_WAYS:]
 
     def after(self, seen: Observation, setpoint: ImpedanceSetpoint | None, latch: Latch) -> "Curve":
-        """Return the curve after one more scan with the setpoint that was followed in it; a peg that is not held ends it, and one that is
-        drawn up begins another way.
+        """Return the curve after one more scan with its followed setpoint.
 
-        While something bears the peg the curve stays as it is: what goes on are fingers that slide down the peg.
+        If the peg is not held, the curve is cleared. If the peg is drawn up, a new stroke starts. During a rest the curve is
+        unchanged, because further motion is the fingers sliding down the peg.
         """
         height, force = float(seen.arm.tcp.position[2]), float(seen.arm.wrench.force[2])
         if not seen.gripper.is_gripping or not math.isfinite(height + force):
@@ -60,16 +61,17 @@ class Curve:
         footing = self.footing.after(seen, setpoint)
         if height > deepest - STEP or footing.is_firm(seen.stamp):
             return replace(self, footing=footing, has_rested=self.has_rested or footing.is_firm(seen.stamp))
-        # The latch may be met at once and a half its height above where the peg now is, and what is before it counts as well.
+        # Keep the heights needed for a latch up to half its height higher than the peg rests, and the force offset before it.
         reach = height + 1.5 * latch.height + BEFORE
         first = next((at for at, above in enumerate(self.heights) if above <= reach), len(self.heights))
         heights, forces = (*self.heights[first:], height), (*self.forces[first:], force)
-        # What gave way was no bottom.
+        # If the support yields, it was not the bottom.
         return Curve(heights, forces, footing, earlier=self.earlier)
 
     def signature(self, latch: Latch, now: float) -> Signature | None:
-        """Return what the curve and the earlier ways that ended at this height say of the latch, where the peg rests at the time `now`, s,
-        after a way that shows it; else None.
+        """Return the estimate of the latch from this stroke and the earlier strokes that ended at its height.
+
+        The result is None if the peg does not rest at the time `now`, s, or if this stroke does not show the latch.
         """
         if not self.footing.is_firm(now) or unlikelihood(Way(self.heights, self.forces), latch) is None:
             return None

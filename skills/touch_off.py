@@ -1,4 +1,4 @@
-"""Touch a surface from above with the peg in the hand, and tell how high it is: a guarded motion whose force is bounded."""
+"""Measure the height of a surface by touching it from above with the held peg: a guarded motion with a bounded force."""
 
 from collections import deque
 
@@ -11,35 +11,35 @@ from skills.grasp_from_rack import ACROSS_RACK
 from skills.motion import VALIDITY, Goal, Transfer, move
 
 SPEED = 0.01
-"""Speed at which the peg comes down and goes up again, m/s."""
+"""Speed at which the peg descends and rises again, m/s."""
 TOUCH = 4.0
-"""Mean force along z from which on the surface is touched, N; more where noise asks for it."""
+"""Mean force along z at which the surface counts as touched, N; higher if the noise requires it."""
 MOST = 12.0
-"""Largest force by which the setpoint may lead the tip, N; friction of the arm's joints takes some of it."""
+"""Largest push from the setpoint's lead over the tip, N; joint friction reduces it."""
 SCANS = 5
-"""Number of scans whose mean force counts, and of those that tell the height."""
+"""Number of scans in the mean of the force, and in the mean of the height."""
 REST = 0.3
-"""Time for which the peg rests on the surface before its height is told, s."""
+"""Time at rest on the surface before its height is measured, s."""
 CLEAR = 0.012
-"""Height over the stated surface from which the peg comes down, m: the longest peg that is believed is free there."""
+"""Height over the stated surface at which the descent starts, m; the longest plausible peg does not touch it there."""
 DEEPEST = 0.012
-"""Depth below the stated surface at which the peg turns back, m."""
+"""Depth below the stated surface at which the descent ends, m."""
 
 
 def touch_off(place: Vector, transfer: Transfer, ctx: SkillContext) -> Vector | None:
-    """Bring the upright peg down on a surface, and return the place that it touches, shape (3,), m, base frame; then go up again.
+    """Lower the upright peg onto a surface, measure the touched point, and rise again.
 
     Args:
-        place: Place on the surface as it is stated, shape (3,), m, base frame.
-        transfer: How the peg goes there.
-        ctx: The skill's context; it holds a peg.
+        place: Stated point on the surface, shape (3,), m, base frame.
+        transfer: Motion of the peg to the surface.
+        ctx: The skill's context; the hand holds a peg.
 
     Returns:
-        None where nothing was touched down to `DEEPEST`.
+        The touched point, shape (3,), m, base frame; None if nothing was touched down to `DEEPEST`.
 
     Raises:
-        Interrupted: Stop request, a force beyond the limit, or the peg was lost.
-        WrenchReversedError: The arm reports that it is pulled down while it presses down.
+        Interrupted: Stop request, a force above the limit, or a lost peg.
+        WrenchReversedError: The arm reports a downward force while it presses down.
     """
     above = Goal(place + CLEAR * UP, UP, ACROSS_RACK)
     for _ in move(above, transfer, ctx, ctx.in_hand()):
@@ -54,7 +54,7 @@ def touch_off(place: Vector, transfer: Transfer, ctx: SkillContext) -> Vector | 
 
 
 def _come_down(place: Vector, transfer: Transfer, ctx: SkillContext) -> Vector | None:
-    """Come down until the surface bears the peg, rest there, and return the peg's lowest point; None where there is no surface."""
+    """Descend until the surface bears the peg, rest there, and return the peg's lowest point; None without a surface."""
     identity, in_hand = ctx.new_id(), ctx.in_hand()
     stiffness, damping = transfer.gains.stiffness(), transfer.gains.damping_ratios()
     lead, forces = MOST / transfer.gains.translation, deque[float](maxlen=SCANS)

@@ -1,8 +1,8 @@
-"""What the arm reports as a force where nothing touches, and how much that scatters; pure.
+"""Offset and noise of the arm's estimated wrench in free air; pure.
 
-An arm estimates the external wrench from torques that its model does not explain: friction, payload and masses leave some
-newtons over, which change with the posture. Where the hand rests in free air the mean of the readings is that offset, and
-their scatter the noise that thresholds have to stay clear of.
+An arm estimates the external wrench from torques that its model does not explain. Errors of friction, payload and masses
+leave an offset of some newtons, which changes with the posture. While the hand rests in free air, the mean of the readings
+is this offset. Their standard deviation is the noise, which thresholds must exceed.
 """
 
 import math
@@ -18,39 +18,39 @@ from drivers.errors import WrenchOffsetError, WrenchReversedError
 from drivers.quantities import ArmState, Vector, Wrench
 
 SCANS = 20
-"""Number of scans at rest that the wrench is zeroed by."""
+"""Number of scans at rest used to zero the wrench."""
 GUARD = 4.0
-"""Standard deviations by which a mean of readings has to differ from 0 to be more than noise."""
+"""Least distance of a mean of readings from 0 to exceed noise, standard deviations."""
 STILL = 2.0
-"""Largest change of the mean force from the first to the second half of the scans, N, beside what noise explains."""
+"""Largest change of the mean force from the first to the second half of the scans, N, in addition to noise."""
 
 
 class WrenchConfig(ConfigModel):
-    """[wrench]: what may be believed of the external wrench that the arm estimates."""
+    """[wrench]: limits on the offset and noise of the arm's estimated external wrench."""
 
     offset: Annotated[float, Field(gt=0.0, le=60.0)] = 35.0
-    """Largest force that the arm may report where nothing touches, N; a larger one is no offset of an estimate, but contact or a
-    wrong payload. Source: docs/tried/search.md.
+    """Largest force that the arm may report in free air, N; a larger force is contact or a wrong payload, and not an offset.
+    Source: docs/tried/search.md.
     """
     noise: Annotated[float, Field(gt=0.0, le=20.0)] = 5.0
-    """Largest standard deviation of a component of that force from scan to scan, N. Source: docs/tried/search.md."""
+    """Largest standard deviation of a component of the force in free air, N. Source: docs/tried/search.md."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class WrenchZero:
-    """The offset of the estimated wrench in one posture."""
+    """Offset of the estimated wrench in one posture."""
 
     force: Vector = field(default_factory=lambda: np.zeros(3))
-    """Force that is reported where nothing touches, shape (3,), N, base frame."""
+    """Reported force in free air, shape (3,), N, base frame."""
     torque: Vector = field(default_factory=lambda: np.zeros(3))
-    """Torque about the TCP that is reported there, shape (3,), N·m, base frame."""
+    """Reported torque about the TCP in free air, shape (3,), N·m, base frame."""
     noise: float = 0.0
     """Standard deviation of a component of the force from scan to scan, N."""
 
     def taken_from(self, arm: ArmState) -> ArmState:
-        """Return the state with the offset taken from its wrench."""
+        """Return the state with the offset subtracted from its wrench."""
         felt = Wrench(arm.wrench.force - self.force, arm.wrench.torque - self.torque)
-        # `dataclasses.replace` costs three times as much, in every scan.
+        # `dataclasses.replace` would take three times as long, at every scan.
         return ArmState(
             stamp=arm.stamp,
             q=arm.q,
@@ -64,18 +64,19 @@ class WrenchZero:
         )
 
     def guarded(self, threshold: float, scans: int) -> float:
-        """Return the threshold, N, for the mean of so many readings: not less than their noise leaves room for."""
+        """Return the threshold, N, for the mean of `scans` readings, raised if noise requires it."""
+        # max(threshold, GUARD sigma / sqrt(n))
         return max(threshold, GUARD * self.noise / math.sqrt(scans))
 
     def require_sense(self, forces: Sequence[float], push: float) -> None:
-        """Make sure that the reported wrench is the one on the hand, by what it was while a surface should have borne a push.
+        """Check the sign of the reported wrench after a push that should have met a surface.
 
         Args:
             forces: Force along z in the last scans of the push, N; upwards is positive.
-            push: Force from which on the surface would have counted as touched, N.
+            push: Force at which the surface would have counted as touched, N.
 
         Raises:
-            WrenchReversedError: The mean force is as large, and points down.
+            WrenchReversedError: The mean force exceeds the threshold downwards.
         """
         mean = sum(forces) / len(forces)
         if mean < -self.guarded(push, len(forces)):
@@ -86,10 +87,10 @@ class WrenchZero:
 
 
 def zero_of(wrenches: Sequence[Wrench], config: WrenchConfig) -> WrenchZero:
-    """Return the offset and the noise of readings that were taken at rest in free air.
+    """Return the offset and the noise of readings at rest in free air.
 
     Raises:
-        WrenchOffsetError: They drift, scatter too much or are too large: something touches, or the arm's payload is wrong.
+        WrenchOffsetError: The readings drift, scatter too much or are too large: the hand is in contact, or the payload is wrong.
     """
     forces = np.array([wrench.force for wrench in wrenches])
     mean = forces.mean(axis=0)
@@ -105,7 +106,7 @@ def zero_of(wrenches: Sequence[Wrench], config: WrenchConfig) -> WrenchZero:
         raise WrenchOffsetError(
             f"arm: force scatters by {noise:.1f} N in free air; wrench.noise = {config.noise:g} N allowed"
         )
-    # The difference of two means of half the scans, in three components.
+    # Standard deviation of the difference of two means of n/2 readings, in three components: sigma sqrt(3 · 4 / n)
     if drift > STILL + GUARD * noise * math.sqrt(3.0 * 4.0 / len(forces)):
         raise WrenchOffsetError(
             f"arm: force changes by {drift:.1f} N in free air while the hand rests: something touches it"
