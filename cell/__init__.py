@@ -1,1 +1,1 @@
-"""Wires every part into a cell; imported by nobody."""
+"""Wires every part into a cell; no other package imports it."""

@@ -241,7 +241,7 @@ def require_steady(followed: Mapping[str, Gains], place: Place) -> None:
         place: Place and attitude of the arm at the hole.
 
     Raises:
-        ValueError: With a gain, or with the hold, the arm would oscillate; one line.
+        ValueError: The arm would oscillate with a gain or with the hold; one line.
     """
     path = place.arm.torque_path
     late = f"where they act {1e3 * path.transport:g} ms late behind {path.cutoff:g} Hz on {place.arm.name}; {MARGIN} times needed"

@@ -4,7 +4,7 @@ sensor                 evidence of a scan          decision              readers
 ---------------------  --------------------------  --------------------  ------------------------------------------
 width of the hand  --> is_gripping, width     --.
 skin --> estimator --> touched or free        --.
-skin --> theta     --> end of the peg, depth  ----> after() --> PartState --> report_part and what follows it, page,
+skin --> theta     --> end of the peg, depth  ----> after() --> PartState --> report_part and its users, page,
 arm                                           --'                          run's record, `cell watch`, file beside
 switch             --> closed or open         --'                          the journal, condition of the next start
 """
@@ -87,7 +87,7 @@ class PartState:
 
 @dataclass(frozen=True, slots=True)
 class Places:
-    """Geometry of the places where a peg can be, and the grip's friction limit."""
+    """Possible places of a peg, and the grip's friction limit."""
 
     thickness: float
     """Width of the peg between the pads, m."""

@@ -6,7 +6,7 @@ act on the inertia of the links plus the least rotor inertia. One cycle is then 
 eigenvalues are inside the unit circle. Joint friction, which stabilizes, is left out.
 
 A holding arm has another law, -M (r² q + 2 r dq), in which M is its modelled inertia. Its modes are those of M relative
-to the true inertia, and each mode is one loop. If M is at most c times the true inertia in every direction, the arm is
+to the true inertia, and each mode is one loop. With M at most c times the true inertia in every direction, the arm is
 stable if a single joint is stable with c times its torques. `largest_hold` returns the stable factor on these torques, for
 the largest modelled and the least true inertia.
 """

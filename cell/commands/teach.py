@@ -15,7 +15,7 @@ SUMMARY = "guide the arm by hand and show places with the end of a peg, for the 
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the way of moving the arm, and the output file."""
+    """Add the length of the pointing tool, and the output folder."""
     add_config(parser)
     parser.add_argument(
         "--length",

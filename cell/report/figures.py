@@ -1,4 +1,4 @@
-"""The figures of many runs as arrays, from what the journal has packed of each; pure."""
+"""The figures of many runs as arrays, unpacked from the journal's rows; pure."""
 
 import json
 from collections import defaultdict
@@ -17,12 +17,12 @@ Flags = npt.NDArray[np.bool_]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Figures:
-    """What is told of runs: their kinds, and arrays of one value for each run, NaN where it is not on record."""
+    """Kinds of runs, and arrays with one value per run; NaN means not on record."""
 
     kinds: Sequence[tuple[Kind, int]]
     """Each kind with the number of its runs."""
     is_good: Flags
-    """Whether a run succeeded."""
+    """True if the run succeeded."""
     of_run: Mapping[str, Vector]
     """Array of each of `RUN_FIGURES`."""
     of_stage: Mapping[str, Mapping[str, Vector]]
