@@ -27,7 +27,7 @@ MOVES = 0.0005
 WRONG = 0.0007
 """Standard deviation of a wrong prior, m; it claims the precision of a learnt one."""
 EXCHANGED = 3
-"""Ratio of the parts before the fixture's replacement to those after it."""
+"""Number of parts before the fixture's replacement for each part after it."""
 SERIES = 1000
 """Seed offset between two series."""
 
