@@ -63,7 +63,7 @@ NEAR = 1e-3
 """Distance above which two features cannot meet in a step, m."""
 FEATURE_BAND = 3e-4
 """Gap below which a feature becomes a contact at any approach speed, m. The pivot's friction can accelerate the light
-peg's tip to 0.25 m/s within a step of 0.5 ms, and only a contact that exists before the step can stop it."""
+peg's tip to 0.25 m/s within a step of 0.5 ms. Only a contact that exists before the step can stop it."""
 SAMPLE_BAND = 2e-5
 """Gap below which a sample becomes a contact at any approach speed, m; samples only spread the load of nearly conformal
 surfaces."""

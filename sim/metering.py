@@ -32,8 +32,8 @@ VELOCITY, ACCELERATION = 112, 115
 
 JERK_BANDWIDTH = 10.0
 """Corner frequency of the second-order Butterworth low-pass of the jerk, as in [r79], Hz. With the default stiffness
-the hand oscillates at 2 to 5 Hz. An impact that stops the hand within a step counts with its change of speed times (2
-pi 10 Hz)², that is 200 m/s³ for 0.05 m/s, and is independent of the stopping time."""
+the hand oscillates at 2 to 5 Hz. If an impact stops the hand within a step, the jerk is its change of speed times (2 pi
+10 Hz)², independent of the stopping time: 200 m/s³ for 0.05 m/s."""
 FORCE_FILTER = 0.005
 """Time constant of the force low-pass, s, a bandwidth of 32 Hz; single steps of a rigid contact carry no
 information."""
@@ -89,8 +89,8 @@ def take(
 def take_jerk(meters: Vector, hand: HandView, elapsed: float, is_free: bool) -> None:  # pragma: no cover
     """Meter the jerk of the finger centre in a step of `elapsed`, s: the rate of change of its low-passed acceleration.
 
-    The low-pass a' = w² (v - u) - sqrt(2) w a, u' = a, with w = 2 pi `JERK_BANDWIDTH`, is integrated by the trapezoidal
-    rule with the velocity v constant over the step, so that steps can have any length.
+    The low-pass is a' = w² (v - u) - sqrt(2) w a, u' = a, with w = 2 pi `JERK_BANDWIDTH`. The trapezoidal rule
+    integrates it with the velocity v constant over the step, so that steps can have any length.
 
     Args:
         meters: Meters, updated.

@@ -1,7 +1,7 @@
 """Contacts of a round peg's rims with a plate: its surface, the wall of its bore, its chamfer, its edges and its floor.
 
-Every point of a rim must stay out of the solid {z < 0, rho > R, rho > R + c + z}, so its clearance is g = max(z, R -
-rho, (R + c - rho + z) / sqrt 2), the distances to plane, wall and cone; without a chamfer, c = 0, there is no cone. The
+Every point of a rim must stay out of the solid {z < 0, rho > R, rho > R + c + z}. Its clearance is g = max(z, R - rho,
+(R + c - rho + z) / sqrt 2), from the distances to plane, wall and cone; without a chamfer, c = 0, there is no cone. The
 local minima of g over the rim are rim on plane (g = z), rim on wall (g = R - rho) and rim on cone. If two terms are
 equal, the minimum is edge on edge. Its normal is the convex combination of the two normals that is perpendicular to the
 rim: the cross product of the two edges' tangents.

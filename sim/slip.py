@@ -2,9 +2,9 @@
 
 The held peg has three degrees of freedom in the hand: it rotates about the closing axis at the finger centre, and moves
 along and beside its own axis. The pads' shear pulls it back to its sticking point. The force f through the centre of
-the contact and the moment m about it stay inside the ellipsoid (|f| / F)² + (m / M)² = 1, the usual approximation of
-the limit surface of friction [howe]. If a load would leave the ellipsoid, the peg slips and its sticking point follows.
-Shear and damping are explicit: torque and forces computed at the beginning of a step.
+the contact and the moment m about it stay inside the ellipsoid (|f| / F)² + (m / M)² = 1. It is the usual approximation
+of the limit surface of friction [howe]. If a load would leave the ellipsoid, the peg slips and its sticking point
+follows. Shear and damping are explicit: torque and forces computed at the beginning of a step.
 """
 
 import math

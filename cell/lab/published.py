@@ -1,4 +1,4 @@
-"""The published insertions, [gibbons], Table I, and this cell's stages beside them; pure."""
+"""Published insertions, [gibbons], Table I, and this cell's stages beside them; without side effects."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -28,30 +28,30 @@ PUBLISHED_SUCCESSES, PUBLISHED_ATTEMPTS, PUBLISHED_TOTAL = 38, 40, 54.1
 
 @dataclass(frozen=True, slots=True)
 class StageLine:
-    """This cell's figures for one stage, a row of the table."""
+    """Figures of this cell for one stage, a row of the table."""
 
     name: str
     successes: int
     attempts: int
     time: float | None
-    """Mean time of the stage's successes, s; None where there are none."""
+    """Mean time of the stage's successes, s; None if there are none."""
 
 
 @dataclass(frozen=True, slots=True)
 class Tried:
-    """The part of a trial that the stage table needs."""
+    """Part of a trial for the stage table."""
 
     succeeded: bool
     stage: str
-    """Skill that was reached last."""
+    """Last skill reached."""
     times: dict[str, float]
-    """Time of each of the published stages that was reached, s."""
+    """Time of each published stage that was reached, s."""
 
 
 def stage_table(trials: Sequence[Tried]) -> list[StageLine]:
-    """Return attempts, successes and mean time of every published stage, and of the whole, in that order.
+    """Return attempts, successes and mean time of every published stage and of the whole, in that order.
 
-    A stage was attempted when it has a time, and succeeded when the trial went on to another stage or succeeded.
+    A stage with a time is an attempt. It succeeded if the trial continued to another stage or succeeded.
     """
     lines = []
     for stage in PUBLISHED:

@@ -1,4 +1,4 @@
-"""The outcome of a study: tables for people, the same as data for programs, and files."""
+"""Outcome of a study: tables for people, the same data for programs, and files."""
 
 import math
 from collections.abc import Sequence
@@ -20,7 +20,7 @@ class StudyReport:
     written: list[Path] = field(default_factory=list)
     """Tables, figures and charts."""
     is_good: bool = True
-    """Whether nothing was found that never may be."""
+    """False if an ending occurred that must never occur."""
 
 
 def finite(value: Any) -> Any:

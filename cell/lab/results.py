@@ -1,4 +1,4 @@
-"""Results of trials of one kind: success, time, force, and how far the peg turned in the hand."""
+"""Results of trials of one kind: success, time, force, and rotation of the peg in the hand."""
 
 from collections import Counter
 from collections.abc import Sequence
@@ -15,7 +15,7 @@ from skills.contract import Outcome
 
 @dataclass(frozen=True, slots=True)
 class TrialsResult:
-    """Result of trials of one kind; times are of the successes, s, forces each trial's largest, N; NaN where there are none."""
+    """Result of trials of one kind; times are those of the successes, s, forces each trial's largest, N; NaN if there are none."""
 
     name: str
     trials: int
@@ -30,14 +30,14 @@ class TrialsResult:
     within: int
     """Number of trials whose largest contact force is at most `OVER_FORCE`."""
     turn_median: float
-    """Median over all trials of the largest turn of the peg in the hand, rad."""
+    """Median of the peg's largest rotation in the hand over all trials, rad."""
     turn_p95: float
     endings: str
-    """Endings other than success with their counts, or the reason why nothing could be run."""
+    """Endings other than success with their counts, or the reason why nothing ran."""
 
 
 def result_of(name: str, trials: Sequence[TrialRow], trouble: str = "") -> TrialsResult:
-    """Return the result of trials, or of none where `trouble` says why they could not be run."""
+    """Return the result of trials; if they did not run, `trouble` is the reason."""
     good = [trial for trial in trials if trial.outcome == Outcome.SUCCESS]
     times = np.array([trial.total_time for trial in good], dtype=float)
     forces = np.array([trial.peak_contact_force for trial in trials], dtype=float)

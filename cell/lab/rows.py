@@ -1,4 +1,4 @@
-"""Tables of the laboratory as CSV, and quantiles that also bear no values; nothing is measured here."""
+"""Tables of the laboratory as CSV, and quantiles that accept empty data; nothing is measured here."""
 
 import csv
 import math
@@ -14,7 +14,7 @@ from drivers.errors import ConfigError
 
 Row = TypeVar("Row")
 READERS: Mapping[Any, Callable[[str], Any]] = {int: int, float: float, str: str, bool: "True".__eq__}
-"""Function that reads a cell of each type."""
+"""Function that parses a CSV cell of each type."""
 
 
 def write_rows(rows: Iterable[Any], path: Path) -> Path:
@@ -29,10 +29,10 @@ def write_rows(rows: Iterable[Any], path: Path) -> Path:
 
 
 def read_rows(kind: type[Row], path: Path) -> list[Row]:
-    """Return the rows of one dataclass that `write_rows` wrote.
+    """Return the rows of one dataclass written by `write_rows`.
 
     Raises:
-        ConfigError: The file does not exist or holds another table.
+        ConfigError: The file does not exist or contains another table.
     """
     types = {field.name: READERS[field.type] for field in fields(kind)}  # type: ignore[arg-type]
     try:
@@ -43,7 +43,7 @@ def read_rows(kind: type[Row], path: Path) -> list[Row]:
 
 
 def kept_rows(kind: type[Row], path: Path) -> list[Row]:
-    """Return the rows that an interrupted call left, or none if there is no such file or it holds another table."""
+    """Return the rows of an interrupted call; None if the file does not exist or contains another table."""
     try:
         return read_rows(kind, path)
     except ConfigError:
@@ -51,6 +51,6 @@ def kept_rows(kind: type[Row], path: Path) -> list[Row]:
 
 
 def quantile(values: ArrayLike | Sequence[float], share: float) -> float:
-    """Return a quantile, linear between values, or NaN of no values."""
+    """Return a quantile, linear between values; NaN without values."""
     found = np.asarray(values, dtype=float)
     return float(np.quantile(found, share)) if found.size else math.nan

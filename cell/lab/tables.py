@@ -1,4 +1,4 @@
-"""Tables that several commands of the laboratory show; nothing is printed here."""
+"""Tables of several commands of the laboratory; nothing is printed here."""
 
 from collections.abc import Sequence
 from dataclasses import fields
@@ -54,7 +54,7 @@ def outcomes(rows: Sequence[TrialRow]) -> Table:
 
 
 def loads(rows: Sequence[TrialRow]) -> Table:
-    """Return how hard the peg was pressed and how abruptly the hand moved, over all trials."""
+    """Return contact force and jerk of the hand over all trials."""
     within = sum(row.peak_contact_force <= OVER_FORCE for row in rows)
     table = Table(title="Force and jerk")
     table.caption = (

@@ -1,4 +1,4 @@
-"""Many insertions, each on a fresh simulated cell of its own seed, on every core; one row each in trials.csv."""
+"""Many insertions, each on a fresh simulated cell with its own seed, on every core; one row each in trials.csv."""
 
 import csv
 import json
@@ -37,23 +37,23 @@ if TYPE_CHECKING:
     from sim.truth import Truth
 
 MakeTracker = Callable[[CellConfig], Tracker]
-"""Function of a module that makes what keeps theta from frame to frame; a study may replace the cell's own."""
+"""Function of a module that creates the tracker of theta; a study can replace the cell's own."""
 WATCHED = frozenset({"spray_search", "tactile_insert"})
-"""Stages over which the estimate in use is compared with the truth."""
+"""Stages in which the estimate in use is compared with the truth."""
 VOID = "void"
-"""Outcome of a trial in which bodies penetrated each other, in place of an `Outcome`."""
+"""Outcome of a trial with penetration of bodies, instead of an `Outcome`."""
 LOADS = ("peak_contact_force", "time_over_20N", "jerk_free", "jerk_contact")
-"""Columns that say how gently a trial went."""
+"""Columns of the loads of a trial: force and jerk."""
 TABLE, PARTIAL, SUMMARY = "trials.csv", "trials.partial.jsonl", "summary.json"
 
 
 @dataclass(frozen=True, slots=True)
 class TrialRow:
-    """One row of trials.csv; SI units and radians, empty where a stage was not reached."""
+    """One row of trials.csv; SI units and radians, empty if a stage was not reached."""
 
     seed: int
     outcome: str
-    """Outcome: an `Outcome`, a fault being a failure, or `VOID`."""
+    """Outcome: an `Outcome`, with a fault as a failure, or `VOID`."""
     reason: str
     stage: str
     grasp_time: float | None
@@ -79,22 +79,22 @@ class TrialRow:
     cycle_time: float = math.nan
     """Time from the command to the end of the program, with transfers, grasp and release, s."""
     time_over_20N: float = math.nan  # noqa: N815 - the column's name is part of the contract
-    """Time that the reported force exceeded 20 N, s."""
+    """Time with a reported force above 20 N, s."""
     plate_penetration: float = math.nan
     """Deepest penetration of a plate's surface or a hole's floor that lasted longer than 2 ms, m."""
     grip_slip: float = math.nan
-    """Largest distance that the peg slipped along and across the fingers since the grasp, m."""
+    """Largest slip of the peg along and across the fingers since the grasp, m."""
     found_error: float | None = None
-    """Distance of the peg's end from the hole's axis along the plate, m, when the newest search had said that the hole was found."""
+    """Distance of the peg's end from the hole's axis along the plate, m, when the last search reported the hole."""
     jerk_free: float = math.nan
-    """Largest jerk of the finger centre on ways through free space, m/s³, behind a low-pass of 10 Hz."""
+    """Largest jerk of the finger centre in free space, m/s³, after a low-pass of 10 Hz."""
     jerk_contact: float = math.nan
-    """Largest jerk of the finger centre at all other times, m/s³, behind the same low-pass."""
+    """Largest jerk of the finger centre at all other times, m/s³, after the same low-pass."""
     errors: dict[str, str] = field(default_factory=dict)
     """Drawn errors of the cell by name; each is a column."""
 
     def tried(self) -> Tried:
-        """Return the row in the form that the stage table takes."""
+        """Return the row in the form of the stage table."""
         names = ("search_time", "insert_time", "adjust_time")
         times = {
             stage.name: value
@@ -106,22 +106,22 @@ class TrialRow:
 
 ERRORS = "errors"
 COLUMNS = tuple(f.name for f in fields(TrialRow) if f.name != ERRORS)
-"""Columns of every table; a column for each drawn error follows them."""
+"""Columns of every table; a column for each drawn error follows."""
 
 
 @dataclass(slots=True)
 class Watcher:
-    """Compares, at every scan of the watched stages, the estimate in use with the truth."""
+    """Compares the estimate in use with the truth, at every scan of the watched stages."""
 
     cell: Cell
     ctx: SkillContext
     clock: StageClock = field(default_factory=StageClock)
     ending: "Truth | None" = None
-    """True state when the insertion had ended and before anything was cleared away."""
+    """True state at the end of the insertion, before the removal of any part."""
     proof: Evidence = field(default_factory=Proof)
-    """What the trial has shown so far, by the evidence that the job's hole asks for."""
+    """Evidence of the trial so far, of the kind required for the job's hole."""
     found_error: float | None = None
-    """Distance of the peg's end from the hole's axis in the first scan after the newest search, m; None before."""
+    """Distance of the peg's end from the hole's axis in the first scan after the last search, m; None before."""
     count: int = 0
     theta: float = 0.0
     """Sum of squared errors of theta, rad²."""
@@ -133,7 +133,7 @@ class Watcher:
         self.proof = evidence_for(self.ctx.job.hole)
 
     def record(self, seen: Observation, setpoint: ImpedanceSetpoint | None) -> None:
-        """Take one scan."""
+        """Add one scan."""
         begins = self.clock.enter(self.ctx.stage, seen.stamp)
         self.proof = self.proof.after(seen, setpoint)
         if self.cell.truth is None or self.cell.pivot is None:
@@ -153,10 +153,10 @@ class Watcher:
         self.tip += math.dist(seen.tip, tip) ** 2
 
     def judged(self, ending: Ending, records: Sequence[StageRecord]) -> Ending:
-        """Return how the trial ended by the evidence, as the supervisor would.
+        """Return the ending of the trial from the evidence, as the supervisor does.
 
         Raises:
-            CellError: The skills say success and the evidence says otherwise.
+            CellError: The skills report success and the evidence contradicts it.
         """
         cell = self.cell
         look = LastLook(cell.gripper.read(), cell.arm.read().tcp.position, cell.switch.read())
@@ -164,7 +164,7 @@ class Watcher:
         return judged(Claim.INSERTED, ending, records, self.proof, look, nobody, self.ctx.job)
 
     def rmse(self, total: float) -> float | None:
-        """Return the root mean square error, or None when nothing was watched."""
+        """Return the root mean square error, or None without data."""
         return math.sqrt(total / self.count) if self.count else None
 
 
@@ -177,13 +177,16 @@ def run_trial(config: CellConfig, seed: int, tracker: MakeTracker = make_tracker
 
 
 def seeded(config: CellConfig, seed: int) -> CellConfig:
-    """Return the config of a cell whose world is drawn from this seed, as fast as it goes."""
+    """Return the config of a cell whose world is drawn from this seed, at full speed."""
     assert config.sim is not None
     return config.model_copy(update={"sim": config.sim.model_copy(update={"seed": seed, "pace": "max"})})
 
 
 def _insert(watcher: Watcher) -> tuple[list[StageRecord], Ending, Outcome, str]:
-    """Run `insert_peg`; return its stages, how it ended, and outcome and reason, where a fault is a failure with the fault's name."""
+    """Run `insert_peg`; return its stages, its ending, outcome and reason.
+
+    A fault is a failure with the fault's name.
+    """
     records: list[StageRecord] = []
     try:
         records = CATALOGUE["insert_peg"].run(watcher.cell.config.skill_set(), watcher.ctx)
@@ -199,7 +202,7 @@ def trial_in(
 ) -> TrialRow:
     """Run `insert_peg` once in an opened cell, and call `each` in every scan.
 
-    A fault ends the trial as a failure whose reason is the fault's name; all the time of its stage counts.
+    A fault ends the trial as a failure, with the fault's name as the reason. The whole time of its stage is included.
     """
     wall = time.perf_counter()
     assert cell.truth is not None
@@ -266,22 +269,23 @@ def run_trials(
 ) -> list[TrialRow]:
     """Run a trial of every seed on `workers` processes, or on a cluster, and return the rows, sorted by seed.
 
-    Rows go to a partial file as they finish; the same call again takes them up and runs only what is missing.
+    Finished rows go to a partial file. If the call is repeated, it reuses them and runs only the missing seeds.
 
     Args:
         config: Config of the cell of every trial, except its seed.
         seeds: Seeds, one trial each.
         workers: Number of processes; the rows do not depend on it.
         folder: Folder of trials.csv and summary.json.
-        done: Called with every row, those of an earlier call included.
-        scheduler: Address of a Dask scheduler whose workers shall run the trials instead.
-        is_enough: Whether the rows of the first seeds are enough; the least number that is ends the call, and only those
-            rows are returned, so that they do not depend on the number of processes either. None runs every seed.
-        tracker: Function that makes the tracker of theta.
+        done: Called with every row, including those of an earlier call.
+        scheduler: Address of a Dask scheduler whose workers run the trials instead.
+        is_enough: Function that returns True if the rows of the first seeds are enough. The smallest sufficient number
+            ends the call, and only those rows are returned, independent of the number of processes. None runs every
+            seed.
+        tracker: Function that creates the tracker of theta.
 
     Raises:
-        ConfigError: The folder cannot be written, or the packages for a cluster are missing.
-        CellError: A worker was killed, or the cluster is not there.
+        ConfigError: The folder is not writable, or the packages for a cluster are missing.
+        CellError: A worker was killed, or the cluster is unreachable.
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -315,7 +319,7 @@ def run_trials(
 def _ending(
     rows: Mapping[int, TrialRow], order: Sequence[int], is_enough: Callable[[Sequence[TrialRow]], bool] | None
 ) -> list[TrialRow] | None:
-    """Return the rows with which the call ends, in the order of the seeds, or None while some are still to be run."""
+    """Return the final rows in the order of the seeds, or None while seeds are missing."""
     first = [rows[seed] for seed in takewhile(rows.__contains__, order)]
     if is_enough is not None:
         for count in range(1, len(first) + 1):
@@ -325,9 +329,9 @@ def _ending(
 
 
 def _resume(kept: TextIO, config: CellConfig) -> list[TrialRow]:
-    """Return the rows of an interrupted call with the same config and versions, and make the file ready to append.
+    """Return the rows of an interrupted call with the same config and versions, and prepare the file for appending.
 
-    Complete rows stay in the file, so that a call which is killed at this point loses nothing either.
+    Complete rows stay in the file, so that a call killed at this point loses none.
     """
     head = json.dumps({"config": config_hash(config), "versions": versions()}) + "\n"
     kept.seek(0)
@@ -336,7 +340,7 @@ def _resume(kept: TextIO, config: CellConfig) -> list[TrialRow]:
     if lines and lines[0] == head:
         for line in lines[1:]:
             if not line.endswith("\n"):
-                break  # cut off in the middle
+                break  # an incomplete last row
             try:
                 rows.append(TrialRow(**json.loads(line)))
             except (json.JSONDecodeError, TypeError):
@@ -361,11 +365,11 @@ def write_table(rows: Sequence[TrialRow], path: Path) -> None:
 
 
 def read_table(path: Path) -> list[TrialRow]:
-    """Return the rows that `write_table` wrote.
+    """Return the rows written by `write_table`.
 
     Raises:
-        OSError: There is no such file, or it is not readable.
-        ValueError: The file holds no such table.
+        OSError: The file does not exist or is not readable.
+        ValueError: The file does not contain such a table.
     """
     with path.open(newline="", encoding="utf-8") as file:
         table = csv.DictReader(file)
@@ -389,7 +393,7 @@ _READERS: dict[Any, Callable[[str], Any]] = {
     bool: "true".__eq__,
     float | None: lambda text: float(text) if text else None,
 }
-"""Function that reads a cell of each type."""
+"""Function that parses a CSV cell of each type."""
 
 
 def _cell(value: object) -> object:
@@ -422,7 +426,7 @@ def summarise(rows: Sequence[TrialRow], config: CellConfig) -> dict[str, Any]:
 
 
 def load(rows: Sequence[TrialRow], name: str) -> dict[str, float] | None:
-    """Return mean, median, 95th percentile and largest value of one of `LOADS` over all trials, or None of none."""
+    """Return mean, median, 95th percentile and largest value of one of `LOADS` over all trials; None without values."""
     values = [getattr(row, name) for row in rows]
     found = spread(values)
     return None if found is None else {**found, "largest": max(values)}

@@ -1,4 +1,4 @@
-"""The workers that run trials: processes of this machine, or workers of a Dask cluster; results come as they finish."""
+"""Workers for trials: processes of this machine, or workers of a Dask cluster; results arrive as they finish."""
 
 import multiprocessing
 import os
@@ -26,20 +26,20 @@ if TYPE_CHECKING:
 Row = TypeVar("Row")
 P = ParamSpec("P")
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
-"""Variables that make a worker single-threaded: one trial per core, and the same sums in the same order everywhere."""
+"""Variables that make a worker single-threaded: one trial per core, and the same order of sums everywhere."""
 BLAS = "OPENBLAS_NUM_THREADS"
-"""Variable among them that could change a sum; a Dask nanny sets it to 1."""
+"""Variable among them that can change a sum; a Dask nanny sets it to 1."""
 CONNECT = 10.0
 """Longest wait for a scheduler's answer, s."""
 PATIENCE = 30.0
-"""Time without a result and without a worker after which the cluster is given up, s."""
+"""Time without a result and without a worker after which the cluster has failed, s."""
 _TAKE_UP = "the same command takes up where it was"
 
 
 def on_processes(task: Callable[[int], Row], seeds: Sequence[int], workers: int) -> Generator[Row, None, None]:
     """Yield the result of `task` for each seed, as it finishes, from `workers` processes of one thread each.
 
-    A call that ends with all its results leaves its processes to the next one of as many, which then has nothing to load.
+    If a call ends with all its results, the next call with the same number of processes reuses them, already loaded.
 
     Raises:
         CellError: A worker was killed.
@@ -59,41 +59,41 @@ def on_processes(task: Callable[[int], Row], seeds: Sequence[int], workers: int)
             if _waiting.setdefault(workers, pool) is not pool:
                 pool.leave()
         else:
-            # An interrupted call does not wait for trials under way; the same command runs them again.
+            # An interrupted call does not wait for running trials; the same command runs them again.
             pool.leave()
 
 
 class Pool(ProcessPoolExecutor):
-    """Processes of one thread each that end with the one that started them, whatever they do, and are started as they are needed."""
+    """Single-threaded processes that start on demand and always end with their parent."""
 
     def __init__(self, workers: int) -> None:
-        """Start nothing yet."""
+        """Start no process yet."""
         context = multiprocessing.get_context("spawn")
         self._lifeline, self._held = context.Pipe(duplex=False)
         super().__init__(workers, context, initializer=_leave_with_parent, initargs=(self._lifeline,))
 
     def __exit__(self, *_: object) -> None:
-        """End the processes; one that is interrupted waits for none."""
+        """End the processes; an interrupted pool does not wait for them."""
         self.leave()
 
     def submit(self, fn: Callable[P, Row], /, *args: P.args, **kwargs: P.kwargs) -> "ProcessFuture[Row]":
-        """Give a process something to do, and start one more where all are busy and there may be more."""
+        """Submit a task, and start one more process if all are busy and the limit allows it."""
         with _one_thread_each(), _deaf_children():
             return super().submit(fn, *args, **kwargs)
 
     def leave(self) -> None:
-        """End the processes, whatever they do."""
+        """End the processes, even busy ones."""
         self._held.close()
         self.shutdown(cancel_futures=True)
         self._lifeline.close()
 
 
 _waiting: dict[int, Pool] = {}
-"""Pools of calls that ended with all their results, by their number of processes."""
+"""Pools of completed calls, by their number of processes."""
 
 
 def _leave_with_parent(lifeline: "Connection") -> None:
-    """End this process when its parent is killed or interrupted; a pool's workers would wait for ever."""
+    """End this process if its parent is killed or interrupted; a pool's workers would otherwise wait forever."""
     parent = multiprocessing.parent_process()
     assert parent is not None
 
@@ -106,7 +106,7 @@ def _leave_with_parent(lifeline: "Connection") -> None:
 
 @contextmanager
 def _deaf_children() -> Iterator[None]:
-    """Make processes that are started meanwhile ignore Ctrl-C, which their parent handles for them."""
+    """Make processes started within this context ignore Ctrl-C; their parent handles it."""
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield
@@ -119,17 +119,17 @@ def on_cluster(
 ) -> Generator[Row, None, None]:
     """Yield the result of `task` for each seed, as it finishes, from the workers of a Dask cluster.
 
-    A seed whose worker dies is run again by another one.
+    If a worker dies, another one runs its seed again.
 
     Args:
-        task: Function, pickled by its name; the workers need this program, with the same code and packages.
+        task: Function, pickled by its name; the workers need this program with the same code and packages.
         seeds: Seeds, one call each.
         address: Address of the scheduler, as in tcp://192.0.2.1:8786.
         patience: Time to go on without any worker, s.
 
     Raises:
         ConfigError: The packages of the extra `cluster` are missing.
-        CellError: No answer from the scheduler, no worker, or a worker that cannot give the same rows.
+        CellError: No answer from the scheduler, no worker, or a worker that cannot reproduce the same rows.
     """
     if not seeds:
         return
@@ -148,7 +148,7 @@ def _connected(address: str) -> "Client":
     try:
         import dask.config
 
-        # Errors are reported here, once; distributed reads this when it is imported.
+        # Errors are reported here, once; distributed reads this setting on import.
         dask.config.set(
             {"logging": dict.fromkeys(("distributed", "distributed.client", "tornado.application"), "critical")}
         )
@@ -164,7 +164,7 @@ def _connected(address: str) -> "Client":
 
 
 def _next(client: "Client", finished: "SimpleQueue[Future]", address: str, patience: float) -> "Future":
-    """Return the next future that is done, as long as there are workers."""
+    """Return the next completed future, while workers exist."""
     while True:
         try:
             return finished.get(timeout=patience)
@@ -184,7 +184,7 @@ def _result(future: "Future", address: str) -> Any:
         raise
     except CancelledError:
         raise CellError(f"scheduler {address}: lost; {_TAKE_UP}") from None
-    except Exception as error:  # a worker's error may have any type; the program that asked reads one line
+    except Exception as error:  # a worker's error can have any type; the calling program needs one line
         raise CellError(f"scheduler {address}: {type(error).__name__}: {_first_line(error)}; {_TAKE_UP}") from error
 
 
@@ -192,7 +192,7 @@ def _on_worker(task: Callable[[int], Row], wanted: dict[str, str], seed: int) ->
     """Run one seed on a cluster's worker.
 
     Raises:
-        CellError: This worker would give other rows than the others.
+        CellError: The rows of this worker would differ from the others.
     """
     here, found = f"worker on {platform.node()}", versions()
     for name, value in wanted.items():

@@ -1,5 +1,5 @@
-"""Charts of the frontier: what is lost against time, with force as colour, in one picture and in a panel for each group; and the
-way from the paper's method to the shipped one, a step at a time.
+"""Charts of the frontier: losses against time with force as colour, in one picture and one panel per group; and the
+chain from the paper's method to the default one.
 """
 
 import math
@@ -26,28 +26,29 @@ STAGES = dict(zip(("search", "insert", "adjust"), ("#66ccee", "#228833", "#ccbb4
 MARKERS = "osD^vPX*"
 """Markers of a panel's variants, in order."""
 FORCES = (10.0, 12.5, 15.0, 17.5, 20.0, 25.0, 30.0, 40.0, 60.0)
-"""Bounds of the bands of force that a colour stands for, N; 20 N is the bound of what ships."""
+"""Bounds of the force bands of the colours, N; 20 N is the bound of the default settings."""
 MAP = ListedColormap(
     [colormaps["RdYlBu_r"](place) for place in (0.0, 0.08, 0.17, 0.26, 0.36, 0.62, 0.7, 0.8, 0.9, 1.0)]
 )
-"""Colours of the bands and of what lies beyond them: blue within 20 N, red above."""
+"""Colours of the bands and of the range beyond them: blue up to 20 N, red above."""
 NORM = BoundaryNorm(FORCES, MAP.N, extend="both")
 NONE, LEAST, MOST = 0.55, 0.4, 125.0
-"""Place of no loss on the logarithmic axis of what is lost, and the axis' ends, %."""
+"""Position of zero losses on the logarithmic axis of losses, and the axis' ends, %."""
 SHARES = (1, 2, 5, 10, 20, 50, 100)
-"""Ticks of what is lost, %."""
+"""Ticks of the axis of losses, %."""
 TIMES = (4, 5, 6, 8, 10, 15, 20, 30, 40, 60, 80, 100, 150)
 """Ticks of the logarithmic time axis, s."""
 PAPER = "[gibbons], Table I, real"
 REMARKABLE = 1.3
-"""A setting without a loss is named in the picture where its time is so many times that of the base, or the base's its."""
+"""Factor between a setting's time and that of the base, in either direction, above which a setting without losses gets
+a label."""
 LOST = "trials lost (%), Wilson 95 % interval"
 TIME = "mean time of the successes: search + insertion + adjustment (s), 95 % interval"
 FORCE = "largest contact force of a trial, 95th percentile (N)"
 
 
 def draw(lines: Sequence[FrontierLine], title: str, folder: Path) -> list[Path]:
-    """Draw picture, panels and chain into `folder` and return the files of those for which there are lines."""
+    """Draw picture, panels and chain into `folder`; return the files with lines."""
     shown, steps = ([line for line in lines if (line.family == CHAIN) == is_step] for is_step in (False, True))
     files = [folder / name for name in ("frontier.png", "frontier_panels.png", "chain.png")]
     if shown:
@@ -59,7 +60,10 @@ def draw(lines: Sequence[FrontierLine], title: str, folder: Path) -> list[Path]:
 
 
 def draw_picture(lines: Sequence[FrontierLine], title: str, path: Path) -> None:
-    """Draw every variant in one picture; a line joins the settings of one group, and names stand where there is something to say."""
+    """Draw every variant in one picture.
+
+    A line joins the settings of one group; notable variants have a label.
+    """
     figure = Figure(figsize=(11.0, 7.4), layout="constrained")
     axes = figure.add_subplot()
     timed = [line for line in lines if math.isfinite(line.mean)]
@@ -94,7 +98,7 @@ def draw_picture(lines: Sequence[FrontierLine], title: str, path: Path) -> None:
 
 
 def draw_panels(lines: Sequence[FrontierLine], title: str, path: Path) -> None:
-    """Draw a panel for each group, with all else and the published point behind."""
+    """Draw a panel for each group, with the other groups and the published point in the background."""
     groups = {family: [line for line in lines if line.family == family] for family in (line.family for line in lines)}
     groups[PRESET] = [*groups.get(PRESET, []), *groups.pop(METHOD, [])]
     groups = {family: of for family, of in groups.items() if of}
@@ -136,7 +140,7 @@ def draw_panels(lines: Sequence[FrontierLine], title: str, path: Path) -> None:
 
 
 def _lost(line: FrontierLine) -> float:
-    """Return the place of a variant on the axis of what is lost, %."""
+    """Return the position of a variant on the axis of losses, %."""
     return _place(1.0 - line.successes / line.trials)
 
 
@@ -145,7 +149,7 @@ def _place(share: float) -> float:
 
 
 def _is_remarkable(line: FrontierLine, base: FrontierLine | None) -> bool:
-    """Return whether a variant is named in the picture."""
+    """Return True if a variant gets a label in the picture."""
     if line.family in (PRESET, METHOD):
         return not (line.variant != BASES[0] and line.is_base)
     if line.is_base:
@@ -155,7 +159,7 @@ def _is_remarkable(line: FrontierLine, base: FrontierLine | None) -> bool:
 
 
 def _name(line: FrontierLine) -> str:
-    """Return the name of a variant in the picture, with its count."""
+    """Return the label of a variant in the picture, with its count."""
     if line.family == METHOD:
         text = f"[gibbons], simulated, {line.variant}"
     elif line.family == PRESET:
@@ -166,7 +170,7 @@ def _name(line: FrontierLine) -> str:
 
 
 def _prepare(axes: Axes, timed: Sequence[FrontierLine]) -> None:
-    """Lay both logarithmic axes, with a place of its own for no loss."""
+    """Prepare both logarithmic axes, with a separate position for zero losses."""
     times = [6.0, PUBLISHED_TOTAL, *(line.mean for line in timed)]
     first, last = min(times) / 1.35, max(times) * 1.4
     axes.set_xscale("log")
@@ -206,7 +210,7 @@ def _bars(axes: Axes, line: FrontierLine, width: float) -> None:
 
 
 def _published(axes: Axes) -> Label:
-    """Draw the published point, whose force is not known, and return its name."""
+    """Draw the published point, whose force is unknown, and return its name."""
     low, high = wilson(PUBLISHED_SUCCESSES, PUBLISHED_ATTEMPTS)
     lost = _place(1.0 - PUBLISHED_SUCCESSES / PUBLISHED_ATTEMPTS)
     error = [[lost - _place(1.0 - high)], [_place(1.0 - low) - lost]]
@@ -215,7 +219,7 @@ def _published(axes: Axes) -> Label:
 
 
 def _drawn(axes: Axes, line: FrontierLine, marker: str) -> Any:
-    """Draw one variant in its panel and return its entry of the legend."""
+    """Draw one variant in its panel and return its legend entry."""
     if not math.isfinite(line.mean):
         told = f"{line.successes}/{line.trials}" if line.trials else "not run"
         return axes.plot([], [], "x", color=RED, ms=6, label=f"{line.variant}: {told}")[0]

@@ -1,4 +1,4 @@
-"""The frontier of speed against accuracy: one point a variant of the cell, all on the same seeds."""
+"""Frontier of speed against accuracy: one point per variant of the cell, all on the same seeds."""
 
 import json
 import logging
@@ -27,7 +27,7 @@ logger = logging.getLogger(__name__)
 
 FRONTIER = "frontier.csv"
 TITLE = "title.txt"
-"""File of the words under which the charts are drawn: trials, seeds, errors and versions."""
+"""File with the title of the charts: trials, seeds, errors and versions."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,29 +35,29 @@ class Variant:
     """One variant of the cell."""
 
     family: str
-    """Group of variants that are compared: the presets, what is swept, or the steps of a chain."""
+    """Group of variants to compare: the presets, a swept quantity, or the steps of a chain."""
     name: str
     preset: str | None
-    """Preset that replaces the config's own; None keeps that."""
+    """Preset that replaces the config's own; None keeps the config's."""
     sets: tuple[str, ...]
-    """Single keys, `KEY=VALUE`, laid over the preset."""
+    """Single keys, `KEY=VALUE`, on top of the preset."""
     tracker: MakeTracker = make_tracker
-    """Function that makes the tracker of theta."""
+    """Function that creates the tracker of theta."""
 
 
 @dataclass(frozen=True, slots=True)
 class FrontierLine:
-    """Result of one variant; times are of its successes, s, and NaN where there are none."""
+    """Result of one variant; times are those of its successes, s, and NaN if there are none."""
 
     family: str
     variant: str
     preset: str
     sets: str
-    """Keys that differ from the preset, parted by blanks."""
+    """Keys that differ from the preset, separated by spaces."""
     folder: str
-    """Folder of its trials; variants with the same config share it."""
+    """Folder of its trials, common to variants with the same config."""
     is_base: bool
-    """Whether the config is the one that every variant starts from."""
+    """True if the config is the base of all variants."""
     trials: int
     successes: int
     low: float
@@ -66,51 +66,51 @@ class FrontierLine:
     mean: float
     """Mean of the total time, search + insertion + adjustment, s."""
     mean_error: float
-    """Half width of the mean's 95 % interval, normal, s; NaN below two successes."""
+    """Half width of the mean's 95 % interval, normal, s; NaN for fewer than two successes."""
     median: float
     p95: float
     search: float
-    """Mean time of the search, s; the next fields are those of the other stages."""
+    """Mean time of the search, s; the next fields contain the other stages."""
     insert: float
     adjust: float
     force_median: float
-    """Median over all trials of the largest contact force, N."""
+    """Median of the largest contact force over all trials, N."""
     force_p95: float
     within: int
     """Number of trials whose largest contact force is at most `OVER_FORCE`."""
     over_longest: float
     """Longest time of a trial above that force, s."""
     jerk_free: float
-    """95th percentile of the trials' largest jerk in free space, m/s³; the next field is that elsewhere."""
+    """95th percentile of the trials' largest jerk in free space, m/s³; the next field is the jerk elsewhere."""
     jerk_contact: float
     voids: int
     faults: int
-    """Number of trials that a fault ended; they count as not successful."""
+    """Number of trials that a fault ended; they are not successful."""
     retries: int
     """Number of retries in all trials together."""
     endings: str
     """Endings other than success, with their counts."""
     error: str
-    """Reason why the variant could not be run; empty when it could."""
+    """Reason why the variant did not run; empty if it ran."""
     verdict: str = ""
-    """Answer of the sequential test that ended the trials; empty where every seed was run."""
+    """Result of the sequential test that ended the trials; empty if every seed ran."""
 
 
 def load_variant(path: Path | None, preset: str | None, sets: Sequence[str]) -> CellConfig:
-    """Return the cell of a file, a preset and single keys, at its fastest pace.
+    """Return the cell of a file, a preset and single keys, at the fastest pace.
 
     Raises:
-        ConfigError: One of them cannot be used.
+        ConfigError: One of them is invalid.
     """
     return load(path, preset, [*sets, "sim.pace=max"]).cell
 
 
 def title_of(seeds: range, of_each: str = "") -> str:
-    """Return trials, seeds and versions in the words of charts and table.
+    """Return the description of trials, seeds and versions for charts and table.
 
     Args:
         seeds: Seeds, one trial each.
-        of_each: Number of trials of a variant, in words; empty where every seed was run.
+        of_each: Number of trials of a variant, in words; empty if every seed ran.
     """
     return (
         f"{of_each or len(seeds)} trials a variant, simulated, seeds {seeds[0]} to {seeds[-1]}; python {platform.python_version()}, "
@@ -129,9 +129,9 @@ def measure(
     tests: Mapping[str, RateTest] | None = None,
     scheduler: str | None = None,
 ) -> list[FrontierLine]:
-    """Run every variant on the same seeds and write frontier.csv; finished trials in the folder are taken up.
+    """Run every variant on the same seeds and write frontier.csv; finished trials in the folder are reused.
 
-    A variant that cannot be run has its error in its line, and the others go on.
+    If a variant does not run, its line contains the error, and the others continue.
 
     Args:
         path: TOML file of the cell, see `variants`.
@@ -140,12 +140,12 @@ def measure(
         seeds: Seeds, one trial each, for every variant.
         workers: Number of processes.
         folder: Folder of the variants' folders.
-        done: Called with the number of further trials done, or saved by a test.
+        done: Called with the number of further trials completed, or saved by a test.
         tests: Test by family that ends a variant's trials; a family without one runs every seed.
-        scheduler: Address of a Dask scheduler whose workers shall run the trials instead.
+        scheduler: Address of a Dask scheduler whose workers run the trials instead.
 
     Raises:
-        ConfigError: The config that every variant starts from cannot be used.
+        ConfigError: The base config of the variants is invalid.
     """
     base = _fingerprint(load_variant(path, None, sets))
     ran: dict[str, tuple[str, list[TrialRow], str, RateTest | None]] = {}
@@ -175,31 +175,31 @@ def measure(
 
 
 def _fingerprint(config: CellConfig, tracker: MakeTracker = make_tracker) -> str:
-    """Return a text that is the same for configs with the same values, whatever their origin, and the same tracker."""
+    """Return a text that is equal for configs with the same values, whatever their origin, and the same tracker."""
     return f"{config_hash(config.model_copy(update={'preset': '', 'world': ''}))} {tracker.__name__}"
 
 
 @dataclass(frozen=True, slots=True)
 class Task:
-    """The trials of one variant: what is run, where, and when it is enough."""
+    """Trials of one variant: config, folder, and stopping test."""
 
     config: CellConfig
     seeds: Sequence[int]
     test: RateTest | None
-    """Test that ends the trials before the last seed; None runs every seed."""
+    """Test that can end the trials before the last seed; None runs every seed."""
     folder: Path
     workers: int
     scheduler: str | None
     tracker: MakeTracker
 
     def is_enough(self, rows: Sequence[TrialRow]) -> bool:
-        """Return whether the rows of the first seeds answer the question, or are all that may be run."""
+        """Return True if the rows of the first seeds decide the test, or all seeds have run."""
         answered = self.test is not None and answer(self.test, rows) is not Verdict.OPEN
         return answered or len(rows) == len(self.seeds)
 
 
 def answer(test: RateTest, rows: Sequence[TrialRow]) -> Verdict:
-    """Return what a test says of trials; whatever is not a success is lost."""
+    """Return the result of a test on trials; every trial except a success is a loss."""
     return test.verdict(sum(row.outcome != Outcome.SUCCESS for row in rows), len(rows))
 
 
@@ -223,7 +223,7 @@ def _run(task: Task, done: Callable[[int], None]) -> tuple[list[TrialRow], str]:
                 task.is_enough,
                 task.tracker,
             )
-    except Exception as error:  # whatever it is, the other variants are worth having
+    except Exception as error:  # any error: the results of the other variants are still useful
         logger.exception("%s", task.folder)
         trouble = " ".join(f"{type(error).__name__}: {error}".split())
     done(len(task.seeds) - told)
@@ -231,7 +231,7 @@ def _run(task: Task, done: Callable[[int], None]) -> tuple[list[TrialRow], str]:
 
 
 def _finished(task: Task) -> list[TrialRow]:
-    """Return the rows of an earlier call with the same config, seeds, test and versions, or none."""
+    """Return the rows of an earlier call with the same config, seeds, test and versions, or None."""
     try:
         summary = json.loads((task.folder / SUMMARY).read_text(encoding="utf-8"))
         rows = read_table(task.folder / TABLE)

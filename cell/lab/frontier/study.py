@@ -1,4 +1,4 @@
-"""`cell study frontier`: speed against accuracy, of presets, of settings, and of each step from the paper's method."""
+"""`cell study frontier`: speed against accuracy for presets, settings, and each step from the paper's method."""
 
 import argparse
 from dataclasses import asdict
@@ -18,7 +18,7 @@ SUMMARY = "speed against accuracy: presets, settings, and each step from the pap
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add what is simulated, what of it, the number of trials of each variant, and where they run."""
+    """Add the simulated cell, the groups of variants, the number of trials of each variant, and their workers."""
     add_study(parser)
     add_seed(parser)
     add_trials(
@@ -52,10 +52,10 @@ def run(args: argparse.Namespace) -> StudyReport:
 
 
 def _measured(args: argparse.Namespace, config: "CellConfig", folder: Path) -> "tuple[list[FrontierLine], str]":
-    """Run what is asked for and return its lines, and the words under which they are drawn.
+    """Run the requested groups; return their lines and the title of the charts.
 
     Raises:
-        ConfigError: A group is not known.
+        ConfigError: A group is unknown.
     """
     from cell.lab.frontier import measure
     from cell.lab.frontier.variants import rate_tests, variants

@@ -1,4 +1,4 @@
-"""The tables of the frontier."""
+"""Tables of the frontier."""
 
 from collections.abc import Sequence
 
@@ -10,7 +10,7 @@ from sim.metering import JERK_BANDWIDTH, OVER_FORCE
 
 
 def frontier(lines: Sequence[FrontierLine], title: str) -> Table:
-    """Return how well and how fast each variant works."""
+    """Return success and speed of each variant."""
     table = Table(title=title, caption="times are of the successes, s; forces are each trial's largest, N")
     for name in (
         "",
@@ -44,7 +44,7 @@ def frontier(lines: Sequence[FrontierLine], title: str) -> Table:
 
 
 def gentleness(lines: Sequence[FrontierLine]) -> Table:
-    """Return how gently each variant works."""
+    """Return force and jerk of each variant."""
     table = Table(title="Force and jerk")
     table.caption = (
         f"over: longest time above {OVER_FORCE:g} N, s; median and p95 of each trial's largest force, N; p95 of its largest jerk "

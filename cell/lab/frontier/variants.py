@@ -1,4 +1,4 @@
-"""The variants of the frontier: presets, the published method, what makes a method fail, and the way from the one to the other."""
+"""Variants of the frontier: presets, the published method, sweeps up to failure, and the chain between the methods."""
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
@@ -15,11 +15,12 @@ from skills.tactile.estimators import ESTIMATORS
 
 PRESET, PUBLISHED, CHAIN = "preset", "published method", "chain"
 BASES = "as shipped", "as configured"
-"""Names of the config that every variant starts from, with nothing given and with a file or keys given."""
+"""Names of the base config: without arguments, and with a file or keys."""
 START = "paper"
-"""Preset from which the chain starts."""
+"""Preset at the start of the chain."""
 HERE, THERE = "in this cell", "in a laboratory as it fits"
-"""Names of the published method: in the cell that ships, and with the pads, plate and skin with which it does what it did in life."""
+"""Names of the published method: in the default cell, and in a cell with the pads, plate and skin of the published
+experiment."""
 SWEEPS: dict[str, dict[str, tuple[str, ...]]] = {
     "size of the errors": {f"reality {scale:g}": (f"reality.scale={scale:g}",) for scale in (0.0, 1.0, 2.0, 3.0)},
     "clearance": {f"{1e3 * gap:g} mm": (f"hole.diameter={0.008 + gap:.5f}",) for gap in (1e-4, 5e-5, 2e-5, 1e-5)},
@@ -38,8 +39,8 @@ SWEEPS: dict[str, dict[str, tuple[str, ...]]] = {
     },
     "estimator": {name: (f"insert.estimator={name}",) for name in ESTIMATORS},
 }
-"""What is swept, from the config that every variant starts from, to where a method fails: a name for each value, and its keys. A search does
-not go faster than 0.15 m/s over a hole of 8.1 mm, whatever is asked."""
+"""Sweeps from the base config up to the failure of a method: a name for each value, and its keys. Over a hole of 8.1 mm
+a search is limited to 0.15 m/s, whatever the setting."""
 ALL_DRAWN = "+ arms, boards, pads, plate and skin as drawn"
 STEPS: tuple[tuple[str, tuple[str, ...]], ...] = (
     ("+ estimator: {estimator}", ("insert.estimator", *ESTIMATORS, "smoothing")),
@@ -50,13 +51,13 @@ STEPS: tuple[tuple[str, tuple[str, ...]], ...] = (
     (ALL_DRAWN, ("reality", *LABORATORY)),
     ("+ all else", ("",)),
 )
-"""Steps of the chain, in order; each takes the keys that begin with its prefixes and that no earlier step took, and the cell's own skill in
-place of the printed one of that section.
-"""
+"""Steps of the chain, in order. Each takes the keys with its prefixes that no earlier step took, and replaces the
+printed skill of that section by the cell's own."""
 QUICK = {"size of the errors": ("reality 0",)}
-"""Sweeps that remain in a quick study."""
+"""Sweeps of a quick study."""
 CLOSE, COARSE = RateTest(good=0.01, bad=0.05, least=8), RateTest(good=0.02, bad=0.25, least=6)
-"""Tests that end a setting's trials: of the presets, and of all else, which is there to show where a method gives up."""
+"""Tests that end a setting's trials: for the presets, and for all other variants, which only show the limits of a
+method."""
 
 
 def rate_tests() -> Mapping[str, RateTest]:
@@ -69,8 +70,8 @@ def variants(path: Path | None, sets: Sequence[str], is_quick: bool) -> list[Var
 
     Args:
         path: TOML file of the cell; None is the simulated cell that ships with the program.
-        sets: Keys of all variants; the presets and the sweeps go over them.
-        is_quick: Whether to return only a few.
+        sets: Keys of all variants; presets and sweeps override them.
+        is_quick: True to return only a few.
     """
     own = BASES[bool(path or sets)]
     found = [Variant(PRESET, own, None, ())]
@@ -87,7 +88,7 @@ def variants(path: Path | None, sets: Sequence[str], is_quick: bool) -> list[Var
 
 
 def chain(start: CellConfig, end: CellConfig, sets: tuple[str, ...] = ()) -> list[Variant]:
-    """Return the steps from `start`, the preset with `sets`, to `end`, one at a time; steps that change nothing are left out."""
+    """Return the steps from `start`, the preset with `sets`, to `end`, one at a time, without steps that change nothing."""
     below, above = dict(_leaves(start)), dict(_leaves(end))
     left = [key for key in above if key != "preset" and not key.startswith("paper") and below.get(key) != above[key]]
     printed, kept_to_the_end = (each.paper.skills if each.paper is not None else () for each in (start, end))

@@ -16,7 +16,7 @@ _PLC = ("command_", "execute", "stop", "reset")
 
 
 def draw(trace: Conversation, path: Path) -> None:
-    """Draw one conversation: a row for each signal, bits as levels, numbers as labelled stretches."""
+    """Draw one conversation: a row for each signal, bits as levels, numbers as labelled intervals."""
     names = list(trace.signals)
     figure = Figure(figsize=(11, 0.46 * len(names) + 1.5), layout="constrained")
     axes = figure.add_subplot()
@@ -42,7 +42,7 @@ def draw(trace: Conversation, path: Path) -> None:
 
 
 def _stretches(trace: Conversation, name: str) -> list[tuple[float, float, int]]:
-    """Return from when to when a signal had which value."""
+    """Return start, end and value of each interval of a signal."""
     changes = trace.signals[name]
     ends = [moment for moment, _ in changes[1:]] + [trace.end]
     return [(start, end, value) for (start, value), end in zip(changes, ends, strict=True)]

@@ -1,4 +1,4 @@
-"""Conversations with a served cell as they were on the wire: what a PLC wrote and read, with times."""
+"""Recorded conversations with a served cell: all values that a PLC wrote and read, with times."""
 
 import struct
 import time
@@ -18,14 +18,14 @@ from skills.catalogue import CATALOGUE
 CYCLE, PATIENCE = 0.02, 60.0
 """Cycle time of the recorded PLC, and longest wait for an answer, s."""
 MOTION = CATALOGUE["recover"].code
-"""Command code of the motion that is run, which needs no part."""
+"""Command code of the motion in the recording; it needs no part."""
 UNKNOWN = 77
-"""Command code that no cell knows, for a refusal."""
+"""Unknown command code, for a refusal."""
 
 
 @dataclass(slots=True)
 class Conversation:
-    """One conversation: for each signal the moments at which it changed."""
+    """One conversation: the times of change of each signal."""
 
     title: str
     signals: dict[str, list[tuple[float, int]]] = field(default_factory=dict)
@@ -35,7 +35,7 @@ class Conversation:
     _began: float = field(default_factory=time.perf_counter)
 
     def take(self, **values: int) -> None:
-        """Take signals as they were just written or read."""
+        """Record signals that were just written or read."""
         now = self.end = time.perf_counter() - self._began
         for name, value in values.items():
             changes = self.signals.setdefault(name, [])
@@ -43,15 +43,15 @@ class Conversation:
                 changes.append((now, value))
 
     def note(self, text: str) -> None:
-        """Note what happens now."""
+        """Record an event."""
         self.notes.append((time.perf_counter() - self._began, text))
 
 
 def record(loaded: LoadedConfig) -> list[Conversation]:
-    """Return both conversations with a cell of its own process, in real time.
+    """Return both conversations with a cell in a separate process, in real time.
 
     Raises:
-        CellError: The cell does not answer as it should.
+        CellError: The cell gives an unexpected answer.
     """
     scans: list[Scan] = []
     with cell_process(loaded, scans, patient(loaded.cell.plc, 8)) as doors:
@@ -63,7 +63,7 @@ def record(loaded: LoadedConfig) -> list[Conversation]:
 
 
 class _NumberedPlc:
-    """A PLC that writes the whole block in every cycle, and a trace of it."""
+    """A PLC that writes the whole block in every cycle, and its trace."""
 
     def __init__(self, client: Client) -> None:
         self.trace = Conversation("By sequence number: one FC16 and one FC4 in every cycle")
@@ -71,7 +71,7 @@ class _NumberedPlc:
         self.image = CommandImage(sequence=client.report().sequence + 1)
 
     def until(self, is_met: Callable[[], bool]) -> None:
-        """Cycle until something is met."""
+        """Cycle until a condition holds."""
         deadline = time.monotonic() + PATIENCE
         while not is_met():
             if time.monotonic() > deadline:
@@ -79,7 +79,7 @@ class _NumberedPlc:
             time.sleep(CYCLE)
 
     def cycle(self, **changes: int) -> dict[str, int]:
-        """Write the block and read the report, into the trace too."""
+        """Write the block and read the report; record both."""
         life = self.image.life % 0xFFFF + 1
         values = {"life": life, "life_tail": life, **changes}
         self.image = CommandImage(
@@ -130,7 +130,7 @@ def _by_numbers(client: Client) -> Conversation:
 
 
 class _Ladder:
-    """A ladder that knows coils and discrete inputs, and a trace of it."""
+    """A ladder program with coils and discrete inputs, and its trace."""
 
     def __init__(self, client: Client) -> None:
         self.trace = Conversation("By coils: FC5 and FC2")
@@ -145,14 +145,14 @@ class _Ladder:
         self.read()
 
     def read(self) -> dict[str, int]:
-        """Read the discrete inputs, into the trace too."""
+        """Read and record the discrete inputs."""
         bits = self._client.ask(struct.pack(">BHH", 2, 0, len(DISCRETE_INPUTS)))[2]
         inputs = {name: bits >> place & 1 for name, place in DISCRETE_INPUTS.items()}
         self.trace.take(**self._coils, **inputs)
         return inputs
 
     def until(self, name: str, value: int = 1) -> None:
-        """Read until an input is as wanted."""
+        """Read until an input has the wanted value."""
         deadline = time.monotonic() + PATIENCE
         while self.read()[name] != value:
             if time.monotonic() > deadline:
@@ -160,7 +160,7 @@ class _Ladder:
             time.sleep(CYCLE)
 
     def rest(self, cycles: int) -> None:
-        """Read so many times."""
+        """Read this number of times."""
         for _ in range(cycles):
             self.read()
             time.sleep(CYCLE)
@@ -198,6 +198,6 @@ def _by_coils(client: Client) -> Conversation:
 
 
 def transitions(trace: Conversation) -> list[tuple[float, str, int]]:
-    """Return every change of a conversation in order: when, s, which signal, and to what."""
+    """Return every change of a conversation in order: time, s, signal, and new value."""
     changes = [(time_, name, value) for name, each in trace.signals.items() for time_, value in each]
     return sorted(changes, key=lambda change: change[0])

@@ -10,13 +10,13 @@ SUMMARY = "the handshake by numbers and by coils, recorded on a socket and drawn
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the config of the served cell, and where the pictures go."""
+    """Add the config of the served cell, and the folder of the pictures."""
     add_config(parser)
     add_out(parser)
 
 
 def run(args: argparse.Namespace) -> StudyReport:
-    """Talk to a cell in real time, draw what was said, and list every change."""
+    """Run both conversations with a cell in real time, draw them, and list every change."""
     from rich.table import Table
 
     from cell.lab.handshake import charts, recording

@@ -1,1 +1,1 @@
-"""The study of learning: series of parts on one cell whose fixture moves a little, and is exchanged in the end."""
+"""Study of learning: series of parts on one cell with a slightly moving fixture, replaced at the end."""

@@ -1,4 +1,4 @@
-"""The chart of the study of learning: time and success by number of the part."""
+"""Chart of the study of learning: time and success by part number."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -15,9 +15,7 @@ CHART = "learning.png"
 
 
 def draw(rows: Sequence[PartRow], parts: int, title: str, folder: Path) -> Path:
-    """Draw mean search and total time of successes by number of the part, and each mode's success against its mean time;
-    return the file.
-    """
+    """Draw mean search and total time of successes by part number, and each mode's success against its mean time; return the file."""
     figure = Figure(figsize=(12.5, 4.2), layout="constrained")
     search, total, both = figure.subplots(1, 3, width_ratios=(2, 2, 1))
     for mode, colour in zip(Mode, COLOURS, strict=False):

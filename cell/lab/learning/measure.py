@@ -1,4 +1,4 @@
-"""Series of parts on one cell: its fixture moves a little from part to part, and another one stands there in the end."""
+"""Series of parts on one cell: its fixture moves slightly from part to part and is replaced at the end."""
 
 import tempfile
 from collections.abc import Callable, Sequence
@@ -23,17 +23,17 @@ from skills.contract import Outcome
 
 TABLE = "parts.csv"
 MOVES = 0.0005
-"""Standard deviation of the hole's place between parts where the config names no fixture, m."""
+"""Standard deviation of the hole's position between parts if the config names no fixture, m."""
 WRONG = 0.0007
-"""Standard deviation of a prior that is wrong, m: it claims as much as a learnt one."""
+"""Standard deviation of a wrong prior, m; it claims the precision of a learnt one."""
 EXCHANGED = 3
-"""One part in so many follows with another fixture."""
+"""Number of parts before the fixture's replacement for each part after it."""
 SERIES = 1000
-"""Distance between the seeds of two series."""
+"""Seed offset between two series."""
 
 
 class Mode(StrEnum):
-    """What a cell knows of the place of the hole."""
+    """Knowledge of the hole's position in a cell."""
 
     LEARNS = "learns"
     PLAIN = "knows nothing"
@@ -48,23 +48,23 @@ class PartRow:
     seed: int
     """Seed of the series."""
     part: int
-    """Number of the part in its series, from 1."""
+    """Number of the part in its series, starting at 1."""
     is_exchanged: bool
-    """Whether another fixture stands there by now."""
+    """True if the fixture has been replaced."""
     is_expected: bool
-    """Whether the search began with a place."""
+    """True if the search began with an expected position."""
     outcome: str
     search_time: float
     total_time: float
-    """Sum of search, insertion and adjustment."""
+    """Sum of search, insertion and adjustment time, s."""
 
 
 def run_series(config: CellConfig, parts: int, task: tuple[str, int]) -> list[PartRow]:
-    """Return the parts of one series, on a cell of its own and, with another fixture, on the same one restarted.
+    """Return the parts of one series, on a new cell and, with another fixture, on the same cell after a restart.
 
     Args:
-        config: The cell; its fixture moves by `MOVES` where the config says nothing.
-        parts: Number of parts before the fixture is exchanged.
+        config: The cell; its fixture moves by `MOVES` if the config has no value.
+        parts: Number of parts before the fixture is replaced.
         task: Mode and seed of the series.
     """
     mode, seed = Mode(task[0]), task[1]
@@ -80,7 +80,7 @@ def run_series(config: CellConfig, parts: int, task: tuple[str, int]) -> list[Pa
 
 
 def _placed(config: CellConfig, mode: Mode, first: int) -> CellConfig:
-    """Return the cell with a fixture that the seed `first` places, and with a prior elsewhere where it is to be wrong."""
+    """Return the cell with a fixture placed by the seed `first`; in the wrong-prior mode also with a displaced prior."""
     assert config.sim is not None
     sim = config.sim.model_copy(
         update={"seed": first, "pace": "max", "fixture": config.sim.fixture or FixtureConfig(deviation=MOVES)}
@@ -97,7 +97,7 @@ def _placed(config: CellConfig, mode: Mode, first: int) -> CellConfig:
 def _run_parts(
     config: CellConfig, mode: Mode, learning: Learning, series: int, before: int, count: int, *, is_exchanged: bool
 ) -> list[PartRow]:
-    """Return `count` parts on one cell, numbered behind those `before`."""
+    """Return `count` parts on one cell, numbered after those `before`."""
     assert config.sim is not None
     cell, rows = assemble(config), []
     with opened(cell):
@@ -157,14 +157,14 @@ def _numbered(config: CellConfig, parts: int, tasks: Sequence[tuple[str, int]], 
 
 @dataclass(frozen=True, slots=True)
 class PartLine:
-    """All series of one mode at one stretch of parts."""
+    """All series of one mode over one range of parts."""
 
     mode: str
     parts: str
     trials: int
     successes: int
     expected: int
-    """Number of searches that began with a place."""
+    """Number of searches that began with an expected position."""
     search: float
     """Mean time of the search of successes, s."""
     total: float
@@ -174,7 +174,7 @@ class PartLine:
 
 
 def lines_of(rows: Sequence[PartRow], parts: int) -> list[PartLine]:
-    """Return mean times by mode, at the parts before a place can be known, at those after it, and with another fixture."""
+    """Return mean times by mode, for parts before and after a position can be known, and with another fixture."""
     stretches = (("1 to 2", 1, 2), (f"3 to {parts}", 3, parts), ("other fixture", parts + 1, 10**9))
     lines = []
     for mode in Mode:

@@ -1,4 +1,4 @@
-"""`cell study learning`: how much quicker a cell gets with every part of a fixture, and what a wrong place costs."""
+"""`cell study learning`: time saved with each part of a fixture, and the cost of a wrong expected position."""
 
 import argparse
 from dataclasses import asdict
@@ -14,7 +14,7 @@ SUMMARY = (
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add what is simulated, the number of series, and the number of parts in each."""
+    """Add the simulated cell, the number of series, and the number of parts in each."""
     add_study(parser)
     add_seed(parser)
     add_trials(parser, "series in each mode; default 10, with --quick 1")

@@ -8,7 +8,7 @@ from cell.lab.learning.measure import PartLine
 
 
 def times(lines: Sequence[PartLine], title: str) -> Table:
-    """Return mean times by what the cell knows and by stretch of parts."""
+    """Return mean times by knowledge of the hole's position and by range of parts."""
     table = Table(title=title, caption="times are means of the successes, s, with half the 95 % interval of the mean")
     for name in ("the cell", "parts", "success", "with a place", "search", "total"):
         table.add_column(name, justify="left" if name in ("the cell", "parts") else "right")

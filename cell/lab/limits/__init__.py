@@ -1,1 +1,1 @@
-"""Study of what limits each phase of an insertion."""
+"""Study of the limits of each phase of an insertion."""

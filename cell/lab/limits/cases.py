@@ -1,4 +1,4 @@
-"""The cases of the study of limits: what ships and `fast` on pegs of every size, and what shows a bound where the presets do not go."""
+"""Cases of the study of limits: default and `fast` on pegs of every size, and settings at bounds beyond the presets."""
 
 from dataclasses import dataclass
 
@@ -9,24 +9,24 @@ SHIPPED, CONFIGURED = "as shipped", "as configured"
 SIZES = (0.003, 0.004, 0.006, 0.008, 0.012, 0.016)
 """Diameters of the pegs, m; each hole is 0.1 mm wider."""
 STATED = 0.008
-"""Diameter of the peg whose phases are drawn one by one, m."""
+"""Diameter of the peg in the charts of single phases, m."""
 GAP = 1e-4
 AREA = 0.06
 """Side of the area that contains the hole, m."""
 SPEEDS = (0.05, 0.085, 0.15)
-"""Speeds of lanes that lie so far apart that some miss the hole, m/s; none is quicker over a hole of 8.1 mm."""
+"""Speeds of lanes with a spacing that misses some holes, m/s; over a hole of 8.1 mm the last is the maximum."""
 WIDE = ("search.pitch=0.95", "hole.area=[0.03,0.03]", "search.timeout=20")
 RATES = ((0.3, 0.7), (0.8, 0.4), (1.4, 0.3))
-"""Rates of turns, rad/s, and the times in which they are reached, s."""
+"""Rates of rotations, rad/s, and the times to reach them, s."""
 
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """One case: a preset on a peg, or keys that show one phase."""
+    """One case: a preset on a peg, or keys for one phase."""
 
     variant: Variant
     label: str
-    """Name of the preset in it, or of the keys that differ."""
+    """Name of its preset, or of the keys that differ."""
     size: float = STATED
     """Diameter of the peg, m."""
 
@@ -37,12 +37,12 @@ class Case:
 
     @property
     def is_preset(self) -> bool:
-        """Whether a preset works as it is."""
+        """True for an unchanged preset."""
         return self.variant.family == "size"
 
 
 def cases(is_own: bool, is_quick: bool) -> list[Case]:
-    """Return all cases, or with `is_quick` those of the stated peg alone; `is_own` says that a config or keys are given."""
+    """Return all cases, or with `is_quick` those of the stated peg alone; `is_own` is True if a config or keys are given."""
     own = CONFIGURED if is_own else SHIPPED
     found = []
     for size in (STATED,) if is_quick else SIZES:

@@ -1,4 +1,4 @@
-"""One chart of the limits: a panel for each phase, with what is beyond the bound in grey and what the trials reached as points."""
+"""Chart of the limits: a panel for each phase, with the unreachable range in grey and the trials' results as points."""
 
 import math
 from collections.abc import Sequence
@@ -26,9 +26,9 @@ LOOKS: tuple[dict[str, Any], ...] = (
     {"ms": 4.0, "alpha": 0.35, "zorder": 4.0},
     {"ms": 9.0, "alpha": 0.75, "zorder": 5.0},
 )
-"""Sizes and the like of scans of pegs that go down, and of those that stand still."""
+"""Styles of scans of pegs that move down, and of pegs at rest."""
 LEAST_SHARE = 0.15
-"""Least share of the cover before the hole of a trial that is drawn on its own: of a shorter way touching down and resting are most."""
+"""Smallest share of the cover for drawing a trial separately; shorter paths consist mostly of touch-down and rest."""
 SMALL = 9
 """Size of the letters of notes and legends."""
 
@@ -122,7 +122,7 @@ def _cover(axes: Axes, sized: Sequence[Study]) -> None:
 
 
 def _band(axes: Axes, studies: Sequence[Study]) -> None:
-    """Draw how far from the middle of the band a pass was noticed, against its speed."""
+    """Draw the distance of detected passes from the band's centre against their speed."""
     _titled(axes, "Capture band", "off the middle the peg is over the hole for less time")
     passes = [each for study in studies for each in study.passes]
     if not passes:
@@ -157,7 +157,7 @@ def _band(axes: Axes, studies: Sequence[Study]) -> None:
 
 
 def _fall(axes: Axes, stated: Sequence[Study]) -> None:
-    """Draw the depth of falls against the time since the rim."""
+    """Draw the depth of drops against the time since the rim."""
     _titled(axes, "Fall", "the push against the hand's mass, until the far rim stops the peg")
     passes = [(study, each) for study in stated for each in study.passes if each.is_noticed]
     if not passes:
@@ -185,7 +185,7 @@ def _fall(axes: Axes, stated: Sequence[Study]) -> None:
 
 
 def _turn(axes: Axes, studies: Sequence[Study]) -> None:
-    """Draw the largest force of a turn against its time."""
+    """Draw the largest force of a rotation against its time."""
     _titled(axes, "Turn in the hole", "the wall bears what sets the arm turning about the peg's tip")
     turns = [each for study in studies for each in study.turns()]
     if not turns:
@@ -216,7 +216,7 @@ def _turn(axes: Axes, studies: Sequence[Study]) -> None:
 
 
 def _down(axes: Axes, stated: Sequence[Study]) -> None:
-    """Draw the depth of the way down against time."""
+    """Draw the depth of the downward motion against time."""
     _titled(axes, "Way down", "push, damping, and walls that wait until the hand is upright")
     for study in stated:
         colour, rows = colour_of(study), [row for row in study.good if row.way is not None]
@@ -249,16 +249,16 @@ def _down(axes: Axes, stated: Sequence[Study]) -> None:
 
 
 def _median_way(ways: Sequence[tuple[Vector, Vector]]) -> tuple[Vector, Vector]:
-    """Return the median time at which ways come to each depth, s, and the depths, m."""
+    """Return the median time at which downward motions reach each depth, s, and the depths, m."""
     depths = np.linspace(max(float(way[1][0]) for way in ways), min(float(way[1][-1]) for way in ways), 200)
-    # Where walls hold a peg its depth stays, and the time at which it goes on counts.
+    # If walls hold a peg, its depth stays constant and the time of its next progress is used.
     return np.median(
         [np.interp(depths, deep + 1e-12 * np.arange(len(deep)), time) for time, deep in ways], axis=0
     ), depths
 
 
 def _lean(axes: Axes, stated: Sequence[Study]) -> None:
-    """Draw the lean of a peg on its way down against its depth."""
+    """Draw the tilt of a peg during its downward motion against its depth."""
     _titled(axes, "Jam", "pegs that stand still on their way down lean on both walls")
     if not stated:
         return
@@ -290,7 +290,7 @@ def _lean(axes: Axes, stated: Sequence[Study]) -> None:
 
 
 def _typical(studies: Sequence[Study]) -> Dip:
-    """Return what a fall takes in the first case, for the median mass of all."""
+    """Return the conditions of a drop in the first case, for the median mass of all."""
     return studies[0].dip(float(np.median([each.mass for study in studies for each in study.passes])))
 
 

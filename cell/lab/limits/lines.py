@@ -1,4 +1,4 @@
-"""Each phase's bound beside what the trials of a case reached; pure."""
+"""Bound of each phase beside the results of a case's trials; without side effects."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -20,17 +20,17 @@ from skills.search.course import leading
 from skills.spiral_adjust import ARRIVING
 
 SETTLED = 5e-4
-"""Distance from the depth of a seated peg at which a way down counts as ended, m."""
+"""Distance from the seated depth at which a downward motion ends, m."""
 BETWEEN = 2e-3
-"""Depth from which on a peg stands between the walls and not over the rim, m."""
+"""Depth from which a peg is between the walls and no longer over the rim, m."""
 STILL = 2e-3
-"""Speed down the hole below which a peg stands still, m/s."""
+"""Speed down the hole below which a peg is at rest, m/s."""
 NEAR = 1e-3
-"""Distance from the depth of a seated peg within which a way down is at its end, m."""
+"""Distance from the seated depth within which a downward motion is at its end, m."""
 OVER = 3
-"""Number of scans over which that speed is taken."""
+"""Number of scans for the computation of that speed."""
 RATE_TIME = 0.05
-"""Time over which the rate of the lean at the beginning of a way down is taken, s."""
+"""Time for the computation of the initial tilt rate of a downward motion, s."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,15 +41,15 @@ class LimitsLine:
     phase: str
     unit: str
     count: int
-    """Number of trials, or of passes, behind what is reached."""
+    """Number of trials or passes in the result."""
     bound: float
-    """Bound, in the unit; the median over the trials where it differs between them."""
+    """Bound, in the unit; the median over the trials if it differs between them."""
     reached: float
-    """What the trials reached: the cover's estimate, else the median."""
+    """Result of the trials: the estimate of the cover, otherwise the median."""
     spread: tuple[float, float]
-    """Ends of the 95 % interval of the cover, else 5th and 95th percentile."""
+    """Ends of the 95 % interval of the cover, otherwise 5th and 95th percentile."""
     told: str
-    """How the bound is meant, with its figures."""
+    """Meaning of the bound, with its figures."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,25 +72,25 @@ class Study:
 
     @property
     def mass(self) -> float:
-        """Median mass of the hand at the leaning peg's lowest point, kg; NaN where no pass was seen."""
+        """Median mass of the hand at the tilted peg's lowest point, kg; NaN without passes."""
         return _median([each.mass for each in self.passes])
 
     @property
     def shift(self) -> float:
-        """Distance from the middle of the band that lanes are laid by to that of the band in which a fall is told, m.
+        """Distance from the centre of the lanes' planned band to the centre of the capture band, m.
 
-        The one is that of a peg at rest, which is `fall` deep, the other that of a peg as deep as the dip threshold.
+        The planned band refers to a peg at rest at the depth `fall`, the capture band to a peg at the dip threshold.
         """
         search, reach = searching(self.config), self.config.job().peg.part.reach
         told, laid = (leading(reach, search.tilt, depth) for depth in (search.dip_threshold, search.fall))
         return told - laid
 
     def aside(self, each: Pass) -> float:
-        """Return the distance of a pass from the middle of the band in which a fall is told, m."""
+        """Return the distance of a pass from the centre of the capture band, m."""
         return abs(each.offset + self.shift)
 
     def dip(self, mass: float | None = None) -> Dip:
-        """Return what a fall takes in this case, for a hand of this mass, kg, or the median one."""
+        """Return the conditions of a drop in this case, for a hand of this mass, kg, or the median one."""
         search, job = searching(self.config), self.config.job()
         return Dip(
             hole=job.hole.part.inscribed,
@@ -102,13 +102,15 @@ class Study:
         )
 
     def cover(self) -> Cover:
-        """Return the shortest cover of the whole area by a peg as it is searched with in this case."""
+        """Return the fastest cover of the whole area by a peg with the search of this case."""
         return self.dip().shortest((AREA, AREA))
 
     def searched(self) -> tuple[float, float]:
-        """Return the time of a cover as the trials tell it, s, and half its 95 % interval: the sum of all times over that of all shares.
+        """Return the measured time of a cover, s, and half its 95 % interval: the sum of all times divided by that of
+        all shares.
 
-        Trials that missed the hole count with all their time and the share that lies before the hole; the interval is that of a ratio.
+        Trials that missed the hole contribute all their time and the share before the hole; the interval is that of a
+        ratio.
         """
         pairs = np.array([(row.search_time, row.share) for row in self.rows if row.search_time and row.share])
         if len(pairs) < 2:
@@ -127,7 +129,7 @@ class Study:
         return Down(push, row.way.mass, damping if is_damped else 0.0, adjust.arrival if is_damped else 0.0, ARRIVING)
 
     def descent(self, row: LimitsRow, walls: bool = False, is_damped: bool = True) -> tuple[Vector, Vector]:
-        """Return times and depths of the way down of a trial without walls, or with walls that a hand comes upright between."""
+        """Return times and depths of a trial's downward motion without walls, or with walls during the righting of the hand."""
         assert row.way is not None
         first, end = row.way.scans[0][1], self.config.hole.depth
         down = self.down(row, is_damped)
@@ -137,7 +139,7 @@ class Study:
         return down.descent(first, end, lambda time: upright.deepest(time, part.thickness, bore.thickness))
 
     def upright(self, row: LimitsRow) -> Upright:
-        """Return how the hand of a trial comes upright by its stiffness from where the insertion left it."""
+        """Return the righting of a trial's hand by its stiffness from the end of the insertion."""
         assert row.way is not None
         scans = row.way.scans
         later = next((scan for scan in scans if scan[0] >= scans[0][0] + RATE_TIME), scans[-1])
@@ -145,13 +147,13 @@ class Study:
         return Upright(scans[0][2], rate, self.config.params(ADJUST).gains.rotation, row.way.moment)
 
     def seated_after(self, row: LimitsRow) -> float:
-        """Return the time after which the peg of a trial was down, s; NaN where it never was."""
+        """Return the time after which the peg of a trial was seated, s; NaN if it never was."""
         assert row.way is not None
         end = self.config.hole.depth - SETTLED
         return next((time for time, depth, *_ in row.way.scans if depth >= end), math.nan)
 
     def scans(self) -> tuple[list[tuple[float, float]], list[tuple[float, float]]]:
-        """Return depth, m, and lean, rad, in all scans of pegs that go down, and in those of pegs that stand still; not at the bottom."""
+        """Return depth, m, and tilt, rad, in all scans of moving pegs, and in those of pegs at rest; without those at the bottom."""
         moving: list[tuple[float, float]] = []
         still: list[tuple[float, float]] = []
         for row in self.rows:
@@ -162,7 +164,7 @@ class Study:
         return moving, still
 
     def turns(self) -> list[Turn]:
-        """Return the turns of the trials that were seated."""
+        """Return the rotations of the seated trials."""
         return [row.turn for row in self.good if row.turn is not None]
 
     def lines(self) -> list[LimitsLine]:
@@ -239,7 +241,10 @@ class Study:
 
 
 def crossed(fall: Sequence[tuple[float, float]], depth: float) -> float:
-    """Return the time at which a fall first reached a depth, m, s; NaN where it did not. Between scans the root of the depth grows evenly."""
+    """Return the time at which a drop first reached a depth, m, s; NaN if it did not.
+
+    Between scans the square root of the depth is interpolated linearly.
+    """
     before, root = 0.0, 0.0
     for time, deep in fall:
         here = math.sqrt(max(deep, 0.0))
@@ -250,7 +255,7 @@ def crossed(fall: Sequence[tuple[float, float]], depth: float) -> float:
 
 
 def studies(tried: Sequence[Case], configs: Mapping[str, CellConfig], rows: Sequence[LimitsRow]) -> list[Study]:
-    """Return the cases that have rows."""
+    """Return the cases with rows."""
     found = [Study(case, configs[case.name], [row for row in rows if row.case == case.name]) for case in tried]
     return [study for study in found if study.rows]
 

@@ -1,4 +1,4 @@
-"""Trials that are looked at phase by phase, in the stand-in's truth: passes over the hole, the turn in it, the way down."""
+"""Trials measured phase by phase from the simulation's truth: passes over the hole, rotation in it, downward motion."""
 
 import json
 import math
@@ -32,33 +32,35 @@ from skills.spray_search import SpraySearchResult
 
 ROWS = "limits.jsonl"
 PHASES = (SEARCH.name, INSERT.name, ADJUST.name)
-"""Stages that are looked at."""
+"""Measured stages."""
 SLIDING = 0.6
-"""Share of the lanes' speed above which the peg counts as sliding along one."""
+"""Share of the lanes' speed above which the peg is sliding along a lane."""
 LEFT = 1.5e-3
-"""Distance from the hole's rim at which a peg that was over the hole has left it, m."""
+"""Distance from the hole's rim at which a peg has left the hole, m."""
 STAYS = 0.2
-"""Time after which a peg that has not left the hole counts as noticed, s; at 0.05 m/s it takes 0.19 s to cross 8.1 mm and `LEFT`."""
+"""Time after which a peg that has not left the hole is detected, s; at 0.05 m/s it takes 0.19 s to cross 8.1 mm and
+`LEFT`."""
 SPEED_OVER = 0.015
-"""Least time from the rim over which the speed is taken, s; a fall by 0.3 mm takes 0.02 s."""
+"""Shortest time from the rim for the computation of the speed, s; a drop by 0.3 mm takes 0.02 s."""
 WATCHED = 0.12
-"""Time for which a fall is recorded, s."""
+"""Recording time of a drop, s."""
 RATE_OVER = 4
-"""Number of scans over which the rate of a turn is taken."""
+"""Number of scans for the computation of a rotation's rate."""
 
 
 @dataclass(frozen=True, slots=True)
 class Pass:
-    """One way of the leaning peg over the hole along a lane."""
+    """One pass of the tilted peg over the hole along a lane."""
 
     offset: float
-    """Distance of the middle of the band that lanes are laid by from the hole's middle, across the lane, m."""
+    """Distance of the centre of the lanes' planned band from the hole's centre, across the lane, m."""
     speed: float
-    """Mean speed along the lane while it begins to fall, m/s; behind a turn a peg that friction held back is quicker than its lane."""
+    """Mean speed along the lane at the start of the drop, m/s; after a turn, a peg held back by friction is faster than
+    its lane."""
     is_noticed: bool
-    """Whether it stopped over the hole."""
+    """True if it stopped over the hole."""
     mass: float
-    """Mass of the hand as it is felt along the normal at the peg's lowest point, kg."""
+    """Effective mass of the hand along the normal at the peg's lowest point, kg."""
     push: float
     """Push of the setpoint, N: stiffness along z times its depth below the surface."""
     fall: tuple[tuple[float, float], ...]
@@ -67,36 +69,36 @@ class Pass:
 
 @dataclass(frozen=True, slots=True)
 class Turn:
-    """The turn of a peg in its hole, until the adjustment takes over."""
+    """Rotation of a peg in its hole, up to the start of the adjustment."""
 
     time: float
     angle: float
-    """Angle by which its tilt became less, rad."""
+    """Decrease of its tilt, rad."""
     rate: float
     """Largest rate, rad/s."""
     force: float
-    """Largest force of peg and hole in a scan, N, behind the meters' low-pass of 5 ms."""
+    """Largest force between peg and hole in a scan, N, after the meters' low-pass of 5 ms."""
     coupling: float
-    """Size of what it takes to set the hand turning about the tip, across the normal, N per rad/s²."""
+    """Size of the force per angular acceleration about the tip, across the normal, N per rad/s²."""
     push: float
     """Push of the first setpoint, N."""
 
 
 @dataclass(frozen=True, slots=True)
 class Way:
-    """The way down the hole, scan by scan, from the beginning of the adjustment on."""
+    """Downward motion in the hole, scan by scan, from the start of the adjustment."""
 
     mass: float
-    """Mass of the hand as it is felt along the hole at the peg's tip, kg."""
+    """Effective mass of the hand along the hole at the peg's tip, kg."""
     moment: float
-    """Moment of inertia of the hand about the tip and the axis of the peg's lean, kg·m²."""
+    """Moment of inertia of the hand about the tip and the axis of the peg's tilt, kg·m²."""
     scans: tuple[tuple[float, float, float], ...]
-    """Time, s, depth of the tip, m, and lean of the peg from the hole's axis, rad."""
+    """Time, s, depth of the tip, m, and tilt of the peg from the hole's axis, rad."""
 
 
 @dataclass(frozen=True, slots=True)
 class LimitsRow:
-    """One trial, phase by phase; SI units, None where a phase was not reached."""
+    """One trial, phase by phase; SI units, None if a phase was not reached."""
 
     case: str
     seed: int
@@ -105,9 +107,9 @@ class LimitsRow:
     search_time: float | None = None
     """Time of all searches of the trial, s."""
     share: float | None = None
-    """Share of the first cover that lies before the hole, fraction."""
+    """Share of the first cover before the hole, fraction."""
     cover: float | None = None
-    """Time of a cover as the lanes are laid, s."""
+    """Planned time of a cover, s."""
     rests: int = 0
     """Number of times that contact evidence stopped the path."""
     passes: tuple[Pass, ...] = ()
@@ -116,7 +118,7 @@ class LimitsRow:
 
 
 def row_from(data: dict[str, Any]) -> LimitsRow:
-    """Return the row of what `asdict` made of one."""
+    """Return the row from its `asdict` form."""
     passes = tuple(Pass(**{**each, "fall": tuple(map(tuple, each["fall"]))}) for each in data["passes"])
     turn = Turn(**data["turn"]) if data["turn"] else None
     way = Way(**{**data["way"], "scans": tuple(map(tuple, data["way"]["scans"]))}) if data["way"] else None
@@ -124,13 +126,13 @@ def row_from(data: dict[str, Any]) -> LimitsRow:
 
 
 def searching(config: CellConfig) -> SpraySearchParams:
-    """Return the parameters with which a cell searches for its part."""
+    """Return the search parameters of a cell for its part."""
     return config.handling().search
 
 
 @dataclass(slots=True)
 class _Over:
-    """A pass under way."""
+    """A pass in progress."""
 
     offset: float
     mass: float
@@ -138,16 +140,16 @@ class _Over:
     since: float
     """Time at which the lowest point passed the rim, s."""
     begin: float
-    """Place along the lane where it did, m."""
+    """Position along the lane at that time, m."""
     speed: float = 0.0
     fall: list[tuple[float, float]] = field(default_factory=list)
 
 
 class Tracer:
-    """Looks at every scan of a trial, in the stand-in's truth."""
+    """Observes every scan of a trial in the simulation's truth."""
 
     def __init__(self, cell: Cell, ctx: SkillContext, search: SpraySearchParams) -> None:
-        """Begin with nothing seen."""
+        """Begin without observations."""
         self._cell, self._ctx, self._search = cell, ctx, search
         self._world = world_of(cell)
         part = ctx.job.peg.part
@@ -167,7 +169,7 @@ class Tracer:
         self.way: Way | None = None
 
     def record(self, seen: Observation, setpoint: ImpedanceSetpoint | None) -> None:
-        """Take one scan."""
+        """Add one scan."""
         stage, world = self._ctx.stage, self._world
         now = world.now()
         if stage != self._stage:
@@ -191,7 +193,7 @@ class Tracer:
             self._scans.append((round(now - self._began, 4), _small(-tip[2]), _small(lean)))
 
     def leave(self) -> None:
-        """End the phase that is under way."""
+        """End the present phase."""
         if self._stage == SEARCH.name:
             self._end_pass(is_noticed=True)
             self._last = None
@@ -203,14 +205,14 @@ class Tracer:
             self._scans = []
 
     def _slide(self, now: float, tip: Vector, edge: Vector, place: Vector, setpoint: ImpedanceSetpoint | None) -> None:
-        """Take a scan of the search.
+        """Add a scan of the search.
 
         Args:
             now: Time, s.
-            tip: Middle of the peg's end from the hole's middle, m, in the plate's axes.
-            edge: Lowest point of the peg, likewise.
+            tip: Vector from the hole's centre to the centre of the peg's end, m, in the plate's axes.
+            edge: Lowest point of the peg, in the same form.
             place: The same point, m, base frame.
-            setpoint: Setpoint that the arm follows.
+            setpoint: Setpoint of the arm.
         """
         last, self._last = self._last, (now, edge)
         if last is None or now <= last[0]:
@@ -242,7 +244,7 @@ class Tracer:
             self.passes.append(Pass(over.offset, over.speed, is_noticed, over.mass, over.push, tuple(over.fall)))
 
     def _raise(self, stamp: float, axis: Vector, normal: Vector, setpoint: ImpedanceSetpoint | None) -> None:
-        """Take a scan of the insertion."""
+        """Add a scan of the insertion."""
         if not self._tilts:
             about = np.cross(axis, normal)
             force = turning_force(self._world.inertia(self._world.stepper.end()), about / np.linalg.norm(about))
@@ -253,7 +255,7 @@ class Tracer:
         self._force = max(self._force, float(np.linalg.norm(self._world.contact_force())))
 
     def _upright(self, axis: Vector, normal: Vector) -> tuple[float, float]:
-        """Return the mass of the hand along the hole, kg, and its moment of inertia about the tip and the axis of the lean, kg·m²."""
+        """Return the mass of the hand along the hole, kg, and its moment of inertia about the tip and the axis of the tilt, kg·m²."""
         inertia, about = self._world.inertia(self._world.stepper.end()), np.cross(axis, normal)
         about /= np.linalg.norm(about)
         return mobility(inertia, normal), float(about @ inertia[3:, 3:] @ about)
@@ -275,20 +277,20 @@ class Tracer:
         )
 
     def _local(self, point: Vector) -> Vector:
-        """Return a point, m, base frame, from the hole's middle in the plate's axes."""
+        """Return the vector from the hole's centre to a point, m, base frame, in the plate's axes."""
         place: Vector = self._world.plate.rotation.T @ (point - self._world.plate.position)
         return place
 
 
 def world_of(cell: Cell) -> World:
-    """Return the simulated world that tells a cell's truth."""
+    """Return the simulated world with a cell's true state."""
     world = getattr(cell.truth, "__self__", None)
     assert isinstance(world, World)
     return world
 
 
 def run_trial(config: CellConfig, case: str, seed: int) -> LimitsRow:
-    """Run one insertion on a fresh cell of this seed and look at its phases."""
+    """Run one insertion on a fresh cell of this seed and observe its phases."""
     assert config.sim is not None
     config = config.model_copy(update={"sim": config.sim.model_copy(update={"seed": seed, "pace": "max"})})
     cell = assemble(config)
@@ -323,14 +325,14 @@ def run_trial(config: CellConfig, case: str, seed: int) -> LimitsRow:
 
 
 def _share(path: Lanes, hole: Vector) -> tuple[float, float]:
-    """Return the share of the first cover after which lanes have come nearest to the hole, from the middle of the area, m, and its time, s."""
+    """Return the share of the first cover at the lanes' nearest point to the hole, from the centre of the area, m, and its time, s."""
     times = np.arange(0.0, path.cover, 1e-3)
     near = min(times, key=lambda time: math.dist(path.at(float(time))[0], hole))
     return float(near) / path.cover, path.cover
 
 
 def _small(value: float) -> float:
-    """Return a value with seven digits, which is what a row keeps."""
+    """Return a value with seven digits, the precision of a row."""
     return float(f"{value:.7g}")
 
 
@@ -343,7 +345,7 @@ def measure(
     folder: Path,
     done: Callable[[int], None],
 ) -> list[LimitsRow]:
-    """Run the trials of every case and return their rows; rows that the folder has are not run again.
+    """Run the trials of every case and return their rows; existing rows in the folder are reused.
 
     Args:
         path: TOML file of the cell; None is the simulated cell that ships with the program.
@@ -352,7 +354,7 @@ def measure(
         seeds: Seeds, one trial each, for every case.
         workers: Number of processes.
         folder: Folder of the rows.
-        done: Called with the number of further trials done.
+        done: Called with the number of further completed trials.
     """
     rows: list[LimitsRow] = []
     with _kept(folder / ROWS) as (known, keep):
@@ -375,7 +377,7 @@ def measure(
 def _kept(
     path: Path,
 ) -> Iterator[tuple[dict[tuple[str, int], LimitsRow], Callable[[str, LimitsRow], None]]]:
-    """Yield the rows of an earlier call of the same versions, by config and seed, and what keeps another row at once."""
+    """Yield the rows of an earlier call of the same versions, by config and seed, and a function that stores another row at once."""
     known: dict[tuple[str, int], LimitsRow] = {}
     lines = [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()] if path.exists() else []
     lines = [line for line in lines if line["versions"] == versions()]
@@ -393,10 +395,10 @@ def _kept(
 
 
 def read_rows(path: Path) -> list[LimitsRow]:
-    """Return the rows that `measure` kept.
+    """Return the rows stored by `measure`.
 
     Raises:
-        ConfigError: There is no such file, or it holds something else.
+        ConfigError: The file does not exist or has other content.
     """
     try:
         return [row_from(json.loads(line)["row"]) for line in path.read_text(encoding="utf-8").splitlines()]

@@ -1,4 +1,4 @@
-"""`cell study limits`: what limits each phase of an insertion, by formula, beside what trials reach."""
+"""`cell study limits`: the limit of each phase of an insertion, by formula, beside the trials' results."""
 
 import argparse
 from dataclasses import asdict
@@ -18,7 +18,7 @@ TABLE, TITLE = "limits.csv", "title.txt"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add what is simulated, the number of trials of each case, and where they run."""
+    """Add the simulated cell, the number of trials of each case, and their workers."""
     add_study(parser)
     add_seed(parser)
     add_trials(parser, "of each case; 24, with --quick 1 of two cases")
@@ -27,7 +27,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> StudyReport:
-    """Run every case on the same seeds, write rows and table, draw the chart; rows that are there are not run again."""
+    """Run every case on the same seeds, write rows and table, draw the chart; existing rows are reused."""
     from cell.lab.frontier.measure import load_variant
     from cell.lab.limits import charts, lines, measure, tables
     from cell.lab.limits.cases import cases
@@ -50,7 +50,7 @@ def run(args: argparse.Namespace) -> StudyReport:
 
 
 def _measured(args: argparse.Namespace, tried: "list[Case]", folder: Path) -> str:
-    """Run what is missing and return the words under which it is drawn."""
+    """Run missing trials and return the chart's title."""
     from cell.lab.frontier.measure import title_of
     from cell.lab.limits import measure
 
@@ -66,6 +66,6 @@ def _measured(args: argparse.Namespace, tried: "list[Case]", folder: Path) -> st
 
 
 def _title(folder: Path) -> str:
-    """Return the words of an earlier call; without them there are rows of one that was ended."""
+    """Return the title of an earlier call; if it is missing, the rows are those of an interrupted call."""
     path = folder / TITLE
     return path.read_text(encoding="utf-8").strip() if path.exists() else "an ended call"

@@ -1,4 +1,4 @@
-"""The table of limits."""
+"""Table of limits."""
 
 from collections.abc import Sequence
 
@@ -8,7 +8,7 @@ from cell.lab.limits.lines import LimitsLine
 
 
 def limits(lines: Sequence[LimitsLine], title: str) -> Table:
-    """Return each phase's bound beside what was reached, case by case."""
+    """Return each phase's bound beside the result, case by case."""
     table = Table(
         title=title, caption="reached: a cover as the sum of times over that of shares tells it, else medians"
     )

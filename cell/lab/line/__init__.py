@@ -1,1 +1,1 @@
-"""Study of the line to a PLC."""
+"""Study of the connection to a PLC."""

@@ -1,6 +1,6 @@
-"""Attacks on the cell's Modbus servers from another address of this computer, each for a given time, in a process of its own.
+"""Attacks on the cell's Modbus servers from another address of this computer, each for a given time in its own process.
 
-They send to the loopback range alone, and stop by themselves.
+They send only to the loopback range, and stop by themselves.
 """
 
 import multiprocessing
@@ -16,15 +16,15 @@ from cell.lab.line.cell_process import Doors
 from cell.lab.line.client import READ_TEN, Address
 
 FROM = "127.0.0.2"
-"""Address that the attacks come from; the PLC's is 127.0.0.1."""
+"""Source address of the attacks; the PLC's is 127.0.0.1."""
 OPEN_AT_ONCE, FLOODERS, TLS_CLIENTS = 100, 20, 8
 _MOST = 200_000
-"""Largest number of connections, frames or handshakes of one burst, whatever time is left."""
+"""Largest number of connections, frames or handshakes of one burst, whatever time remains."""
 _FRAME = b"\x00\x01\x00\x00" + (len(READ_TEN) + 1).to_bytes(2, "big") + b"\x01" + READ_TEN
 
 
 def connect_storm(doors: Doors, until: float) -> None:
-    """Connect again and again without a word, a hundred connections at once."""
+    """Connect repeatedly without sending data, a hundred connections at once."""
     waiting: deque[socket.socket] = deque()
     for _ in _while(until):
         with suppress(OSError):
@@ -35,7 +35,7 @@ def connect_storm(doors: Doors, until: float) -> None:
 
 
 def half_frames(doors: Doors, until: float) -> None:
-    """Send a part of a frame on each connection and leave it so."""
+    """Send part of a frame on each connection and stop."""
     rng, waiting = random.Random(1), deque[socket.socket]()
     for _ in _while(until):
         with suppress(OSError):
@@ -48,7 +48,7 @@ def half_frames(doors: Doors, until: float) -> None:
 
 
 def non_readers(doors: Doors, until: float) -> None:
-    """Flood with requests from twenty connections and read no answer."""
+    """Flood with requests from twenty connections without reading the answers."""
     clients: list[socket.socket] = []
     for _ in range(FLOODERS):
         with suppress(OSError):
@@ -64,7 +64,7 @@ def non_readers(doors: Doors, until: float) -> None:
 
 
 def tls_storm(doors: Doors, until: float) -> None:
-    """Begin TLS handshakes one after the other, without a certificate to show."""
+    """Begin TLS handshakes one after the other, without a client certificate."""
     assert doors.secure is not None
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
     context.check_hostname, context.verify_mode = False, ssl.CERT_NONE
@@ -81,7 +81,7 @@ def tls_storm(doors: Doors, until: float) -> None:
 
 
 def no_attack(doors: Doors, until: float) -> None:
-    """Do nothing: what a PLC feels of this computer alone."""
+    """Do nothing, to measure the effect of this computer alone."""
 
 
 ATTACKS: dict[str, Callable[[Doors, float], None]] = {
@@ -95,7 +95,7 @@ ATTACKS: dict[str, Callable[[Doors, float], None]] = {
 
 @contextmanager
 def attack(name: str, doors: Doors, seconds: float) -> Iterator[None]:
-    """Let one attack go on in another process meanwhile; it ends with its time."""
+    """Run one attack in another process in parallel; it ends after its time."""
     process = multiprocessing.get_context("fork").Process(target=_attack, args=(name, doors, seconds), daemon=True)
     process.start()
     try:

@@ -1,4 +1,4 @@
-"""The two servers of the study, each in a process of its own: the whole cell in real time, and a bare one."""
+"""Both servers of the study, each in its own process: the whole cell in real time, and a bare server."""
 
 import multiprocessing
 import subprocess
@@ -26,15 +26,15 @@ from plc_bridge.config import PlcConfig
 from plc_bridge.messages import Command, Refusal, Report
 
 PATIENCE = 60.0
-"""Longest wait for a process that has much to do, and for a PLC that a busy computer makes silent, s."""
+"""Longest wait for a busy process, and for a PLC that a busy computer delays, s."""
 
 
 Scan = tuple[float, int]
-"""Time at which a scan began to ask for commands, s, and a state that it published; a scan may publish several."""
+"""Time at which a scan began to read commands, s, and a state that it published; a scan can publish several."""
 
 
 class _Stopwatch:
-    """A line and a clock that note every scan; a scan begins after a wait."""
+    """A line and a clock that record every scan; a scan begins after a wait."""
 
     def __init__(self, bridge: Bridge, clock: Clock) -> None:
         self._bridge, self._clock = bridge, clock
@@ -43,51 +43,51 @@ class _Stopwatch:
         self.scans: list[Scan] = []
 
     def poll(self) -> Command | None:
-        """Ask the bridge."""
+        """Poll the bridge."""
         if self._is_new:
             self._asked, self._is_new = time.perf_counter(), False
         return self._bridge.poll()
 
     def publish(self, report: Report) -> None:
-        """Tell the bridge."""
+        """Publish to the bridge."""
         self.scans.append((self._asked, report.state))
         self._bridge.publish(report)
 
     def now(self) -> float:
-        """Ask the clock."""
+        """Read the clock."""
         return self._clock.now()
 
     def wait_until(self, stamp: float) -> None:
-        """Wait by the clock."""
+        """Wait on the clock."""
         self._clock.wait_until(stamp)
         self._is_new = True
 
     def accept(self, command: Command) -> None:
-        """Tell the bridge."""
+        """Forward the acceptance to the bridge."""
         self._bridge.accept(command)
 
     def refuse(self, command: Command, refusal: Refusal) -> None:
-        """Tell the bridge."""
+        """Forward the refusal to the bridge."""
         self._bridge.refuse(command, refusal)
 
 
 @dataclass(frozen=True, slots=True)
 class Doors:
-    """Where a served cell listens."""
+    """Addresses of a served cell."""
 
     plain: Address
     secure: Address | None
-    """The TLS server; None where it is off."""
+    """TLS server; None if it is off."""
 
 
 def patient(plc: PlcConfig, connections: int) -> PlcConfig:
-    """Return settings with which a busy computer loses no run, for so many connections."""
+    """Return settings with which a busy computer loses no run, for this number of connections."""
     free = plc.modbus.model_copy(update={"port": 0, "connections": connections, "connections_per_host": connections})
     return plc.model_copy(update={"modbus": free, "life_timeout": PATIENCE, "lease_timeout": PATIENCE})
 
 
 def _serve(loaded: LoadedConfig, plc: PlcConfig, pipe: Connection) -> None:
-    """Serve the cell until the other end has had enough, and send it all scans."""
+    """Serve the cell until the other end closes, and send it all scans."""
     bridge, stop = Bridge(plc, PROGRAMS, PARAMETERS), threading.Event()
 
     def wait() -> None:
@@ -112,7 +112,7 @@ def _serve(loaded: LoadedConfig, plc: PlcConfig, pipe: Connection) -> None:
 
 @contextmanager
 def cell_process(loaded: LoadedConfig, scans: list[Scan], plc: PlcConfig) -> Iterator[Doors]:
-    """Yield where a cell of its own process listens, set up as `plc` says; afterwards `scans` has all that it did."""
+    """Yield the addresses of a cell in its own process, set up by `plc`; afterwards `scans` contains its scans."""
     context = multiprocessing.get_context("spawn")
     ours, theirs = context.Pipe()
     process = context.Process(target=_serve, args=(loaded, plc, theirs))
@@ -138,7 +138,7 @@ def _received(pipe: Connection) -> Any:
 
 @contextmanager
 def bare_server() -> Iterator[Address]:
-    """Yield where pymodbus's own server listens, in a process of its own."""
+    """Yield the address of pymodbus's own server in a separate process."""
     command = [sys.executable, "-m", "plc_bridge.bare"]
     with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None

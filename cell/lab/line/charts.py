@@ -1,4 +1,4 @@
-"""Charts of the line: reads, commands, and the scan beside fifty clients."""
+"""Charts of the connection: reads, commands, and the scan with fifty clients."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Clients that load a Modbus server and check every answer: one that waits for each answer, and many at once."""
+"""Clients that load a Modbus server and check every answer: one with a single pending request, and many at once."""
 
 import asyncio
 import socket
@@ -23,7 +23,7 @@ _STOP, _GO = (struct.pack(">BHH", 5, COILS["stop"], value) for value in (0xFF00,
 
 
 class Client:
-    """One connection that waits for each answer."""
+    """A connection with a single pending request."""
 
     def __init__(self, address: Address) -> None:
         self._socket = socket.create_connection(address, timeout=TIMEOUT)
@@ -34,7 +34,7 @@ class Client:
         """Return the answer to one request.
 
         Raises:
-            ConnectionError: No answer came, or the answer to another request.
+            ConnectionError: No answer arrived, or the answer to another request.
         """
         self._transaction = (self._transaction + 1) % 0x10000
         self._socket.sendall(_frame(self._transaction, pdu))
@@ -83,7 +83,7 @@ def connected(address: Address) -> Iterator[Client]:
 
 
 def time_requests(client: Client, count: int) -> list[float]:
-    """Return how long each of `count` reads of ten registers took, s."""
+    """Return the duration of each of `count` reads of ten registers, s."""
     times = []
     for _ in range(count):
         started = time.perf_counter()
@@ -110,7 +110,7 @@ class Load:
 
 
 def load(address: Address, clients: int, requests: int, period: float = 0.0) -> Load:
-    """Let `clients` at once read ten registers `requests` times each: flat out, or one in every `period`, s."""
+    """Let `clients` in parallel read ten registers `requests` times each: without pause, or once per `period`, s."""
     started = time.perf_counter()
     answered = asyncio.run(_all(address, clients, requests, period))
     return Load(clients, clients * requests, answered, time.perf_counter() - started)
@@ -121,7 +121,7 @@ async def _all(address: Address, clients: int, requests: int, period: float) -> 
 
 
 async def _one(address: Address, requests: int, period: float, delay: float) -> int:
-    """Return the number of right answers; a request without one ends the client."""
+    """Return the number of correct answers; the client ends at the first request without one."""
     answered = 0
     reader, writer = await asyncio.open_connection(*address)
     due = asyncio.get_running_loop().time() + delay

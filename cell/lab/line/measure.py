@@ -1,6 +1,6 @@
-"""Measures of the line: the cell's server beside a bare one, fifty clients at once, and their effect on the scan.
+"""Measures of the connection: the cell's server beside a bare one, fifty clients at once, and their effect on the scan.
 
-The cell is the whole product in a process of its own, in real time: bridge, supervisor and simulated devices.
+The cell is the whole product in a separate process, in real time: bridge, supervisor and simulated devices.
 """
 
 import json
@@ -32,7 +32,7 @@ class Effort:
     """Extent of the measurement."""
 
     rounds: int
-    """Number of rounds of reads, the two servers in turn."""
+    """Number of rounds of reads, alternating between the two servers."""
     reads: int
     """Number of reads in each round."""
     flat_out: int
@@ -40,9 +40,9 @@ class Effort:
     starts: int
     """Number of commands from Idle to Busy."""
     windows: int
-    """Number of pairs of stretches of a run, without clients and with them."""
+    """Number of pairs of intervals of a run, without clients and with them."""
     window: float
-    """Length of such a stretch, s."""
+    """Length of such an interval, s."""
     tries: int
     """Number of bursts of each attack."""
 
@@ -58,11 +58,11 @@ class Measure:
     name: str
     value: float
     beside: float | None = None
-    """Same figure of the bare server, or without the clients."""
+    """Same figure for the bare server, or without the clients."""
     unit: str = ""
     target: str = ""
     holds: bool | None = None
-    """Whether the target is met; None where none is set."""
+    """True if the target is met; None without a target."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -75,13 +75,13 @@ class Samples:
     busy: Vector
     """Time from sending a command to the first report in which the cell is not Idle, s."""
     busy_at_once: int
-    """Number of commands whose Busy was true in the first answer."""
+    """Number of commands with Busy set in the first answer."""
     idle_scans: Sequence[int]
-    """Number of scans after each command that did not take it."""
+    """Number of scans after each command that did not accept it."""
     quiet: Vector
-    """Scan intervals less the scan period without clients, s."""
+    """Scan intervals minus the scan period without clients, s."""
     loaded: Vector
-    """Scan intervals less the scan period with clients, s."""
+    """Scan intervals minus the scan period with clients, s."""
     polled: Load
     scan_period: float
 
@@ -109,7 +109,7 @@ def measure(loaded: LoadedConfig, effort: Effort) -> Samples:
         flat_out = load(address, CLIENTS, effort.flat_out)
         with connected(address) as client:
             plc = Plc(client)
-            plc.time_start(period)  # the first run of a process loads what is compiled
+            plc.time_start(period)  # the first run of a process loads compiled code
             starts = [plc.time_start(period) for _ in range(effort.starts)]
             polled, quiet, busy = _stretches(address, plc, effort)
     return Samples(
@@ -130,7 +130,7 @@ _Stretch = tuple[float, float]
 
 
 def _stretches(address: Address, plc: Plc, effort: Effort) -> tuple[Load, list[_Stretch], list[_Stretch]]:
-    """Let insertions run, by turns without and with clients that poll; return the load and the times of the stretches."""
+    """Run insertions, alternately without and with polling clients; return the load and the times of the intervals."""
     is_over, quiet, busy, loads = threading.Event(), [], [], []
     with ThreadPoolExecutor(1) as pool:
         running = pool.submit(plc.keep_running, is_over)
@@ -163,7 +163,7 @@ def _errors(scans: Sequence[Scan], stretches: Sequence[_Stretch], period: float)
 
 
 def measures(samples: Samples) -> list[Measure]:
-    """Return what the samples say."""
+    """Return the measures from the samples."""
     cell, bare = float(np.median(samples.cell)), float(np.median(samples.bare))
     flat, polled, starts = samples.flat_out, samples.polled, len(samples.busy)
     quiet, busy = np.abs(samples.quiet), np.abs(samples.loaded)

@@ -1,4 +1,4 @@
-"""A PLC that starts runs over a connection that measures."""
+"""A PLC that starts runs over a measured connection."""
 
 import random
 import threading
@@ -16,9 +16,9 @@ from plc_bridge.registers import VERSION
 from skills.catalogue import CATALOGUE
 
 CYCLE = 0.02
-"""Time between two signs of life while a run goes on, s."""
+"""Time between two signs of life during a run, s."""
 RESETS = 5
-"""Number of times that a reset is tried where a fault comes back."""
+"""Number of resets tried if a fault returns."""
 _WAITING, _INTERRUPTED = (State.IDLE, State.COMPLETE), (State.STOPPED, State.ABORTED)
 _INSERT, _GRASP = CATALOGUE["insert_peg"].code, CATALOGUE["grasp_from_rack"].code
 
@@ -31,11 +31,11 @@ class Start:
     written: float
     seen: float
     is_at_once: bool
-    """Whether the first answer said Busy."""
+    """True if the first answer contained Busy."""
 
 
 class Plc:
-    """A PLC that starts runs, over a connection that measures."""
+    """A PLC that starts runs over a measured connection."""
 
     def __init__(self, client: Client) -> None:
         self._client, self._rng = client, random.Random(1)
@@ -43,7 +43,7 @@ class Plc:
         self.cycle()
 
     def cycle(self, **changes: int) -> ReportImage:
-        """Count life up and write the block; return the report."""
+        """Increment the life counter and write the block; return the report."""
         life = self._image.life % 0xFFFF + 1
         self._image = replace(self._image, life=life, life_tail=life, **changes)  # type: ignore[arg-type]
         self._client.write(self._image)
@@ -54,7 +54,7 @@ class Plc:
         return self.cycle(sequence=(self._image.sequence + 1) % 0x10000, code=code)
 
     def until(self, is_met: Callable[[ReportImage], bool]) -> ReportImage:
-        """Cycle until the report meets a condition, and return it."""
+        """Cycle until the report meets a condition, and return the report."""
         deadline = time.monotonic() + PATIENCE
         while not is_met(report := self.cycle()):
             if time.monotonic() > deadline:
@@ -68,7 +68,7 @@ class Plc:
         self.make_ready()
 
     def make_ready(self) -> None:
-        """Bring the cell to IDLE, whatever state it is in, but let a run that is under way end first."""
+        """Bring the cell to IDLE from any state; a run in progress may end first."""
         report = self.until(lambda report: report.state in (*_WAITING, *_INTERRUPTED))
         for _ in range(RESETS):
             if report.state in _WAITING:
@@ -77,13 +77,13 @@ class Plc:
             report = self.until(lambda r: r.answered == self._image.sequence and r.state in (*_WAITING, *_INTERRUPTED))
         else:
             raise CellError(f"the cell does not become ready: {report}")
-        # A run that was stopped may have left its peg in the hand.
+        # A stopped run can leave its peg in the hand.
         self.trigger(Control.CLEARED)
         self.until(lambda report: report.answered == self._image.sequence)
         self.cycle(acknowledge=self._image.sequence)
 
     def ensure_running(self, code: int) -> None:
-        """Start a run where none is under way, and wait until it is; a run that was stopped is started anew."""
+        """Start a run if none is in progress, and wait until it is; a stopped run is started again."""
         if self.cycle().state == State.EXECUTE:
             return
         self.make_ready()
@@ -109,7 +109,7 @@ class Plc:
         return Start(sent, written, seen, is_at_once)
 
     def keep_running(self, is_over: threading.Event) -> None:
-        """Start insertions, one after the other, until it is over."""
+        """Start insertions one after the other until the condition holds."""
         while not is_over.is_set():
             report = self.trigger(_INSERT)
             while not is_over.wait(CYCLE) and (report.sequence != self._image.sequence or not report.result):

@@ -1,4 +1,4 @@
-"""What a PLC of 20 ms cycle feels of attacks on the cell: whether its run goes on, and how long its cycles take."""
+"""Effect of attacks on a PLC with a cycle of 20 ms: continuation of its run, and duration of its cycles."""
 
 import shutil
 import subprocess
@@ -24,7 +24,7 @@ from plc_bridge.messages import Result
 from skills.catalogue import CATALOGUE
 
 BURST = 0.5
-"""Length of one try under attack, s."""
+"""Length of one attempt under attack, s."""
 LONGEST_CYCLE = 0.05
 """Largest permitted p99 of the cycles, s."""
 _INSERT = CATALOGUE["insert_peg"].code
@@ -37,16 +37,16 @@ class Siege:
     name: str
     tries: int
     kept: int
-    """Number of tries over which the PLC's connection and its run went on."""
+    """Number of attempts in which the PLC's connection and its run continued."""
     cycles: Vector
     """Duration of each exchange of both blocks under attack, s."""
 
 
 def besiege(loaded: LoadedConfig, tries: int, done: Callable[[], None] = lambda: None) -> list[Siege]:
-    """Attack a served cell in every way, each so many times, while a PLC lets insertions run; `done` is called after each time.
+    """Attack a served cell in every way, repeatedly, while a PLC runs insertions; `done` is called after each attempt.
 
     Raises:
-        ConfigError: There is no openssl, which makes the certificate of the TLS server.
+        ConfigError: The program openssl is missing; it creates the certificate of the TLS server.
         CellError: The cell's process does not answer.
     """
     scans: list[Scan] = []
@@ -73,12 +73,12 @@ def _besiege(name: str, doors: Doors, tries: int, done: Callable[[], None]) -> S
                     done()
                 plc.finish()
             except OSError:
-                continue  # the connection was lost: this try is not kept, and the next begins with a new one
+                continue  # the connection was lost: this attempt fails, and the next begins with a new connection
     return Siege(name, tries, kept, np.array(cycles))
 
 
 def _hold_out(plc: Plc, cycles: list[float]) -> bool:
-    """Cycle as a PLC does for as long as the attack lasts; return whether the run goes on or has ended by itself."""
+    """Cycle as a PLC for the duration of the attack; return True if the run continues or has ended by itself."""
     end = time.perf_counter() + BURST
     is_kept = True
     while (started := time.perf_counter()) < end:
@@ -90,7 +90,7 @@ def _hold_out(plc: Plc, cycles: list[float]) -> bool:
 
 
 def measures(sieges: list[Siege]) -> list[Measure]:
-    """Return what the attacks did, beside what the PLC felt without one, which comes first."""
+    """Return the results of the attacks; the first line is the PLC without an attack."""
     quiet = _p99(sieges[0])
     lines = []
     for siege in sieges:
@@ -107,7 +107,7 @@ def _p99(siege: Siege) -> float:
 
 
 def _tls(folder: Path) -> TlsConfig:
-    """Return a TLS server with a certificate that signs itself."""
+    """Return a TLS server with a self-signed certificate."""
     openssl = shutil.which("openssl")
     if openssl is None:
         raise ConfigError("openssl is not installed: the TLS server under attack needs a certificate from it")

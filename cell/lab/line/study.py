@@ -1,4 +1,4 @@
-"""`cell study line`: the cell's server beside a bare one, what the scan feels of fifty clients, and what a PLC feels of attacks."""
+"""`cell study line`: the cell's server beside a bare one, the effect of fifty clients on the scan, and of attacks on a PLC."""
 
 import argparse
 from dataclasses import asdict

@@ -1,4 +1,4 @@
-"""The table of the line."""
+"""Table of the connection."""
 
 from collections.abc import Sequence
 
@@ -8,7 +8,7 @@ from cell.lab.line.measure import Measure
 
 
 def line(lines: Sequence[Measure]) -> Table:
-    """Return the measures of the line to the PLC."""
+    """Return the measures of the connection to the PLC."""
     table = Table("measure", "value", "beside", "unit", "target", "holds")
     for each in lines:
         beside = "" if each.beside is None else f"{each.beside:.4g}"

@@ -1,1 +1,1 @@
-"""The study of a second opinion: whole trials on an arm that other people described."""
+"""Study of a second opinion: whole trials on an externally described arm."""

@@ -1,4 +1,4 @@
-"""How far a description of the arm by other people agrees with what the cell believes: kinematics, masses, joints."""
+"""Agreement of an external arm description with the cell's assumptions: kinematics, masses, joints."""
 
 import math
 from dataclasses import dataclass
@@ -12,18 +12,18 @@ from drivers.quantities import Pose, Vector
 from sim.described_arm import GRAVITY, DescribedArm, apart
 
 POSTURES = 1000
-"""Number of postures at which the two are compared, drawn evenly over what both permit."""
+"""Number of postures for the comparison, drawn uniformly over the range that both permit."""
 SEED = 1
 """Seed of the postures."""
 NOTHING = 1e-10
-"""Mass of a hand that is not there, kg, and its inertia, kg·m²: the description ends at the flange."""
+"""Mass of an absent hand, kg, and its inertia, kg·m²: the description ends at the flange."""
 NEGLIGIBLE = {"kinematics": 1e-5, "inertia": 1e-3}
-"""Differences that no trial can show: of the flange's place, m and rad, and of the mass matrix, ratio."""
+"""Differences too small for any trial: of the flange's position, m and rad, and of the mass matrix, ratio."""
 
 
 @dataclass(frozen=True, slots=True)
 class Agreement:
-    """Difference of one quantity between the description and the cell's belief over the postures."""
+    """Difference of one quantity between the description and the cell's assumption over the postures."""
 
     quantity: str
     unit: str
@@ -33,7 +33,7 @@ class Agreement:
 
 @dataclass(frozen=True, slots=True)
 class JointFigure:
-    """One figure of the seven joints, as the cell has it and as the description has it; SI."""
+    """One figure of the seven joints in the cell and in the description; SI."""
 
     name: str
     ours: tuple[float, ...]
@@ -42,16 +42,16 @@ class JointFigure:
 
 @dataclass(frozen=True, slots=True)
 class Comparison:
-    """The comparison of a description with the cell's arm."""
+    """Comparison of a description with the cell's arm."""
 
     agreements: list[Agreement]
     joints: list[JointFigure]
     differs: tuple[str, ...]
-    """Parts that trials can tell from the cell's own, of `kinematics`, `inertia`, `friction` and `rotors`."""
+    """Parts with a difference that trials can show, of `kinematics`, `inertia`, `friction` and `rotors`."""
 
 
 def compare(arm: ArmModel, described: DescribedArm, postures: int = POSTURES) -> Comparison:
-    """Return how far a description agrees with what the cell believes, at so many postures."""
+    """Return the agreement of a description with the cell's assumptions, at this number of postures."""
     model = described.model
     low = np.maximum(arm.joints.q_min, model.jnt_range[:, 0])
     high = np.minimum(arm.joints.q_max, model.jnt_range[:, 1])
@@ -77,7 +77,7 @@ def compare(arm: ArmModel, described: DescribedArm, postures: int = POSTURES) ->
     is_other = {
         "kinematics": max(*away, *angle) > NEGLIGIBLE["kinematics"],
         "inertia": max(mass) > NEGLIGIBLE["inertia"],
-        # The cell's own arm has drawn ones, whatever its file says.
+        # The cell's own arm has drawn friction, whatever its file contains.
         "friction": True,
         "rotors": bool(model.dof_armature.any()),
     }
@@ -85,7 +85,7 @@ def compare(arm: ArmModel, described: DescribedArm, postures: int = POSTURES) ->
 
 
 def joint_figures(arm: ArmModel, described: DescribedArm) -> list[JointFigure]:
-    """Return friction, rotors and limits of the joints on both sides."""
+    """Return friction, rotors and limits of the joints in both."""
     joints, model = arm.joints, described.model
     pairs = (
         ("dry friction, N·m", joints.friction, model.dof_frictionloss),

@@ -1,4 +1,4 @@
-"""Whole trials on the cell's own arm and on one that other people described, seed by seed."""
+"""Whole trials on the cell's own arm and on an externally described one, seed by seed."""
 
 import json
 import math
@@ -25,16 +25,16 @@ from skills.contract import Outcome
 TABLE = "opinion.csv"
 OURS, THEIRS = "the cell's own arm", "the described arm"
 PACKAGE, FILE, BELIEF = "franka_sim", "models/fr3.urdf", "arm.model=fr3"
-"""Package that carries a description of the arm, its file there, and the key of the arm that it describes."""
+"""Package with a description of the arm, its file there, and the key of the described arm."""
 
 
 class Part(NamedTuple):
-    """A part of a description that is tried alone."""
+    """Part of a description that is tested alone."""
 
     figures: str
-    """Figures that have to differ, of `Comparison.differs`."""
+    """Figures that must differ, of `Comparison.differs`."""
     takes: tuple[str, ...]
-    """What is taken from the description, see `sim.described.takes`."""
+    """Properties taken from the description, see `sim.described.takes`."""
 
 
 PARTS = {
@@ -44,9 +44,9 @@ PARTS = {
     "its friction alone": Part("friction", ("friction",)),
     "its rotors alone": Part("rotors", ("rotors",)),
 }
-"""Parts by name; masses that weigh leave over what the controller does not compensate."""
+"""Parts by name; links with weight leave a residual torque that the controller does not compensate."""
 LINKS = "its links alone"
-"""Name of kinematics and weighed masses together, tried where neither differs: whoever described them, the same is to come of it."""
+"""Name of kinematics and weighted links together, tested if neither differs; the result must then be the same."""
 EVERYTHING = ("kinematics", "inertia", "gravity", "friction", "rotors")
 
 
@@ -58,21 +58,21 @@ class OpinionLine:
     depth: float
     """Median depth of the tip in the hole over the successes, m; NaN where there are none."""
     pairs: int
-    """Number of seeds that succeeded on both arms."""
+    """Number of seeds with success on both arms."""
     slower: float
-    """Mean difference of the total time over those seeds, this arm less the cell's own, s."""
+    """Mean difference of the total time over those seeds, this arm minus the cell's own, s."""
     slower_error: float
-    """Half width of its 95 % interval, normal, s; NaN below two pairs."""
+    """Half width of its 95 % interval, normal, s; NaN for fewer than two pairs."""
     harder: float
     """Median difference of the largest contact force over all seeds, N."""
     won: int
-    """Number of seeds that succeeded on this arm and not on the cell's own."""
+    """Number of seeds with success on this arm and not on the cell's own."""
     lost: int
-    """Number of seeds that succeeded on the cell's own arm and not on this one."""
+    """Number of seeds with success on the cell's own arm and not on this one."""
 
 
 def shipped_description() -> Path:
-    """Return the description that a package brings.
+    """Return the description in a package.
 
     Raises:
         ConfigError: The package is not installed.
@@ -88,7 +88,7 @@ def shipped_description() -> Path:
 
 
 def variants(described: DescribedArm, path: Path, compared: Comparison) -> list[Variant]:
-    """Return the cell's own arm, the described one, and between them each part of it that differs, alone."""
+    """Return the cell's own arm, the described one, and each differing part of it alone."""
     found = [Variant("opinion", OURS, None, ())]
     single = {name: part.takes for name, part in PARTS.items() if part.figures in compared.differs}
     if not {"kinematics", "inertia"} & set(compared.differs):
@@ -111,7 +111,7 @@ def measure(
     folder: Path,
     done: Callable[[int], None],
 ) -> list[OpinionLine]:
-    """Run every variant on the same seeds, the cell's own arm first; finished trials in the folder are taken up.
+    """Run every variant on the same seeds, the cell's own arm first; finished trials in the folder are reused.
 
     Args:
         path: TOML file of the cell; None is the simulated cell that ships with the program.
@@ -120,7 +120,7 @@ def measure(
         seeds: Seeds, one trial each.
         workers: Number of processes.
         folder: Folder of the variants' folders.
-        done: Called with the number of further trials done.
+        done: Called with the number of further completed trials.
     """
     found: list[OpinionLine] = []
     ours: list[TrialRow] = []
@@ -151,6 +151,6 @@ def _line(result: TrialsResult, rows: Sequence[TrialRow], ours: Sequence[TrialRo
 
 
 def write(lines: Sequence[OpinionLine], path: Path) -> Path:
-    """Write a row for each line as CSV; return the file."""
+    """Write one row per line as CSV; return the file."""
     rows = [{**(told := asdict(line)).pop("result"), **told} for line in lines]
     return write_rows(rows, path)

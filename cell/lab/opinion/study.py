@@ -1,4 +1,4 @@
-"""`cell study opinion`: whole trials on an arm that other people described, beside the cell's own."""
+"""`cell study opinion`: whole trials on an externally described arm, beside the cell's own."""
 
 import argparse
 from dataclasses import asdict
@@ -15,7 +15,7 @@ SUMMARY = (
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add what is simulated, the description, and the number of trials on each arm."""
+    """Add the simulated cell, the description, and the number of trials on each arm."""
     add_study(parser)
     add_seed(parser)
     add_trials(parser, "trials on each arm; default 20, with --quick 1 on the described arm alone")

@@ -13,7 +13,7 @@ from sim.described_arm import DescribedArm
 
 
 def agreement(compared: Comparison, described: DescribedArm, postures: int, arm: str) -> Table:
-    """Return how far the description agrees with the cell's belief over the postures."""
+    """Return the agreement of the description with the cell's assumptions over the postures."""
     turned = f", turned back by {math.degrees(described.turn):.0f} degrees" if described.turn else ""
     table = Table(
         title=f"{described.name} against {arm}: differences at {postures} postures",
@@ -27,7 +27,7 @@ def agreement(compared: Comparison, described: DescribedArm, postures: int, arm:
 
 
 def joints(compared: Comparison) -> Table:
-    """Return the figures of the joints on both sides."""
+    """Return the figures of the joints in both."""
     table = Table(
         title="Joints",
         caption="a rotor inertia or a largest torque of 0 is not described, and the cell's own then counts",

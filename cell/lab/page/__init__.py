@@ -1,1 +1,1 @@
-"""Study of the page: what it costs the scan, how fast it shows what happens, and whether anything grows."""
+"""Study of the page: its cost for the scan, its latency, and the growth of memory."""

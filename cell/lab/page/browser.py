@@ -1,4 +1,4 @@
-"""A real browser without a screen, driven through its own driver."""
+"""A real browser without a screen, controlled by its own driver."""
 
 import shutil
 from collections.abc import Iterator
@@ -17,7 +17,7 @@ MISSING = "no Chromium with its driver and the package selenium here; Debian: ap
 
 
 def is_there() -> bool:
-    """Return whether browser, driver and the package that speaks to them are installed."""
+    """Return True if browser, driver and the driver's Python package are installed."""
     try:
         import selenium.webdriver  # noqa: F401
     except ImportError:
@@ -27,10 +27,10 @@ def is_there() -> bool:
 
 @contextmanager
 def browsing(*names: str) -> "Iterator[Chrome]":
-    """Yield a browser that reaches this computer alone, to which `names` lead too.
+    """Yield a browser that reaches only this computer; `names` resolve to it too.
 
     Raises:
-        ConfigError: There is none.
+        ConfigError: There is no browser.
     """
     if not is_there():
         raise ConfigError(MISSING)
@@ -43,7 +43,7 @@ def browsing(*names: str) -> "Iterator[Chrome]":
     options.binary_location = str(_browser())
     for argument in (
         "--headless=new",
-        "--no-sandbox",  # root is refused a sandbox
+        "--no-sandbox",  # browsers refuse a sandbox to root
         "--disable-dev-shm-usage",
         "--disable-background-networking",
         f"--host-resolver-rules={rules}MAP * ~NOTFOUND, EXCLUDE 127.0.0.1, EXCLUDE localhost",
@@ -59,7 +59,7 @@ def browsing(*names: str) -> "Iterator[Chrome]":
 
 
 def memory_of(browser: "Chrome") -> float:
-    """Return the memory of a browser and all its processes, shared pages counted in parts, byte."""
+    """Return the memory of a browser and all its processes, bytes; shared pages are divided among the processes."""
     children: dict[int, list[int]] = {}
     for folder in Path("/proc").glob("[0-9]*"):
         try:

@@ -1,4 +1,4 @@
-"""How much server and browser grow over hours of runs, and how long it takes from an event to the screen."""
+"""Memory growth of server and browser over hours of runs, and the time from an event to the screen."""
 
 import gc
 import threading
@@ -31,11 +31,11 @@ if TYPE_CHECKING:
 
 PAGES = 2
 WARM = 1.0
-"""Simulated time before growth is counted, h, or a quarter of what is counted where that is less: buffers fill, code is compiled."""
+"""Simulated warm-up time, h, or a quarter of the measured time if that is less: buffers fill, code is compiled."""
 STEP = 0.5
-"""Simulated time between two looks at the memory, h."""
+"""Simulated time between two memory samples, h."""
 GAPS = (0.12, 0.3)
-"""Least and greatest time between two events, s."""
+"""Smallest and largest time between two events, s."""
 MEGABYTE = 1e6
 _OBSERVE = """
 window.seen = [];
@@ -46,7 +46,7 @@ new MutationObserver(() => requestAnimationFrame(() => window.seen.push(performa
 
 @dataclass(frozen=True, slots=True)
 class Growth:
-    """Growth over the runs that came after the warm-up."""
+    """Growth over the runs after the warm-up."""
 
     what: str
     hours: float
@@ -59,24 +59,24 @@ class Growth:
 
     @property
     def growth(self) -> float:
-        """Return by how much it grew, MB."""
+        """Return the growth, MB."""
         return self.end - self.start
 
 
 @dataclass(frozen=True, slots=True)
 class MemoryLook:
-    """Memory at one moment of the runs."""
+    """Memory at one time of the runs."""
 
     hours: float
-    """Simulated time of the runs so far, those of the warm-up included, h."""
+    """Simulated time of the runs so far, including those of the warm-up, h."""
     runs: int
     memory: dict[str, float]
-    """Memory by what holds it, MB."""
+    """Memory by its owner, MB."""
 
 
 @dataclass(slots=True)
 class Stand:
-    """A page that is served without a cell: what a cell would show and report is put in from here."""
+    """A page served without a cell; the states and reports of a cell are written here."""
 
     server: PageServer
     bridge: Bridge
@@ -92,7 +92,7 @@ class Stand:
 
 @contextmanager
 def stand(folder: Path) -> Iterator[Stand]:
-    """Yield a page that is served."""
+    """Yield a served page."""
     loaded = load()
     bridge, live = Bridge(loaded.cell.plc, PROGRAMS, PARAMETERS), Live()
     server = PageServer(("127.0.0.1", 0), bridge, live, loaded, folder)
@@ -106,7 +106,7 @@ def stand(folder: Path) -> Iterator[Stand]:
 
 @contextmanager
 def shown(folder: Path) -> "Iterator[tuple[Stand, Chrome]]":
-    """Yield a page that is served, and a browser that has it open."""
+    """Yield a served page, and a browser that has it open."""
     with stand(folder) as page, browsing() as browser:
         open_pages(browser, page.url)
         yield page, browser
@@ -115,14 +115,14 @@ def shown(folder: Path) -> "Iterator[tuple[Stand, Chrome]]":
 def measure_growth(
     page: Stand, browser: "Chrome", looks: list[Look], hours: float, seen: Callable[[float, MemoryLook | None], None]
 ) -> list[Growth]:
-    """Show a run again and again to the pages of a browser, as fast as the slot takes it; return what grew.
+    """Show a run repeatedly to the pages of a browser, as fast as the slot accepts it; return the growth.
 
     Args:
-        page: The page that is served.
+        page: The served page.
         browser: The browser that has it open.
-        looks: Every look of one run.
-        hours: Simulated time of all runs together that come after those of the warm-up, h.
-        seen: Told after each run the share that is done, and the memory where it was looked at.
+        looks: All snapshots of one run.
+        hours: Total simulated time of the runs after the warm-up, h.
+        seen: Called after each run with the completed share, and the memory if it was sampled.
     """
     length = (looks[-1].seen.stamp - looks[0].seen.stamp) / 3600.0
     warm = max(round(min(WARM, 0.25 * hours) / length), 1)
@@ -141,9 +141,9 @@ def measure_growth(
 
 
 def measure_latency(page: Stand, browser: "Chrome", looks: list[Look], events: int) -> list[float]:
-    """Return the time from each change of state, as the scan publishes it, to the frame that shows it, s, shortest first.
+    """Return the time from each published change of state to the frame that shows it, s, shortest first.
 
-    Touch and traces are told meanwhile as in a run.
+    Touch and traces are published meanwhile as in a run.
     """
     rng = np.random.default_rng(1)
     told = []
@@ -163,7 +163,7 @@ def measure_latency(page: Stand, browser: "Chrome", looks: list[Look], events: i
 
 
 def open_pages(browser: "Chrome", url: str) -> None:
-    """Open the pages, the last one in front, and wait until they are live."""
+    """Open the pages, the last one in the foreground, and wait until they are live."""
     for number in range(PAGES):
         if number:
             browser.switch_to.new_window("tab")

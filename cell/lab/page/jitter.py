@@ -1,4 +1,4 @@
-"""The cost of open pages for the scan: its intervals with two pages and with none, in pairs, while a real-time cell works."""
+"""Cost of open pages for the scan: intervals with two pages and with none, in pairs, while a real-time cell works."""
 
 import math
 import subprocess
@@ -28,21 +28,23 @@ from plc_bridge.messages import FIRST_PROGRAM, Control, PartPlace
 
 PAGES = 2
 TURNS = (False, True, True, False, True, False, False, True)
-"""Turns of a pair, with pages where it is True: neither a slope nor a bend over them favours one side; every other pair is the other way round."""
+"""Order within a pair, True for open pages: neither a linear nor a quadratic drift favours one side. Every other pair
+is reversed."""
 RESAMPLES = 1000
-"""Number of times that the pairs are drawn again for the interval."""
+"""Number of resamplings of the pairs for the interval."""
 USER = "study"
 
 
 @dataclass(frozen=True, slots=True)
 class Pair:
-    """Jitter of the scan with pages and without, in stretches that take turns."""
+    """Jitter of the scan with pages and without, in alternating intervals."""
 
     without: Sequence[float]
-    """How far each interval between two scans is from its period, s."""
+    """Deviation of each interval between two scans from its period, s."""
     with_pages: Sequence[float]
     share: float = 0.0
-    """Processor time of the page's thread with the pages open, part of one core: all that it can take from the scan."""
+    """Processor time of the page's thread with the pages open, fraction of one core: an upper bound of its cost for the
+    scan."""
 
     @property
     def p99(self) -> tuple[float, float]:
@@ -51,12 +53,12 @@ class Pair:
 
     @property
     def ratio(self) -> float:
-        """Return the jitter with pages over that without."""
+        """Return the ratio of the jitter with pages to that without."""
         without, with_pages = self.p99
         return with_pages / without
 
     def told(self) -> dict[str, float]:
-        """Return the figures of the pair, for programs."""
+        """Return the figures of the pair as data."""
         without, with_pages = self.p99
         scans = len(self.without) + len(self.with_pages)
         told = {"without": without, "with_pages": with_pages, "ratio": self.ratio, "scans": scans, "share": self.share}
@@ -65,16 +67,17 @@ class Pair:
 
 @dataclass(frozen=True, slots=True)
 class Cost:
-    """What open pages cost the scan: the ratio of the 99th percentiles of all scans together, and its interval."""
+    """Cost of open pages for the scan: the ratio of the 99th percentiles of all scans, and its interval."""
 
     ratio: float
     low: float
     high: float
-    """Limits of the 95 % interval, from pairs drawn again with repetition: what one stretch of work has in common moves together."""
+    """Upper end of the 95 % interval after the lower end `low`, from resampled pairs; scans of one pair are resampled together because they are
+    correlated."""
 
 
 def cost(pairs: Sequence[Pair]) -> Cost:
-    """Return what open pages cost the scan."""
+    """Return the cost of open pages for the scan."""
     rng = np.random.default_rng(0)
     drawn = [rng.integers(len(pairs), size=len(pairs)) for _ in range(RESAMPLES)]
     ratios = [_ratio([pairs[number] for number in numbers]) for numbers in drawn]
@@ -88,23 +91,23 @@ def _ratio(pairs: Sequence[Pair]) -> float:
 
 
 class TimedLive(Live):
-    """A slot that notes when the scan came by."""
+    """A slot that records the time of each scan."""
 
     def __init__(self) -> None:
         super().__init__()
         self.stamps: list[float] = []
 
     def show(self, look: Look) -> None:
-        """Put in one look."""
+        """Store one snapshot."""
         self.stamps.append(time.perf_counter())
         super().show(look)
 
 
 def measure(pairs: int, length: float, folder: Path, done: Callable[[Sequence[Pair]], None]) -> list[Pair]:
-    """Serve a simulated cell in real time, run after run, and return what each pair shows.
+    """Serve a simulated cell in real time, run after run, and return the jitter of each pair.
 
-    Within a pair pages are opened and closed again and again, in an order by which what changes slowly, as the work of a run does,
-    meets both alike. The pages are read by another process, as by browsers on other computers.
+    Within a pair, pages open and close repeatedly. The order balances slow changes, such as the work of a run, between
+    both. Another process reads the pages, as browsers on other computers do.
 
     Args:
         pairs: Number of pairs.
@@ -142,13 +145,13 @@ def _stretch(live: TimedLive, period: float, length: float) -> list[float]:
     live.stamps.clear()
     threading.Event().wait(length)
     stamps = list(live.stamps)
-    # Between two runs the scan also opens and closes records; such an interval belongs to no scan.
+    # Between two runs the scan also opens and closes records; such an interval is not the interval of a scan.
     return [abs(gap - period) for gap in np.diff(stamps).tolist() if gap < 10 * period]
 
 
 @contextmanager
 def watched(server: PageServer) -> Iterator[Callable[[bool], None]]:
-    """Yield how pages are opened and closed in another process."""
+    """Yield a function that opens and closes pages in another process."""
     host, port = server.address
     command = [sys.executable, "-m", "cell.lab.page.watcher", f"ws://{host}:{port}/live", str(PAGES)]
     with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as process:
@@ -185,7 +188,7 @@ def _serving(folder: Path) -> Iterator[tuple[PageServer, TimedLive, float]]:
     def start_again() -> None:
         while not is_over.wait(0.2):
             report = bridge.report_for(USER)
-            if report.state == State.ABORTED:  # a computer too busy for the scan ends a run with a fault
+            if report.state == State.ABORTED:  # a computer too slow for the scan ends a run with a fault
                 bridge.submit(USER, CommandImage(code=Control.RESET))
             elif PartPlace(report.part) in UNRESOLVED and report.state in (State.IDLE, State.COMPLETE):
                 bridge.submit(USER, CommandImage(code=Control.CLEARED))

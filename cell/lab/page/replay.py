@@ -1,4 +1,4 @@
-"""A run as the scan showed it, to be shown again and again."""
+"""Snapshots of one run from the scan, for repeated display."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -13,19 +13,19 @@ from plc_bridge.messages import FIRST_PROGRAM, Command, Report, Result
 
 
 class Kept(Live):
-    """A slot that drops nothing."""
+    """A slot that keeps all snapshots."""
 
     def __init__(self) -> None:
         super().__init__()
         self.looks: list[Look] = []
 
     def show(self, look: Look) -> None:
-        """Keep a look."""
+        """Keep a snapshot."""
         self.looks.append(look)
 
 
 def recorded(folder: Path) -> list[Look]:
-    """Return every look of one run of the simulated cell that ships with the program, made as fast as it goes."""
+    """Return every snapshot of one run of the default simulated cell, at full speed."""
     loaded, kept = load(sets=["sim.pace=max"]), Kept()
     with Journal(folder) as journal, opened(assemble(loaded.cell)) as cell:
 
@@ -40,5 +40,5 @@ def recorded(folder: Path) -> list[Look]:
 
 
 def as_run(looks: list[Look], run: int) -> list[Look]:
-    """Return the same looks as those of another run."""
+    """Return the same snapshots under the number of another run."""
     return [replace(look, run=run) for look in looks]

@@ -1,4 +1,4 @@
-"""`cell study page`: growth, latency and what open pages cost the scan."""
+"""`cell study page`: growth, latency and the cost of open pages for the scan."""
 
 import argparse
 import json
@@ -22,7 +22,7 @@ SUMMARY = "what the page costs the scan, how fast it shows what happens, whether
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add where the figures go, and how much is measured."""
+    """Add the output folder and the extent of the measurement."""
     add_out(parser)
     parser.add_argument(
         "--hours",
@@ -38,7 +38,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> StudyReport:
-    """Measure, and write the figures; without a browser only what the scan pays."""
+    """Measure and write the figures; without a browser, only the cost for the scan."""
     from cell.lab.page import browser, growth, jitter, replay, tables
     from cell.lab.rows import write_rows
 
@@ -58,7 +58,7 @@ def run(args: argparse.Namespace) -> StudyReport:
                     bars.update(bar, completed=round(100 * share))
                     if look is not None:
                         curve.append({"hours": round(look.hours, 3), "runs": look.runs, **look.memory})
-                        write_rows(curve, folder / CURVE)  # hours that are broken off leave what was seen
+                        write_rows(curve, folder / CURVE)  # an interrupted call keeps its samples
 
                 lines = growth.measure_growth(page, opened, looks, hours, seen)
                 latencies = growth.measure_latency(page, opened, looks, events)
@@ -67,12 +67,12 @@ def run(args: argparse.Namespace) -> StudyReport:
             "latency": latencies,
             "browser": "chromium" if browser.is_there() else browser.MISSING,
         }
-        _save(file, result)  # hours of growth are not lost to what comes after them
+        _save(file, result)  # hours of growth survive a later failure
         bar = bars.add_task("pairs", total=pairs)
 
         def took(so_far: Sequence[jitter.Pair]) -> None:
             bars.advance(bar)
-            _save(file, result | {"jitter": _told(so_far)})  # pairs that are broken off leave what they showed
+            _save(file, result | {"jitter": _told(so_far)})  # an interrupted call keeps its pairs
 
         found = jitter.measure(pairs, length, records / "jitter", took)
     shown = [tables.jitter_table(found)]
@@ -84,7 +84,7 @@ def run(args: argparse.Namespace) -> StudyReport:
 
 
 def _told(pairs: "Sequence[Pair]") -> list[dict[str, float]]:
-    """Return the figures of the pairs, for programs."""
+    """Return the figures of the pairs as data."""
     told: list[dict[str, float]] = finite([pair.told() for pair in pairs])
     return told
 

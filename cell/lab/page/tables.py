@@ -1,4 +1,4 @@
-"""The tables of the study of the page."""
+"""Tables of the study of the page."""
 
 from collections.abc import Sequence
 
@@ -9,11 +9,11 @@ from cell.lab.page.growth import Growth
 from cell.lab.page.jitter import Pair, cost
 
 MOST_GROWTH, MOST_LATENCY, MOST_RATIO = 20.0, 0.2, 1.05
-"""Targets: growth in 24 simulated hours, MB; latency, s; jitter with two pages over that without, ratio."""
+"""Targets: growth in 24 simulated hours, MB; latency, s; ratio of the jitter with two pages to that without."""
 
 
 def growth_table(lines: Sequence[Growth]) -> Table:
-    """Return what grew."""
+    """Return the growth."""
     shown = Table("what", "hours", "runs", "warm (MB)", "end (MB)", "growth (MB)")
     shown.title = f"Growth with two pages open; under {MOST_GROWTH:g} MB in 24 h wanted"
     for line in lines:
@@ -38,7 +38,7 @@ def latency_table(latencies: Sequence[float]) -> Table:
 
 
 def jitter_table(pairs: Sequence[Pair]) -> Table:
-    """Return the jitter of each pair, and the ratio of all of them together."""
+    """Return the jitter of each pair, and the ratio of all pairs."""
     shown = Table("pair", "without (us)", "two pages (us)", "ratio", "scans", "page's thread (%)")
     shown.title = f"Jitter of the scan, 99th percentile; ratio of at most {MOST_RATIO:g} wanted; thread in % of a core"
     for number, pair in enumerate(pairs, 1):

@@ -1,6 +1,6 @@
-"""Several pages without a screen: each reads what the cell tells and throws it away.
+"""Several pages without a screen: each reads the cell's data and discards it.
 
-They are opened and closed by the lines `open` and `close` on standard input; each line is answered once that is done.
+The lines `open` and `close` on standard input open and close them; the answer to a line follows its completion.
 """
 
 import asyncio
@@ -12,7 +12,7 @@ from cell.terminal import say
 
 
 async def watch(url: str, pages: int) -> None:
-    """Open so many pages at `url` and read them, or close them, as lines say, until there are no more."""
+    """Open this number of pages at `url` and read them, or close them, as the input lines request, until the input ends."""
     loop, opened, reading = asyncio.get_running_loop(), list[WebSocketClientConnection](), list[asyncio.Task[None]]()
     while line := await loop.run_in_executor(None, sys.stdin.readline):
         if line.strip() == "open":

@@ -1,1 +1,1 @@
-"""Study of the published method under honest errors: what [gibbons] does not print is fitted on half of the seeds."""
+"""Study of the published method under honest errors; figures that [gibbons] does not print are fitted on half of the seeds."""

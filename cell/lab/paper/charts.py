@@ -1,4 +1,4 @@
-"""The chart of the study of the published method: speed against accuracy, stage by stage."""
+"""Chart of the study of the published method: speed against accuracy, stage by stage."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -11,13 +11,14 @@ from cell.statistics import wilson
 
 CHART = "paper.png"
 AIM = 1.2
-"""Factor on a published time that is aimed at, either way."""
+"""Target factor on a published time, in either direction."""
 FITTED, LEFT, JUDGED, REAL = "#555555", "#cccccc", "#cc2222", "#4477aa"
 
 
 def draw(found: Sequence[Candidate], judged: Candidate, title: str, folder: Path) -> Path:
-    """Draw success against mean time for each stage and for the whole: every candidate that was tried on the first half of the seeds, the judged
-    figures, and Table I with what is aimed at; return the file.
+    """Draw success against mean time for each stage and for the whole; return the file.
+
+    Points: every candidate on the first half of the seeds, the judged figures, and Table I with the targets.
     """
     figure = Figure(figsize=(11.0, 8.0), layout="constrained")
     panels = figure.subplots(2, 2).ravel()
@@ -54,7 +55,7 @@ def draw(found: Sequence[Candidate], judged: Candidate, title: str, folder: Path
 
 
 def _legend(figure, count: int) -> None:  # type: ignore[no-untyped-def]
-    """Say under the panels what the marks are."""
+    """Explain the marks below the panels."""
     axes = figure.axes[0]
     marks = [
         ("s", REAL, 6, "[gibbons], Table I, 40 trials in life; shaded: its interval, and 20 % of its time"),
@@ -69,7 +70,7 @@ def _legend(figure, count: int) -> None:  # type: ignore[no-untyped-def]
 
 
 def _point(axes, time: float, successes: int, attempts: int, colour: str, mark: str, side: int) -> None:  # type: ignore[no-untyped-def]
-    """Draw one rate with its interval, and its figures below it, to the left or right by the sign of `side`."""
+    """Draw one rate with its interval, and its figures below, to the left or right by the sign of `side`."""
     rate, (low, high) = successes / attempts, wilson(successes, attempts)
     bounds = [[max(100 * (rate - low), 0.0)], [max(100 * (high - rate), 0.0)]]
     axes.errorbar([time], [100 * rate], yerr=bounds, fmt=mark, color=colour, markersize=6, capsize=3, zorder=3)

@@ -1,14 +1,15 @@
-"""The fit of the figures that [gibbons] does not print: candidates, their misfit to Table I, and which of them fit.
+"""Fit of the figures that [gibbons] does not print: candidates, their misfit to Table I, and the selection.
 
-The procedure is fixed beforehand. What is printed stays as it is. The rest is searched a stage at a time, search, insertion,
-adjustment, each with the stages before it as they were found and on seeds of its own: candidate 0 has the figures found by hand, the
-others are drawn evenly from the logarithms between the bounds in `unknowns`, from a seed of their own. All run a few trials that
-end behind their stage; the candidates with the least misfit of the stage's two published figures run some more, and the best of these
-again (successive halving, [jamieson]). The best of the last rung is kept; those of it that fit nearly as well tell the spread.
-Then the figures that were kept run once on the other half of the seeds, and only that is reported.
+The procedure is fixed beforehand. Printed figures stay unchanged. The fit searches the others one stage at a time:
+search, insertion, adjustment. Each stage uses the results of the stages before it, and its own seeds. Candidate 0 has
+the figures found by hand; a separate seed draws the others uniformly in the logarithm between the bounds in `unknowns`.
+All run a few trials that end after their stage. The candidates with the smallest misfit of the stage's two published
+figures run more, and the best of these again (successive halving, [jamieson]). The best candidate of the last rung is
+kept; those that fit nearly as well give the spread. The kept figures then run once on the other half of the seeds, and
+only this result is reported.
 
-A trial counts as in [gibbons]: seated is a peg that has pushed the switch under the hole, and a hole that was found where there is
-none is a failure of the search.
+A trial is judged as in [gibbons]: the peg is seated if it has pressed the switch under the hole. A false detection of
+the hole is a failure of the search.
 """
 
 import csv
@@ -26,22 +27,23 @@ from cell.lab.trials import VOID, TrialRow
 
 TABLE = "paper.csv"
 JUDGE = "judge"
-"""Family of the trials of the other half of the seeds; those of the first are of the family of their stage."""
+"""Family of the trials on the other half of the seeds; the first half has the families of the stages."""
 PRESET = "paper"
 CANDIDATES_SEED = 1
-"""Seed of the drawn candidates; the trials have their own."""
+"""Seed of the drawn candidates; the trials have separate seeds."""
 NEARLY = 1.25
-"""Candidates whose misfit is at most so many times the least fit nearly as well."""
+"""Largest ratio of a misfit to the smallest one at which a candidate fits nearly as well."""
 TIME_ERROR = math.log(1.2)
-"""Deviation of the logarithm of a stage's time that counts as one: 20 %."""
+"""Unit of deviation of the logarithm of a stage's time: 20 %."""
 WORST = 5.0
-"""Largest deviation that counts for a figure; one of a stage that no trial reached is never better than one that was."""
+"""Upper limit of a figure's deviation; a stage without trials is never better than one with trials."""
 NEAR = 8.1e-3
-"""Largest distance of the peg's end from the hole's axis where a hole was found, m; the edge in it leads the end by up to 4 mm."""
+"""Largest distance of the peg's end from the hole's axis for a correct detection, m; the edge in the hole leads the end
+by up to 4 mm."""
 SEEDS = 33
 """Number of seeds of a stage's round."""
 OTHER_HALF = 500
-"""Distance of the seeds of judging from those of the fit."""
+"""Seed offset between the judging and the fit."""
 
 Rungs = Sequence[tuple[int, int]]
 """Number of candidates and of further trials of each, rung by rung."""
@@ -56,34 +58,34 @@ ENDED: Mapping[str, tuple[str, ...]] = {
     INSERT: ("paper.adjust.timeout=0.02",),
     ADJUST: (),
 }
-"""Keys that end a trial behind its stage."""
+"""Keys that end a trial after its stage."""
 
 Run = Callable[[Sequence[Variant], Sequence[int]], Sequence[tuple[Sequence[TrialRow], str]]]
-"""Runs variants on seeds; returns for each its rows, and why it could not be run."""
+"""Function that runs variants on seeds; returns for each its rows, and the reason if it did not run."""
 
 
 @dataclass(frozen=True, slots=True)
 class Candidate:
-    """One set of figures and how its trials went."""
+    """One set of figures and the result of its trials."""
 
     name: str
     half: str
-    """Stage in whose round it was tried, or `JUDGE`."""
+    """Stage of the round in which it was tested, or `JUDGE`."""
     figures: Mapping[str, float]
     """Figures by key."""
     stages: Sequence[StageLine]
     """Search, insertion, adjustment and total."""
     misfit: float
-    """Root mean square of the deviations from Table I, of its stage or of all three; NaN where nothing could be run."""
+    """Root mean square of the deviations from Table I, of its stage or of all three; NaN if nothing ran."""
     error: str
-    """Reason why it could not be run; empty when it could."""
+    """Reason why it did not run; empty if it ran."""
     rung: int = 0
-    """Number of the rung that it reached."""
+    """Number of its last rung."""
     rows: Sequence[TrialRow] = field(default=(), repr=False)
 
 
 def tried(row: TrialRow) -> Tried:
-    """Return a trial as [gibbons] counts it: by the switch, and a hole where there is none as a failure of the search."""
+    """Return a trial judged as in [gibbons]: by the switch; a false detection is a failure of the search."""
     times = row.tried().times
     if row.found_error is not None and row.found_error > NEAR:
         return Tried(False, SEARCH, {SEARCH: times[SEARCH]} if SEARCH in times else {})
@@ -91,7 +93,7 @@ def tried(row: TrialRow) -> Tried:
 
 
 def drawn(stage: str, count: int) -> list[dict[str, float]]:
-    """Return the figures of so many candidates of a stage's round, by key: those found by hand, and drawn ones."""
+    """Return this number of candidates of a stage's round, by key: the figures found by hand, and drawn ones."""
     rng = np.random.default_rng([CANDIDATES_SEED, [each.name for each in PUBLISHED].index(stage)])
     unknowns = of_stage(stage)
     found = [{each.key: each.by_hand for each in unknowns}]
@@ -108,7 +110,7 @@ def variant(name: str, half: str, chosen: Mapping[str, float], ended: Sequence[s
 
 
 def fit(run: Run, first: int, rungs: Mapping[str, Rungs]) -> tuple[dict[str, float], list[Candidate]]:
-    """Return the figures that fit, and every candidate that was tried.
+    """Return the fitted figures, and every candidate.
 
     Args:
         run: Runs variants.
@@ -128,7 +130,7 @@ def fit(run: Run, first: int, rungs: Mapping[str, Rungs]) -> tuple[dict[str, flo
 
 
 def number(rungs: Mapping[str, Rungs]) -> int:
-    """Return how many trials a fit takes."""
+    """Return the number of trials of a fit."""
     return sum(candidates * trials for each in rungs.values() for candidates, trials in each)
 
 
@@ -159,26 +161,28 @@ def _joined(before: Candidate, rows: Sequence[TrialRow], error: str, stage: Publ
 
 
 def time_error(trials: Sequence[Tried], stage: PublishedStage) -> float:
-    """Return the standard error of a stage's mean time over its successes, as a share of it; 0 where there is none."""
+    """Return the standard error of a stage's mean time over its successes, as a share of the mean; 0 if there is none."""
     good = [t for t in trials if stage.name in t.times and (t.succeeded or t.stage != stage.name)]
     times = np.array([trial.times[stage.name] for trial in good])
     return float(times.std(ddof=1) / times.mean()) / math.sqrt(len(times)) if len(times) > 1 else 0.0
 
 
 def judged(name: str, chosen: Mapping[str, float], rows: Sequence[TrialRow], error: str) -> Candidate:
-    """Return the figures that were kept, with their trials on the other half of the seeds."""
+    """Return the kept figures with their trials on the other half of the seeds."""
     stages = stage_table([tried(row) for row in rows])
     return Candidate(name, JUDGE, chosen, stages, misfit(stages) if rows else math.nan, error, 0, rows)
 
 
 def misfit(stages: Sequence[StageLine], of: Sequence[PublishedStage] = PUBLISHED, time_error: float = 0.0) -> float:
-    """Return the root mean square of two deviations a stage: of its success in standard deviations of the difference of two
-    proportions, and of the logarithm of its mean time in steps of 20 %; none counts for more than `WORST`.
+    """Return the root mean square of the deviations of success and time, stage by stage. Success is in standard
+    deviations of the difference of two proportions, the logarithm of the mean time in units of 20 %; `WORST` limits
+    each.
 
     Args:
         stages: The stages of the trials.
-        of: Published stages that count.
-        time_error: Standard error of the mean times, as a share of them, which widens the steps: few holes may all lie near.
+        of: Published stages to include.
+        time_error: Standard error of the mean times, as a share of them; it widens the units, because a few holes can
+            all be near.
     """
     squares = []
     for stage, published in zip(stages, PUBLISHED, strict=False):
@@ -187,7 +191,7 @@ def misfit(stages: Sequence[StageLine], of: Sequence[PublishedStage] = PUBLISHED
         if not stage.attempts:
             squares += [WORST**2] * 2
             continue
-        # Agresti's addition keeps a rate of 1 from having no spread.
+        # Agresti's correction gives a rate of 1 a nonzero spread.
         rate = (published.successes + 1) / (published.attempts + 2)
         spread = math.sqrt(rate * (1.0 - rate) * (1.0 / stage.attempts + 1.0 / published.attempts))
         lost = (stage.successes / stage.attempts - published.successes / published.attempts) / spread
@@ -197,7 +201,7 @@ def misfit(stages: Sequence[StageLine], of: Sequence[PublishedStage] = PUBLISHED
 
 
 def fitting(candidates: Sequence[Candidate], stage: str) -> list[Candidate]:
-    """Return the candidates of a stage's last rung that fit best or nearly as well, the best first; none where nothing could be run."""
+    """Return the candidates of a stage's last rung that fit best or nearly as well, the best first; none if nothing ran."""
     run = [each for each in candidates if each.half == stage and not math.isnan(each.misfit)]
     last = max((each.rung for each in run), default=0)
     found = sorted((each for each in run if each.rung == last), key=lambda each: each.misfit)
@@ -205,7 +209,7 @@ def fitting(candidates: Sequence[Candidate], stage: str) -> list[Candidate]:
 
 
 def write(candidates: Sequence[Candidate], path: Path) -> None:
-    """Write a row for every candidate."""
+    """Write one row per candidate."""
     heads = [f"{stage.name}_{what}" for stage in PUBLISHED for what in ("successes", "attempts", "time")]
     with path.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file, lineterminator="\n")

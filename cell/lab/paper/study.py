@@ -21,7 +21,7 @@ SUMMARY = (
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add what is simulated, and the number of trials by which the fit is judged."""
+    """Add the simulated cell, and the number of trials for judging the fit."""
     add_study(parser)
     add_seed(parser)
     add_trials(
@@ -34,7 +34,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> StudyReport:
-    """Fit on the first half of the seeds, a stage at a time, and judge on the other; finished trials of the same code are taken up."""
+    """Fit on the first half of the seeds, one stage at a time, and judge on the other; finished trials of the same code are reused."""
     from cell.lab.frontier.measure import measure as run_variants
     from cell.lab.frontier.measure import title_of
     from cell.lab.paper import charts, measure, tables

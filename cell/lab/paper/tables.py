@@ -1,4 +1,4 @@
-"""The tables of the study of the published method."""
+"""Tables of the study of the published method."""
 
 from collections.abc import Sequence
 
@@ -11,7 +11,7 @@ from cell.statistics import wilson
 
 
 def stages(judged: Candidate, title: str) -> Table:
-    """Return the figures that were kept beside Table I, on seeds that they were not chosen by."""
+    """Return the kept figures beside Table I, on seeds that the fit did not use."""
     table = Table(
         title=f"The published method under honest errors\n{title}",
         caption=f"times are means of successes; misfit {judged.misfit:.2f}{'; ' if judged.error else ''}{judged.error}",
@@ -35,7 +35,7 @@ def stages(judged: Candidate, title: str) -> Table:
 
 
 def spread(found: Sequence[Candidate]) -> Table:
-    """Return the figures that fit: of the best candidate of each stage, and the range over those that fit nearly as well."""
+    """Return the fitted figures: of the best candidate of each stage, and the range over those that fit nearly as well."""
     table = Table(title="What [gibbons] does not print")
     for name in ("key", "kept", "range of what fits", "searched", "why these bounds"):
         table.add_column(name)

@@ -1,4 +1,4 @@
-"""What [gibbons] does not print, and between which bounds it is searched."""
+"""Figures that [gibbons] does not print, and the bounds of their search."""
 
 from dataclasses import dataclass
 
@@ -13,15 +13,15 @@ class Unknown:
 
     key: str
     stage: str
-    """Stage in whose round it is searched."""
+    """Stage whose round searches it."""
     low: float
     high: float
     by_hand: float
-    """Figure found by hand, or by an earlier fit on the same half of the seeds, from which the search begins."""
+    """Initial figure of the search, found by hand or by an earlier fit on the same half of the seeds."""
     bounds: str
     """Reason for the bounds."""
     is_world: bool = False
-    """Whether it describes the laboratory and not the method."""
+    """True if it describes the laboratory and not the method."""
 
 
 UNKNOWNS: tuple[Unknown, ...] = (
@@ -88,18 +88,19 @@ UNKNOWNS: tuple[Unknown, ...] = (
         "turns of the spiral 0.8 to 2.6 mm apart, at its printed growth",
     ),
 )
-"""Figures that are searched. Joint friction, gravity, grip force and the like are drawn for each trial by `reality.scale=1`."""
+"""Figures of the search. Each trial draws joint friction, gravity, grip force and similar errors with
+`reality.scale=1`."""
 
 ONE_BOARD = ("sim.fixture.mean=[0.5,0.0]",)
-"""The task board of [gibbons] stayed where it was, and starts were drawn from the area about the hole, [x_h - D, x_h + D]: the hole is in the middle."""
+"""The task board of [gibbons] stayed in place, and starts were drawn from the area around the hole, [x_h - D, x_h + D].
+The hole is therefore at the centre."""
 ONE_ARM = ("world=v1", "reality.scale=1", 'reality.without=["arm.sigmoid_friction"]', *ONE_BOARD)
-"""Honest errors on a board that is not moved and an arm whose joints hold still: the authors had one arm, of one law of friction. With a hand as
-soft as theirs may be, joints of the smooth law are aligned in 2 to 4 s and dry ones in 12 to 25 s; 24.1 s are published. The figures
-were found in the first version of the world."""
+"""Honest errors on a fixed board and an arm with dry joint friction: the authors had one arm with one friction law.
+With a hand as soft as theirs, alignment takes 2 to 4 s with joints of the smooth law and 12 to 25 s with dry ones; 24.1
+s are published. The figures come from the first version of the world."""
 LABORATORY: dict[str, float] = {"grip.friction": 0.756, "contact.friction": 0.11, "skin.noise": 0.000874}
-"""Pads, plate and skin with which the method does what it did in life; its own figures stand in the preset. Source: `cell study paper`, see
-docs/results.md.
-"""
+"""Pads, plate and skin that reproduce the published experiment; the method's own figures are in the preset. Source:
+`cell study paper`, see docs/results.md."""
 
 
 def by_hand() -> dict[str, float]:
@@ -108,5 +109,5 @@ def by_hand() -> dict[str, float]:
 
 
 def of_stage(stage: str) -> list[Unknown]:
-    """Return the figures that are searched in the round of a stage."""
+    """Return the figures searched in the round of a stage."""
     return [unknown for unknown in UNKNOWNS if unknown.stage == stage]

@@ -1,1 +1,1 @@
-"""Study of the cost of a cell's errors, each alone and all together."""
+"""Study of the cost of a cell's errors, each alone and all combined."""

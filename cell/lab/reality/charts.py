@@ -1,4 +1,4 @@
-"""The chart of the study of errors: success, time and force against the size of each error."""
+"""Chart of the study of errors: success, time and force against the size of each error."""
 
 from collections.abc import Sequence
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""The cost of errors: variants that draw one error alone or all, a sheet of tolerances, and a ranking by variance."""
+"""Cost of errors: variants with one error or all, a table of tolerances, and a ranking by variance."""
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
@@ -22,14 +22,14 @@ __all__ = ["TABLE"]
 
 ALL = "all together"
 SCALES: dict[bool, tuple[float, ...]] = {False: (1.0, 2.0, 4.0, 8.0), True: (2.0,)}
-"""Scales at which each error is drawn alone, until one loses; a quick study has fewer."""
+"""Scales of each single error, up to the first with losses; a quick study has fewer."""
 TOGETHER: dict[bool, tuple[float, ...]] = {False: (0.0, 1.0, 2.0, 3.0), True: (0.0, 1.0)}
-"""Scales at which all errors are drawn together."""
+"""Scales of all errors combined."""
 BINS = 4
-"""Number of groups of equal size into which trials are sorted by the size of one error."""
+"""Number of groups of equal size for the trials, sorted by the size of one error."""
 TEST = RateTest(good=0.02, bad=0.15)
-"""Test that ends the trials of an error alone: one that costs at most the share `good` is tolerable. It answers after 21 trials
-without a loss."""
+"""Test that ends the trials of a single error: an error that costs at most the share `good` is tolerable. Without a
+loss it ends after 21 trials."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,18 +40,18 @@ class Tolerance:
     about: str
     unit: str
     scale: float
-    """Largest tried scale up to which no more was lost than without the error; 0 where the least was too much."""
+    """Largest tested scale with no more losses than without the error; 0 if the smallest already has too many."""
     size: str
     """Size of the error at that scale, in its unit."""
     beyond: str
-    """Size at the next larger scale, at which too many were lost; empty where every tried scale was borne."""
+    """Size at the next larger scale, which has too many losses; empty if every tested scale is tolerable."""
     lost: str
     """Successes of the trials at that scale, and at the next larger one."""
 
 
 @dataclass(frozen=True, slots=True)
 class Rank:
-    """Share of the variance among trials of all errors together that the size of one error explains."""
+    """Share of the variance among trials with all errors that the size of one error explains."""
 
     error: str
     time: float
@@ -61,40 +61,40 @@ class Rank:
 
 
 def errors_of(config: CellConfig) -> Mapping[str, AnyError]:
-    """Return the errors that the cell draws from, by name.
+    """Return the errors of the cell by name.
 
     Raises:
-        ConfigError: The file cannot be used.
+        ConfigError: The file is invalid.
     """
     return read(config.reality.file or SHIPPED / ERRORS_FILE).errors
 
 
 def together(is_quick: bool) -> list[Variant]:
-    """Return the variants in which all errors are drawn, at several scales."""
+    """Return the variants with all errors, at several scales."""
     return [Variant(ALL, f"{s:g}", None, (f"reality.scale={s:g}", 'reality.alone=""')) for s in TOGETHER[is_quick]]
 
 
 def alone(names: Iterable[str], scale: float) -> list[Variant]:
-    """Return the variants in which each of these errors is drawn alone, at one scale."""
+    """Return the variants with each of these errors alone, at one scale."""
     return [
         Variant(name, f"{scale:g}", None, (f"reality.scale={scale:g}", f'reality.alone="{name}"')) for name in names
     ]
 
 
 def drawn_alone(errors: Mapping[str, AnyError], is_quick: bool) -> list[str]:
-    """Return the names of the errors that are tried alone: those that do something alone, in a quick study two of them."""
+    """Return the names of the single errors to test: those with an effect of their own, in a quick study two of them."""
     names = [name for name in errors if not KINDS[name].part_of]
     return names[:2] if is_quick else names
 
 
 def still_borne(lines: Sequence[FrontierLine]) -> list[str]:
-    """Return the names of the errors of these lines, each drawn alone, that are borne at all of their scales."""
+    """Return the names of the errors in these lines that are tolerable alone at all of their scales."""
     names = dict.fromkeys(line.family for line in lines if line.family != ALL)
     return [name for name in names if all(is_borne(line) for line in lines if line.family == name)]
 
 
 def rows_together(lines: Sequence[FrontierLine], folder: Path) -> list[TrialRow]:
-    """Return the trials in which all errors were drawn at scale 1."""
+    """Return the trials with all errors at scale 1."""
     places = [line.folder for line in lines if line.family == ALL and line.variant == "1" and line.trials]
     return [row for place in places for row in read_table(folder / place / ROWS)]
 
@@ -114,7 +114,7 @@ def size_at(error: AnyError, scale: float) -> str:
 
 
 def tolerances(errors: Mapping[str, AnyError], lines: Sequence[FrontierLine]) -> list[Tolerance]:
-    """Return the tolerance of each error alone: up to the first scale at which the test says that too many are lost."""
+    """Return the tolerance of each single error: up to the first scale at which the test finds too many losses."""
     sheet = []
     for name, error in errors.items():
         tried = [line for line in lines if line.family == (KINDS[name].part_of or name) and line.trials]
@@ -132,15 +132,15 @@ def tolerances(errors: Mapping[str, AnyError], lines: Sequence[FrontierLine]) ->
 
 
 def is_borne(line: FrontierLine) -> bool:
-    """Return whether the test does not call the losses too many; a variant that could not be run is not borne."""
+    """Return True if the test does not find too many losses; a variant that did not run is not tolerable."""
     return line.trials > 0 and TEST.verdict(line.trials - line.successes, line.trials) is not Verdict.BAD
 
 
 def ranking(errors: Mapping[str, AnyError], rows: Sequence[TrialRow]) -> list[Rank]:
-    """Return the share of variance of time and force that each recorded error explains alone, the largest first.
+    """Return the share of the variance of time and force that each recorded error explains alone, the largest first.
 
-    The first-order share Var(E[y | x]) / Var(y), the inner mean over groups of equal size, less what chance alone
-    would give (omega squared: Hays 1963). Noise remains; with 40 trials shares below 0.1 mean nothing.
+    The first-order share Var(E[y | x]) / Var(y), the inner mean over groups of equal size, minus the share expected by
+    chance (omega squared: Hays 1963). Noise remains; with 40 trials, shares below 0.1 are not significant.
     """
     found = []
     for name in errors:
@@ -160,7 +160,7 @@ def _deviation(name: str, text: str) -> float:
     values = np.array([float(word) for word in text.split()])
     ideal = KINDS[name].ideal
     away = np.log(values) if ideal == 1.0 else values - ideal
-    # The sign of a single value may matter; several values are summed up by their size.
+    # The sign of a single value can matter; several values are summarised by their size.
     return float(away[0]) if len(away) == 1 else float(np.sqrt((away**2).mean()))
 
 

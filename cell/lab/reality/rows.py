@@ -1,7 +1,7 @@
-"""Named rows of single errors of one stated size, each alone or two together: the worst that a source allows, and beyond.
+"""Named rows of errors with one stated size, single or in pairs: the worst case of a source, and beyond.
 
-Every row runs on the same seeds. It ends early, after 4, 8, 16 trials and so on, once its success is below `BORNE` beyond
-doubt, so that trials go to the rows in which something is left to be learnt.
+Every row runs on the same seeds. After 4, 8, 16 trials and so on, a row ends early if the interval of its success is
+below `BORNE`. The trials are thus used for rows that are still undecided.
 """
 
 import json
@@ -27,34 +27,35 @@ from skills.contract import Outcome
 
 ROWS_FILE = "rows.csv"
 FILE = "errors.toml"
-"""Name of the file of errors in the folder of each row."""
+"""Name of the errors file in the folder of each row."""
 BORNE = 0.9
-"""Success that a row has to be able to reach, by the upper end of its interval, to be run on."""
+"""Success that the upper end of a row's interval must reach for the row to continue."""
 FIRST_BLOCK = 4
-"""Number of trials after which a row may end for the first time; each further time doubles it."""
+"""Number of trials after which a row can first end; each further check doubles it."""
 FR3_ROTORS = (0.61, 0.61, 0.46, 0.46, 0.21, 0.21, 0.21)
-"""The maker's reflected inertia of the FR3's rotors as Drake's notes on it give them, kg·m²."""
+"""Reflected inertia of the FR3's rotors from the maker, as in Drake's notes, kg·m²."""
 SIGMOID: Mapping[str, Figure] = {"arm.sigmoid_friction": 1.0}
 FRICTION = (0.0, 0.5, 1.25, 1.5, 2.0, 4.0)
-"""Sizes of the joints' friction, multiple of the published level; 2 is the whole span of the published curve as dry friction, 4
-twice that, beyond every source."""
+"""Sizes of the joints' friction, multiple of the published level; 2 is the whole span of the published curve as dry
+friction, 4 is twice that, beyond every source."""
 LATE = 1.0 / 3.0
-"""Share of the scans that come late: 67 of 100 are left on a computer with three busy neighbours."""
+"""Share of late scans: a computer with three busy neighbours completes 67 of 100 scans in time."""
 QUICK = 2
 """Number of rows in a quick study."""
 
 
 @dataclass(frozen=True, slots=True)
 class ErrorRow:
-    """One row: the errors that are drawn, at one size, and what else differs."""
+    """One row: the drawn errors, at one size, and other differences."""
 
     name: str
     figures: Mapping[str, Figure]
-    """Size of each error by its name in the file of errors; all others have none."""
+    """Size of each error by its name in the errors file; all other errors are zero."""
     preset: str | None = None
     sets: tuple[str, ...] = ()
     force: tuple[float, float, float] | None = None
-    """Force that the arm reports above the hole where nothing touches, N, base frame; it moves a little with the posture."""
+    """Force that the arm reports above the hole without contact, N, base frame; it changes slightly with the
+    posture."""
 
 
 ROWS: tuple[ErrorRow, ...] = (
@@ -79,11 +80,11 @@ ROWS: tuple[ErrorRow, ...] = (
     ErrorRow("a third of the scans late, by 3 ms in the mean", {"scan.late": LATE, "scan.delay": 0.003}),
     ErrorRow("a third of the scans late, by 10 ms in the mean", {"scan.late": LATE, "scan.delay": 0.01}),
 )
-"""The rows, in the order of the table."""
+"""Rows in the order of the table."""
 
 
 def blocks(seeds: range) -> list[range]:
-    """Return the seeds in blocks, after each of which a row may end: so that 4, 8, 16, ... of them have run."""
+    """Return the seeds in blocks; a row can end after each block, with 4, 8, 16, ... completed seeds."""
     found, done, upto = [], 0, FIRST_BLOCK
     while done < len(seeds):
         found.append(seeds[done:upto])
@@ -96,11 +97,11 @@ class TriedCell:
     """The cell of all rows."""
 
     path: Path | None
-    """TOML file of the cell; None is the simulated cell that ships with the program."""
+    """TOML file of the cell; None is the default simulated cell."""
     sets: Sequence[str]
     """Keys of all rows."""
     config: CellConfig
-    """Config that both make."""
+    """Config from both."""
     errors: Mapping[str, AnyError]
     """Errors of the cell by name."""
 
@@ -108,15 +109,15 @@ class TriedCell:
 def measure(
     cell: TriedCell, tried: Sequence[ErrorRow], seeds: range, workers: int, folder: Path, done: Callable[[int], None]
 ) -> list[TrialsResult]:
-    """Run every row and write its trials into a folder of its own; a row that cannot be run has the reason in its result.
+    """Run every row and write its trials into a separate folder; if a row does not run, its result contains the reason.
 
     Args:
         cell: The cell of all rows.
         tried: Rows to run.
-        seeds: Seeds of the trials of a row that runs to its end.
+        seeds: Seeds of the trials of a complete row.
         workers: Number of processes.
         folder: Folder of the rows' folders.
-        done: Called with the number of further trials that are done or spared.
+        done: Called with the number of further trials completed or saved.
     """
     configs: dict[str, CellConfig] = {}
     troubles: dict[str, str] = {}
@@ -141,16 +142,16 @@ def measure(
 
 
 def _run(configs: Mapping[str, CellConfig], jobs: Sequence[tuple[str, int]], number: int) -> tuple[str, TrialRow]:
-    """Run one of the jobs, a row's name and a seed; return the name and the trial."""
+    """Run one job, a row's name and a seed; return the name and the trial."""
     name, seed = jobs[number]
     return name, run_trial(configs[name], seed)
 
 
 def config_of(row: ErrorRow, cell: TriedCell, place: Path) -> CellConfig:
-    """Write a row's file of errors into `place` and return the config of the row.
+    """Write a row's errors file into `place` and return the config of the row.
 
     Raises:
-        ConfigError: The keys of all rows and those of the row do not go together.
+        ConfigError: The keys of all rows and those of the row are inconsistent.
     """
     place.mkdir(parents=True, exist_ok=True)
     file = place / FILE
@@ -164,12 +165,12 @@ def _slug(row: ErrorRow) -> str:
 
 
 def may_be_borne(trials: Sequence[TrialRow]) -> bool:
-    """Return whether the success so far leaves room for `BORNE`."""
+    """Return True if the success so far can still reach `BORNE`."""
     return wilson(sum(trial.outcome == Outcome.SUCCESS for trial in trials), len(trials))[1] >= BORNE
 
 
 def figures_of(row: ErrorRow, config: CellConfig) -> dict[str, Figure]:
-    """Return the size of each error of a row by name; a force becomes the joint torques that make it above the hole."""
+    """Return the size of each error of a row by name; a force becomes the joint torques that produce it above the hole."""
     figures = dict(row.figures)
     if row.force is not None:
         figures["arm.wrench_torque"] = tuple(float(torque) for torque in joint_torques(config, np.array(row.force)))
@@ -185,7 +186,7 @@ def joint_torques(config: CellConfig, force: Vector) -> Vector:
 
 
 def errors_file(errors: Mapping[str, AnyError], figures: Mapping[str, Figure]) -> str:
-    """Return the text of a file of errors of which those of `figures` have one value in every trial, and the others none."""
+    """Return the text of an errors file in which the errors of `figures` are constant, and all others zero."""
     lines = []
     for name, error in errors.items():
         value = figures.get(name, KINDS[name].ideal)

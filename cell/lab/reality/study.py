@@ -1,4 +1,4 @@
-"""`cell study reality`: what each error of an honest cell costs alone, and all of them together."""
+"""`cell study reality`: cost of each error of an honest cell alone, and of all errors combined."""
 
 import argparse
 from dataclasses import asdict
@@ -13,7 +13,7 @@ SUMMARY = "errors between the cell that is and the believed one: success, time a
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add what is simulated, and the number of trials at each scale of each error."""
+    """Add the simulated cell, and the number of trials at each scale of each error."""
     add_study(parser)
     add_seed(parser)
     add_trials(parser, "trials of each size at most; default 40, of each row 12, with --quick 1")
@@ -22,7 +22,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> StudyReport:
-    """Run every error alone and all together on the same seeds, write the tables, draw the chart."""
+    """Run every error alone and all combined on the same seeds, write the tables, draw the chart."""
     from cell.lab.frontier.measure import measure as run_variants
     from cell.lab.frontier.measure import title_of
     from cell.lab.reality import charts, measure, tables
@@ -39,7 +39,7 @@ def run(args: argparse.Namespace) -> StudyReport:
         for scale in measure.SCALES[args.quick]:
             tried = [*tried, *measure.alone(going, scale)]
             bar = bars.add_task(f"trials at up to {scale:g}", total=len(tried) * len(seeds))
-            # What earlier scales have finished is taken up from the folder.
+            # Finished trials of earlier scales are reused from the folder.
             lines = run_variants(
                 args.config,
                 args.set,

@@ -1,4 +1,4 @@
-"""The tables of the study of errors."""
+"""Tables of the study of errors."""
 
 from collections.abc import Sequence
 
@@ -30,7 +30,7 @@ def sizes(lines: Sequence[FrontierLine], title: str) -> Table:
 
 
 def tolerances(sheet: Sequence[Tolerance]) -> Table:
-    """Return the tolerances for whoever installs a cell."""
+    """Return the tolerances for the installation of a cell."""
     table = Table(title="Each error alone may be so large")
     for name in ("error", "what it is", "borne", "too much", "unit", "scale", "successes"):
         table.add_column(name)
@@ -40,7 +40,7 @@ def tolerances(sheet: Sequence[Tolerance]) -> Table:
 
 
 def ranking(ranks: Sequence[Rank]) -> Table:
-    """Return which errors time and force depend on where all are drawn together."""
+    """Return the errors on which time and force depend if all are drawn."""
     table = Table(title="Share of the variance explained by the size of each error, all together at scale 1")
     for name in ("error", "of the time", "of the force"):
         table.add_column(name, justify="left" if name == "error" else "right")

@@ -1,1 +1,1 @@
-"""Study of the time that questions about many runs take."""
+"""Study of the duration of queries over many runs."""

@@ -1,8 +1,7 @@
-"""The cost of a question to a journal that a busy line has filled for weeks.
+"""Cost of a query to a journal with weeks of runs from a busy line.
 
-A few runs are made in the simulation and recorded by the product itself; the journal is then filled with copies of
-their rows, one run every 15 s, whose times and serial numbers differ. Each question is a process of its own, as a
-technician asks it.
+The product simulates and records a few runs. Copies of their rows with other times and serial numbers then fill the
+journal, one run every 15 s. Each query is a separate process, as for a technician.
 """
 
 import os
@@ -27,26 +26,26 @@ from cell.run_query import RunQuery
 from drivers.errors import FaultCode
 
 LIMIT = 1.0
-"""Longest time of a question, s."""
+"""Longest duration of a query, s."""
 PERIOD = 15.0
-"""Time from one run of the line to the next, s."""
+"""Time between two runs of the line, s."""
 MADE: tuple[tuple[str, ...], ...] = (
     ("--set", "sim.seed=1"),
     ("--set", "sim.seed=2", "--set", "sim.plate.present=false", "--set", "search.timeout=2.0"),
     ("--set", "sim.seed=3", "--set", "limits.force=6.0"),
 )
-"""Runs that are made, each by these options of `cell run insert_peg`: a good one, one without a hole, and a fault."""
+"""Options of `cell run insert_peg` for each simulated run: a good one, one without a hole, and a fault."""
 FAULT = FaultCode.TRACKING
-"""Fault that the last of them ends in."""
+"""Fault that ends the last of them."""
 OF_THE_PAGE = 2
-"""Number of questions that a page asks."""
+"""Number of queries of a page."""
 BATCH = 2000
-"""Number of runs that are written at once."""
+"""Number of runs in one write."""
 
 
 @dataclass(frozen=True, slots=True)
 class Made:
-    """One recorded run with everything on record of it."""
+    """One recorded run with all its records."""
 
     row: RunRow
     stages: Sequence[StageRow]
@@ -55,40 +54,40 @@ class Made:
 
 @dataclass(frozen=True, slots=True)
 class QuestionLine:
-    """Result for one question."""
+    """Result of one query."""
 
     question: str
     runs: int
-    """Number of runs on record."""
+    """Number of recorded runs."""
     time: float
-    """Median time from the command to the first words of its answer, s."""
+    """Median time from the command to the first output, s."""
     worst: float
     """Longest time, s."""
     answer: float
-    """Median processor time until then, s, which other work on the computer hardly changes."""
+    """Median processor time until then, s; other work on the computer hardly changes it."""
     whole: float
-    """Median processor time of the whole command, with the files that it draws, s."""
+    """Median processor time of the whole command, including the files that it draws, s."""
     asked: int
     heavy: str
     """Heavy packages that it imports."""
 
     @property
     def holds(self) -> bool:
-        """Whether the processor time until the answer is within the limit."""
+        """True if the processor time until the first output is within the limit."""
         return self.answer <= LIMIT
 
 
 def fill(folder: Path, runs: int, done: Callable[[int], None], kinds: Sequence[Sequence[str]] = MADE) -> None:
-    """Make a few runs, and fill their journal with copies up to a number of runs.
+    """Simulate a few runs, and fill their journal with copies up to a number of runs.
 
     Args:
         folder: Folder of the journal.
-        runs: Number of runs in the end.
-        done: Called with the number of runs that were added.
-        kinds: Options of the runs that are made; most copies are of the first.
+        runs: Final number of runs.
+        done: Called with the number of added runs.
+        kinds: Options of the simulated runs; most copies are of the first.
 
     Raises:
-        RuntimeError: A run was not recorded.
+        RuntimeError: A run has no record.
     """
     for options in kinds:
         command = [sys.executable, "-m", "cell", "run", "insert_peg", "--journal", str(folder), *options]
@@ -103,7 +102,7 @@ def fill(folder: Path, runs: int, done: Callable[[int], None], kinds: Sequence[S
             end = min(begin + BATCH, runs)
             with index.at_once():
                 for number in range(begin, end):
-                    # Nine of ten are good, as on a line that a person has to look after.
+                    # Nine of ten runs are good, as on a line that needs attention.
                     kind = 0 if rng.random() < 0.9 else int(rng.integers(1, len(made)))
                     _put(index, made[kind], number + 1, first + timedelta(seconds=PERIOD * number), rng)
             done(end - begin)
@@ -114,12 +113,12 @@ def fill(folder: Path, runs: int, done: Callable[[int], None], kinds: Sequence[S
 
 
 def shown(runs: int) -> int:
-    """Return the number of the run that is asked for by its number, the only copy with samples."""
+    """Return the number of the run to query by number, the only copy with samples."""
     return runs // 2
 
 
 def questions(runs: int, drawn: Path) -> dict[str, tuple[str, ...]]:
-    """Return the questions by name, each as the arguments of its command; `drawn` is the file, without its ending, of a report."""
+    """Return the arguments of each query's command, by name; `drawn` is the file of a report, without its ending."""
     run = shown(runs)
     return {
         "runs": ("runs",),
@@ -141,14 +140,14 @@ def questions(runs: int, drawn: Path) -> dict[str, tuple[str, ...]]:
 def measure(
     folder: Path, runs: int, times: int, done: Callable[[], None], asked: Mapping[str, Sequence[str]]
 ) -> list[QuestionLine]:
-    """Ask questions of a journal, and those that its page asks.
+    """Run all queries on a journal, including those of its page.
 
     Args:
         folder: Folder of the journal.
         runs: Number of runs in it.
-        times: Number of times that each is asked.
-        done: Called after every question.
-        asked: Arguments of each question's command, by its name.
+        times: Number of repetitions of each query.
+        done: Called after every query.
+        asked: Arguments of each query's command, by name.
     """
     lines = []
     for name, arguments in asked.items():
@@ -166,7 +165,7 @@ def measure(
 
 
 def _spent(ask: Callable[[], object]) -> float:
-    """Return the processor time of a question that the page's own thread asks, s."""
+    """Return the processor time of a query from the page's own thread, s."""
     began = time.thread_time()
     ask()
     return time.thread_time() - began
@@ -179,7 +178,7 @@ def _made(folder: Path) -> list[Made]:
 
 
 def _put(index: Index, made: Made, run: int, started: datetime, rng: np.random.Generator) -> None:
-    """Write a copy of a run under another number, of another part and time."""
+    """Write a copy of a run with another number, part and time."""
     stretch = float(np.exp(0.2 * rng.normal()))
     cycle = made.row.cycle_time
     ended = started + timedelta(seconds=stretch * (cycle or 0.0))
@@ -201,10 +200,11 @@ def _put(index: Index, made: Made, run: int, started: datetime, rng: np.random.G
 
 
 def _asked(arguments: Sequence[str]) -> tuple[float, float, float]:
-    """Return the time from a command to the first words of its answer, its processor time until then, and that of the whole, s.
+    """Return the time from a command to its first output, its processor time until then, and its total processor time,
+    s.
 
     Raises:
-        RuntimeError: The command did not end well.
+        RuntimeError: The command failed.
     """
     environment = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
     command, began = [sys.executable, "-m", "cell", *arguments], time.perf_counter()
@@ -222,6 +222,6 @@ def _asked(arguments: Sequence[str]) -> tuple[float, float, float]:
 
 
 def _processor_time(process: int) -> float:
-    """Return the processor time of a process so far, also of one that has just ended, s."""
+    """Return the processor time of a process so far, s; a process that has just ended is permitted."""
     values = Path(f"/proc/{process}/stat").read_text().rsplit(")", 1)[1].split()
     return (int(values[11]) + int(values[12])) / os.sysconf("SC_CLK_TCK")

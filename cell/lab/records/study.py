@@ -1,4 +1,4 @@
-"""`cell study records`: what questions cost whose journal holds the runs of weeks."""
+"""`cell study records`: cost of queries to a journal with weeks of runs."""
 
 import argparse
 from dataclasses import asdict
@@ -15,7 +15,7 @@ RUNS, QUICK_RUNS = 100_000, 2_000
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add where the table goes, and how many runs are on record."""
+    """Add the output folder, and the number of recorded runs."""
     add_out(parser)
     parser.add_argument("--runs", type=positive, default=RUNS, metavar="N", help=f"runs on record; {RUNS}")
     parser.add_argument(
@@ -24,7 +24,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> StudyReport:
-    """Fill a journal, ask, and write the table."""
+    """Fill a journal, run the queries, and write the table."""
     from cell.lab.records import measure, tables
     from cell.lab.rows import write_rows
 

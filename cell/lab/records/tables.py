@@ -1,4 +1,4 @@
-"""The table of the questions."""
+"""Table of the queries."""
 
 from collections.abc import Sequence
 
@@ -8,7 +8,7 @@ from cell.lab.records.measure import LIMIT, QuestionLine
 
 
 def table(lines: Sequence[QuestionLine]) -> Table:
-    """Return the time of every question."""
+    """Return the duration of every query."""
     shown = Table(title=f"Questions to {lines[0].runs:,} runs on record; at most {LIMIT:g} s of processor time wanted")
     for name in ("question", "first words, worst (s)", "CPU (s)", "with drawing (s)", "n", "holds"):
         shown.add_column(name, justify="right" if "(s)" in name or name == "n" else "left")

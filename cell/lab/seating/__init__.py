@@ -1,1 +1,1 @@
-"""What force against depth tells of a part in a hole without a switch: seatings, and what may be taken for one."""
+"""Study of seating by force against depth in a hole without a switch: true seatings, and parts mistaken for seated."""

@@ -1,4 +1,4 @@
-"""The picture of the study of seating without a switch: force against depth, seated and not."""
+"""Picture of the study of seating without a switch: force against depth, seated and not."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -22,7 +22,7 @@ def draw(curves: Sequence[Curves], title: str, folder: Path) -> Path:
     panels = figure.subplots(1, len(kinds), sharey=True, squeeze=False).ravel()
     for axes, kind in zip(panels, kinds, strict=True):
         latch = LATCHES[kind]
-        # True seatings stand out, above the others.
+        # True seatings are drawn above the others.
         for case, colour in zip(CASES[::-1], COLOURS[1 : len(CASES)] + COLOURS[-1:], strict=True):
             own = [curve for curve in curves if (curve.kind, curve.case) == (kind, case.name) and curve.heights]
             for curve, label in zip(own[:SHOWN], (case.name, *[None] * SHOWN), strict=False):

@@ -1,4 +1,4 @@
-"""Trials of holes without a switch: true seatings and what may be taken for one, each judged by the cell, and by its gate beside a skill that lies."""
+"""Trials of holes without a switch: true seatings and parts mistaken for seated, judged by the cell and, for a skill with false reports, by its gate."""
 
 import csv
 import math
@@ -37,28 +37,28 @@ if TYPE_CHECKING:
 
 TABLE = "seating.csv"
 ON_BOTTOM = 3e-4
-"""Largest distance of a seated peg's end from the bottom in the stand-in, m."""
+"""Largest distance of a seated peg's end from the bottom in the simulation, m."""
 LATCHES = {
     "detent": Latch(kind="detent", force=5.0, height=0.003),
     "press": Latch(kind="press", force=5.0, height=0.003),
 }
-"""Latches by kind: 5 N, which the shipped push goes through."""
+"""Latches by kind; the default push overcomes their force of 5 N."""
 
 AREA, SEARCHED = (0.004, 0.004), 5.0
-"""Area that contains the hole, m, and longest search, s: what is studied begins where the hole is found."""
+"""Area that contains the hole, m, and longest search, s; the study begins when the hole is found."""
 
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """One way in which a part may end up."""
+    """One possible final state of a part."""
 
     name: str
     is_seated: bool
-    """Whether a part that is on the bottom counts as seated: not where its latch is worn out or the bottom is another one."""
+    """True if a part on the bottom is seated; False if its latch is worn out or the bottom is another one."""
     shallow: float = 0.0
     """Height of the real bottom above the stated one, m."""
     wear: float = 0.0
-    """Share of the latch's force that is lost."""
+    """Lost share of the latch's force, fraction."""
     has_hole: bool = True
 
 
@@ -69,12 +69,12 @@ CASES = (
     Case("worn latch", False, wear=1.0),
     Case("no hole", False, has_hole=False),
 )
-"""What is measured; all but the first must never be called seated."""
+"""Cases of the study; all except the first must never be judged as seated."""
 
 
 @dataclass(frozen=True, slots=True)
 class SeatingRow:
-    """One trial; SI units, empty where nothing rested."""
+    """One trial; SI units, empty if the peg did not come to rest."""
 
     kind: str
     case: str
@@ -82,23 +82,23 @@ class SeatingRow:
     outcome: str
     reason: str
     depth: float
-    """True depth of the end when the adjustment had ended, m."""
+    """True depth of the end after the adjustment, m."""
     is_seated: bool
-    """Whether the part was truly seated then."""
+    """True if the part was really seated then."""
     is_told: bool
-    """Whether the cell called it a success."""
+    """True if the cell reported a success."""
     is_believed: bool
-    """Whether the gate would have let a success pass, had the skill told one: what a skill that lies gets."""
+    """True if the gate would have accepted a reported success; the result of a skill with false reports."""
     force: float | None
-    """Force of the latch by the last curve that ended at rest, N."""
+    """Force of the latch from the last curve that ended at rest, N."""
     offset: float | None
-    """Its height over the stated one, m."""
+    """Height of the latch above the stated one from the same curve, m."""
     doubt: float | None
-    """Share of the likelihood of another force or place, of that curve and the ways before it, fraction."""
+    """Share of the likelihood for another force or position, of that curve and the earlier ones, fraction."""
     hanging: float | None
-    """Integral length of the deviations of that curve from its own latch, m."""
+    """Correlation length of that curve's deviations from its own latch, m."""
     ways: int
-    """Number of ways down that ended in a rest."""
+    """Number of downward motions that ended at rest."""
     max_penetration: float
     is_void: bool
 
@@ -111,18 +111,18 @@ class SeatingLine:
     case: str
     trials: int
     seated: int
-    """Trials in which the part was truly seated."""
+    """Number of trials with a really seated part."""
     missed: int
-    """Truly seated parts that the cell did not call so."""
+    """Number of really seated parts that the cell did not report as seated."""
     false: int
-    """Parts that were called seated, by the cell or by its gate beside a skill that lies, and were not."""
+    """Number of parts judged as seated without being so, by the cell or by its gate for a skill with false reports."""
     hanging: float
-    """Median integral length of the deviations of the last curves, m."""
+    """Median correlation length of the deviations of the last curves, m."""
     ways: float
-    """Mean number of ways down."""
+    """Mean number of downward motions."""
     low: float
     high: float
-    """Wilson 95 % interval of the errors of this case: missed of seated ones, or false of all others."""
+    """Wilson 95 % interval of the errors of this case: missed of the seated ones, or false of all others."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,19 +138,19 @@ class Curves:
 
 
 class Recorder:
-    """Watches one trial as the gate does, and keeps what the curve said last."""
+    """Observes one trial as the gate does, and stores the result of the last curve."""
 
     def __init__(self, watcher: Watcher, latch: Latch) -> None:
-        """Take the watcher of the trial and the stated latch."""
+        """Store the watcher of the trial and the stated latch."""
         self.watcher, self.latch = watcher, latch
         self.curve, self.shown = Curve(), Curve()
         self.said: Signature | None = None
         self.proofs: list[Evidence] = []
-        """What has proven a seated peg in some scan; a lying skill could have ended there."""
+        """Evidence of a seated peg in some scan; a skill with false reports could have ended there."""
         self.truth: Truth | None = None
 
     def record(self, seen: Observation, setpoint: ImpedanceSetpoint | None) -> None:
-        """Take one scan."""
+        """Add one scan."""
         self.watcher.record(seen, setpoint)
         if self.watcher.ctx.stage == ADJUST.name:
             assert self.watcher.cell.truth is not None
@@ -165,7 +165,10 @@ class Recorder:
 
 
 def run_trial(config: CellConfig, kind: str, case: Case, seed: int) -> tuple[SeatingRow, Curves]:
-    """Run one insertion on a fresh cell of this seed; where there is no hole, every stage is run whatever the one before said."""
+    """Run one insertion on a fresh cell of this seed.
+
+    Without a hole, every stage runs, whatever the result of the one before.
+    """
     latch = LATCHES[kind]
     assert config.sim is not None
     hole = config.hole.model_copy(
@@ -227,7 +230,7 @@ def _performed(case: Case, config: CellConfig, ctx: SkillContext) -> list[StageR
 
 
 def _is_believed(proof: Evidence, records: Sequence[StageRecord], look: LastLook, ctx: SkillContext) -> bool:
-    """Return whether the gate lets a told success of a seated peg pass."""
+    """Return True if the gate accepts a reported success of a seated peg."""
     told, nobody = Ending(Outcome.SUCCESS, ADJUST.name, Reason.NONE), PartState(PartPlace.UNKNOWN, "")
     try:
         judged(Claim.SEATED, told, records, proof, look, nobody, ctx.job)
@@ -237,8 +240,10 @@ def _is_believed(proof: Evidence, records: Sequence[StageRecord], look: LastLook
 
 
 def hanging(way: Way, latch: Latch) -> float | None:
-    """Return the way over which the deviations of a curve from the latch that explains it best hang together, m: the integral of their
-    autocorrelation to its first zero, both ways; None of a way that does not show the latch.
+    """Return the correlation length of a curve's deviations from its best-fit latch, m; None if the curve shows no
+    latch.
+
+    It is the integral of their autocorrelation to its first zero, in both directions.
     """
     profile = way.profile(latch)
     if profile is None:
@@ -253,10 +258,10 @@ def hanging(way: Way, latch: Latch) -> float | None:
 
 
 def case_names(asked: Sequence[str]) -> list[str]:
-    """Return the names of the cases that are asked for, or of all.
+    """Return the names of the requested cases, or of all.
 
     Raises:
-        ConfigError: There is no case of that name.
+        ConfigError: A case of that name does not exist.
     """
     known = [case.name for case in CASES]
     for name in asked:
@@ -278,10 +283,10 @@ def measure(
     Args:
         config: Config of the cell of every trial, except its hole's evidence and latch.
         kinds: Kinds of latches.
-        counts: Number of trials by the name of the case; a case that is not named is left out.
+        counts: Number of trials by the name of the case; cases without an entry are omitted.
         seed: Seed of the first trial of each case.
         workers: Number of processes.
-        done: Called with the row of each trial as it ends.
+        done: Called with the row of each completed trial.
     """
     rows, curves = [], []
     for kind in kinds:
@@ -316,7 +321,7 @@ def lines_of(rows: Sequence[SeatingRow]) -> list[SeatingLine]:
 
 @contextmanager
 def growing_table(path: Path) -> Iterator[Callable[[SeatingRow], None]]:
-    """Yield what adds a row to a CSV file at once, so that an interrupted study leaves what it has done."""
+    """Yield a function that appends a row to a CSV file at once, so that an interrupted study keeps its rows."""
     with path.open("w", newline="", encoding="utf-8") as file:
         writer = csv.DictWriter(file, [field.name for field in fields(SeatingRow)], lineterminator="\n")
         writer.writeheader()

@@ -1,4 +1,4 @@
-"""`cell study seating`: how often force against depth misses a seated part in a hole without a switch, or takes another for one."""
+"""`cell study seating`: rate of missed and of false seatings from force against depth, in a hole without a switch."""
 
 import argparse
 from dataclasses import asdict
@@ -14,7 +14,7 @@ SUMMARY = (
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add what is simulated, the kind of latch, and the number of trials of each case."""
+    """Add the simulated cell, the kind of latch, and the number of trials of each case."""
     add_study(parser)
     add_seed(parser)
     add_trials(parser, "trials of each case; default 20, with --quick 1")

@@ -1,4 +1,4 @@
-"""The table of the study of seating without a switch."""
+"""Table of the study of seating without a switch."""
 
 from collections.abc import Sequence
 
@@ -9,7 +9,7 @@ from cell.lab.seating.measure import SeatingLine
 
 
 def seating(lines: Sequence[SeatingLine], title: str) -> Table:
-    """Return what was missed and what was falsely called seated, case by case."""
+    """Return missed and false seatings, case by case."""
     caption = "false: called seated, or let pass by the gate had the skill said so, and not seated; interval of the case's own error; "
     caption += "ways: mean number of ways down; hanging: median way over which deviations from the latch hang together"
     table = Table(title=title, caption=caption)
@@ -29,7 +29,7 @@ def seating(lines: Sequence[SeatingLine], title: str) -> Table:
 
 
 def of_drawn(lines: Sequence[DrawnLine]) -> Table:
-    """Return how many drawn curves of every end were told to be of a seated part."""
+    """Return the number of drawn curves of every end that are judged as a seated part."""
     curves = lines[0].curves
     table = Table(title=f"{curves} drawn curves of a detent for each figure: told to be of a seated part")
     table.add_column("end")

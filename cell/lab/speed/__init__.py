@@ -1,1 +1,1 @@
-"""Speed of trials, scans, requests and starts: figures that are stored and guarded, and a profile of a scan."""
+"""Speed of trials, scans, requests and starts: stored and guarded figures, and a profile of a scan."""

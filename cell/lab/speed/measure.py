@@ -1,7 +1,7 @@
-"""Speed of the program in figures that other programs on the computer change little.
+"""Speed of the program in figures with little influence of other programs on the computer.
 
-A count is the same on every computer. A ratio is a time over that of a reference which is measured in turn with it, in
-the same minute; the smallest of several times counts, because other programs only ever slow a run.
+A count is the same on every computer. A ratio is a time divided by that of a reference, both measured alternately in
+the same minute. The smallest of several times is used, because other programs can only slow a run.
 """
 
 import cProfile
@@ -26,12 +26,12 @@ from cell.lab.speed.starts import processor_time, start_of
 from cell.lab.trials import run_trial, seeded, trial_in
 
 SEED = 1
-"""Seed of the trial that is measured."""
+"""Seed of the measured trial."""
 PAIRS = 3
-"""Number of times that a figure and its reference are measured in turn."""
+"""Number of alternate measurements of a figure and its reference."""
 REQUESTS = 2000
 SMALL = 0.01
-"""Share of a scan below which parts are summed up."""
+"""Share of a scan below which parts are combined."""
 IMPORT_MUJOCO = ("-c", "import mujoco")
 OPEN_CELL = (
     "-c",
@@ -41,7 +41,7 @@ OPEN_CELL = (
 
 @dataclass(frozen=True, slots=True)
 class Stored:
-    """A figure as it was when it was stored."""
+    """A figure at the time of its storage."""
 
     value: float
     what: str
@@ -56,7 +56,7 @@ def stored() -> tuple[dict[str, Stored], dict[str, Stored]]:
 
 
 def counts_of_a_scan(config: CellConfig) -> dict[str, float]:
-    """Return calls, and the memory that is held for a moment, per scan of a trial whose functions are all compiled."""
+    """Return calls and temporary memory per scan of a trial with compiled functions."""
     scans = round(run_trial(config, SEED).sim_time * config.scan_rate)
     watch = cProfile.Profile()
     with opened(assemble(seeded(config, SEED))) as cell:
@@ -79,7 +79,7 @@ def counts_of_a_scan(config: CellConfig) -> dict[str, float]:
 
 
 def counts_of_starts() -> dict[str, float]:
-    """Return modules and compilations of commands: of a first demo that finds nothing compiled, and of those that follow it."""
+    """Return modules and compilations of commands: of a first demo without compiled code, and of later ones."""
     found: dict[str, float] = {}
     with TemporaryDirectory() as folder:
         environment = {"XDG_CACHE_HOME": folder}
@@ -97,13 +97,13 @@ def counts_of_starts() -> dict[str, float]:
 
 
 def ratio(ours: Callable[[], float], reference: Callable[[], float], pairs: int = PAIRS) -> float:
-    """Return the smallest of our times over the smallest of the reference's, both measured in turn."""
+    """Return our smallest time divided by the reference's smallest time, measured alternately."""
     mine, its = zip(*[(ours(), reference()) for _ in range(pairs)], strict=True)
     return float(min(mine) / min(its))
 
 
 def trial_ratio(config: CellConfig) -> float:
-    """Return the time of a simulated second of a trial over that of the same steps, bare, of the stored models."""
+    """Return the time of a simulated second of a trial divided by that of the same bare steps of the stored models."""
     from sim.reference import bare_second
 
     run_trial(config, SEED)
@@ -111,13 +111,13 @@ def trial_ratio(config: CellConfig) -> float:
 
 
 def scan_ratio(config: CellConfig) -> float:
-    """Return the time of a scan outside `mj_step` over that of a fixed piece of Python."""
+    """Return the time of a scan outside `mj_step` divided by that of a fixed piece of Python."""
     run_trial(config, SEED)
     return ratio(lambda: trial_time(config).outside, plain_python)
 
 
 def request_ratio(loaded: LoadedConfig) -> float:
-    """Return the median time of a read of ten registers from a served cell over that from pymodbus's own server."""
+    """Return the median time of a read of ten registers from a served cell divided by that from pymodbus's own server."""
     with (
         cell_process(loaded, [], patient(loaded.cell.plc, 4)) as doors,
         bare_server() as bare,
@@ -131,7 +131,7 @@ def request_ratio(loaded: LoadedConfig) -> float:
 
 
 def start_ratio() -> float:
-    """Return the processor time from nothing to an opened cell, everything compiled, over that of `import mujoco`."""
+    """Return the processor time of opening a cell with compiled code, divided by that of `import mujoco`."""
     processor_time(OPEN_CELL)
     return ratio(lambda: processor_time(OPEN_CELL), lambda: processor_time(IMPORT_MUJOCO))
 
@@ -146,7 +146,7 @@ class TrialTime:
     total: float
     """Time of the trial, s."""
     stepping: float
-    """Time of it that was spent in `mj_step`, s."""
+    """Time of the trial in `mj_step`, s."""
 
     @property
     def whole(self) -> float:
@@ -172,14 +172,14 @@ def trial_time(config: CellConfig, watch: cProfile.Profile | None = None) -> Tri
         def note() -> None:
             nonlocal stepped, last
             passed = native.step_time(world.physics()[1])
-            # The time begins anew where another model takes over.
+            # The time starts again when another model takes over.
             stepped, last = stepped + passed - (last if passed >= last else 0.0), passed
 
         with native.clocked(), watch or nullcontext():
             began, clock, started = world.now(), time.perf_counter(), time.thread_time()
             trial_in(cell, SEED, note)
             total, wall, simulated = time.thread_time() - started, time.perf_counter() - clock, world.now() - began
-    # MuJoCo times its steps by the wall; other programs lengthen both times alike.
+    # MuJoCo measures its steps by the wall clock; other programs lengthen both times equally.
     return TrialTime(simulated, round(simulated * config.scan_rate), total, stepped / wall * total)
 
 
@@ -193,9 +193,9 @@ def plain_python() -> float:
 
 
 def profile(config: CellConfig) -> tuple[TrialTime, dict[str, float]]:
-    """Return the times of a trial, and where a scan's time goes, by package, s.
+    """Return the times of a trial, and the time of a scan by package, s.
 
-    Python's profiler slows what it watches, so that it only shares out the time outside `mj_step` that was measured
+    Python's profiler slows the program. It therefore only distributes the time outside `mj_step`, which is measured
     without it. Time in a built-in function or a library belongs to the package that called it.
     """
     run_trial(config, SEED)
@@ -222,7 +222,7 @@ ENGINE, OTHERS = "sim/engine", "libraries"
 
 
 def _package(code: object) -> str:
-    """Return the first two names of the path of a function of this project."""
+    """Return the first two names of the path of a function in this project."""
     path, root = Path(getattr(code, "co_filename", "")), Path(__file__).parents[3]
     if not path.is_relative_to(root) or any(part in path.parts for part in ("site-packages", ".venv")):
         return OTHERS

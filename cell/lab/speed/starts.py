@@ -1,7 +1,7 @@
-"""The cost of starting a command: its processor time, the modules that it imports and the functions that it compiles.
+"""Cost of starting a command: its processor time, imported modules and compiled functions.
 
-Each start is a process of its own. Its time is that of the processor, user and system, so that other work on the
-computer changes it little.
+Each start is a separate process. Its time is processor time, user and system, so that other work on the computer has
+little influence.
 """
 
 import json
@@ -16,7 +16,7 @@ HEAVY = (
     *("can", "canopen", "cryptography", "cv2", "distributed", "matplotlib", "mujoco", "numba", "pyarrow", "pymodbus"),
     *("scipy", "serial"),
 )
-"""Packages that only commands which use them may import."""
+"""Packages that a command may import only if it uses them."""
 SHOWING: dict[str, tuple[str, ...]] = {
     "--help": ("--help",),
     "--version": ("--version",),
@@ -26,7 +26,7 @@ SHOWING: dict[str, tuple[str, ...]] = {
     "study --help": ("study", "--help"),
     "trials --help": ("trials", "--help"),
 }
-"""Commands that only show something; `runs` reads the user's own journal unless a folder is given."""
+"""Commands that only display data; `runs` reads the user's own journal unless a folder is given."""
 _CHILD = """
 import json, os, sys
 compiled = []
@@ -48,21 +48,21 @@ os.write(told, ("\\n" + json.dumps([status, len(compiled), sorted(sys.modules)])
 
 
 class Start(NamedTuple):
-    """What one start of a command did."""
+    """Result of one start of a command."""
 
     modules: list[str]
-    """Names of all modules that were imported when the command ended."""
+    """Names of all modules imported at the end of the command."""
     compiled: int
-    """Number of functions that were compiled and not found in the cache; 0 if they were not counted."""
+    """Number of functions compiled because the cache did not contain them; 0 if they were not counted."""
 
 
 def processor_time(arguments: Sequence[str]) -> float:
     """Return the processor time of one start of Python with these arguments, user and system, s.
 
-    The program may keep its bytecode, as an installed one does, whatever the environment says.
+    The program can keep its bytecode, as an installed one does, whatever the environment sets.
 
     Raises:
-        RuntimeError: The program did not end well.
+        RuntimeError: The program failed.
     """
     environment = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
     process = subprocess.Popen([sys.executable, *arguments], stdout=subprocess.DEVNULL, env=environment)
@@ -74,15 +74,15 @@ def processor_time(arguments: Sequence[str]) -> float:
 
 
 def start_of(arguments: Sequence[str], environment: Mapping[str, str] | None = None, counts: bool = False) -> Start:
-    """Run one command of the program; one that serves is interrupted as soon as it says so.
+    """Run one command of the program; a server is interrupted as soon as it prints that it serves.
 
     Args:
         arguments: The command and its options.
-        environment: Variables beside those of this process.
-        counts: Whether compilations are counted, which imports the compiler.
+        environment: Variables in addition to those of this process.
+        counts: True to count compilations, which imports the compiler.
 
     Raises:
-        RuntimeError: The command did not end well.
+        RuntimeError: The command failed.
     """
     command = [sys.executable, "-c", _CHILD, "compiled" if counts else "-", *arguments]
     variables = os.environ | dict(environment or {})

@@ -1,4 +1,4 @@
-"""`cell study speed`: the guarded figures beside the stored ones, and where a scan's time goes."""
+"""`cell study speed`: the guarded figures beside the stored ones, and the time of a scan by package."""
 
 import argparse
 
@@ -10,7 +10,7 @@ SUMMARY = "how fast trials, scans, requests and starts are"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add what is simulated, and whether the minute of a first start is left out."""
+    """Add the simulated cell, and an option to skip the minute of a first start."""
     add_config(parser)
     parser.add_argument("--quick", action="store_true", help="leave out starts, the first of which compiles all")
 

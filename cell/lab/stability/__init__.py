@@ -1,1 +1,1 @@
-"""Study of where the loop through the skin goes unstable."""
+"""Study of the stability limits of the loop through the skin."""

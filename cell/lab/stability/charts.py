@@ -1,4 +1,4 @@
-"""The map of stability: the result of every gain, period and delay, with the boundary of theory drawn in."""
+"""Stability map: the result of every gain, period and delay, with the theoretical boundary."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -15,7 +15,7 @@ from cell.provenance import versions
 
 STABLE, UNSTABLE, GUARD, THEORY = COLOURS[1], COLOURS[5], "#222222", COLOURS[3]
 NAMED = ("mujoco", "numpy", "numba", "code")
-"""Packages whose versions stand on a chart."""
+"""Packages whose versions appear on a chart."""
 LATE = {0: "at once", 1: "one period late"}
 OBSERVER = {
     False: "observer off: the error is held from frame to frame",

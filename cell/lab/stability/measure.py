@@ -1,10 +1,9 @@
-"""The limits of stability of the loop through the skin on the whole simulated arm, beside sampled-loop theory.
+"""Stability limits of the loop through the skin on the whole simulated arm, beside sampled-loop theory.
 
-A peg is taken from the rack and held over the plate, tilted as in the search. Then the setpoint of its tip, or of its
-axis, steps aside, and what follows is judged by truth. Skin, estimator, the arm's law and the arm are those of every
-trial. Without the observer the error of [gibbons], Eq. (5), is held from frame to frame, as a controller does that
-knows nothing in between; with it the cell works as it always does: theta alone is as old as the frame, smoothed as the
-config says, and x_p, v and J_p follow the joints at 1 kHz.
+The hand takes a peg from the rack and holds it over the plate, tilted as in the search. The setpoint of its tip, or of
+its axis, then steps aside, and the true motion is judged. Skin, estimator, the arm's law and the arm are those of every
+trial. Without the observer, the error of [gibbons], Eq. (5), is held between frames. With it, the cell works as usual:
+only theta is as old as the frame, with the configured smoothing, and x_p, v and J_p follow the joints at 1 kHz.
 """
 
 import math
@@ -37,31 +36,30 @@ from skills.passivity import PassivityGuard, PassivityVerdict
 from skills.tactile.blend import Smoothing
 
 HEIGHT = 0.1
-"""Height of the tip over the hole, m, at which the arm moves freely."""
+"""Height of the tip above the hole, m, at which the arm moves freely."""
 FORCE, TORQUE = 15.0, 1.5
-"""Largest first force, N, and torque, N·m, of a step; a quarter of those at which the guard stops."""
+"""Largest initial force, N, and torque, N·m, of a step; a quarter of the guard's stop limits."""
 STEPS = {"translation": 0.01, "rotation": 0.1}
 """Largest steps of translation, m, and rotation, rad."""
 DIRECTIONS = {"translation": np.array([0.8, 0.6, 0.0]), "rotation": np.array([0.6, 0.8, 0.0])}
-"""Directions of the step along, or about, shape (3,), base frame."""
+"""Directions of the step, translation along and rotation about, shape (3,), base frame."""
 LOST = 8.0
-"""Distance from the setpoint, in largest steps, at which a motion is given up as unstable."""
+"""Distance from the setpoint, in largest steps, at which a motion ends as unstable."""
 RESTLESS = 0.25
 """Standard deviation in the last quarter of a case, in largest steps, above which a motion is unstable; dry friction
-leaves less.
-"""
+causes less."""
 PERIODS, LEAST_TIME = 30, 2.0
-"""Duration of a case: number of frames, and least time, s."""
+"""Duration of a case: number of frames, and shortest time, s."""
 
 
 @dataclass(frozen=True, slots=True)
 class Grid:
-    """The cases that are tried."""
+    """Cases of the map."""
 
     periods: tuple[float, ...]
     """Periods of the frames, s; multiples of the scan's."""
     delays: tuple[int, ...]
-    """Ages of a frame when it is first used, in frames."""
+    """Ages of a frame at its first use, in frames."""
     gains: dict[str, tuple[float, ...]]
     """Gains of translation, N/m, and of rotation, N·m/rad."""
 
@@ -83,14 +81,14 @@ class GridCase:
     """One point of the map."""
 
     kind: str
-    """Kind of the step and of the gain that is tried: `translation` or `rotation`."""
+    """Kind of the step and of the varied gain: `translation` or `rotation`."""
     observer: bool
     period: float
     """Period of the frames, s."""
     delay: int
-    """Age of a frame when it is first used, in frames."""
+    """Age of a frame at its first use, in frames."""
     gain: float
-    """Gain that is tried, N/m or N·m/rad."""
+    """Varied gain, N/m or N·m/rad."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,23 +104,23 @@ class StepTrace:
     stopped_at: float | None
     """Time after the step at which the guard would have stopped the motion, s; NaN if never."""
     lost_at: float | None
-    """Time after the step at which the motion was given up, s; NaN if never."""
+    """Time after the step at which the motion ended as unstable, s; NaN if never."""
 
 
 @dataclass(frozen=True, slots=True)
 class Boundary:
-    """Boundary of theory, at the arm's own inertia where the map was made."""
+    """Theoretical boundary, for the arm's own inertia at the pose of the map."""
 
     kind: str
     period: float
     delay: int
     gain: float
-    """First unstable gain, its damping ratio that of the insertion's gains, N/m or N·m/rad."""
+    """First unstable gain, with the damping ratio of the insertion's gains, N/m or N·m/rad."""
 
 
 @dataclass(frozen=True, slots=True)
 class Shipped:
-    """One gain of the config, and its distance from the boundary of theory."""
+    """One gain of the config, and its distance from the theoretical boundary."""
 
     skill: str
     kind: str
@@ -130,13 +128,13 @@ class Shipped:
     """Period of the skin's frames, s."""
     gain: float
     limit: float
-    """First unstable gain, with its damping ratio unchanged and the error as old as a frame used at once."""
+    """First unstable gain, with unchanged damping ratio and the error as old as a frame used at once."""
     margin: float
-    """Limit over gain."""
+    """Limit divided by gain."""
 
 
 def shipped_margins(config: CellConfig) -> list[Shipped]:
-    """Return the margins of every gain that the skin steers."""
+    """Return the margins of every gain in the loop through the skin."""
     return [
         Shipped(key.removesuffix(".gains"), found.kind, 1.0 / config.skin.rate, found.gain, found.limit, found.factor)
         for key, gains in config.steered().items()
@@ -151,7 +149,7 @@ def gains_of(base: Gains, kind: str, gain: float) -> tuple[Vector, Vector]:
 
 
 def boundaries(base: Gains, inertia: Vector, grid: Grid) -> list[Boundary]:
-    """Return the boundary of theory for every period and delay."""
+    """Return the theoretical boundary for every period and delay."""
     found = []
     for kind, period, delay in product(HELD, grid.periods, grid.delays):
         factor = largest_factor(partial(loop_at, kind, base, inertia), period, delay)
@@ -166,9 +164,9 @@ def measure(
 
     Args:
         config: A simulated cell.
-        grid: Cases to try.
+        grid: Cases of the map.
         workers: Number of processes.
-        done: Called with the number of further cases done.
+        done: Called with the number of further completed cases.
 
     Returns:
         Result of every case, and the arm's inertia at the tip, shape (6, 6).
@@ -193,7 +191,7 @@ def measure(
 
 
 def _column(config: CellConfig, columns: Sequence[Sequence[GridCase]], number: int) -> tuple[list[StepTrace], Vector]:
-    """Run the cases of one column, which share period and observer; a cell that lost its peg is replaced."""
+    """Run the cases of one column, with common period and observer; a cell that lost its peg is replaced."""
     traces: list[StepTrace] = []
     cases = columns[number]
     while len(traces) < len(cases):
@@ -206,7 +204,7 @@ def _column(config: CellConfig, columns: Sequence[Sequence[GridCase]], number: i
 
 @dataclass(slots=True)
 class HeldPeg:
-    """A cell whose hand holds a peg still over the plate."""
+    """A cell whose hand holds a peg at rest over the plate."""
 
     cell: Cell
     world: World
@@ -214,13 +212,13 @@ class HeldPeg:
     base: Gains
     roll: Vector
     q: Vector
-    """Joint positions of the model, the peg's hinge included."""
+    """Joint positions of the model, including the peg's hinge."""
     is_sound: bool = True
-    """Whether the physics stayed finite."""
+    """True if the physics stayed finite."""
 
     @property
     def is_usable(self) -> bool:
-        """Whether another case can be run."""
+        """True if another case can run."""
         return self.is_sound and self.world.truth().peg is PegSituation.HELD
 
     @property
@@ -257,7 +255,7 @@ class HeldPeg:
                 frames.append(seen)
                 commanded = _with_frame(case, plain, frames)
             elif case.observer and case.delay == 0:
-                # An observer may update theta at every scan.
+                # An observer can update theta at every scan.
                 commanded = replace(plain, in_hand=ctx.in_hand())
             ctx.arm.follow(commanded)
             away.append(_distance(case.kind, end_point(seen.arm.tcp, theta, self.length), truth))
@@ -287,7 +285,7 @@ class HeldPeg:
     def _hold_error(
         self, case: GridCase, plain: ImpedanceSetpoint, commanded: ImpedanceSetpoint, frames: Sequence[Observation]
     ) -> None:
-        """Advance by one scan with the error of a frame: the setpoint goes along with the arm, in every control period."""
+        """Advance by one scan with the error of a frame: the setpoint moves with the arm, in every control period."""
         ctx, world = self.ctx, self.world
         assert commanded.in_hand is not None
         used = _used(case, frames)
@@ -306,7 +304,7 @@ class HeldPeg:
             world.wait_until(world.now() + world.arm.control_period)
 
     def _set_down(self) -> None:
-        """Put arm and peg back to where they were, at rest, and let the skin read them."""
+        """Restore the positions of arm and peg, at rest, and let the skin read them."""
         _, data = self.world.physics()
         data.qpos[:], data.qvel[:] = self.q, 0.0
         self.world.control.law[:] = impedance.new_state(self.world.arm)
@@ -315,19 +313,19 @@ class HeldPeg:
 
 
 def _used(case: GridCase, frames: Sequence[Observation]) -> Observation:
-    """Return the frame that is used when the newest one arrives; it is an older one where frames are late."""
+    """Return the frame in use when the newest one arrives; it is an older one if frames are late."""
     return frames[max(len(frames) - 1 - case.delay, 0)]
 
 
 def _with_frame(case: GridCase, plain: ImpedanceSetpoint, frames: Sequence[Observation]) -> ImpedanceSetpoint:
-    """Return the setpoint with theta from the frame that is used."""
+    """Return the setpoint with theta from the frame in use."""
     used = _used(case, frames)
     assert plain.in_hand is not None
     return replace(plain, in_hand=InHandTip(used.peg.theta, plain.in_hand.length, used.peg.stamp))
 
 
 def _turn(seen: Observation, plain: ImpedanceSetpoint) -> Vector:
-    """Return the rotation from the peg's attitude, as seen, to its setpoint, as the law computes it, shape (3,), rad."""
+    """Return the rotation from the peg's measured attitude to its setpoint, as in the law, shape (3,), rad."""
     v, closing = seen.axis, seen.arm.tcp.rotation[:, 2]
     normal = np.cross(v, plain.axis)
     size = float(np.linalg.norm(normal))
@@ -351,19 +349,19 @@ def _distance(kind: str, now: tuple[Vector, Vector], goal: tuple[Vector, Vector]
 
 @contextmanager
 def _held_peg(config: CellConfig, case: GridCase) -> Iterator[HeldPeg]:
-    """Yield a cell whose skin has the case's period, a peg in its hand, over the plate."""
+    """Yield a cell with the case's skin period and a peg in its hand, over the plate."""
     sim = config.sim
     assert sim is not None
     changed = {
         "sim": sim.model_copy(update={"pace": "max"}),
-        # The map is that of the arm as believed; `cell study reality` measures what errors do.
+        # The map is that of the arm without errors; `cell study reality` measures their effect.
         "reality": config.reality.model_copy(update={"scale": 0.0}),
         "skin": config.skin.model_copy(update={"rate": 1.0 / case.period}),
         "smoothing": config.smoothing if case.observer else Smoothing(),
     }
     config = config.model_copy(update=changed)
     with opened(assemble(config)) as cell:
-        # The limit of the loop is measured, so no guard stands before the arm.
+        # The loop's limit is measured, so no guard limits the arm.
         ctx, world = replace(cell.context(sim.seed), arm=cell.arm), cell.clock
         assert isinstance(world, World)
         if grasp_from_rack.run(config.params(GRASP), ctx).outcome is not Outcome.SUCCESS:

@@ -67,7 +67,7 @@ def write(found: StabilityReport, folder: Path) -> list[Path]:
 
 
 def compare(traces: Sequence[StepTrace], theory: Sequence[Boundary]) -> dict[str, int]:
-    """Count the cases in which the arm agrees with theory, which is about the loop without the observer."""
+    """Count the cases in which the arm agrees with theory; the theory describes the loop without the observer."""
     counts = {"stable_below": 0, "unstable_above": 0, "stable_above": 0, "unstable_below": 0}
     for trace in traces:
         if not trace.case.observer:

@@ -11,7 +11,7 @@ SUMMARY = "where the loop through the skin goes unstable, beside theory, and the
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add what is simulated, and the number of processes."""
+    """Add the simulated cell, and the number of processes."""
     add_study(parser)
     add_workers(parser)
 

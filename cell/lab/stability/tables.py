@@ -1,4 +1,4 @@
-"""The table of the study of stability."""
+"""Table of the study of stability."""
 
 from rich.table import Table
 
@@ -7,7 +7,7 @@ from cell.margins import MARGIN
 
 
 def table(report: StabilityReport) -> Table:
-    """Return the margins as the terminal shows them."""
+    """Return the margins for the terminal."""
     found = Table(title="Gains that the skin steers, against the boundary of theory")
     for name in ("skill", "gain", "value", "unstable from", "margin"):
         found.add_column(name, justify="left" if name in ("skill", "gain") else "right")

@@ -1,1 +1,1 @@
-"""Study of reading the peg's angle from the taxels."""
+"""Study of the estimation of the peg's angle from the taxels."""

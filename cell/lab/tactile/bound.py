@@ -1,8 +1,8 @@
-"""The most that a frame tells of the angle: the posterior of somebody who knows the stand-in's pads and noise.
+"""Upper bound of the information on the angle in a frame: the posterior with known simulated pads and noise.
 
-All but the pose is known: pads, gains' spread, noise, and how the push lifts the peg. The posterior over angle, offset,
-push and the peg's end is summed over a grid. With the load unknown, each pose is compared at the load that fits best; what
-is then lost is what only the height of a print tells.
+Everything except the pose is known: pads, gains' spread, noise, and the lift of the peg by the push. The posterior over
+angle, offset, push and the peg's end is summed over a grid. If the load is unknown, each pose is compared at the load
+of best fit. The difference is the information in the height of a print alone.
 """
 
 import math
@@ -36,25 +36,25 @@ from skills.tactile.pose import PegPose
 
 FRAMES, QUICK_FRAMES = 200, 20
 BOUNDED = tuple(condition for condition in CONDITIONS if condition.name in ("first frame", "half contact"))
-"""Conditions whose bound is computed."""
+"""Conditions with a computed bound."""
 LOADS = {"load known": True, "load unknown": False}
-"""What is known of the load, by its name in the table."""
+"""Knowledge of the load, by its name in the table."""
 STEP = math.radians(0.5)
 OFFSETS = np.arange(-10, 11) * 2e-4
 """Offsets of the grid, m."""
 PUSHES = np.linspace(-PUSH, PUSH, 7)
 """Pushes of the grid, N."""
 ENDS = 9
-"""Number of places of the peg's end that are tried, where it is not known."""
+"""Number of positions of the peg's end in the grid, if it is unknown."""
 BEYOND = math.radians(10.0)
-"""Angle by which the grid goes beyond the angles of the frames, rad."""
+"""Range of the grid beyond the angles of the frames, rad."""
 
 
 class Bound:
-    """Posterior over a grid of poses, with the stand-in's own pads as the model."""
+    """Posterior over a grid of poses, with the simulation's own pads as the model."""
 
     def __init__(self, skin: SimSkinConfig, layout: Layout, config: CellConfig, ends: tuple[float, float]) -> None:
-        """Read the pads at every pose of the grid, which takes seconds.
+        """Compute the pads' readings at every pose of the grid, which takes seconds.
 
         Args:
             skin: The simulated skin.
@@ -86,12 +86,12 @@ class Bound:
         self._variance = skin.full_scale**2 * (skin.noise**2 * (1.0 + 1.0 / skin.health.baseline_frames) + drift)
 
     def estimate(self, frame: TaxelFrame, *, is_load_known: bool) -> PegPose:
-        """Return mean and spread of the posterior over the angle; the offset is not told."""
+        """Return mean and spread of the posterior over the angle; the offset is not returned."""
         values = frame.values.ravel()
         weights = frame.trusted.ravel() / (self._variance + (self._gains * np.maximum(values, 0.0)) ** 2)
         likeness = self._readings @ (weights * values).astype(np.float32)
         power = self._squares @ weights.astype(np.float32)
-        # Where the load is unknown it is the one that fits best, likeness / power of the known one.
+        # An unknown load takes its best fit: likeness / power of the known load.
         told = likeness - power / 2 if is_load_known else np.maximum(likeness, 0.0) ** 2 / np.maximum(2 * power, 1e-9)
         chances = self._prior + told.astype(np.float64)
         shares = np.exp(chances - chances.max()).sum(axis=-1)
@@ -104,16 +104,16 @@ class Bound:
 
 
 def parts() -> int:
-    """Return the number of times that `bounds` calls `done`."""
+    """Return the number of calls of `done` by `bounds`."""
     return len(LAYOUTS) * len(BOUNDED)
 
 
 def bounds(config: CellConfig, is_quick: bool, done: Callable[[], None]) -> list[TactileLine]:
-    """Return the bound of frames on the bed of springs, for both layouts, with the load known and unknown.
+    """Return the bound for frames on the bed of springs, for both layouts, with the load known and unknown.
 
     Args:
         config: Config of a cell with a simulated skin.
-        is_quick: Whether to take a tenth of the frames, and only those of a peg whose end is known.
+        is_quick: True for a tenth of the frames, and only those of a peg with a known end.
         done: Called after every kind of frames.
     """
     skin, count = simulated_skin(config), QUICK_FRAMES if is_quick else FRAMES

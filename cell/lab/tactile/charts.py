@@ -20,17 +20,17 @@ from cell.lab.tactile.measure import (
 from drivers.skin.layout import LAYOUTS
 
 COLOURS = dict(zip(ESTIMATORS, ("#888888", "#4477aa", "#aa3377"), strict=True))
-"""Colours of the estimators, which colour-blind readers can tell apart."""
+"""Colours of the estimators, distinguishable by colour-blind readers."""
 MARKERS = dict(zip(ESTIMATORS, "s^o", strict=True))
 TITLES = {"parallelogram": "layout P: parallelogram", "base_to_base": "layout D: base to base"}
 GOAL_ERROR, GOAL_TIME = 0.8, 100.0
-"""Goals of the default estimator at nominal noise on layout P: degrees, and us a frame."""
+"""Targets of the default estimator at nominal noise on layout P: degrees, and us per frame."""
 SHOWN = 15.0
-"""Largest error drawn at its place, degrees; larger ones sit at the edge."""
+"""Largest error drawn to scale, degrees; larger errors are drawn at the edge."""
 
 
 def draw(lines: Sequence[TactileLine], nominal: Mapping[tuple[str, str], Sequence[Read]], folder: Path) -> list[Path]:
-    """Draw all charts into `folder` and return their files."""
+    """Draw all charts into `folder`; return their files."""
     files = [folder / f"tactile_{name}.png" for name in ("speed_accuracy", "error_over_theta", "conditions")]
     _speed_accuracy(lines, files[0])
     _error_over_theta(nominal, files[1])
@@ -79,7 +79,7 @@ def _speed_accuracy(lines: Sequence[TactileLine], path: Path) -> None:
 
 def _title(layout: str, lines: Sequence[TactileLine]) -> str:
     count = max(line.frames for line in lines)
-    # The standard error of an RMSE is 1 / sqrt(2 n) of it, for Gaussian errors.
+    # The standard error of an RMSE is RMSE / sqrt(2 n), for Gaussian errors.
     return f"{TITLES[layout]}; n = {count}, RMSE within {100 * COVERED / math.sqrt(2 * count):.0f} % (95 %)"
 
 

@@ -1,9 +1,8 @@
-"""Pads as an elastic layer on a rigid backing: a finer, independent model of the taxels' pressure.
+"""Pads as an elastic layer on a rigid backing: a more detailed, independent model of the taxels' pressure.
 
-Nothing is shared with the stand-in's bed of springs or with the estimators' templates. Per wavenumber the layer is
-solved exactly (Airy's stress function in plane strain, frictionless above, bonded below); where the peg touches
-follows by conjugate gradients on the cells' pressures, which never pull ([polonsky]); a taxel feels the stress on the
-backing.
+It shares nothing with the simulation's bed of springs or with the estimators' templates. The layer is solved exactly
+per wavenumber (Airy's stress function in plane strain, frictionless above, bonded below). Conjugate gradients on the
+cells' nonnegative pressures determine the contact area ([polonsky]). A taxel measures the stress on the backing.
 """
 
 import math
@@ -18,22 +17,23 @@ from drivers.skin.layout import Layout, finger_positions, pad_size
 THICKNESS = 1e-3
 """Thickness of the elastomer, m; [gibbons], Sec. VI."""
 MODULUS, POISSON = 1.5e5, 0.45
-"""Young's modulus, Pa, and Poisson's ratio of a soft silicone; assumed, so that 30 N press an 8 mm peg in by about half the layer."""
+"""Young's modulus, Pa, and Poisson's ratio of a soft silicone; assumed, so that 30 N press an 8 mm peg in by about half
+the layer."""
 TAXEL_DIAMETER = 4e-3
-"""Diameter of the area that a taxel averages over, m; assumed, about half the pitch."""
+"""Diameter of a taxel's averaging area, m; assumed, about half the pitch."""
 TOLERANCE = 1e-3
-"""Relative error of the depth to which the contact is solved."""
+"""Relative tolerance of the depth in the contact solution."""
 MOST_STEPS = 200
 STIFF = 12.0
-"""Wavenumber times thickness from which on the layer answers as a half-space and nothing reaches the backing."""
+"""Wavenumber times thickness above which the layer acts as a half-space and no pressure reaches the backing."""
 
 
 def layer(wave: Vector, poisson: float = POISSON) -> tuple[Vector, Vector]:
-    """Return how a layer answers a pressure of one wavenumber.
+    """Return the response of a layer to a pressure of one wavenumber.
 
-    With the stress function F(z)·cos(k x), F = (A + B z) cosh kz + (C + D z) sinh kz: sigma_zz = -k² F and sigma_xz =
-    k F'; the displacements follow from Hooke's law, 2 G k u = (1 - nu) F'' + nu k² F and
-    2 G k² w = (1 - nu) F''' - (2 - nu) k² F'. On top sigma_xz = 0, below u = w = 0.
+    With the stress function F(z)·cos(k x), F = (A + B z) cosh kz + (C + D z) sinh kz: sigma_zz = -k² F and sigma_xz = k
+    F'; the displacements follow from Hooke's law, 2 G k u = (1 - nu) F'' + nu k² F and 2 G k² w = (1 - nu) F''' - (2 -
+    nu) k² F'. Boundary conditions: sigma_xz = 0 on top, u = w = 0 below.
 
     Args:
         wave: Wavenumber times thickness, shape (n,), > 0 and at most `STIFF`.
@@ -70,12 +70,12 @@ def layer(wave: Vector, poisson: float = POISSON) -> tuple[Vector, Vector]:
 
 
 class LayerPads:
-    """Two pads of elastic layer, cut into square cells."""
+    """Two pads of elastic layer, divided into square cells."""
 
     def __init__(
         self, layout: Layout, modulus: float = MODULUS, poisson: float = POISSON, cell: float = 0.5e-3
     ) -> None:
-        """Cut pads of this size into cells of this side, m, and solve the layer, modulus in Pa."""
+        """Divide pads of this size into cells of this side, m, and solve the layer, modulus in Pa."""
         length, width = pad_size(layout)
         rows, columns = round(width / cell), round(length / cell)
         self._area = cell * cell
@@ -107,7 +107,7 @@ class LayerPads:
         reach: tuple[float, float],
         face: Face,
     ) -> tuple[Vector, Vector]:
-        """Return the stress that each taxel feels, shape (2, 20), left finger first, Pa, and each pad's load, shape (2,), N.
+        """Return the stress on each taxel, shape (2, 20), left finger first, Pa, and each pad's load, shape (2,), N.
 
         Args:
             theta: In-hand angle, rad.
@@ -115,7 +115,7 @@ class LayerPads:
             depths: Depth of the peg's lowest line below the surface at rest, for each finger its value at the finger
                 centre, m, and its rise towards the tip, m/m.
             reach: Lengths of the peg from the finger centre towards the tip and back, m.
-            face: Surface of the peg that the pads touch.
+            face: Surface of the peg at the pads.
         """
         c, s = math.cos(theta), math.sin(theta)
         along = c * self._x + s * self._y[:, None]
@@ -130,7 +130,7 @@ class LayerPads:
         return taxels, loads
 
     def pressed(self, sunk: Vector) -> Vector:
-        """Return the pressure on each cell, Pa, never below 0, that sinks the surface by `sunk`, m, where it is touched."""
+        """Return the nonnegative pressure on each cell, Pa, that sinks the surface by `sunk`, m, in the contact area."""
         may = sunk > 0.0
         pressure = np.where(may, 1.0, 0.0)
         if not may.any():
@@ -166,5 +166,5 @@ class LayerPads:
 
 @lru_cache
 def layer_pads(layout: Layout) -> LayerPads:
-    """Return the pads of a layout, which are made once."""
+    """Return the pads of a layout, created once."""
     return LayerPads(layout)

@@ -1,9 +1,9 @@
-"""Accuracy and speed of each estimator, where it fails, and whether its sigma shows the failures.
+"""Accuracy and speed of each estimator, its failures, and the detection of these failures by its sigma.
 
-Frames come from two models of the pads, neither of them the estimators' templates: the stand-in's bed of springs,
-and an elastic layer, which is finer and shares nothing with either. Both pass through the stand-in's taxels (gains,
-offsets, drift, creep, noise, converter) and through the health check that the live skin has. Frames of one kind
-follow each other at angles drawn at random, and an estimator that learns of the pads begins anew with each kind.
+Frames come from two models of the pads that differ from the estimators' templates: the simulation's bed of springs, and
+an independent, more detailed elastic layer. Both pass through the simulated taxels (gains, offsets, drift, creep,
+noise, converter) and the health check of the live skin. Frames of one kind follow each other at random angles. An
+estimator that adapts to the pads starts again with each kind.
 """
 
 import math
@@ -34,40 +34,40 @@ ESTIMATORS = ("image", "ml", "robust")
 Model = Literal["springs", "layer"]
 FRAMES, QUICK_FRAMES = 800, 40
 FRAMES_A_SKIN = 8
-"""Number of grasps read with one draw of the taxels' gains before the next is drawn."""
+"""Number of grasps per draw of the taxels' gains."""
 BETWEEN = 2.0
-"""Time between two grasps, s; the offsets drift throughout."""
+"""Time between two grasps, s; the offsets drift continuously."""
 WIDEST = math.radians(80.0)
 WRONG = math.radians(5.0)
-"""Error beyond which a reported angle counts as a failure, rad."""
+"""Error above which a reported angle is a failure, rad."""
 GRIP = 30.0
 OFFSET = 0.7e-3
 """Standard deviation of the peg's offset from the finger centre, m."""
 PUSH, LEVER = 7.0, 0.045
-"""Largest force across the pads, N, and its mean lever about the finger centre, m; as a search shows them."""
+"""Largest force across the pads, N, and its mean lever about the finger centre, m, as in a search."""
 DEPTHS = (0.45e-3, 0.6e-3)
-"""Depths to which the peg is pressed into the layer, m."""
+"""Depths of the peg in the layer, m."""
 COVERED = 1.96
 ALIVE: Mask = np.ones(MODULE_OF.shape, dtype=bool)
 
 
 @dataclass(frozen=True, slots=True)
 class Condition:
-    """Unusual conditions of a grasp or a skin."""
+    """Conditions of a grasp or a skin that differ from the nominal ones."""
 
     name: str
     noise: float = 1.0
     """Multiple of the configured noise."""
     sensitivity: float = 1.0
-    """Multiple of the configured sensitivity; a high one saturates the converter."""
+    """Multiple of the configured sensitivity; a high value saturates the converter."""
     dead: Literal["none", "known", "unknown"] = "none"
-    """Fault of one module, drawn anew for each skin: it reads zero from the start, or only noise after the baseline."""
+    """Fault of one module, drawn for each skin: it reads zero from the start, or only noise after the baseline."""
     off_centre: tuple[float, float] | None = None
-    """Offset to either side, m; drawn between these two."""
+    """Range of the random offset to either side, m."""
     reach_back: tuple[float, float] | None = None
-    """Length of the peg beyond the finger centre, m; drawn between these two."""
+    """Range of the random length of the peg beyond the finger centre, m."""
     forgets: bool = False
-    """Whether every frame is the first that the estimator sees."""
+    """True if every frame is the estimator's first."""
 
 
 CONDITIONS = (
@@ -81,17 +81,17 @@ CONDITIONS = (
     Condition("saturated", sensitivity=6.0),
 )
 ON_LAYER = CONDITIONS[:4]
-"""Conditions that are also read on the elastic layer, which takes longer to compute."""
+"""Conditions also tested on the elastic layer, which takes longer to compute."""
 
 
 @dataclass(frozen=True, slots=True)
 class Read:
-    """Result of one frame, read by one estimator."""
+    """Result of one frame and one estimator."""
 
     theta: float
     """True angle, rad."""
     error: float
-    """Estimated angle less the true one, folded to half a turn, rad."""
+    """Estimated angle minus the true one, folded to half a turn, rad."""
     sigma: float
     healthy: bool
     spent: float
@@ -100,7 +100,7 @@ class Read:
 
 @dataclass(frozen=True, slots=True)
 class TactileLine:
-    """Result of one estimator on one kind of frames; errors are of the reported angles, degrees."""
+    """Result of one estimator on one kind of frames; errors are those of the reported angles, degrees."""
 
     layout: str
     model: str
@@ -108,12 +108,12 @@ class TactileLine:
     estimator: str
     frames: int
     told: float
-    """Share of the frames with a reported angle, fraction."""
+    """Share of frames with a reported angle, fraction."""
     rmse: float
     p95: float
     worst: float
     covered: float
-    """Share of the reported angles whose error is within 1.96 sigma; 0.95 when sigma is right."""
+    """Share of reported angles with an error within 1.96 sigma; 0.95 if sigma is correct."""
     time: float
     """Median time for one frame, s."""
 
@@ -145,16 +145,16 @@ class TactileStudy:
 
 
 def parts() -> int:
-    """Return the number of times that `study` calls `done`."""
+    """Return the number of calls of `done` by `study`."""
     return len(LAYOUTS) * len(kinds())
 
 
 def study(config: CellConfig, is_quick: bool, done: Callable[[], None]) -> TactileStudy:
-    """Read frames of every kind with every estimator, and compare the pads with an elastic layer.
+    """Estimate frames of every kind with every estimator, and compare the pads with an elastic layer.
 
     Args:
         config: Config of a cell with a simulated skin.
-        is_quick: Whether to take a twentieth of the frames.
+        is_quick: True for a twentieth of the frames.
         done: Called after every kind of frames.
     """
     skin, count = simulated_skin(config), QUICK_FRAMES if is_quick else FRAMES
@@ -179,10 +179,10 @@ def study(config: CellConfig, is_quick: bool, done: Callable[[], None]) -> Tacti
 
 
 def simulated_skin(config: CellConfig) -> SimSkinConfig:
-    """Return the skin that is studied.
+    """Return the skin of the study.
 
     Raises:
-        ConfigError: The skin is a real one.
+        ConfigError: The skin is not simulated.
     """
     if not isinstance(config.skin, SimSkinConfig):
         raise ConfigError(f'study tactile: skin.kind = "{config.skin.kind}": its pegs are simulated; "sim" allowed')
@@ -190,7 +190,7 @@ def simulated_skin(config: CellConfig) -> SimSkinConfig:
 
 
 def kinds() -> list[tuple[Model, Condition]]:
-    """Return the kinds of frames that are read on each layout."""
+    """Return the kinds of frames for each layout."""
     return [*(("springs", condition) for condition in CONDITIONS), *(("layer", condition) for condition in ON_LAYER)]
 
 
@@ -255,10 +255,10 @@ def _pressed(
 
 @lru_cache
 def depths_of(peg: Peg, layout: Layout) -> tuple[float, float]:
-    """Return the depths to which a peg is pressed into the layer, m: `DEPTHS`, or for a flat face such as carry as much.
+    """Return the depths of a peg in the layer, m: `DEPTHS`, or for a flat face depths of equal load.
 
-    The load of a flat face is proportional to its depth, because it touches the layer all at once. It is scaled so that
-    the mean of both depths carries the grip force.
+    The load of a flat face is proportional to its depth, because it touches the layer over its whole area. It is scaled
+    so that the mean of both depths carries the grip force.
     """
     face, reach = peg.part.face, (peg.length, peg.overhang)
     if not face.is_flat:
@@ -270,7 +270,7 @@ def depths_of(peg: Peg, layout: Layout) -> tuple[float, float]:
 
 
 def read(estimate: Callable[[TaxelFrame], PegPose], theta: float, frame: TaxelFrame) -> Read:
-    """Return how an estimator reads a frame of a peg held at `theta`, rad."""
+    """Return an estimator's result for a frame of a peg held at `theta`, rad."""
     started = time.perf_counter()
     pose = estimate(frame)
     spent = time.perf_counter() - started
@@ -278,7 +278,7 @@ def read(estimate: Callable[[TaxelFrame], PegPose], theta: float, frame: TaxelFr
 
 
 def summed(layout: str, model: str, condition: str, estimator: str, reads: Sequence[Read]) -> TactileLine:
-    """Return the line that sums up frames; NaN where no angle was reported."""
+    """Return the summary line of frames; NaN if no angle was reported."""
     told = [read for read in reads if read.healthy]
     error = np.abs([read.error for read in told]) if told else np.array([math.nan])
     sigma = np.array([read.sigma for read in told]) if told else np.array([math.nan])
@@ -301,7 +301,7 @@ def summed(layout: str, model: str, condition: str, estimator: str, reads: Seque
 def fidelity(config: CellConfig) -> list[Missed]:
     """Compare the simulation's pads with an elastic layer under pegs at all angles, with equal load and no push.
 
-    The layer's readings are scaled to the springs' by least squares, as a calibration would.
+    The layer's readings are scaled to the springs' by least squares, as in a calibration.
     """
     found = []
     reach, face = (config.peg.length, config.peg.overhang), config.peg.part.face

@@ -1,4 +1,4 @@
-"""`cell study tactile`: how well and how fast each estimator reads the peg's angle from the taxels."""
+"""`cell study tactile`: accuracy and speed of each estimator of the peg's angle from the taxels."""
 
 import argparse
 from dataclasses import asdict
@@ -17,7 +17,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> StudyReport:
-    """Read frames of every kind, write the table, draw the charts."""
+    """Estimate frames of every kind, write the table, draw the charts."""
     from cell.lab.rows import write_rows
     from cell.lab.tactile import bound, charts, measure, tables
 

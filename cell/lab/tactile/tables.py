@@ -28,7 +28,7 @@ def tactile(found: TactileStudy) -> Group:
 
 
 def bounds(lines: Sequence[TactileLine]) -> Table:
-    """Return what the frames tell somebody who knows the pads."""
+    """Return the bounds of the estimation with known pads."""
     table = Table("layout", "frames", "the pads known, and the", "RMSE (deg)", "p95", "worst", "in 1.96 sigma")
     for line in lines:
         figures = (f"{value:.2f}" for value in (line.rmse, line.p95, line.worst, line.covered))

@@ -1,1 +1,1 @@
-"""The study of what touch is worth: each preset and a regime of turning pegs, beside the same hand gone blind."""
+"""Study of the value of touch: each preset and a regime of rotating pegs, beside the same hand without touch."""

@@ -1,4 +1,4 @@
-"""Hands that stop looking at their skin, for what touch is worth: theta is frozen after the grasp, or taken for 0."""
+"""Hands without touch: theta is frozen after the grasp, or assumed to be 0."""
 
 from dataclasses import replace
 
@@ -7,13 +7,12 @@ from skills.tactile.blend import Smoothing
 from skills.tactile.pose import NO_PEG, PegPose, Tracker
 
 FIRST = 1.0
-"""Time from the first healthy frame in which a frozen hand still takes frames, s: the fingers close and the peg is drawn from
-its slot.
-"""
+"""Time after the first healthy frame in which a frozen hand still accepts frames, s: the fingers close and the peg
+leaves its slot."""
 
 
 class Frozen:
-    """Takes the frames of a grasp as `Smoothing` does and holds theta from then on; the frames' stamps still count."""
+    """Accepts the frames of a grasp as `Smoothing` does and holds theta afterwards; the frames' stamps stay in use."""
 
     def __init__(self, smoothing: Smoothing) -> None:
         """Begin without an estimate."""
@@ -21,7 +20,7 @@ class Frozen:
         self._until = 0.0
 
     def follow(self, new: PegPose | None) -> PegPose:
-        """Return the pose of the peg now; see `Tracker`."""
+        """Return the present pose of the peg; see `Tracker`."""
         if new is None or new.stamp <= self._peg.stamp:
             return self._peg
         if not self._peg.healthy:
@@ -32,24 +31,24 @@ class Frozen:
 
 
 class Straight:
-    """Takes the peg to lie straight in the hand; the frames' stamps still count."""
+    """Assumes a straight peg in the hand; the frames' stamps stay in use."""
 
     def __init__(self) -> None:
         """Begin without an estimate."""
         self._peg = NO_PEG
 
     def follow(self, new: PegPose | None) -> PegPose:
-        """Return the pose of the peg now; see `Tracker`."""
+        """Return the present pose of the peg; see `Tracker`."""
         if new is not None and new.stamp > self._peg.stamp:
             self._peg = replace(new, theta=0.0, offset=0.0)
         return self._peg
 
 
 def frozen(config: CellConfig) -> Tracker:
-    """Return the tracker of a hand that goes blind after the grasp."""
+    """Return the tracker of a hand without touch after the grasp."""
     return Frozen(config.smoothing)
 
 
 def straight(config: CellConfig) -> Tracker:
-    """Return the tracker of a hand that takes theta for 0."""
+    """Return the tracker of a hand that assumes theta = 0."""
     return Straight()

@@ -1,4 +1,4 @@
-"""The chart of the study of what touch is worth: speed against accuracy with and without sight of theta."""
+"""Chart of the study of the value of touch: speed against accuracy with and without measured theta."""
 
 import math
 from collections.abc import Sequence

@@ -1,4 +1,4 @@
-"""Trials of hands that see theta all the while, saw it in the grasp alone, or take it for 0."""
+"""Trials of hands that measure theta throughout, only in the grasp, or assume 0."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -20,18 +20,19 @@ SIGHTS: Mapping[str, MakeTracker] = {
     "frozen after the grasp": frozen,
     "theta = 0": straight,
 }
-"""Function that makes the tracker, by what the hand sees of theta; the first is the hand as it is."""
+"""Function that creates the tracker, by the hand's measurement of theta; the first is the unchanged hand."""
 TURNING = "turning pegs"
-"""Name of the regime in which the peg turns in the hand by tens of degrees, as [gibbons] reports it."""
+"""Name of the regime in which the peg rotates in the hand by tens of degrees, as [gibbons] reports."""
 TURNING_KEYS = ("grasp.force=15.0", "grip.friction=0.3")
-"""Keys of that regime, over the default preset: a grip and pads that the push over the plate turns the peg in."""
+"""Keys of that regime on top of the default preset: with this grip and these pads the push over the plate rotates the
+peg."""
 QUICK = (TURNING,)
-"""Hands of a quick study that names none."""
+"""Hands of a quick study without named hands."""
 
 
 @dataclass(frozen=True, slots=True)
 class Hand:
-    """One way to grip and to go about it."""
+    """One combination of grip and settings."""
 
     name: str
     preset: str | None
@@ -40,7 +41,7 @@ class Hand:
 
 @dataclass(frozen=True, slots=True)
 class TouchLine:
-    """Trials of one hand with one sight of theta."""
+    """Trials of one hand with one measurement of theta."""
 
     hand: str
     sight: str
@@ -48,10 +49,10 @@ class TouchLine:
 
 
 def hands(path: Path | None, names: Sequence[str] = ()) -> list[Hand]:
-    """Return every preset of the cell at `path`, and the regime of turning pegs, or of them those that are named.
+    """Return every preset of the cell at `path` and the regime of rotating pegs, or only the named ones.
 
     Raises:
-        ConfigError: There is no hand of that name.
+        ConfigError: A hand of that name does not exist.
     """
     found = {name: Hand(name, name) for name in sorted(presets(path))}
     found[TURNING] = Hand(TURNING, None, TURNING_KEYS)
@@ -70,7 +71,7 @@ def measure(
     folder: Path,
     done: Callable[[int], None],
 ) -> list[TouchLine]:
-    """Run every hand with every sight on the same seeds; finished trials in the folder are taken up.
+    """Run every hand with every sight on the same seeds; finished trials in the folder are reused.
 
     Args:
         path: TOML file of the cell; None is the simulated cell that ships with the program.
@@ -79,7 +80,7 @@ def measure(
         seeds: Seeds, one trial each.
         workers: Number of processes.
         folder: Folder of the trials' folders.
-        done: Called with the number of further trials done.
+        done: Called with the number of further completed trials.
     """
     cases = [(hand, sight) for hand in tried for sight in SIGHTS]
     variants = [Variant(hand.name, sight, hand.preset, hand.sets, SIGHTS[sight]) for hand, sight in cases]

@@ -1,4 +1,4 @@
-"""`cell study touch`: what touch is worth, by hands that go blind."""
+"""`cell study touch`: the value of touch, from hands without it."""
 
 import argparse
 from dataclasses import asdict
@@ -14,7 +14,7 @@ SUMMARY = (
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add what is simulated, and the number of trials of each case."""
+    """Add the simulated cell, and the number of trials of each case."""
     add_study(parser)
     add_seed(parser)
     add_trials(parser, "trials of each case; default 20, with --quick 1")

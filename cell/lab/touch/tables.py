@@ -1,4 +1,4 @@
-"""The table of the study of what touch is worth."""
+"""Table of the study of the value of touch."""
 
 import math
 from collections.abc import Sequence
@@ -10,7 +10,7 @@ from cell.lab.touch.measure import TouchLine
 
 
 def touch(lines: Sequence[TouchLine], title: str) -> Table:
-    """Return success, time, force and the peg's turn of every hand with every sight."""
+    """Return success, time, force and in-hand rotation of every hand with every sight."""
     caption = "times are of the successes, s; forces are each trial's largest, N; turns of the peg in the hand, degrees"
     table = Table(title=title, caption=caption)
     for name in ("hand", "theta", "success", "Wilson 95 %", "mean", "p95", "force median", "turn median", "turn p95"):

@@ -1,9 +1,8 @@
-"""Settings between the shipped presets, tried where the optimiser hopes for the most, and the best one judged on other seeds.
+"""Settings between the shipped presets, selected by an optimiser, and the best one judged on other seeds.
 
-Three numbers stand for all gains: one each for search, insertion and adjustment, from 0, the figures of the gentlest preset,
-over 1 to 2, those of the quickest. Whatever is tried therefore lies between settings that are shipped. The optimiser is
-Optuna's tree-structured Parzen estimator; a setting that is clearly worse than the best one on the same seeds is left early,
-by Optuna's Wilcoxon pruner.
+Three numbers represent all gains: one each for search, insertion and adjustment, from 0, the gentlest preset, over 1 to
+2, the fastest. Every setting is therefore between shipped settings. The optimiser is Optuna's tree-structured Parzen
+estimator. If a setting is clearly worse than the best one on the same seeds, Optuna's Wilcoxon pruner ends it early.
 """
 
 import json
@@ -26,37 +25,37 @@ if TYPE_CHECKING:
     import optuna
 
 STYLES = ("careful", "balanced", "fast")
-"""Presets from the gentlest to the quickest."""
+"""Presets from the gentlest to the fastest."""
 SECTIONS = ("search", "insert", "adjust")
-"""Sections that each have a number of their own."""
+"""Sections with a number of their own."""
 QUICKEST = float(len(STYLES) - 1)
 Sets = tuple[str, ...]
 
 
 @dataclass(frozen=True, slots=True)
 class Candidate:
-    """One setting that was tried."""
+    """One tested setting."""
 
     number: int
     style: Mapping[str, float]
     """Number of each section, 0 to 2."""
     sets: Sets
-    """Its keys over the config's own, `KEY=VALUE`."""
+    """Keys of the setting on top of the config's own, `KEY=VALUE`."""
     trials: int
     cost: float
     """Mean cost of its trials, see `cell.lab.tune.wish`."""
     is_left: bool
-    """Whether it was left before the last seed."""
+    """True if it ended before the last seed."""
 
 
 class Space:
-    """The settings between the presets of one cell."""
+    """Settings between the presets of one cell."""
 
     def __init__(self, path: Path | None, sets: Sequence[str]) -> None:
-        """Read the presets over a cell's file and single keys.
+        """Read the presets on top of a cell's file and single keys.
 
         Raises:
-            ConfigError: The cell or one of the presets cannot be used.
+            ConfigError: The cell or one of the presets is invalid.
         """
         self._path, self._own = path, tuple(sets)
         cells = [load(path, style, [*sets, "sim.pace=max"]).cell for style in STYLES]
@@ -71,7 +70,7 @@ class Space:
         }
 
     def sets(self, style: Mapping[str, float]) -> Sets:
-        """Return the keys of a setting that differ from the config's own, each between the figures of two presets."""
+        """Return the keys of a setting that differ from the config's own, each interpolated between two presets."""
         found = []
         for key, figures in self._figures.items():
             place = min(max(style[key.split(".")[0]], 0.0), QUICKEST)
@@ -86,7 +85,7 @@ class Space:
         """Return the simulated cell with these keys.
 
         Raises:
-            ConfigError: They do not go together, as gains that would not be stable.
+            ConfigError: The keys are inconsistent, for example unstable gains.
         """
         return load(self._path, None, [*self._own, "sim.pace=max", *sets]).cell
 
@@ -100,16 +99,16 @@ def tune(
     folder: Path,
     done: Callable[[int], None],
 ) -> list[Candidate]:
-    """Try settings, the presets first, and return them, cheapest first; a call that was interrupted takes up its trials.
+    """Test settings, the presets first, and return them, cheapest first; a repeated call reuses finished trials.
 
     Args:
-        space: Settings that may be tried.
-        wishes: What is wished.
+        space: Permitted settings.
+        wishes: Conditions of the wish.
         seeds: Seeds, one trial each, the same for every setting.
         candidates: Number of settings.
         workers: Number of processes.
         folder: Folder of the settings' trials.
-        done: Called with the number of further trials done, or saved.
+        done: Called with the number of further trials completed or saved.
 
     Raises:
         ConfigError: The optimiser is not installed.
@@ -146,7 +145,7 @@ def tune(
 def judge(
     space: Space, sets: Sets, seeds: Sequence[int], workers: int, folder: Path, done: Callable[[TrialRow], None]
 ) -> list[TrialRow]:
-    """Return the trials of a setting on seeds that it was not chosen by."""
+    """Return the trials of a setting on seeds that the choice did not use."""
     return run_trials(space.config(sets), seeds, workers, folder, done)
 
 
@@ -156,7 +155,7 @@ def toml(sets: Sets) -> str:
 
 
 class _Left:
-    """Tells the optimiser of every trial of one setting, and whether that is enough of it."""
+    """Reports every trial of one setting to the optimiser, and returns its decision to end the setting."""
 
     def __init__(self, asked: "optuna.Trial", wishes: Sequence[Wish]) -> None:
         self._asked, self._wishes, self._told = asked, wishes, 0

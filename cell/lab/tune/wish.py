@@ -1,4 +1,4 @@
-"""A technician's wish for time, force and success, and how far trials are from it; pure."""
+"""A technician's wish for time, force and success, and the distance of trials from it; without side effects."""
 
 import math
 import re
@@ -15,17 +15,17 @@ from skills.contract import Outcome
 
 _TERM = re.compile(r"\s*(\w+)\s*(<=|>=)\s*([0-9.]+)\s*(s|N|%)?\s*")
 LOST = 3.0
-"""Cost of a lost trial beside one that just fulfils the wish, which costs 1."""
+"""Cost of a lost trial; a trial that just fulfils the wish costs 1."""
 
 
 @dataclass(frozen=True, slots=True)
 class Kind:
-    """One quantity that may be wished for."""
+    """One quantity for a wish."""
 
     sign: str
     unit: str
     value: Callable[[Sequence[TrialRow]], float]
-    """Function that returns the quantity of trials, in its unit; NaN where they have none."""
+    """Function that returns the quantity of trials, in its unit; NaN if they have none."""
     meaning: str
 
 
@@ -50,7 +50,7 @@ KINDS: dict[str, Kind] = {
     ),
     "success": Kind(">=", "%", _share, "share of the trials that succeed"),
 }
-"""Quantities that may be wished for, by name."""
+"""Quantities for wishes, by name."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,21 +62,21 @@ class Wish:
 
     @property
     def kind(self) -> Kind:
-        """The quantity."""
+        """Quantity of the condition."""
         return KINDS[self.name]
 
     @property
     def text(self) -> str:
-        """The condition in words that `wishes_of` reads."""
+        """Text of the condition in the form of `wishes_of`."""
         return f"{self.name}{self.kind.sign}{self.limit:g} {self.kind.unit}"
 
     def holds(self, rows: Sequence[TrialRow]) -> bool:
-        """Return whether trials fulfil it."""
+        """Return True if trials fulfil the condition."""
         value = self.kind.value(rows)
         return value <= self.limit if self.kind.sign == "<=" else value >= self.limit
 
     def found(self, rows: Sequence[TrialRow]) -> str:
-        """Return what trials reached, in words."""
+        """Return the result of trials in words."""
         value = f"{self.kind.value(rows):.3g} {self.kind.unit}"
         if self.name != "success":
             return value
@@ -88,7 +88,7 @@ def wishes_of(text: str) -> tuple[Wish, ...]:
     """Return the conditions of a text such as `p95<=8 s, force<=20 N`.
 
     Raises:
-        ConfigError: It has another form, or says one thing twice.
+        ConfigError: The text has another form, or contains a quantity twice.
     """
     known = ", ".join(f"{name}{kind.sign}{kind.unit}" for name, kind in KINDS.items())
     found: dict[str, Wish] = {}
@@ -112,10 +112,10 @@ def wishes_of(text: str) -> tuple[Wish, ...]:
 
 
 def cost(row: TrialRow, wishes: Sequence[Wish]) -> float:
-    """Return what one trial costs by a wish: 1 where it just fulfils it, more beyond, less where it is quicker.
+    """Return the cost of one trial for a wish: 1 if it just fulfils it, more beyond it, less if it is faster.
 
-    Time counts throughout, so that of two settings that fulfil the wish the quicker one costs less; what of time and force
-    lies beyond the limit counts twice more, and a lost trial costs `LOST`.
+    Time always contributes, so that the faster of two settings that fulfil the wish costs less. Time and force beyond
+    the limit contribute twice more, and a lost trial costs `LOST`.
     """
     if row.outcome != Outcome.SUCCESS or row.total_time is None:
         return LOST

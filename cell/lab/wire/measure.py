@@ -1,4 +1,4 @@
-"""Measures of the wires: decoding beside the bus, age of frames, recovery of a lost board, and the same insertions."""
+"""Measures of the wires: decoding rate and bus rate, age of frames, recovery of a lost board, and the same insertions."""
 
 import math
 import time
@@ -36,7 +36,7 @@ WIRES = {
     "serial at 100 Hz": ("skin.kind=serial", "skin.rate=100"),
     "icub": ("skin.kind=can", "skin.rate=25", 'skin.board={kind="icub"}'),
 }
-"""Wires that are measured, and the keys of a cell that has them."""
+"""Wires to measure, and the keys of a cell with each."""
 TRIED = {
     "sim": (),
     "can": ("skin.kind=can",),
@@ -44,30 +44,30 @@ TRIED = {
     "icub": ("skin.kind=can", 'skin.board={kind="icub"}'),
     "switch": ("switch.kind=serial", "switch.port=emulated"),
 }
-"""Wires that whole insertions are run with, and the keys of a cell that has them; the others are compared with the first."""
+"""Wires for whole insertions, and the keys of a cell with each; the others are compared with the first."""
 BIT_RATE, BAUD_RATE = 1_000_000, 115_200
 AWAY = 1.0
-"""Time for which a board is unplugged, s."""
+"""Time of a board without its plug, s."""
 
 
 @dataclass(frozen=True, slots=True)
 class DecodeLine:
-    """Rate at which this machine decodes what one board sends, beside what its wire can carry."""
+    """Decoding rate of this machine for one board's data, beside the capacity of its wire."""
 
     wire: str
     unit: str
-    """Item that is counted: CAN frames, or bytes."""
+    """Counted item: CAN frames, or bytes."""
     decoded: float
-    """Items decoded in a second, on one core."""
+    """Items decoded per second, on one core."""
     limit: float
-    """Largest number of items that the wire carries in a second."""
+    """Largest number of items per second on the wire."""
     scans: float
-    """Whole scans decoded a second."""
+    """Whole scans decoded per second."""
 
 
 @dataclass(frozen=True, slots=True)
 class LatencyLine:
-    """Age of a frame when the skill first sees it, and time without a board after it was unplugged."""
+    """Age of a frame when the skill first reads it, and time to recover after the board was unplugged."""
 
     wire: str
     frames: int
@@ -90,13 +90,15 @@ class OutcomeLine:
     trials: int
     successes: int
     same: int
-    """Number of trials that end as those of the plain simulated skin with the same seed."""
+    """Number of trials with the same ending as those of the plain simulated skin with the same seed."""
     mean_total: float
     """Mean total time of the successes, s."""
     longer: float
-    """Mean difference of a success's time from the plain simulated skin's with the same seed, s; NaN below two."""
+    """Mean difference of a success's time to the plain simulated skin's with the same seed, s; NaN for fewer than
+    two."""
     longer_error: float
-    """Standard error of that difference, s; a few long adjustments decide it, and every wire draws other noise."""
+    """Standard error of that difference, s; it depends on a few long adjustments, and every wire draws different
+    noise."""
 
 
 def measure(
@@ -107,7 +109,7 @@ def measure(
     quick: bool,
     done: Callable[[TrialRow], None],
 ) -> dict[str, Sequence[DecodeLine | LatencyLine | OutcomeLine | SwitchLine]]:
-    """Return all measures; see `outcomes` for the arguments, `quick` takes fewer samples."""
+    """Return all measures; see `outcomes` for the arguments. `quick` takes fewer samples."""
     return {
         "decoding": decode_rates(500 if quick else 5000),
         "age and recovery": latencies(3 if quick else 40, 2.0 if quick else 10.0),
@@ -154,7 +156,7 @@ def decode_rates(scans: int) -> list[DecodeLine]:
 
 
 def latencies(repeats: int, seconds: float) -> list[LatencyLine]:
-    """Return age and recovery on each wire, each from `repeats` openings at random phase, `seconds`, s, each."""
+    """Return age and recovery on each wire, each from `repeats` openings of `seconds`, s, at random phase."""
     lines = []
     for name, keys in WIRES.items():
         config = load(sets=keys).cell
@@ -193,7 +195,7 @@ def latencies(repeats: int, seconds: float) -> list[LatencyLine]:
 def outcomes(
     config: CellConfig, seeds: Sequence[int], workers: int, folder: Path, done: Callable[[TrialRow], None]
 ) -> list[OutcomeLine]:
-    """Run the same seeds with the plain skin and through each wire; the rows go to a folder for each.
+    """Run the same seeds with the plain skin and through each wire; each has a folder for its rows.
 
     Args:
         config: Config of a simulated cell; its skin's rate and layout are kept.
@@ -281,7 +283,7 @@ class _ByteFeed:
 
 
 def _introduce(port: SkinPort, far: Any, link: Any) -> None:
-    """Let host and board talk until the board is started."""
+    """Let host and board communicate until the board has started."""
     now = -100.0
     while math.isinf(far.next_scan):
         now += 1.0
@@ -292,7 +294,7 @@ def _introduce(port: SkinPort, far: Any, link: Any) -> None:
 
 
 def _watched(link: EmulatedCan | EmulatedLine, clock: Clock) -> list[float]:
-    """Return a list to which the time of every measurement of the board is appended."""
+    """Return a list to which the time of every board measurement is appended."""
     born: list[float] = []
     board: Any = getattr(link.board, "hub", link.board)
     measure = board.measure
@@ -308,7 +310,7 @@ def _watched(link: EmulatedCan | EmulatedLine, clock: Clock) -> list[float]:
 def _first_sights(
     skin: CanSkin | SerialSkin, clock: Clock, seconds: float, period: float, born: list[float]
 ) -> Iterator[tuple[float, float, float]]:
-    """Yield, for every new frame, the time of the first scan that sees it, its stamp, and the time of measurement, s."""
+    """Yield for every new frame the time of the first scan that reads it, its stamp, and its measurement time, s."""
     end, shown = clock.now() + seconds, skin.read().sequence
     while clock.now() < end:
         clock.wait_until(clock.now() + period)

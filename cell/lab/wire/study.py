@@ -1,4 +1,4 @@
-"""`cell study wire`: the wires of skin and switch, alone and under whole insertions."""
+"""`cell study wire`: the wires of skin and switch, alone and with whole insertions."""
 
 import argparse
 import json
@@ -13,7 +13,7 @@ SUMMARY = "the wires of skin and switch: decoding, age, recovery, whole insertio
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add what is simulated, and the number of insertions through each wire."""
+    """Add the simulated cell, and the number of insertions through each wire."""
     add_study(parser)
     add_seed(parser)
     add_trials(parser, "insertions through each wire; default 20, with --quick 2")

@@ -1,6 +1,4 @@
-"""Measures of the success switch's wire: the time from the edge at the pin to the scan that reads it, and recovery of a
-lost board.
-"""
+"""Measures of the success switch's wire: time from the pin's edge to the scan that reads it, and recovery of a lost board."""
 
 from dataclasses import dataclass
 
@@ -17,14 +15,14 @@ from sim.switch_board import FREQUENCY, Chip, EmulatedSwitchBoard
 SCAN_PERIOD = 0.01
 """Period of the scan, s."""
 REST = 0.1
-"""Time between edges, s, to which as much again is added at random."""
+"""Time between edges, s; a random time of up to the same length is added."""
 AWAY = 1.0
-"""Least time for which a board is unplugged, s; up to a period of the driver's attempts is added."""
+"""Shortest time of a board without its plug, s; up to a period of the driver's attempts is added."""
 
 
 @dataclass(frozen=True, slots=True)
 class SwitchLine:
-    """Result for the real firmware on an emulated chip, read by the real driver."""
+    """Result of the real firmware on an emulated chip with the real driver."""
 
     edges: int
     report_p50: float
@@ -35,14 +33,13 @@ class SwitchLine:
     scan_p99: float
     losses: int
     recovery_p50: float
-    """Median time from plugging in to the first scan that knows the state, s; a boot loader, which the chip lacks, adds
-    1 to 2 s.
-    """
+    """Median time from plugging in to the first scan with a state, s; a boot loader, which the chip lacks, adds 1 to 2
+    s."""
     recovery_max: float
 
 
 def measure(edges: int, losses: int) -> SwitchLine:
-    """Return the figures of so many edges and unplugged boards, at random instants.
+    """Return the figures of this number of edges and unplugged boards, at random instants.
 
     Raises:
         DeviceNotOpenedError: The chip cannot be emulated here.
@@ -82,7 +79,7 @@ def _to_report(edges: int, rng: np.random.Generator) -> list[float]:
 
 
 class _Lever:
-    """Time that passes in fine steps, and a lever that is pressed at set instants."""
+    """A clock with fine steps, and a lever pressed at set times."""
 
     def __init__(self) -> None:
         self.time, self.edge, self.pressed = 0.0, np.inf, False
@@ -98,7 +95,7 @@ class _Lever:
 
 
 class _FineClock:
-    """Lets the board see the lever every 0.1 ms, not once a scan."""
+    """Lets the board read the lever every 0.1 ms instead of once per scan."""
 
     def __init__(self, clock: Clock) -> None:
         self._clock = clock
@@ -138,7 +135,7 @@ def _to_scan(edges: int, rng: np.random.Generator) -> list[float]:
 
 
 def _recoveries(losses: int, rng: np.random.Generator) -> list[float]:
-    """Return the time from plugging in to the first scan that knows the state, s."""
+    """Return the time from plugging in to the first scan with a state, s."""
     _, board, clock, switch = _bench()
     taken = []
     for _ in range(losses):
