@@ -5,20 +5,17 @@ from importlib.resources import files
 
 import mujoco
 
-from drivers.part.shapes import section_of
-from sim import shapes
+from sim import cylinder
 
 STEPS = {("held", "far"): 751, ("held", "near"): 401, ("free", "free"): 187}
 """Steps of `mj_step` in a simulated second, by model and keyframe."""
-PEG = 0.008
-"""Diameter of the peg of these models, m."""
 FROM_EACH = 5
 """Number of steps from a keyframe before the state returns to it."""
 
 
 def model(name: str) -> mujoco.MjModel:
     """Return a model: "held" is an arm with a peg in its hand, "free" a peg in the rack; contacts are those of the program."""
-    shapes.install(section_of(PEG, None))
+    cylinder.install()
     return mujoco.MjModel.from_xml_string(
         files(__package__).joinpath(f"reference_{name}.xml").read_text(encoding="utf-8")
     )
