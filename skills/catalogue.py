@@ -109,7 +109,7 @@ def _decoy(found: SkillResult, last: SkillResult, ctx: SkillContext) -> Decoy | 
     if not isinstance(found, spray_search.SpraySearchResult) or not isinstance(last, spiral_adjust.SpiralAdjustResult):
         return None
     x, y, _ = ctx.observe().tip
-    return decoy_at((float(x), float(y)), last.depth, ctx.job.hole)
+    return found.edge and decoy_at(found.edge, (float(x), float(y)), last.depth, ctx.job.hole)
 
 
 def _insert(skills: SkillSet, ctx: SkillContext, plane: Plane | None = None, attempt: int = 0) -> SkillResult:

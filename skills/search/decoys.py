@@ -30,10 +30,19 @@ class Decoy(NamedTuple):
     """Its radius, m."""
 
 
-def decoy_at(place: Point, depth: float, hole: Hole) -> Decoy | None:
-    """Return the decoy in which a peg was given up at `place` and `depth`, m, far above the bottom of the hole, or below it; None if
-    it was no decoy.
+def decoy_at(edge: Point, place: Point, depth: float, hole: Hole) -> Decoy | None:
+    """Return the decoy in which a peg was given up, far above the bottom of the hole, or below it; None if it was no decoy.
+
+    A decoy holds the peg. If the peg has strayed from where it fell in, its place tells nothing.
+
+    Args:
+        edge: Lowest point of the peg when it fell in, shape (2,), m, base frame.
+        place: End point of the peg when it was given up, shape (2,), m, base frame.
+        depth: Its depth below the surface, m.
+        hole: The hole as the job states it.
     """
+    if math.dist(edge, place) > THROUGH * hole.part.inscribed:
+        return None
     if depth > hole.depth + CLOSED_TOLERANCE:
         return Decoy(place, THROUGH * hole.part.inscribed)
     return Decoy(place, BLIND * hole.part.inscribed) if depth < SHALLOW * hole.depth else None
