@@ -19,6 +19,7 @@ from skills.flow import StageRecord, in_order, run_stage
 from skills.handling import Handling, Sections, handling
 from skills.search.belief import Belief
 from skills.search.course import ANYWHERE
+from skills.search.decoys import Decoy, decoy_at
 from skills.search.params import SpraySearchParams
 from skills.spiral_params import SpiralAdjustParams
 from skills.surface import Plane, nominal
@@ -30,22 +31,24 @@ RETRIED = (Reason.NOT_ALIGNED, Reason.NOT_SEATED)
 def insert_peg(skills: SkillSet, ctx: SkillContext) -> list[StageRecord]:
     """Take a peg, find the hole, align and seat the peg, and release it.
 
-    If the peg turns out not to be in the hole, search again. After a failure, recover. The run's outcome is that of the
-    first stage that failed and was not retried; without such a stage it is success.
+    If the peg turns out not to be in the hole, search again. A decoy spends no retry within the time that a search may take. After a
+    failure, recover. The run's outcome is that of the first stage that failed and was not retried; without such a stage it is success.
     """
-    records, belief, retries = GRASP.run(skills, ctx), ANYWHERE, _handling(skills, ctx).retries
-    for left in reversed(range(retries + 1)):
-        if records[-1].result.outcome is not Outcome.SUCCESS and not records[-1].retried:
-            break
-        tried = find_and_seat(skills, ctx, retries - left, belief)
-        belief = _learnt(belief, tried[0].result, ctx)
+    records, belief, attempt, began = GRASP.run(skills, ctx), ANYWHERE, 0, ctx.clock.now()
+    handled = _handling(skills, ctx)
+    while records[-1].result.outcome is Outcome.SUCCESS or records[-1].retried:
+        tried = find_and_seat(skills, ctx, attempt, belief)
         records += tried
-        last = records[-1].result
+        found, last = tried[0].result, tried[-1].result
         if last.outcome is Outcome.SUCCESS:
             records += RELEASE.run(skills, ctx)
             break
-        if left and last.reason in RETRIED:
-            records[-1] = replace(records[-1], retried=True)
+        is_in_time = ctx.clock.now() - began < handled.search.timeout
+        decoy = _decoy(found, last, ctx) if handled.retries and is_in_time else None
+        if decoy is None and (attempt == handled.retries or last.reason not in RETRIED):
+            break
+        belief, attempt = _learnt(belief, found, decoy, ctx), attempt + (decoy is None)
+        records[-1] = replace(records[-1], retried=True)
     last = records[-1].result
     if last.outcome is Outcome.FAILURE and last.reason is not Reason.STOPPED:
         records += RECOVER.run(skills, ctx)
@@ -89,11 +92,21 @@ def _search(skills: SkillSet, ctx: SkillContext, belief: Belief = ANYWHERE) -> S
     return _handling(skills, ctx).find(ctx, belief)
 
 
-def _learnt(belief: Belief, found: SkillResult, ctx: SkillContext) -> Belief:
-    """Return the prior of the next attempt, given the result of this attempt's search."""
+def _learnt(belief: Belief, found: SkillResult, decoy: Decoy | None, ctx: SkillContext) -> Belief:
+    """Return the prior of the next attempt, given the result of this attempt's search and the decoy that it met, if any."""
     if not isinstance(found, spray_search.SpraySearchResult) or found.edge is None:
         return belief
+    if decoy is not None:
+        return belief.past(decoy, found.left)
     return belief.after(found.edge, ctx.job.hole.part.inscribed, found.left)
+
+
+def _decoy(found: SkillResult, last: SkillResult, ctx: SkillContext) -> Decoy | None:
+    """Return the decoy in which the peg was given up; None if it was no decoy, or if the search passes over none."""
+    if not isinstance(found, spray_search.SpraySearchResult) or not isinstance(last, spiral_adjust.SpiralAdjustResult):
+        return None
+    x, y, _ = ctx.observe().tip
+    return found.edge and decoy_at(found.edge, (float(x), float(y)), last.depth, ctx.job.hole)
 
 
 def _insert(skills: SkillSet, ctx: SkillContext, plane: Plane | None = None, attempt: int = 0) -> SkillResult:

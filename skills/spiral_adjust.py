@@ -123,8 +123,7 @@ def run(
         if is_done:
             return _result(Outcome.SUCCESS, Reason.NONE, running, offset, depth_of(tip, hole))
         if depth_of(tip, hole) > hole.depth + CLOSED_TOLERANCE:
-            ctx.note_slip()  # no tip is below the bottom of an open switch: the fingers have slid down the peg
-            break
+            break  # the fingers have slid down the peg, which the next touch-down measures, or the hole is another one
         depth = plane.depth(tip)
         stall = Stall(depth, elapsed) if looks.is_lifting else stall.after(depth, elapsed, params.jammed)
         is_stalled = elapsed - stall.since > given_up_after(depth_of(tip, hole), hole.depth, params)

@@ -100,7 +100,7 @@ def run(
 def _slide(
     params: SpraySearchParams, ctx: SkillContext, sweep: Sweep, spent: float
 ) -> tuple[Observation | None, float]:
-    """Let the peg slide on, until it is in the hole, or the time is up, or it has turned so far that the hand should turn after it.
+    """Let the peg slide on, until it is in the hole, or the time is up, or it is to be lifted.
 
     Args:
         params: Parameters of the search.
@@ -114,7 +114,7 @@ def _slide(
     for seen in ctx.scan(params.timeout - spent, holding=True):
         if sweep.finds(seen):
             return seen, spent + seen.running
-        if sweep.is_turned(seen):
+        if sweep.is_to_lift(seen):
             return None, spent + seen.running
         ctx.progress((spent + seen.running) / params.timeout)
         ctx.follow(sweep.setpoint(seen))

@@ -3,6 +3,7 @@
 import math
 from dataclasses import dataclass, replace
 
+from skills.search.decoys import Decoy
 from skills.search.tour import Left, Likely
 
 FOUND = 0.2
@@ -21,6 +22,12 @@ class Belief:
     """Rest of the path over the area that earlier attempts of the run did not sweep; None where there was none."""
     failed: tuple[tuple[float, float], ...] = ()
     """Places where the peg was tried and did not go in, in turn, m, base frame."""
+    decoys: tuple[Decoy, ...] = ()
+    """Decoys that were found."""
+
+    def past(self, decoy: Decoy, left: Left | None) -> "Belief":
+        """Return what the next attempt begins with, after a decoy: it goes on with what is left of the area."""
+        return replace(self, likely=None, left=left, failed=(*self.failed, decoy.place), decoys=(*self.decoys, decoy))
 
     def after(self, place: tuple[float, float], width: float, left: Left | None) -> "Belief":
         """Return what the next attempt begins with, after the peg that fell at a place did not go in.

@@ -10,6 +10,7 @@ from drivers.parts import Job
 from drivers.quantities import Vector
 from skills.paths import TURN_TIME, Lanes, lanes
 from skills.search.belief import Belief
+from skills.search.decoys import NOWHERE, Decoys
 from skills.search.params import SpraySearchParams
 from skills.search.tour import Left, Path, Rows, Stroke, first_look, outwards, tour
 
@@ -51,6 +52,10 @@ class Course:
     """Axis of the base frame that is swept fast, 0 or 1."""
     likely_until: float = 0.0
     """Time along the path up to which the peg comes by where the hole is likely, s; 0 where that is nowhere."""
+    since: float = 0.0
+    """Time along the path at which the peg comes down, s."""
+    decoys: Decoys = NOWHERE
+    """Decoys that are passed over."""
 
 
 def make_course(
@@ -89,8 +94,11 @@ def make_course(
     ahead = leading(part.reach, params.tilt, params.fall)
     middle = np.array(hole.centre[:2]) - ahead * np.array([math.cos(azimuth), math.sin(azimuth)])
     height = params.height if is_length_known else params.first_height(part.reach)
-    first = np.array([*(middle + path.at(0.0)[0]), hole.centre[2] + height])
-    return Course(path, middle, first, height, axis, closing, fast, likely_until)
+    lowest = part.lowest(np.array([*middle, 0.0]), axis, closing)[:2]
+    decoys = Decoys(belief.decoys, lowest, whole.cover, whole.cover)
+    since = decoys.beyond(path, 0.0)
+    first = np.array([*(middle + path.at(since)[0]), hole.centre[2] + height])
+    return Course(path, middle, first, height, axis, closing, fast, likely_until, since, decoys)
 
 
 def fastest(dip: float, width: float) -> float:
@@ -126,10 +134,11 @@ def _as_believed(belief: Belief, job: Job, rows: Rows, whole: Lanes, outside: fl
     """Return the path that a belief asks for, and the time along it up to which the hole is likely, s; `whole` is the one without a belief."""
     left, width, likely = belief.left, job.hole.part.inscribed, belief.likely
     if likely is None:
-        # Down beside the place where the peg was tried last, and not into it.
         if left is None:
             return whole, 0.0
-        return tour([], rows.speed, Left(left.path, left.since + 1.5 * width / rows.speed)), 0.0
+        # Down beside the place where the peg was tried last, and not into it; decoys are passed over anyway.
+        beside = 0.0 if belief.decoys else 1.5 * width / rows.speed
+        return tour([], rows.speed, Left(left.path, left.since + beside)), 0.0
     middle = job.hole.centre[:2]
     looks = first_look(likely, middle, rows, width, outside, way)
     if left is not None:

@@ -11,7 +11,8 @@ from drivers.quantities import ImpedanceSetpoint, Twist, Vector
 from skills.contract import Observation, SkillContext
 from skills.motion import VALIDITY, Trim, between
 from skills.search.course import Course
-from skills.search.feel import Bearing, Evidence, Push, excess_of
+from skills.search.decoys import BLIND, Decoy
+from skills.search.feel import EXPLAINED, Bearing, Evidence, Push, excess_of
 from skills.search.params import SpraySearchParams
 from skills.search.phases import (
     ComingDown,
@@ -42,6 +43,8 @@ STUCK_WITHIN = 1e-3
 """Largest distance between two rests of a peg that has not got away in between, m."""
 STUCK_AFTER = 3
 """Number of rests in one place from which on a peg as deep as in a hole is in it: one that only slipped in the hand would slide on."""
+FAR_OFF: tuple[Vector, int] = np.full(2, math.inf), 0
+"""Rest of a peg that has not rested yet."""
 
 
 class Sweep:
@@ -59,17 +62,19 @@ class Sweep:
         self._bearing = Bearing(ctx.zero, ctx.scan_period)
         self._trim = Trim(params.trim_rate, params.trim_limit)
         self._phase: Phase = first_phase(course)
-        self._along = 0.0
+        self._along = course.since
         """Time along the course, s."""
-        self._point, self._velocity = course.path.at(0.0)
+        self._point, self._velocity = course.path.at(course.since)
         self._lag = 0.0
         """Lag of the tip behind its setpoint along the pass, m."""
         self._resting: ImpedanceSetpoint | None = None
         self._edge = course.first
         self.touched: Vector | None = None
         """Lowest point of the peg at its last touch-down, shape (3,), m, base frame, by the length that it told; None before."""
-        self._rested: tuple[Vector, int] = np.full(2, math.inf), 0
+        self._rested = FAR_OFF
         """Place of the newest rest in vain, shape (2,), m, base frame, and the number of rests there so far."""
+        self._is_doubted = False
+        """Whether the last touch-down was below the plate beside a decoy."""
         self.rests = 0
         """Number of times that contact evidence stopped the path."""
 
@@ -84,7 +89,9 @@ class Sweep:
         before = self._phase
         self._enter(next_phase(before, felt, params, course, point), felt)
         if isinstance(before, ComingDown) and isinstance(self._phase, Sliding):
-            if felt.is_pressed:
+            if self._has_come_down_in_decoy(felt, edge):
+                self._pass_over()
+            elif felt.is_pressed:
                 self._measure_length(edge, felt)
             else:
                 self._bearing.require_sense(self._push.stiffness * params.push_offset)
@@ -93,11 +100,25 @@ class Sweep:
             self._usual += min(seen.step / USUAL_TIME, 1.0) * (seen.peg.theta - self._usual)
         if isinstance(self._phase, Resting) and self._phase.is_over(felt, params):
             slipped = params.slip_drop * abs(seen.peg.theta - self._usual)
-            if felt.below >= params.fall + (0.0 if self._is_stuck(felt) else slipped):
+            is_stuck = self._is_stuck(felt)
+            if felt.below >= params.fall + (0.0 if is_stuck else slipped):
                 return True
+            if is_stuck:
+                self._pass_over()
             self._evidence.doubt()
             self._enter(after_rest(self._phase, felt, params, course, point), felt)
         return False
+
+    def _has_come_down_in_decoy(self, felt: Felt, edge: Vector) -> bool:
+        """Return whether the peg has come down below the plate beside a decoy; the next time it has slipped up into the hand."""
+        low = self._ctx.job.hole.centre[2] - float(edge[2]) > EXPLAINED or not felt.is_pressed
+        is_doubted, self._is_doubted = self._is_doubted, low and bool(self._course.decoys.found)
+        return self._is_doubted and not is_doubted
+
+    def _pass_over(self) -> None:
+        """Take the place of the peg for a decoy."""
+        decoy = Decoy(self.edge, BLIND * self._ctx.job.hole.part.inscribed)
+        self._course = replace(self._course, decoys=self._course.decoys.with_one(decoy, self._along))
 
     def _is_stuck(self, felt: Felt) -> bool:
         """Count a rest that is over, and return whether the peg has rested here time and again."""
@@ -105,12 +126,22 @@ class Sweep:
         self._rested = felt.tip[:2], times + 1 if math.dist(felt.tip[:2], place) <= STUCK_WITHIN else 1
         return self._rested[1] >= STUCK_AFTER
 
-    def is_turned(self, seen: Observation) -> bool:
-        """Return whether the peg has turned so far in the hand that the hand should turn after it, in the air."""
-        return abs(seen.peg.theta - self._theta) > self._params.turned
+    def is_to_lift(self, seen: Observation) -> bool:
+        """Return whether the peg is to be lifted: it has turned so far in the hand that the hand should turn after it, in the air,
+        or it is stuck in a decoy or slides into one.
+        """
+        is_stuck = self._rested[1] >= STUCK_AFTER
+        is_in_decoy = isinstance(self._phase, Sliding) and self._clear > self._along
+        return is_stuck or is_in_decoy or abs(seen.peg.theta - self._theta) > self._params.turned
+
+    @property
+    def _clear(self) -> float:
+        """Time along the course from which on the peg is outside every decoy, s."""
+        return self._course.decoys.beyond(self._course.path, self._along)
 
     def begin_anew(self) -> Course:
-        """Return the course on which the peg, once the hand has been turned after it, comes down where it was."""
+        """Return the course on which the lifted peg comes down where it was, or behind a decoy."""
+        self._along = self._clear
         self._point, _ = self._course.path.at(self._along)
         self._course = replace(
             self._course, first=np.array([*(self._course.middle + self._point), self._course.first[2]])
@@ -123,6 +154,7 @@ class Sweep:
         self._identity, self._push = self._ctx.new_id(), replace(self._push, theta=self._theta)
         self._bearing, self._phase = Bearing(self._ctx.zero, self._ctx.scan_period), first_phase(self._course)
         self._trim = Trim(self._params.trim_rate, self._params.trim_limit)
+        self._rested = FAR_OFF
         self._evidence.restart()
         self._evidence.forget(math.inf)
 

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from cell.config import load
+from cell.lab.trials import run_trial
 from drivers.errors import ConfigError
 from drivers.part.round import Round
 from sim import contact, metering, native, rig, shapes
@@ -153,3 +154,9 @@ def test_a_plate_without_decoys_has_one_geom():
 def test_decoys_that_cannot_be_are_refused_in_one_line(sets, said):
     with pytest.raises(ConfigError, match=said):
         world_of(*sets)
+
+
+def test_three_decoys_are_passed_over_without_spending_the_one_retry():
+    config = load(sets=("world=decoys", "retries=1")).cell
+    row = run_trial(config, 177004)
+    assert (row.outcome, row.retries) == ("success", 3)

@@ -365,10 +365,10 @@ def test_an_open_switch_at_the_bottom_disagrees_with_the_depth(bench):
     assert bench.rig.clock.now() == pytest.approx(0.1 * AT_BOTTOM, abs=3e-2)
 
 
-def test_fingers_that_slide_down_the_peg_are_counted_on_for_less(bench):
+def test_a_peg_below_the_bottom_is_given_up_at_once(bench):
     bench.way = at_depth(CELL.hole.depth + CLOSED_TOLERANCE + 1e-5)
-    assert bench.adjust().elapsed == 0.0
-    assert bench.ctx.peg.grip_share == 0.5
+    ended = bench.adjust()
+    assert (ended.reason, ended.elapsed) == (Reason.NOT_SEATED, 0.0)
 
 
 def test_a_jammed_peg_is_aimed_anew_by_what_the_skin_says_now_and_swept(bench):

@@ -62,7 +62,7 @@ def test_the_hand_does_not_turn_after_a_peg_that_the_plate_turns(sweeping):
 @pytest.mark.parametrize(("most", "angle", "is_turned"), [(0.35, 0.34, False), (0.35, 0.36, True), (0.2, 0.21, True)])
 def test_a_peg_that_has_turned_far_is_held_anew(sweeping, most, angle, is_turned):
     sweep, seen, ctx = sweeping(turned=most)
-    assert sweep.is_turned(turned(seen, seen.peg.theta - angle, ctx.length)) is is_turned
+    assert sweep.is_to_lift(turned(seen, seen.peg.theta - angle, ctx.length)) is is_turned
 
 
 def test_a_peg_that_is_held_anew_comes_down_where_it_was_and_the_hand_turns_after_it(sweeping):
@@ -71,7 +71,7 @@ def test_a_peg_that_is_held_anew_comes_down_where_it_was_and_the_hand_turns_afte
     course = sweep.begin_anew()
     assert course.first[:2] == pytest.approx(course.middle + course.path.at(0.0)[0])
     sweep.hold_anew()
-    assert not sweep.is_turned(turned(seen, ctx.in_hand().theta, ctx.length))
+    assert not sweep.is_to_lift(turned(seen, ctx.in_hand().theta, ctx.length))
     assert math.isclose(sweep.setpoint(seen).axis @ course.axis, 1.0, abs_tol=1e-9)
 
 
