@@ -39,10 +39,12 @@ class Estimator(Protocol):
 class Tracker(Protocol):
     """Keeps the pose of the peg in the hand from frame to frame, and between them."""
 
-    def follow(self, new: PegPose | None) -> PegPose:
+    def follow(self, new: PegPose | None, stamp: float, moment: float) -> PegPose:
         """Return the pose of the peg now, at every scan; not healthy as long as nothing is known.
 
         Args:
             new: Healthy estimate from a frame that has just come, if any. Its stamp may lie in the past; an estimate that is
                 no newer than the one in use changes nothing.
+            stamp: Time now, s.
+            moment: Moment on the peg about the closing axis, N·m.
         """
