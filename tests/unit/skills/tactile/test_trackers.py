@@ -119,3 +119,9 @@ def test_published_method_holds_theta_between_frames() -> None:
 def test_moment_that_no_frame_has_confirmed_leaves_theta() -> None:
     tracker = settled(lambda: Blend(Smoothing()))
     assert tracker.follow(None, 1.05, 0.4).theta == pytest.approx(0.3)
+
+
+def test_moment_that_is_no_number_leaves_theta() -> None:
+    tracker = settled(lambda: Blend(Smoothing()))
+    told = [tracker.follow(frame(0.3, now), now, math.nan).theta for now in (1.1, 1.2)]
+    assert told == pytest.approx([0.3, 0.3])
