@@ -278,7 +278,10 @@ class SkillContext:
             estimate = self.estimator.estimate(frame)
             require_finite_theta(estimate)
             pose = estimate if estimate.healthy else None
-        known = self.tracker.follow(pose)
+        # Nothing touches the peg on the way through free air; what the arm reports there is its own inertia and friction.
+        is_free = self.held is None or self.held.is_free
+        moment = 0.0 if is_free else float(arm.tcp.rotation[:, 2] @ arm.wrench.torque)
+        known = self.tracker.follow(pose, arm.stamp, moment)
         if known.healthy and known is not self.peg.pose:
             self.peg = replace(self.peg, pose=known)
         tip, axis = end_point(arm.tcp, self.peg.pose.theta, self.length)

@@ -45,7 +45,9 @@ class TactileInsertParams(SkillParams):
     follow_rate: PositiveFloat = 2.0
     """Rate at which the hand turns after a peg that has turned in it, 1/s. Source: docs/tried/search.md."""
     aligned: Annotated[float, Field(gt=0.0, lt=0.8)]
-    """Tilt phi below which the adjustment takes over, rad; 15 degrees in [gibbons]. Source: docs/tried/insertion.md."""
+    """Tilt phi below which the adjustment takes over, rad; 15 degrees in [gibbons]. It also takes over when the setpoint is
+    upright: a hand that turned on would wind the peg up in soft pads. Source: docs/tried/insertion.md.
+    """
     compliance_rate: PositiveFloat
     """Rate at which the tip's setpoint along x and y gives way to where the hole keeps the tip, 1/s. Source: docs/tried/insertion.md."""
     forward: PositiveFloat
@@ -102,7 +104,8 @@ def run(
         phi = angle_between(seen.axis, normal)
         if is_seated(seen.switch, seen.tip, ctx.job.hole):
             return TactileInsertResult(Outcome.SUCCESS, Reason.NONE, elapsed, first_phi, phi)
-        if phi < params.aligned:
+        angle, rate = turned(seen.elapsed, params.turn_rate, params.turn_run_up)
+        if phi < params.aligned or angle >= first_phi:
             if attempt == 0 and plane.depth(seen.tip) + peg.reach * math.sin(phi) < least:
                 return TactileInsertResult(Outcome.FAILURE, Reason.NOT_ALIGNED, elapsed, first_phi, phi)
             return TactileInsertResult(Outcome.SUCCESS, Reason.NONE, elapsed, first_phi, phi)
@@ -116,7 +119,7 @@ def run(
         stiffness[2] = k_33(phi, first_phi, *params.push_stiffness)
         theta += min(params.follow_rate * seen.step, 1.0) * (seen.peg.theta - theta)
         left = rotation_about(seen.arm.tcp.rotation[:, 2], seen.peg.theta - theta)
-        axis, spin = _on_the_way(first.axis, normal, *turned(seen.elapsed, params.turn_rate, params.turn_run_up))
+        axis, spin = _on_the_way(first.axis, normal, angle, rate)
         ctx.follow(
             ImpedanceSetpoint(
                 id=identity,
@@ -150,8 +153,6 @@ def _ahead(axis: Vector) -> Vector:
 
 def _on_the_way(start: Vector, goal: Vector, turned: float, rate: float) -> tuple[Vector, Vector]:
     """Return the setpoint of the axis after turning by `turned` from `start` towards `goal`, and its spin, rad/s."""
-    if turned >= angle_between(start, goal):
-        return goal, np.zeros(3)
     about = np.cross(start, goal)
     about /= np.linalg.norm(about)
     return rotation_about(about, turned) @ start, rate * about

@@ -1,4 +1,4 @@
-"""Theta from frame to frame as a weighted mean, held in between."""
+"""Theta from frame to frame as a weighted mean, twisted in between by the moment on the peg."""
 
 import math
 from dataclasses import replace
@@ -8,6 +8,7 @@ from pydantic import Field
 
 from drivers.config_model import ConfigModel
 from skills.tactile.pose import NO_PEG, PegPose
+from skills.tactile.twist import Twist
 
 FURTHEST = 2.0
 """Largest in-hand angle of a peg that is held, rad; beyond it the hand would be in its way."""
@@ -24,6 +25,10 @@ class Smoothing(ConfigModel):
     jump: Annotated[float, Field(gt=0.0)] = 0.15
     """Difference of a frame from the running estimate, rad, beyond which it counts once the next one differs to the same side. No held
     peg turns so far between two frames; more than pi/2 takes each frame at once, as [gibbons] does. Source: docs/tried/angle.md.
+    """
+    softest: Annotated[float, Field(ge=0.0, le=10.0)] = 1.9
+    """Twist of the peg in the softest pads by a moment about the closing axis, rad/(N·m); 0 holds theta between frames, as
+    [gibbons] does. Two pads of shear stiffness k and length l twist by 12/(k l²). Source: 5 kN/m and 36 mm, assumed.
     """
 
     def take(self, held: PegPose, new: PegPose) -> PegPose:
@@ -51,20 +56,35 @@ def _step(held: PegPose, new: PegPose) -> float:
 
 
 class Blend:
-    """Blends frames as `Smoothing` says, and holds theta between them; a frame alone makes no jump of theta."""
+    """Blends frames as `Smoothing` says, and twists theta between them; a frame alone makes no jump of theta."""
 
     def __init__(self, smoothing: Smoothing) -> None:
         """Start without any estimate."""
         self._smoothing, self._peg = smoothing, NO_PEG
         self._jump = 0.0
         """Jump of the newest frame, rad; 0 where it was none."""
+        self._twist, self._moment = Twist(smoothing.softest), 0.0
+        """Compliance of the grip, and the moment at the time of the frame in use, N·m."""
 
-    def follow(self, new: PegPose | None) -> PegPose:
+    def follow(self, new: PegPose | None, stamp: float, moment: float) -> PegPose:
         """Return the pose of the peg now; see `Tracker`."""
+        if not math.isfinite(moment):
+            moment = self._moment
+        self._twist.feel(stamp, moment)
         if new is not None and new.stamp > self._peg.stamp:
-            before, self._jump = self._jump, self._smoothing.jump_of(self._peg, new)
+            then = self._twist.moment(new.stamp)
+            held, change = self._twisted(then), then - self._moment
+            before, self._jump = self._jump, self._smoothing.jump_of(held, new)
             if self._jump == 0.0 or before * self._jump > 0.0:
-                self._peg = self._smoothing.take(self._peg, new)
+                if held.healthy and self._jump == 0.0:
+                    self._twist.learn(change, _step(self._peg, new))
+                self._peg, self._moment = self._smoothing.take(held, new), then
             else:
                 self._peg = replace(self._peg, stamp=new.stamp)
-        return self._peg
+        return self._twisted(moment)
+
+    def _twisted(self, moment: float) -> PegPose:
+        """Return the pose in use under another moment, N·m."""
+        turn = self._twist.compliance * (moment - self._moment)
+        # theta = theta_frame + c (M - M_frame)
+        return replace(self._peg, theta=self._peg.theta + turn) if self._peg.healthy and turn else self._peg

@@ -39,10 +39,12 @@ class Estimator(Protocol):
 class Tracker(Protocol):
     """Tracker of the peg's pose in the hand, updated at every scan."""
 
-    def follow(self, new: PegPose | None) -> PegPose:
+    def follow(self, new: PegPose | None, stamp: float, moment: float) -> PegPose:
         """Return the present pose of the peg, at every scan; `healthy` is False until the first estimate.
 
         Args:
             new: Healthy estimate from a new frame, if any. Its stamp can lie in the past. If it is not newer than the
                 estimate in use, it is ignored.
+            stamp: Time now, s.
+            moment: Moment on the peg about the closing axis, N·m.
         """

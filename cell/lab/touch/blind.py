@@ -19,7 +19,7 @@ class Frozen:
         self._smoothing, self._peg = smoothing, NO_PEG
         self._until = 0.0
 
-    def follow(self, new: PegPose | None) -> PegPose:
+    def follow(self, new: PegPose | None, stamp: float, moment: float) -> PegPose:
         """Return the present pose of the peg; see `Tracker`."""
         if new is None or new.stamp <= self._peg.stamp:
             return self._peg
@@ -37,7 +37,7 @@ class Straight:
         """Begin without an estimate."""
         self._peg = NO_PEG
 
-    def follow(self, new: PegPose | None) -> PegPose:
+    def follow(self, new: PegPose | None, stamp: float, moment: float) -> PegPose:
         """Return the present pose of the peg; see `Tracker`."""
         if new is not None and new.stamp > self._peg.stamp:
             self._peg = replace(new, theta=0.0, offset=0.0)

@@ -1,6 +1,7 @@
 """What one scan of a skill reads, makes sure of and ends by; every limit at it and one beyond it."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -8,7 +9,7 @@ import pytest
 from cell.config import load
 from drivers.errors import ArmSilentError, NotFiniteError, NotPassiveError, SkinUntrustedError
 from drivers.frames import UP
-from drivers.quantities import ImpedanceSetpoint, SwitchState, TaxelFrame
+from drivers.quantities import ImpedanceSetpoint, SwitchState, TaxelFrame, Wrench
 from skills.catalogue import RECOVER
 from skills.contract import (
     LATEST_STATE,
@@ -414,3 +415,14 @@ def test_a_swing_beyond_the_force_limit_is_a_fault_with_the_arm_halted(ctx):
     ):
         swung(ctx, 1.2, stiff)
     assert ctx.arm.is_halted
+
+
+@pytest.mark.parametrize(("is_free", "moment"), [(True, 0.0), (False, 0.3)])
+def test_moment_on_the_peg_counts_only_outside_free_space(ctx, is_free, moment):
+    felt, closing, read = [], ctx.arm.tcp.rotation[:, 2], ctx.arm.read
+    ctx.arm.read = lambda: replace(read(), wrench=Wrench(np.zeros(3), 0.3 * closing))
+    follow = ctx.tracker.follow
+    ctx.tracker = SimpleNamespace(follow=lambda new, stamp, moment: felt.append(moment) or follow(new, stamp, moment))
+    ctx.follow(replace(here(ctx), is_free=is_free))
+    scanned(ctx)
+    assert felt == pytest.approx([moment] * 3)

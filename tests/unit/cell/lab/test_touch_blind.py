@@ -9,10 +9,10 @@ from skills.tactile.pose import PegPose, Tracker
 
 def followed(tracker: Tracker, *frames: tuple[float, float]) -> PegPose:
     """Return the pose after frames of these stamps and angles."""
-    known = tracker.follow(None)
+    known = tracker.follow(None, 0.0, 0.0)
     assert not known.healthy
     for stamp, theta in frames:
-        known = tracker.follow(PegPose(theta, 0.001, 0.01, 0.0, True, stamp))
+        known = tracker.follow(PegPose(theta, 0.001, 0.01, 0.0, True, stamp), stamp, 0.0)
     return known
 
 

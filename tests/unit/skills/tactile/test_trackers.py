@@ -25,7 +25,7 @@ def settled(make: Make) -> Tracker:
     """Return one that has seen theta = 0.3 for a second, the last frame at 1.0 s."""
     tracker = make()
     for scan in range(101):
-        tracker.follow(frame(0.3, 0.01 * scan) if scan % 10 == 0 else None)
+        tracker.follow(frame(0.3, 0.01 * scan) if scan % 10 == 0 else None, 0.01 * scan, 0.0)
     return tracker
 
 
@@ -33,26 +33,26 @@ def settled(make: Make) -> Tracker:
 def test_age_of_theta_is_that_of_its_newest_frame(make: Make) -> None:
     tracker = settled(make)
     for now in (1.01, 1.2, 1.5):
-        assert now - tracker.follow(None).stamp == pytest.approx(now - 1.0)
+        assert now - tracker.follow(None, now, 0.0).stamp == pytest.approx(now - 1.0)
 
 
 @every_tracker
 def test_frame_that_comes_late_is_as_old_as_when_it_was_measured(make: Make) -> None:
-    assert settled(make).follow(frame(0.3, 1.1)).stamp == pytest.approx(1.1)
+    assert settled(make).follow(frame(0.3, 1.1), 1.15, 0.0).stamp == pytest.approx(1.1)
 
 
 @every_tracker
 @pytest.mark.parametrize("stamp", [0.95, 1.0])
 def test_frame_that_was_overtaken_changes_nothing(make: Make, stamp: float) -> None:
     tracker, other = settled(make), settled(make)
-    late, undisturbed = tracker.follow(frame(0.9, stamp)), other.follow(None)
+    late, undisturbed = tracker.follow(frame(0.9, stamp), 1.1, 0.0), other.follow(None, 1.1, 0.0)
     assert (late.theta, late.stamp) == (undisturbed.theta, undisturbed.stamp)
 
 
 @pytest.mark.parametrize("blend", [1.0, 0.3])
 def test_slip_in_the_hand_is_held_at_the_second_frame_that_shows_it(blend: float) -> None:
     tracker = settled(lambda: Blend(Smoothing(blend=blend)))
-    first, second = (tracker.follow(frame(theta, now)) for now, theta in ((1.1, 0.8), (1.2, 1.1)))
+    first, second = (tracker.follow(frame(theta, now), now, 0.0) for now, theta in ((1.1, 0.8), (1.2, 1.1)))
     assert (first.theta, first.stamp) == (pytest.approx(0.3, abs=1e-6), 1.1)
     assert (second.theta, second.stamp) == (1.1, 1.2)
 
@@ -60,12 +60,14 @@ def test_slip_in_the_hand_is_held_at_the_second_frame_that_shows_it(blend: float
 def test_false_frames_that_come_alone_make_no_jump_of_theta() -> None:
     tracker = settled(lambda: Blend(Smoothing()))
     told = [(1.1, -0.5), (1.2, 0.3), (1.3, -0.5), (1.4, 1.0), (1.5, 0.31)]
-    assert [tracker.follow(frame(theta, now)).theta for now, theta in told] == pytest.approx([0.3] * 4 + [0.31])
+    assert [tracker.follow(frame(theta, now), now, 0.0).theta for now, theta in told] == pytest.approx(
+        [0.3] * 4 + [0.31]
+    )
 
 
 def test_published_method_takes_each_frame_as_it_is() -> None:
     tracker = settled(lambda: Blend(load(preset="paper").cell.smoothing))
-    assert tracker.follow(frame(1.2, 1.1)).theta == pytest.approx(1.2)
+    assert tracker.follow(frame(1.2, 1.1), 1.1, 0.0).theta == pytest.approx(1.2)
 
 
 @every_tracker
@@ -73,7 +75,7 @@ def test_peg_that_stands_still_is_known_no_worse_than_a_frame_tells(make: Make) 
     rng, tracker, errors = np.random.default_rng(4), settled(make), []
     for scan in range(101, 1100):
         new = frame(0.3 + SIGMA * rng.standard_normal(), 0.01 * scan) if scan % 10 == 0 else None
-        errors.append(tracker.follow(new).theta - 0.3)
+        errors.append(tracker.follow(new, 0.01 * scan, 0.0).theta - 0.3)
     assert float(np.std(errors)) < 1.05 * SIGMA
 
 
@@ -82,3 +84,44 @@ def test_a_wrong_first_frame_does_not_turn_the_peg_about_for_good():
     wrong, right = frame(math.radians(80.0), 0.0), frame(math.radians(-30.0), 0.1)
     assert Smoothing().take(wrong, right).theta == right.theta
     assert Smoothing().take(frame(1.5, 0.0), frame(-1.5, 0.1)).theta == pytest.approx(math.pi - 1.5)
+
+
+SOFT = 1.85
+"""Twist of the peg in pads of 5 kN/m, rad/(N·m)."""
+AGE = 0.05
+"""Age of a frame when it comes, s."""
+
+
+def pressed(softness: float, smoothing: Smoothing) -> tuple[list[float], list[float]]:
+    """Return the angles that a tracker gives, and the true ones, rad, in the fifth second of a peg under a changing moment."""
+    tracker, told, true = Blend(smoothing), [], []
+    for scan in range(500):
+        now = 0.01 * scan
+        theta = {time: 0.3 + softness * 0.04 * math.sin(9.0 * time) for time in (now, now - AGE)}
+        new = frame(theta[now - AGE], now - AGE) if scan % 10 == 0 else None
+        told.append(tracker.follow(new, now, 0.04 * math.sin(9.0 * now)).theta)
+        true.append(theta[now])
+    return told[400:], true[400:]
+
+
+@pytest.mark.parametrize("softness", [0.0, 0.19, SOFT])
+def test_theta_between_frames_follows_the_moment_on_the_peg(softness: float) -> None:
+    told, true = pressed(softness, Smoothing())
+    assert told == pytest.approx(true, abs=max(0.1 * softness * 0.04, 1e-9))
+
+
+def test_published_method_holds_theta_between_frames() -> None:
+    told, true = pressed(SOFT, load(preset="paper").cell.smoothing)
+    assert len(set(told)) == 10
+    assert max(map(abs, np.subtract(told, true))) > 0.03
+
+
+def test_moment_that_no_frame_has_confirmed_leaves_theta() -> None:
+    tracker = settled(lambda: Blend(Smoothing()))
+    assert tracker.follow(None, 1.05, 0.4).theta == pytest.approx(0.3)
+
+
+def test_moment_that_is_no_number_leaves_theta() -> None:
+    tracker = settled(lambda: Blend(Smoothing()))
+    told = [tracker.follow(frame(0.3, now), now, math.nan).theta for now in (1.1, 1.2)]
+    assert told == pytest.approx([0.3, 0.3])

@@ -1,0 +1,44 @@
+"""Twist of the peg in the pads by a moment about the closing axis, of which frames alone would show only samples; pure."""
+
+from collections import deque
+
+MEMORY = 10
+"""Number of frames over which the compliance is learnt."""
+NOISE = 0.014
+"""Standard deviation of the difference between two frames, rad: twice the variance of one that errs by 0.01 rad."""
+OLDEST = 0.5
+"""Largest age of a moment that is kept, s; frames are younger."""
+
+
+class Twist:
+    """Learns the compliance of the grip from frames: twist c M, with c by least squares under a normal prior about 0."""
+
+    def __init__(self, softest: float) -> None:
+        """Start from a stiff grip; the softest one twists by `softest`, rad/(N·m)."""
+        self._softest = softest
+        self._moments = deque[tuple[float, float]]()
+        self._crossed = self._squares = 0.0
+
+    @property
+    def compliance(self) -> float:
+        """Twist by a moment, rad/(N·m)."""
+        if self._crossed <= 0.0 or self._softest == 0.0:
+            return 0.0
+        # c = sum(dM dtheta) / (sum(dM^2) + sigma^2 / c_0^2), the mode of its posterior.
+        return min(self._crossed / (self._squares + (NOISE / self._softest) ** 2), self._softest)
+
+    def feel(self, stamp: float, moment: float) -> None:
+        """Take the moment at a time, N·m and s."""
+        self._moments.append((stamp, moment))
+        while self._moments[0][0] < stamp - OLDEST:
+            self._moments.popleft()
+
+    def moment(self, stamp: float) -> float:
+        """Return the moment that was felt next to a time, N·m."""
+        return min(self._moments, key=lambda felt: abs(felt[0] - stamp))[1]
+
+    def learn(self, moment: float, theta: float) -> None:
+        """Take the changes of the moment, N·m, and of theta, rad, from one frame to the next."""
+        kept = 1.0 - 1.0 / MEMORY
+        self._crossed = kept * self._crossed + moment * theta
+        self._squares = kept * self._squares + moment * moment
