@@ -24,7 +24,7 @@ from cell.line import PARAMETERS
 
 UNITS = (
     *("m", "m/s", "1/s", "1/s²", "rad", "rad/s", "s", "Hz", "kg", "N", "N/m", "N·s/m", "N·m", "N·m/rad", "N·m·s/rad"),
-    *("N·m/(rad·s)", "Pa", "counts", "counts/Pa", "bits/s"),
+    *("N·m/(rad·s)", "rad/(N·m)", "Pa", "counts", "counts/Pa", "bits/s"),
 )
 """Units of keys: SI, counts of the skin's converter, and bits per second."""
 PURE = ("fraction", "ratio", "standard deviations", "multiple", "count", "percent", "number")

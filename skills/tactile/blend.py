@@ -28,7 +28,7 @@ class Smoothing(ConfigModel):
     """
     softest: Annotated[float, Field(ge=0.0, le=10.0)] = 1.9
     """Twist of the peg in the softest pads by a moment about the closing axis, rad/(N·m); 0 holds theta between frames, as
-    [gibbons] does. Two pads of shear stiffness k and length l twist by 12/(k l²). Source: 5 kN/m and 36 mm, assumed.
+    [gibbons] does. Two pads of shear stiffness k and length l twist by 12/(k l²), here 5 kN/m and 36 mm. Source: assumed.
     """
 
     def take(self, held: PegPose, new: PegPose) -> PegPose:

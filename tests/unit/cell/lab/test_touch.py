@@ -30,7 +30,7 @@ def test_a_hand_that_does_not_exist_is_told():
 def test_every_hand_can_be_run_with_every_sight(sight):
     for hand in hands(None):
         config = load(None, hand.preset, ["sim.pace=max", *hand.sets]).cell
-        assert not SIGHTS[sight](config).follow(None).healthy
+        assert not SIGHTS[sight](config).follow(None, 0.0, 0.0).healthy
 
 
 def test_table_file_and_chart_show_every_line(tmp_path):
