@@ -1,4 +1,4 @@
-"""Decoys: places on the plate that look like the hole and are not, which a search passes over; pure."""
+"""Decoys: places on the plate that the search mistook for the hole and passes over from then on; pure."""
 
 import math
 from dataclasses import dataclass, replace
@@ -14,9 +14,9 @@ from skills.seating import CLOSED_TOLERANCE
 SHALLOW = 0.5
 """Share of the hole's depth below which a peg that goes no deeper stands in a decoy, fraction."""
 BLIND = 0.75
-"""Radius of a decoy with a bottom, in which the peg is not put down, share of the hole's width."""
+"""Radius around a decoy with a bottom in which the peg is not put down, share of the hole's width."""
 THROUGH = 1.5
-"""Radius of a decoy without one, which is so large that the peg has stood anywhere in it, share of the hole's width."""
+"""Radius of a decoy without a bottom, share of the hole's width; the peg may have stood anywhere in it."""
 STEP = 0.01
 """Step along the path in which its end is looked for, s."""
 
@@ -31,9 +31,9 @@ class Decoy(NamedTuple):
 
 
 def decoy_at(edge: Point, place: Point, depth: float, hole: Hole) -> Decoy | None:
-    """Return the decoy in which a peg was given up, far above the bottom of the hole, or below it; None if it was no decoy.
+    """Return the decoy if the peg was given up far above the bottom of the hole, or below it; otherwise None.
 
-    A decoy holds the peg. If the peg has strayed from where it fell in, its place tells nothing.
+    A decoy holds the peg. If the peg has strayed from where it fell in, its place is no evidence of a decoy.
 
     Args:
         edge: Lowest point of the peg when it fell in, shape (2,), m, base frame.

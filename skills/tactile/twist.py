@@ -1,11 +1,11 @@
-"""Twist of the peg in the pads by a moment about the closing axis, of which frames alone would show only samples; pure."""
+"""Twist of the peg in soft pads by a moment about the closing axis, between two frames of the skin; pure."""
 
 from collections import deque
 
 MEMORY = 10
 """Number of frames over which the compliance is learnt."""
 NOISE = 0.014
-"""Standard deviation of the difference between two frames, rad: twice the variance of one that errs by 0.01 rad."""
+"""Standard deviation of the difference of theta between two frames, rad: sqrt(2) times the 0.01 rad of one frame."""
 OLDEST = 0.5
 """Largest age of a moment that is kept, s; frames are younger."""
 
@@ -28,17 +28,17 @@ class Twist:
         return min(self._crossed / (self._squares + (NOISE / self._softest) ** 2), self._softest)
 
     def feel(self, stamp: float, moment: float) -> None:
-        """Take the moment at a time, N·m and s."""
+        """Record the moment at a time, N·m and s."""
         self._moments.append((stamp, moment))
         while self._moments[0][0] < stamp - OLDEST:
             self._moments.popleft()
 
     def moment(self, stamp: float) -> float:
-        """Return the moment that was felt next to a time, N·m."""
+        """Return the moment that was measured nearest to a time, N·m."""
         return min(self._moments, key=lambda felt: abs(felt[0] - stamp))[1]
 
     def learn(self, moment: float, theta: float) -> None:
-        """Take the changes of the moment, N·m, and of theta, rad, from one frame to the next."""
+        """Update the compliance by the changes of moment, N·m, and theta, rad, from one frame to the next."""
         kept = 1.0 - 1.0 / MEMORY
         self._crossed = kept * self._crossed + moment * theta
         self._squares = kept * self._squares + moment * moment
