@@ -70,7 +70,8 @@ def run_demo(
     Raises:
         CellError: The port is in use, or the peer lost the cell.
     """
-    bridge = Bridge(loaded.cell.plc, PROGRAMS, PARAMETERS)
+    # compilation during the first insertion can halt peer and cell together for over a second: silence shows nothing
+    bridge = Bridge(loaded.cell.plc.model_copy(update={"life_timeout": LONGEST}), PROGRAMS, PARAMETERS)
     reports: list[ReportImage] = []
     errors: list[CellError] = []
     with opened(assemble(loaded.cell)) as cell:
