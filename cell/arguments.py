@@ -60,6 +60,16 @@ def add_config(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help="replace one key")
 
 
+def add_calibration_folder(parser: argparse.ArgumentParser) -> None:
+    """Add --out of a command that writes a measured file."""
+    parser.add_argument(
+        "--out",
+        type=Path,
+        metavar="DIR",
+        help="folder for the file; default calibration/ beside the config file, or among the user's own data",
+    )
+
+
 def add_journal(parser: argparse.ArgumentParser) -> None:
     """Add --journal."""
     parser.add_argument("--journal", type=Path, metavar="DIR", help="folder of the records of runs")

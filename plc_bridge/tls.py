@@ -60,19 +60,9 @@ def server_context(config: TlsConfig) -> ssl.SSLContext:
     """
     context = browser_context(config)
     context.verify_mode = ssl.CERT_REQUIRED
-    try:
-        context.load_verify_locations(config.authority)
-    except ssl.SSLError as error:
-        raise DeviceNotOpenedError(
-            f"plc.tls.authority = {config.authority}: not a PEM certificate ({error})"
-        ) from error
+    _trust(context, "authority", config.authority, "certificate")
     if config.revoked is not None:
-        try:
-            context.load_verify_locations(config.revoked)
-        except ssl.SSLError as error:
-            raise DeviceNotOpenedError(
-                f"plc.tls.revoked = {config.revoked}: not a PEM list of revoked certificates ({error})"
-            ) from error
+        _trust(context, "revoked", config.revoked, "list of revoked certificates")
         context.verify_flags |= ssl.VerifyFlags.VERIFY_CRL_CHECK_LEAF
     return context
 
@@ -121,6 +111,13 @@ def valid_until(config: TlsConfig) -> dict[str, datetime]:
         except ValueError as error:
             raise DeviceNotOpenedError(f"plc.tls.{name} = {path}: not PEM ({error})") from error
     return ends
+
+
+def _trust(context: ssl.SSLContext, name: str, path: Path, what: str) -> None:
+    try:
+        context.load_verify_locations(path)
+    except ssl.SSLError as error:
+        raise DeviceNotOpenedError(f"plc.tls.{name} = {path}: not a PEM {what} ({error})") from error
 
 
 def _files(config: TlsConfig) -> dict[str, Path]:

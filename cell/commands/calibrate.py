@@ -6,7 +6,7 @@ from datetime import date
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cell.arguments import add_config, load_config, positive
+from cell.arguments import add_calibration_folder, add_config, load_config, positive
 from cell.terminal import GOOD, NOT_GOOD, ask, complain, progress, show
 from drivers.errors import ConfigError, NotCalibratedError
 
@@ -35,12 +35,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--pegs", type=positive, metavar="N", help="number of pegs that touch the places off; default 3"
     )
-    parser.add_argument(
-        "--out",
-        type=Path,
-        metavar="DIR",
-        help="folder for the file; default calibration/ beside the config file, or among the user's own data",
-    )
+    add_calibration_folder(parser)
 
 
 def run(args: argparse.Namespace) -> int:

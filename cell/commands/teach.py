@@ -2,10 +2,9 @@
 
 import argparse
 from datetime import date
-from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cell.arguments import add_config, load_config
+from cell.arguments import add_calibration_folder, add_config, load_config
 from cell.terminal import GOOD, NOT_GOOD, complain, say, show
 
 if TYPE_CHECKING:
@@ -23,12 +22,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="M",
         help="distance from the finger centre to the end that shows the places, m; default that of the cell's peg",
     )
-    parser.add_argument(
-        "--out",
-        type=Path,
-        metavar="DIR",
-        help="folder for the file; default calibration/ beside the config file, or among the user's own data",
-    )
+    add_calibration_folder(parser)
 
 
 def run(args: argparse.Namespace) -> int:

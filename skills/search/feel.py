@@ -46,7 +46,7 @@ FAINT = 0.6
 
 
 WARIER = 1.5
-"""Factor on what counts as a sudden fall after each rest in vain: where pegs hop, such rests would take more time than they save. Source: docs/tried/search.md."""
+"""Factor on the threshold of a sudden fall after each rest that finds no hole: if pegs hop, such rests cost more time than they save. Source: docs/tried/search.md."""
 
 
 LIKELY = 0.5
