@@ -141,8 +141,6 @@ class HttpServer:
             DeviceNotOpenedError: The port is in use, the address is not this computer's, or the keys cannot be used.
         """
         host, port = self._asked
-        for name in LOGGERS:
-            logging.getLogger(name).addFilter(self._sparse)
         self._context = self.context()
         try:
             family = sockets.AF_INET6 if ":" in host else sockets.AF_INET
@@ -154,6 +152,8 @@ class HttpServer:
             ) from None
         self._socket.setblocking(False)
         self.routes = self.made()
+        for name in LOGGERS:
+            logging.getLogger(name).addFilter(self._sparse)
         ready = threading.Event()
         self._thread = threading.Thread(target=lambda: asyncio.run(self._serve(ready)), name=THREAD, daemon=True)
         self._thread.start()

@@ -3,7 +3,6 @@
 import asyncio
 import http.client
 import json
-import logging
 import sqlite3
 from collections.abc import Iterator
 from contextlib import AsyncExitStack, asynccontextmanager, closing
@@ -14,7 +13,6 @@ from tornado.websocket import websocket_connect
 
 from cell.journal import INDEX
 from cell.journal_schema import ConfigRow, RunRow
-from cell.page.front import LOGGERS
 from cell.page.hub import PLACES, PLACES_OF_ONE
 from cell.page.server import PageServer
 from cell.page.socket import TRIES
@@ -224,14 +222,7 @@ def test_what_no_parser_can_read_is_answered_in_one_line_and_logged_in_none(serv
     assert caplog.text == ""
 
 
-@pytest.fixture
-def own_log(monkeypatch):
-    """Take away the filters that servers of other tests have left on the loggers of this process."""
-    for name in LOGGERS:
-        monkeypatch.setattr(logging.getLogger(name), "filters", [])
-
-
-def test_wrong_tokens_fill_no_log(own_log, server, caplog):
+def test_wrong_tokens_fill_no_log(server, caplog):
     async def guess():
         for _ in range(5):
             async with connected(server) as page:
