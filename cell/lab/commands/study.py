@@ -47,6 +47,7 @@ STUDIES = (
     "opinion",
     "seating",
     "limits",
+    "ablation",
 )
 """Package of each study in the laboratory; each has a module `study`."""
 
