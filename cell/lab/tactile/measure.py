@@ -30,7 +30,7 @@ from sim.skin import Taxels
 from skills.catalogue import INSERT
 from skills.tactile.pose import PegPose
 
-ESTIMATORS = ("image", "ml", "robust")
+ESTIMATORS = ("image", "robust")
 Model = Literal["springs", "layer"]
 FRAMES, QUICK_FRAMES = 800, 40
 FRAMES_A_SKIN = 8

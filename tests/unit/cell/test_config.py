@@ -119,7 +119,6 @@ def test_a_command_cannot_touch_the_limits(loaded):
     ("name", "kind"),
     [
         ("image", "ImageEstimator"),
-        ("ml", "LikelihoodEstimator"),
         ("robust", "RobustEstimator"),
     ],
 )
