@@ -105,7 +105,6 @@ class Sweep:
                 return True
             if is_stuck:
                 self._pass_over()
-            self._evidence.doubt()
             self._enter(after_rest(self._phase, felt, params, course, point), felt)
         return False
 
