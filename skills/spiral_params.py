@@ -1,4 +1,4 @@
-"""Parameters of the adjustment: spiral, dither, tilt sweep and timeouts."""
+"""Parameters of the adjustment: dither, tilt sweep and timeouts."""
 
 from typing import Annotated
 
@@ -9,24 +9,18 @@ from skills.motion import Gains
 
 
 class SpiralAdjustParams(SkillParams):
-    """Parameters of tilting the peg about its tip along a spiral of the finger centre. The skill uses no tactile measurements.
+    """Parameters of tilting the peg about its tip on small circles of the finger centre, and on sweeps if it jams.
 
     Source: chosen, not measured.
     """
 
-    growth: PositiveFloat
-    """Growth of the spiral's radius at the finger centre, m/s. Source: derived from [gibbons], Sec. VI, 25 mm in 20 s."""
-    turn_rate: PositiveFloat
-    """Turning rate of the spiral, rad/s."""
-    radius: PositiveFloat
-    """Largest radius of the spiral, m; `stall_timeout` can end the spiral earlier. Source: [gibbons], Sec. VI."""
     stall_timeout: Annotated[float, Field(gt=0.0, le=120.0)]
     """Stall timeout: longest time without a depth gain of `jammed`, s; such a peg is not in the hole, or cannot enter it in
     this attempt. The first of several attempts of `insert_peg` has 0.4 of it (docs/tried/adjustment.md). Close to the bottom the time is
     twice as long; if the switch is still open then, it disagrees with the depth. Source: chosen, not measured; reason in docs/tried/adjustment.md.
     """
     timeout: PositiveFloat
-    """Longest adjustment, s; if the radius reaches its largest value earlier, the spiral restarts."""
+    """Longest adjustment, s."""
     gains: Gains
     """Stiffness and damping ratio along x and y and in rotation. Source: chosen within the margin that `cell check` prints."""
     push_stiffness: PositiveFloat
@@ -35,12 +29,8 @@ class SpiralAdjustParams(SkillParams):
     """Damping ratio along z, multiple of the critical damping; a larger value slows the peg's arrival at the bottom."""
     push_offset: NonNegativeFloat
     """Depth of the tip's setpoint below the tip, m."""
-    guided_depth: PositiveFloat
-    """Depth of the tip above which the hole guides the peg, m; then a growing spiral would only load the hole's walls.
-    Source: chosen, not measured; reason in docs/tried/adjustment.md.
-    """
     dither_radius: NonNegativeFloat
-    """Largest radius of the dither of the finger centre with a guided peg, m; it fades within each period, because torque
+    """Largest radius of the dither of the finger centre, m; it fades within each period, because torque
     held by friction jams the peg. Source: chosen, not measured; reason in docs/tried/adjustment.md.
     """
     dither_rate: PositiveFloat

@@ -186,13 +186,6 @@ SEARCH: Sequence[Rule] = (
 )
 SEATING: Sequence[Rule] = (
     Rule(
-        "growing spiral",
-        "A peg less deep than 0.5 mm is tilted along a growing spiral before the circles begin.",
-        keys=("adjust.guided_depth=1e-9",),
-        target="skills.spiral_adjust:Guide.offset",
-        acts=lambda offset, guide, *_, **__: not guide.is_on,
-    ),
-    Rule(
         "tilt sweep",
         "A peg that makes no progress is swept about the closing axis as far as the walls permit.",
         "skills.guided_peg:TiltSweep.next",
