@@ -4,8 +4,8 @@ from collections.abc import Callable, Iterator
 from copy import copy
 from dataclasses import dataclass, replace
 
-from cell.assembly import make_estimator
-from cell.config import load
+from cell.config.load import load
+from cell.devices.assembly import make_estimator
 from cell.lab.ablation.rules import ANGLE, SCENES
 from cell.lab.ablation.switch import Rule, without
 from cell.lab.tactile.measure import CONDITIONS, Condition, Model, Read, kinds, made, read, simulated_skin, summed

@@ -10,13 +10,13 @@ from pathlib import Path
 
 import numpy as np
 
-from cell.cell_config import CellConfig
-from cell.config import load
+from cell.config.cell_config import CellConfig
+from cell.config.load import load
 from cell.lab.ablation.rules import RULES, SCENES, rules_of
 from cell.lab.ablation.switch import watching, without
 from cell.lab.trials import run_trial
 from cell.lab.workers import on_processes
-from cell.statistics import student, wilson
+from cell.records.statistics import student, wilson
 from drivers.errors import ConfigError
 from skills.contract import Outcome
 

@@ -4,11 +4,11 @@ import argparse
 from dataclasses import asdict
 from pathlib import Path
 
-from cell.arguments import out_folder, positive
+from cell.commands.arguments import out_folder, positive
+from cell.commands.terminal import progress
 from cell.lab.ablation.rules import RULES, SCENES
 from cell.lab.arguments import add_out, add_seed, add_trials, add_workers
 from cell.lab.report import StudyReport, finite
-from cell.terminal import progress
 
 SUMMARY = "what each rule of the method buys: success, time and force without it, on the same seeds"
 TABLE, FRAMES = "ablation.csv", "frames.csv"
@@ -35,11 +35,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> StudyReport:
     """Run every scene with all rules and without each; existing trials are reused."""
-    from cell.config import load
+    from cell.commands.warm_up import compile_ahead
+    from cell.config.load import load
     from cell.lab.ablation import measure
     from cell.lab.rows import write_rows
     from cell.lab.tables import plain
-    from cell.warm_up import compile_ahead
 
     compile_ahead(load().cell)
     folder = out_folder(args.out)

@@ -2,7 +2,7 @@
 
 import pytest
 
-from cell.config import load
+from cell.config.load import load
 from cell.lab.ablation.measure import Trial, effects
 from cell.lab.ablation.rules import RULES, SCENES
 from cell.lab.ablation.switch import watching, without
