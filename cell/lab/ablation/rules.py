@@ -77,18 +77,6 @@ SEARCH: Sequence[Rule] = (
         off=_same,
     ),
     Rule(
-        "slip along the fingers",
-        "A rotation of the peg in the hand raises the depth that counts as in the hole.",
-        "skills.search.sweep:Sweep._is_stuck",
-        values={"skills.grip:slip_of_turn": lambda share: 0.0},
-        acts=lambda stuck, sweep, felt: (
-            sweep._params.fall
-            <= felt.below
-            < sweep._params.fall + sweep._params.slip_drop * abs(sweep._ctx.peg.pose.theta - sweep._usual)
-        ),
-        scenes=ROUND,
-    ),
-    Rule(
         "area outwards",
         "Behind a likely place the lanes cover the area from there outwards.",
         "skills.search.course:outwards",
