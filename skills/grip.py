@@ -24,10 +24,6 @@ CONTACT = 0.036
 """Contact length l of the peg in the pads, m: the pads are 41 mm long, and the peg ends 15 mm behind their middle. A
 longer contact bears more moment, and a rotation then causes more slip.
 """
-MOST_PATIENT = 3.0
-"""Largest factor by which a weaker push lengthens the timeouts of an adjustment; without it, a peg next to its hole would
-be pushed for minutes. Source: docs/tried/adjustment.md.
-"""
 
 P = TypeVar("P", bound=ConfigModel)
 
@@ -89,22 +85,12 @@ class Grip:
         return per_turn / math.hypot(per_turn, 1.0) * self.bears
 
     def adjusting(self, adjust: SpiralAdjustParams, length: float) -> SpiralAdjustParams:
-        """Return the adjustment parameters with the push limited to the load that the pads bear, for a peg of this length, m.
-
-        A weaker push lengthens the timeouts.
-        """
+        """Return the adjustment parameters with the push limited to the load that the pads bear, for a peg of this length, m."""
         push = adjust.push_stiffness * adjust.push_offset
         if push <= self.bears:
             return adjust
         share = _share(push, self.bears_dithered(adjust, length))
-        longer = min(1.0 / share, MOST_PATIENT)
-        return _softer(
-            adjust,
-            share,
-            push_stiffness=adjust.push_stiffness * share,
-            timeout=longer * adjust.timeout,
-            stall_timeout=longer * adjust.stall_timeout,
-        )
+        return _softer(adjust, share, push_stiffness=adjust.push_stiffness * share)
 
     def load(self, force: float, moment: float) -> float:
         """Return the load relative to the limit surface of the pads, ratio: 1 on the surface, less inside.

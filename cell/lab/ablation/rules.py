@@ -223,13 +223,6 @@ SEATING: Sequence[Rule] = (
         off=_same,
     ),
     Rule(
-        "longer patience",
-        "A weaker push lengthens the timeouts of the adjustment.",
-        values={"skills.grip:MOST_PATIENT": 1.0},
-        target="skills.grip:Grip.adjusting",
-        acts=lambda result, grip, adjust, length: result is not adjust,
-    ),
-    Rule(
         "slip of turns",
         "The push over the plate and down the hole leaves a margin for the slip of a rotating peg.",
         "skills.grip:Grip.bears_over_plate",

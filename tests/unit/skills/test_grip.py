@@ -56,25 +56,6 @@ def test_the_slip_of_a_dithered_peg_is_no_progress():
     assert turned * slip_of_turn(push / grip.bears) == pytest.approx(adjust.jammed)
 
 
-def test_an_adjustment_that_pushes_less_takes_longer_by_as_much():
-    adjust = cell().params(ADJUST)
-    softened = Grip(15.0, 0.3, 1.4).adjusting(adjust, LENGTH)
-    assert softened.push_stiffness < adjust.push_stiffness
-    assert softened.timeout * softened.push_stiffness == pytest.approx(adjust.timeout * adjust.push_stiffness)
-    assert softened.stall_timeout * softened.push_stiffness == pytest.approx(
-        adjust.stall_timeout * adjust.push_stiffness
-    )
-
-
-@pytest.mark.parametrize("force", [0.5, 2.0, 5.0])
-def test_a_push_of_next_to_nothing_takes_no_longer_than_three_times_the_usual(force):
-    adjust = cell().params(ADJUST)
-    softened = Grip(force, 0.3, 1.4).adjusting(adjust, LENGTH)
-    assert softened.push_stiffness < adjust.push_stiffness / 3.0
-    assert softened.timeout == pytest.approx(3.0 * adjust.timeout)
-    assert softened.stall_timeout == pytest.approx(3.0 * adjust.stall_timeout)
-
-
 def test_an_insertion_pushes_no_harder_than_the_pads_bear():
     grip, insert = Grip(5.0, 0.3, 1.4), cell().params(INSERT)
     low, high = grip.inserting(insert).push_stiffness
