@@ -21,10 +21,6 @@ LATE = 0.06
 """Time after which a height teaches the surface estimate, s: a peg that falls while little of the plate is felt yet would take the
 estimate down with it, and the dip would not be seen. A peg that crosses half a hole of 8 mm at 0.14 m/s falls for 0.03 s."""
 
-JUMPED = 3e-4
-"""Depth below the surface estimate, m, beyond which an angle of the peg that has jumped is the reason: the estimate begins anew then, and no
-longer knows the plate's slopes."""
-
 SUDDEN = 0.08
 """Time within which the hand drops with a peg that falls into the hole, s: it is caught after 0.02 to 0.05 s."""
 
@@ -115,17 +111,15 @@ class Evidence:
             self._surface.learn(*self._late.popleft())
         self._late.append((edge, sense))
 
+    def begin_anew(self) -> None:
+        """Start the surface estimate anew: the peg may have slipped along the fingers."""
+        self._surface = SurfaceEstimate()
+        self.restart()
+
     def restart(self) -> None:
         """Forget the heights of the motion before; the peg has begun to move in another way."""
         self._late.clear()
         self._heights.clear()
-
-    def forget(self, below: float) -> None:
-        """Start the surface estimate anew where all of the plate seems to lie `below`, m: theta has jumped, and the
-        estimate with it.
-        """
-        if below > max(self._params.dip_threshold, JUMPED):
-            self._surface = SurfaceEstimate()
 
     def _drop(self, height: float) -> float:
         """Take the height of the hand, m, and return by how much it has dropped within `SUDDEN`, m."""

@@ -82,7 +82,7 @@ class Sweep:
         edge = self._edge = self._ctx.job.peg.part.lowest(seen.tip, seen.axis, seen.arm.tcp.rotation[:, 2])
         felt = self._felt(seen, *self._evidence.update(seen, edge, sense, self._along < course.likely_until))
         before = self._phase
-        self._enter(next_phase(before, felt, params, course, point), felt)
+        self._enter(next_phase(before, felt, params, course, point))
         if isinstance(before, ComingDown) and isinstance(self._phase, Sliding):
             if self._has_come_down_in_decoy(felt, edge):
                 self._pass_over()
@@ -97,7 +97,7 @@ class Sweep:
                 return True
             if self._is_stuck(felt):
                 self._pass_over()
-            self._enter(after_rest(self._phase, felt, params, course, point), felt)
+            self._enter(after_rest(self._phase, felt, params, course, point))
         return False
 
     def _has_come_down_in_decoy(self, felt: Felt, edge: Vector) -> bool:
@@ -146,8 +146,7 @@ class Sweep:
         self._bearing, self._phase = Bearing(self._ctx.zero, self._ctx.scan_period), first_phase(self._course)
         self._trim = Trim(self._params.trim_rate, self._params.trim_limit)
         self._rested = FAR_OFF
-        self._evidence.restart()
-        self._evidence.forget(math.inf)
+        self._evidence.begin_anew()
 
     @property
     def edge(self) -> tuple[float, float]:
@@ -216,7 +215,7 @@ class Sweep:
         self._ctx.peg = replace(self._ctx.peg, measured=self._ctx.peg.excess + (excess or 0.0))
         self.touched = edge - (excess or 0.0) * float(felt.axis[2]) * UP
 
-    def _enter(self, phase: Phase, felt: Felt) -> None:
+    def _enter(self, phase: Phase) -> None:
         """Go on with `phase`; the only place where the phase changes."""
         before, self._phase = self._phase, phase
         if type(phase) is type(before):
@@ -227,8 +226,6 @@ class Sweep:
             self._resting = self._still(phase)
             return
         self._evidence.restart()
-        if isinstance(before, Probing):
-            self._evidence.forget(felt.below)
 
     def _felt(self, seen: Observation, below: float, is_edge: bool) -> Felt:
         push = self._push.stiffness * self._params.push_offset

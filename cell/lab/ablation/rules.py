@@ -94,13 +94,6 @@ SEARCH: Sequence[Rule] = (
         scenes=ROUND,
     ),
     Rule(
-        "jumped surface",
-        "A probe that ends far below the surface starts the estimate of the surface anew.",
-        "skills.search.feel:Evidence.forget",
-        off=lambda real, evidence, below: real(evidence, below) if below == float("inf") else None,
-        acts=lambda result, evidence, below: max(evidence._params.dip_threshold, 3e-4) < below < float("inf"),
-    ),
-    Rule(
         "probe",
         "A stop that found no hole is followed by a spiral of 3 mm around it.",
         "skills.search.sweep:after_rest",

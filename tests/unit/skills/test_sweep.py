@@ -259,14 +259,6 @@ def test_a_plate_that_seems_lower_on_the_lanes_back_is_no_edge(slide):
     assert {each.twist.linear[1] > 0.0 for each in slide.commanded[-80:]} == {True, False}
 
 
-def test_where_all_of_the_plate_seems_lower_after_a_probe_it_is_felt_anew(slide):
-    """As where theta jumps, and with it the tip."""
-    slide.begin()
-    slide.rig.at(DOWN + 1.0, lambda: setattr(slide, "level", slide.level - 0.5e-3))
-    slide.go_on(DOWN + 5.0)
-    assert (slide.sweep.rests, slide.found) == (1, None)
-
-
 @pytest.mark.parametrize(
     ("places", "lifted"), [((0.0, 0.0, 0.0), True), ((0.0, 0.9e-3, 1.8e-3), True), ((0.0, 0.0, 1.1e-3), False)]
 )
