@@ -6,7 +6,8 @@ from threading import Event as ThreadEvent
 from cell.config_layers import parse_set
 from cell.line import CONTROLS, PARAMETERS
 from drivers.errors import CellError, ConfigError
-from plc_bridge.images import Diagnostics, ReportImage
+from plc_bridge.images import Diagnostics
+from plc_bridge.messages import Report
 from plc_bridge.peer import Peer
 from skills.catalogue import CATALOGUE
 
@@ -44,9 +45,9 @@ def run_remote(
     recipe: int,
     serial: str,
     parameters: list[tuple[int, int]],
-    watch: Callable[[ReportImage], None],
+    watch: Callable[[Report], None],
     stop: ThreadEvent,
-) -> ReportImage:
+) -> Report:
     """Run a program, a skill or a control on a served cell, under the same lease as a PLC; return the last report.
 
     Raises:
@@ -56,7 +57,7 @@ def run_remote(
     peer.connect()
     is_stopping = False
 
-    def look(report: ReportImage) -> None:
+    def look(report: Report) -> None:
         nonlocal is_stopping
         watch(report)
         if stop.is_set() and not is_stopping:
@@ -79,7 +80,7 @@ def run_remote(
 
 
 def watch_remote(
-    address: tuple[str, int], show: Callable[[ReportImage, Diagnostics], None], stop: ThreadEvent, once: bool
+    address: tuple[str, int], show: Callable[[Report, Diagnostics], None], stop: ThreadEvent, once: bool
 ) -> None:
     """Poll a served cell's report and counts without writing.
 

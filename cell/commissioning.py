@@ -195,7 +195,7 @@ def _moved(memory: Memory, now: CellSighting) -> str | None:
     if memory.run is None or now.report.sequence != memory.run.sequence or now.report.result is Result.NONE:
         return None
     if now.report.result is not Result.SUCCESS:
-        raise StepFailedError(f"run {now.report.run} ended in {now.report.result.name}")
+        raise StepFailedError(f"run {now.report.run} ended in {Result(now.report.result).name}")
     return f"run {now.report.run}, {now.time - memory.at['run']:.1f} s"
 
 

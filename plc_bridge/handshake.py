@@ -29,10 +29,10 @@ from dataclasses import dataclass, field
 from itertools import count
 
 from plc_bridge.answers import Inputs, answer_for, inputs_for
-from plc_bridge.images import CommandImage, Diagnostics, ReportImage
+from plc_bridge.images import CommandImage, Diagnostics
 from plc_bridge.lease import CellLease
 from plc_bridge.links import Link, Order
-from plc_bridge.messages import Command, Control, Refusal
+from plc_bridge.messages import Command, Control, Refusal, Report
 from plc_bridge.orders import Orders
 from plc_bridge.peer_log import PeerLog
 from plc_bridge.refusals import Rules
@@ -188,7 +188,7 @@ class Handshake:
         """Number of connections that hold their stop coil at 1."""
         return self.orders.stops_held
 
-    def answer(self, source: str, life: int = 0) -> ReportImage:
+    def answer(self, source: str, life: int = 0) -> Report:
         """Return the report that `source` reads, with the life counter of the cell."""
         return answer_for(self._links[source], self.orders, self._lease, life)
 

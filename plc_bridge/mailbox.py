@@ -12,7 +12,7 @@ from typing import ParamSpec, TypeVar
 
 from plc_bridge.config import PlcConfig
 from plc_bridge.handshake import Handshake
-from plc_bridge.images import CommandImage, Diagnostics, ReportImage, diagnostics_words, report_words
+from plc_bridge.images import CommandImage, Diagnostics, diagnostics_words, report_words
 from plc_bridge.intervals import Intervals
 from plc_bridge.messages import Command, Refusal, Report
 from plc_bridge.peer_log import PeerLog
@@ -155,7 +155,7 @@ class Mailbox:
         with self._lock:
             self._handshake.heard(source, self._now())
 
-    def report_for(self, source: str) -> ReportImage:
+    def report_for(self, source: str) -> Report:
         """Return the report for the link `source`, for a server."""
         with self._lock:
             return self._handshake.answer(source, self._life)

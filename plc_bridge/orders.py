@@ -93,10 +93,11 @@ class Orders:
         if run is None or not run.is_decided or report.sequence != run.sequence:
             return
         run.report = report
-        if report.result is not Result.NONE:
+        result = Result(report.result)
+        if result is not Result.NONE:
             if run.command.code == FIRST_PROGRAM:
-                self.tags.count(report.result)
-            self.decide(run, report.result)
+                self.tags.count(result)
+            self.decide(run, result)
 
     def _undecided(self, command: Command) -> Sequence[Order]:
         """Return the orders of `command` that the scan thread has not decided yet."""
