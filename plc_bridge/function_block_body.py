@@ -15,8 +15,16 @@ NO_CELL, WRONG_VERSION, STOP_PENDING, RUN_GONE = 0xFF01, 0xFF02, 0xFF03, 0xFF04
 """ErrorID of the block's own errors."""
 FAILURE_BASE = 256
 """First ErrorID of failures, to which the reason is added; refusals are below it, and fault codes start at 1000."""
-EXECUTE, HELD = 6, 11
-"""PackML state numbers: a run can be held in the first and continues from the second."""
+_NUMBERS = {
+    "NO_CELL": NO_CELL,
+    "WRONG_VERSION": WRONG_VERSION,
+    "STOP_PENDING": STOP_PENDING,
+    "RUN_GONE": RUN_GONE,
+    "FAILURE_BASE": FAILURE_BASE,
+    "VERSION_MAJOR": VERSION_MAJOR,
+    "EXECUTE": 6,  # PackML state in which a run can be held
+    "HELD": 11,  # PackML state in which it can continue
+}
 DECODED = {
     "version": "ReportVersion",
     "sequence": "ReportSequence",
@@ -51,26 +59,6 @@ _SENT = {
     "life_tail": "Life",
 }
 """Registers of the command that a start sets and that every cycle sets, and the variables with their values."""
-_NUMBERS = {
-    "major": VERSION_MAJOR,
-    "no_cell": NO_CELL,
-    "wrong_version": WRONG_VERSION,
-    "stop_pending": STOP_PENDING,
-    "run_gone": RUN_GONE,
-    "adopted": Refusal.ADOPTED.value,
-    "failure": FAILURE_BASE,
-    "failure_result": Result.FAILURE.value,
-    "none": Result.NONE.value,
-    "success": Result.SUCCESS.value,
-    "aborted": Result.ABORTED.value,
-    "fault": Result.FAULT.value,
-    "stop": Control.STOP.value,
-    "hold": Control.HOLD.value,
-    "unhold": Control.UNHOLD.value,
-    "execute_state": EXECUTE,
-    "held_state": HELD,
-}
-
 BODY = """\
 (* what was shown for one cycle may go *)
 IF NOT {Execute} AND NOT {Busy} THEN
@@ -102,13 +90,13 @@ IF {Execute} AND NOT {WasExecute} AND NOT {Busy} THEN
     {ErrorID} := 0;
     IF NOT {IsReady} OR {IsSilent} THEN
         {Error} := TRUE;
-        {ErrorID} := {no_cell};
+        {ErrorID} := {NO_CELL};
     ELSIF {IsStopping} THEN
         {Error} := TRUE;
-        {ErrorID} := {stop_pending};
-    ELSIF {ReportVersion} / 256 <> {major} THEN
+        {ErrorID} := {STOP_PENDING};
+    ELSIF {ReportVersion} / 256 <> {VERSION_MAJOR} THEN
         {Error} := TRUE;
-        {ErrorID} := {wrong_version};
+        {ErrorID} := {WRONG_VERSION};
     ELSE
         {Sequence} := {Sequence} MOD 65535 + 1;
         {RunNumber} := {Sequence};
@@ -119,17 +107,17 @@ IF {Execute} AND NOT {WasExecute} AND NOT {Busy} THEN
     END_IF;
 ELSIF {Busy} AND {IsWhole} THEN
     {IsTaken} := {IsTaken} OR ({ReportAnswered} = {RunNumber} AND {ReportRefusal} = 0);
-    IF {ReportSequence} = {RunNumber} AND {ReportResult} <> {none} THEN
+    IF {ReportSequence} = {RunNumber} AND {ReportResult} <> {Result.NONE} THEN
         {Busy} := FALSE;
         {Acknowledge} := {RunNumber};
-        IF {ReportResult} = {success} THEN
+        IF {ReportResult} = {Result.SUCCESS} THEN
             {Done} := TRUE;
-        ELSIF {ReportResult} = {aborted} THEN
+        ELSIF {ReportResult} = {Result.ABORTED} THEN
             {CommandAborted} := TRUE;
-        ELSIF {ReportResult} = {failure_result} THEN
+        ELSIF {ReportResult} = {Result.FAILURE} THEN
             {Error} := TRUE;
-            {ErrorID} := {failure} + {Reason};
-        ELSIF {ReportResult} = {fault} THEN
+            {ErrorID} := {FAILURE_BASE} + {Reason};
+        ELSIF {ReportResult} = {Result.FAULT} THEN
             {Error} := TRUE;
             {ErrorID} := {Fault};
         ELSE
@@ -148,17 +136,17 @@ ELSIF {Busy} AND {IsWhole} THEN
         (* the cell has answered the newest number and knows no run of this block any more: it was started anew *)
         {Busy} := FALSE;
         {Error} := TRUE;
-        {ErrorID} := {run_gone};
+        {ErrorID} := {RUN_GONE};
     END_IF;
-    IF {Error} AND {IsTaken} AND {ErrorID} = {adopted} THEN
+    IF {Error} AND {IsTaken} AND {ErrorID} = {Refusal.ADOPTED} THEN
         (* the cell had taken the command and takes its number for a first one now: it was started anew *)
-        {ErrorID} := {run_gone};
+        {ErrorID} := {RUN_GONE};
     END_IF;
 END_IF;
 IF {Busy} AND {IsSilent} THEN
     {Busy} := FALSE;
     {Error} := TRUE;
-    {ErrorID} := {no_cell};
+    {ErrorID} := {NO_CELL};
 END_IF;
 
 (* hold and unhold: once each, when the cell is where they are permitted; they end with the run *)
@@ -170,15 +158,15 @@ ELSIF {IsHolding} AND {IsWhole} AND {ReportAnswered} = {HoldNumber} THEN
     {IsHolding} := FALSE;
 END_IF;
 IF {Busy} AND {IsWhole} AND NOT {IsHolding} AND NOT {IsStopping} AND {Hold} <> {HoldSent} AND {ReportSequence} = {RunNumber} THEN
-    IF ({Hold} AND {State} = {execute_state}) OR ({HoldSent} AND {State} = {held_state}) THEN
+    IF ({Hold} AND {State} = {EXECUTE}) OR ({HoldSent} AND {State} = {HELD}) THEN
         {Sequence} := {Sequence} MOD 65535 + 1;
         {HoldNumber} := {Sequence};
         {HoldSent} := {Hold};
         {IsHolding} := TRUE;
         IF {Hold} THEN
-            {SentCode} := {hold};
+            {SentCode} := {Control.HOLD};
         ELSE
-            {SentCode} := {unhold};
+            {SentCode} := {Control.UNHOLD};
         END_IF;
     END_IF;
 END_IF;
@@ -191,7 +179,7 @@ END_IF;
 IF {Stop} AND NOT {WasStop} THEN
     {Sequence} := {Sequence} MOD 65535 + 1;
     {StopNumber} := {Sequence};
-    {SentCode} := {stop};
+    {SentCode} := {Control.STOP};
     {IsStopping} := TRUE;
 END_IF;
 IF NOT {Busy} AND NOT {IsStopping} THEN
@@ -246,4 +234,7 @@ def body(variables: Sequence[str], language: Language) -> str:
         number=numbers,
         **of,
         **_NUMBERS,
+        Control=Control,
+        Refusal=Refusal,
+        Result=Result,
     )
