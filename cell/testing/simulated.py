@@ -6,14 +6,15 @@ from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
-from cell.arguments import Parser, add_config, load_config
-from cell.assembly import Cell, assemble, opened
-from cell.config import LoadedConfig
-from cell.journal import Journal
-from cell.journal_schema import RunRow
-from cell.line import PARAMETERS, PROGRAMS, WORDS
-from cell.supervisor import Supervisor
-from cell.warm_up import warm_up
+from cell.commands.arguments import Parser, add_config, load_config
+from cell.commands.warm_up import warm_up
+from cell.config.load import LoadedConfig
+from cell.config.parameters import PARAMETERS
+from cell.devices.assembly import Cell, assemble, opened
+from cell.records.journal import Journal
+from cell.records.schema import RunRow
+from cell.run.line import PROGRAMS, WORDS
+from cell.run.supervisor import Supervisor
 from drivers.errors import ConfigError
 from plc_bridge.bridge import Bridge
 from plc_bridge.registers import Register, table
