@@ -24,7 +24,8 @@ from drivers.parts import PLATE_BORDER, Hole
 from drivers.quantities import Pose, Vector
 from skills.catalogue import GRASP, RECOVER
 from skills.contract import Interrupted, Observation, Outcome, SkillContext
-from skills.touch_off import touch_off
+from skills.pace import at_pace
+from skills.touch_off import TouchOff, touch_off
 
 PEGS = 3
 """Number of pegs, taken from consecutive slots."""
@@ -159,7 +160,8 @@ def corners(hole: Hole) -> list[Vector]:
 
 def _touches(cell: Cell, ctx: SkillContext, slot: int, pegs: int, done: Callable[[int, int], None]) -> PegTouches:
     """Take the peg of a slot, touch the plate at every corner, and drop the peg into the bin."""
-    config, places = cell.config, corners(cell.config.hole)
+    config, places, pace = cell.config, corners(cell.config.hole), cell.config.pace()
+    transfer, touch = at_pace(config.params(GRASP).transfer, pace), at_pace(TouchOff(), pace)
     ctx.job = config.job(slot=slot)
     cell.restock(ctx.job, config.first_seed + slot)
     closed: list[Pose] = []
@@ -178,7 +180,7 @@ def _touches(cell: Cell, ctx: SkillContext, slot: int, pegs: int, done: Callable
     held = ctx.observe().peg
     points = []
     for number, place in enumerate(places, 1):
-        found = touch_off(place, config.params(GRASP).transfer, ctx)
+        found = touch_off(place, transfer, touch, ctx)
         if found is None:
             raise NotCalibratedError(
                 f"calibrate places: nothing to touch at x = {place[0]:.3f}, y = {place[1]:.3f} m; see hole.centre and hole.area"
