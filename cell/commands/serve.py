@@ -8,7 +8,7 @@ from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cell.arguments import add_config, add_journal, listening, load_config, open_journal
+from cell.arguments import add_config, add_journal, calibration_folder, listening, load_config, open_journal
 from cell.terminal import GOOD, say
 
 if TYPE_CHECKING:
@@ -63,20 +63,23 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _serve(args: argparse.Namespace) -> None:
+    from dataclasses import replace
+
     from cell.assembly import assemble, opened
     from cell.line import PARAMETERS, PROGRAMS
     from cell.live import Live
+    from cell.proven import FILE, in_force
     from cell.supervisor import Supervisor
     from cell.warm_up import warm_up
     from plc_bridge.bridge import Bridge
 
-    loaded = load_config(args)
+    loaded, why = in_force(load_config(args), calibration_folder(args) / FILE)
     _warn(loaded.cell.plc, args)
     warm_up(loaded)
     bridge, live = Bridge(loaded.cell.plc, PROGRAMS, PARAMETERS), Live()
     with (
         open_journal(args, loaded.cell.journal) as journal,
-        opened(assemble(loaded.cell)) as cell,
+        opened(replace(assemble(loaded.cell), commissioning=why)) as cell,
         ExitStack() as servers,
     ):
         supervisor = Supervisor(cell, loaded, bridge, journal, args.stop, live)

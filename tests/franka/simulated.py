@@ -138,6 +138,8 @@ class Arm:
             "O_J_EE": np.eye(6, 7),
             # The wrench of the robot on the environment: robot_state.h of libfranka.
             "O_F_ext_hat_K": [*-force, *-torque],
+            "m_ee": self.world.arm.hand.body.mass + 2.0 * self.world.arm.hand.finger.mass,
+            "m_load": 0.0,
             "self_collision": None,
         }
 
