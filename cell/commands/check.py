@@ -6,12 +6,12 @@ from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cell.arguments import add_config, add_journal, calibration_folder, load_config, open_journal
-from cell.terminal import FAULT, GOOD, NOT_GOOD, ask, complain, say, show
+from cell.commands.arguments import add_config, add_journal, calibration_folder, load_config, open_journal
+from cell.commands.terminal import FAULT, GOOD, NOT_GOOD, ask, complain, say, show
 from drivers.errors import ConfigError
 
 if TYPE_CHECKING:
-    from cell.config import LoadedConfig
+    from cell.config.load import LoadedConfig
     from plc_bridge.config import PlcConfig
 
 SUMMARY = "open every device of a config, read each once, say what is wrong; with --plc, commission cell and PLC"
@@ -71,9 +71,10 @@ def run(args: argparse.Namespace) -> int:
 def _check(args: argparse.Namespace, loaded: "LoadedConfig") -> int:
     from rich.table import Table
 
-    from cell.assembly import assemble, check
-    from cell.checks import OK
-    from cell.line import PARAMETERS, PROGRAMS
+    from cell.config.parameters import PARAMETERS
+    from cell.devices.assembly import assemble, check
+    from cell.devices.checks import OK
+    from cell.run.line import PROGRAMS
     from drivers.errors import CellError
     from plc_bridge.bridge import Bridge
 
@@ -104,8 +105,8 @@ def _computer(loaded: "LoadedConfig") -> list[tuple[str, str]]:
     """Return the verdicts on this computer, if a physical arm needs it, and the ages of the calibrations."""
     import tomllib
 
-    from cell.checks import OK
-    from cell.computer import computer
+    from cell.devices.checks import OK
+    from cell.devices.computer import computer
 
     config, files = loaded.cell, loaded.cell.calibration
     if config.is_simulated:
@@ -121,8 +122,8 @@ def _computer(loaded: "LoadedConfig") -> list[tuple[str, str]]:
 
 def _proven(args: argparse.Namespace, loaded: "LoadedConfig", found: dict[str, str]) -> list[tuple[str, str]]:
     """Return what is proven of a physical cell, after a proof with --prove."""
-    from cell.checks import OK
-    from cell.proven import FILE, commissioning, read
+    from cell.calibrate.proven import FILE, commissioning, read
+    from cell.devices.checks import OK
     from drivers.errors import CellError
 
     if loaded.cell.is_simulated:
@@ -145,10 +146,10 @@ def _prove(loaded: "LoadedConfig", path: Path, found: dict[str, str]) -> None:
     """
     from datetime import date
 
-    from cell.assembly import assemble, opened
-    from cell.checks import OK
-    from cell.proofs import prove_switch, prove_wrench
-    from cell.proven import keep
+    from cell.calibrate.proofs import prove_switch, prove_wrench
+    from cell.calibrate.proven import keep
+    from cell.devices.assembly import assemble, opened
+    from cell.devices.checks import OK
     from drivers.errors import NotCalibratedError
 
     wrong = [name for name in PROVEN_BY if not found.get(name, "").startswith(OK)]
@@ -168,8 +169,8 @@ def _loop(args: argparse.Namespace, loaded: "LoadedConfig") -> int:
 
     from rich.table import Table
 
-    from cell.assembly import loop_figures
-    from cell.checks import OK, loop_verdict
+    from cell.devices.assembly import loop_figures
+    from cell.devices.checks import OK, loop_verdict
 
     figures = loop_figures(loaded.cell, 60.0 * args.minutes, args.stop)
     told = loop_verdict(figures)
@@ -184,8 +185,8 @@ def _loop(args: argparse.Namespace, loaded: "LoadedConfig") -> int:
 
 def _network(plc: "PlcConfig") -> list[tuple[str, str]]:
     """Return the open ports and the remaining validity of each key."""
-    from cell.checks import OK
-    from cell.exposure import exposures, key_days, key_verdict
+    from cell.devices.checks import OK
+    from cell.page.exposure import exposures, key_days, key_verdict
     from drivers.errors import DeviceNotOpenedError
 
     found = [("network", f"{OK}, but {line}") for line in exposures(plc)]
@@ -198,13 +199,14 @@ def _commission(args: argparse.Namespace, loaded: "LoadedConfig") -> int:
     """Serve the cell to the PLC and watch its commands until every step has passed or one has failed."""
     import json
 
-    from cell.assembly import assemble, opened
-    from cell.commissioning import Walk, WatchedLine, record
-    from cell.line import PARAMETERS, PROGRAMS
-    from cell.proven import FILE, in_force
-    from cell.supervisor import Supervisor
-    from cell.versions import PROGRAM, installed
-    from cell.warm_up import warm_up
+    from cell.calibrate.commissioning import Walk, WatchedLine, record
+    from cell.calibrate.proven import FILE, in_force
+    from cell.commands.warm_up import warm_up
+    from cell.config.parameters import PARAMETERS
+    from cell.devices.assembly import assemble, opened
+    from cell.records.versions import PROGRAM, installed
+    from cell.run.line import PROGRAMS
+    from cell.run.supervisor import Supervisor
     from plc_bridge.bridge import Bridge
 
     if why := in_force(loaded, calibration_folder(args) / FILE)[1]:

@@ -6,7 +6,7 @@ from dataclasses import asdict
 from threading import Event, Thread
 from typing import TYPE_CHECKING
 
-from cell.arguments import (
+from cell.commands.arguments import (
     add_config,
     add_journal,
     address,
@@ -16,7 +16,7 @@ from cell.arguments import (
     open_journal,
     require_known,
 )
-from cell.terminal import FAULT, GOOD, NOT_GOOD, complain, progress, show
+from cell.commands.terminal import FAULT, GOOD, NOT_GOOD, complain, progress, show
 from drivers.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -29,7 +29,7 @@ SUMMARY = "one skill or program, by hand"
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the skill, program or control, the part, and the cell."""
-    from cell.line import CONTROLS, TOLD
+    from cell.run.line import CONTROLS, TOLD
     from skills.catalogue import CATALOGUE
 
     names = f"{', '.join((*CATALOGUE, *TOLD))}; with --connect also {', '.join(c for c in CONTROLS if c not in TOLD)}"
@@ -45,7 +45,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Run the skill, program or control to its end; return GOOD for a success."""
-    from cell.line import CONTROLS, TOLD
+    from cell.run.line import CONTROLS, TOLD
     from skills.catalogue import CATALOGUE
 
     require_known("run", args.name, [*CATALOGUE, *(CONTROLS if args.connect else TOLD)])
@@ -53,7 +53,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _run_there(args: argparse.Namespace) -> int:
-    from cell import client, words
+    from cell.commands import client, words
     from plc_bridge.messages import REMEDIES, Refusal, Result
 
     if args.config is not None:
@@ -84,12 +84,12 @@ def _run_there(args: argparse.Namespace) -> int:
 def _run_here(args: argparse.Namespace) -> int:
     from rich.console import Group
 
-    from cell import words
-    from cell.assembly import assemble, opened
-    from cell.line import TOLD, TerminalLine
-    from cell.proven import FILE, in_force
-    from cell.supervisor import Supervisor
-    from cell.warm_up import warm_up
+    from cell.calibrate.proven import FILE, in_force
+    from cell.commands import words
+    from cell.commands.warm_up import warm_up
+    from cell.devices.assembly import assemble, opened
+    from cell.run.line import TOLD, TerminalLine
+    from cell.run.supervisor import Supervisor
     from plc_bridge.messages import REMEDIES, Command, Refusal, Report, Result
     from skills.catalogue import CATALOGUE
     from skills.contract import Outcome

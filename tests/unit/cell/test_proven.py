@@ -6,13 +6,13 @@ from datetime import date
 import numpy as np
 import pytest
 
-from cell.computer import UNLIMITED, settings
-from cell.config import load
-from cell.config_files import SHIPPED
-from cell.hand_motion import MOST_FORCE
-from cell.proofs import ALONG, LEAST_FORCE, LEAST_WAY, prove_switch, prove_wrench, sense
-from cell.proven import FACTS, FILE, SLOW, commissioning, in_force, keep, missing, read
-from cell.supervisor import Supervisor
+from cell.calibrate.hand_motion import MOST_FORCE
+from cell.calibrate.proofs import ALONG, LEAST_FORCE, LEAST_WAY, prove_switch, prove_wrench, sense
+from cell.calibrate.proven import FACTS, FILE, SLOW, commissioning, in_force, keep, missing, read
+from cell.config.files import SHIPPED
+from cell.config.load import load
+from cell.devices.computer import UNLIMITED, settings
+from cell.run.supervisor import Supervisor
 from drivers.errors import NotCalibratedError, WrenchReversedError
 from drivers.quantities import Pose, SwitchState
 from plc_bridge.messages import Control, Refusal
