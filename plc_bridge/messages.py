@@ -41,6 +41,8 @@ class Refusal(IntEnum):
     """The switch under the hole is silent, or its board returns no valid answer."""
     RACK_EMPTY = 15
     """Every slot of the rack is empty, and no refill was reported."""
+    COMMISSIONING = 16
+    """Not everything is proven of this arm, hand, skin, switch and plate: only a person at the cell starts motions."""
 
 
 REMEDIES: dict[Refusal, str] = {
@@ -62,6 +64,7 @@ REMEDIES: dict[Refusal, str] = {
     Refusal.HOLE_OCCUPIED: "take the workpiece away; if there is none, mend the switch",
     Refusal.SWITCH_UNKNOWN: "run `cell check`, mend the switch or its cable, then send again",
     Refusal.RACK_EMPTY: "fill every slot of the rack, then send REFILLED",
+    Refusal.COMMISSIONING: "prove the cell with `cell check --prove` and `cell calibrate places`: docs/first-day.md",
     Refusal.STOP_HELD: "let every stop coil fall to 0 (diagnostics_stops_held counts them), then send again",
 }
 """Remedy for each refusal."""

@@ -51,6 +51,7 @@ REFUSED = {
     Refusal.HOLE_OCCUPIED: "the switch under the hole is closed: the workpiece must be exchanged",
     Refusal.SWITCH_UNKNOWN: "the switch under the hole gives no valid answer",
     Refusal.RACK_EMPTY: "the rack is empty: fill it and say so",
+    Refusal.COMMISSIONING: "the cell is in commissioning: only `cell run` starts motions, slowly",
     Refusal.STOP_HELD: "a stop coil is held at 1 somewhere; nothing starts before it falls",
 }
 """Reason in words for each refusal."""
@@ -60,6 +61,7 @@ _WARNINGS = {
     Warnings.DISK_LOW: "the disk is almost full",
     Warnings.SCAN_OVERRUNS: "scans take longer than their period",
     Warnings.ARM_CALIBRATION: "the arm's calibration does not fit what the arm does",
+    Warnings.COMMISSIONING: "in commissioning: the PLC starts nothing",
 }
 
 
