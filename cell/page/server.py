@@ -16,7 +16,6 @@ from tornado.web import HTTPError
 from cell.config.cell_config import CellConfig
 from cell.config.load import LoadedConfig
 from cell.page.commands import MOST
-from cell.page.exposure import is_local
 from cell.page.front import Front, Guarded, HttpServer
 from cell.page.guard import part_of
 from cell.page.hub import PERIOD, SPECTATOR, PageHub
@@ -24,6 +23,7 @@ from cell.page.metrics import KIND, CellCollector
 from cell.page.records import FILES, FILM, Records
 from cell.page.socket import PageSocket
 from cell.page.token import page_token
+from cell.run.exposure import is_local
 from cell.run.live import Live
 from drivers.errors import FAULTS, JournalError
 from plc_bridge.bridge import Bridge
