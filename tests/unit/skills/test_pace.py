@@ -2,7 +2,7 @@
 
 import pytest
 
-from cell.config import load
+from cell.config.load import load
 from drivers.errors import ConfigError
 from skills.catalogue import ADJUST, GRASP, SEARCH
 from skills.pace import Pace, at_pace

@@ -2,7 +2,7 @@
 
 import pytest
 
-from cell.config import load
+from cell.config.load import load
 from skills.plan import ARM, GRIP
 from skills.search.size import CROSSED_DIP, CROSSINGS, fastest
 
