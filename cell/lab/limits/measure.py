@@ -127,7 +127,7 @@ def row_from(data: dict[str, Any]) -> LimitsRow:
 
 def searching(config: CellConfig) -> SpraySearchParams:
     """Return the search parameters of a cell for its part."""
-    return config.handling().search
+    return config.plan().search
 
 
 @dataclass(slots=True)
