@@ -94,6 +94,8 @@ class Cell:
     """Function that removes the workpiece with the seated peg; on hardware the line does it."""
     refill: Callable[[], None] = _nothing
     """Function that fills the rack; on hardware it does nothing, because a person fills the rack before reporting it."""
+    empty: Callable[[], None] = _nothing
+    """Function that takes all pegs out of the rack until `refill`; on hardware it does nothing."""
     clear: Callable[[], None] = _nothing
     """Function that removes the peg from any place; on hardware it does nothing: a person removes the peg before reporting it."""
     errors: Mapping[str, str] = field(default_factory=dict)
@@ -224,6 +226,7 @@ def assemble(config: CellConfig) -> Cell:
         restock=line.stock,
         exchange=line.exchange,
         refill=line.refill,
+        empty=line.empty,
         clear=line.clear,
         errors=recorded(world.drawn),
         truth=world.truth,

@@ -7,8 +7,7 @@ from cell.peg.part_state import REMEDIES, PartState, described
 from cell.records.schema import RunRow
 from cell.run.states import ASKED, Event, State, is_permitted
 from drivers.errors import FAULTS, FaultCode
-from plc_bridge.images import ReportImage
-from plc_bridge.messages import LeaseState, PartPlace, Refusal, Result
+from plc_bridge.messages import LeaseState, PartPlace, Refusal, Report, Result
 from plc_bridge.registers import Warnings
 from skills.catalogue import CATALOGUE
 
@@ -77,12 +76,12 @@ def permitted(state: State, unplugged: Sequence[str] = ()) -> list[str]:
     return [*starts, *asked, *(BY_PERSON if state in WAITING else ())]
 
 
-def still(image: ReportImage) -> ReportImage:
+def still(image: Report) -> Report:
     """Return a report without its life counter, so that equal contents compare equal."""
     return replace(image, life=0, life_tail=0)
 
 
-def told(image: ReportImage, message: str, evidence: str, unplugged: Sequence[str] = ()) -> dict[str, object]:
+def told(image: Report, message: str, evidence: str, unplugged: Sequence[str] = ()) -> dict[str, object]:
     """Return the part of a report for all pages.
 
     Args:
@@ -111,7 +110,7 @@ def told(image: ReportImage, message: str, evidence: str, unplugged: Sequence[st
         "part": part.place.name.lower(),
         "evidence": evidence,
         "peak_force": round(image.peak_force, 2),
-        "hole": [image.hole_x, image.hole_y] if image.hole_x or image.hole_y else None,
+        "hole": list(image.hole) if any(image.hole) else None,
         "warnings": [text for bit, text in _WARNINGS.items() if image.warnings & bit],
         "overruns": image.overruns,
         "fault": _fault(image.fault, message),
@@ -149,7 +148,7 @@ def _fault(code: int, message: str) -> dict[str, object] | None:
     }
 
 
-def own(image: ReportImage) -> dict[str, object]:
+def own(image: Report) -> dict[str, object]:
     """Return the part of a report for one page: its lease, and the result of its last command."""
     refusal = Refusal(image.refusal)
     return {
