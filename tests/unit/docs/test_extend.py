@@ -54,8 +54,8 @@ def test_what_names_one_that_is_there_is_what_the_page_says_to_touch(what, patte
 def test_a_study_touches_the_list_of_studies_and_that_of_packages():
     count, stated = _row("a study")
     assert stated == {"cell/lab/commands/study.py", SETTINGS}
-    assert '"wire"' in SOURCES["cell/lab/commands/study.py"]
-    assert '"cell.lab.wire"' in Path(SETTINGS).read_text(encoding="utf-8")
+    assert '"touch"' in SOURCES["cell/lab/commands/study.py"]
+    assert '"cell.lab.touch"' in Path(SETTINGS).read_text(encoding="utf-8")
     assert count == "2"
 
 

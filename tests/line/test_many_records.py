@@ -1,8 +1,8 @@
-"""The study of questions to many runs, at its smallest, on a journal that the product itself has begun."""
+"""Queries to a journal that is filled with copies of a few recorded runs."""
 
 from cell.journal import Journal
-from cell.lab.records import measure
 from cell.run_query import RunQuery
+from tests.bench import records as measure
 
 RUNS = 40
 

@@ -1,26 +1,29 @@
 """Cost of a query to a journal with weeks of runs from a busy line.
 
+    python -m tests.bench.records [RUNS]    100,000 runs if not given
+
 The product simulates and records a few runs. Copies of their rows with other times and serial numbers then fill the
 journal, one run every 15 s. Each query is a separate process, as for a technician.
 """
 
+import csv
 import os
 import shutil
 import subprocess
 import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from statistics import median
+from tempfile import TemporaryDirectory
 
 import numpy as np
 
 from cell.journal import Journal
 from cell.journal_index import Index
 from cell.journal_schema import EventRow, RunRow, StageRow
-from cell.lab.speed.starts import heavy_imports
 from cell.page.records import Records
 from cell.run_query import RunQuery
 from drivers.errors import FaultCode
@@ -37,8 +40,8 @@ MADE: tuple[tuple[str, ...], ...] = (
 """Options of `cell run insert_peg` for each simulated run: a good one, one without a hole, and a fault."""
 FAULT = FaultCode.TRACKING
 """Fault that ends the last of them."""
-OF_THE_PAGE = 2
-"""Number of queries of a page."""
+REPEATS = 5
+"""Number of repetitions of each query."""
 BATCH = 2000
 """Number of runs in one write."""
 
@@ -68,8 +71,6 @@ class QuestionLine:
     whole: float
     """Median processor time of the whole command, including the files that it draws, s."""
     asked: int
-    heavy: str
-    """Heavy packages that it imports."""
 
     @property
     def holds(self) -> bool:
@@ -153,13 +154,12 @@ def measure(
     for name, arguments in asked.items():
         words = arguments if arguments[0] == "faults" else (*arguments, "--journal", str(folder))
         took, answer, whole = zip(*(_asked(words) for _ in range(times)), strict=True)
-        heavy = " ".join(heavy_imports(words))
-        lines.append(QuestionLine(name, runs, median(took), max(took), median(answer), median(whole), times, heavy))
+        lines.append(QuestionLine(name, runs, median(took), max(took), median(answer), median(whole), times))
         done()
     records = Records(folder)
     for name, ask in (("page: summary", records.summary), ("page: a run", lambda: records.whole(shown(runs)))):
         spent = [_spent(ask) for _ in range(times)]
-        lines.append(QuestionLine(name, runs, median(spent), max(spent), median(spent), median(spent), times, ""))
+        lines.append(QuestionLine(name, runs, median(spent), max(spent), median(spent), median(spent), times))
         done()
     return lines
 
@@ -225,3 +225,18 @@ def _processor_time(process: int) -> float:
     """Return the processor time of a process so far, s; a process that has just ended is permitted."""
     values = Path(f"/proc/{process}/stat").read_text().rsplit(")", 1)[1].split()
     return (int(values[11]) + int(values[12])) / os.sysconf("SC_CLK_TCK")
+
+
+def main() -> None:
+    """Fill a journal, run the queries, and print a row for each."""
+    runs = int(sys.argv[1]) if len(sys.argv) > 1 else 100_000
+    with TemporaryDirectory() as folder:
+        fill(Path(folder), runs, lambda count: None)
+        lines = measure(Path(folder), runs, REPEATS, lambda: None, questions(runs, Path(folder) / "report"))
+    table = csv.DictWriter(sys.stdout, [*asdict(lines[0]), "holds"])
+    table.writeheader()
+    table.writerows(asdict(line) | {"holds": line.holds} for line in lines)
+
+
+if __name__ == "__main__":
+    main()
