@@ -8,7 +8,7 @@ from typing import Any
 from cell.cell_config import CellConfig
 from cell.config_files import presets
 from cell.lab.frontier.measure import Variant, load_variant
-from cell.lab.paper.unknowns import LABORATORY, ONE_ARM, ONE_BOARD
+from cell.lab.paper import LABORATORY, ONE_ARM, ONE_BOARD
 from cell.statistics import RateTest
 from skills.catalogue import INSERT
 from skills.tactile.estimators import ESTIMATORS
