@@ -10,11 +10,11 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cell.arguments import add_config, load_config, natural, positive
-from cell.terminal import progress
+from cell.commands.arguments import add_config, load_config, natural, positive
+from cell.commands.terminal import progress
 
 if TYPE_CHECKING:
-    from cell.config import LoadedConfig
+    from cell.config.load import LoadedConfig
     from cell.lab.report import StudyReport
 
 
@@ -108,7 +108,7 @@ def load_simulated(args: argparse.Namespace, what: str, pace: str | None = "max"
     """
     loaded = load_config(args, default_pace=pace)
     loaded.cell.require_simulated(what)
-    from cell.warm_up import compile_ahead
+    from cell.commands.warm_up import compile_ahead
 
     compile_ahead(loaded.cell)
     return loaded

@@ -12,9 +12,9 @@ from matplotlib.figure import Figure
 from matplotlib.transforms import Bbox
 from numpy.typing import ArrayLike
 
+from cell.film.plots import COLOURS
 from cell.lab.published import PUBLISHED_ATTEMPTS, PUBLISHED_SUCCESSES, PUBLISHED_TOTAL, StageLine
-from cell.plots import COLOURS
-from cell.statistics import wilson
+from cell.records.statistics import wilson
 
 CHART = "speed_accuracy.png"
 INK, GREY, BLUE, RED, GREEN, PURPLE = "#222222", "#888888", "#4477aa", "#ee6677", "#228833", "#aa3377"

@@ -8,8 +8,8 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from cell.arguments import out_folder, require_known
-from cell.cell_config import CellConfig
+from cell.commands.arguments import out_folder, require_known
+from cell.config.cell_config import CellConfig
 from cell.lab.arguments import advancing, load_simulated, seeds_of
 from cell.lab.charts import Bar, draw_rows
 from cell.lab.frontier.measure import FrontierLine, Variant, measure, title_of
@@ -17,7 +17,7 @@ from cell.lab.report import StudyReport, finite
 from cell.lab.rows import write_rows
 from cell.lab.tables import TURNS, VARIANTS, Columns, table
 from cell.lab.trials import TABLE, MakeProbe, TrialRow, read_table
-from cell.statistics import RateTest
+from cell.records.statistics import RateTest
 
 FILE = Path(__file__).parent / "variants.toml"
 NAMES: Columns = {"variant": lambda line: line.family, "": lambda line: line.variant}

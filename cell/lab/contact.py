@@ -15,7 +15,8 @@ from typing import Any
 
 import numpy as np
 
-from cell.arguments import out_folder
+from cell.commands.arguments import out_folder
+from cell.film.plots import COLOURS
 from cell.lab.arguments import advancing
 from cell.lab.charts import BLUE, GREEN, GREY, INK, RED, Curve, Panel, draw_panels
 from cell.lab.compare import config_of
@@ -23,7 +24,6 @@ from cell.lab.report import StudyReport, finite
 from cell.lab.rows import write_rows
 from cell.lab.tables import table
 from cell.lab.workers import each_of
-from cell.plots import COLOURS
 from drivers.part.contract import Part
 from sim import native, rig
 from sim.config import ModelConfig

@@ -12,9 +12,9 @@ from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 
-from cell.arguments import out_folder
-from cell.assembly import Cell, assemble, opened
-from cell.cell_config import CellConfig
+from cell.commands.arguments import out_folder
+from cell.config.cell_config import CellConfig
+from cell.devices.assembly import Cell, assemble, opened
 from cell.lab.arguments import advancing, seeds_of
 from cell.lab.compare import config_of
 from cell.lab.report import StudyReport, finite

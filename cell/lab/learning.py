@@ -10,9 +10,10 @@ from pathlib import Path
 
 import numpy as np
 
-from cell.arguments import out_folder
-from cell.assembly import assemble, choices, make_estimator, make_tracker, opened
-from cell.cell_config import CellConfig
+from cell.commands.arguments import out_folder
+from cell.config.cell_config import CellConfig
+from cell.devices.assembly import assemble, choices, make_estimator, make_tracker, opened
+from cell.film.plots import COLOURS
 from cell.lab.arguments import advancing, seeds_of
 from cell.lab.charts import Curve, Panel, draw_panels
 from cell.lab.compare import config_of
@@ -20,10 +21,9 @@ from cell.lab.report import StudyReport, finite
 from cell.lab.rows import write_rows
 from cell.lab.tables import SUCCESSES, table
 from cell.lab.workers import each_of
-from cell.learning import Learning
-from cell.plots import COLOURS
-from cell.record import ending_of
-from cell.statistics import Z95
+from cell.peg.ending import ending_of
+from cell.records.statistics import Z95
+from cell.run.learning import Learning
 from drivers.errors import CellError
 from drivers.parts import HolePrior
 from sim.config import FixtureConfig

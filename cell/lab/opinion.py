@@ -19,7 +19,7 @@ from cell.lab.report import StudyReport, finite
 from cell.lab.rows import write_rows
 from cell.lab.tables import VARIANTS, Columns, table
 from cell.lab.trials import TrialRow
-from cell.statistics import Z95
+from cell.records.statistics import Z95
 from drivers.arm.inertia import joint_inertia
 from drivers.arm.kinematics import jacobian, links
 from drivers.arm.model import JOINTS, ArmModel

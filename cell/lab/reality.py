@@ -14,9 +14,9 @@ from typing import Any
 
 import numpy as np
 
-from cell.arguments import out_folder
-from cell.cell_config import CellConfig
-from cell.config_files import ERRORS_FILE, SHIPPED
+from cell.commands.arguments import out_folder
+from cell.config.cell_config import CellConfig
+from cell.config.files import ERRORS_FILE, SHIPPED
 from cell.lab.arguments import seeds_of
 from cell.lab.charts import draw_rows
 from cell.lab.compare import NAMES, Compared, compared, config_of, section
@@ -25,7 +25,7 @@ from cell.lab.report import StudyReport, finite
 from cell.lab.rows import write_rows
 from cell.lab.tables import VARIANTS, table
 from cell.lab.trials import TrialRow
-from cell.statistics import RateTest, Verdict
+from cell.records.statistics import RateTest, Verdict
 from drivers.arm.kinematics import finger_frame, jacobian, links
 from drivers.quantities import Vector
 from sim.reality import KINDS, AnyError, Figure, read

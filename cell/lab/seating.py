@@ -12,7 +12,8 @@ from statistics import fmean, median
 
 import numpy as np
 
-from cell.assembly import Cell
+from cell.devices.assembly import Cell
+from cell.film.plots import COLOURS
 from cell.lab.arguments import seeds_of
 from cell.lab.charts import INK, Curve, Panel, draw_panels
 from cell.lab.compare import chosen, compared, config_of, section
@@ -20,10 +21,9 @@ from cell.lab.report import StudyReport, finite
 from cell.lab.rows import write_rows
 from cell.lab.tables import share, table
 from cell.lab.trials import TrialRow
-from cell.part_state import PartState
-from cell.plots import COLOURS
-from cell.record import Ending
-from cell.success import Evidence, LastLook, evidence_for, judged
+from cell.peg.ending import Ending
+from cell.peg.part_state import PartState
+from cell.peg.success import Evidence, LastLook, evidence_for, judged
 from drivers.errors import CellError
 from drivers.parts import Latch
 from drivers.quantities import ImpedanceSetpoint

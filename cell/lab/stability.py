@@ -16,9 +16,12 @@ from itertools import product
 
 import numpy as np
 
-from cell.arguments import out_folder
-from cell.assembly import Cell, assemble, opened
-from cell.cell_config import CellConfig
+from cell.commands.arguments import out_folder
+from cell.config.cell_config import CellConfig
+from cell.config.margins import HELD, MARGIN, loop_at, margins
+from cell.config.sampled_loop import largest_factor
+from cell.config.torque_path import largest, largest_hold
+from cell.devices.assembly import Cell, assemble, opened
 from cell.lab.arguments import advancing
 from cell.lab.charts import BLUE, GREEN, INK, RED, Curve, Panel, draw_panels
 from cell.lab.compare import config_of
@@ -26,9 +29,6 @@ from cell.lab.report import StudyReport, finite
 from cell.lab.rows import write_rows
 from cell.lab.tables import table
 from cell.lab.workers import each_of
-from cell.margins import HELD, MARGIN, loop_at, margins
-from cell.sampled_loop import largest_factor
-from cell.torque_path import largest, largest_hold
 from drivers import impedance
 from drivers.arm.inertia import tip_inertia
 from drivers.arm.model import JOINTS

@@ -10,7 +10,7 @@ from rich.text import Text
 
 from cell.lab.published import PUBLISHED, PUBLISHED_ATTEMPTS, PUBLISHED_SUCCESSES, PUBLISHED_TOTAL, StageLine
 from cell.lab.trials import LOADS, TrialRow, load
-from cell.statistics import mean, wilson
+from cell.records.statistics import mean, wilson
 from sim.metering import JERK_BANDWIDTH, OVER_FORCE
 
 LOADED = (

@@ -17,9 +17,9 @@ from typing import Literal
 
 import numpy as np
 
-from cell.arguments import out_folder
-from cell.assembly import make_estimator
-from cell.cell_config import CellConfig
+from cell.commands.arguments import out_folder
+from cell.config.cell_config import CellConfig
+from cell.devices.assembly import make_estimator
 from cell.lab.arguments import advancing, load_simulated
 from cell.lab.charts import BLUE, GREY, PURPLE, Curve, Panel, draw_panels
 from cell.lab.elastic_layer import layer_pads

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from cell.assembly import Cell
+from cell.devices.assembly import Cell
 from cell.lab.trials import NoProbe, Probe
 from skills.contract import SkillContext
 from skills.tactile.blend import Smoothing

@@ -21,11 +21,11 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from cell.journal import Journal
-from cell.journal_index import Index
-from cell.journal_schema import EventRow, RunRow, StageRow
 from cell.page.records import Records
-from cell.run_query import RunQuery
+from cell.records.index import Index
+from cell.records.journal import Journal
+from cell.records.run_query import RunQuery
+from cell.records.schema import EventRow, RunRow, StageRow
 from drivers.errors import FaultCode
 
 LIMIT = 1.0

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from cell.assembly import assemble, opened
-from cell.config import load
+from cell.config.load import load
+from cell.devices.assembly import assemble, opened
 from cell.lab.charts import draw_panels
 from cell.lab.compare import variants_of
 from cell.lab.seating import hanging, line_of, panel

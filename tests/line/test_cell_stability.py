@@ -7,7 +7,7 @@ from contextlib import redirect_stdout
 
 import pytest
 
-from cell.cli import GOOD, main
+from cell.commands.cli import GOOD, main
 
 
 @pytest.fixture(scope="module")

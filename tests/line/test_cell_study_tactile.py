@@ -5,7 +5,7 @@ from contextlib import redirect_stdout
 
 import pytest
 
-from cell.cli import main
+from cell.commands.cli import main
 from cell.lab.tactile import CONDITIONS, ESTIMATORS, ON_LAYER
 from drivers.skin.layout import LAYOUTS
 

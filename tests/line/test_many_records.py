@@ -1,7 +1,7 @@
 """Queries to a journal that is filled with copies of a few recorded runs."""
 
-from cell.journal import Journal
-from cell.run_query import RunQuery
+from cell.records.journal import Journal
+from cell.records.run_query import RunQuery
 from tests.bench import records as measure
 
 RUNS = 40

@@ -5,8 +5,8 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from cell.assembly import bench_skin
-from cell.config import load
+from cell.config.load import load
+from cell.devices.assembly import bench_skin
 from drivers.errors import SkinSilentError
 from sim.config import WireFaults
 

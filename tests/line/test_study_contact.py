@@ -5,7 +5,7 @@ import math
 
 import pytest
 
-from cell.config import load
+from cell.config.load import load
 from cell.lab import contact
 from cell.lab.charts import draw_panels
 from cell.lab.contact import HOLES, SHIPPED, Rung, boundary_bouncing, boundary_bound, model, plan, verdict

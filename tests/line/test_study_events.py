@@ -8,8 +8,8 @@ from contextlib import redirect_stdout
 
 import pytest
 
-from cell.cli import main
-from cell.config import load
+from cell.commands.cli import main
+from cell.config.load import load
 from cell.lab.events import EventRow, line_of, watch
 from drivers.errors import ConfigError
 

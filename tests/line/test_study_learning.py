@@ -1,6 +1,6 @@
 """The study of learning on a few parts: the third is searched where the first two were, and another fixture is noticed."""
 
-from cell.config import load
+from cell.config.load import load
 from cell.lab.charts import draw_panels
 from cell.lab.learning import Mode, PartRow, lines_of, panels, run_series
 

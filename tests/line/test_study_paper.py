@@ -9,8 +9,8 @@ from dataclasses import replace
 
 import pytest
 
-from cell.cli import main
-from cell.config import load
+from cell.commands.cli import main
+from cell.config.load import load
 from cell.lab import paper
 from cell.lab.published import PUBLISHED
 from cell.lab.trials import TABLE, VOID, read_table

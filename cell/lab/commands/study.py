@@ -5,9 +5,9 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol, cast
 
-from cell.arguments import Parser, add_shared, positive
+from cell.commands.arguments import Parser, add_shared, positive
+from cell.commands.terminal import GOOD, NOT_GOOD, show, written
 from cell.lab.arguments import Plan
-from cell.terminal import GOOD, NOT_GOOD, show, written
 
 if TYPE_CHECKING:
     from cell.lab.report import StudyReport

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from cell.config import load
+from cell.config.load import load
 from cell.lab import compare
 from cell.lab.charts import Bar, Curve, Panel, draw_panels, draw_rows
 from cell.lab.commands.study import PLANS

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from cell.config import load
+from cell.config.load import load
 from cell.lab import opinion as measure
 from cell.lab.opinion import Agreement, Comparison, JointFigure
 from cell.lab.trials import TrialRow

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cell.config import load
+from cell.config.load import load
 from cell.lab import reality
 from cell.lab.compare import section
 from sim.config import RealityConfig
