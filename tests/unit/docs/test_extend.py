@@ -56,3 +56,8 @@ def test_a_study_touches_the_list_of_studies():
     assert stated == {"cell/lab/commands/study.py"}
     assert stated == {name for name, text in SOURCES.items() if re.search(r"cell\.lab\.stability\b", text)}
     assert count == "1"
+
+
+def test_every_slot_for_the_scan_carries_the_pose_that_a_page_shows():
+    assert "seen: Observation" in SOURCES["cell/run/live.py"]
+    assert "peg: PegPose" in SOURCES["skills/contract.py"]
