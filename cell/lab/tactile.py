@@ -21,7 +21,7 @@ from cell.commands.arguments import out_folder
 from cell.config.cell_config import CellConfig
 from cell.devices.assembly import make_estimator
 from cell.lab.arguments import advancing, load_simulated
-from cell.lab.charts import BLUE, GREY, PURPLE, Curve, Panel, draw_panels
+from cell.lab.charts import BLUE, GREEN, GREY, PURPLE, Curve, Panel, draw_panels
 from cell.lab.elastic_layer import layer_pads
 from cell.lab.report import StudyReport
 from cell.lab.rows import write_rows
@@ -35,10 +35,11 @@ from sim.config import SimSkinConfig
 from sim.pads import PadLoad, Pads
 from sim.skin import Taxels
 from skills.catalogue import INSERT
+from skills.tactile.estimators import ESTIMATORS
 from skills.tactile.pose import PegPose
 
-ESTIMATORS = {"image": (GREY, "s"), "ml": (BLUE, "^"), "robust": (PURPLE, "o")}
-"""Colour and marker of each estimator."""
+LOOKS = ((GREY, "s"), (BLUE, "^"), (PURPLE, "o"), (GREEN, "v"))
+"""Colours and markers of the estimators, in their order."""
 Model = Literal["springs", "layer"]
 FRAMES, QUICK_FRAMES = 800, 40
 FRAMES_A_SKIN = 8
@@ -275,13 +276,13 @@ def panels(lines: Sequence[TactileLine]) -> list[Panel]:
 
     A filled symbol is the bed of springs, a hollow one the elastic layer; bars reach to the worst error.
     """
-    found = []
+    found, look = [], dict(zip(ESTIMATORS, LOOKS, strict=False))
     for layout in LAYOUTS:
         curves = [
             Curve(
                 [1e6 * line.time],
                 [line.rmse],
-                *(ESTIMATORS[line.estimator][0], f"{line.estimator}, {line.model}", ESTIMATORS[line.estimator][1], 2.0),
+                *(look[line.estimator][0], f"{line.estimator}, {line.model}", look[line.estimator][1], 2.0),
                 low=[line.rmse],
                 high=[line.worst],
                 is_hollow=line.model == "layer",

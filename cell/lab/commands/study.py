@@ -98,6 +98,11 @@ PLANS = {
         "cell.lab.contact",
         "the ladder of models of contact: how fast, how exact, where each fails",
     ),
+    "limits": Plan(
+        "cell.lab.limits",
+        "what limits each phase: the bound by formula beside what trials of the default and of fast reach",
+        "of each preset; default 24, with --quick 1",
+    ),
     "paper": Plan(
         "cell.lab.paper",
         "the published method under honest errors, beside the published table",
@@ -112,7 +117,6 @@ PACKAGES = (
     "frontier",
     "page",
     "faults",
-    "limits",
 )
 """Studies that are a package with a module `study`."""
 STUDIES = (*PACKAGES, *PLANS)

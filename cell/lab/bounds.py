@@ -44,7 +44,7 @@ class Dip:
         """Time of the drop from rest, s."""
         return fall_time(self.depth, self.push, self.mass)
 
-    def band(self, speed: float, error: float = 0.0) -> float:
+    def band(self, speed: float) -> float:
         """Return the width across the lanes of the capture band of a peg that slides at `speed`, m/s, m; 0 if there is
         none.
 
@@ -54,13 +54,12 @@ class Dip:
 
         Args:
             speed: Speed along the lane, m/s.
-            error: Largest error of a lane's position, m.
         """
         chord = speed * self.time + half_width(self.depth, self.peg, self.tilt)
         half = math.sqrt(max(self.hole**2 - chord**2, 0.0)) / 2.0
-        return max(2.0 * (half - error), 0.0)
+        return 2.0 * half
 
-    def shortest(self, area: tuple[float, float], error: float = 0.0) -> "Cover":
+    def shortest(self, area: tuple[float, float]) -> "Cover":
         """Return the fastest cover of an area, m, by lanes along its second side at the best speed, without missing the
         hole.
 
@@ -71,7 +70,7 @@ class Dip:
         """
         found = []
         for speed in SPEEDS:
-            band = self.band(float(speed), error)
+            band = self.band(float(speed))
             if band > 0.0:
                 lanes = math.ceil(area[0] / band)
                 found.append(Cover(lanes * (area[1] / float(speed) + TURN_TIME / 2.0), float(speed), lanes))
@@ -94,11 +93,6 @@ class Cover:
 def fall_time(depth: float, push: float, mass: float) -> float:
     """Return the time in which a push, N, moves a mass, kg, by a depth, m, from rest: sqrt(2 h m/F), s."""
     return math.sqrt(2.0 * depth * mass / push)
-
-
-def fall_depth(time: float, push: float, mass: float) -> float:
-    """Return the depth to which a push, N, moves a mass, kg, in a time, s, from rest: F t²/(2 m), m."""
-    return push * time**2 / (2.0 * mass)
 
 
 def half_width(depth: float, peg: float, tilt: float) -> float:
@@ -138,20 +132,6 @@ def turning_force(inertia: Vector, axis: Vector) -> Vector:
     """
     force: Vector = inertia[:3, 3:] @ axis
     return force
-
-
-def turn_force(time: float, angle: float, coupling: float, push: float) -> float:
-    """Return the lower bound of the wall force, N, in a rotation about the tip from rest, perpendicular to a push.
-
-    A rotation by `angle` in `time` from rest reaches at least the acceleration 2 angle/time².
-
-    Args:
-        time: Time of the rotation, s.
-        angle: Angle of the rotation, rad.
-        coupling: Size of `turning_force` across the push, N per rad/s².
-        push: Push down the hole, N.
-    """
-    return math.hypot(push, coupling * 2.0 * angle / time**2)
 
 
 def turn_time(force: float, angle: float, coupling: float, push: float) -> float:
