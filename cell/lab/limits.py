@@ -20,7 +20,7 @@ from cell.lab.rows import quantile, write_rows
 from cell.lab.tables import table
 from cell.lab.trials import TrialRow
 from drivers.frames import angle_between
-from drivers.quantities import ImpedanceSetpoint
+from drivers.quantities import ImpedanceSetpoint, Vector
 from sim.metering import OVER_FORCE
 from sim.world import World
 from skills.catalogue import ADJUST, INSERT, SEARCH
@@ -81,19 +81,23 @@ class Phases:
                 place = self._ctx.job.peg.part.lowest(tip, axis, world.tcp().rotation[:, 2])
                 self._mass = mobility(world.inertia(place), normal)
         elif stage == INSERT.name:
-            if not self._tilts:
-                about = np.cross(axis, normal)
-                force = turning_force(world.inertia(tip), about / np.linalg.norm(about))
-                self._coupling = float(np.linalg.norm(force - (force @ normal) * normal))
-            if len(self._tilts) == 1 and setpoint is not None:  # the first scan still has the setpoint of the search
-                self._push = float(setpoint.stiffness[2]) * self._cell.config.params(INSERT).push_offset
-            self._tilts.append((world.now(), angle_between(axis, normal)))
+            self._turn(tip, axis, normal, setpoint)
         else:
             if not self._scans:
                 self._inertia, about = world.inertia(tip), np.cross(axis, normal)
                 self._about = about / np.linalg.norm(about)
             depth = -float((world.plate.rotation.T @ (tip - world.plate.position))[2])
             self._scans.append((world.now() - self._began, depth, angle_between(axis, normal)))
+
+    def _turn(self, tip: Vector, axis: Vector, normal: Vector, setpoint: ImpedanceSetpoint | None) -> None:
+        """Add one scan of the insertion."""
+        if not self._tilts:
+            about = np.cross(axis, normal)
+            force = turning_force(self._world.inertia(tip), about / np.linalg.norm(about))
+            self._coupling = float(np.linalg.norm(force - (force @ normal) * normal))
+        if len(self._tilts) == 1 and setpoint is not None:  # the first scan still has the setpoint of the search
+            self._push = float(setpoint.stiffness[2]) * self._cell.config.params(INSERT).push_offset
+        self._tilts.append((self._world.now(), angle_between(axis, normal)))
 
     def columns(self, records: Sequence[StageRecord]) -> dict[str, str]:
         """Return time and bound of each phase, s, and the share of the first cover before the hole; empty if it was not reached."""
