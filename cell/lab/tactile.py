@@ -276,7 +276,7 @@ def panels(lines: Sequence[TactileLine]) -> list[Panel]:
 
     A filled symbol is the bed of springs, a hollow one the elastic layer; bars reach to the worst error.
     """
-    found, look = [], dict(zip(ESTIMATORS, LOOKS, strict=False))
+    found, look = [], {name: LOOKS[n % len(LOOKS)] for n, name in enumerate(ESTIMATORS)}
     for layout in LAYOUTS:
         curves = [
             Curve(
