@@ -1,6 +1,7 @@
 """Studies of variants: every variant is a valid config, every probe exists, and tables and charts show every line."""
 
 import argparse
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -11,6 +12,7 @@ from cell.lab.charts import Bar, Curve, Panel, draw_panels, draw_rows
 from cell.lab.commands.study import PLANS
 from cell.lab.frontier.measure import Variant
 from cell.lab.tables import share, table
+from cell.lab.trials import read_table, run_trial, write_table
 from cell.lab.workers import each_of
 from drivers.errors import ConfigError
 
@@ -73,3 +75,25 @@ def test_panels_and_rows_are_drawn(tmp_path):
 def test_every_study_of_one_module_has_it():
     for plan in PLANS.values():
         assert Path(*plan.module.split(".")).with_suffix(".py").exists()
+
+
+class Scans:
+    """Counts the scans of a trial."""
+
+    def __init__(self, cell, ctx):
+        self.count = 0
+
+    def record(self, seen, setpoint):
+        self.count += 1
+
+    def columns(self, records):
+        return {"scans": str(self.count), "stages": " ".join(record.name for record in records)}
+
+
+def test_a_probe_adds_columns_that_are_read_back(tmp_path):
+    row = run_trial(load(sets=["search.timeout=0.2"]).cell, 3, Scans)
+    assert int(row.more["scans"]) == pytest.approx(100.0 * row.sim_time, rel=0.05)
+    assert row.more["stages"].startswith("grasp_from_rack spray_search")
+    other = replace(row, seed=4, more={})
+    write_table([row, other], tmp_path / "trials.csv")
+    assert [found.more["scans"] for found in read_table(tmp_path / "trials.csv")] == [row.more["scans"], ""]
