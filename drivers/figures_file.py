@@ -27,11 +27,11 @@ def read_figures(path: Path, kind: type[M], what: str = "") -> M:
         return kind.model_validate(tomllib.loads(path.read_text(encoding="utf-8")))
     except OSError as error:
         raise ConfigError(f"{path}:{f' {what}' if what else ''} cannot be read: {error.strerror}") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise ConfigError(f"{path}: not TOML: {error}".replace("\n", " ")) from None
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         raise ConfigError(f"{path}: {'.'.join(map(str, first['loc']))}: {first['msg']}") from None
+    except (ValueError, RecursionError) as error:  # the parser raises these for numbers too long and lists too deep
+        raise ConfigError(f"{path}: not TOML: {error}".replace("\n", " ")) from None
 
 
 def write_whole(path: Path, text: str, what: str) -> None:
