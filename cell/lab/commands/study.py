@@ -29,8 +29,6 @@ class Study(Protocol):
 STUDIES = (
     "speed",
     "contact",
-    "line",
-    "handshake",
     "wire",
     "tactile",
     "stability",
@@ -41,7 +39,6 @@ STUDIES = (
     "paper",
     "events",
     "records",
-    "page",
     "faults",
     "learning",
     "opinion",
