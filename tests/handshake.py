@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 from pymodbus.client import ModbusTcpClient
 
 from cell.lab.faults.program import served
-from cell.states import State
+from cell.run.states import State
 from plc_bridge.images import COMMAND, REPORT, CommandImage, command_words, report_image
 from plc_bridge.messages import Refusal, Result
 from plc_bridge.registers import COILS, DISCRETE_INPUTS

@@ -11,18 +11,19 @@ import numpy as np
 import pytest
 from tornado.websocket import websocket_connect
 
-from cell.assembly import assemble, opened
-from cell.config import load
-from cell.journal import Journal
-from cell.journal_schema import RunRow
-from cell.line import PARAMETERS, PROGRAMS, TerminalLine
-from cell.live import KEPT, Live
+from cell.config.load import load
+from cell.config.parameters import PARAMETERS
+from cell.devices.assembly import assemble, opened
 from cell.page.front import THREAD
 from cell.page.hub import PERIOD
 from cell.page.server import PageServer
-from cell.states import State
-from cell.supervisor import Supervisor
-from cell.wall_clock import now_text
+from cell.records.journal import Journal
+from cell.records.schema import RunRow
+from cell.records.wall_clock import now_text
+from cell.run.line import PROGRAMS, TerminalLine
+from cell.run.live import KEPT, Live
+from cell.run.states import State
+from cell.run.supervisor import Supervisor
 from plc_bridge.bridge import Bridge
 from plc_bridge.messages import FIRST_PROGRAM, Command, Report, Result
 from skills.catalogue import CATALOGUE

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import pytest
 
-from cell.config import load
+from cell.config.load import load
 from cell.lab.faults import charts, ends, tables
 from cell.lab.faults.bench import KEYS, REST_LIMIT
 from cell.lab.faults.cases import STAGES, TABLE, FaultCase, begun, planned
@@ -16,7 +16,7 @@ from cell.lab.faults.kinds import KINDS
 from cell.lab.faults.measure import measure
 from cell.lab.faults.soak import SoakSample, earlier, pieces, soak
 from cell.lab.rows import write_rows
-from cell.provenance import versions
+from cell.records.provenance import versions
 from drivers.errors import ConfigError, FaultCode
 
 BY_NAME = {kind.name: kind for kind in KINDS}

@@ -7,9 +7,10 @@ from functools import cache
 from pathlib import Path
 
 import pytest
+from tests.unit.cell.test_outside import changed
 
-from cell.config import load
-from cell.learning import FILE, read_learned
+from cell.config.load import load
+from cell.run.learning import FILE, read_learned
 from drivers.arm.calibration import read_arm_calibration
 from drivers.errors import ConfigError
 from drivers.skin.calibration import read_calibration
@@ -35,7 +36,6 @@ from plc_bridge.pdu import respond
 from plc_bridge.rtu_frames import Receiver, with_check_sum
 from tests.hostile import request
 from tests.pages import ROOT
-from tests.unit.cell.test_outside import changed
 from tests.unit.plc_bridge.test_pdu import FakeStation
 
 INPUTS, FILES = 100_000, 300

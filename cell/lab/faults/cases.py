@@ -10,7 +10,7 @@ import numpy as np
 
 from cell.lab.faults.contract import FaultKind
 from cell.lab.rows import kept_rows
-from cell.states import State
+from cell.run.states import State
 from plc_bridge.images import ReportImage
 from plc_bridge.messages import Control, PartEvidence, Refusal, Result
 from plc_bridge.peer import Peer

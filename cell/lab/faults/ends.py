@@ -15,16 +15,16 @@ from pathlib import Path
 
 import numpy as np
 
-from cell.journal import Journal
-from cell.journal_schema import LOST, RUNNING, RunRow
 from cell.lab.faults import attacks
 from cell.lab.faults.bench import PATIENCE
 from cell.lab.faults.cases import INSERT, LONGEST, FaultCase, brought_back, remedy, reset_if_needed, word
 from cell.lab.faults.contract import FaultKind, Undo
 from cell.lab.faults.program import Program, certificate, served
-from cell.sample_blocks import BATCH
-from cell.samples import read_samples
-from cell.states import State
+from cell.records.journal import Journal
+from cell.records.sample_blocks import BATCH
+from cell.records.samples import read_samples
+from cell.records.schema import LOST, RUNNING, RunRow
+from cell.run.states import State
 from drivers.errors import CellError
 from drivers.quantities import Vector
 from plc_bridge.images import ReportImage

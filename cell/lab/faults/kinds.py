@@ -22,8 +22,8 @@ SLOW = {
     "hand: weak": "a weak hand shows only once the peg slips",
 }
 """Reasons why faults are not detected at once."""
-WEAK, OPENED = 2.0, 0.001
-"""Closing force of a weakened hand, N, and the distance by which a hand opens a little, m."""
+WEAK, STRONG = 2.0, 60.0
+"""Closing forces of a hand that is weaker or stronger than commanded, N."""
 
 
 def _wire(what: str, faults: WireFaults, bench: FaultBench) -> Undo:
@@ -89,12 +89,8 @@ DEVICE_KINDS: tuple[FaultKind, ...] = (
     *(FaultKind(name, partial(_lost, what, make)) for name, (what, make) in devices.LOST.items()),
     FaultKind("arm: halts by itself", partial(_once, lambda bench: bench.arm.device.halt())),
     FaultKind("hand: lets go", partial(_once, lambda bench: bench.gripper.device.release(0.06))),
-    FaultKind(
-        "hand: opens a little",
-        partial(_once, lambda bench: bench.gripper.device.release(bench.gripper.device.read().width + OPENED)),
-    ),
     FaultKind("hand: weak", partial(_grips, WEAK)),
-    FaultKind("hand: too strong", partial(_grips, 60.0)),
+    FaultKind("hand: too strong", partial(_grips, STRONG)),
 )
 """All kinds of faults of the devices."""
 

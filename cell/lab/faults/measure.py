@@ -5,13 +5,13 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, suppress
 from pathlib import Path
 
-from cell.config import LoadedConfig
+from cell.config.load import LoadedConfig
 from cell.lab.faults import ends
 from cell.lab.faults.bench import LIFE_TIMEOUT, PATIENCE, FaultBench, Sighting, bench
 from cell.lab.faults.cases import INSERT, FaultCase, Planned, brought_back, word
 from cell.lab.faults.contract import FaultKind
-from cell.part_state import IN_HOLE_DEPTH
-from cell.states import State
+from cell.peg.part_state import IN_HOLE_DEPTH
+from cell.run.states import State
 from drivers.errors import CellError
 from plc_bridge.images import ReportImage
 from plc_bridge.messages import PartPlace

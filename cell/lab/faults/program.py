@@ -111,7 +111,7 @@ def _free_port() -> int:
 
 def _serve(words: list[str], told: Connection) -> None:
     """Run the program: its output goes to `told`, its error output is discarded."""
-    from cell.cli import main
+    from cell.commands.cli import main
 
     os.dup2(told.fileno(), sys.stdout.fileno())
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stderr.fileno())

@@ -12,15 +12,15 @@ from pathlib import Path
 
 import numpy as np
 
-from cell.config import LoadedConfig
+from cell.config.load import LoadedConfig
 from cell.lab.faults.bench import CYCLE, WAITING, FaultBench, bench
 from cell.lab.faults.cases import INSERT, LONGEST, RECOVER, STAGES, WENT_ON
 from cell.lab.faults.devices import ARM
 from cell.lab.faults.measure import bring_back
 from cell.lab.rows import kept_rows
-from cell.provenance import versions
-from cell.states import State
-from cell.wall_clock import now_text
+from cell.records.provenance import versions
+from cell.records.wall_clock import now_text
+from cell.run.states import State
 from drivers.errors import CellError, ConfigError
 from plc_bridge.images import ReportImage
 from plc_bridge.messages import Control

@@ -4,13 +4,13 @@ import argparse
 from dataclasses import asdict
 from typing import TYPE_CHECKING
 
-from cell.arguments import out_folder, positive
+from cell.commands.arguments import out_folder, positive
+from cell.commands.terminal import progress
 from cell.lab.arguments import add_seed, add_study, load_simulated
 from cell.lab.report import StudyReport, finite
-from cell.terminal import progress
 
 if TYPE_CHECKING:
-    from cell.config import LoadedConfig
+    from cell.config.load import LoadedConfig
 
 SUMMARY = "faults of every kind at every stage: time to rest, force, state, record, and whether production goes on"
 QUICK = 150

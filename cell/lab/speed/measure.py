@@ -20,9 +20,9 @@ from importlib.resources import files
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from cell.assembly import assemble, opened
-from cell.cell_config import CellConfig
-from cell.config import LoadedConfig
+from cell.config.cell_config import CellConfig
+from cell.config.load import LoadedConfig
+from cell.devices.assembly import assemble, opened
 from cell.lab.speed.starts import processor_time, start_of
 from cell.lab.trials import run_trial, seeded, trial_in
 
@@ -38,7 +38,7 @@ SMALL = 0.01
 IMPORT_MUJOCO = ("-c", "import mujoco")
 OPEN_CELL = (
     "-c",
-    "from cell.assembly import assemble, opened\nfrom cell.config import load\nwith opened(assemble(load().cell)): pass",
+    "from cell.devices.assembly import assemble, opened\nfrom cell.config.load import load\nwith opened(assemble(load().cell)): pass",
 )
 
 
