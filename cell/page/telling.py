@@ -7,8 +7,7 @@ from cell.peg.part_state import REMEDIES, PartState, described
 from cell.records.schema import RunRow
 from cell.run.states import ASKED, Event, State, is_permitted
 from drivers.errors import FAULTS, FaultCode
-from plc_bridge.images import ReportImage
-from plc_bridge.messages import LeaseState, PartPlace, Refusal, Result
+from plc_bridge.messages import LeaseState, PartPlace, Refusal, Report, Result
 from plc_bridge.registers import Warnings
 from skills.catalogue import CATALOGUE
 
@@ -52,6 +51,7 @@ REFUSED = {
     Refusal.HOLE_OCCUPIED: "the switch under the hole is closed: the workpiece must be exchanged",
     Refusal.SWITCH_UNKNOWN: "the switch under the hole gives no valid answer",
     Refusal.RACK_EMPTY: "the rack is empty: fill it and say so",
+    Refusal.COMMISSIONING: "the cell is in commissioning: only `cell run` starts motions, slowly",
     Refusal.STOP_HELD: "a stop coil is held at 1 somewhere; nothing starts before it falls",
 }
 """Reason in words for each refusal."""
@@ -61,6 +61,7 @@ _WARNINGS = {
     Warnings.DISK_LOW: "the disk is almost full",
     Warnings.SCAN_OVERRUNS: "scans take longer than their period",
     Warnings.ARM_CALIBRATION: "the arm's calibration does not fit what the arm does",
+    Warnings.COMMISSIONING: "in commissioning: the PLC starts nothing",
 }
 
 
@@ -75,12 +76,12 @@ def permitted(state: State, unplugged: Sequence[str] = ()) -> list[str]:
     return [*starts, *asked, *(BY_PERSON if state in WAITING else ())]
 
 
-def still(image: ReportImage) -> ReportImage:
+def still(image: Report) -> Report:
     """Return a report without its life counter, so that equal contents compare equal."""
     return replace(image, life=0, life_tail=0)
 
 
-def told(image: ReportImage, message: str, evidence: str, unplugged: Sequence[str] = ()) -> dict[str, object]:
+def told(image: Report, message: str, evidence: str, unplugged: Sequence[str] = ()) -> dict[str, object]:
     """Return the part of a report for all pages.
 
     Args:
@@ -109,7 +110,7 @@ def told(image: ReportImage, message: str, evidence: str, unplugged: Sequence[st
         "part": part.place.name.lower(),
         "evidence": evidence,
         "peak_force": round(image.peak_force, 2),
-        "hole": [image.hole_x, image.hole_y] if image.hole_x or image.hole_y else None,
+        "hole": list(image.hole) if any(image.hole) else None,
         "warnings": [text for bit, text in _WARNINGS.items() if image.warnings & bit],
         "overruns": image.overruns,
         "fault": _fault(image.fault, message),
@@ -147,7 +148,7 @@ def _fault(code: int, message: str) -> dict[str, object] | None:
     }
 
 
-def own(image: ReportImage) -> dict[str, object]:
+def own(image: Report) -> dict[str, object]:
     """Return the part of a report for one page: its lease, and the result of its last command."""
     refusal = Refusal(image.refusal)
     return {

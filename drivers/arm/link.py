@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from drivers import impedance
 from drivers.quantities import Vector
 
-CYCLES_KEPT = 60_000
-"""Number of the loop's newest cycles with recorded times; they last one minute."""
+CYCLES_KEPT = 600_000
+"""Number of the loop's newest cycles with recorded times; they last ten minutes."""
 TEXT = 400
 """Longest message, bytes."""
 
@@ -33,6 +33,8 @@ _LAYOUT = np.dtype(
         ("resets_done", np.int64),
         ("text", f"S{TEXT}"),
         ("is_realtime", np.int64),
+        ("end_effector", np.float64),
+        ("load", np.float64),
         ("cycles", np.int64),
         ("missed", np.int64),
         ("success", np.float64),

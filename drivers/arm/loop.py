@@ -23,19 +23,20 @@ import pylibfranka
 from drivers import impedance
 from drivers.arm.franka_wire import wrench_on_hand
 from drivers.arm.link import CYCLES_KEPT, TEXT, LoopLink, LoopPhase, holding_words
+from drivers.arm.loop_figures import PRIORITY
 from drivers.arm.model import JOINTS
 from drivers.quantities import Vector
 
 logger = logging.getLogger(__name__)
 
-PRIORITY = 80
-"""Priority of the loop under SCHED_FIFO, if permitted."""
 LOOK_EVERY = 50
 """Number of cycles between two checks of the standard input."""
 RATE_USED = 0.98
 """Share of the permitted torque rate in use, fraction; at the limit itself, rounding would exceed it."""
 NEEDED_SYSTEM = "pylibfranka 0.21.3 needs system 5.9 or later: update the arm's system in Desk, or install the pylibfranka that fits it"
 """Source: compatibility_matrix.rst of the library, for the version that `constraints.txt` pins."""
+NOT_READY = "unlock the brakes, choose execution and activate the control interface in Desk, then reset"
+"""Remedy if the arm refuses a motion in its present mode."""
 BRAKED_SPEED = 0.01
 """Speed of the fastest joint below which a motion may end, rad/s."""
 LONGEST_BRAKE = 1.0
@@ -97,7 +98,8 @@ class TorqueLoop:
                 self._robot = None
                 self._fail(LoopPhase.LOST, str(error))
             except RuntimeError as error:  # base of the library's remaining errors
-                self._fail(self._phase_of_stop(), str(error))
+                is_refused = "current mode" in str(error)
+                self._fail(self._phase_of_stop(), f"{error}; {NOT_READY}" if is_refused else str(error))
             else:
                 return
             if not self._wait_for_reset():
@@ -152,6 +154,8 @@ class TorqueLoop:
             if count > 1:
                 link["missed"][0] += max(round(passed.to_sec() / self._period) - 1, 0)
             self._publish(state, q, dq)
+            if count == 1:
+                link["end_effector"][0], link["load"][0] = state.m_ee, state.m_load
             # The first state is available only now.
             link["phase"][0] = LoopPhase.RUNNING
 

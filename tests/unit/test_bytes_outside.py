@@ -7,7 +7,6 @@ from functools import cache
 from pathlib import Path
 
 import pytest
-from tests.unit.cell.test_outside import changed
 
 from cell.config.load import load
 from cell.run.learning import FILE, read_learned
@@ -36,6 +35,7 @@ from plc_bridge.pdu import respond
 from plc_bridge.rtu_frames import Receiver, with_check_sum
 from tests.hostile import request
 from tests.pages import ROOT
+from tests.unit.cell.page.test_outside import changed
 from tests.unit.plc_bridge.test_pdu import FakeStation
 
 INPUTS, FILES = 100_000, 300

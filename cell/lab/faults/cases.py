@@ -11,8 +11,7 @@ import numpy as np
 from cell.lab.faults.contract import FaultKind
 from cell.lab.rows import kept_rows
 from cell.run.states import State
-from plc_bridge.images import ReportImage
-from plc_bridge.messages import Control, PartEvidence, Refusal, Result
+from plc_bridge.messages import Control, PartEvidence, Refusal, Report, Result
 from plc_bridge.peer import Peer
 from skills.catalogue import CATALOGUE
 
@@ -115,7 +114,7 @@ def begun(tried: Sequence[Planned], folder: Path) -> list[FaultCase]:
     return rows if all(same) and len(rows) <= len(tried) else []
 
 
-def word(report: ReportImage) -> str:
+def word(report: Report) -> str:
     """Return a result, or the reason of a refusal."""
     if report.refusal:
         return f"refused: {Refusal(report.refusal).name.lower()}"
@@ -153,6 +152,6 @@ def reset_if_needed(peer: Peer) -> str:
     return word(peer.run(Control.RESET, timeout=LONGEST))
 
 
-def remedy(report: ReportImage) -> int:
+def remedy(report: Report) -> int:
     """Return the command required by the report of a refused start: release of the held peg, or action of a person."""
     return RECOVER if report.part_evidence & PartEvidence.HAND_HOLDS else Control.CLEARED

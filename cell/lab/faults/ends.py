@@ -27,8 +27,7 @@ from cell.records.schema import LOST, RUNNING, RunRow
 from cell.run.states import State
 from drivers.errors import CellError
 from drivers.quantities import Vector
-from plc_bridge.images import ReportImage
-from plc_bridge.messages import PartPlace, Result
+from plc_bridge.messages import PartPlace, Report, Result
 from plc_bridge.peer import Peer
 from plc_bridge.registers import Warnings
 from skills.catalogue import CATALOGUE
@@ -139,7 +138,7 @@ class Seen:
     part: PartPlace = PartPlace.UNKNOWN
     warnings: int = 0
     """All warnings of the run combined."""
-    report: ReportImage | None = None
+    report: Report | None = None
     """The last report."""
     lives: list[tuple[float, int]] = field(default_factory=list)
     """Wall times, and the number of scans since the first of them, from the cell's sign of life."""
@@ -149,7 +148,7 @@ class Seen:
         """Number of scans reported so far."""
         return self.lives[-1][1] if self.lives else 0
 
-    def see(self, report: ReportImage) -> None:
+    def see(self, report: Report) -> None:
         """Add one report of the run."""
         step = 0 if self.report is None else (report.life - self.report.life) % 0x10000
         self.run, self.part, self.report = report.run, PartPlace(report.part), report
@@ -274,7 +273,7 @@ def _lead_to(peer: Peer, stage: str, moment: float, seen: Seen) -> bool:
     raise CellError(f"the insertion does not come to {stage}: {word(report)}")
 
 
-def _started(peer: Peer) -> ReportImage:
+def _started(peer: Peer) -> Report:
     """Start an insertion, and first remove what an earlier case left in its way, as a person does."""
     peer.connect()
     peer.take()

@@ -22,8 +22,7 @@ from cell.records.provenance import versions
 from cell.records.wall_clock import now_text
 from cell.run.states import State
 from drivers.errors import CellError, ConfigError
-from plc_bridge.images import ReportImage
-from plc_bridge.messages import Control
+from plc_bridge.messages import Control, Report
 from plc_bridge.peer import Peer
 from skills.catalogue import CATALOGUE
 
@@ -192,7 +191,7 @@ def _interrupted(*controls: Control) -> Act:
     return act
 
 
-def _cycles(tested: FaultBench, is_over: Callable[[ReportImage], bool], most: int = round(LONGEST / CYCLE)) -> None:
+def _cycles(tested: FaultBench, is_over: Callable[[Report], bool], most: int = round(LONGEST / CYCLE)) -> None:
     """Run the PLC's cycles until a condition holds, up to a maximum number."""
     for _ in range(most):
         if is_over(tested.peer.cycle()):
