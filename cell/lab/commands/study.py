@@ -112,10 +112,7 @@ PLANS = {
 """Studies that are one module."""
 PACKAGES = (
     "speed",
-    "line",
-    "handshake",
     "frontier",
-    "page",
     "faults",
 )
 """Studies that are a package with a module `study`."""
