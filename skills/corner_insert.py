@@ -12,6 +12,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field, NonNegativeFloat, PositiveFloat
 
+from drivers.config_model import Figure, Quantity, Tempo
 from drivers.frames import angle_between, rotation_about
 from drivers.quantities import ImpedanceSetpoint, Twist, Vector
 from skills.contract import Observation, Outcome, Reason, SkillContext, SkillParams, SkillResult
@@ -51,11 +52,11 @@ class CornerInsertParams(SkillParams):
     """Integral gain on orientation, N·m/(rad·s); K_I of [gibbons], Eq. (6)."""
     integral_limit: NonNegativeFloat
     """Saturation of the integral, N·m."""
-    settle: NonNegativeFloat
+    settle: Annotated[NonNegativeFloat, Quantity("s", Tempo.WAIT)]
     """Time to settle after the setpoint is raised, s."""
-    raise_rate: PositiveFloat
+    raise_rate: Annotated[PositiveFloat, Quantity("rad/s", Tempo.SPEED)]
     """Rate at which the setpoint of the axis is raised, rad/s."""
-    raise_stop: NonNegativeFloat = 0.3
+    raise_stop: Annotated[NonNegativeFloat, Quantity("s", Tempo.WAIT)] = 0.3
     """Stopping time of the setpoint of the raised axis, s; if it stops at once, the hand's inertia moves the corner back along the
     closing axis by 2 mm. Source: docs/tried/corners.md.
     """
@@ -63,7 +64,7 @@ class CornerInsertParams(SkillParams):
     """Lead of the tip's setpoint over the tip along the closing axis once the peg is raised, m; it must overcome the friction of joints and
     plate. The pads are perpendicular to it. Source: docs/tried/corners.md.
     """
-    turn_rate: PositiveFloat
+    turn_rate: Annotated[PositiveFloat, Quantity("rad/s", Tempo.SPEED)]
     """Rate of the yaw sweep's setpoint about the normal, rad/s; slow enough for the peg to sink while its yaw matches
     the hole's.
     """
@@ -71,6 +72,8 @@ class CornerInsertParams(SkillParams):
     """Middle of the yaw sweep in each successive attempt, fraction of the hole's largest yaw; if the sweep goes far
     beyond the hole's yaw, the corner climbs out of the hole.
     """
+    centre: Annotated[float, Figure("fraction"), Field(exclude=True)] = 0.0
+    """Middle of the yaw sweep in this attempt, fraction of the hole's largest yaw."""
     yaw_sweep: Annotated[float, Field(ge=0.0, le=1.0)]
     """Reach of the yaw sweep to either side, fraction of the hole's largest yaw; the sweep must reach `felt`, otherwise
     the lag of the hand cannot detect a wall.
@@ -81,9 +84,9 @@ class CornerInsertParams(SkillParams):
     """Largest radius of the dither of the finger centre, m; it fades within each period and releases static friction
     of the peg.
     """
-    dither_rate: PositiveFloat
+    dither_rate: Annotated[PositiveFloat, Quantity("rad/s", Tempo.SPEED, "dither_radius")]
     """Turning rate of the dither, rad/s."""
-    dither_period: PositiveFloat
+    dither_period: Annotated[PositiveFloat, Quantity("s", Tempo.WAIT)]
     """Period of the dither, s; the radius fades to zero within it."""
     growth: PositiveFloat
     """Increase of the yaw sweep's amplitude from one swing to the next, rad; small yaws of the hole are the likeliest
@@ -99,7 +102,7 @@ class CornerInsertParams(SkillParams):
     """Distance of the tip from the start of the sweep at which it has left the hole, m."""
     lost_height: PositiveFloat
     """Height of the corner above the surface at which it has left the hole, m."""
-    timeout: PositiveFloat
+    timeout: Annotated[PositiveFloat, Quantity("s", Tempo.LIMIT)]
     """Longest insertion, s."""
 
 
@@ -169,20 +172,17 @@ class YawSweep:
         return min(max(yaw, -self.most), self.most)
 
 
-def run(
-    params: CornerInsertParams, ctx: SkillContext, plane: Plane | None = None, attempt: int = 0
-) -> CornerInsertResult:
+def run(params: CornerInsertParams, ctx: SkillContext, plane: Plane | None = None) -> CornerInsertResult:
     """Sweep the yaw until it matches the hole's and the peg drops in.
 
     Args:
         params: Parameters of the skill.
         ctx: The skill's context.
         plane: Surface estimate of the search; None for the surface of the job.
-        attempt: Number of the attempt, from 0; it selects the middle of the sweep.
     """
     plane = plane or nominal(ctx.job.hole)
     raised = raise_from(ctx.observe(), plane.normal, params)
-    sweep = sweep_of(params, ctx.job.hole.yaw, attempt)
+    sweep = sweep_of(params, ctx.job.hole.yaw)
     identity = ctx.new_id()
     yaw, phi, theta = 0.0, params.tilt, ctx.in_hand().theta
     for seen in ctx.scan(params.timeout, holding=True):
@@ -245,11 +245,10 @@ def lead_at(params: CornerInsertParams, raised: Raised, elapsed: float) -> Vecto
     return lead
 
 
-def sweep_of(params: CornerInsertParams, most: float, attempt: int) -> YawSweep:
-    """Return the yaw sweep of an attempt, counted from 0, for a hole with a yaw of at most `most`, rad."""
-    centre = params.centres[attempt % len(params.centres)] * most
+def sweep_of(params: CornerInsertParams, most: float) -> YawSweep:
+    """Return the yaw sweep for a hole with a yaw of at most `most`, rad."""
     reach, bound = (max(angle, params.felt) + params.margin for angle in (params.yaw_sweep * most, most))
-    return YawSweep(centre, reach, bound)
+    return YawSweep(params.centre * most, reach, bound)
 
 
 def attitude(params: CornerInsertParams, raised: Raised, sweep: YawSweep, elapsed: float, length: float) -> Vector:

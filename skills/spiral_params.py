@@ -1,9 +1,11 @@
 """Parameters of the adjustment: dither, tilt sweep and timeouts."""
 
+import math
 from typing import Annotated
 
 from pydantic import Field, NonNegativeFloat, PositiveFloat
 
+from drivers.config_model import Figure, Quantity, Tempo
 from skills.contract import SkillParams
 from skills.motion import Gains
 
@@ -14,12 +16,14 @@ class SpiralAdjustParams(SkillParams):
     Source: chosen, not measured.
     """
 
-    stall_timeout: Annotated[float, Field(gt=0.0, le=120.0)]
+    stall_timeout: Annotated[float, Field(gt=0.0, le=120.0), Quantity("s", Tempo.WAIT)]
     """Stall timeout: longest time without a depth gain of `jammed`, s; such a peg is not in the hole, or cannot enter it in
     this attempt. The first of several attempts of `insert_peg` has 0.4 of it (docs/tried/adjustment.md). Close to the bottom the time is
     twice as long; if the switch is still open then, it disagrees with the depth. Source: chosen, not measured; reason in docs/tried/adjustment.md.
     """
-    timeout: PositiveFloat
+    stall_at_bottom: Annotated[float, Figure("s", Tempo.WAIT), Field(exclude=True)] = math.inf
+    """Stall timeout close to the bottom, s."""
+    timeout: Annotated[PositiveFloat, Quantity("s", Tempo.LIMIT)]
     """Longest adjustment, s."""
     gains: Gains
     """Stiffness and damping ratio along x and y and in rotation. Source: chosen within the margin that `cell check` prints."""
@@ -33,9 +37,9 @@ class SpiralAdjustParams(SkillParams):
     """Largest radius of the dither of the finger centre, m; it fades within each period, because torque
     held by friction jams the peg. Source: chosen, not measured; reason in docs/tried/adjustment.md.
     """
-    dither_rate: PositiveFloat
+    dither_rate: Annotated[PositiveFloat, Quantity("rad/s", Tempo.SPEED, "dither_radius")]
     """Turning rate of the dither, rad/s."""
-    dither_period: PositiveFloat
+    dither_period: Annotated[PositiveFloat, Quantity("s", Tempo.WAIT)]
     """Period of the dither, s; the radius fades to zero within it."""
     jammed: NonNegativeFloat
     """Least depth gain in one period of the dither, m; with less, the peg stands still. Below ten times this gain, the skill measures
@@ -46,11 +50,11 @@ class SpiralAdjustParams(SkillParams):
     """Distance from the bottom within which the damping is larger, m; it prevents an impact on the bottom. Source:
     docs/tried/adjustment.md.
     """
-    swing_time: PositiveFloat = 0.6
+    swing_time: Annotated[PositiveFloat, Quantity("s", Tempo.WAIT)] = 0.6
     """Time of a gentle descent while the hand still turns from the insertion, s; later turns come from this skill's own
     setpoints. Source: docs/tried/adjustment.md.
     """
-    sweep_time: Annotated[float, Field(gt=0.0, le=5.0)] = 0.5
+    sweep_time: Annotated[float, Field(gt=0.0, le=5.0), Quantity("s", Tempo.WAIT)] = 0.5
     """Time of one tilt sweep to both sides, s; it follows if the peg stands still or creeps. It turns the hand about its closing axis;
     a dither follows. Source: docs/tried/adjustment.md.
     """

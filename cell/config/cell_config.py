@@ -44,13 +44,14 @@ from sim.config import (
     SimSkinConfig,
     SimSwitchConfig,
 )
-from skills.catalogue import ADJUST, CATALOGUE, GRASP, SEARCH, sections_of
+from skills.catalogue import ADJUST, CATALOGUE, GRASP, SEARCH
 from skills.contract import SkillParams
 from skills.corner import CornerParams
 from skills.entry import Skill, SkillSet
-from skills.handling import WAYS, Handling, handling
 from skills.motion import Gains, Transfer
+from skills.pace import Pace
 from skills.paper.params import PaperParams
+from skills.plan import InsertionPlan, is_cornered, plan_insertion
 from skills.prior import LearningConfig
 from skills.scan_guards import ScanLimits
 from skills.setpoint_gate import Limits
@@ -142,6 +143,8 @@ class CellConfig(Catalogued):
     """Rate of the scan, Hz; a skill senses and decides once per scan. Source: chosen, not measured."""
     retries: Annotated[int, Field(ge=0, le=10)]
     """Number of new searches by `insert_peg` if the peg is not in the hole. Source: docs/tried/insertion.md."""
+    speed_scale: Annotated[float, Field(ge=0.05, le=20.0)] = 1.0
+    """Factor on every speed of the method, and divisor of its waiting times, ratio; the arm's limits cap the speeds. Source: set for each cell."""
     scan: ScanLimits = ScanLimits()
     """Limits of late scans. Source: decision 0015."""
     wrench: WrenchConfig = WrenchConfig()
@@ -193,9 +196,8 @@ class CellConfig(Catalogued):
     def _fits(self) -> Self:
         peg, hole, rack = self.peg, self.hole, self.rack
         require_fit(peg, hole)
-        section = WAYS[peg.part.kind].section
-        if getattr(self, section) is None:
-            raise ValueError(f'[{section}]: missing; needed because peg.shape = "{peg.shape}"')
+        if is_cornered(peg.part) and self.corner is None:
+            raise ValueError(f'[corner]: missing; needed because peg.shape = "{peg.shape}"')
         require_shallow(peg, hole, rack)
         if self.is_simulated:
             require_apart(hole, rack)
@@ -337,7 +339,7 @@ class CellConfig(Catalogued):
 
     def place(self) -> Place:
         """Return the place and the attitude of the arm with a steered peg at the hole."""
-        search = self.handling().search
+        search = self.plan().search
         return Place(
             arm=self.arm_model(),
             tip=self.hole.centre,
@@ -357,6 +359,11 @@ class CellConfig(Catalogued):
     def is_simulated(self) -> bool:
         """True if the arm is simulated; a physical cell inherits the sections of the world from its base too."""
         return self.arm.kind == "sim"
+
+    @property
+    def is_realtime(self) -> bool:
+        """True if the arm needs a computer with a real-time kernel."""
+        return isinstance(self.arm, FrankaArmConfig) and self.arm.realtime == "enforce"
 
     def require_simulated(self, what: str) -> None:
         """Require a simulated cell.
@@ -400,7 +407,7 @@ class CellConfig(Catalogued):
             for skill in CATALOGUE.skills
             for name in skill.steered
         }
-        return found | dict(self.handling().steered)
+        return found | self.plan().steered
 
     def skill_set(self) -> SkillSet:
         """Return the parameters of every skill."""
@@ -409,11 +416,17 @@ class CellConfig(Catalogued):
             corner=self.corner,
             retries=self.retries,
             paper=self.paper,
+            pace=self.pace(),
         )
 
-    def handling(self) -> Handling:
-        """Return the handling of the cell's own part."""
-        return handling(self.peg.part, sections_of(self.skill_set()))
+    def pace(self) -> Pace:
+        """Return the factor on all speeds, with the limits of the cell's arm."""
+        arm = self.arm_model()
+        return Pace(self.speed_scale, arm.tool_speed, arm.tool_turn_speed)
+
+    def plan(self, attempt: int = 0) -> InsertionPlan:
+        """Return the figures in force for the cell's own part in an attempt, counted from 0."""
+        return plan_insertion(self.skill_set(), self.peg, self.hole, attempt=attempt)
 
     def job(self, slot: int = 0) -> Job:
         """Return the part and its places, with the peg in the rack's `slot`."""

@@ -8,7 +8,7 @@ from cell.config.load import load
 from cell.devices.assembly import make_estimator
 from cell.lab.ablation.rules import ANGLE, SCENES
 from cell.lab.ablation.switch import Rule, without
-from cell.lab.tactile.measure import CONDITIONS, Condition, Model, Read, kinds, made, read, simulated_skin, summed
+from cell.lab.tactile import CONDITIONS, Condition, Model, Read, kinds, made, read, simulated_skin, summed
 from drivers.quantities import TaxelFrame
 from skills.tactile.pose import Estimator
 

@@ -151,7 +151,7 @@ SEARCH: Sequence[Rule] = (
     Rule(
         "firm push",
         "A thin peg is pushed with 7.5 N.",
-        "skills.handling:firm",
+        "skills.plan:firm",
         off=lambda real, search, thickness: search,
         always=True,
         scenes=("thin", "thin, fast"),
@@ -159,7 +159,7 @@ SEARCH: Sequence[Rule] = (
     Rule(
         "crossing speed",
         "The speed along a lane is bounded by 21 diameters of the hole in a second.",
-        "skills.search.course:fastest",
+        "skills.plan:fastest",
         off=lambda real, dip, width: 9.9,
         always=True,
         scenes=("thin, fast",),
@@ -196,16 +196,14 @@ SEATING: Sequence[Rule] = (
     Rule(
         "patience at the bottom",
         "A peg at the bottom is given twice the stall timeout.",
-        values={"skills.spiral_adjust:AT_BOTTOM": 1.0},
+        values={"skills.plan:AT_BOTTOM": 1.0},
         always=True,
         scenes=("careless", "turning", "latch"),
     ),
     Rule(
         "first patience",
         "The first attempt gives up after 0.4 of the stall timeout.",
-        "skills.handling:stall_share",
-        off=lambda real, *_: 1.0,
-        values={},
+        values={"skills.plan:FIRST_STALL": 1.0},
         always=True,
         scenes=("careless", "turning", "decoys"),
     ),
@@ -325,7 +323,7 @@ CORNER: Sequence[Rule] = (
         "Further attempts sweep the yaw about another middle.",
         keys=("corner.insert.centres=[0.0]",),
         target="skills.corner_insert:sweep_of",
-        acts=lambda sweep, params, most, attempt: attempt > 0,
+        acts=lambda sweep, params, *_: params.centre != 0.0,
         scenes=CORNERS,
     ),
     Rule(

@@ -11,7 +11,7 @@ from drivers.frames import UP, angle_between, rotation_about
 from drivers.part.rectangular import Rectangular
 from drivers.quantities import InHandTip
 from skills.catalogue import SEARCH
-from skills.corner_adjust import STANDS_FOR, STRAYED_FOR, Entry, Watch
+from skills.corner_adjust import STRAYED_FOR, Entry, Watch
 from skills.corner_insert import (
     Raised,
     YawSweep,
@@ -89,11 +89,11 @@ def test_a_sweep_measures_from_where_it_began_and_keeps_the_greatest_height() ->
 
 
 def test_each_attempt_sweeps_about_its_own_middle_and_at_least_as_far_as_a_wall_is_felt() -> None:
-    params = load().cell.corner.insert
-    most = math.radians(10.0)
-    centres = [sweep_of(params, most, attempt).centre for attempt in range(4)]
-    assert centres == pytest.approx([0.0, 0.6 * most, -0.6 * most, 0.0])
-    assert sweep_of(params, 0.0, 0).reach == pytest.approx(params.felt + params.margin)
+    cell, most = load(sets=("peg.shape=square",)).cell, math.radians(10.0)
+    sweeps = [sweep_of(cell.plan(attempt).corner.insert, most) for attempt in range(4)]
+    assert [sweep.centre for sweep in sweeps] == pytest.approx([0.0, 0.6 * most, -0.6 * most, 0.0])
+    params = cell.corner.insert
+    assert sweep_of(params, 0.0).reach == pytest.approx(params.felt + params.margin)
 
 
 def test_the_yaw_reaches_the_middle_of_its_sweep_when_the_peg_has_settled() -> None:
@@ -104,9 +104,10 @@ def test_the_yaw_reaches_the_middle_of_its_sweep_when_the_peg_has_settled() -> N
 
 
 def test_the_first_sweep_covers_every_yaw_that_the_hole_can_have_within_its_timeout_and_no_sweep_goes_beyond() -> None:
-    params, most = load().cell.corner.insert, math.radians(10.0)
+    cell, most = load(sets=("peg.shape=square",)).cell, math.radians(10.0)
     for attempt in range(3):
-        sweep = sweep_of(params, most, attempt)
+        params = cell.plan(attempt).corner.insert
+        sweep = sweep_of(params, most)
         yaws = [sweep.yaw(time, 1.5, params) for time in np.arange(1.5, params.timeout, 0.01)]
         assert max(np.abs(yaws)) <= most + params.margin
         assert attempt > 0 or (min(yaws) < -most and max(yaws) > most)
@@ -198,11 +199,11 @@ def test_a_peg_that_the_walls_have_caught_cannot_stray() -> None:
 def test_a_peg_that_the_walls_have_caught_and_that_stands_is_between_them() -> None:
     params = load().cell.corner.adjust
     shallow, caught = (Watch().after(1.0, share * params.caught, 0.0, params) for share in (0.9, 1.3))
-    assert not caught.is_caught(1.0 + 0.9 * STANDS_FOR, params)
-    assert caught.is_caught(1.0 + 1.1 * STANDS_FOR, params)
-    assert not shallow.is_caught(1.0 + 1.1 * STANDS_FOR, params)
+    assert not caught.is_caught(1.0 + 0.9 * params.stands_for, params)
+    assert caught.is_caught(1.0 + 1.1 * params.stands_for, params)
+    assert not shallow.is_caught(1.0 + 1.1 * params.stands_for, params)
     sinking = caught.after(1.5, 1.6 * params.caught, 0.0, params)
-    assert not sinking.is_caught(1.0 + 1.1 * STANDS_FOR, params)
+    assert not sinking.is_caught(1.0 + 1.1 * params.stands_for, params)
 
 
 def test_a_search_with_a_corner_has_the_keys_of_its_section_and_otherwise_those_of_a_round_peg() -> None:

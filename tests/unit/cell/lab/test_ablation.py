@@ -6,10 +6,11 @@ from cell.config.load import load
 from cell.lab.ablation.measure import Trial, effects
 from cell.lab.ablation.rules import RULES, SCENES
 from cell.lab.ablation.switch import watching, without
+from skills.catalogue import SEARCH
 from skills.search.feel import Push
 
 PUSH = RULES["push-back"]
-PARAMS = load().cell.handling().search
+PARAMS = load().cell.skill_set()[SEARCH]
 BEFORE = Push(PARAMS.push_stiffness, 0.0)
 
 

@@ -1,0 +1,67 @@
+"""Pace of a plan: one factor on all of its speeds and waiting times, capped by the arm's limits; pure."""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TypeVar
+
+from drivers.config_model import ConfigModel, Quantity, Tempo
+
+P = TypeVar("P", bound=ConfigModel)
+
+
+@dataclass(frozen=True, slots=True)
+class Pace:
+    """Factor on the speeds of a plan, and the limits of the arm that performs it."""
+
+    scale: float = 1.0
+    """Key `speed_scale`: factor on every speed, and divisor of every waiting time, ratio."""
+    speed: float = math.inf
+    """Largest speed of the tool, m/s."""
+    turn_speed: float = math.inf
+    """Largest turning rate of the tool, rad/s."""
+
+    def most(self, quantity: Quantity, radius: float) -> float:
+        """Return the largest value of a speed; `radius` is that of the circle that a rate turns on, m, 0 without one."""
+        if quantity.unit == "m/s":
+            return self.speed
+        if quantity.unit == "rad/s":
+            return self.speed / radius if radius > 0.0 else self.turn_speed
+        return math.inf
+
+
+def at_pace(params: P, pace: Pace) -> P:
+    """Return parameters at a pace: scaled, and within the arm's limits."""
+    return within(scaled(params, pace.scale), pace)
+
+
+def scaled(params: P, scale: float) -> P:
+    """Return parameters with every speed multiplied by `scale`, and every waiting time divided by it.
+
+    The longest times of motions grow in a slower plan, and stay in a faster one.
+    """
+    factors = {Tempo.SPEED: scale, Tempo.WAIT: 1.0 / scale, Tempo.LIMIT: 1.0 / min(scale, 1.0)}
+    return _changed(params, lambda mark, value, _: value * factors[mark.tempo] if mark.tempo is not None else value)
+
+
+def within(params: P, pace: Pace) -> P:
+    """Return parameters whose speeds are within the arm's limits."""
+    return _changed(
+        params,
+        lambda mark, value, radius: min(value, pace.most(mark, radius)) if mark.tempo is Tempo.SPEED else value,
+    )
+
+
+def _changed(params: P, change: Callable[[Quantity, float, float], float]) -> P:
+    """Return parameters with every figure that has a tempo changed, given its mark, its value and the radius that its mark names."""
+    changes: dict[str, object] = {}
+    for name, field in type(params).model_fields.items():
+        value = getattr(params, name)
+        if isinstance(value, ConfigModel) and (inner := _changed(value, change)) is not value:
+            changes[name] = inner
+        for mark in field.metadata:
+            if isinstance(mark, Quantity) and mark.tempo is not None:
+                radius = getattr(params, mark.radius) if mark.radius else 0.0
+                if (after := change(mark, value, radius)) != value:
+                    changes[name] = after
+    return params.model_copy(update=changes) if changes else params
