@@ -8,7 +8,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from tests.unit.cell.test_watchdog import Looked
+from tests.unit.cell.run.test_watchdog import Looked
 
 from cell.config.load import load
 from cell.records.journal import Journal, newest_run
