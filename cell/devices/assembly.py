@@ -180,8 +180,8 @@ def _calibration(path: Path, layout: Layout) -> SkinCalibration:
 def make_tracker(config: CellConfig) -> Tracker:
     """Return the tracker that filters theta from frame to frame."""
     smoothing = config.smoothing
-    if (blend := config.handling().blend) is not None:
-        smoothing = smoothing.model_copy(update={"blend": blend})
+    if (corner := config.plan().corner) is not None:
+        smoothing = smoothing.model_copy(update={"blend": corner.blend})
     return Blend(smoothing)
 
 
