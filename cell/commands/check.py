@@ -186,7 +186,7 @@ def _loop(args: argparse.Namespace, loaded: "LoadedConfig") -> int:
 def _network(plc: "PlcConfig") -> list[tuple[str, str]]:
     """Return the open ports and the remaining validity of each key."""
     from cell.devices.checks import OK
-    from cell.page.exposure import exposures, key_days, key_verdict
+    from cell.run.exposure import exposures, key_days, key_verdict
     from drivers.errors import DeviceNotOpenedError
 
     found = [("network", f"{OK}, but {line}") for line in exposures(plc)]

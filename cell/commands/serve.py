@@ -101,7 +101,7 @@ def _serve(args: argparse.Namespace) -> None:
 def _warn(plc: "PlcConfig", args: argparse.Namespace) -> None:
     """Log the open ports and the keys that expire soon."""
     from cell.devices.checks import OK
-    from cell.page.exposure import exposures, key_days, key_verdict
+    from cell.run.exposure import exposures, key_days, key_verdict
 
     for line in exposures(plc, args.page, args.metrics):
         logger.warning("%s", line)

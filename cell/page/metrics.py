@@ -8,7 +8,7 @@ from prometheus_client import CONTENT_TYPE_LATEST, CollectorRegistry, generate_l
 from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, HistogramMetricFamily, Metric
 from prometheus_client.registry import Collector
 
-from cell.page.exposure import key_days
+from cell.run.exposure import key_days
 from cell.run.states import State
 from drivers.errors import DeviceNotOpenedError
 from plc_bridge.bridge import Bridge, Figures

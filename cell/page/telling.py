@@ -23,7 +23,7 @@ NEXT = {
     State.STOPPING: "The arm comes to rest.",
     State.STOPPED: "Stopped. Reset makes the cell ready again.",
     State.ABORTING: "The arm comes to rest.",
-    State.ABORTED: "Do what is said above, then reset.",
+    State.ABORTED: "Do what the fault asks for, then reset.",
     State.CLEARING: "The fault is acknowledged.",
     State.RESETTING: "The cell becomes ready.",
 }
@@ -39,6 +39,17 @@ WAITING = (State.IDLE, State.COMPLETE, State.STOPPED, State.ABORTED)
 """States at rest, in which a person may reach into the cell."""
 BY_PERSON = ("cleared", "refilled")
 """Controls with which a person confirms an action at the cell."""
+
+_RECOVER = {"ask": "start", "program": "recover", "label": "Recover the peg"}
+_TAKEN_AWAY = {"ask": "cleared", "label": "Peg taken away"}
+STEPS = {
+    PartPlace.SEATED: (_RECOVER, _TAKEN_AWAY),
+    PartPlace.IN_HAND: (_RECOVER,),
+    PartPlace.IN_HOLE: (_RECOVER, _TAKEN_AWAY),
+    PartPlace.ON_PLATE: (_TAKEN_AWAY,),
+    PartPlace.UNKNOWN: (_TAKEN_AWAY,),
+}
+"""Buttons for the remedies of the peg's place, the first one preferred; see `part_state.REMEDIES`."""
 
 REFUSED = {
     Refusal.UNKNOWN_CODE: "this cell has no such program",
@@ -98,6 +109,7 @@ def told(image: Report, message: str, evidence: str, unplugged: Sequence[str] = 
         "next": _next(state, part, unplugged),
         "unplugged": list(unplugged),
         "permitted": permitted(state, unplugged),
+        "steps": steps(state, part),
         "program": CATALOGUE.by_code[image.code].name if image.code in CATALOGUE.by_code else "",
         "stage": CATALOGUE.stages.get(image.stage, ""),
         "stage_times": {name: round(time, 2) for name, time in times.items()},
@@ -115,6 +127,16 @@ def told(image: Report, message: str, evidence: str, unplugged: Sequence[str] = 
         "overruns": image.overruns,
         "fault": _fault(image.fault, message),
     }
+
+
+def steps(state: State, part: PartState) -> list[dict[str, str]]:
+    """Return the buttons for the next steps of a person, in their order: what is requested, its label, its program."""
+    if state is State.HELD:
+        return [{"ask": "unhold", "label": "Unhold"}]
+    if state not in WAITING:
+        return []
+    ready = [{"ask": "reset", "label": "Reset"}] if state in (State.STOPPED, State.ABORTED) else []
+    return [*ready, *STEPS.get(part.place, ())]
 
 
 def _next(state: State, part: PartState, unplugged: Sequence[str]) -> str:
@@ -155,6 +177,7 @@ def own(image: Report) -> dict[str, object]:
         "lease": LeaseState(image.lease).name.lower(),
         "answered": image.answered,
         "refusal": REFUSED.get(refusal, refusal.name.lower()) if refusal else "",
+        "steps": [{"ask": "refilled", "label": "Rack filled"}] if refusal is Refusal.RACK_EMPTY else [],
     }
 
 

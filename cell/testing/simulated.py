@@ -99,7 +99,7 @@ def simulated_cell(options: Sequence[str], folder: Path) -> Iterator[SimulatedCe
         def serve() -> None:
             try:
                 supervisor.serve()
-            except BaseException as error:
+            except BaseException as error:  # passed to the test, which would wait for ever
                 failed.append(error)
             finally:
                 served.has_ended.set()

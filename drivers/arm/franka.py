@@ -15,7 +15,7 @@ from importlib.util import find_spec
 
 from drivers import impedance
 from drivers.arm.franka_config import FrankaArmConfig
-from drivers.arm.link import CYCLES_KEPT, SIZE, LoopLink, LoopPhase, holding_words
+from drivers.arm.link import CYCLES_KEPT, SIZE, LoopLink, LoopPhase, compile_law, holding_words
 from drivers.arm.loop_figures import LoopFigures, Times
 from drivers.arm.model import ArmModel
 from drivers.errors import ArmReflexError, ArmSilentError, ArmStoppedError, CellError, DeviceNotOpenedError
@@ -74,6 +74,8 @@ class FrankaArm:
             raise DeviceNotOpenedError(
                 "arm: pylibfranka is not installed: pip install 'tactile-insertion-cell[franka]'"
             )
+        # Here, because the loop's process must start within `CONNECT_TIME`.
+        compile_law(self._figures, self._law, self._arm.control_period)
         self._start()
         self._is_open = True
 

@@ -67,6 +67,18 @@ def holding_words() -> Vector:
     return words
 
 
+def compile_law(figures: Vector, law: Vector, period: float) -> None:
+    """Compile the law for this computer, or load it if it was compiled before.
+
+    Args:
+        figures: Figures of the arm, see `drivers.impedance.figures`.
+        law: State of the law, which stays as it is.
+        period: Period of the loop, s.
+    """
+    q, dq = np.zeros(7), np.zeros(7)
+    impedance.torque(figures, holding_words(), law.copy(), q, dq, 0.0, period)
+
+
 class LoopLink:
     """One end of the shared block.
 

@@ -22,7 +22,7 @@ import pylibfranka
 
 from drivers import impedance
 from drivers.arm.franka_wire import wrench_on_hand
-from drivers.arm.link import CYCLES_KEPT, TEXT, LoopLink, LoopPhase, holding_words
+from drivers.arm.link import CYCLES_KEPT, TEXT, LoopLink, LoopPhase, compile_law, holding_words
 from drivers.arm.loop_figures import PRIORITY
 from drivers.arm.model import JOINTS
 from drivers.quantities import Vector
@@ -85,7 +85,7 @@ class TorqueLoop:
 
     def run(self) -> None:
         """Connect, control, wait for a reset after a fault, and repeat."""
-        self._warm_up()
+        compile_law(self._figures, self._law, self._period)  # before the first cycle needs it
         while not _is_over():
             try:
                 if self._robot is None:
@@ -104,11 +104,6 @@ class TorqueLoop:
                 return
             if not self._wait_for_reset():
                 return
-
-    def _warm_up(self) -> None:
-        """Load the compiled law before the first cycle needs it."""
-        q, dq = np.zeros(JOINTS), np.zeros(JOINTS)
-        impedance.torque(self._figures, holding_words(), self._law.copy(), q, dq, 0.0, self._period)
 
     def _connect(self) -> None:
         config = pylibfranka.RealtimeConfig

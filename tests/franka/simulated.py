@@ -81,6 +81,8 @@ class Arm:
     """Largest change of a torque command within one millisecond so far, N·m/s."""
     speed_at_end: float = 0.0
     """Speed of the fastest joint when torque control last ended, rad/s."""
+    push: Callable[[], Vector] = lambda: np.zeros(3)
+    """Function that returns the force of a person on the hand, shape (3,), N, base frame."""
     has_client: Callable[[], bool] = lambda: False
     """Function that returns True while states are sent to a client."""
 
@@ -121,7 +123,7 @@ class Arm:
     def get_robot_state(self) -> dict[str, Any]:
         with self.lock:
             q, dq = self.world.q, self.world.dq
-            force, torque = self.world.contact_force(), self.world.contact_torque()
+            force, torque = self.world.contact_force() + self.push(), self.world.contact_torque()
             position, rotation, _, _ = impedance.forward(self.figures, q)
         pose = np.eye(4)
         pose[:3, :3], pose[:3, 3] = rotation, position
@@ -156,7 +158,8 @@ class Arm:
             else:
                 torque = HOLD_STIFFNESS * (self.held - self.world.q) - HOLD_DAMPING * self.world.dq
             most = np.array(self.world.arm.joints.torque)
-            self.world.step(np.clip(torque, -most, most))
+            place, _, axes, origins = impedance.forward(self.figures, self.world.q)
+            self.world.step(np.clip(torque, -most, most) + np.cross(axes, place - origins) @ self.push())
             self.lock.notify_all()
 
     def between_steps(self, act: Callable[P, None]) -> Callable[P, None]:

@@ -248,3 +248,25 @@ def test_a_token_that_others_can_read_is_refused(tmp_path):
     (tmp_path / FILE).chmod(0o644)
     with pytest.raises(ConfigError, match="only its owner allowed"):
         page_token(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("state", "place", "labels"),
+    [
+        (State.EXECUTE, PartPlace.IN_HAND, []),
+        (State.HELD, PartPlace.IN_HAND, ["Unhold"]),
+        (State.ABORTED, PartPlace.IN_HOLE, ["Reset", "Recover the peg", "Peg taken away"]),
+        (State.STOPPED, PartPlace.RACK, ["Reset"]),
+        (State.IDLE, PartPlace.UNKNOWN, ["Peg taken away"]),
+        (State.IDLE, PartPlace.RACK, []),
+    ],
+)
+def test_every_next_step_of_a_person_is_a_button(state, place, labels):
+    steps = telling.told(Report(state=state, part=place), "", "")["steps"]
+    assert [step["label"] for step in steps] == labels
+    assert all(step["ask"] in {*CONTROLS, "start"} for step in steps)
+
+
+def test_an_empty_rack_is_filled_with_one_button():
+    assert [step["ask"] for step in telling.own(Report(refusal=Refusal.RACK_EMPTY))["steps"]] == ["refilled"]
+    assert telling.own(Report())["steps"] == []
