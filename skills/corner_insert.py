@@ -44,7 +44,7 @@ class CornerInsertParams(SkillParams):
     """
     tilt: Annotated[float, Field(gt=0.0, lt=0.4)]
     """Tilt to which the peg is raised, rad. Source: docs/tried/corners.md."""
-    follow_rate: PositiveFloat = 2.0
+    follow_rate: Annotated[float, Figure("1/s"), Field(exclude=True)] = 2.0
     """Rate at which the hand follows a rotation of the peg in the hand, 1/s; if walls hold the tip and the hand follows at once, the peg
     only turns further in the pads. Source: docs/tried/search.md.
     """

@@ -52,7 +52,7 @@ class GraspFromRackParams(SkillParams):
     pad_friction: Annotated[float, Field(gt=0.0, le=2.0)] = 0.3
     """Assumed least Coulomb coefficient of peg on pads, ratio; with the grip force it bounds every push. Source: assumed.
     """
-    grip_margin: Annotated[float, Field(ge=1.0, le=10.0)] = 1.4375
+    grip_margin: Annotated[float, Figure("ratio"), Field(exclude=True)] = 1.4375
     """Safety factor on grip force times friction, ratio; pushes stay below the load that the pads bear with it.
     Source: docs/tried/search.md.
     """

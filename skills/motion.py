@@ -65,7 +65,7 @@ class Transfer(ConfigModel):
     """Largest turning rate, rad/s."""
     elbow: Annotated[float, Field(ge=-math.pi, le=math.pi)]
     """Goal of the elbow's joint in the null space, rad; without it the elbow would drift from run to run."""
-    clearance: Annotated[float, Field(ge=0.0, le=0.05)] = 0.002
+    clearance: Annotated[float, Figure("m"), Field(exclude=True)] = 0.002
     """Least distance of hand and peg from plate and rack during a move, m; a move that starts or ends nearer may come as near. Source: decision 0013."""
 
     settle: Annotated[float, Figure("s", Tempo.WAIT), Field(exclude=True)] = 0.3

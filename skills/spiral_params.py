@@ -60,11 +60,11 @@ class SpiralAdjustParams(SkillParams):
     """Distance from the bottom within which the damping is larger, m; it prevents an impact on the bottom. Source:
     docs/tried/adjustment.md.
     """
-    swing_time: Annotated[PositiveFloat, Quantity("s", Tempo.WAIT)] = 0.6
+    swing_time: Annotated[float, Figure("s", Tempo.WAIT), Field(exclude=True)] = 0.6
     """Time of a gentle descent while the hand still turns from the insertion, s; later turns come from this skill's own
     setpoints. Source: docs/tried/adjustment.md.
     """
-    sweep_time: Annotated[float, Field(gt=0.0, le=5.0), Quantity("s", Tempo.WAIT)] = 0.5
+    sweep_time: Annotated[float, Figure("s", Tempo.WAIT), Field(exclude=True)] = 0.5
     """Time of one tilt sweep to both sides, s; it follows if the peg stands still or creeps. It turns the hand about its closing axis;
     a dither follows. Source: docs/tried/adjustment.md.
     """

@@ -42,7 +42,7 @@ class TactileInsertParams(SkillParams):
     """Time in which the setpoint of the axis gets to its rate, s; the hole's wall bears what sets the arm in motion.
     Source: chosen, not measured; reason in docs/tried/insertion.md.
     """
-    follow_rate: PositiveFloat = 2.0
+    follow_rate: Annotated[float, Figure("1/s"), Field(exclude=True)] = 2.0
     """Rate at which the hand turns after a peg that has turned in it, 1/s. Source: docs/tried/search.md."""
     aligned: Annotated[float, Field(gt=0.0, lt=0.8)]
     """Tilt phi below which the adjustment takes over, rad; 15 degrees in [gibbons]. It also takes over when the setpoint is

@@ -43,7 +43,7 @@ class SpraySearchParams(SkillParams):
     towards y. For a peg with corners it is the azimuth of the hand's closing axis, and a multiple of the peg's
     symmetry. Source: set for each cell.
     """
-    turned: Annotated[float, Field(gt=0.0, le=1.5)] = 0.35
+    turned: Annotated[float, Figure("rad"), Field(exclude=True)] = 0.35
     """Turn of the peg in the hand at which it is lifted off and the hand turns after it, rad. In the air the pads hold it; on the plate they would
     let it turn on. With 0.35 a peg that leaned by 45 degrees leans by 48. Source: docs/tried/search.md.
     """
@@ -63,7 +63,7 @@ class SpraySearchParams(SkillParams):
     """Height above the surface at the end of the free-space approach, m."""
     descent: Annotated[float, Field(gt=0.0, le=0.5), Quantity("m/s", Tempo.SPEED)]
     """Speed at which the setpoint comes down to the surface, m/s; the blow at touch-down grows with it."""
-    length_bound: Annotated[float, Field(gt=0.0, le=0.02)] = 0.006
+    length_bound: Annotated[float, Figure("m"), Field(exclude=True)] = 0.006
     """Largest correction of the peg's length in the hand by the first touch-down, m. Source: docs/tried/search.md."""
     touch_down: Annotated[float, Field(gt=TOUCHED_TIME), Quantity("s", Tempo.LIMIT)]
     """Longest time to come down to the surface, s; the path begins as soon as the plate bears the push."""
@@ -77,11 +77,11 @@ class SpraySearchParams(SkillParams):
     """Dip threshold: depth of the tip below the surface estimate that is evidence of an edge, m; the exact fall at 45
     degrees is 2.4 mm. A round peg of 5 mm or less has 0.025 of its thickness at most. Source: set by hand, its rate of false evidence measured by `cell study events`.
     """
-    drop: NonNegativeFloat = 0.0
+    drop: Annotated[float, Figure("m"), Field(exclude=True)] = 0.0
     """Least drop of the hand that has to go with a dip of the tip, m: a new angle of the peg moves the tip, and not the hand. 0 asks for none; a
     round peg of 5 mm or less has its dip threshold at least. Source: docs/tried/search.md.
     """
-    lag: PositiveFloat | None = None
+    lag: Annotated[float | None, Figure("m"), Field(exclude=True)] = None
     """Lag of the tip behind its setpoint along a pass that is evidence of an edge as well, m; times the stiffness it bounds the force on a wall
     that holds the tip. None leaves it out. Source: docs/tried/corners.md.
     """
@@ -89,7 +89,7 @@ class SpraySearchParams(SkillParams):
     """Depth below the surface at which the resting tip is in the hole, m. For a round peg of 5 mm or less it is less in
     proportion to 8 mm. Source: chosen, not measured; reason in docs/tried/search.md.
     """
-    slip_drop: NonNegativeFloat = 0.0
+    slip_drop: Annotated[float, Figure("m"), Field(exclude=True)] = 0.0
     """Drop of the tip that a turn of the peg in the hand by one radian explains, because the peg then slips along the fingers, m; it adds to
     `fall`. The grip's own figure is taken where it is larger. Source: docs/tried/search.md.
     """
