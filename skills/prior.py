@@ -10,7 +10,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from drivers.config_model import ConfigModel, Figure
+from drivers.config_model import ConfigModel, Figure, Quantity
 from drivers.parts import HolePrior
 from skills.search.tour import Point
 
@@ -36,7 +36,7 @@ class LearningConfig(ConfigModel):
     """Standard deviation of the fixture's motion from one part to the next, m."""
     gate: Annotated[float, Figure("standard deviations"), Field(exclude=True)] = 4.0
     """Distance from the expected position beyond which a hole belongs to another fixture, standard deviations."""
-    longest_age: Annotated[float, Field(gt=0.0, le=3.2e7)] = 2592000.0
+    longest_age: Annotated[float, Field(gt=0.0, le=3.2e7), Quantity("s")] = 2592000.0
     """Longest time for which a learnt position is used, s; the default is 30 days."""
 
 

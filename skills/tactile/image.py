@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field
 
-from drivers.config_model import ConfigModel, Figure
+from drivers.config_model import ConfigModel, Figure, Quantity
 from drivers.parts import Fraction
 from drivers.quantities import FINGERS, TAXELS, TaxelFrame, Vector
 from drivers.skin.layout import PITCH, Layout, finger_positions
@@ -31,7 +31,7 @@ class ImageParams(ConfigModel):
     """Reading at which a pixel saturates, counts; [gibbons], Eq. (1). Source: [cyskin], highest touch peak; method of
     [gibbons], Eq. (1).
     """
-    threshold: Fraction = 0.5
+    threshold: Annotated[Fraction, Quantity("fraction")] = 0.5
     """Brightness below which a pixel is background, fraction of the brightest."""
     least_peak: Annotated[float, Figure("counts"), Field(exclude=True)] = 2000.0
     """Least brightness of the brightest pixel if the frame shows a peg, counts."""
