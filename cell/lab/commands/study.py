@@ -2,6 +2,7 @@
 
 import argparse
 from importlib import import_module
+from importlib.util import find_spec
 from typing import TYPE_CHECKING, Protocol, cast
 
 from cell.commands.arguments import Parser, add_shared
@@ -45,13 +46,13 @@ STUDIES = (
     "seating",
     "limits",
 )
-"""Package of each study in the laboratory; each has a module `study`."""
+"""Package of each study in the laboratory; each has a module `study`. An installed program lacks `faults`, which attacks cells."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the studies, each with its own arguments."""
     studies = parser.add_subparsers(dest="name", required=True, metavar="NAME", parser_class=Parser)
-    for name in STUDIES:
+    for name in filter(lambda name: find_spec(f"cell.lab.{name}"), STUDIES):
         study = load_study(name)
         own = studies.add_parser(name, help=study.SUMMARY, description=study.SUMMARY)
         add_shared(own)
