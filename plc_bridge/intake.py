@@ -158,6 +158,19 @@ class Intake:
 
     # Commands.
 
+    def control(self, link: Link, code: int) -> Order:
+        """Answer a control without a number, or pass it on; the order alone holds its answer."""
+        image = CommandImage(code=code)
+        if code in STOPS:
+            return self._stop(link, image)
+        order, refusal = Order(_command_of(link, UNNUMBERED, image)), self._why_not(link, image)
+        if refusal is not Refusal.NONE:
+            self.orders.turn_down(order, refusal)
+            return order
+        self.lease.take(link)
+        self.orders.add(order)
+        return order
+
     def command(self, link: Link, sequence: int, image: CommandImage, now: float) -> Order:
         """Answer a new number, or pass its command on to the scan thread."""
         if image.code in STOPS:

@@ -24,6 +24,8 @@ from tests.can_hubs import SocketcandHub
 
 ROOT = Path(__file__).parents[1]
 CLIENTS, EXAMPLE = ROOT / "tests" / "clients", ROOT / "docs" / "examples" / "line"
+NODE_CLIENT = CLIENTS / "node"
+"""Where `npm ci` puts node-opcua."""
 MATIEC = ROOT / "build" / "matiec"
 """Where `.ci/run` builds it."""
 SETTINGS = ('sim.pace="max"', "reality.scale=0", "plc.life_timeout=20", "plc.lease_timeout=20", "plc.modbus.port=0")
@@ -75,6 +77,11 @@ def has_go() -> bool:
     return bool(shutil.which("go")) and not subprocess.call(
         command, cwd=CLIENTS / "go", env=offline, stdout=quiet, stderr=quiet
     )
+
+
+def has_node() -> bool:
+    """Tell whether Node is installed, and its client of OPC UA in tests/clients/node."""
+    return bool(shutil.which("node")) and (NODE_CLIENT / "node_modules" / "node-opcua-client").is_dir()
 
 
 def has_matiec() -> bool:
