@@ -70,7 +70,7 @@ class OpcUaServer:
         self._loop = asyncio.new_event_loop()
         try:
             self._loop.run_until_complete(self._build(uri, plc))
-        except BaseException:
+        except BaseException:  # the loop is of no use without its server
             self._loop.close()
             raise
         self._stop: asyncio.Event
