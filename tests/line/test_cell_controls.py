@@ -10,13 +10,14 @@ from itertools import groupby
 import numpy as np
 import pytest
 
-from cell.assembly import assemble, opened
-from cell.config import load
-from cell.journal import Journal
-from cell.line import PARAMETERS, PROGRAMS
-from cell.samples import read_samples
-from cell.states import State
-from cell.supervisor import Supervisor
+from cell.config.load import load
+from cell.config.parameters import PARAMETERS
+from cell.devices.assembly import assemble, opened
+from cell.records.journal import Journal
+from cell.records.samples import read_samples
+from cell.run.line import PROGRAMS
+from cell.run.states import State
+from cell.run.supervisor import Supervisor
 from plc_bridge.bridge import Bridge
 from plc_bridge.messages import Control, PartPlace, Result
 from skills.catalogue import CATALOGUE
@@ -176,7 +177,7 @@ def test_every_skill_holds_and_goes_on(tmp_path, seed, drawn):
     for braking in cell.brakings:
         assert_halted(braking, State.HELD)
     holds = [State.EXECUTE, State.HOLDING, State.HELD, State.UNHOLDING] * len(LENGTHS)
-    assert cell.states == [State.STARTING, *holds, State.EXECUTE, State.COMPLETE]
+    assert cell.run.states == [State.STARTING, *holds, State.EXECUTE, State.COMPLETE]
 
 
 @pytest.mark.parametrize(
@@ -188,7 +189,7 @@ def test_every_skill_is_ended_and_after_a_reset_the_next_run_starts(tmp_path, co
         for run, (stage, scan) in enumerate(moments(13).items(), 1):
             row = cell.run(control, {stage: scan})
             assert_halted(cell.brakings[0], final)
-            assert cell.states == [State.STARTING, State.EXECUTE, acting, final]
+            assert cell.run.states == [State.STARTING, State.EXECUTE, acting, final]
             assert (row.run, row.outcome, row.reason) == (run, "aborted", "stopped")
             assert CATALOGUE.stage_number(row.stage) == cell.brakings[0].stage
             assert_complete(row, cell)

@@ -10,9 +10,9 @@ from itertools import pairwise
 
 import pytest
 
-from cell.cli import main
-from cell.config import load
-from cell.config_files import presets
+from cell.commands.cli import main
+from cell.config.files import presets
+from cell.config.load import load
 from cell.lab.frontier import measure as frontier
 from cell.lab.frontier.measure import Variant, measure
 from cell.lab.frontier.variants import CHAIN, COARSE, PRESET, PUBLISHED, START, SWEEPS, chain, rate_tests, variants

@@ -18,7 +18,7 @@ from cell.lab.frontier.measure import FRONTIER, FrontierLine
 from cell.lab.frontier.variants import BASES, CHAIN, PRESET
 from cell.lab.frontier.variants import PUBLISHED as METHOD
 from cell.lab.published import PUBLISHED, PUBLISHED_ATTEMPTS, PUBLISHED_SUCCESSES, PUBLISHED_TOTAL
-from cell.statistics import wilson
+from cell.records.statistics import wilson
 
 INK, GREY, RED, BLUE = "#222222", "#999999", "#cc2222", "#4477aa"
 STAGES = dict(zip(("search", "insert", "adjust"), ("#66ccee", "#228833", "#ccbb44"), strict=True))

@@ -5,11 +5,11 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from cell.cell_config import CellConfig
-from cell.config_files import presets
+from cell.config.cell_config import CellConfig
+from cell.config.files import presets
 from cell.lab.frontier.measure import Variant, load_variant
 from cell.lab.paper.unknowns import LABORATORY, ONE_ARM, ONE_BOARD
-from cell.statistics import RateTest
+from cell.records.statistics import RateTest
 from skills.catalogue import INSERT
 from skills.tactile.estimators import ESTIMATORS
 

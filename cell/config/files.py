@@ -1,0 +1,92 @@
+"""Files of a config: the cell's own, its base, presets, recipes and arms, read as tables without a model."""
+
+import tomllib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from drivers.errors import ConfigError
+
+_HERE = Path(__file__).parent.parent
+SHIPPED = next(place for place in (_HERE / "shipped", _HERE.parent / "config") if (place / "sim.toml").is_file())
+"""Folder of the shipped configs: data of the installed package, or the folder `config` of a checkout."""
+DEFAULT = SHIPPED / "sim.toml"
+"""The simulated cell, the default of every command."""
+ERRORS_FILE = "reality.toml"
+"""Name of the shipped file of errors of reality, which is not a cell's file."""
+ARMS = SHIPPED / "arms"
+"""Folder of the shipped files of arm figures."""
+NOT_INHERITED = (("limits", "force"), ("limits", "low"), ("limits", "high"), ("hole", "centre"), ("rack", "first"))
+"""Keys that a cell's file must state even if its base has them: limits, and the places of its parts."""
+
+
+def read_toml(path: Path) -> dict[str, Any]:
+    """Return the content of a TOML file.
+
+    Raises:
+        ConfigError: The file does not exist, is not readable, or is not TOML.
+    """
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise ConfigError(f"{path}: no such file") from None
+    except OSError as error:
+        raise ConfigError(f"{path}: cannot be read: {error.strerror}") from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise ConfigError(f"{path}: not TOML: {error}".replace("\n", " ")) from None
+
+
+def layers(path: Path) -> list[tuple[str, dict[str, Any]]]:
+    """Return the layers of a cell, name and table: the file of its `base`, beside it or shipped, then its own file."""
+    tree = read_toml(path)
+    name = tree.pop("base", None)
+    if name is None:
+        return [(str(path), tree)]
+    allowed = sorted(
+        {file.name for place in (SHIPPED, path.parent) for file in place.glob("*.toml")} - {path.name, ERRORS_FILE}
+    )
+    if name not in allowed:
+        raise ConfigError(f"{path}: base = {name!r}: no such file; {', '.join(allowed)} allowed")
+    base = next(place / name for place in (path.parent, SHIPPED) if (place / name).is_file())
+    below = read_toml(base)
+    if "base" in below:
+        raise ConfigError(f"{path}: base = {name!r}: has a base of its own; a file without one allowed")
+    for section, key in NOT_INHERITED:
+        below.get(section, {}).pop(key, None)
+    return [(str(base), below), (str(path), tree)]
+
+
+def recipe_files(path: Path) -> Iterator[tuple[int, Path]]:
+    """Yield number and file of each recipe beside a cell's file.
+
+    Raises:
+        ConfigError: The name of a file is not a number.
+    """
+    for file in sorted((path.parent / "recipes").glob("*.toml")):
+        if not file.stem.isdigit() or int(file.stem) == 0:
+            raise ConfigError(f"{file}: recipes are named by their number; 01.toml to 65535.toml allowed")
+        yield int(file.stem), file
+
+
+def arm_file(model: str) -> Path:
+    """Return the path of the file of figures for an `arm.model`; the file may not exist."""
+    return Path(model) if model.endswith(".toml") else ARMS / f"{model}.toml"
+
+
+def presets(path: Path | None = None, kind: str = "preset") -> dict[str, Path]:
+    """Return the files of presets or worlds available to a cell's file, by name: those beside it, then the shipped ones."""
+    folders = [SHIPPED / f"{kind}s", (path or DEFAULT).parent / f"{kind}s"]
+    return {file.stem: file for place in folders for file in sorted(place.glob("*.toml"))}
+
+
+def find_preset(path: Path, name: Any, kind: str = "preset") -> Path:
+    """Return the file of a preset or a world by its name.
+
+    Raises:
+        ConfigError: The file does not exist.
+    """
+    known = presets(path, kind)
+    if name not in known:
+        allowed = ", ".join(f'"{k}"' for k in sorted(known)) or "none"
+        raise ConfigError(f"{kind} = {name!r}: no such file in {kind}s/; {allowed} allowed")
+    return known[name]
