@@ -112,7 +112,7 @@ def _warn(plc: "PlcConfig", args: argparse.Namespace) -> None:
     from cell.devices.checks import OK
     from cell.page.exposure import exposures, key_days, key_verdict
 
-    for line in exposures(plc, args.page, args.metrics):
+    for line in exposures(plc, args.page, args.metrics, args.opcua):
         logger.warning("%s", line)
     for name, days in key_days(plc.tls).items():
         verdict = key_verdict(days)

@@ -134,9 +134,14 @@ class OpcUaServer:
 
     async def _show(self) -> None:
         """Show values and send events until the server is closed."""
+        before: tuple[object, ...] = ()
         while not self._stop.is_set():
             report = REPORT.unpack(self._mailbox.report_words(SPECTATOR))
-            await self._unit.update(report, PACKML.unpack(self._mailbox.packml_words()), self._mailbox.obstacle)
+            del report["report_life"], report["report_life_tail"]
+            seen = report, PACKML.unpack(self._mailbox.packml_words()), self._mailbox.obstacle
+            if seen != before:
+                await self._unit.update(*seen)
+                before = seen
             for order in self._mailbox.ended():
                 await self._unit.end(order)
             try:

@@ -52,6 +52,7 @@ def keys(authority, tmp_path_factory):
         "nobody": authority.sign("nobody", utf8("Nobody"), uri=PLC),
         "other uri": authority.sign("other", utf8("Operator"), uri="urn:test:other"),
         "stranger": stranger.sign("stranger", utf8("Operator"), uri=PLC),
+        "former": authority.sign("former", utf8("Operator"), uri=PLC),
     }
 
 
@@ -64,6 +65,7 @@ def opcua(loaded, authority, keys, tmp_path_factory):
         certificate=certificate,
         key=key,
         authority=authority.certificate,
+        revoked=authority.revoke(keys["former"][0]),
         roles={"Operator": ("read", "command"), "Guard": ("read", "stop")},
     )
     plc = PlcConfig(life_timeout=60.0, lease_timeout=60.0, modbus=ModbusConfig(port=0), tls=tls, opcua_anonymous=True)
@@ -277,7 +279,7 @@ def test_end_of_a_run_and_a_fault_with_its_remedy_are_events(opcua):
     play(scene)
 
 
-@pytest.mark.parametrize("name", ["stranger", "nobody", "other uri"])
+@pytest.mark.parametrize("name", ["stranger", "nobody", "other uri", "former"])
 def test_client_with_a_wrong_certificate_is_refused(opcua, name):
     async def scene():
         with pytest.raises(ua.UaStatusCodeError):

@@ -39,8 +39,12 @@ class Cell {
   async command(number, code) {
     const none = new Variant({ dataType: DataType.Double, arrayType: VariantArrayType.Array, value: [] });
     const serial = new Variant({ dataType: DataType.String, value: `P-${number}` });
-    const [answered, refusal, , remedy] = await this.call("Command", word(number), word(code), word(0), serial, none);
-    if (answered !== number || refusal !== 0) throw new Error(`${number} answered ${answered}, refused ${refusal}: ${remedy}`);
+    let [answered, refusal] = await this.call("Command", word(number), word(code), word(0), serial, none);
+    while (answered !== number) {
+      await pause(20);
+      ({ Answered: answered, Refusal: refusal } = await this.answer());
+    }
+    if (refusal !== 0) throw new Error(`${number} is refused with ${refusal}`);
   }
 
   async answer() {
