@@ -3,14 +3,16 @@
 import ast
 import inspect
 import sys
+from dataclasses import dataclass
+from enum import Enum
 from functools import cache
 from itertools import pairwise
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any, NoReturn
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, GetJsonSchemaHandler, ValidationInfo
 from pydantic.json_schema import JsonSchemaValue
-from pydantic_core import CoreSchema
+from pydantic_core import CoreSchema, PydanticKnownError, PydanticOmit, core_schema
 
 
 def beside_config(path: Path, info: ValidationInfo) -> Path:
@@ -21,6 +23,45 @@ def beside_config(path: Path, info: ValidationInfo) -> Path:
 
 FilePath = Annotated[Path, AfterValidator(beside_config)]
 """Path of a file; a relative path starts at the folder of the config file, not at the working directory."""
+
+
+class Tempo(Enum):
+    """Effect of the key `speed_scale` on a figure."""
+
+    SPEED = "multiplied"
+    WAIT = "divided"
+    LIMIT = "divided below 1"
+    """Longest time of a motion: a slower plan needs more of it, a faster one keeps it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Quantity:
+    """Unit of a figure, and its place in a plan."""
+
+    unit: str
+    """SI unit."""
+    tempo: Tempo | None = None
+    """Effect of the key `speed_scale`; None for none."""
+    radius: str = ""
+    """Figure of the same model with the radius, m, of the circle that a rate in rad/s turns on; empty if the hand itself turns."""
+
+
+class Figure(Quantity):
+    """Figure of a plan that no config sets: it has a value, and no key. Its annotation also needs `Field(exclude=True)`."""
+
+    __slots__ = ()
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> CoreSchema:
+        """Refuse the figure in a config as an unknown key."""
+        return core_schema.no_info_plain_validator_function(_unknown)
+
+    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: Any) -> JsonSchemaValue:
+        """Leave the figure out of the schema."""
+        raise PydanticOmit
+
+
+def _unknown(value: object) -> NoReturn:
+    raise PydanticKnownError("extra_forbidden")
 
 
 class ConfigModel(BaseModel):

@@ -132,6 +132,7 @@ def sections_of(skills: SkillSet, grip_share: float = 1.0) -> Sections:
         grasp=skills[GRASP],
         paper=skills.paper,
         grip_share=grip_share,
+        pace=skills.pace,
     )
 
 

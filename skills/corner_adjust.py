@@ -12,6 +12,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field, NonNegativeFloat, PositiveFloat
 
+from drivers.config_model import Figure, Quantity, Tempo
 from drivers.frames import angle_between, end_point, rotation_about
 from drivers.quantities import ImpedanceSetpoint, InHandTip, Twist, Vector
 from skills.contract import Observation, Outcome, Reason, SkillContext, SkillParams, SkillResult
@@ -27,11 +28,7 @@ TURNED = 0.2
 STRAYED_FOR = 0.15
 """Least time outside `strayed` for a loss of the hole, s: a few frames of the skin. Source: docs/tried/corners.md."""
 SINKS = 0.25
-"""Least depth gained in `STANDS_FOR` by a peg that is still sinking, fraction of `caught`. Source: docs/tried/corners.md."""
-STANDS_FOR = 0.8
-"""Time without depth gain after which a guided peg counts as stuck, s; the next skill frees it with a new theta.
-Source: docs/tried/corners.md.
-"""
+"""Least depth gained in `stands_for` by a peg that is still sinking, fraction of `caught`. Source: docs/tried/corners.md."""
 
 
 class CornerAdjustParams(SkillParams):
@@ -50,7 +47,7 @@ class CornerAdjustParams(SkillParams):
     """Depth of the tip's setpoint below the tip, m."""
     lead: tuple[NonNegativeFloat, NonNegativeFloat]
     """Lead of the tip's setpoint over the tip, along the closing axis and across it, m; it keeps the corner in the hole's corner."""
-    raise_rate: PositiveFloat
+    raise_rate: Annotated[PositiveFloat, Quantity("rad/s", Tempo.SPEED)]
     """Rate at which the setpoint of the axis moves to the normal, rad/s."""
     tilt: Annotated[float, Field(ge=0.0, lt=0.2)]
     """Tilt to keep until the tip has sunk by `caught`, rad; if the peg is upright earlier, the corner is no deeper than the others and
@@ -62,13 +59,13 @@ class CornerAdjustParams(SkillParams):
     """Distance of the tip from its start, in the plate, at which the corner has left the hole, m."""
     dither_radius: NonNegativeFloat
     """Largest radius of the dither of the finger centre, m; it fades within each period."""
-    dither_rate: PositiveFloat
+    dither_rate: Annotated[PositiveFloat, Quantity("rad/s", Tempo.SPEED, "dither_radius")]
     """Turning rate of the dither, rad/s."""
-    dither_period: PositiveFloat
+    dither_period: Annotated[PositiveFloat, Quantity("s", Tempo.WAIT)]
     """Period of the dither, s; the radius fades to zero within it."""
     turn: PositiveFloat
     """Largest difference between the setpoint and the measured yaw, rad; times the stiffness it bounds the torque on the walls."""
-    turn_rate: PositiveFloat
+    turn_rate: Annotated[PositiveFloat, Quantity("rad/s", Tempo.SPEED)]
     """Rate of the yaw sweep's setpoint about the normal, rad/s."""
     growth: PositiveFloat
     """Increase of the yaw sweep's amplitude from one swing to the next, rad."""
@@ -76,8 +73,12 @@ class CornerAdjustParams(SkillParams):
     """Largest angle of the sweep to either side, rad; it exceeds the play of the peg at its insertion's tilt."""
     entered: PositiveFloat
     """Depth gained at which the peg is between the walls, m; it exceeds the slip along the fingers."""
-    timeout: PositiveFloat
+    timeout: Annotated[PositiveFloat, Quantity("s", Tempo.LIMIT)]
     """Longest time until the peg is between the walls, s; then the cell searches again and sweeps about another yaw."""
+    stands_for: Annotated[float, Figure("s", Tempo.WAIT), Field(exclude=True)] = 0.8
+    """Time without depth gain after which a guided peg counts as stuck, s; the next skill frees it with a new theta.
+    Source: docs/tried/corners.md.
+    """
 
 
 @dataclass(frozen=True, slots=True)
@@ -190,7 +191,7 @@ class Watch:
 
     def is_caught(self, elapsed: float, params: CornerAdjustParams) -> bool:
         """Return True if the walls guide the peg and it is stuck."""
-        return self.deepest > params.caught and elapsed - self.since > STANDS_FOR
+        return self.deepest > params.caught and elapsed - self.since > params.stands_for
 
 
 def run(params: CornerAdjustParams, ctx: SkillContext, plane: Plane | None = None) -> CornerAdjustResult:

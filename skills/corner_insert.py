@@ -12,6 +12,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field, NonNegativeFloat, PositiveFloat
 
+from drivers.config_model import Quantity, Tempo
 from drivers.frames import angle_between, rotation_about
 from drivers.quantities import ImpedanceSetpoint, Twist, Vector
 from skills.contract import Observation, Outcome, Reason, SkillContext, SkillParams, SkillResult
@@ -51,11 +52,11 @@ class CornerInsertParams(SkillParams):
     """Integral gain on orientation, N·m/(rad·s); K_I of [gibbons], Eq. (6)."""
     integral_limit: NonNegativeFloat
     """Saturation of the integral, N·m."""
-    settle: NonNegativeFloat
+    settle: Annotated[NonNegativeFloat, Quantity("s", Tempo.WAIT)]
     """Time to settle after the setpoint is raised, s."""
-    raise_rate: PositiveFloat
+    raise_rate: Annotated[PositiveFloat, Quantity("rad/s", Tempo.SPEED)]
     """Rate at which the setpoint of the axis is raised, rad/s."""
-    raise_stop: NonNegativeFloat = 0.3
+    raise_stop: Annotated[NonNegativeFloat, Quantity("s", Tempo.WAIT)] = 0.3
     """Stopping time of the setpoint of the raised axis, s; if it stops at once, the hand's inertia moves the corner back along the
     closing axis by 2 mm. Source: docs/tried/corners.md.
     """
@@ -63,7 +64,7 @@ class CornerInsertParams(SkillParams):
     """Lead of the tip's setpoint over the tip along the closing axis once the peg is raised, m; it must overcome the friction of joints and
     plate. The pads are perpendicular to it. Source: docs/tried/corners.md.
     """
-    turn_rate: PositiveFloat
+    turn_rate: Annotated[PositiveFloat, Quantity("rad/s", Tempo.SPEED)]
     """Rate of the yaw sweep's setpoint about the normal, rad/s; slow enough for the peg to sink while its yaw matches
     the hole's.
     """
@@ -81,9 +82,9 @@ class CornerInsertParams(SkillParams):
     """Largest radius of the dither of the finger centre, m; it fades within each period and releases static friction
     of the peg.
     """
-    dither_rate: PositiveFloat
+    dither_rate: Annotated[PositiveFloat, Quantity("rad/s", Tempo.SPEED, "dither_radius")]
     """Turning rate of the dither, rad/s."""
-    dither_period: PositiveFloat
+    dither_period: Annotated[PositiveFloat, Quantity("s", Tempo.WAIT)]
     """Period of the dither, s; the radius fades to zero within it."""
     growth: PositiveFloat
     """Increase of the yaw sweep's amplitude from one swing to the next, rad; small yaws of the hole are the likeliest
@@ -99,7 +100,7 @@ class CornerInsertParams(SkillParams):
     """Distance of the tip from the start of the sweep at which it has left the hole, m."""
     lost_height: PositiveFloat
     """Height of the corner above the surface at which it has left the hole, m."""
-    timeout: PositiveFloat
+    timeout: Annotated[PositiveFloat, Quantity("s", Tempo.LIMIT)]
     """Longest insertion, s."""
 
 

@@ -10,6 +10,7 @@ from skills.contract import Reason, SkillContext, SkillParams, SkillResult
 from skills.corner import CornerParams
 from skills.flow import StageRecord, run_stage
 from skills.motion import Gains
+from skills.pace import Pace, at_pace
 from skills.paper.params import PaperParams
 
 P = TypeVar("P", bound=SkillParams)
@@ -65,7 +66,11 @@ class Skill(Generic[P]):
         """Run the skill alone, with its own parameters from `skills`."""
 
         def step(ctx: SkillContext) -> SkillResult:
-            return self.perform(skills[self], ctx) if self.by_part is None else self.by_part(skills, ctx)
+            return (
+                self.perform(at_pace(skills[self], skills.pace), ctx)
+                if self.by_part is None
+                else self.by_part(skills, ctx)
+            )
 
         return [run_stage(self.name, step, ctx)]
 
@@ -102,6 +107,8 @@ class SkillSet:
     """Number of further searches if the peg turns out not to be in the hole; 0 in [gibbons]."""
     paper: PaperParams | None
     """Skills that use the printed method of [gibbons], and their parameters; None for none."""
+    pace: Pace
+    """Factor on all speeds, and the arm's limits."""
 
     def __getitem__(self, skill: Skill[P]) -> P:
         params = self.sections[skill.section]

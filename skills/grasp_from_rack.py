@@ -7,6 +7,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
+from drivers.config_model import Figure, Tempo
 from drivers.errors import SkinUntrustedError
 from drivers.frames import UP, angle_between
 from drivers.quantities import Twist, Vector
@@ -32,14 +33,10 @@ TRIM = Trim(rate=6.0, limit=0.01)
 """Integral that trims the hand's position over the slot, along each axis."""
 INTEGRAL_GAIN, INTEGRAL_LIMIT = 300.0, 6.0
 """Integral gain of the arm's orientation over the slot, N·m/(rad·s), and its saturation, N·m."""
-DRAWING_SPEED = 0.05
-"""Speed at which the peg leaves the slot, m/s; at higher speeds a peg that rubs in the slot slips between the pads.
-Source: docs/tried/grasp.md.
-"""
 PRINT_TIME = 5.0
 """Longest wait for the frames that show the peg, s; at 10 Hz they take 0.9 s, and a skin that times out raises a fault earlier."""
 DRAWING_TIME = 2.0
-"""Time limit of the draw, multiple of its time at `DRAWING_SPEED`."""
+"""Time limit of the draw, multiple of its time at the drawing speed."""
 
 
 class GraspFromRackParams(SkillParams):
@@ -67,6 +64,10 @@ class GraspFromRackParams(SkillParams):
     """Longest time for the fingers to close, s."""
     width_tolerance: Annotated[float, Field(gt=0.0, le=0.005)]
     """Largest difference between the pads' distance and the peg's width between them, m."""
+    drawing_speed: Annotated[float, Figure("m/s", Tempo.SPEED), Field(exclude=True)] = 0.05
+    """Speed at which the peg leaves the slot, m/s; at higher speeds a peg that rubs in the slot slips between the pads.
+    Source: docs/tried/grasp.md.
+    """
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,7 +103,7 @@ def run(params: GraspFromRackParams, ctx: SkillContext) -> GraspFromRackResult:
     if not (centring.is_within(NEAR) and _close(params, centring, ctx)):
         return _missed(params, ctx, started, Reason.MISSED_GRASP)
     _require_print(params, ctx)
-    _draw_out(grip_at[2] + job.rack.depth, ctx)
+    _draw_out(grip_at[2] + job.rack.depth, params, ctx)
     for _ in move(above, params.transfer, ctx, None):
         pass
     if not _holds_peg(params, ctx):
@@ -200,12 +201,12 @@ def _require_print(params: GraspFromRackParams, ctx: SkillContext) -> None:
         raise
 
 
-def _draw_out(height: float, ctx: SkillContext) -> None:
+def _draw_out(height: float, params: GraspFromRackParams, ctx: SkillContext) -> None:
     """Rise until the finger centre is at `height`, m, base frame, at which the peg's end has left the slot."""
     held = ctx.held
     assert held is not None
-    twist = Twist(UP * DRAWING_SPEED, np.zeros(3))
-    for seen in ctx.scan(DRAWING_TIME * (height - held.tip[2]) / DRAWING_SPEED):
+    twist = Twist(UP * params.drawing_speed, np.zeros(3))
+    for seen in ctx.scan(DRAWING_TIME * (height - held.tip[2]) / params.drawing_speed):
         if seen.arm.tcp.position[2] >= height:
             break
         tip = held.tip + twist.linear * seen.elapsed

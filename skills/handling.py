@@ -11,6 +11,7 @@ from skills.corner import CornerParams
 from skills.grasp_from_rack import GraspFromRackParams
 from skills.grip import grip_of
 from skills.motion import Gains
+from skills.pace import Pace, at_pace
 from skills.paper import adjust as paper_adjust
 from skills.paper import insert as paper_insert
 from skills.paper import search as paper_search
@@ -36,6 +37,8 @@ class Sections:
     """Parameters of the grasp; they bound every push."""
     paper: PaperParams | None
     """Skills that use the printed method of [gibbons], and their parameters; None for none."""
+    pace: Pace
+    """Factor on all speeds, and the arm's limits."""
     grip_share: float = 1.0
     """Assumed share of the grip after slips, fraction."""
 
@@ -77,14 +80,14 @@ class Way:
 
 def _over_the_edge(part: Part, sections: Sections) -> Handling:
     grip = grip_of(sections.grasp, sections.grip_share)
-    insert = grip.inserting(sections.insert)
-    search = shallow(grip.searching(firm(sections.search, part.thickness)), part.thickness)
+    insert = at_pace(grip.inserting(sections.insert), sections.pace)
+    search = at_pace(shallow(grip.searching(firm(sections.search, part.thickness)), part.thickness), sections.pace)
 
     def adjust(ctx: SkillContext, plane: Plane | None, attempt: int) -> SkillResult:
         params = grip.adjusting(sections.adjust, ctx.job.peg.length)
         share = stall_share(attempt, sections.retries)
         patient = params.model_copy(update={"stall_timeout": share * params.stall_timeout})
-        return spiral_adjust.run(patient, ctx, plane)
+        return spiral_adjust.run(at_pace(patient, sections.pace), ctx, plane)
 
     return Handling(
         search=search,
@@ -103,16 +106,18 @@ def stall_share(attempt: int, retries: int) -> float:
 def _over_a_corner(part: Part, sections: Sections) -> Handling:
     assert sections.corner is not None
     grip, corner = grip_of(sections.grasp, sections.grip_share), sections.corner
-    search = grip.searching(corner.searching(sections.search))
+    search = at_pace(grip.searching(corner.searching(sections.search)), sections.pace)
 
     def insert(ctx: SkillContext, plane: Plane | None, attempt: int) -> SkillResult:
-        return corner_insert.run(grip.raising(corner.insert, corner.tilt, ctx.job.peg), ctx, plane, attempt)
+        params = at_pace(grip.raising(corner.insert, corner.tilt, ctx.job.peg), sections.pace)
+        return corner_insert.run(params, ctx, plane, attempt)
 
     def adjust(ctx: SkillContext, plane: Plane | None, attempt: int) -> SkillResult:
-        entered = corner_adjust.run(grip.entering(corner.adjust, corner.insert.tilt, ctx.job.peg), ctx, plane)
+        entering = at_pace(grip.entering(corner.adjust, corner.insert.tilt, ctx.job.peg), sections.pace)
+        entered = corner_adjust.run(entering, ctx, plane)
         if entered.outcome is not Outcome.SUCCESS:
             return entered
-        params = grip.adjusting(sections.adjust, ctx.job.peg.length)
+        params = at_pace(grip.adjusting(sections.adjust, ctx.job.peg.length), sections.pace)
         seated = spiral_adjust.run(params, ctx, plane, turns_freely=True)
         return replace(seated, elapsed=entered.elapsed + seated.elapsed)
 
@@ -143,7 +148,11 @@ def is_printed_for(part: Part) -> bool:
 def handling(part: Part, sections: Sections) -> Handling:
     """Return the handling of this part."""
     made = WAYS[part.kind].make(part, sections)
-    return made if sections.paper is None else _as_printed(made, sections.search, sections.paper)
+    return (
+        made
+        if sections.paper is None
+        else _as_printed(made, at_pace(sections.search, sections.pace), at_pace(sections.paper, sections.pace))
+    )
 
 
 def _as_printed(made: Handling, search: SpraySearchParams, paper: PaperParams) -> Handling:

@@ -8,7 +8,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field, PositiveFloat
 
-from drivers.config_model import ConfigModel
+from drivers.config_model import ConfigModel, Figure, Quantity, Tempo
 from drivers.frames import UP, angle_between, rotation_about
 from drivers.quantities import ImpedanceSetpoint, InHandTip, Twist, Vector
 from skills.clearance import SAMPLES, Attitude, require_clear
@@ -59,14 +59,17 @@ class Transfer(ConfigModel):
 
     gains: Gains
     """Stiffness and damping ratio during the move."""
-    speed: PositiveFloat
+    speed: Annotated[PositiveFloat, Quantity("m/s", Tempo.SPEED)]
     """Largest speed of the tip, m/s."""
-    turn_speed: PositiveFloat
+    turn_speed: Annotated[PositiveFloat, Quantity("rad/s", Tempo.SPEED)]
     """Largest turning rate, rad/s."""
     elbow: Annotated[float, Field(ge=-math.pi, le=math.pi)]
     """Goal of the elbow's joint in the null space, rad; without it the elbow would drift from run to run."""
     clearance: Annotated[float, Field(ge=0.0, le=0.05)] = 0.002
     """Least distance of hand and peg from plate and rack during a move, m; a move that starts or ends nearer may come as near. Source: decision 0013."""
+
+    settle: Annotated[float, Figure("s", Tempo.WAIT), Field(exclude=True)] = 0.3
+    """Time to settle at the end of a move, s."""
 
     def stiffness(self) -> Vector:
         """Return the stiffness during a move, shape (6,): N/m along the axes of the base frame, then N·m/rad about them."""
@@ -96,7 +99,7 @@ def move(
     transfer: Transfer,
     ctx: SkillContext,
     in_hand: InHandTip | None,
-    settle: float = 0.3,
+    settle: float | None = None,
     limited: bool = True,
 ) -> Iterator[Observation]:
     """Move the tip straight to `goal` while the hand turns, and yield every scan until it has settled there.
@@ -108,7 +111,7 @@ def move(
         transfer: Speeds and gains of the move.
         ctx: The skill's context.
         in_hand: Pose of the peg in the hand; its loss ends the move. None for the empty hand.
-        settle: Time to settle at the end, s.
+        settle: Time to settle at the end, s; None for that of the transfer.
         limited: True to check the limits of force and workspace. False for a motion that can start in contact; the arm
             then learns nothing about its joints from it.
     """
@@ -121,7 +124,7 @@ def move(
     if limited:
         places = [way.at(share)[0] for share in np.linspace(0.0, 1.0, SAMPLES + 1)]
         require_clear([Attitude(at.tip, at.axis, at.roll) for at in places], ctx.job, in_hand, transfer.clearance)
-    duration = way.duration(transfer)
+    duration, settle = way.duration(transfer), transfer.settle if settle is None else settle
     identity = ctx.new_id()
     stiffness, damping_ratio = transfer.stiffness(), transfer.gains.damping_ratios()
     for seen in ctx.scan(LONGEST_MOVE * (duration + settle), in_hand is not None, limited):

@@ -1,28 +1,43 @@
 """Pull a peg out of the hole before another attempt, along the estimated normal and with a dither, because it may be jammed."""
 
+from typing import Annotated
+
+from pydantic import Field
+
+from drivers.config_model import ConfigModel, Figure, Tempo
 from drivers.frames import UP
 from drivers.quantities import ImpedanceSetpoint, Vector
 from skills.contract import SkillContext
 from skills.motion import VALIDITY, Gains, Goal, Transfer, move, tilted_by
 from skills.paths import dither
 
-SPEED = 0.05
-"""Speed at which the setpoint rises, m/s."""
 SHARE = 0.625
 """Largest pull from the setpoint's lead over the tip, fraction of the force limit."""
-SHAKEN = (0.003, 25.0, 0.5)
-"""Radius of the dither of the finger centre, m, its turning rate, rad/s, and its period, s."""
 LONGEST = 10.0
 """Longest time to pull, s."""
 
 
-def pull_out(height: float, gains: Gains, ctx: SkillContext, limited: bool = True) -> Vector | None:
+class Pull(ConfigModel):
+    """Motion that pulls a peg out of a hole."""
+
+    speed: Annotated[float, Figure("m/s", Tempo.SPEED), Field(exclude=True)] = 0.05
+    """Speed at which the setpoint rises, m/s."""
+    dither_radius: Annotated[float, Figure("m"), Field(exclude=True)] = 0.003
+    """Largest radius of the dither of the finger centre, m."""
+    dither_rate: Annotated[float, Figure("rad/s", Tempo.SPEED, "dither_radius"), Field(exclude=True)] = 25.0
+    """Turning rate of the dither, rad/s."""
+    dither_period: Annotated[float, Figure("s", Tempo.WAIT), Field(exclude=True)] = 0.5
+    """Period of the dither, s."""
+
+
+def pull_out(height: float, pull: Pull, gains: Gains, ctx: SkillContext, limited: bool = True) -> Vector | None:
     """Pull the peg along the plate's estimated normal until its tip is at `height`, m, base frame.
 
     Without a surface estimate, the pull is straight up.
 
     Args:
         height: Goal height of the tip, m, base frame.
+        pull: Speed and dither of the pull.
         gains: Stiffness of the arm during the pull; the setpoint's lead over the tip bounds the force.
         ctx: The skill's context.
         limited: True to check the limits of force and workspace; False only for a motion out of a violation.
@@ -39,10 +54,10 @@ def pull_out(height: float, gains: Gains, ctx: SkillContext, limited: bool = Tru
         tip = seen.tip
         if tip[2] >= height:
             return None
-        # Setpoint: SPEED along the normal, with a lead over the tip of at most SHARE · force limit / stiffness
-        target = target + SPEED * seen.step * out
+        # Setpoint: pull.speed along the normal, with a lead over the tip of at most SHARE · force limit / stiffness
+        target = target + pull.speed * seen.step * out
         target = target - max(float(out @ (target - tip)) - most, 0.0) * out
-        offset = dither(seen.elapsed, *SHAKEN)
+        offset = dither(seen.elapsed, pull.dither_radius, pull.dither_rate, pull.dither_period)
         ctx.follow(
             ImpedanceSetpoint(
                 id=identity,
@@ -58,14 +73,14 @@ def pull_out(height: float, gains: Gains, ctx: SkillContext, limited: bool = Tru
     return tip
 
 
-def approach(goal: Goal, transfer: Transfer, ctx: SkillContext) -> Vector | None:
+def approach(goal: Goal, transfer: Transfer, pull: Pull, ctx: SkillContext) -> Vector | None:
     """Move the peg above a point on the plate and zero the wrench there; if the tip is lower than the goal, pull it up first.
 
     Returns:
         None, or the position of the tip stuck in the hole, shape (3,), m, base frame.
     """
     if ctx.observe().tip[2] < goal.tip[2]:
-        stuck = pull_out(goal.tip[2], transfer.gains, ctx)
+        stuck = pull_out(goal.tip[2], pull, transfer.gains, ctx)
         if stuck is not None:
             return stuck
     for _ in move(goal, transfer, ctx, ctx.in_hand()):

@@ -21,13 +21,14 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
+from drivers.config_model import Figure
 from drivers.frames import UP
 from drivers.parts import Point
 from drivers.quantities import SwitchState, Vector
 from skills.contract import Interrupted, Observation, Outcome, Reason, SkillContext, SkillParams, SkillResult
 from skills.grasp_from_rack import ACROSS_RACK
 from skills.motion import Goal, Transfer, move
-from skills.pull_out import pull_out
+from skills.pull_out import Pull, pull_out
 from skills.release_and_retract import let_go
 
 MARGIN = 0.01
@@ -54,6 +55,8 @@ class RecoverParams(SkillParams):
     """Longest time for the fingers to open, s."""
     first: bool = False
     """True if a start with a peg in the hand first removes the peg; otherwise such a start is refused. Source: decision 0021."""
+    pull: Annotated[Pull, Figure(""), Field(exclude=True)] = Pull()
+    """Motion that pulls a jammed peg out of the hole."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,7 +95,7 @@ def _pull(params: RecoverParams, ctx: SkillContext) -> Vector | None:
     The limits are not checked: contact forces left by the failure must first decay, and the pull itself is bounded.
     """
     try:
-        return pull_out(ctx.job.hole.centre[2] + CLEAR, params.transfer.gains, ctx, limited=False)
+        return pull_out(ctx.job.hole.centre[2] + CLEAR, params.pull, params.transfer.gains, ctx, limited=False)
     except Interrupted as interruption:
         if interruption.reason is not Reason.LOST_GRASP:
             raise

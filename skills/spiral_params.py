@@ -4,6 +4,7 @@ from typing import Annotated
 
 from pydantic import Field, NonNegativeFloat, PositiveFloat
 
+from drivers.config_model import Quantity, Tempo
 from skills.contract import SkillParams
 from skills.motion import Gains
 
@@ -14,18 +15,18 @@ class SpiralAdjustParams(SkillParams):
     Source: chosen, not measured.
     """
 
-    growth: PositiveFloat
+    growth: Annotated[PositiveFloat, Quantity("m/s", Tempo.SPEED)]
     """Growth of the spiral's radius at the finger centre, m/s. Source: derived from [gibbons], Sec. VI, 25 mm in 20 s."""
-    turn_rate: PositiveFloat
+    turn_rate: Annotated[PositiveFloat, Quantity("rad/s", Tempo.SPEED, "radius")]
     """Turning rate of the spiral, rad/s."""
     radius: PositiveFloat
     """Largest radius of the spiral, m; `stall_timeout` can end the spiral earlier. Source: [gibbons], Sec. VI."""
-    stall_timeout: Annotated[float, Field(gt=0.0, le=120.0)]
+    stall_timeout: Annotated[float, Field(gt=0.0, le=120.0), Quantity("s", Tempo.WAIT)]
     """Stall timeout: longest time without a depth gain of `jammed`, s; such a peg is not in the hole, or cannot enter it in
     this attempt. The first of several attempts of `insert_peg` has 0.4 of it (docs/tried/adjustment.md). Close to the bottom the time is
     twice as long; if the switch is still open then, it disagrees with the depth. Source: chosen, not measured; reason in docs/tried/adjustment.md.
     """
-    timeout: PositiveFloat
+    timeout: Annotated[PositiveFloat, Quantity("s", Tempo.LIMIT)]
     """Longest adjustment, s; if the radius reaches its largest value earlier, the spiral restarts."""
     gains: Gains
     """Stiffness and damping ratio along x and y and in rotation. Source: chosen within the margin that `cell check` prints."""
@@ -43,9 +44,9 @@ class SpiralAdjustParams(SkillParams):
     """Largest radius of the dither of the finger centre with a guided peg, m; it fades within each period, because torque
     held by friction jams the peg. Source: chosen, not measured; reason in docs/tried/adjustment.md.
     """
-    dither_rate: PositiveFloat
+    dither_rate: Annotated[PositiveFloat, Quantity("rad/s", Tempo.SPEED, "dither_radius")]
     """Turning rate of the dither, rad/s."""
-    dither_period: PositiveFloat
+    dither_period: Annotated[PositiveFloat, Quantity("s", Tempo.WAIT)]
     """Period of the dither, s; the radius fades to zero within it."""
     jammed: NonNegativeFloat
     """Least depth gain in one period of the dither, m; with less, the peg stands still. Below ten times this gain, the skill measures
@@ -56,11 +57,11 @@ class SpiralAdjustParams(SkillParams):
     """Distance from the bottom within which the damping is larger, m; it prevents an impact on the bottom. Source:
     docs/tried/adjustment.md.
     """
-    swing_time: PositiveFloat = 0.6
+    swing_time: Annotated[PositiveFloat, Quantity("s", Tempo.WAIT)] = 0.6
     """Time of a gentle descent while the hand still turns from the insertion, s; later turns come from this skill's own
     setpoints. Source: docs/tried/adjustment.md.
     """
-    sweep_time: Annotated[float, Field(gt=0.0, le=5.0)] = 0.5
+    sweep_time: Annotated[float, Field(gt=0.0, le=5.0), Quantity("s", Tempo.WAIT)] = 0.5
     """Time of one tilt sweep to both sides, s; it follows if the peg stands still or creeps. It turns the hand about its closing axis;
     a dither follows. Source: docs/tried/adjustment.md.
     """

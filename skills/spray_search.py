@@ -66,14 +66,14 @@ def run(
     """
     course = make_course(params, ctx.job, ctx.rng, _with_prior(belief, ctx), ctx.peg.is_length_known)
     start = (course.first[0], course.first[1])
-    if (stuck := approach(_above(course), params.transfer, ctx)) is not None:
+    if (stuck := approach(_above(course), params.transfer, params.pull, ctx)) is not None:
         return SpraySearchResult(Outcome.FAILURE, Reason.NOT_SEATED, LONGEST, _point(stuck), start, 0, None)
     evidence = Evidence(params, surface or SurfaceEstimate(), ctx.scan_period)
     sweep, spent = Sweep(params, ctx, course, evidence), 0.0
     found, spent = _slide(params, ctx, sweep, spent)
     while found is None and spent < params.timeout:
         lifted = ctx.clock.now()
-        if (stuck := approach(_above(sweep.begin_anew()), params.transfer, ctx)) is not None:
+        if (stuck := approach(_above(sweep.begin_anew()), params.transfer, params.pull, ctx)) is not None:
             spent += ctx.clock.now() - lifted
             return SpraySearchResult(Outcome.FAILURE, Reason.NOT_SEATED, spent, _point(stuck), start, sweep.rests, None)
         sweep.hold_anew()

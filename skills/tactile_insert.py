@@ -7,6 +7,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field, NonNegativeFloat, PositiveFloat
 
+from drivers.config_model import Quantity, Tempo
 from drivers.frames import angle_between, rotation_about
 from drivers.quantities import ImpedanceSetpoint, Twist, Vector
 from skills.contract import Outcome, Reason, SkillContext, SkillParams, SkillResult
@@ -36,9 +37,9 @@ class TactileInsertParams(SkillParams):
     """Least and largest stiffness along z, N/m; K_min and K_max of [gibbons], Eq. (7). Source: chosen, not measured;
     method of [gibbons], Eq. (7).
     """
-    turn_rate: PositiveFloat
+    turn_rate: Annotated[PositiveFloat, Quantity("rad/s", Tempo.SPEED)]
     """Rate at which the setpoint of the axis goes from where the peg is to upright, rad/s."""
-    turn_run_up: NonNegativeFloat
+    turn_run_up: Annotated[NonNegativeFloat, Quantity("s", Tempo.WAIT)]
     """Time in which the setpoint of the axis gets to its rate, s; the hole's wall bears what sets the arm in motion.
     Source: chosen, not measured; reason in docs/tried/insertion.md.
     """
@@ -54,7 +55,7 @@ class TactileInsertParams(SkillParams):
     """Distance of the tip's setpoint ahead of the tip, towards the side that the peg leans to, m; raising then cannot lift
     the peg out. Source: chosen, not measured; reason in docs/tried/insertion.md.
     """
-    timeout: PositiveFloat
+    timeout: Annotated[PositiveFloat, Quantity("s", Tempo.LIMIT)]
     """Longest insertion, s."""
     least_share: Annotated[float, Field(gt=0.0, lt=1.0)]
     """Least depth of an aligned peg that is in the hole, fraction of the depth that the tilt allows; only a first attempt

@@ -24,7 +24,8 @@ from drivers.parts import PLATE_BORDER, Hole
 from drivers.quantities import Pose, Vector
 from skills.catalogue import GRASP, RECOVER
 from skills.contract import Interrupted, Observation, Outcome, SkillContext
-from skills.touch_off import touch_off
+from skills.pace import at_pace
+from skills.touch_off import TouchOff, touch_off
 
 PEGS = 3
 """Number of pegs, taken from consecutive slots."""
@@ -94,6 +95,15 @@ class Places:
             + [f"[rack]\nfirst = {point(self.first)}\n"] * self.is_rack_elsewhere
         )
 
+    def corrected(self, config: CellConfig) -> CellConfig:
+        """Return a config with the printed lines in its file."""
+        hole, rack = config.hole, config.rack
+        if self.is_plate_elsewhere:
+            hole = hole.model_copy(update={"centre": _printed(self.centre)})
+        if self.is_rack_elsewhere:
+            rack = rack.model_copy(update={"first": _printed(self.first)})
+        return config.model_copy(update={"hole": hole, "rack": rack})
+
     def write(self, path: Path) -> None:
         """Write a file whole or not at all.
 
@@ -159,7 +169,8 @@ def corners(hole: Hole) -> list[Vector]:
 
 def _touches(cell: Cell, ctx: SkillContext, slot: int, pegs: int, done: Callable[[int, int], None]) -> PegTouches:
     """Take the peg of a slot, touch the plate at every corner, and drop the peg into the bin."""
-    config, places = cell.config, corners(cell.config.hole)
+    config, places, pace = cell.config, corners(cell.config.hole), cell.config.pace()
+    transfer, touch = at_pace(config.params(GRASP).transfer, pace), at_pace(TouchOff(), pace)
     ctx.job = config.job(slot=slot)
     cell.restock(ctx.job, config.first_seed + slot)
     closed: list[Pose] = []
@@ -178,7 +189,7 @@ def _touches(cell: Cell, ctx: SkillContext, slot: int, pegs: int, done: Callable
     held = ctx.observe().peg
     points = []
     for number, place in enumerate(places, 1):
-        found = touch_off(place, config.params(GRASP).transfer, ctx)
+        found = touch_off(place, transfer, touch, ctx)
         if found is None:
             raise NotCalibratedError(
                 f"calibrate places: nothing to touch at x = {place[0]:.3f}, y = {place[1]:.3f} m; see hole.centre and hole.area"
@@ -262,3 +273,8 @@ def implausible(found: Places, config: CellConfig) -> str | None:
 def point(values: Sequence[float]) -> str:
     """Return a position in the format of a config file, m."""
     return f"[{', '.join(f'{value:.5f}' for value in values)}]"
+
+
+def _printed(values: Sequence[float]) -> tuple[float, ...]:
+    """Return the position that `point` prints."""
+    return tuple(float(f"{value:.5f}") for value in values)

@@ -50,6 +50,7 @@ from skills.corner import CornerParams
 from skills.entry import Skill, SkillSet
 from skills.handling import WAYS, Handling, handling
 from skills.motion import Gains, Transfer
+from skills.pace import Pace
 from skills.paper.params import PaperParams
 from skills.prior import LearningConfig
 from skills.scan_guards import ScanLimits
@@ -142,6 +143,8 @@ class CellConfig(Catalogued):
     """Rate of the scan, Hz; a skill senses and decides once per scan. Source: chosen, not measured."""
     retries: Annotated[int, Field(ge=0, le=10)]
     """Number of new searches by `insert_peg` if the peg is not in the hole. Source: docs/tried/insertion.md."""
+    speed_scale: Annotated[float, Field(ge=0.05, le=20.0)] = 1.0
+    """Factor on every speed of the method, and divisor of its waiting times, ratio; the arm's limits cap the speeds. Source: set for each cell."""
     scan: ScanLimits = ScanLimits()
     """Limits of late scans. Source: decision 0015."""
     wrench: WrenchConfig = WrenchConfig()
@@ -370,6 +373,11 @@ class CellConfig(Catalogued):
         """True if the arm is simulated; a physical cell inherits the sections of the world from its base too."""
         return self.arm.kind == "sim"
 
+    @property
+    def is_realtime(self) -> bool:
+        """True if the arm needs a computer with a real-time kernel."""
+        return isinstance(self.arm, FrankaArmConfig) and self.arm.realtime == "enforce"
+
     def require_simulated(self, what: str) -> None:
         """Require a simulated cell.
 
@@ -421,7 +429,13 @@ class CellConfig(Catalogued):
             corner=self.corner,
             retries=self.retries,
             paper=self.paper,
+            pace=self.pace(),
         )
+
+    def pace(self) -> Pace:
+        """Return the factor on all speeds, with the limits of the cell's arm."""
+        arm = self.arm_model()
+        return Pace(self.speed_scale, arm.tool_speed, arm.tool_turn_speed)
 
     def handling(self) -> Handling:
         """Return the handling of the cell's own part."""

@@ -104,7 +104,7 @@ def in_force(loaded: LoadedConfig, recipe: int = 0) -> list[Setting]:
 
 
 def _leaves(model: BaseModel, place: str) -> Iterator[tuple[str, str, Any]]:
-    for name in type(model).model_fields:
+    for name in settable(type(model)):
         value = getattr(model, name)
         if isinstance(value, BaseModel):
             yield from _leaves(value, f"{place}{name}.")
@@ -164,7 +164,7 @@ def _keys_of(model: type[BaseModel], place: str, kind: str, source: tuple[str, .
     The source in a key's docstring has priority, then that of its section, then that of its model.
     """
     properties = _properties(model)
-    for name, field in model.model_fields.items():
+    for name, field in settable(model).items():
         inner = list(_models(field.annotation))
         at = f"{place}{name}"
         if not inner:
@@ -179,6 +179,11 @@ def _keys_of(model: type[BaseModel], place: str, kind: str, source: tuple[str, .
                 f'{at}.kind = "{values[0]}"' if values else kind,
                 _stated(properties[name].get("description", "")) or source,
             )
+
+
+def settable(model: type[BaseModel]) -> dict[str, FieldInfo]:
+    """Return the fields of a model that are keys; the others are figures that no config sets."""
+    return {name: field for name, field in model.model_fields.items() if not field.exclude}
 
 
 def _properties(model: type[BaseModel]) -> Mapping[str, Any]:

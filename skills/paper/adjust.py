@@ -12,8 +12,6 @@ from skills.paths import spiral
 from skills.seating import depth_of, is_seated, require_short_of_bottom
 from skills.spiral_adjust import SpiralAdjustResult
 
-RADIUS, GROWING_TIME = 0.025, 20.0
-"""Largest radius of the spiral, m, and its growing time, s; then the spiral restarts. Source: [gibbons], Sec. VII."""
 PUSH_DAMPING_RATIO = 1.5
 """Damping ratio along z, 1 is critical; chosen, not printed."""
 
@@ -25,13 +23,13 @@ def run(params: PaperAdjustParams, ctx: SkillContext) -> SpiralAdjustResult:
     K[2], D[2] = params.push_stiffness, PUSH_DAMPING_RATIO
     # The adjustment is open-loop: it uses the theta measured at its start.
     identity, in_hand, roll = ctx.new_id(), ctx.in_hand(), first.arm.tcp.rotation[:, 2]
-    growth, offset, x_p, running = RADIUS / GROWING_TIME, np.zeros(2), first.tip, 0.0
+    growth, offset, x_p, running = params.radius / params.growing_time, np.zeros(2), first.tip, 0.0
     for seen in ctx.scan(params.timeout, holding=True):
         running, (x_p, _) = seen.running, end_point(seen.arm.tcp, in_hand.theta, in_hand.length)
         if is_seated(seen.switch, x_p, hole):
             return _result(Outcome.SUCCESS, Reason.NONE, running, offset, depth_of(x_p, hole))
         # Offset of the finger centre from the vertical through the end: r (cos wt, sin wt), r = growth t.
-        offset = spiral(seen.elapsed % GROWING_TIME, growth, params.turn_rate)
+        offset = spiral(seen.elapsed % params.growing_time, growth, params.turn_rate)
         ctx.progress(seen.elapsed / params.timeout)
         ctx.follow(
             ImpedanceSetpoint(

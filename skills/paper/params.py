@@ -4,6 +4,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, PositiveFloat
 
+from drivers.config_model import Figure, Quantity, Tempo
 from skills.contract import SkillParams
 from skills.motion import Gains
 
@@ -14,7 +15,7 @@ class PaperSearchParams(SkillParams):
     Source: measured by `cell study paper`.
     """
 
-    speed: Annotated[float, Field(gt=0.0, le=0.5)]
+    speed: Annotated[float, Field(gt=0.0, le=0.5), Quantity("m/s", Tempo.SPEED)]
     """Peak speed of the end point along the path, m/s."""
     pitch: Annotated[float, Field(gt=0.0, le=2.0)]
     """Largest distance between neighbouring passes, multiple of the hole's diameter."""
@@ -38,7 +39,7 @@ class PaperInsertParams(SkillParams):
     """Integral gain K_I on orientation, N·m/(rad·s); [gibbons], Eq. (6)."""
     push_stiffness: tuple[PositiveFloat, PositiveFloat]
     """K_min and K_max of [gibbons], Eq. (7), N/m. Source: chosen, not measured."""
-    timeout: PositiveFloat = 60.0
+    timeout: Annotated[PositiveFloat, Quantity("s", Tempo.LIMIT)] = 60.0
     """Longest insertion, s. Source: chosen, not measured."""
 
 
@@ -52,10 +53,14 @@ class PaperAdjustParams(SkillParams):
     """Stiffness and damping ratio along x and y and in rotation. Source: measured by `cell study paper`."""
     push_stiffness: PositiveFloat
     """Stiffness along z, N/m."""
-    turn_rate: PositiveFloat
+    turn_rate: Annotated[PositiveFloat, Quantity("rad/s", Tempo.SPEED, "radius")]
     """Turning rate of the spiral, rad/s."""
-    timeout: PositiveFloat = 60.0
+    timeout: Annotated[PositiveFloat, Quantity("s", Tempo.LIMIT)] = 60.0
     """Longest adjustment, s. Source: chosen, not measured."""
+    radius: Annotated[float, Figure("m"), Field(exclude=True)] = 0.025
+    """Largest radius of the spiral, m. Source: [gibbons], Sec. VII."""
+    growing_time: Annotated[float, Figure("s", Tempo.WAIT), Field(exclude=True)] = 20.0
+    """Growing time of the spiral, s; then the spiral restarts. Source: [gibbons], Sec. VII."""
 
 
 class PaperParams(SkillParams):

@@ -30,7 +30,7 @@ def run(params: PaperSearchParams, cell: SpraySearchParams, ctx: SkillContext) -
     x_0 = np.array([*(hole.centre[:2] + path.at(0.0)[0]), hole.centre[2] + cell.height])
     start, x_p = (float(x_0[0]), float(x_0[1])), x_0
     v, closing = ctx.job.peg.part.leaning(cell.tilt_azimuth, cell.tilt)
-    if (stuck := approach(Goal(x_0, v, closing), cell.transfer, ctx)) is not None:
+    if (stuck := approach(Goal(x_0, v, closing), cell.transfer, cell.pull, ctx)) is not None:
         return _result(Outcome.FAILURE, Reason.NOT_SEATED, LONGEST, stuck, start)
     identity, theta_0 = ctx.new_id(), ctx.in_hand().theta
     event, along = HoleEvent(params.threshold), 0.0

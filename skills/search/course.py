@@ -14,12 +14,8 @@ from skills.search.decoys import NOWHERE, Decoys
 from skills.search.params import SpraySearchParams
 from skills.search.tour import Left, Path, Rows, Stroke, first_look, outwards, tour
 
-CROSSINGS = 21.0
-"""Largest number of hole diameters, or shorter sides, that a lane crosses in a second; 0.17 m/s over a hole of 8.1 mm, and with the dip of a 4 mm peg
-0.15 m/s over its hole, where few falls are missed. Source: docs/tried/search.md.
-"""
 DIP = 3e-4
-"""Dip threshold with which that was found, m."""
+"""Dip threshold with which `SpraySearchParams.crossings` was found, m."""
 MOST_LOOKS = 5
 """Number of strokes beyond which the likely place is so wide that the search begins with whole lanes."""
 SURE = 2.0
@@ -83,7 +79,7 @@ def make_course(
     start = rng.uniform(-np.array(hole.area) / 2, np.array(hole.area) / 2)
     over, begin = (half[0], half[1]), (start[0], start[1])
     outside = hole.part.reach + hole.part.chamfer + rng.uniform(*OUTSIDE)
-    speed = min(params.speed, fastest(params.dip_threshold, hole.part.inscribed))
+    speed = min(params.speed, fastest(params.crossings, params.dip_threshold, hole.part.inscribed))
     whole = lanes(over, pitch, speed, fast, begin, max(outside - params.margin[0], 0.0))
     # Strokes end where their turns begin, which reach as far as those of the lanes.
     ends = [extent - speed * TURN_TIME / 4.0 if axis == fast else extent for axis, extent in enumerate(over)]
@@ -101,16 +97,17 @@ def make_course(
     return Course(path, middle, first, height, axis, closing, fast, likely_until, since, decoys)
 
 
-def fastest(dip: float, width: float) -> float:
+def fastest(crossings: float, dip: float, width: float) -> float:
     """Return the largest speed along a lane, m/s: the peg crosses a given share of the hole while it falls by the dip threshold.
 
     Under a constant push a fall takes a time that grows with the root of its depth. A larger threshold than `DIP` is taken for that one.
 
     Args:
+        crossings: Largest number of widths crossed in a second with the dip threshold `DIP`, 1/s.
         dip: Dip threshold, m.
         width: Diameter of the largest circle inside the hole, m.
     """
-    return CROSSINGS * width * math.sqrt(DIP / min(dip, DIP))
+    return crossings * width * math.sqrt(DIP / min(dip, DIP))
 
 
 def leading(reach: float, tilt: float, fall: float) -> float:

@@ -5,8 +5,10 @@ from typing import Annotated, Literal
 
 from pydantic import Field, NonNegativeFloat, PositiveFloat
 
+from drivers.config_model import Figure, Quantity, Tempo
 from skills.contract import SkillParams
 from skills.motion import Gains, Transfer
+from skills.pull_out import Pull
 
 TOUCHED_TIME = 0.1
 """Time for which the plate has to bear the push before it counts as touched, s; the blow at touch-down is shorter."""
@@ -47,9 +49,9 @@ class SpraySearchParams(SkillParams):
     """
     fast_axis: Literal["x", "y"]
     """Axis of the base frame that is swept fast; a peg with corners is always swept along its hand's closing axis. Source: set for each cell."""
-    speed: Annotated[float, Field(gt=0.0, le=0.5)]
+    speed: Annotated[float, Field(gt=0.0, le=0.5), Quantity("m/s", Tempo.SPEED)]
     """Peak speed of the tip, m/s. Source: measured by `cell study frontier`."""
-    run_up: PositiveFloat
+    run_up: Annotated[PositiveFloat, Quantity("s", Tempo.WAIT)]
     """Time in which the tip reaches its speed, s; the edge digs in where it slides off at once. Source: chosen, not
     measured; reason in docs/tried/search.md.
     """
@@ -59,11 +61,11 @@ class SpraySearchParams(SkillParams):
     """Reach of the passes beyond the area, along its fast axis and across it, m. Source: docs/tried/search.md."""
     height: Annotated[float, Field(gt=0.0, le=0.1)]
     """Height above the surface at the end of the free-space approach, m."""
-    descent: Annotated[float, Field(gt=0.0, le=0.5)]
+    descent: Annotated[float, Field(gt=0.0, le=0.5), Quantity("m/s", Tempo.SPEED)]
     """Speed at which the setpoint comes down to the surface, m/s; the blow at touch-down grows with it."""
     length_bound: Annotated[float, Field(gt=0.0, le=0.02)] = 0.006
     """Largest correction of the peg's length in the hand by the first touch-down, m. Source: docs/tried/search.md."""
-    touch_down: Annotated[float, Field(gt=TOUCHED_TIME)]
+    touch_down: Annotated[float, Field(gt=TOUCHED_TIME), Quantity("s", Tempo.LIMIT)]
     """Longest time to come down to the surface, s; the path begins as soon as the plate bears the push."""
     trim_rate: PositiveFloat
     """Rate at which the setpoint across the lanes is moved against the tip's error there, 1/s; it takes out what joint
@@ -91,7 +93,7 @@ class SpraySearchParams(SkillParams):
     """Drop of the tip that a turn of the peg in the hand by one radian explains, because the peg then slips along the fingers, m; it adds to
     `fall`. The grip's own figure is taken where it is larger. Source: docs/tried/search.md.
     """
-    rest: PositiveFloat
+    rest: Annotated[PositiveFloat, Quantity("s", Tempo.WAIT)]
     """Time for which the hand rests before the tip's depth is judged, by a frame of its end, s. Source: chosen, not
     measured; reason in docs/tried/search.md.
     """
@@ -99,12 +101,21 @@ class SpraySearchParams(SkillParams):
     """Radius of the spiral that probes the place of the evidence where the resting tip is not deep enough, m. Source:
     chosen, not measured; reason in docs/tried/search.md.
     """
-    probe_speed: PositiveFloat
+    probe_speed: Annotated[PositiveFloat, Quantity("m/s", Tempo.SPEED)]
     """Speed of the tip along the probing spiral, m/s. Source: chosen, not measured."""
     probe_pitch: PositiveFloat
     """Distance between the turns of the probing spiral, m. Source: chosen, not measured."""
-    timeout: PositiveFloat
+    timeout: Annotated[PositiveFloat, Quantity("s", Tempo.LIMIT)]
     """Longest search, s; 100 in [gibbons]. Source: [gibbons], Sec. VI."""
+
+    return_time: Annotated[float, Figure("s", Tempo.WAIT), Field(exclude=True)] = 0.4
+    """Time in which the tip comes back to its course after a rest or a probe, s."""
+    crossings: Annotated[float, Figure("1/s", Tempo.SPEED), Field(exclude=True)] = 21.0
+    """Largest number of hole diameters, or shorter sides, that a lane crosses in a second, 1/s; 0.17 m/s over a hole of 8.1 mm, and with the
+    dip of a 4 mm peg 0.15 m/s over its hole, where few falls are missed. Source: docs/tried/search.md.
+    """
+    pull: Annotated[Pull, Figure(""), Field(exclude=True)] = Pull()
+    """Motion that pulls the peg out of the hole before another attempt."""
 
     def first_height(self, reach: float) -> float:
         """Return the height above the stated surface from which a peg comes down that has not touched the plate since its grasp,

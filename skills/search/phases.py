@@ -18,9 +18,6 @@ from skills.search.params import SpraySearchParams
 GONE = 0.2
 """Share of the dip threshold below which a dip has gone, fraction. Source: docs/tried/corners.md."""
 
-RETURN_TIME = 0.4
-"""Time in which the tip comes back to its course after a rest or a probe, s."""
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Detour:
@@ -35,9 +32,9 @@ class Detour:
     closing: Vector
     """Closing axis of the hand at that time, unit, shape (3,), base frame."""
 
-    def left(self, elapsed: float) -> float:
+    def left(self, elapsed: float, params: SpraySearchParams) -> float:
         """Return the share of the detour that is left, 1 to 0."""
-        return max(1.0 - (elapsed - self.since) / RETURN_TIME, 0.0)
+        return max(1.0 - (elapsed - self.since) / params.return_time, 0.0)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -175,5 +172,5 @@ def _probed(phase: Probing, felt: Felt, params: SpraySearchParams, course: Cours
         return Resting(phase.place, felt.tcp, felt.stamp, was_probed=True)
     if not is_over:
         return phase
-    probed = phase.place + looked + phase.detour.left(felt.elapsed) * phase.detour.offset
+    probed = phase.place + looked + phase.detour.left(felt.elapsed, params) * phase.detour.offset
     return Sliding(Detour(felt.elapsed, probed - course.middle - point, course.axis, course.closing))

@@ -181,7 +181,7 @@ class Sweep:
         if isinstance(phase, Resting):
             assert self._resting is not None
             return replace(self._resting, valid_until=seen.stamp + VALIDITY)
-        back = phase.detour.left(seen.elapsed)
+        back = phase.detour.left(seen.elapsed, self._params)
         target, velocity = self._way(phase, seen, back)
         slow = 1 - self._course.fast
         if target[2] < self._ctx.job.hole.centre[2] + TRIMMED_BELOW:

@@ -28,9 +28,9 @@ def test_plate_and_rack_are_where_they_were_drawn_and_the_force_is_bounded(tmp_p
     felt = []
     touch_off = module.touch_off
 
-    def touched(place, transfer, ctx):
+    def touched(place, transfer, touch, ctx):
         ctx.record = lambda seen, setpoint: felt.append(np.linalg.norm(seen.arm.wrench.force))
-        return touch_off(place, transfer, ctx)
+        return touch_off(place, transfer, touch, ctx)
 
     monkeypatch.setattr(module, "touch_off", touched)
     drawn = errors(tmp_path, place_plate_height=0.002, place_plate_tilt=0.01, place_rack=RACK)

@@ -235,7 +235,7 @@ def test_counters_and_times_are_packml_tags(opcua):
                 await unit.read("Admin.ProdProcessedCount"),
                 await unit.read("Admin.StateCumulativeTime"),
             )
-            assert processed.Count == opcua.cell.bridge.figures.processed
+            assert processed.Count == opcua.cell.bridge.figures.tags.processed
             assert len(times[1]) == 18
             assert await unit.read("Status.UnitModeCurrent") == 1
 

@@ -11,7 +11,7 @@ from drivers.frames import UP, angle_between, rotation_about
 from drivers.part.rectangular import Rectangular
 from drivers.quantities import InHandTip
 from skills.catalogue import SEARCH
-from skills.corner_adjust import STANDS_FOR, STRAYED_FOR, Entry, Watch
+from skills.corner_adjust import STRAYED_FOR, Entry, Watch
 from skills.corner_insert import (
     Raised,
     YawSweep,
@@ -198,11 +198,11 @@ def test_a_peg_that_the_walls_have_caught_cannot_stray() -> None:
 def test_a_peg_that_the_walls_have_caught_and_that_stands_is_between_them() -> None:
     params = load().cell.corner.adjust
     shallow, caught = (Watch().after(1.0, share * params.caught, 0.0, params) for share in (0.9, 1.3))
-    assert not caught.is_caught(1.0 + 0.9 * STANDS_FOR, params)
-    assert caught.is_caught(1.0 + 1.1 * STANDS_FOR, params)
-    assert not shallow.is_caught(1.0 + 1.1 * STANDS_FOR, params)
+    assert not caught.is_caught(1.0 + 0.9 * params.stands_for, params)
+    assert caught.is_caught(1.0 + 1.1 * params.stands_for, params)
+    assert not shallow.is_caught(1.0 + 1.1 * params.stands_for, params)
     sinking = caught.after(1.5, 1.6 * params.caught, 0.0, params)
-    assert not sinking.is_caught(1.0 + 1.1 * STANDS_FOR, params)
+    assert not sinking.is_caught(1.0 + 1.1 * params.stands_for, params)
 
 
 def test_a_search_with_a_corner_has_the_keys_of_its_section_and_otherwise_those_of_a_round_peg() -> None:

@@ -9,7 +9,7 @@ from drivers.errors import SwitchDisagreesError
 from drivers.frames import UP, angle_between, end_point, rotation_about
 from drivers.quantities import SwitchState
 from skills.contract import Outcome, Reason
-from skills.corner_adjust import SINKS, STANDS_FOR, STRAYED_FOR, TURNED, Entry, Watch, run
+from skills.corner_adjust import SINKS, STRAYED_FOR, TURNED, Entry, Watch, run
 from skills.corner_insert import to_and_fro, turned_by
 from skills.motion import VALIDITY
 from skills.paths import dither
@@ -172,7 +172,7 @@ def test_a_peg_that_the_walls_have_caught_is_handed_on_once_it_stands(bench, sha
     bench.way = sinks(share * PARAMS.caught)
     ended = bench.adjust(timeout=1.5)
     assert ended.outcome is (Outcome.SUCCESS if is_caught else Outcome.FAILURE)
-    assert ended.elapsed == pytest.approx(0.1 + STANDS_FOR if is_caught else 1.49, abs=1.1 * PERIOD)
+    assert ended.elapsed == pytest.approx(0.1 + PARAMS.stands_for if is_caught else 1.49, abs=1.1 * PERIOD)
 
 
 @pytest.mark.parametrize(("share", "has_strayed"), [(1.01, True), (0.99, False)])

@@ -11,7 +11,7 @@ from drivers.frames import UP, rotation_about
 from drivers.quantities import Pose
 from skills.catalogue import GRASP
 from skills.contract import Outcome, Reason
-from skills.grasp_from_rack import ACROSS_RACK, DRAWING_SPEED, NEAR, run
+from skills.grasp_from_rack import ACROSS_RACK, NEAR, run
 from skills.held_peg import HeldPeg
 from skills.surface import Plane
 from tests.fakes import HAND_DOWN, PERIOD, FakeArm, FakeClock, FakeGripper, context_of
@@ -73,11 +73,11 @@ def test_the_peg_leaves_its_slot_straight_up_and_slowly(ctx):
     run(PARAMS, ctx)
     drawn = [setpoint for setpoint in ctx.arm.told if setpoint.twist is not None and not setpoint.is_free]
     heights = np.array([setpoint.tip[2] for setpoint in drawn])
-    np.testing.assert_allclose(np.diff(heights), DRAWING_SPEED * PERIOD, atol=1e-9)
+    np.testing.assert_allclose(np.diff(heights), PARAMS.drawing_speed * PERIOD, atol=1e-9)
     assert heights[0] == pytest.approx(grip_at(0)[2], abs=1e-3)
-    assert heights[-1] == pytest.approx(grip_at(0)[2] + RACK.depth, abs=2 * DRAWING_SPEED * PERIOD)
+    assert heights[-1] == pytest.approx(grip_at(0)[2] + RACK.depth, abs=2 * PARAMS.drawing_speed * PERIOD)
     assert all(setpoint.tip[:2] == pytest.approx(grip_at(0)[:2]) for setpoint in drawn)
-    assert all(setpoint.twist.linear == pytest.approx(DRAWING_SPEED * UP) for setpoint in drawn)
+    assert all(setpoint.twist.linear == pytest.approx(PARAMS.drawing_speed * UP) for setpoint in drawn)
 
 
 def test_an_empty_slot_is_a_missed_grasp_and_the_hand_opens_again(ctx):

@@ -14,6 +14,7 @@ from skills.contract import Outcome, Reason
 from skills.corner_adjust import CornerAdjustResult
 from skills.grip import grip_of
 from skills.handling import FIRST_STALL, Sections, handling, stall_share
+from skills.pace import Pace
 from skills.play import allowed_depth
 from skills.search.size import DIP, PUSH, STATED
 from skills.spiral_adjust import SpiralAdjustResult
@@ -42,6 +43,7 @@ def sections(cell=CELL, grip_share=1.0, force=None, inserting=60.0, **adjust):
         retries=RETRIES,
         paper=cell.paper,
         grasp=grasp if force is None else grasp.model_copy(update={"force": force}),
+        pace=Pace(),
         grip_share=grip_share,
     )
 

@@ -8,13 +8,14 @@ from skills import grasp_from_rack
 from skills.catalogue import GRASP
 from skills.contract import Interrupted, Outcome, Reason, Request
 from skills.held_peg import HeldPeg
-from skills.pull_out import SHAKEN, SHARE, SPEED, pull_out
+from skills.pull_out import SHARE, Pull, pull_out
 from skills.recover import CLEAR, MARGIN, run
 from skills.surface import Plane
 from tests.fakes import HAND_DOWN, PERIOD, FakeArm, FakeClock, FakeGripper, context_of
 
 CONFIG = load().cell
 PARAMS = CONFIG.recover
+PULL = Pull()
 
 
 @pytest.fixture
@@ -75,10 +76,10 @@ def test_a_peg_is_pulled_along_the_normal_of_the_plate_that_was_felt_and_straigh
     ctx.peg = HeldPeg(surface=None if normal is UP else Plane(np.array(CONFIG.hole.centre), normal))
     tip, ways = ctx.observe().tip, []
     ctx.record = lambda seen, held: ways.append(held.tip - tip) if held is not None else None
-    stuck = pull_out(CONFIG.hole.centre[2], PARAMS.transfer.gains, ctx)
+    stuck = pull_out(CONFIG.hole.centre[2], PULL, PARAMS.transfer.gains, ctx)
     assert stuck == pytest.approx(tip)
     lead = SHARE * ctx.limits.force / PARAMS.transfer.gains.translation
-    assert ways[0] == pytest.approx(SPEED * PERIOD * normal)
+    assert ways[0] == pytest.approx(PULL.speed * PERIOD * normal)
     assert ways[-1] == pytest.approx(lead * normal)
 
 
@@ -190,10 +191,10 @@ def test_the_hand_is_drawn_up_no_further_than_a_margin_within_the_workspace(free
 def test_only_a_pull_out_of_a_violation_goes_without_the_limits(ctx, limited):
     ctx.arm.force = np.array([0.0, 0.0, -1.1 * ctx.limits.force])
     if not limited:
-        assert pull_out(CONFIG.hole.centre[2], PARAMS.transfer.gains, ctx, limited=False) is not None
+        assert pull_out(CONFIG.hole.centre[2], PULL, PARAMS.transfer.gains, ctx, limited=False) is not None
         return
     with pytest.raises(Interrupted) as ended:
-        pull_out(CONFIG.hole.centre[2], PARAMS.transfer.gains, ctx)
+        pull_out(CONFIG.hole.centre[2], PULL, PARAMS.transfer.gains, ctx)
     assert ended.value.reason is Reason.FORCE_LIMIT
 
 
@@ -202,9 +203,9 @@ def test_a_leaning_peg_is_shaken_about_its_own_axis(ctx):
     ctx.arm.tcp = Pose(ctx.arm.tcp.position, leaning)
     told, follow = [], ctx.arm.follow
     ctx.arm.follow = lambda setpoint: (told.append(setpoint), follow(setpoint))
-    pull_out(CONFIG.hole.centre[2], PARAMS.transfer.gains, ctx)
+    pull_out(CONFIG.hole.centre[2], PULL, PARAMS.transfer.gains, ctx)
     axes = np.array([setpoint.axis for setpoint in told])
-    radius, _, _ = SHAKEN
+    radius = PULL.dither_radius
     assert angle_between(axes[0], -leaning[:, 0]) < 1e-6
     widest = max(angle_between(axis, -leaning[:, 0]) for axis in axes)
     assert widest == pytest.approx(radius / CONFIG.peg.length, rel=0.2)

@@ -11,7 +11,6 @@ from skills.catalogue import SEARCH
 from skills.search.course import make_course
 from skills.search.feel import Push
 from skills.search.phases import (
-    RETURN_TIME,
     ComingDown,
     Detour,
     Felt,
@@ -117,7 +116,7 @@ def test_a_probe_that_finds_nothing_ends_at_its_radius_without_a_jump():
     assert PARAMS.probe_radius < np.hypot(*looked) < PARAMS.probe_radius + PARAMS.probe_speed * PERIOD
     assert isinstance(phase, Sliding)
     assert COURSE.middle + phase.detour.offset == pytest.approx(
-        HERE[:2] + looked + probe.detour.left(elapsed) * np.array([2e-3, 0.0])
+        HERE[:2] + looked + probe.detour.left(elapsed, PARAMS) * np.array([2e-3, 0.0])
     )
 
 
@@ -132,7 +131,7 @@ def test_a_probe_that_ends_while_the_peg_falls_rests():
 
 
 def test_a_detour_is_over_after_its_time():
-    assert [BACK.left(3.0 + share * RETURN_TIME) for share in (0.0, 0.5, 1.0, 2.0)] == pytest.approx(
+    assert [BACK.left(3.0 + share * PARAMS.return_time, PARAMS) for share in (0.0, 0.5, 1.0, 2.0)] == pytest.approx(
         [1.0, 0.5, 0.0, 0.0]
     )
 

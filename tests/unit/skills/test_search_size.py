@@ -74,8 +74,8 @@ def test_a_hand_that_drops_alone_is_no_evidence():
 
 
 def test_a_fall_of_a_quarter_of_the_depth_is_crossed_twice_as_fast():
-    assert fastest(7.5e-5, 4e-3) == pytest.approx(2.0 * fastest(3e-4, 4e-3))
+    assert fastest(21.0, 7.5e-5, 4e-3) == pytest.approx(2.0 * fastest(21.0, 3e-4, 4e-3))
 
 
 def test_a_larger_dip_threshold_slows_no_lane():
-    assert fastest(5e-4, 8.1e-3) == fastest(3e-4, 8.1e-3)
+    assert fastest(21.0, 5e-4, 8.1e-3) == fastest(21.0, 3e-4, 8.1e-3)

@@ -11,12 +11,13 @@ from skills.catalogue import GRASP
 from skills.contract import Interrupted, Reason
 from skills.grasp_from_rack import ACROSS_RACK
 from skills.motion import VALIDITY
-from skills.touch_off import CLEAR, DEEPEST, MOST, REST, SCANS, SPEED, TOUCH, touch_off
+from skills.touch_off import CLEAR, DEEPEST, MOST, SCANS, TOUCH, TouchOff, touch_off
 from tests.fakes import HAND_DOWN, PERIOD, FakeArm, FakeClock, FakeGripper, context_of
 
 CELL = load().cell
 TRANSFER = CELL.params(GRASP).transfer
 LENGTH, STIFFNESS = CELL.peg.length, TRANSFER.gains.translation
+TOUCH_OFF = TouchOff()
 PLACE = np.array([0.5, 0.02, 0.1])
 OFFSET = 2.0
 """Force along z that the arm reports where nothing touches it, N."""
@@ -49,29 +50,29 @@ def down(ctx):
 @pytest.mark.parametrize("height", [-0.008, 0.0, 0.005])
 def test_a_surface_is_told_where_it_is_and_not_where_it_is_stated(ctx, height):
     ctx.arm.floor = PLACE[2] + height
-    np.testing.assert_allclose(touch_off(PLACE, TRANSFER, ctx), PLACE + height * UP, atol=1e-4)
+    np.testing.assert_allclose(touch_off(PLACE, TRANSFER, TOUCH_OFF, ctx), PLACE + height * UP, atol=1e-4)
 
 
 def test_the_peg_comes_down_slowly_and_is_fed_forward_until_the_surface_bears_it(ctx):
     ctx.arm.floor = PLACE[2]
-    touch_off(PLACE, TRANSFER, ctx)
+    touch_off(PLACE, TRANSFER, TOUCH_OFF, ctx)
     moving = [setpoint for _, setpoint in down(ctx) if setpoint.twist is not None]
     steps = -np.diff([setpoint.tip[2] for setpoint in moving])
-    np.testing.assert_allclose(steps, SPEED * PERIOD, atol=1e-9)
-    assert moving[0].tip[2] == pytest.approx(PLACE[2] + CLEAR, abs=2 * SPEED * PERIOD)
-    assert all(setpoint.twist.linear == pytest.approx(-SPEED * UP) for setpoint in moving)
+    np.testing.assert_allclose(steps, TOUCH_OFF.speed * PERIOD, atol=1e-9)
+    assert moving[0].tip[2] == pytest.approx(PLACE[2] + CLEAR, abs=2 * TOUCH_OFF.speed * PERIOD)
+    assert all(setpoint.twist.linear == pytest.approx(-TOUCH_OFF.speed * UP) for setpoint in moving)
     assert not any(setpoint.twist.angular.any() for setpoint in moving)
 
 
 def test_it_rests_with_the_setpoint_where_it_was_before_the_height_is_told(ctx):
     ctx.arm.floor = PLACE[2]
-    touch_off(PLACE, TRANSFER, ctx)
+    touch_off(PLACE, TRANSFER, TOUCH_OFF, ctx)
     resting = [(now, setpoint) for now, setpoint in down(ctx) if setpoint.twist is None]
     assert len({setpoint.tip[2] for _, setpoint in resting}) == 1
-    assert resting[-1][0] - resting[0][0] == pytest.approx(REST, abs=3 * PERIOD)
+    assert resting[-1][0] - resting[0][0] == pytest.approx(TOUCH_OFF.rest, abs=3 * PERIOD)
     # The mean force of the last scans was over the threshold, from what free air shows on, and hardly more.
     press = STIFFNESS * (PLACE[2] - resting[0][1].tip[2])
-    assert TOUCH < press < TOUCH + (SCANS + 1) * STIFFNESS * SPEED * PERIOD < MOST
+    assert TOUCH < press < TOUCH + (SCANS + 1) * STIFFNESS * TOUCH_OFF.speed * PERIOD < MOST
 
 
 def test_the_setpoint_leads_a_tip_that_friction_holds_by_no_more_than_the_bound_allows(ctx):
@@ -79,7 +80,7 @@ def test_the_setpoint_leads_a_tip_that_friction_holds_by_no_more_than_the_bound_
     ctx.arm.floor = PLACE[2]
     follow = ctx.arm.follow
     ctx.arm.follow = lambda setpoint: (follow(setpoint), setattr(ctx.arm, "force", OFFSET * UP))
-    assert touch_off(PLACE, TRANSFER, ctx) is None
+    assert touch_off(PLACE, TRANSFER, TOUCH_OFF, ctx) is None
     assert min(setpoint.tip[2] for _, setpoint in down(ctx)) == pytest.approx(PLACE[2] - MOST / STIFFNESS)
 
 
@@ -88,26 +89,28 @@ def test_a_wrench_of_reversed_sign_ends_the_touch(ctx):
     follow = ctx.arm.follow
     ctx.arm.follow = lambda setpoint: (follow(setpoint), setattr(ctx.arm, "force", 2.0 * OFFSET * UP - ctx.arm.force))
     with pytest.raises(WrenchReversedError, match=r"^arm: reports \d+ N downwards while it presses down"):
-        touch_off(PLACE, TRANSFER, ctx)
+        touch_off(PLACE, TRANSFER, TOUCH_OFF, ctx)
 
 
 def test_where_there_is_no_surface_the_peg_turns_back(ctx):
-    assert touch_off(PLACE, TRANSFER, ctx) is None
-    assert min(setpoint.tip[2] for _, setpoint in down(ctx)) == pytest.approx(PLACE[2] - DEEPEST, abs=SPEED * PERIOD)
+    assert touch_off(PLACE, TRANSFER, TOUCH_OFF, ctx) is None
+    assert min(setpoint.tip[2] for _, setpoint in down(ctx)) == pytest.approx(
+        PLACE[2] - DEEPEST, abs=TOUCH_OFF.speed * PERIOD
+    )
     assert ctx.arm.tcp.position - LENGTH * UP == pytest.approx(PLACE + CLEAR * UP)
 
 
 def test_afterwards_the_peg_is_clear_of_what_it_touched_where_that_is_higher_than_stated(ctx):
     ctx.arm.floor = PLACE[2] + 0.005
-    touch_off(PLACE, TRANSFER, ctx)
+    touch_off(PLACE, TRANSFER, TOUCH_OFF, ctx)
     assert ctx.arm.tcp.position - LENGTH * UP == pytest.approx(PLACE + (0.005 + CLEAR) * UP, abs=1e-6)
     up = [setpoint for now, setpoint in ctx.arm.told if now > down(ctx)[-1][0]]
-    assert max(setpoint.twist.linear[2] for setpoint in up) <= SPEED + 1e-9
+    assert max(setpoint.twist.linear[2] for setpoint in up) <= TOUCH_OFF.speed + 1e-9
 
 
 def test_one_upright_motion_with_the_gains_of_the_way(ctx):
     ctx.arm.floor = PLACE[2]
-    touch_off(PLACE, TRANSFER, ctx)
+    touch_off(PLACE, TRANSFER, TOUCH_OFF, ctx)
     assert len({setpoint.id for _, setpoint in down(ctx)}) == 1
     for now, setpoint in down(ctx):
         np.testing.assert_array_equal(setpoint.axis, UP)
@@ -127,6 +130,6 @@ def test_a_peg_that_is_lost_on_the_way_down_ends_it_there(ctx):
 
     ctx.arm.floor, ctx.record = PLACE[2], lose
     with pytest.raises(Interrupted) as ended:
-        touch_off(PLACE, TRANSFER, ctx)
+        touch_off(PLACE, TRANSFER, TOUCH_OFF, ctx)
     assert ended.value.reason is Reason.LOST_GRASP
     assert ctx.arm.tcp.position[2] - LENGTH > PLACE[2] + 0.4 * CLEAR

@@ -118,7 +118,7 @@ def test_the_adjustment_spirals_about_the_end_and_pushes(bench):
     bench.way = lambda time: scripted.hand(HOLE - 1e-3 * UP)
     ended = adjust.run(PAPER.adjust.model_copy(update={"timeout": 1.0}), bench.ctx)
     assert (ended.outcome, ended.reason) == (Outcome.FAILURE, Reason.NOT_SEATED)
-    growth = adjust.RADIUS / adjust.GROWING_TIME
+    growth = PAPER.adjust.radius / PAPER.adjust.growing_time
     for number, setpoint in enumerate(bench.commanded):
         np.testing.assert_allclose(setpoint.tip, HOLE - (1e-3 + OFFSET) * UP, atol=1e-9)
         offset = spiral(number * PERIOD, growth, PAPER.adjust.turn_rate)

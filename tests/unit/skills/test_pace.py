@@ -1,0 +1,91 @@
+"""One factor on all speeds and waiting times of a method, capped by the arm's limits."""
+
+import pytest
+
+from cell.config.load import load
+from drivers.errors import ConfigError
+from skills.catalogue import ADJUST, GRASP, INSERT, SEARCH
+from skills.pace import Capped, Pace, at_pace, capped
+
+CELL = load(preset="paper").cell
+SPEEDS = (
+    *("grasp.transfer.speed", "grasp.transfer.turn_speed", "grasp.drawing_speed", "release.transfer.speed"),
+    *("search.speed", "search.crossings", "search.descent", "search.probe_speed", "search.pull.speed"),
+    *("search.pull.dither_rate", "insert.turn_rate", "adjust.growth", "adjust.turn_rate", "adjust.dither_rate"),
+    *("corner.insert.raise_rate", "corner.insert.turn_rate", "corner.adjust.turn_rate", "recover.pull.speed"),
+    *("paper.search.speed", "paper.adjust.turn_rate", "recover.transfer.speed"),
+)
+WAITS = (
+    *("grasp.transfer.settle", "search.run_up", "search.rest", "search.return_time", "insert.turn_run_up"),
+    *("adjust.stall_timeout", "adjust.dither_period", "adjust.sweep_time", "corner.insert.settle"),
+    *("corner.adjust.stands_for", "paper.adjust.growing_time"),
+)
+LIMITS = ("search.touch_down", "search.timeout", "insert.timeout", "adjust.timeout", "paper.adjust.timeout")
+SECTIONS = ("grasp", "search", "insert", "adjust", "corner", "paper", "release", "recover")
+
+
+def figure(name, pace):
+    """Return a figure of the cell at a pace."""
+    section, *names = name.split(".")
+    value = at_pace(getattr(CELL, section), pace)
+    for each in names:
+        value = getattr(value, each)
+    return value
+
+
+@pytest.mark.parametrize("name", SPEEDS)
+def test_a_speed_is_multiplied(name):
+    assert figure(name, Pace(1.5)) == pytest.approx(1.5 * figure(name, Pace()))
+
+
+@pytest.mark.parametrize("name", WAITS)
+def test_a_waiting_time_is_divided(name):
+    assert figure(name, Pace(1.6)) == pytest.approx(figure(name, Pace()) / 1.6)
+
+
+@pytest.mark.parametrize("name", LIMITS)
+@pytest.mark.parametrize(("scale", "share"), [(0.5, 2.0), (2.0, 1.0)])
+def test_the_longest_time_of_a_motion_grows_in_a_slower_plan_alone(name, scale, share):
+    assert figure(name, Pace(scale)) == pytest.approx(share * figure(name, Pace()))
+
+
+@pytest.mark.parametrize("section", SECTIONS)
+def test_a_scale_of_one_changes_nothing(section):
+    assert at_pace(getattr(CELL, section), CELL.pace()) == getattr(CELL, section)
+
+
+def test_a_scaled_search_keeps_its_forces_and_lengths():
+    kept = ("push_stiffness", "push_offset", "gains", "dip_threshold", "fall", "probe_radius", "trim_rate")
+    slow = at_pace(CELL.params(SEARCH), Pace(0.5))
+    assert all(getattr(slow, name) == getattr(CELL.params(SEARCH), name) for name in kept)
+
+
+@pytest.mark.parametrize(
+    ("skill", "found"),
+    [
+        (GRASP, Capped("grasp.transfer.speed", 2.5, 1.7)),
+        (INSERT, Capped("insert.turn_rate", 5.5, 2.5)),
+        (ADJUST, None),
+    ],
+)
+def test_the_arms_limits_cap_speeds(skill, found):
+    named = capped(CELL.params(skill), Pace(10.0, speed=1.7, turn_speed=2.5), skill.section)
+    assert found in named if found is not None else not named
+
+
+def test_the_speed_on_its_circle_caps_a_rate():
+    spiral = CELL.params(ADJUST)
+    paced = at_pace(spiral, Pace(10.0, speed=1.0, turn_speed=0.1))
+    assert paced.turn_rate * spiral.radius == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("scale", [0.5, 2.0])
+def test_the_key_scales_the_search_in_force(scale):
+    assert load(sets=[f"speed_scale={scale}"]).cell.handling().search.speed == pytest.approx(
+        scale * load().cell.handling().search.speed
+    )
+
+
+def test_a_figure_without_a_key_is_unknown_to_a_config():
+    with pytest.raises(ConfigError, match=r"grasp\.drawing_speed: unknown key"):
+        load(sets=["grasp.drawing_speed=0.1"])
