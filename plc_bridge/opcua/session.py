@@ -30,7 +30,8 @@ SESSION: ContextVar["CellSession"] = ContextVar("session")
 """Session of the method call under way."""
 _READ_SERVICES = (
     *("read", "browse", "browse_next", "history_read", "translate_browsepaths_to_nodeids", "register_nodes"),
-    *("create_subscription", "create_monitored_items", "modify_monitored_items"),
+    *("create_subscription", "create_monitored_items", "modify_monitored_items", "delete_monitored_items"),
+    *("set_monitoring_mode", "set_publishing_mode"),
 )
 """Services for which the right to read is enough, and necessary."""
 MOST_CONNECTIONS = 32
@@ -165,7 +166,6 @@ class CellSession(InternalSession):  # type: ignore[misc]
     is_numbered = False
     """True if the client has sent a sequence number."""
     _uri = ""
-    _told: frozenset[str] = frozenset()
 
     @property
     def address(self) -> str:
@@ -231,6 +231,13 @@ class CellSession(InternalSession):  # type: ignore[misc]
         self.demand("read", "command", "stop")
         SESSION.set(self)
         return await super().call(params)
+
+    async def delete_subscriptions(self, ids: list[int]) -> Any:
+        """Delete subscriptions of this session; asyncua would delete those of others too."""
+        known = self.subscription_service.subscriptions
+        return await super().delete_subscriptions(
+            [each for each in ids if each not in known or known[each].session_id == self.session_id]
+        )
 
     async def write(self, params: ua.WriteParameters) -> list[ua.StatusCode]:
         """Refuse to write: commands are methods."""

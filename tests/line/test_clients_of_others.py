@@ -13,7 +13,7 @@ from plc_bridge.config import CanConfig, ModbusConfig, PlcConfig, RtuConfig, Tls
 from tests.cable import Cable
 from tests.can_hubs import SocketcandHub
 from tests.certificates import Authority, utf8
-from tests.foreign import NODE_CLIENT, by_canopen, call, go_client, has_go, has_libmodbus, has_node, libmodbus_client
+from tests.foreign import by_canopen, by_node, call, go_client, has_go, has_libmodbus, has_node, libmodbus_client
 from tests.quick_cell import quick_cell
 
 CLIENTS = Path(__file__).parents[1] / "clients"
@@ -94,12 +94,11 @@ def test_node_over_opcua_loses_its_session_and_finds_its_result(loaded, tmp_path
         roles={"Operator": ("read", "command")},
     )
     plc, opcua = PlcConfig(**PATIENT, tls=tls), ("127.0.0.1", 0)
+    authority.sign("plc", utf8("Operator"), uri="urn:test:plc")
     with quick_cell(loaded, plc, tmp_path / "journal", opcua=opcua) as served:
-        host, port = served.bridge.opcua_address
-        keys = authority.sign("plc", utf8("Operator"), uri="urn:test:plc")
-        url, program = f"opc.tcp://{host}:{port}/", NODE_CLIENT / "client.js"
-        said = call("node", program, url, PEGS, PEGS // 2, *keys, tmp_path / "store").splitlines()[-1]
-        assert is_all_done(served, said, PEGS)
+        assert is_all_done(
+            served, by_node(authority.certificate.parent, served.bridge.opcua_address, opcua, PEGS), PEGS
+        )
 
 
 def test_canopen_by_its_eds(loaded, tmp_path):
