@@ -115,7 +115,7 @@ class Phases:
             )
             share = float(min(times, key=lambda time: math.dist(path.at(float(time))[0], hole))) / path.cover
         config, job = self._cell.config, self._cell.config.job()
-        search = config.handling().search
+        search = config.plan().search
         dip = Dip(
             hole=job.hole.part.inscribed,
             peg=job.peg.part.thickness,
