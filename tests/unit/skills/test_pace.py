@@ -11,7 +11,7 @@ CELL = load(preset="paper").cell
 SPEEDS = (
     *("grasp.transfer.speed", "grasp.transfer.turn_speed", "grasp.drawing_speed", "release.transfer.speed"),
     *("search.speed", "search.descent", "search.probe_speed", "search.pull.speed"),
-    *("search.pull.dither_rate", "insert.turn_rate", "adjust.growth", "adjust.turn_rate", "adjust.dither_rate"),
+    *("search.pull.dither_rate", "insert.turn_rate", "adjust.dither_rate"),
     *("corner.insert.raise_rate", "corner.insert.turn_rate", "corner.adjust.turn_rate", "recover.pull.speed"),
     *("paper.search.speed", "paper.adjust.turn_rate", "recover.transfer.speed"),
 )

@@ -119,7 +119,6 @@ def test_a_command_cannot_touch_the_limits(loaded):
     ("name", "kind"),
     [
         ("image", "ImageEstimator"),
-        ("ml", "LikelihoodEstimator"),
         ("robust", "RobustEstimator"),
     ],
 )
@@ -453,12 +452,6 @@ def test_no_gain_is_stiffer_than_the_arm_may_be(name, figure):
         require_permitted({"a": gains.model_copy(update={name: most + 1.0})}, {}, arm)
 
 
-def test_the_tilt_of_the_hole_is_that_of_the_simulated_plate():
-    config = load(None, None, ["hole.tilt=0.02"]).cell
-    assert config.sim.plate.tilt == 0.02
-    assert not hasattr(config.job().hole, "tilt")
-
-
-def test_a_tilt_out_of_range_is_refused_with_the_key_of_the_plate():
-    with pytest.raises(ConfigError, match=r"tilt.*0\.3"):
-        load(None, None, ["hole.tilt=0.3"])
+def test_a_tilt_out_of_range_is_refused_with_its_key():
+    with pytest.raises(ConfigError, match=r"sim\.plate\.tilt.*0\.3"):
+        load(None, None, ["sim.plate.tilt=0.3"])
