@@ -235,13 +235,3 @@ def require_fit(peg: Peg, hole: Hole) -> None:
         f"peg.sides = {list(peg.sides)}: {own} is wider than the hole; less than {around} of"
         f" hole.sides = {list(hole.sides)} allowed"
     )
-
-
-def halfway(peg: Peg, hole: Hole) -> Hole:
-    """Return a hole of the same shape with a size in the middle between the peg's and this one's."""
-    if peg.diameter is not None and hole.diameter is not None:
-        return hole.model_copy(update={"diameter": (peg.diameter + hole.diameter) / 2})
-    assert peg.sides is not None
-    assert hole.sides is not None
-    sides = tuple((inner + outer) / 2 for inner, outer in zip(peg.sides, hole.sides, strict=True))
-    return hole.model_copy(update={"sides": sides})

@@ -12,7 +12,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field, NonNegativeFloat, PositiveFloat
 
-from drivers.config_model import Quantity, Tempo
+from drivers.config_model import Figure, Quantity, Tempo
 from drivers.frames import angle_between, rotation_about
 from drivers.quantities import ImpedanceSetpoint, Twist, Vector
 from skills.contract import Observation, Outcome, Reason, SkillContext, SkillParams, SkillResult
@@ -72,6 +72,8 @@ class CornerInsertParams(SkillParams):
     """Middle of the yaw sweep in each successive attempt, fraction of the hole's largest yaw; if the sweep goes far
     beyond the hole's yaw, the corner climbs out of the hole.
     """
+    centre: Annotated[float, Figure("fraction"), Field(exclude=True)] = 0.0
+    """Middle of the yaw sweep in this attempt, fraction of the hole's largest yaw."""
     yaw_sweep: Annotated[float, Field(ge=0.0, le=1.0)]
     """Reach of the yaw sweep to either side, fraction of the hole's largest yaw; the sweep must reach `felt`, otherwise
     the lag of the hand cannot detect a wall.
@@ -170,20 +172,17 @@ class YawSweep:
         return min(max(yaw, -self.most), self.most)
 
 
-def run(
-    params: CornerInsertParams, ctx: SkillContext, plane: Plane | None = None, attempt: int = 0
-) -> CornerInsertResult:
+def run(params: CornerInsertParams, ctx: SkillContext, plane: Plane | None = None) -> CornerInsertResult:
     """Sweep the yaw until it matches the hole's and the peg drops in.
 
     Args:
         params: Parameters of the skill.
         ctx: The skill's context.
         plane: Surface estimate of the search; None for the surface of the job.
-        attempt: Number of the attempt, from 0; it selects the middle of the sweep.
     """
     plane = plane or nominal(ctx.job.hole)
     raised = raise_from(ctx.observe(), plane.normal, params)
-    sweep = sweep_of(params, ctx.job.hole.yaw, attempt)
+    sweep = sweep_of(params, ctx.job.hole.yaw)
     identity = ctx.new_id()
     yaw, phi, theta = 0.0, params.tilt, ctx.in_hand().theta
     for seen in ctx.scan(params.timeout, holding=True):
@@ -246,11 +245,10 @@ def lead_at(params: CornerInsertParams, raised: Raised, elapsed: float) -> Vecto
     return lead
 
 
-def sweep_of(params: CornerInsertParams, most: float, attempt: int) -> YawSweep:
-    """Return the yaw sweep of an attempt, counted from 0, for a hole with a yaw of at most `most`, rad."""
-    centre = params.centres[attempt % len(params.centres)] * most
+def sweep_of(params: CornerInsertParams, most: float) -> YawSweep:
+    """Return the yaw sweep for a hole with a yaw of at most `most`, rad."""
     reach, bound = (max(angle, params.felt) + params.margin for angle in (params.yaw_sweep * most, most))
-    return YawSweep(centre, reach, bound)
+    return YawSweep(params.centre * most, reach, bound)
 
 
 def attitude(params: CornerInsertParams, raised: Raised, sweep: YawSweep, elapsed: float, length: float) -> Vector:

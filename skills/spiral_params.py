@@ -1,10 +1,11 @@
 """Parameters of the adjustment: spiral, dither, tilt sweep and timeouts."""
 
+import math
 from typing import Annotated
 
 from pydantic import Field, NonNegativeFloat, PositiveFloat
 
-from drivers.config_model import Quantity, Tempo
+from drivers.config_model import Figure, Quantity, Tempo
 from skills.contract import SkillParams
 from skills.motion import Gains
 
@@ -26,6 +27,8 @@ class SpiralAdjustParams(SkillParams):
     this attempt. The first of several attempts of `insert_peg` has 0.4 of it (docs/tried/adjustment.md). Close to the bottom the time is
     twice as long; if the switch is still open then, it disagrees with the depth. Source: chosen, not measured; reason in docs/tried/adjustment.md.
     """
+    stall_at_bottom: Annotated[float, Figure("s", Tempo.WAIT), Field(exclude=True)] = math.inf
+    """Stall timeout close to the bottom, s."""
     timeout: Annotated[PositiveFloat, Quantity("s", Tempo.LIMIT)]
     """Longest adjustment, s; if the radius reaches its largest value earlier, the spiral restarts."""
     gains: Gains

@@ -21,6 +21,8 @@ from cell.config.cell_config import RECIPE_SECTIONS, CellConfig
 from cell.config.errors import allowed
 from cell.config.load import LoadedConfig
 from cell.config.parameters import PARAMETERS
+from drivers.config_model import Quantity
+from skills.plan import figures
 
 UNITS = (
     *("m", "m/s", "1/s", "1/s²", "rad", "rad/s", "s", "Hz", "kg", "N", "N/m", "N·s/m", "N·m", "N·m/rad", "N·m·s/rad"),
@@ -101,6 +103,51 @@ def in_force(loaded: LoadedConfig, recipe: int = 0) -> list[Setting]:
         Setting(by_section[name, section], value, origins.get(name, "default"))
         for name, section, value in _leaves(loaded.recipes[recipe], "")
     ]
+
+
+@dataclass(frozen=True, slots=True)
+class Planned:
+    """One figure of a plan."""
+
+    name: str
+    """Name with its sections."""
+    value: Any
+    unit: str
+    """Unit, or the word that replaces it."""
+    origin: str
+    """File or option of the config's value; `default` if none states it, `fixed` if no config can."""
+    reasons: tuple[str, ...]
+    """What changed the config's value; empty if it is in force as it is."""
+    is_capped: bool
+    """True if the arm's limits reduce it."""
+
+
+def planned(loaded: LoadedConfig, recipe: int = 0, attempt: int = 0) -> list[Planned]:
+    """Return every figure in force in an attempt, counted from 0, of an insertion of a recipe's part."""
+    plan = loaded.recipes[recipe].plan(attempt)
+    origins = {".".join(place): origin for place, origin in loaded.origins.get(recipe, {}).items()}
+    by_name = {key.name: key for key in keys()}
+    return [
+        Planned(
+            name=name,
+            value=value,
+            unit=by_name[name].unit if name in by_name else _unit_of_figure(params, name),
+            origin=origins.get(name, "default") if name in by_name else "fixed",
+            reasons=plan.reasons.get(name, ()),
+            is_capped=name in plan.capped,
+        )
+        for section, params in plan.sections.items()
+        for name, value in figures(params, section).items()
+        if value is not None
+    ]
+
+
+def _unit_of_figure(params: BaseModel, name: str) -> str:
+    """Return the unit of a figure without a key."""
+    *above, last = name.split(".")[1:]
+    for step in above:
+        params = getattr(params, step)
+    return next((mark.unit for mark in type(params).model_fields[last].metadata if isinstance(mark, Quantity)), "")
 
 
 def _leaves(model: BaseModel, place: str) -> Iterator[tuple[str, str, Any]]:

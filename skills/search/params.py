@@ -110,10 +110,6 @@ class SpraySearchParams(SkillParams):
 
     return_time: Annotated[float, Figure("s", Tempo.WAIT), Field(exclude=True)] = 0.4
     """Time in which the tip comes back to its course after a rest or a probe, s."""
-    crossings: Annotated[float, Figure("1/s", Tempo.SPEED), Field(exclude=True)] = 21.0
-    """Largest number of hole diameters, or shorter sides, that a lane crosses in a second, 1/s; 0.17 m/s over a hole of 8.1 mm, and with the
-    dip of a 4 mm peg 0.15 m/s over its hole, where few falls are missed. Source: docs/tried/search.md.
-    """
     pull: Annotated[Pull, Figure(""), Field(exclude=True)] = Pull()
     """Motion that pulls the peg out of the hole before another attempt."""
 

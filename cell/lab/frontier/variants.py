@@ -8,7 +8,7 @@ from typing import Any
 from cell.config.cell_config import CellConfig
 from cell.config.files import presets
 from cell.lab.frontier.measure import Variant, load_variant
-from cell.lab.paper.unknowns import LABORATORY, ONE_ARM, ONE_BOARD
+from cell.lab.paper import LABORATORY, ONE_ARM, ONE_BOARD
 from cell.records.statistics import RateTest
 from skills.catalogue import INSERT
 from skills.tactile.estimators import ESTIMATORS

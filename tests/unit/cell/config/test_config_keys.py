@@ -9,7 +9,7 @@ import pytest
 from cell.commands.cli import main
 from cell.config.cell_config import CellConfig
 from cell.config.files import DEFAULT, SHIPPED
-from cell.config.keys import find, first_sentence, in_force, keys, section_summary, split_source, toml, unit_of
+from cell.config.keys import find, first_sentence, in_force, keys, planned, section_summary, split_source, toml, unit_of
 from cell.config.load import load
 from cell.config.text import as_toml, commented, file_schema
 from drivers.errors import ConfigError
@@ -273,3 +273,17 @@ def test_a_section_that_this_cell_does_not_have_is_explained_whole(section, key,
     told = capsys.readouterr().out
     assert key in told
     assert "not in this cell" in told
+
+
+def test_a_plan_gives_every_figure_with_its_unit_origin_and_what_changed_it():
+    found = {each.name: each for each in planned(load(sets=["speed_scale=10"]))}
+    speed, drawn, stall = (found[name] for name in ("insert.turn_rate", "grasp.drawing_speed", "adjust.stall_timeout"))
+    assert (speed.value, speed.unit, speed.is_capped) == (2.5, "rad/s", True)
+    assert (drawn.value, drawn.unit, drawn.origin) == (0.5, "m/s", "fixed")
+    assert (stall.value, stall.reasons) == (0.2, ("attempt", "speed_scale"))
+    assert all(each.unit or not isinstance(each.value, float) for each in found.values())
+
+
+@pytest.mark.parametrize("recipe", [0, 1])
+def test_a_plan_leaves_out_sections_of_other_parts(recipe):
+    assert not any(each.name.startswith(("corner.", "paper.")) for each in planned(load(), recipe))
