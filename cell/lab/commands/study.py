@@ -111,15 +111,19 @@ PLANS = {
     ),
 }
 """Studies that are one module."""
-PACKAGES = tuple(name for name in ("speed", "frontier", "faults") if find_spec(f"cell.lab.{name}"))
-"""Studies that are a package with a module `study`; an installed program lacks `faults`, which attacks cells."""
+PACKAGES = (
+    "speed",
+    "frontier",
+    "faults",
+)
+"""Studies that are a package with a module `study`. An installed program lacks `faults`, which attacks cells."""
 STUDIES = (*PACKAGES, *PLANS)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the studies, each with its own arguments."""
     studies = parser.add_subparsers(dest="name", required=True, metavar="NAME", parser_class=Parser)
-    for name in STUDIES:
+    for name in (name for name in STUDIES if name in PLANS or find_spec(f"cell.lab.{name}")):
         study = load_study(name)
         own = studies.add_parser(name, help=study.SUMMARY, description=study.SUMMARY)
         add_shared(own)
