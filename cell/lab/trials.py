@@ -38,6 +38,8 @@ if TYPE_CHECKING:
 
 MakeTracker = Callable[[CellConfig], Tracker]
 """Function of a module that creates the tracker of theta; a study can replace the cell's own."""
+Program = Callable[[Cell, SkillContext], list[StageRecord]]
+"""Function of a module that inserts a peg in an opened cell; a study can replace the cell's own program."""
 WATCHED = frozenset({"spray_search", "tactile_insert"})
 """Stages in which the estimate in use is compared with the truth."""
 VOID = "void"
@@ -168,11 +170,18 @@ class Watcher:
         return math.sqrt(total / self.count) if self.count else None
 
 
-def run_trial(config: CellConfig, seed: int, tracker: MakeTracker = make_tracker) -> TrialRow:
-    """Run `insert_peg` once on a fresh cell of this seed, without sockets and without waiting for the wall clock."""
+def insert_peg(cell: Cell, ctx: SkillContext) -> list[StageRecord]:
+    """Run the cell's own program."""
+    return CATALOGUE["insert_peg"].run(cell.config.skill_set(), ctx)
+
+
+def run_trial(
+    config: CellConfig, seed: int, tracker: MakeTracker = make_tracker, program: Program = insert_peg
+) -> TrialRow:
+    """Run a program once on a fresh cell of this seed, without sockets and without waiting for the wall clock."""
     wall = time.perf_counter()
     with opened(assemble(seeded(config, seed))) as cell:
-        row = trial_in(cell, seed, tracker=tracker)
+        row = trial_in(cell, seed, tracker=tracker, program=program)
     return replace(row, wall_time=time.perf_counter() - wall)
 
 
@@ -182,14 +191,14 @@ def seeded(config: CellConfig, seed: int) -> CellConfig:
     return config.model_copy(update={"sim": config.sim.model_copy(update={"seed": seed, "pace": "max"})})
 
 
-def _insert(watcher: Watcher) -> tuple[list[StageRecord], Ending, Outcome, str]:
-    """Run `insert_peg`; return its stages, its ending, outcome and reason.
+def _insert(watcher: Watcher, program: Program) -> tuple[list[StageRecord], Ending, Outcome, str]:
+    """Run a program; return its stages, its ending, outcome and reason.
 
     A fault is a failure with the fault's name.
     """
     records: list[StageRecord] = []
     try:
-        records = CATALOGUE["insert_peg"].run(watcher.cell.config.skill_set(), watcher.ctx)
+        records = program(watcher.cell, watcher.ctx)
         ending = watcher.judged(ending_of(records, None, watcher.ctx.stage), records)
     except CellError as error:
         ending = ending_of(records, error, watcher.ctx.stage)
@@ -198,9 +207,13 @@ def _insert(watcher: Watcher) -> tuple[list[StageRecord], Ending, Outcome, str]:
 
 
 def trial_in(
-    cell: Cell, seed: int, each: Callable[[], None] = lambda: None, tracker: MakeTracker = make_tracker
+    cell: Cell,
+    seed: int,
+    each: Callable[[], None] = lambda: None,
+    tracker: MakeTracker = make_tracker,
+    program: Program = insert_peg,
 ) -> TrialRow:
-    """Run `insert_peg` once in an opened cell, and call `each` in every scan.
+    """Run a program once in an opened cell, and call `each` in every scan.
 
     A fault ends the trial as a failure, with the fault's name as the reason. The whole time of its stage is included.
     """
@@ -215,7 +228,7 @@ def trial_in(
         each()
 
     ctx.record = record
-    records, ending, outcome, reason = _insert(watcher)
+    records, ending, outcome, reason = _insert(watcher, program)
     truth = watcher.ending or cell.truth()
     sim_time = cell.clock.now()
     watcher.clock.leave(sim_time)
@@ -266,6 +279,7 @@ def run_trials(
     scheduler: str | None = None,
     is_enough: Callable[[Sequence[TrialRow]], bool] | None = None,
     tracker: MakeTracker = make_tracker,
+    program: Program = insert_peg,
 ) -> list[TrialRow]:
     """Run a trial of every seed on `workers` processes, or on a cluster, and return the rows, sorted by seed.
 
@@ -282,6 +296,7 @@ def run_trials(
             ends the call, and only those rows are returned, independent of the number of processes. None runs every
             seed.
         tracker: Function that creates the tracker of theta.
+        program: Program of every trial.
 
     Raises:
         ConfigError: The folder is not writable, or the packages for a cluster are missing.
@@ -298,7 +313,7 @@ def run_trials(
             done(row)
         order = sorted(seeds)
         missing = [seed for seed in seeds if seed not in rows]
-        task = partial(run_trial, config, tracker=tracker)
+        task = partial(run_trial, config, tracker=tracker, program=program)
         results = on_cluster(task, missing, scheduler) if scheduler else on_processes(task, missing, workers)
         began, taken_up = time.perf_counter(), len(rows)
         with closing(results):
@@ -312,7 +327,6 @@ def run_trials(
     write_table(ordered, folder / TABLE)
     summary = summarise(ordered, config) | {"trials_per_minute": (len(rows) - taken_up) / minutes}
     (folder / SUMMARY).write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
-    (folder / PARTIAL).unlink()
     return ordered
 
 

@@ -16,7 +16,7 @@ from cell.assembly import make_tracker
 from cell.cell_config import CellConfig
 from cell.config import load
 from cell.lab.rows import quantile, write_rows
-from cell.lab.trials import SUMMARY, TABLE, VOID, MakeTracker, TrialRow, read_table, run_trials
+from cell.lab.trials import SUMMARY, TABLE, VOID, MakeTracker, Program, TrialRow, insert_peg, read_table, run_trials
 from cell.provenance import config_hash, versions
 from cell.statistics import Z95, RateTest, Verdict, mean, wilson
 from drivers.errors import CellError, FaultCode
@@ -43,6 +43,8 @@ class Variant:
     """Single keys, `KEY=VALUE`, on top of the preset."""
     tracker: MakeTracker = make_tracker
     """Function that creates the tracker of theta."""
+    program: Program = insert_peg
+    """Program of its trials."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,6 +82,10 @@ class FrontierLine:
     """Number of trials whose largest contact force is at most `OVER_FORCE`."""
     over_longest: float
     """Longest time of a trial above that force, s."""
+    theta: float
+    """Median over all trials of the root mean square error of theta, rad."""
+    tip: float
+    """The same of the tip's place, m."""
     jerk_free: float
     """95th percentile of the trials' largest jerk in free space, m/s³; the next field is the jerk elsewhere."""
     jerk_contact: float
@@ -148,22 +154,23 @@ def measure(
         ConfigError: The base config of the variants is invalid.
     """
     base = _fingerprint(load_variant(path, None, sets))
-    ran: dict[str, tuple[str, list[TrialRow], str, RateTest | None]] = {}
+    ran: dict[object, tuple[str, list[TrialRow], str, RateTest | None]] = {}
     lines: list[FrontierLine] = []
     for variant in tried:
         rows: list[TrialRow] = []
-        place, trouble, mark, verdict = "", "", "", ""
+        place, trouble, verdict = "", "", ""
+        mark: object = None
         try:
             config = load_variant(path, variant.preset, [*sets, *variant.sets])
         except CellError as error:
             trouble = str(error)
             done(len(seeds))
         else:
-            mark = _fingerprint(config, variant.tracker)
+            mark = _fingerprint(config, variant.tracker, variant.program)
             if mark not in ran:
                 place = re.sub(r"\W+", "-", f"{variant.family} {variant.name}").strip("-")
                 test = tests.get(variant.family) if tests else None
-                task = Task(config, seeds, test, folder / place, workers, scheduler, variant.tracker)
+                task = Task(config, seeds, test, folder / place, workers, scheduler, variant.tracker, variant.program)
                 ran[mark] = (place, *_run(task, done), test)
             else:
                 done(len(seeds))
@@ -174,9 +181,9 @@ def measure(
     return lines
 
 
-def _fingerprint(config: CellConfig, tracker: MakeTracker = make_tracker) -> str:
-    """Return a text that is equal for configs with the same values, whatever their origin, and the same tracker."""
-    return f"{config_hash(config.model_copy(update={'preset': '', 'world': ''}))} {tracker.__name__}"
+def _fingerprint(config: CellConfig, tracker: MakeTracker = make_tracker, program: Program = insert_peg) -> object:
+    """Return a value that is equal for configs with the same values, whatever their origin, and the same tracker and program."""
+    return config_hash(config.model_copy(update={"preset": "", "world": ""})), tracker, program
 
 
 @dataclass(frozen=True, slots=True)
@@ -191,6 +198,7 @@ class Task:
     workers: int
     scheduler: str | None
     tracker: MakeTracker
+    program: Program
 
     def is_enough(self, rows: Sequence[TrialRow]) -> bool:
         """Return True if the rows of the first seeds decide the test, or all seeds have run."""
@@ -222,6 +230,7 @@ def _run(task: Task, done: Callable[[int], None]) -> tuple[list[TrialRow], str]:
                 task.scheduler,
                 task.is_enough,
                 task.tracker,
+                task.program,
             )
     except Exception as error:  # any error: the results of the other variants are still useful
         logger.exception("%s", task.folder)
@@ -280,6 +289,8 @@ def _line(variant: Variant, place: str, rows: Sequence[TrialRow], trouble: str, 
         force_p95=quantile(forces, 0.95),
         within=int(np.count_nonzero(forces <= OVER_FORCE)),
         over_longest=max((row.time_over_20N for row in rows), default=math.nan),
+        theta=quantile([row.theta_rmse for row in rows if row.theta_rmse is not None], 0.5),
+        tip=quantile([row.tip_rmse for row in rows if row.tip_rmse is not None], 0.5),
         jerk_free=quantile([row.jerk_free for row in rows], 0.95),
         jerk_contact=quantile([row.jerk_contact for row in rows], 0.95),
         voids=sum(row.outcome == VOID for row in rows),
