@@ -19,7 +19,7 @@ def main() -> int:
         from drivers.errors import CellError
 
         try:
-            from cell.cli import main as run
+            from cell.commands.cli import main as run
         except CellError as error:
             # Faults of a catalogue are raised at its import.
             sys.stderr.write(f"{error}\n")

@@ -45,7 +45,7 @@ NULL_DAMPING = 3.0
 
 HOLD_RATE = 25.0
 """Rate of every mode of an arm that holds still, rad/s; each mode is critically damped. While halts repeat, the arm's momentum
-decays at twice this rate. Source: `cell.torque_path`, which derives the stable rates of an arm, and decision 0014."""
+decays at twice this rate. Source: `cell.config.torque_path`, which derives the stable rates of an arm, and decision 0014."""
 ROTOR_RANGE = 5.0
 """Upper bound on the learnt rotor inertia while an arm holds still, as a multiple of its least visible one. Source: decision 0014."""
 

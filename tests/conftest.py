@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from cell.config import LoadedConfig, load
+from cell.config.load import LoadedConfig, load
 from tests.fakes import Rig
 
 LEVEL = logging.getLogger().level

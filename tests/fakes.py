@@ -8,12 +8,13 @@ from typing import ClassVar
 
 import numpy as np
 
-from cell.assembly import Cell
-from cell.cell_config import CellConfig
-from cell.config import LoadedConfig
-from cell.journal import Journal
-from cell.line import PARAMETERS, PROGRAMS
-from cell.supervisor import Supervisor
+from cell.config.cell_config import CellConfig
+from cell.config.load import LoadedConfig
+from cell.config.parameters import PARAMETERS
+from cell.devices.assembly import Cell
+from cell.records.journal import Journal
+from cell.run.line import PROGRAMS
+from cell.run.supervisor import Supervisor
 from drivers.errors import SkinSilentError
 from drivers.frames import peg_in_finger
 from drivers.parts import Job

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from cell.film.recorded import RecordedRun
-from cell.journal import Journal
-from cell.journal_schema import RunRow
-from cell.record import scene_facts
-from cell.sample_blocks import SampleStream
+from cell.records.journal import Journal
+from cell.records.sample_blocks import SampleStream
+from cell.records.schema import RunRow
+from cell.run.record import scene_facts
 from drivers.arm.kinematics import finger_frame
 from drivers.errors import ConfigError
 from drivers.frames import UP, compose, peg_in_finger

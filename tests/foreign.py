@@ -18,7 +18,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
-from cell.journal import Journal
+from cell.records.journal import Journal
 from skills.contract import Outcome
 from tests.can_hubs import SocketcandHub
 

@@ -6,7 +6,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from cell.config import load
+from cell.config.load import load
 from drivers.quantities import TaxelFrame
 from sim.config import SimSkinConfig
 from sim.pads import PadLoad, Pads

@@ -4,7 +4,7 @@ import socket
 import struct
 import time
 
-from cell.states import State
+from cell.run.states import State
 from plc_bridge.images import COMMAND, REPORT, CommandImage, command_words, report_image
 from plc_bridge.messages import Control
 from plc_bridge.registers import COILS, DISCRETE_INPUTS

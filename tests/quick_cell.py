@@ -5,14 +5,15 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from cell.assembly import Cell
-from cell.config import LoadedConfig
-from cell.desk import CommandLine
-from cell.journal import Journal
-from cell.journal_schema import RunRow
-from cell.line import PARAMETERS, PROGRAMS
-from cell.live import Live
-from cell.supervisor import Supervisor
+from cell.config.load import LoadedConfig
+from cell.config.parameters import PARAMETERS
+from cell.devices.assembly import Cell
+from cell.records.journal import Journal
+from cell.records.schema import RunRow
+from cell.run.desk import CommandLine
+from cell.run.line import PROGRAMS
+from cell.run.live import Live
+from cell.run.supervisor import Supervisor
 from drivers.errors import CellError
 from plc_bridge.bridge import Bridge
 from plc_bridge.config import PlcConfig

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from cell.statistics import wilson
+from cell.records.statistics import wilson
 
 ROOT = Path(__file__).parents[1]
 DATA = ROOT / "docs" / "results.toml"

@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from cell.config import load
+from cell.config.load import load
 from drivers.frames import UP, rotation_about
 from drivers.quantities import ImpedanceSetpoint, Pose, Vector
 from skills.contract import Interrupted, Observation, Reason

@@ -5,11 +5,12 @@ from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from pathlib import Path
 
-from cell.assembly import Cell
-from cell.config import LoadedConfig
-from cell.journal import Journal
-from cell.line import PARAMETERS, PROGRAMS
-from cell.supervisor import Supervisor
+from cell.config.load import LoadedConfig
+from cell.config.parameters import PARAMETERS
+from cell.devices.assembly import Cell
+from cell.records.journal import Journal
+from cell.run.line import PROGRAMS
+from cell.run.supervisor import Supervisor
 from plc_bridge.bridge import Bridge
 
 

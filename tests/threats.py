@@ -14,7 +14,7 @@ class Threat(NamedTuple):
 
 
 FRONT, PAGE = "tests/line/test_front.py", "tests/line/test_page_server.py"
-CONTENT, CUSTODY = "tests/unit/cell/test_journal_content.py", "tests/unit/cell/test_custody.py"
+CONTENT, CUSTODY = "tests/unit/cell/records/test_journal_content.py", "tests/unit/cell/peg/test_custody.py"
 GATE, TLS, PARTS = (
     "tests/unit/skills/test_setpoint_gate.py",
     "tests/line/test_modbus_tls.py",
@@ -54,7 +54,7 @@ THREATS = (
     ),
     Threat(
         "a full disk leaves an empty token",
-        "cell.kept_file.replace",
+        "cell.records.kept_file.replace",
         f"{PARTS}::test_a_full_disk_leaves_no_token_behind",
     ),
     Threat(
@@ -77,45 +77,45 @@ THREATS = (
         "cell.page.commands.parse",
         f"{PAGE}::test_what_no_parser_can_read_is_answered_in_one_line_and_logged_in_none",
     ),
-    Threat("somebody fills the log", "cell.patient_log.SparseFilter", f"{PAGE}::test_wrong_tokens_fill_no_log"),
+    Threat("somebody fills the log", "cell.records.patient_log.SparseFilter", f"{PAGE}::test_wrong_tokens_fill_no_log"),
     Threat(
         "a row that cannot be written stops the records",
-        "cell.journal_index.Index.put",
+        "cell.records.index.Index.put",
         f"{CONTENT}::test_a_row_that_cannot_be_written_holds_up_no_other",
     ),
     Threat(
         "a damaged byte stops a start",
-        "cell.journal_upkeep.made_again",
+        "cell.records.upkeep.made_again",
         f"{CONTENT}::test_a_damaged_folder_starts_or_is_refused_in_one_line",
     ),
     Threat(
         "a thread dies unseen",
-        "cell.cli.main",
-        "tests/unit/cell/test_stop.py::test_a_thread_that_ends_by_an_error_ends_the_program",
+        "cell.commands.cli.main",
+        "tests/unit/cell/commands/test_stop.py::test_a_thread_that_ends_by_an_error_ends_the_program",
     ),
     Threat(
         "two processes write one journal",
-        "cell.journal_writer.JournalWriter.open",
+        "cell.records.writer.JournalWriter.open",
         f"{CONTENT}::test_a_second_process_is_refused_with_the_first_and_its_start",
     ),
     Threat(
         "others write the folder of the records",
-        "cell.journal_index.require_own",
-        "tests/unit/cell/test_journal.py::test_a_folder_that_others_may_write_is_refused_in_one_line",
+        "cell.records.index.require_own",
+        "tests/unit/cell/records/test_journal.py::test_a_folder_that_others_may_write_is_refused_in_one_line",
     ),
     Threat(
         "a restart believes where the peg was",
-        "cell.kept_file.KeptFile",
+        "cell.records.kept_file.KeptFile",
         f"{CUSTODY}::test_what_a_full_disk_could_not_keep_is_unknown_to_the_next_program_and_kept_later",
     ),
     Threat(
         "a lost run has moved the peg",
-        "cell.custody.Custody",
+        "cell.peg.custody.Custody",
         f"{CUSTODY}::test_a_file_older_than_a_lost_run_says_that_nobody_knows",
     ),
     Threat(
         "a damaged file of the peg is believed",
-        "cell.custody.KeptPart",
+        "cell.peg.custody.KeptPart",
         f"{CUSTODY}::test_a_damaged_file_says_that_nobody_knows",
     ),
     Threat(
@@ -140,17 +140,17 @@ THREATS = (
     ),
     Threat(
         "a key runs out unseen",
-        "cell.exposure.key_verdict",
-        "tests/unit/cell/test_exposure.py::test_check_reports_open_ports_and_the_age_of_keys",
+        "cell.page.exposure.key_verdict",
+        "tests/unit/cell/page/test_exposure.py::test_check_reports_open_ports_and_the_age_of_keys",
     ),
     Threat(
         "a port is open to everybody unseen",
-        "cell.exposure.exposures",
-        "tests/unit/cell/test_exposure.py::test_each_open_port_is_named_with_what_it_lets_everybody_do",
+        "cell.page.exposure.exposures",
+        "tests/unit/cell/page/test_exposure.py::test_each_open_port_is_named_with_what_it_lets_everybody_do",
     ),
     Threat(
         "a newer dependency behaves in another way",
-        "cell.versions.installed",
+        "cell.records.versions.installed",
         "tests/unit/docs/test_dependencies.py::test_every_dependency_has_an_upper_bound_and_its_pin_is_within",
     ),
     Threat("hostile Modbus frames", "plc_bridge.pdu", "tests/line/test_hostile_frames.py"),

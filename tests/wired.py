@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from cell.assembly import Cell
-from cell.cell_config import CellConfig
-from cell.config import LoadedConfig
-from cell.journal import Journal
-from cell.part_state import UNRESOLVED
-from cell.supervisor import Supervisor
+from cell.config.cell_config import CellConfig
+from cell.config.load import LoadedConfig
+from cell.devices.assembly import Cell
+from cell.peg.part_state import UNRESOLVED
+from cell.records.journal import Journal
+from cell.run.supervisor import Supervisor
 from drivers.protocols import Clock
 from drivers.skin.board_config import CanSkinConfig
 from drivers.skin.boards import CanSkin

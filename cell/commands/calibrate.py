@@ -6,16 +6,16 @@ from datetime import date
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cell.arguments import add_calibration_folder, add_config, load_config, positive
-from cell.terminal import GOOD, NOT_GOOD, ask, complain, progress, show
+from cell.commands.arguments import add_calibration_folder, add_config, load_config, positive
+from cell.commands.terminal import GOOD, NOT_GOOD, ask, complain, progress, show
 from drivers.errors import ConfigError, NotCalibratedError
 
 if TYPE_CHECKING:
     from rich.console import Group
     from rich.table import Table
 
-    from cell.calibrate_places import Places
-    from cell.cell_config import CellConfig
+    from cell.calibrate.places import Places
+    from cell.config.cell_config import CellConfig
     from drivers.arm.calibration import ArmCalibration
     from drivers.skin.calibration import SkinCalibration
 
@@ -40,7 +40,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Measure, write the file, and show the result."""
-    from cell.journal import default_folder
+    from cell.records.journal import default_folder
 
     today = date.today()
     if args.pegs is not None and args.device != "places":
@@ -56,7 +56,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _skin(args: argparse.Namespace, config: "CellConfig", today: date, path: Path) -> int:
-    from cell.calibrate import calibrate_skin
+    from cell.calibrate.skin import calibrate_skin
 
     if not config.is_skin_simulated() and not sys.stdin.isatty():
         raise ConfigError("calibrate skin: somebody has to turn a rod between the pads; a terminal needed")
@@ -69,7 +69,7 @@ def _skin(args: argparse.Namespace, config: "CellConfig", today: date, path: Pat
 
 
 def _arm(args: argparse.Namespace, config: "CellConfig", today: date, path: Path) -> int:
-    from cell.calibrate_arm import calibrate_arm
+    from cell.calibrate.arm import calibrate_arm
 
     with progress() as bars:
         bar = bars.add_task("motions")
@@ -82,7 +82,7 @@ def _arm(args: argparse.Namespace, config: "CellConfig", today: date, path: Path
 def _places(args: argparse.Namespace, config: "CellConfig", today: date, path: Path) -> int:
     from dataclasses import asdict
 
-    from cell.calibrate_places import PEGS, calibrate_places
+    from cell.calibrate.places import PEGS, calibrate_places
 
     pegs = PEGS if args.pegs is None else args.pegs
     most = config.rack.slots if config.rack.refill == "asked" else MOST_PEGS

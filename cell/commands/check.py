@@ -6,12 +6,12 @@ from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cell.arguments import add_config, add_journal, load_config, open_journal
-from cell.terminal import FAULT, GOOD, NOT_GOOD, complain, say, show
+from cell.commands.arguments import add_config, add_journal, load_config, open_journal
+from cell.commands.terminal import FAULT, GOOD, NOT_GOOD, complain, say, show
 from drivers.errors import ConfigError
 
 if TYPE_CHECKING:
-    from cell.config import LoadedConfig
+    from cell.config.load import LoadedConfig
     from plc_bridge.config import PlcConfig
 
 SUMMARY = "open every device of a config, read each once, say what is wrong; with --plc, commission cell and PLC"
@@ -43,9 +43,10 @@ def run(args: argparse.Namespace) -> int:
 def _check(args: argparse.Namespace, loaded: "LoadedConfig") -> int:
     from rich.table import Table
 
-    from cell.assembly import assemble, check
-    from cell.checks import OK
-    from cell.line import PARAMETERS, PROGRAMS
+    from cell.config.parameters import PARAMETERS
+    from cell.devices.assembly import assemble, check
+    from cell.devices.checks import OK
+    from cell.run.line import PROGRAMS
     from drivers.errors import CellError
     from plc_bridge.bridge import Bridge
 
@@ -68,8 +69,8 @@ def _check(args: argparse.Namespace, loaded: "LoadedConfig") -> int:
 
 def _network(plc: "PlcConfig") -> list[tuple[str, str]]:
     """Return the open ports and the remaining validity of each key."""
-    from cell.checks import OK
-    from cell.exposure import exposures, key_days, key_verdict
+    from cell.devices.checks import OK
+    from cell.page.exposure import exposures, key_days, key_verdict
     from drivers.errors import DeviceNotOpenedError
 
     found = [("network", f"{OK}, but {line}") for line in exposures(plc)]
@@ -82,12 +83,13 @@ def _commission(args: argparse.Namespace, loaded: "LoadedConfig") -> int:
     """Serve the cell to the PLC and watch its commands until every step has passed or one has failed."""
     import json
 
-    from cell.assembly import assemble, opened
-    from cell.commissioning import Walk, WatchedLine, record
-    from cell.line import PARAMETERS, PROGRAMS
-    from cell.supervisor import Supervisor
-    from cell.versions import PROGRAM, installed
-    from cell.warm_up import warm_up
+    from cell.calibrate.commissioning import Walk, WatchedLine, record
+    from cell.commands.warm_up import warm_up
+    from cell.config.parameters import PARAMETERS
+    from cell.devices.assembly import assemble, opened
+    from cell.records.versions import PROGRAM, installed
+    from cell.run.line import PROGRAMS
+    from cell.run.supervisor import Supervisor
     from plc_bridge.bridge import Bridge
 
     warm_up(loaded)

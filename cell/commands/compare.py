@@ -3,8 +3,8 @@
 import argparse
 from typing import TYPE_CHECKING
 
-from cell.arguments import add_journal, positive, read_journal
-from cell.terminal import GOOD, show
+from cell.commands.arguments import add_journal, positive, read_journal
+from cell.commands.terminal import GOOD, show
 
 if TYPE_CHECKING:
     from rich.console import RenderableType

@@ -2,7 +2,7 @@
 
 import argparse
 
-from cell.terminal import GOOD, say
+from cell.commands.terminal import GOOD, say
 
 SUMMARY = "a script that lets bash, zsh or tcsh complete commands and options"
 SHELLS = ("bash", "zsh", "tcsh")

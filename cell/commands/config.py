@@ -6,16 +6,16 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cell.arguments import Parser, add_config, add_shared, load_config, natural
-from cell.nearest import did_you_mean
-from cell.terminal import GOOD, say, show
+from cell.commands.arguments import Parser, add_config, add_shared, load_config, natural
+from cell.commands.terminal import GOOD, say, show
+from cell.config.nearest import did_you_mean
 from drivers.errors import ConfigError
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
-    from cell.config import LoadedConfig
-    from cell.config_keys import Key, Setting
+    from cell.config.keys import Key, Setting
+    from cell.config.load import LoadedConfig
 
 SUMMARY = "what a key means, what is in force and where it came from"
 
@@ -53,7 +53,7 @@ def run(args: argparse.Namespace) -> int:
 def _explain(args: argparse.Namespace) -> int:
     from rich.console import Group
 
-    from cell.config_keys import find, in_force
+    from cell.config.keys import find, in_force
 
     loaded = load_config(args)
     settings = {setting.key: setting for setting in in_force(loaded)}
@@ -70,7 +70,7 @@ def _explain(args: argparse.Namespace) -> int:
 
 def _meant(word: str) -> str:
     """Return a hint with likely keys: those with the same ending, or with a similar name."""
-    from cell.config_keys import keys
+    from cell.config.keys import keys
 
     names = list(dict.fromkeys(key.name for key in keys()))
     alike = [name for name in names if name.endswith(f".{word}")]
@@ -78,7 +78,7 @@ def _meant(word: str) -> str:
 
 
 def _told(key: "Key", setting: "Setting | None") -> dict[str, Any]:
-    from cell.config_keys import toml
+    from cell.config.keys import toml
 
     return {
         "key": key.name,
@@ -117,7 +117,7 @@ def _card(told: dict[str, Any]) -> "RenderableType":
 def _list(found: "list[Key]", settings: "dict[Key, Setting]") -> "RenderableType":
     from rich.table import Table
 
-    from cell.config_keys import toml
+    from cell.config.keys import toml
 
     table = Table("key", "in force", "meaning")
     # Keys of other kinds of a device are left out; if the cell lacks a section, all of it is shown.
@@ -128,8 +128,8 @@ def _list(found: "list[Key]", settings: "dict[Key, Setting]") -> "RenderableType
 
 
 def _show(args: argparse.Namespace) -> int:
-    from cell.config_keys import find, in_force, toml
-    from cell.config_text import as_toml
+    from cell.config.keys import find, in_force, toml
+    from cell.config.text import as_toml
 
     loaded = load_config(args)
     if args.recipe not in loaded.recipes:
@@ -161,7 +161,7 @@ def _short(origin: str) -> str:
 def _diff(args: argparse.Namespace) -> int:
     from rich.table import Table
 
-    from cell.config_keys import in_force, toml
+    from cell.config.keys import in_force, toml
 
     values: list[dict[str, str]] = []
     units: dict[str, str] = {}
@@ -187,8 +187,8 @@ def _named(args: argparse.Namespace, word: str) -> "LoadedConfig":
     Raises:
         ConfigError: Neither a file nor a preset has this name.
     """
-    from cell.config import load
-    from cell.config_files import presets
+    from cell.config.files import presets
+    from cell.config.load import load
 
     if word in presets(args.config):
         return load(args.config, preset=word, sets=args.set)
@@ -202,15 +202,15 @@ def _named(args: argparse.Namespace, word: str) -> "LoadedConfig":
 
 
 def _schema(args: argparse.Namespace) -> int:
-    from cell.config_text import file_schema
+    from cell.config.text import file_schema
 
     say(json.dumps(file_schema(), indent=2, ensure_ascii=False))
     return GOOD
 
 
 def _comment(args: argparse.Namespace) -> int:
-    from cell.config_files import read_toml
-    from cell.config_text import commented
+    from cell.config.files import read_toml
+    from cell.config.text import commented
 
     read_toml(args.file)
     before = args.file.read_text(encoding="utf-8")

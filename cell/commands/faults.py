@@ -3,8 +3,8 @@
 import argparse
 from dataclasses import asdict
 
-from cell.nearest import did_you_mean
-from cell.terminal import GOOD, show
+from cell.commands.terminal import GOOD, show
+from cell.config.nearest import did_you_mean
 from drivers.errors import FAULTS, ConfigError, FaultCode
 
 SUMMARY = "every fault code: meaning, cause, what to do"

@@ -3,8 +3,8 @@
 import argparse
 from pathlib import Path
 
-from cell.arguments import add_journal, out_folder, positive, read_journal
-from cell.terminal import GOOD, NOT_GOOD, complain, progress, show, written
+from cell.commands.arguments import add_journal, out_folder, positive, read_journal
+from cell.commands.terminal import GOOD, NOT_GOOD, complain, progress, show, written
 
 SUMMARY = "a run on record as a film, or one picture of it"
 
@@ -23,7 +23,7 @@ def run(args: argparse.Namespace) -> int:
     """Render the run and write the file."""
     from cell.film.files import write_film
     from cell.film.recorded import recorded
-    from cell.samples import torn
+    from cell.records.samples import torn
 
     with read_journal(args) as journal:
         found = recorded(journal, args.number)

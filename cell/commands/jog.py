@@ -3,8 +3,8 @@
 import argparse
 from typing import TYPE_CHECKING
 
-from cell.arguments import add_config, load_config
-from cell.terminal import GOOD, complain, say
+from cell.commands.arguments import add_config, load_config
+from cell.commands.terminal import GOOD, complain, say
 
 if TYPE_CHECKING:
     from drivers.quantities import ArmState
@@ -19,9 +19,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Move the tool while a key is held down; 0.2 s after the last key the arm stops."""
-    from cell.assembly import assemble, opened
-    from cell.hand_motion import DEAD_MAN, JOG_SPEED, moved_by_keys
-    from cell.keys import keys
+    from cell.calibrate.hand_motion import DEAD_MAN, JOG_SPEED, moved_by_keys
+    from cell.calibrate.keys import keys
+    from cell.devices.assembly import assemble, opened
 
     tell = complain if args.json else say
 

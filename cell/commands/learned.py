@@ -3,8 +3,8 @@
 import argparse
 from typing import TYPE_CHECKING
 
-from cell.arguments import add_config, add_journal, load_config, natural, open_journal, require_known
-from cell.terminal import GOOD, show
+from cell.commands.arguments import add_config, add_journal, load_config, natural, open_journal, require_known
+from cell.commands.terminal import GOOD, show
 from drivers.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -26,7 +26,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Show the learnt places, one line per recipe, or delete them."""
-    from cell.learning import forget
+    from cell.run.learning import forget
 
     require_known("learned", args.action, ACTIONS)
     loaded = load_config(args)
@@ -46,8 +46,8 @@ def run(args: argparse.Namespace) -> int:
 
 def _rows(args: argparse.Namespace) -> list[dict[str, object]]:
     """Return the learnt place of each recipe, as words and figures in SI units."""
-    from cell import wall_clock
-    from cell.learning import read_learned, unusable
+    from cell.records import wall_clock
+    from cell.run.learning import read_learned, unusable
 
     loaded = load_config(args)
     folder = open_journal(args, loaded.cell.journal).folder

@@ -5,7 +5,7 @@ import sys
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from cell.terminal import GOOD, say, show
+from cell.commands.terminal import GOOD, say, show
 
 if TYPE_CHECKING:
     from rich.console import Group
@@ -24,7 +24,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Print the table."""
-    from cell.line import PARAMETERS, PROGRAMS, WORDS
+    from cell.config.parameters import PARAMETERS
+    from cell.run.line import PROGRAMS, WORDS
     from plc_bridge.registers import table
 
     registers = table(PROGRAMS, PARAMETERS, WORDS)
@@ -79,7 +80,7 @@ def _picture(registers: "Sequence[Register]") -> "Group":
 
 def _program(form: str, registers: "Sequence[Register]") -> str:
     """Return the declarations for a PLC program, in the requested language."""
-    from cell.line import PROGRAMS, WORDS
+    from cell.run.line import PROGRAMS, WORDS
     from plc_bridge.plc_names import plc_names
 
     names = plc_names(PROGRAMS, WORDS)

@@ -6,8 +6,8 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cell.arguments import add_journal, add_query, query_of, read_journal, require_program
-from cell.terminal import GOOD, show, written
+from cell.commands.arguments import add_journal, add_query, query_of, read_journal, require_program
+from cell.commands.terminal import GOOD, show, written
 
 if TYPE_CHECKING:
     from cell.report.facts import Facts
@@ -35,9 +35,9 @@ def _report(args: argparse.Namespace) -> int:
     from rich.console import Group
     from rich.table import Table
 
-    from cell.line import PROGRAMS
     from cell.report.facts import facts_of
     from cell.report.words import require_kind, tables
+    from cell.run.line import PROGRAMS
     from plc_bridge.messages import FIRST_PROGRAM
 
     if args.out is not None:

@@ -6,8 +6,8 @@ from dataclasses import asdict
 from threading import Event, Thread
 from typing import TYPE_CHECKING
 
-from cell.arguments import add_config, add_journal, address, load_config, natural, open_journal, require_known
-from cell.terminal import FAULT, GOOD, NOT_GOOD, complain, progress, show
+from cell.commands.arguments import add_config, add_journal, address, load_config, natural, open_journal, require_known
+from cell.commands.terminal import FAULT, GOOD, NOT_GOOD, complain, progress, show
 from drivers.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -20,7 +20,7 @@ SUMMARY = "one skill or program, by hand"
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the skill, program or control, the part, and the cell."""
-    from cell.line import CONTROLS, TOLD
+    from cell.run.line import CONTROLS, TOLD
     from skills.catalogue import CATALOGUE
 
     names = f"{', '.join((*CATALOGUE, *TOLD))}; with --connect also {', '.join(c for c in CONTROLS if c not in TOLD)}"
@@ -36,7 +36,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Run the skill, program or control to its end; return GOOD for a success."""
-    from cell.line import CONTROLS, TOLD
+    from cell.run.line import CONTROLS, TOLD
     from skills.catalogue import CATALOGUE
 
     require_known("run", args.name, [*CATALOGUE, *(CONTROLS if args.connect else TOLD)])
@@ -44,7 +44,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _run_there(args: argparse.Namespace) -> int:
-    from cell import client, words
+    from cell.commands import client, words
     from plc_bridge.messages import REMEDIES, Refusal, Result
 
     if args.config is not None:
@@ -75,11 +75,11 @@ def _run_there(args: argparse.Namespace) -> int:
 def _run_here(args: argparse.Namespace) -> int:
     from rich.console import Group
 
-    from cell import words
-    from cell.assembly import assemble, opened
-    from cell.line import TOLD, TerminalLine
-    from cell.supervisor import Supervisor
-    from cell.warm_up import warm_up
+    from cell.commands import words
+    from cell.commands.warm_up import warm_up
+    from cell.devices.assembly import assemble, opened
+    from cell.run.line import TOLD, TerminalLine
+    from cell.run.supervisor import Supervisor
     from plc_bridge.messages import REMEDIES, Command, Refusal, Report, Result
     from skills.catalogue import CATALOGUE
     from skills.contract import Outcome

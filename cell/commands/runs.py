@@ -10,17 +10,25 @@ from pathlib import Path
 from shutil import get_terminal_size
 from typing import TYPE_CHECKING
 
-from cell.arguments import add_journal, add_query, out_folder, positive, query_of, read_journal, require_program
-from cell.terminal import GOOD, complain, progress, show, written
-from cell.wall_clock import local
+from cell.commands.arguments import (
+    add_journal,
+    add_query,
+    out_folder,
+    positive,
+    query_of,
+    read_journal,
+    require_program,
+)
+from cell.commands.terminal import GOOD, complain, progress, show, written
+from cell.records.wall_clock import local
 from drivers.errors import ConfigError, JournalError
 
 if TYPE_CHECKING:
     from rich.console import Group
     from rich.table import Table
 
-    from cell.journal import Journal
-    from cell.journal_schema import RunRow
+    from cell.records.journal import Journal
+    from cell.records.schema import RunRow
 
 SUMMARY = "runs on record, by time, outcome, fault or part"
 LAST, BLOCK = 20, 100
@@ -75,8 +83,8 @@ def _blocks(rows: "Sequence[RunRow]") -> "Group":
 
 def _exported(args: argparse.Namespace, journal: "Journal", rows: "Sequence[RunRow]", folder: Path) -> list[Path]:
     """Write the runs as one table, and the samples of each run as one file, if it has any."""
-    from cell import sample_export as to
-    from cell.samples import export_csv, read_samples, torn
+    from cell.records import sample_export as to
+    from cell.records.samples import export_csv, read_samples, torn
 
     files = []
     if args.export == "csv":
@@ -109,7 +117,7 @@ def _with_progress(rows: "Sequence[RunRow]") -> "Iterator[RunRow]":
 
 
 def _write_csv(rows: "Sequence[RunRow]", path: Path) -> None:
-    from cell.journal_schema import RunRow
+    from cell.records.schema import RunRow
 
     with path.open("w", newline="", encoding="utf-8") as file:
         writer = csv.DictWriter(file, list(RunRow.__slots__))

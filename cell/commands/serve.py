@@ -8,12 +8,12 @@ from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cell.arguments import add_config, add_journal, listening, load_config, open_journal
-from cell.terminal import GOOD, say
+from cell.commands.arguments import add_config, add_journal, listening, load_config, open_journal
+from cell.commands.terminal import GOOD, say
 
 if TYPE_CHECKING:
-    from cell.config import LoadedConfig
-    from cell.live import Live
+    from cell.config.load import LoadedConfig
+    from cell.run.live import Live
     from plc_bridge.bridge import Bridge
     from plc_bridge.config import PlcConfig
 
@@ -63,11 +63,12 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _serve(args: argparse.Namespace) -> None:
-    from cell.assembly import assemble, opened
-    from cell.line import PARAMETERS, PROGRAMS
-    from cell.live import Live
-    from cell.supervisor import Supervisor
-    from cell.warm_up import warm_up
+    from cell.commands.warm_up import warm_up
+    from cell.config.parameters import PARAMETERS
+    from cell.devices.assembly import assemble, opened
+    from cell.run.line import PROGRAMS
+    from cell.run.live import Live
+    from cell.run.supervisor import Supervisor
     from plc_bridge.bridge import Bridge
 
     loaded = load_config(args)
@@ -96,8 +97,8 @@ def _serve(args: argparse.Namespace) -> None:
 
 def _warn(plc: "PlcConfig", args: argparse.Namespace) -> None:
     """Log the open ports and the keys that expire soon."""
-    from cell.checks import OK
-    from cell.exposure import exposures, key_days, key_verdict
+    from cell.devices.checks import OK
+    from cell.page.exposure import exposures, key_days, key_verdict
 
     for line in exposures(plc, args.page, args.metrics):
         logger.warning("%s", line)

@@ -4,8 +4,8 @@ import argparse
 from dataclasses import asdict
 from pathlib import Path
 
-from cell.arguments import add_journal, out_folder, positive, read_journal
-from cell.terminal import GOOD, complain, show, written
+from cell.commands.arguments import add_journal, out_folder, positive, read_journal
+from cell.commands.terminal import GOOD, complain, show, written
 from drivers.errors import JournalError
 
 SUMMARY = "one run on record, with its plots"
@@ -20,7 +20,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Show the record; then draw the run, and export its samples if requested."""
-    from cell import words
+    from cell.commands import words
 
     with read_journal(args) as journal:
         row = journal.find(args.number)
@@ -35,8 +35,8 @@ def run(args: argparse.Namespace) -> int:
         {**asdict(row), "stages": [asdict(stage) for stage in stages], "files": [str(path) for path in files]},
     )
     # Imported late: the text must not wait for samples and charts.
-    from cell.plots import plot_run
-    from cell.samples import export_csv, read_samples, torn
+    from cell.film.plots import plot_run
+    from cell.records.samples import export_csv, read_samples, torn
 
     samples = read_samples(recorded)
     if not samples["stamp"].size:

@@ -7,11 +7,11 @@ from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cell.arguments import add_config, load_config
-from cell.terminal import GOOD, console, show
+from cell.commands.arguments import add_config, load_config
+from cell.commands.terminal import GOOD, console, show
 
 if TYPE_CHECKING:
-    from cell.skin_view import Seen
+    from cell.commands.skin_view import Seen
 
 SUMMARY = "both fingers live, or as they were recorded"
 
@@ -29,7 +29,7 @@ def run(args: argparse.Namespace) -> int:
     """Show every frame in place on a terminal, or only the last one in a pipe."""
     from rich.live import Live
 
-    from cell import skin_view
+    from cell.commands import skin_view
 
     args.set += [] if args.record is None else [f"skin.record={args.record.as_posix()}"]
     config = load_config(args).cell
@@ -48,7 +48,7 @@ def run(args: argparse.Namespace) -> int:
         else:
             skin_view.play(config, args.replay, seconds, tell, args.stop, at_pace=is_live)
     if args.out is not None:
-        from cell.plots import draw_fingers
+        from cell.film.plots import draw_fingers
 
         draw_fingers(seen[0].frame, config.skin.layout, args.out)
     if not is_live:

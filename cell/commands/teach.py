@@ -4,8 +4,8 @@ import argparse
 from datetime import date
 from typing import TYPE_CHECKING
 
-from cell.arguments import add_calibration_folder, add_config, load_config
-from cell.terminal import GOOD, NOT_GOOD, complain, say, show
+from cell.commands.arguments import add_calibration_folder, add_config, load_config
+from cell.commands.terminal import GOOD, NOT_GOOD, complain, say, show
 
 if TYPE_CHECKING:
     from drivers.quantities import ArmState
@@ -29,12 +29,12 @@ def run(args: argparse.Namespace) -> int:
     """Guide or jog the arm, record places by keys, and write them if they are plausible."""
     import numpy as np
 
-    from cell import taught
-    from cell.assembly import assemble, opened
-    from cell.config import load
-    from cell.hand_motion import moved_by_keys
-    from cell.journal import default_folder
-    from cell.keys import keys
+    from cell.calibrate import taught
+    from cell.calibrate.hand_motion import moved_by_keys
+    from cell.calibrate.keys import keys
+    from cell.config.load import load
+    from cell.devices.assembly import assemble, opened
+    from cell.records.journal import default_folder
     from drivers.frames import end_point
 
     config, today = load_config(args).cell, date.today()

@@ -2,8 +2,8 @@
 
 import argparse
 
-from cell.arguments import add_journal, positive, read_journal
-from cell.terminal import GOOD
+from cell.commands.arguments import add_journal, positive, read_journal
+from cell.commands.terminal import GOOD
 from drivers.errors import JournalError
 
 SUMMARY = "a run on record, or the one in progress, in MuJoCo's viewer"

@@ -6,8 +6,8 @@ import sys
 from dataclasses import asdict, replace
 from typing import TYPE_CHECKING
 
-from cell.arguments import address
-from cell.terminal import GOOD, console, say
+from cell.commands.arguments import address
+from cell.commands.terminal import GOOD, console, say
 
 if TYPE_CHECKING:
     from plc_bridge.images import Diagnostics, ReportImage
@@ -25,7 +25,7 @@ def run(args: argparse.Namespace) -> int:
     """Show every change until a signal: on a terminal in place, in a pipe line by line."""
     from rich.text import Text
 
-    from cell import client, words
+    from cell.commands import client, words
 
     last: dict[str, object] = {}
     with console().status("") as status:

@@ -2,8 +2,8 @@
 
 import argparse
 
-from cell.arguments import add_config, load_config
-from cell.terminal import GOOD, show
+from cell.commands.arguments import add_config, load_config
+from cell.commands.terminal import GOOD, show
 
 SUMMARY = "joint angles and tool pose of the arm, which it holds still"
 
@@ -19,7 +19,7 @@ def run(args: argparse.Namespace) -> int:
 
     from rich.table import Table
 
-    from cell.assembly import assemble, opened
+    from cell.devices.assembly import assemble, opened
     from drivers.frames import end_point, quaternion
 
     config = load_config(args, default_pace="max").cell

@@ -8,8 +8,8 @@ import cv2
 import numpy as np
 
 from cell.film.drawing import FAINT, INK, PAPER, RULE, Colour, Image, blank, colour, width_of, write, write_right
+from cell.film.plots import COLOURS
 from cell.film.recorded import RecordedRun
-from cell.plots import COLOURS
 from drivers.quantities import FINGER_NAMES, FINGERS, Vector
 from drivers.skin.layout import Layout, finger_positions, triangles
 

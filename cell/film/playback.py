@@ -4,8 +4,8 @@ import time
 from threading import Event
 
 from cell.film.recorded import recorded
-from cell.journal import Journal
-from cell.journal_schema import RUNNING
+from cell.records.journal import Journal
+from cell.records.schema import RUNNING
 from sim.visual.viewer import Window
 
 REREAD = 0.5

@@ -6,9 +6,9 @@ from functools import cached_property
 
 import numpy as np
 
-from cell.journal import Journal
-from cell.journal_schema import RunRow
-from cell.samples import read_facts, read_samples
+from cell.records.journal import Journal
+from cell.records.samples import read_facts, read_samples
+from cell.records.schema import RunRow
 from drivers import frames
 from drivers.arm.kinematics import finger_frame
 from drivers.errors import JournalError

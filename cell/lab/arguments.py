@@ -5,10 +5,10 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cell.arguments import add_config, load_config, natural, positive
+from cell.commands.arguments import add_config, load_config, natural, positive
 
 if TYPE_CHECKING:
-    from cell.config import LoadedConfig
+    from cell.config.load import LoadedConfig
 
 
 def add_study(parser: argparse.ArgumentParser) -> None:
@@ -59,7 +59,7 @@ def load_simulated(args: argparse.Namespace, what: str, pace: str | None = "max"
     """
     loaded = load_config(args, default_pace=pace)
     loaded.cell.require_simulated(what)
-    from cell.warm_up import compile_ahead
+    from cell.commands.warm_up import compile_ahead
 
     compile_ahead(loaded.cell)
     return loaded

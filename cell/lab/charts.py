@@ -10,9 +10,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.transforms import Bbox
 
+from cell.film.plots import COLOURS
 from cell.lab.published import PUBLISHED_ATTEMPTS, PUBLISHED_SUCCESSES, PUBLISHED_TOTAL, StageLine
-from cell.plots import COLOURS
-from cell.statistics import wilson
+from cell.records.statistics import wilson
 
 CHART = "speed_accuracy.png"
 OFFSETS = (12, 26, 42, 60, 80, 102, 126, 152)

@@ -6,17 +6,18 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from cell.assembly import assemble, opened
-from cell.config import LoadedConfig
-from cell.journal import Journal
-from cell.journal_schema import RunRow
+from cell.config.load import LoadedConfig
+from cell.config.parameters import PARAMETERS
+from cell.devices.assembly import assemble, opened
+from cell.film.plots import plot_run
 from cell.lab.charts import CHART, Point, plot_speed_accuracy
 from cell.lab.published import PUBLISHED, Tried, stage_table
-from cell.line import PARAMETERS, PROGRAMS
-from cell.part_state import UNRESOLVED
-from cell.plots import plot_run
-from cell.samples import read_samples
-from cell.supervisor import Supervisor
+from cell.peg.part_state import UNRESOLVED
+from cell.records.journal import Journal
+from cell.records.samples import read_samples
+from cell.records.schema import RunRow
+from cell.run.line import PROGRAMS
+from cell.run.supervisor import Supervisor
 from drivers.errors import CellError
 from plc_bridge.bridge import Bridge
 from plc_bridge.images import ReportImage

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from cell.statistics import mean
+from cell.records.statistics import mean
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,7 +8,7 @@ import numpy as np
 
 from cell.lab.rows import quantile
 from cell.lab.trials import TrialRow
-from cell.statistics import wilson
+from cell.records.statistics import wilson
 from sim.metering import OVER_FORCE
 from skills.contract import Outcome
 

@@ -8,7 +8,7 @@ from rich.table import Table
 
 from cell.lab.published import PUBLISHED, PUBLISHED_ATTEMPTS, PUBLISHED_SUCCESSES, PUBLISHED_TOTAL, StageLine
 from cell.lab.trials import LOADS, TrialRow, load
-from cell.statistics import mean, wilson
+from cell.records.statistics import mean, wilson
 from sim.metering import JERK_BANDWIDTH, OVER_FORCE
 
 LOADED = (

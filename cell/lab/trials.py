@@ -14,15 +14,16 @@ from itertools import takewhile
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
-from cell.assembly import Cell, assemble, make_tracker, opened
-from cell.cell_config import CellConfig
+from cell.config.cell_config import CellConfig
+from cell.devices.assembly import Cell, assemble, make_tracker, opened
 from cell.lab.published import PUBLISHED, Tried, stage_table
 from cell.lab.workers import on_cluster, on_processes
-from cell.part_state import PartState
-from cell.provenance import config_hash, versions
-from cell.record import Ending, StageClock, ending_of
-from cell.statistics import spread, wilson
-from cell.success import Evidence, LastLook, Proof, evidence_for, judged
+from cell.peg.ending import Ending, ending_of
+from cell.peg.part_state import PartState
+from cell.peg.success import Evidence, LastLook, Proof, evidence_for, judged
+from cell.records.provenance import config_hash, versions
+from cell.records.statistics import spread, wilson
+from cell.run.record import StageClock
 from drivers.errors import CellError, ConfigError, FaultCode
 from drivers.quantities import ImpedanceSetpoint
 from plc_bridge.messages import PartPlace

@@ -15,7 +15,7 @@ from multiprocessing import connection
 from queue import Empty, SimpleQueue
 from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 
-from cell.provenance import versions
+from cell.records.provenance import versions
 from drivers.errors import CellError, ConfigError
 
 if TYPE_CHECKING:

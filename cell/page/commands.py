@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from pydantic_core import from_json
 
-from cell.line import CONTROLS
+from cell.run.line import CONTROLS
 from plc_bridge.images import CommandImage
 from plc_bridge.messages import Control
 from plc_bridge.registers import Lease, table

@@ -15,7 +15,7 @@ from tornado.web import Application, HTTPError, RequestHandler
 from cell.page.commands import MOST
 from cell.page.guard import headers, is_private, refusal
 from cell.page.token import is_token
-from cell.patient_log import SparseFilter
+from cell.records.patient_log import SparseFilter
 from drivers.errors import DeviceNotOpenedError
 
 THREAD = "page"

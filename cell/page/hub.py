@@ -5,12 +5,12 @@ from collections import deque
 from collections.abc import Mapping, Sequence
 from typing import Protocol
 
-from cell.config import LoadedConfig
-from cell.live import Live, Look, Pull
+from cell.config.load import LoadedConfig
 from cell.page import telling
 from cell.page.records import Records
 from cell.page.traces import NAMES, POINTS, Traces, touch
-from cell.versions import PROGRAM, installed
+from cell.records.versions import PROGRAM, installed
+from cell.run.live import Live, Look, Pull
 from drivers.quantities import FINGER_NAMES
 from drivers.skin.layout import finger_positions, triangles
 from plc_bridge.bridge import Bridge

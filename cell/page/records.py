@@ -9,13 +9,13 @@ from dataclasses import asdict
 from datetime import timedelta
 from pathlib import Path
 
-from cell import wall_clock
-from cell.journal import Journal
-from cell.journal_schema import LOST, RUNNING, RunRow
-from cell.line import PROGRAMS
 from cell.page import telling
-from cell.run_query import RunQuery
-from cell.statistics import wilson
+from cell.records import wall_clock
+from cell.records.journal import Journal
+from cell.records.run_query import RunQuery
+from cell.records.schema import LOST, RUNNING, RunRow
+from cell.records.statistics import wilson
+from cell.run.line import PROGRAMS
 from drivers.errors import JournalError
 from plc_bridge.messages import FIRST_PROGRAM
 from skills.contract import Outcome

@@ -12,18 +12,18 @@ from pathlib import Path
 from tornado.ioloop import PeriodicCallback
 from tornado.web import HTTPError
 
-from cell.cell_config import CellConfig
-from cell.config import LoadedConfig
-from cell.exposure import is_local
-from cell.live import Live
-from cell.metrics import KIND, CellCollector
+from cell.config.cell_config import CellConfig
+from cell.config.load import LoadedConfig
 from cell.page.commands import MOST
+from cell.page.exposure import is_local
 from cell.page.front import Front, Guarded, HttpServer
 from cell.page.guard import part_of
 from cell.page.hub import PERIOD, SPECTATOR, PageHub
+from cell.page.metrics import KIND, CellCollector
 from cell.page.records import FILES, FILM, Records
 from cell.page.socket import PageSocket
 from cell.page.token import page_token
+from cell.run.live import Live
 from drivers.errors import JournalError
 from plc_bridge.bridge import Bridge
 from plc_bridge.tls import browser_context

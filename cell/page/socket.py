@@ -9,13 +9,13 @@ from tornado.ioloop import IOLoop
 from tornado.iostream import StreamClosedError
 from tornado.websocket import WebSocketClosedError, WebSocketHandler
 
-from cell.live import Pull
 from cell.page import telling
 from cell.page.commands import Ask, BadAskError, parse
 from cell.page.front import OPEN_LINE
 from cell.page.guard import is_private
 from cell.page.hub import PageHub
 from cell.page.token import is_token
+from cell.run.live import Pull
 from plc_bridge.bridge import Bridge
 from plc_bridge.images import CommandImage
 from plc_bridge.messages import FIRST_PROGRAM, Result

@@ -3,9 +3,9 @@
 from collections.abc import Sequence
 from dataclasses import replace
 
-from cell.journal_schema import RunRow
-from cell.part_state import REMEDIES, PartState, described
-from cell.states import ASKED, Event, State, is_permitted
+from cell.peg.part_state import REMEDIES, PartState, described
+from cell.records.schema import RunRow
+from cell.run.states import ASKED, Event, State, is_permitted
 from drivers.errors import FAULTS, FaultCode
 from plc_bridge.images import ReportImage
 from plc_bridge.messages import LeaseState, PartPlace, Refusal, Result

@@ -5,7 +5,7 @@ import logging
 import secrets
 from pathlib import Path
 
-from cell.kept_file import replace
+from cell.records.kept_file import replace
 from drivers.errors import ConfigError
 
 FILE = "page-token"

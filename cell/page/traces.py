@@ -6,7 +6,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from cell.live import Look
+from cell.run.live import Look
 from skills.catalogue import CATALOGUE
 
 STEP = 0.05

@@ -5,7 +5,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from cell.journal_schema import RunRow, StageRow
+from cell.records.schema import RunRow, StageRow
 
 ComparedLine = tuple[str, str, str]
 """Title of a compared value, and the value in each run."""

@@ -7,10 +7,10 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
+from cell.records.wall_clock import local
 from cell.report.drawings import draw
 from cell.report.facts import Facts
 from cell.report.words import HTML, Table, require_kind, tables
-from cell.wall_clock import local
 from drivers.errors import ConfigError
 
 STYLE = """

@@ -6,8 +6,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from cell.records.statistics import spread
 from cell.report.facts import Facts
-from cell.statistics import spread
 from drivers.quantities import Vector
 
 GOOD, BAD, PLAIN, FAINT = "#228833", "#bb4455", "#4477aa", "#9aa5ad"

@@ -7,9 +7,9 @@ from datetime import UTC, datetime
 
 import numpy as np
 
-from cell.journal_told import Kind, Told
+from cell.records.statistics import Z95, spread, wilson
+from cell.records.told import Kind, Told
 from cell.report.figures import Figures, unpacked
-from cell.statistics import Z95, spread, wilson
 from drivers.errors import FAULTS, FaultCode
 from drivers.quantities import Vector
 from skills.catalogue import CATALOGUE, GRASP

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from cell.journal_told import RUN_FIGURES, STAGE_FIGURES, Kind, Told
+from cell.records.told import RUN_FIGURES, STAGE_FIGURES, Kind, Told
 from drivers.quantities import Vector
 from skills.contract import Outcome
 

@@ -3,9 +3,9 @@
 from collections.abc import Sequence
 from pathlib import Path
 
+from cell.records.statistics import spread
+from cell.records.wall_clock import local
 from cell.report.facts import Facts
-from cell.statistics import spread
-from cell.wall_clock import local
 from drivers.errors import ConfigError
 
 HTML, PDF = ".html", ".pdf"

@@ -4,7 +4,7 @@ import warnings
 
 import pytest
 
-from cell.config import load
+from cell.config.load import load
 from cell.lab.speed import measure
 
 COUNTS, RATIOS = measure.stored()

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cell.assembly import assemble
-from cell.config import load
+from cell.config.load import load
+from cell.devices.assembly import assemble
 from drivers.arm.franka import FrankaArm
 from drivers.arm.franka_config import FrankaArmConfig
 from drivers.errors import SkinSilentError

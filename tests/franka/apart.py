@@ -7,7 +7,7 @@ from multiprocessing import get_context
 from multiprocessing.managers import BaseManager
 from typing import Any
 
-from cell.cell_config import CellConfig
+from cell.config.cell_config import CellConfig
 from drivers.parts import Job
 from sim.line import SimLine
 from skills.catalogue import RECOVER

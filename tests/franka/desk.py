@@ -18,8 +18,8 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
-from cell.config import load
-from cell.config_files import SHIPPED
+from cell.config.files import SHIPPED
+from cell.config.load import load
 from drivers.skin.board_config import CanSkinConfig
 from drivers.transport.can_bus import CanBus
 from sim.board_links import CanCable, emulated_can

@@ -11,7 +11,7 @@ from dataclasses import asdict
 
 import numpy as np
 
-from cell.config import load
+from cell.config.load import load
 from drivers.arm.franka import FrankaArm
 from drivers.arm.franka_config import FrankaArmConfig
 from drivers.quantities import ImpedanceSetpoint

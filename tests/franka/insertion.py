@@ -13,10 +13,10 @@ from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from cell.assembly import Cell
-from cell.assembly import opened as cell_opened
-from cell.cell_config import CellConfig
-from cell.config import load
+from cell.config.cell_config import CellConfig
+from cell.config.load import load
+from cell.devices.assembly import Cell
+from cell.devices.assembly import opened as cell_opened
 from cell.lab.trials import run_trial
 from drivers.arm.franka import FrankaArm
 from drivers.arm.franka_config import FrankaArmConfig

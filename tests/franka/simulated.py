@@ -24,7 +24,7 @@ from franka_sim.franka_protocol import Command, ConnectStatus, MessageHeader, Ro
 from franka_sim.franka_sim_server import FrankaSimServer
 from franka_sim.gripper.backend import GripperBackend, GripperStateData
 
-from cell.cell_config import CellConfig
+from cell.config.cell_config import CellConfig
 from drivers import impedance
 from drivers.quantities import Vector
 from sim.gripper import SimGripper

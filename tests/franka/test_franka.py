@@ -17,9 +17,9 @@ pytest.importorskip(
 
 from franka_sim.control_modes import ControlMode
 
-from cell.calibrate_places import measured_places
-from cell.config import load
-from cell.hand_motion import DEAD_MAN, JOG_SPEED, moved_by_keys
+from cell.calibrate.hand_motion import DEAD_MAN, JOG_SPEED, moved_by_keys
+from cell.calibrate.places import measured_places
+from cell.config.load import load
 from drivers.arm import franka as module
 from drivers.arm.franka import FrankaArm
 from drivers.arm.franka_config import FrankaArmConfig

@@ -12,8 +12,8 @@ pytest.importorskip(
     "franka_sim", reason="needs the packages that tests/franka/simulated.py names", exc_type=ImportError
 )
 
-from cell.config import load
-from cell.states import State
+from cell.config.load import load
+from cell.run.states import State
 from drivers.errors import FaultCode
 from plc_bridge.messages import Result
 from tests.emulation import emulated_or_skip

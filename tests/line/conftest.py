@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from cell.config import LoadedConfig
+from cell.config.load import LoadedConfig
 from plc_bridge.config import ModbusConfig, PlcConfig
 from tests.plc_wire import Wire
 from tests.quick_cell import QuickCell, quick_cell

@@ -7,8 +7,8 @@ import mujoco
 import numpy as np
 import pytest
 
-from cell.assembly import assemble, opened
-from cell.config import load
+from cell.config.load import load
+from cell.devices.assembly import assemble, opened
 from drivers import impedance
 from drivers.arm import dynamics
 from drivers.quantities import ImpedanceSetpoint

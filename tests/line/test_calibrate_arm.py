@@ -8,13 +8,13 @@ from datetime import date, timedelta
 import numpy as np
 import pytest
 
-from cell import calibrate_arm as module
-from cell.calibrate_arm import Sweep, calibrate_arm
-from cell.cli import NOT_GOOD, WRONG_USE, main
-from cell.config import load
-from cell.config_files import ERRORS_FILE
-from cell.config_files import SHIPPED as SHIPPED_FILES
-from cell.journal import Journal
+from cell.calibrate import arm as module
+from cell.calibrate.arm import Sweep, calibrate_arm
+from cell.commands.cli import NOT_GOOD, WRONG_USE, main
+from cell.config.files import ERRORS_FILE
+from cell.config.files import SHIPPED as SHIPPED_FILES
+from cell.config.load import load
+from cell.records.journal import Journal
 from drivers.errors import NotCalibratedError
 from sim import joint_drive
 from sim.drawn_arm import drawn_arm

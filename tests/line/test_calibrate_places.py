@@ -8,10 +8,10 @@ from datetime import date
 import numpy as np
 import pytest
 
-from cell import calibrate_places as module
-from cell.calibrate_places import MOST_FORCE, calibrate_places
-from cell.cli import GOOD, NOT_GOOD, WRONG_USE, main
-from cell.config import load
+from cell.calibrate import places as module
+from cell.calibrate.places import MOST_FORCE, calibrate_places
+from cell.commands.cli import GOOD, NOT_GOOD, WRONG_USE, main
+from cell.config.load import load
 from drivers.errors import NotCalibratedError
 from tests.reality_files import reality_of
 

@@ -6,9 +6,9 @@ from datetime import date
 import numpy as np
 import pytest
 
-from cell.assembly import make_estimator
-from cell.calibrate import calibrate_skin
-from cell.config import load
+from cell.calibrate.skin import calibrate_skin
+from cell.config.load import load
+from cell.devices.assembly import make_estimator
 from drivers.quantities import TaxelFrame
 from sim.config import PadConfig
 from sim.pads import PadLoad, Pads

@@ -10,7 +10,7 @@ from contextlib import closing
 import canopen
 import pytest
 
-from cell.journal import Journal
+from cell.records.journal import Journal
 from drivers.errors import CellError, FaultCode
 from drivers.transport.can_bus import CanBus
 from plc_bridge.bridge import Bridge

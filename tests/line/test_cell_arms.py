@@ -2,8 +2,8 @@
 
 import pytest
 
-from cell.config import load
-from cell.config_files import DEFAULT, arm_file
+from cell.config.files import DEFAULT, arm_file
+from cell.config.load import load
 from cell.lab.trials import run_trial
 
 OTHER = {"d = [0.333, 0.0, 0.316,": "d = [0.35, 0.0, 0.33,", "flange = 0.107": "flange = 0.125"}

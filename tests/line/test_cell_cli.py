@@ -7,9 +7,9 @@ from dataclasses import fields
 
 import pytest
 
-from cell.cli import FAULT, GOOD, NOT_GOOD, WRONG_USE, main
 from cell.commands import map as map_command
-from cell.config_files import DEFAULT
+from cell.commands.cli import FAULT, GOOD, NOT_GOOD, WRONG_USE, main
+from cell.config.files import DEFAULT
 from cell.lab import demo
 from drivers.errors import FAULTS
 from plc_bridge.images import Diagnostics

@@ -15,8 +15,8 @@ from functools import partial
 
 import pytest
 
-from cell.cli import FAULT, main
-from cell.config import load
+from cell.commands.cli import FAULT, main
+from cell.config.load import load
 from cell.lab import workers
 from cell.lab.trials import PARTIAL, run_trial, run_trials
 from cell.lab.workers import on_cluster
@@ -26,7 +26,7 @@ SHORT = ["search.timeout=2.0"]
 SEEDS = range(5, 9)
 LOCAL = ("--host", "127.0.0.1", "--dashboard-address", "127.0.0.1:0")
 KILLED = """
-from cell.config import load
+from cell.config.load import load
 from cell.lab.trials import run_trials
 run_trials(load(sets={sets}).cell, range(5, 100), 2, __import__("pathlib").Path({folder!r}), lambda row: print(row.seed, flush=True), {scheduler!r})
 """

@@ -7,7 +7,7 @@ from itertools import groupby
 import numpy as np
 import pytest
 
-from cell.states import State
+from cell.run.states import State
 from drivers.errors import FaultCode
 from plc_bridge.messages import Control, Refusal, Result
 from skills.contract import Reason

@@ -10,13 +10,14 @@ from itertools import groupby
 import numpy as np
 import pytest
 
-from cell.assembly import assemble, opened
-from cell.config import load
-from cell.journal import Journal
-from cell.line import PARAMETERS, PROGRAMS
-from cell.samples import read_samples
-from cell.states import State
-from cell.supervisor import Supervisor
+from cell.config.load import load
+from cell.config.parameters import PARAMETERS
+from cell.devices.assembly import assemble, opened
+from cell.records.journal import Journal
+from cell.records.samples import read_samples
+from cell.run.line import PROGRAMS
+from cell.run.states import State
+from cell.run.supervisor import Supervisor
 from plc_bridge.bridge import Bridge
 from plc_bridge.messages import Control, PartPlace, Result
 from skills.catalogue import CATALOGUE

@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cell.assembly import assemble, opened
-from cell.cli import FAULT, WRONG_USE, main
-from cell.config import load
-from cell.journal import Journal
-from cell.line import TerminalLine
-from cell.states import State
-from cell.supervisor import Supervisor
+from cell.commands.cli import FAULT, WRONG_USE, main
+from cell.config.load import load
+from cell.devices.assembly import assemble, opened
+from cell.records.journal import Journal
+from cell.run.line import TerminalLine
+from cell.run.states import State
+from cell.run.supervisor import Supervisor
 from drivers.errors import (
     ArmReflexError,
     ArmSilentError,

@@ -9,10 +9,10 @@ from contextlib import closing
 
 import pytest
 
-from cell.assembly import assemble, opened
-from cell.config import load
-from cell.journal import Journal
-from cell.states import State
+from cell.config.load import load
+from cell.devices.assembly import assemble, opened
+from cell.records.journal import Journal
+from cell.run.states import State
 from drivers.quantities import SwitchState
 from plc_bridge.images import COMMAND, REPORT
 from plc_bridge.messages import Result

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from cell.assembly import assemble, opened
-from cell.config import load
+from cell.config.load import load
+from cell.devices.assembly import assemble, opened
 from cell.lab.seating import charts, drawn, measure
 from drivers.errors import ConfigError
 from skills.catalogue import GRASP

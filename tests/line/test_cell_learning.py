@@ -3,11 +3,11 @@
 import math
 from dataclasses import dataclass, field
 
-from cell.assembly import assemble, opened
-from cell.config import load
-from cell.journal import Journal
-from cell.learning import read_learned
-from cell.supervisor import Supervisor
+from cell.config.load import load
+from cell.devices.assembly import assemble, opened
+from cell.records.journal import Journal
+from cell.run.learning import read_learned
+from cell.run.supervisor import Supervisor
 from plc_bridge.messages import Command, Control, Refusal, Report, Result
 from skills.catalogue import CATALOGUE
 

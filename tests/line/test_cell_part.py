@@ -6,13 +6,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from cell.assembly import Cell, assemble, opened
-from cell.config import load
-from cell.custody import Custody
-from cell.journal import Journal
-from cell.line import PARAMETERS, PROGRAMS
-from cell.states import State
-from cell.supervisor import Supervisor
+from cell.config.load import load
+from cell.config.parameters import PARAMETERS
+from cell.devices.assembly import Cell, assemble, opened
+from cell.peg.custody import Custody
+from cell.records.journal import Journal
+from cell.run.line import PROGRAMS
+from cell.run.states import State
+from cell.run.supervisor import Supervisor
 from drivers.quantities import SwitchState
 from plc_bridge.bridge import Bridge
 from plc_bridge.messages import Control, PartPlace, Refusal, Result

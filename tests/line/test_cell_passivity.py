@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from cell.assembly import assemble, opened
-from cell.config import load
-from cell.config_files import arm_file
+from cell.config.files import arm_file
+from cell.config.load import load
+from cell.devices.assembly import assemble, opened
 from cell.lab.trials import run_trial
 from drivers.quantities import ImpedanceSetpoint
 from skills.motion import VALIDITY, Gains, stay

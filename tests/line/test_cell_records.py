@@ -4,8 +4,8 @@ import json
 
 import pytest
 
-from cell.journal_schema import EventKind
-from cell.states import State
+from cell.records.schema import EventKind
+from cell.run.states import State
 from drivers.errors import FaultCode, SkinSilentError
 from plc_bridge.messages import Control, Result
 from plc_bridge.registers import Warnings

@@ -1,6 +1,6 @@
 """A rectangular peg is a config file, and nothing else: it lays a part over the shipped cell, which inserts it."""
 
-from cell.config import load
+from cell.config.load import load
 from cell.lab.trials import run_trial
 
 CELL = """base = "sim.toml"

@@ -9,11 +9,11 @@ from contextlib import closing, contextmanager, suppress
 
 import pytest
 
-from cell.cli import FAULT, NOT_GOOD, REPEATED
-from cell.journal import Journal
-from cell.journal_schema import EventKind
-from cell.states import State
-from cell.supervisor import EXIT_BLOCKED
+from cell.commands.cli import FAULT, NOT_GOOD, REPEATED
+from cell.records.journal import Journal
+from cell.records.schema import EventKind
+from cell.run.states import State
+from cell.run.supervisor import EXIT_BLOCKED
 from drivers.errors import FaultCode
 from plc_bridge.peer import Peer
 from skills.catalogue import CATALOGUE
@@ -33,7 +33,7 @@ def hang(switch):
         {wait}
     return called(switch)
 setattr(SimSwitch, method, hang)
-from cell.cli import main
+from cell.commands.cli import main
 sys.exit(main(sys.argv[1:]))
 """
 """A program of the command line whose switch hangs in one of its methods as long as a file is there."""
@@ -153,7 +153,7 @@ def diverging(*given, **named):
     worlds[-1].physics()[1].qvel[:7] = np.inf
     return run(*given, **named)
 World.__init__, grasp_from_rack.run = remembered, diverging
-from cell.cli import main
+from cell.commands.cli import main
 sys.exit(main(["run", "insert_peg", "--set", "sim.pace=max", "--journal", sys.argv[1]]))
 """
 """A run whose simulated physics diverge."""

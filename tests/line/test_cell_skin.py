@@ -13,10 +13,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from cell.assembly import bench_skin
-from cell.calibrate import ROD_HALF, STEP_BY_HAND, HandHeldRod, calibrate_skin, sweep
-from cell.cli import FAULT, GOOD, WRONG_USE, main
-from cell.config import load
+from cell.calibrate.skin import ROD_HALF, STEP_BY_HAND, HandHeldRod, calibrate_skin, sweep
+from cell.commands.cli import FAULT, GOOD, WRONG_USE, main
+from cell.config.load import load
+from cell.devices.assembly import bench_skin
 from drivers.parts import Peg
 from sim.pads import PadLoad
 from skills.tactile.skin_gains import fit_gains, rod_angles

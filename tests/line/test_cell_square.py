@@ -4,8 +4,8 @@ import math
 
 import pytest
 
-from cell.assembly import assemble, opened
-from cell.config import load
+from cell.config.load import load
+from cell.devices.assembly import assemble, opened
 from cell.lab.trials import run_trial
 from drivers.frames import rotation_about
 from drivers.quantities import Pose

@@ -6,7 +6,7 @@ import logging
 
 import pytest
 
-from cell.cli import GOOD, main
+from cell.commands.cli import GOOD, main
 from cell.lab.stability.report import cases
 
 

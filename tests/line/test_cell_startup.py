@@ -22,7 +22,9 @@ def test_the_list_of_imports_would_show_a_heavy_one():
     assert "canopen" in heavy_imports(("map", "--format", "eds"))
 
 
-@pytest.mark.parametrize("module", ["cell.supervisor", "cell.commands.run", "cell.commands.serve", "cell.assembly"])
+@pytest.mark.parametrize(
+    "module", ["cell.run.supervisor", "cell.commands.run", "cell.commands.serve", "cell.devices.assembly"]
+)
 def test_the_product_does_not_bring_the_laboratory_along(module):
     code = f"import sys, {module}; print([name for name in sys.modules if name.startswith('cell.lab')])"
     told = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)

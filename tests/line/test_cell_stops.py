@@ -6,12 +6,12 @@ from contextlib import closing
 import numpy as np
 import pytest
 
-from cell.assembly import assemble, opened
-from cell.config import load
-from cell.journal import Journal
-from cell.line import TerminalLine
-from cell.states import State
-from cell.supervisor import Supervisor
+from cell.config.load import load
+from cell.devices.assembly import assemble, opened
+from cell.records.journal import Journal
+from cell.run.line import TerminalLine
+from cell.run.states import State
+from cell.run.supervisor import Supervisor
 from drivers.errors import FaultCode, SimulationUnstableError
 from plc_bridge.messages import Command, Control, Result
 from plc_bridge.peer import Peer

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from cell.cli import main
+from cell.commands.cli import main
 from cell.lab.tactile.measure import CONDITIONS, ESTIMATORS, ON_LAYER
 from drivers.skin.layout import LAYOUTS
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import pytest
 
-from cell.states import State
+from cell.run.states import State
 from drivers.errors import FaultCode
 from drivers.quantities import SwitchState
 from plc_bridge.messages import Control, PartPlace, Refusal, Result

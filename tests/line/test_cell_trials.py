@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from cell.config import load
+from cell.config.load import load
 from cell.lab.trials import run_trial, run_trials
 
 SHORT = ["search.timeout=2.0"]

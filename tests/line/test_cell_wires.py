@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import pytest
 
-from cell.assembly import assemble, opened
-from cell.config import load
-from cell.states import State
+from cell.config.load import load
+from cell.devices.assembly import assemble, opened
+from cell.run.states import State
 from drivers.errors import FaultCode
 from plc_bridge.messages import Result
 from tests.emulation import emulated_or_skip

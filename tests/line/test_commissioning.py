@@ -4,9 +4,9 @@ import threading
 
 import pytest
 
+from cell.calibrate.commissioning import MOTION, CellSighting, Walk, WatchedLine, record
 from cell.commands.check import _sheet
-from cell.commissioning import MOTION, CellSighting, Walk, WatchedLine, record
-from cell.states import State
+from cell.run.states import State
 from plc_bridge.config import ModbusConfig, PlcConfig
 from plc_bridge.messages import Command, Control, Report, Result
 from plc_bridge.peer import Peer
@@ -102,7 +102,7 @@ def sight(changes=1, gap=0.02, version=VERSION):
 
 def run_to(name, way):
     """Let a walk stand before a step."""
-    from cell.commissioning import Finding
+    from cell.calibrate.commissioning import Finding
 
     for step in way.steps():
         if step.name == name:

@@ -13,9 +13,10 @@ import time
 import pytest
 from pymodbus.client import ModbusTcpClient
 
-from cell.config import load
-from cell.journal import Journal
-from cell.line import PARAMETERS, PROGRAMS, WORDS
+from cell.config.load import load
+from cell.config.parameters import PARAMETERS
+from cell.records.journal import Journal
+from cell.run.line import PROGRAMS, WORDS
 from plc_bridge.config import ModbusConfig, PlcConfig
 from plc_bridge.images import COMMAND, REPORT
 from plc_bridge.plc_names import plc_names

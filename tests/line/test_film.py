@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from cell.cli import FAULT, GOOD, WRONG_USE, main
+from cell.commands.cli import FAULT, GOOD, WRONG_USE, main
 from cell.film.frames import HEIGHT, WIDTH
 from cell.film.recorded import recorded
-from cell.journal import Journal
+from cell.records.journal import Journal
 from drivers.frames import UP, rotation_about
 from drivers.quantities import Pose
 from sim.visual.render import Camera

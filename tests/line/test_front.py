@@ -9,7 +9,7 @@ from dataclasses import replace
 import pytest
 from tornado.routing import Rule
 
-from cell.cell_config import PageConfig
+from cell.config.cell_config import PageConfig
 from cell.page.front import HttpServer
 from cell.page.guard import is_private
 from cell.page.server import MetricsServer, PageServer

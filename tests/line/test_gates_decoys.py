@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from cell.config import load
+from cell.config.load import load
 from cell.lab.trials import run_trial
 from drivers.errors import ConfigError
 from drivers.part.round import Round

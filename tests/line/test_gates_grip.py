@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from cell.config import load
+from cell.config.load import load
 from drivers.frames import compose, peg_in_finger
 from drivers.quantities import Pose, Vector
 from sim import engine, slip

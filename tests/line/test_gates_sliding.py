@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from cell.config import load
+from cell.config.load import load
 from drivers.quantities import ImpedanceSetpoint, InHandTip, Twist, Vector
 from sim import engine
 from sim.arm import SimArm

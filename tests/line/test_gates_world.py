@@ -6,9 +6,9 @@ import mujoco
 import numpy as np
 import pytest
 
-from cell.assembly import Cell, assemble
-from cell.config import load
-from cell.record import ending_of
+from cell.config.load import load
+from cell.devices.assembly import Cell, assemble
+from cell.peg.ending import ending_of
 from drivers import impedance
 from drivers.arm.inertia import tip_inertia
 from drivers.frames import rotation_about

@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from cell.assembly import assemble, opened
-from cell.config import load
+from cell.config.load import load
+from cell.devices.assembly import assemble, opened
 from drivers.quantities import ImpedanceSetpoint
 from skills.catalogue import GRASP, RELEASE, find_and_seat
 from skills.contract import Observation, Outcome

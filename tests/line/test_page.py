@@ -8,11 +8,11 @@ from contextlib import closing, contextmanager
 
 import pytest
 
-from cell.cli import GOOD, main
+from cell.commands.cli import GOOD, main
 from cell.film.recorded import recorded
-from cell.journal import Journal
 from cell.page.server import PageServer
-from cell.states import State
+from cell.records.journal import Journal
+from cell.run.states import State
 from drivers.errors import SkinSilentError
 from plc_bridge.messages import Refusal
 from plc_bridge.peer import Peer

@@ -11,12 +11,12 @@ import pytest
 from tornado.httpclient import HTTPRequest
 from tornado.websocket import websocket_connect
 
-from cell.journal import INDEX
-from cell.journal_schema import ConfigRow, RunRow
 from cell.page.hub import PLACES, PLACES_OF_ONE
 from cell.page.server import PageServer
 from cell.page.socket import TRIES
-from cell.wall_clock import now_text
+from cell.records.journal import INDEX
+from cell.records.schema import ConfigRow, RunRow
+from cell.records.wall_clock import now_text
 from drivers.errors import DeviceNotOpenedError
 from plc_bridge.messages import Control
 from tests.browser import patience

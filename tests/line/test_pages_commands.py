@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from cell.config import load
-from cell.record import scene_facts
+from cell.config.load import load
+from cell.run.record import scene_facts
 from drivers.errors import ConfigError
 from sim.visual.render import Camera
 from sim.visual.scene import Stage

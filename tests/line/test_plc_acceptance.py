@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from cell.states import State
+from cell.run.states import State
 from drivers.errors import FaultCode, SkinSilentError
 from plc_bridge.images import CommandImage
 from plc_bridge.messages import Control, LeaseState, Refusal, Result

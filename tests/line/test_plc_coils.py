@@ -2,7 +2,7 @@
 
 import pytest
 
-from cell.states import State
+from cell.run.states import State
 from plc_bridge.images import CommandImage
 from plc_bridge.messages import Control, Refusal, Result
 from tests.plc_wire import coil, ladder, stopped, until, until_bits

@@ -11,7 +11,8 @@ import tomllib
 import pytest
 from pymodbus.client import ModbusTcpClient
 
-from cell.line import PARAMETERS, PROGRAMS, WORDS
+from cell.config.parameters import PARAMETERS
+from cell.run.line import PROGRAMS, WORDS
 from plc_bridge.bridge import Bridge
 from plc_bridge.config import ModbusConfig, PlcConfig
 from plc_bridge.images import COMMAND, REPORT

@@ -4,7 +4,7 @@ import struct
 
 import pytest
 
-from cell.states import State
+from cell.run.states import State
 from plc_bridge.messages import Control, LeaseState, Refusal, Result
 from tests.plc_wire import block, stopped
 from tests.quick_cell import CODE

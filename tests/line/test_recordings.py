@@ -9,8 +9,8 @@ import pytest
 from scipy.optimize import minimize
 from scipy.stats import norm
 
-from cell.config import load
-from cell.config_files import ERRORS_FILE, SHIPPED
+from cell.config.files import ERRORS_FILE, SHIPPED
+from cell.config.load import load
 from drivers.quantities import TaxelFrame
 from drivers.skin.health import ERROR_COUNT, SkinHealth, SkinHealthConfig, dead_groups
 from drivers.skin.layout import LAYOUTS, MODULE_TAXELS

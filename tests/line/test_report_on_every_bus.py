@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cell.states import State
+from cell.run.states import State
 from drivers.errors import ArmReflexError, FaultCode
 from drivers.quantities import Pose, SwitchState
 from drivers.transport.wires import CanFrame

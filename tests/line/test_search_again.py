@@ -4,8 +4,8 @@ import math
 
 import numpy as np
 
-from cell.assembly import assemble, opened
-from cell.config import load
+from cell.config.load import load
+from cell.devices.assembly import assemble, opened
 from cell.lab.trials import run_trial
 from skills import spiral_adjust, spray_search, tactile_insert
 from skills.catalogue import GRASP, find_and_seat

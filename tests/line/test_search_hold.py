@@ -2,8 +2,8 @@
 
 import math
 
-from cell.assembly import assemble, opened
-from cell.config import load
+from cell.config.load import load
+from cell.devices.assembly import assemble, opened
 from drivers.quantities import ImpedanceSetpoint
 from skills import spray_search
 from skills.catalogue import GRASP

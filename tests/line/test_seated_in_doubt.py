@@ -2,8 +2,8 @@
 
 import pytest
 
-import cell.success
-from cell.config import load
+import cell.peg.success
+from cell.config.load import load
 from cell.lab.trials import run_trial
 from skills.seating import DOUBTED, MOST_SHALLOW
 from tests.reality_files import reality_of
@@ -15,7 +15,7 @@ def test_a_seated_peg_that_seems_a_millimetre_short_is_believed_because_the_bott
 ):
     """TCP and peg are 1.3 mm elsewhere than stated, which the hand at 45 degrees and the upright one show by 1.1 mm apart."""
     path = reality_of(tmp_path, arm_tcp_place=-0.0013, peg_depth_in_hand=0.0013)
-    monkeypatch.setattr(cell.success, "DOUBTED", borne)
+    monkeypatch.setattr(cell.peg.success, "DOUBTED", borne)
     row = run_trial(load(sets=[f'reality.file="{path}"', "hole.area=[0.01,0.01]"]).cell, 2)
     assert (row.outcome, row.reason) == (ending, "" if ending == "success" else "switch_disagrees")
     assert row.depth > 0.0199

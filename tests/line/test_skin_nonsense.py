@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from cell.assembly import assemble, opened
-from cell.config import load
+from cell.config.load import load
+from cell.devices.assembly import assemble, opened
 from drivers.errors import SkinUntrustedError
 from skills.catalogue import CATALOGUE
 from skills.contract import LONGEST_BLIND

@@ -4,8 +4,8 @@ from contextlib import suppress
 
 import pytest
 
-from cell.assembly import assemble, opened
-from cell.config import load
+from cell.config.load import load
+from cell.devices.assembly import assemble, opened
 from cell.lab.trials import run_trial
 from drivers.errors import SkinSilentError
 from drivers.quantities import SwitchState

@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from cell.cli import GOOD, WRONG_USE, main
+from cell.commands.cli import GOOD, WRONG_USE, main
 from cell.lab.calibration import measure
 
 

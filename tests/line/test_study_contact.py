@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from cell.cell_config import CellConfig
-from cell.config import load
+from cell.config.cell_config import CellConfig
+from cell.config.load import load
 from cell.lab.contact import charts, tables
 from cell.lab.contact import measure as contact
 from cell.lab.contact.boundaries import boundary_bouncing, boundary_bound

@@ -9,8 +9,8 @@ from contextlib import redirect_stdout
 import numpy as np
 import pytest
 
-from cell.cli import main
-from cell.config import load
+from cell.commands.cli import main
+from cell.config.load import load
 from cell.lab.events.measure import DETECTORS, HEIGHT, Watched, rice_chance, rice_limit, watch
 from drivers.errors import ConfigError
 

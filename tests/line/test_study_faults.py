@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import pytest
 
-from cell.config import load
+from cell.config.load import load
 from cell.lab.faults import charts, ends, kills, tables
 from cell.lab.faults.bench import KEYS, REST_LIMIT, bench
 from cell.lab.faults.cases import FaultCase, begun, write
@@ -15,7 +15,7 @@ from cell.lab.faults.contract import FaultKind
 from cell.lab.faults.kinds import KINDS
 from cell.lab.faults.measure import MOMENTS, cases, drawn, measure
 from cell.lab.faults.soak import SoakSample, growth
-from cell.states import State
+from cell.run.states import State
 from drivers.errors import CellError, FaultCode
 from sim.config import WireFaults
 

@@ -8,9 +8,9 @@ from contextlib import redirect_stdout
 
 import pytest
 
-from cell.assembly import make_tracker
-from cell.cli import main
-from cell.config import load
+from cell.commands.cli import main
+from cell.config.load import load
+from cell.devices.assembly import make_tracker
 from cell.lab.frontier import measure as frontier
 from cell.lab.frontier.measure import Variant, load_variant, measure
 from cell.lab.frontier.methods import METHODS, SCALES, SCENES, TEST, variants

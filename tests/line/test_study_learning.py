@@ -1,6 +1,6 @@
 """The study of learning on a few parts: the third is searched where the first two were, and another fixture is noticed."""
 
-from cell.config import load
+from cell.config.load import load
 from cell.lab.learning.charts import draw
 from cell.lab.learning.measure import Mode, PartRow, lines_of, run_series
 

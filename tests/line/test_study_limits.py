@@ -8,13 +8,13 @@ from contextlib import redirect_stdout
 
 import pytest
 
-from cell.cli import main
+from cell.commands.cli import main
+from cell.commands.terminal import GOOD
 from cell.lab.frontier.measure import load_variant
 from cell.lab.limits import measure as limits
 from cell.lab.limits.cases import cases
 from cell.lab.limits.lines import Study
 from cell.lab.limits.measure import ROWS, measure, read_rows
-from cell.terminal import GOOD
 
 SETS = ["hole.area=[0.02,0.02]"]
 QUICK = ["study", "limits", "--quick", "--json", "--workers", "1", "--seed", "5", "--set", SETS[0]]

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from cell.cli import GOOD, WRONG_USE, main
+from cell.commands.cli import GOOD, WRONG_USE, main
 from cell.lab.opinion.measure import FILE, PACKAGE
 
 BESIDE = Path(__file__).parents[2] / "build" / "franka" / PACKAGE

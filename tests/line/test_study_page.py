@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from cell.cli import GOOD, main
+from cell.commands.cli import GOOD, main
 from cell.lab.page import browser
 from cell.lab.page.jitter import TURNS, Pair, cost
 

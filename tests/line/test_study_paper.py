@@ -9,8 +9,8 @@ from dataclasses import replace
 
 import pytest
 
-from cell.cli import main
-from cell.config import load
+from cell.commands.cli import main
+from cell.config.load import load
 from cell.lab.frontier.measure import Variant
 from cell.lab.paper import measure
 from cell.lab.paper.unknowns import ADJUST, INSERT, LABORATORY, ONE_ARM, SEARCH, UNKNOWNS, by_hand, of_stage

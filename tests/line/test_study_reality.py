@@ -9,8 +9,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cell.cli import main
-from cell.config import load
+from cell.commands.cli import main
+from cell.config.load import load
 from cell.lab.frontier import measure as frontier
 from cell.lab.frontier.measure import Variant
 from cell.lab.reality.measure import (

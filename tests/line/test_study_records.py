@@ -1,8 +1,8 @@
 """The study of questions to many runs, at its smallest, on a journal that the product itself has begun."""
 
-from cell.journal import Journal
 from cell.lab.records import measure
-from cell.run_query import RunQuery
+from cell.records.journal import Journal
+from cell.records.run_query import RunQuery
 
 RUNS = 40
 

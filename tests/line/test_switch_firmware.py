@@ -10,8 +10,8 @@ from types import SimpleNamespace
 import pytest
 
 import drivers
-from cell.assembly import assemble, opened
-from cell.config import load
+from cell.config.load import load
+from cell.devices.assembly import assemble, opened
 from cell.lab.trials import run_trial
 from drivers.errors import SwitchUnknownError
 from drivers.quantities import SwitchState

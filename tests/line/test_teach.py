@@ -7,10 +7,10 @@ import tomllib
 import numpy as np
 import pytest
 
-from cell.assembly import assemble, opened
-from cell.cli import GOOD, NOT_GOOD, WRONG_USE, main
-from cell.config import load
-from cell.hand_motion import DEAD_MAN, GUIDE_SPEED, JOG_SPEED, moved_by_keys
+from cell.calibrate.hand_motion import DEAD_MAN, GUIDE_SPEED, JOG_SPEED, moved_by_keys
+from cell.commands.cli import GOOD, NOT_GOOD, WRONG_USE, main
+from cell.config.load import load
+from cell.devices.assembly import assemble, opened
 
 ELSEWHERE = ["--set", "rack.first=[0.45, 0.2, 0.1]"]
 """A rack beside the plate wherever that is shown."""

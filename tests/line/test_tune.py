@@ -2,7 +2,7 @@
 
 import json
 
-from cell.cli import main
+from cell.commands.cli import main
 
 SMALL = ["--set", "hole.area=[0.01, 0.01]", "--candidates", "3", "--trials", "1", "--judge", "1", "--workers", "1"]
 

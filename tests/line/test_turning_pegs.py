@@ -2,7 +2,7 @@
 
 import pytest
 
-from cell.config import load
+from cell.config.load import load
 from cell.lab.touch.measure import TURNING_KEYS
 from cell.lab.trials import run_trial
 

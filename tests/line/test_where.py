@@ -5,8 +5,8 @@ import json
 import numpy as np
 import pytest
 
-from cell.cli import GOOD, main
-from cell.config import load
+from cell.commands.cli import GOOD, main
+from cell.config.load import load
 from drivers import impedance
 from drivers.frames import quaternion
 

@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import pytest
 
-import cell.assembly
+import cell.devices.assembly
 import sim.disturb
-from cell.config import load
+from cell.config.load import load
 from cell.lab.trials import run_trial
 from sim.drawn_arm import drawn_arm
 from tests.reality_files import reality_of
@@ -43,8 +43,8 @@ class Biased:
 
 def adjusted_with(monkeypatch, bias, seed, *keys):
     """Return the row of a trial on stiff pads whose theta is wrong by `bias`, rad."""
-    make = cell.assembly.make_estimator
-    monkeypatch.setattr(cell.assembly, "make_estimator", lambda config: Biased(make(config), bias))
+    make = cell.devices.assembly.make_estimator
+    monkeypatch.setattr(cell.devices.assembly, "make_estimator", lambda config: Biased(make(config), bias))
     return run_trial(load(sets=["world=v1", "hole.area=[0.02,0.02]", *keys]).cell, seed)
 
 

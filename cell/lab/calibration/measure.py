@@ -9,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from cell.calibrate_arm import calibrate_arm
-from cell.cell_config import CellConfig
+from cell.calibrate.arm import calibrate_arm
+from cell.config.cell_config import CellConfig
 from cell.lab.reality.measure import errors_of
 from cell.lab.reality.rows import ROWS, TriedCell, config_of
 from cell.lab.results import TrialsResult, result_of

@@ -5,9 +5,9 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cell.arguments import add_config, add_journal, open_journal, out_folder, positive
+from cell.commands.arguments import add_config, add_journal, open_journal, out_folder, positive
+from cell.commands.terminal import GOOD, NOT_GOOD, progress, say, show
 from cell.lab.arguments import load_simulated
-from cell.terminal import GOOD, NOT_GOOD, progress, say, show
 
 if TYPE_CHECKING:
     from plc_bridge.images import ReportImage
@@ -29,7 +29,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Run the insertions, draw one and the chart; GOOD if all of them succeeded."""
-    from cell import words
+    from cell.commands import words
     from cell.lab.demo import draw_demo, run_demo
     from cell.lab.published import stage_table
     from cell.lab.tables import stages

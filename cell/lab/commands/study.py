@@ -4,8 +4,8 @@ import argparse
 from importlib import import_module
 from typing import TYPE_CHECKING, Protocol, cast
 
-from cell.arguments import Parser, add_shared
-from cell.terminal import GOOD, NOT_GOOD, show, written
+from cell.commands.arguments import Parser, add_shared
+from cell.commands.terminal import GOOD, NOT_GOOD, show, written
 
 if TYPE_CHECKING:
     from cell.lab.report import StudyReport

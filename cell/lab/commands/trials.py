@@ -6,9 +6,9 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cell.arguments import add_config, natural, positive, scheduler
+from cell.commands.arguments import add_config, natural, positive, scheduler
+from cell.commands.terminal import GOOD, progress, show, written
 from cell.lab.arguments import load_simulated
-from cell.terminal import GOOD, progress, show, written
 
 if TYPE_CHECKING:
     from cell.lab.trials import TrialRow

@@ -6,9 +6,9 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cell.arguments import add_config, natural, out_folder, positive
+from cell.commands.arguments import add_config, natural, out_folder, positive
+from cell.commands.terminal import GOOD, NOT_GOOD, complain, progress, show, written
 from cell.lab.arguments import load_simulated
-from cell.terminal import GOOD, NOT_GOOD, complain, progress, show, written
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -90,7 +90,7 @@ def _recipe(
     rows: "Sequence[TrialRow]",
 ) -> str:
     from cell.lab.tune.measure import toml
-    from cell.provenance import versions
+    from cell.records.provenance import versions
 
     style = ", ".join(f"{name} {place:.2f}" for name, place in best.style.items())
     seeds = [row.seed for row in rows]

@@ -12,12 +12,12 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import FuncFormatter, NullFormatter
 
+from cell.film.plots import COLOURS
 from cell.lab.contact import measure as contact
 from cell.lab.contact.boundaries import boundary_bouncing, boundary_bound
 from cell.lab.contact.ladder import SHIPPED
 from cell.lab.contact.measure import Findings, RungRow, verdict
-from cell.plots import COLOURS
-from cell.provenance import versions
+from cell.records.provenance import versions
 from drivers.quantities import Vector
 from sim.truth import VOID_PENETRATION
 

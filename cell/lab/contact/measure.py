@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from statistics import mean, stdev
 
-from cell.cell_config import CellConfig
+from cell.config.cell_config import CellConfig
 from cell.lab.contact.ladder import NOT_RUN, TIGHT, Plan, Rung, model, on_trial
 from cell.lab.rows import write_rows
 from cell.lab.trials import VOID, TrialRow, run_trial

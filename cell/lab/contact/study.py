@@ -3,10 +3,10 @@
 import argparse
 from dataclasses import asdict
 
-from cell.arguments import out_folder
+from cell.commands.arguments import out_folder
+from cell.commands.terminal import progress
 from cell.lab.arguments import add_seed, add_study, add_workers, load_simulated
 from cell.lab.report import StudyReport, finite
-from cell.terminal import progress
 
 SUMMARY = "the ladder of models of contact: how fast, how exact, where each fails, what each skill needs"
 

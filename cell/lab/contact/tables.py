@@ -8,7 +8,7 @@ from rich.table import Table
 from cell.lab.contact.ladder import FINEST
 from cell.lab.contact.measure import Findings, TrialsRow, verdict
 from cell.lab.contact.needs import needed
-from cell.statistics import wilson
+from cell.records.statistics import wilson
 
 
 def tables(found: Findings) -> list[Table]:

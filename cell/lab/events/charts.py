@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 from cell.lab.events.measure import HEIGHT, SKIN, Watched, rice_limit
 from cell.lab.events.report import NAMES, RATES, EventLine, EventStudy
-from cell.statistics import wilson
+from cell.records.statistics import wilson
 from skills.search.params import SpraySearchParams
 
 CHART = "events.png"

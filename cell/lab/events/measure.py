@@ -14,11 +14,11 @@ from functools import lru_cache, partial
 
 import numpy as np
 
-from cell.assembly import Cell, assemble, opened
-from cell.cell_config import CellConfig
-from cell.config import load
+from cell.config.cell_config import CellConfig
+from cell.config.load import load
+from cell.devices.assembly import Cell, assemble, opened
 from cell.lab.workers import on_processes
-from cell.record import ending_of
+from cell.peg.ending import ending_of
 from drivers.errors import CellError, ConfigError
 from drivers.frames import end_point
 from drivers.quantities import ImpedanceSetpoint, Vector

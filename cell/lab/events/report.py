@@ -8,7 +8,7 @@ from functools import partial
 
 import numpy as np
 
-from cell.cell_config import CellConfig
+from cell.config.cell_config import CellConfig
 from cell.lab.events.measure import (
     DETECTORS,
     HEIGHT,
@@ -23,8 +23,8 @@ from cell.lab.events.measure import (
 )
 from cell.lab.rows import quantile
 from cell.lab.workers import on_processes
-from cell.provenance import versions
-from cell.statistics import wilson
+from cell.records.provenance import versions
+from cell.records.statistics import wilson
 from skills.catalogue import SEARCH
 
 TABLE = "events.csv"

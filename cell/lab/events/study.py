@@ -3,10 +3,10 @@
 import argparse
 from dataclasses import asdict
 
-from cell.arguments import out_folder
+from cell.commands.arguments import out_folder
+from cell.commands.terminal import progress
 from cell.lab.arguments import add_seed, add_study, add_trials, add_workers, load_simulated
 from cell.lab.report import StudyReport, finite
-from cell.terminal import progress
 
 SUMMARY = "hole events, false and true: how often a search stops without a hole, how soon where there is one"
 QUICK_TIMEOUT = 8.0

@@ -10,13 +10,14 @@ from pathlib import Path
 
 import numpy as np
 
-from cell.assembly import Cell, assemble, opened
-from cell.config import LoadedConfig
-from cell.journal import Journal
+from cell.config.load import LoadedConfig
+from cell.config.parameters import PARAMETERS
+from cell.devices.assembly import Cell, assemble, opened
 from cell.lab.faults.devices import FaultyArm, FaultyGripper, FaultySwitch
-from cell.line import PARAMETERS, PROGRAMS
-from cell.states import State
-from cell.supervisor import Supervisor
+from cell.records.journal import Journal
+from cell.run.line import PROGRAMS
+from cell.run.states import State
+from cell.run.supervisor import Supervisor
 from drivers.errors import CellError
 from drivers.protocols import Clock
 from drivers.quantities import Vector

@@ -6,9 +6,9 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
+from cell.film.plots import COLOURS
 from cell.lab.faults.cases import FaultCase
 from cell.lab.faults.tables import REST_AFTER_LIMIT
-from cell.plots import COLOURS
 
 CHART = "faults.png"
 

@@ -11,10 +11,10 @@ from contextlib import closing, suppress
 from datetime import timedelta
 from pathlib import Path
 
-from cell import wall_clock
-from cell.journal import INDEX
 from cell.lab.faults.bench import FaultBench
 from cell.lab.faults.contract import FaultKind, Undo
+from cell.records import wall_clock
+from cell.records.journal import INDEX
 
 STEPPED = timedelta(hours=1)
 """Step of the computer's clock, backward or forward."""

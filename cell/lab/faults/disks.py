@@ -12,10 +12,10 @@ from pathlib import Path
 
 import numpy as np
 
-from cell.journal import Journal
-from cell.journal_schema import LOST, RunRow
 from cell.lab.faults.kills import CYCLE, ENDING, LAST, Seen, insert, recorded
 from cell.lab.faults.starts import Program, served
+from cell.records.journal import Journal
+from cell.records.schema import LOST, RunRow
 from drivers.errors import CellError
 from plc_bridge.messages import Result
 from plc_bridge.peer import Peer

@@ -14,16 +14,16 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from cell.journal import Journal
-from cell.journal_schema import LOST, RUNNING, RunRow
 from cell.lab.faults.bench import PATIENCE
 from cell.lab.faults.cases import SILENT, FaultCase, word
 from cell.lab.faults.contract import FaultKind
 from cell.lab.faults.kills import CYCLE, ENDING, LAST, LEFT, LONGEST, Seen
 from cell.lab.faults.operator import brought_back
 from cell.lab.faults.starts import Program, served
-from cell.samples import read_samples
-from cell.states import State
+from cell.records.journal import Journal
+from cell.records.samples import read_samples
+from cell.records.schema import LOST, RUNNING, RunRow
+from cell.run.states import State
 from drivers.errors import CellError
 from plc_bridge.messages import PartPlace, Result
 from plc_bridge.peer import Peer

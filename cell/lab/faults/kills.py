@@ -10,12 +10,12 @@ from pathlib import Path
 
 import numpy as np
 
-from cell.journal import Journal
-from cell.journal_schema import LOST, RunRow
 from cell.lab.faults.starts import served
-from cell.sample_blocks import BATCH
-from cell.samples import read_samples
-from cell.states import State
+from cell.records.journal import Journal
+from cell.records.sample_blocks import BATCH
+from cell.records.samples import read_samples
+from cell.records.schema import LOST, RunRow
+from cell.run.states import State
 from drivers.errors import CellError
 from plc_bridge.images import ReportImage
 from plc_bridge.messages import Control, PartPlace, Result

@@ -5,7 +5,7 @@ from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from cell.cli import load_command, main
+from cell.commands.cli import load_command, main
 from plc_bridge.bridge import Bridge
 from plc_bridge.modbus import ModbusServer
 

@@ -8,14 +8,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from cell.config import LoadedConfig
+from cell.config.load import LoadedConfig
 from cell.lab.faults import ends
 from cell.lab.faults.bench import LIFE_TIMEOUT, PATIENCE, FaultBench, Sighting, bench
 from cell.lab.faults.cases import SILENT, FaultCase, Planned, word
 from cell.lab.faults.contract import FaultKind
 from cell.lab.faults.operator import brought_back
-from cell.part_state import IN_HOLE_DEPTH
-from cell.states import State
+from cell.peg.part_state import IN_HOLE_DEPTH
+from cell.run.states import State
 from drivers.errors import CellError
 from plc_bridge.images import ReportImage
 from plc_bridge.messages import PartPlace

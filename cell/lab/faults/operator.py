@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 from cell.lab.faults.bench import LONGEST
 from cell.lab.faults.cases import word
-from cell.states import State
+from cell.run.states import State
 from plc_bridge.images import ReportImage
 from plc_bridge.messages import Control, PartEvidence, Result
 from plc_bridge.peer import Peer

@@ -11,12 +11,12 @@ from pathlib import Path
 
 import numpy as np
 
-from cell.config import LoadedConfig
+from cell.config.load import LoadedConfig
 from cell.lab.faults import devices
 from cell.lab.faults.bench import CYCLE, LONGEST, WAITING, FaultBench, bench
 from cell.lab.faults.cases import WENT_ON
 from cell.lab.faults.measure import MOMENTS, bring_back
-from cell.states import State
+from cell.run.states import State
 from drivers.errors import CellError
 from plc_bridge.images import ReportImage
 from plc_bridge.messages import Control

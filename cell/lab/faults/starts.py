@@ -79,7 +79,7 @@ def served(folder: Path, arguments: Sequence[str]) -> Iterator[Program]:
 
 def _serve(words: list[str], told: Connection) -> None:
     """Run the program: its output goes to `told`, its error output is discarded."""
-    from cell.cli import main
+    from cell.commands.cli import main
 
     os.dup2(told.fileno(), sys.stdout.fileno())
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stderr.fileno())

@@ -6,13 +6,13 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from typing import TYPE_CHECKING, TypeVar
 
-from cell.arguments import natural, out_folder, positive
+from cell.commands.arguments import natural, out_folder, positive
+from cell.commands.terminal import progress
 from cell.lab.arguments import add_seed, add_study, load_simulated
 from cell.lab.report import StudyReport, finite
-from cell.terminal import progress
 
 if TYPE_CHECKING:
-    from cell.config import LoadedConfig
+    from cell.config.load import LoadedConfig
     from cell.lab.faults.disks import FullDisk
     from cell.lab.faults.kills import Kill
 

@@ -13,7 +13,7 @@ from matplotlib.lines import Line2D
 from cell.lab.frontier.measure import FrontierLine
 from cell.lab.frontier.methods import METHODS, SCENES, family
 from cell.lab.published import PUBLISHED_ATTEMPTS, PUBLISHED_SUCCESSES, PUBLISHED_TOTAL
-from cell.statistics import wilson
+from cell.records.statistics import wilson
 
 INK = "#222222"
 TIMES = (3, 4, 5, 6, 8, 10, 15, 20, 30, 40, 60, 80, 120)

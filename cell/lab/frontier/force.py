@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cell.assembly import Cell
+from cell.devices.assembly import Cell
 from cell.lab.frontier.hands import take_for_straight
 from drivers.quantities import ImpedanceSetpoint, Vector
 from skills.catalogue import ADJUST, GRASP, INSERT, RECOVER, RELEASE, RETRIED, SEARCH

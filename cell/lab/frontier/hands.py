@@ -7,7 +7,7 @@ import math
 from collections.abc import Callable
 from dataclasses import replace
 
-from cell.assembly import Cell, make_tracker
+from cell.devices.assembly import Cell, make_tracker
 from cell.lab.trials import insert_peg
 from skills.catalogue import GRASP
 from skills.contract import SkillContext

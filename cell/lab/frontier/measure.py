@@ -12,13 +12,13 @@ from pathlib import Path
 
 import numpy as np
 
-from cell.assembly import make_tracker
-from cell.cell_config import CellConfig
-from cell.config import load
+from cell.config.cell_config import CellConfig
+from cell.config.load import load
+from cell.devices.assembly import make_tracker
 from cell.lab.rows import quantile, write_rows
 from cell.lab.trials import SUMMARY, TABLE, VOID, MakeTracker, Program, TrialRow, insert_peg, read_table, run_trials
-from cell.provenance import config_hash, versions
-from cell.statistics import Z95, RateTest, Verdict, mean, wilson
+from cell.records.provenance import config_hash, versions
+from cell.records.statistics import Z95, RateTest, Verdict, mean, wilson
 from drivers.errors import CellError, FaultCode
 from sim.metering import OVER_FORCE
 from skills.contract import Outcome

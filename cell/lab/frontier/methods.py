@@ -4,13 +4,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 
-from cell.arguments import require_known
-from cell.assembly import Cell
+from cell.commands.arguments import require_known
+from cell.devices.assembly import Cell
 from cell.lab.frontier.force import ForceSearch, insert_by_force
 from cell.lab.frontier.hands import insert_with_exact_theta, insert_with_frozen_theta
 from cell.lab.frontier.measure import Variant
 from cell.lab.trials import Program, insert_peg
-from cell.statistics import RateTest
+from cell.records.statistics import RateTest
 from skills.contract import Request, SkillContext
 from skills.flow import StageRecord
 

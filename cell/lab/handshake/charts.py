@@ -6,7 +6,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from cell.lab.handshake.recording import Conversation
-from cell.states import State
+from cell.run.states import State
 from plc_bridge.messages import Refusal, Result
 
 WRITTEN, READ = "#0b5394", "#38761d"

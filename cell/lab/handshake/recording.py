@@ -5,10 +5,10 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-from cell.config import LoadedConfig
+from cell.config.load import LoadedConfig
 from cell.lab.line.cell_process import Scan, cell_process, patient
 from cell.lab.line.client import Client, connected
-from cell.states import State
+from cell.run.states import State
 from drivers.errors import CellError
 from plc_bridge.images import CommandImage
 from plc_bridge.messages import Result

@@ -2,7 +2,7 @@
 
 import argparse
 
-from cell.arguments import add_config, out_folder
+from cell.commands.arguments import add_config, out_folder
 from cell.lab.arguments import add_out, load_simulated
 from cell.lab.report import StudyReport
 

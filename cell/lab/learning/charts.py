@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
+from cell.film.plots import COLOURS
 from cell.lab.learning.measure import Mode, PartRow
-from cell.plots import COLOURS
-from cell.statistics import wilson
+from cell.records.statistics import wilson
 from skills.contract import Outcome
 
 CHART = "learning.png"

@@ -9,12 +9,12 @@ from pathlib import Path
 
 import numpy as np
 
-from cell.assembly import assemble, choices, make_estimator, make_tracker, opened
-from cell.cell_config import CellConfig
+from cell.config.cell_config import CellConfig
+from cell.devices.assembly import assemble, choices, make_estimator, make_tracker, opened
 from cell.lab.rows import write_rows
 from cell.lab.workers import on_processes
-from cell.learning import Learning
-from cell.record import ending_of
+from cell.peg.ending import ending_of
+from cell.run.learning import Learning
 from drivers.errors import CellError
 from drivers.parts import HolePrior
 from sim.config import FixtureConfig

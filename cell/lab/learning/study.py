@@ -3,10 +3,10 @@
 import argparse
 from dataclasses import asdict
 
-from cell.arguments import out_folder, positive
+from cell.commands.arguments import out_folder, positive
+from cell.commands.terminal import progress
 from cell.lab.arguments import add_seed, add_study, add_trials, add_workers, load_simulated
 from cell.lab.report import StudyReport, finite
-from cell.terminal import progress
 
 SUMMARY = (
     "time by number of the part on a cell that learns where the hole is, beside one that does not and one told wrongly"

@@ -6,11 +6,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cell.cell_config import CellConfig
+from cell.config.cell_config import CellConfig
 from cell.lab.limits.bounds import Cover, Dip, Down, Upright, critical_damping, fall_time, turn_time
 from cell.lab.limits.cases import AREA, Case
 from cell.lab.limits.measure import LimitsRow, Pass, Turn, searching
-from cell.statistics import Z95
+from cell.records.statistics import Z95
 from drivers.quantities import Vector
 from sim.metering import OVER_FORCE
 from skills.catalogue import ADJUST

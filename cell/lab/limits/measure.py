@@ -11,14 +11,14 @@ from typing import Any
 
 import numpy as np
 
-from cell.assembly import Cell, assemble, opened
-from cell.cell_config import CellConfig
+from cell.config.cell_config import CellConfig
+from cell.devices.assembly import Cell, assemble, opened
 from cell.lab.frontier.measure import load_variant
 from cell.lab.limits.bounds import mobility, turning_force
 from cell.lab.limits.cases import Case
 from cell.lab.workers import on_processes
-from cell.provenance import config_hash, versions
-from cell.record import ending_of
+from cell.peg.ending import ending_of
+from cell.records.provenance import config_hash, versions
 from drivers.errors import CellError, ConfigError, FaultCode
 from drivers.frames import angle_between
 from drivers.quantities import ImpedanceSetpoint, Vector

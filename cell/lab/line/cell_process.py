@@ -13,12 +13,13 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
 
-from cell.assembly import assemble, opened
-from cell.config import LoadedConfig
-from cell.journal import Journal
+from cell.config.load import LoadedConfig
+from cell.config.parameters import PARAMETERS
+from cell.devices.assembly import assemble, opened
 from cell.lab.line.client import Address
-from cell.line import PARAMETERS, PROGRAMS
-from cell.supervisor import Supervisor
+from cell.records.journal import Journal
+from cell.run.line import PROGRAMS
+from cell.run.supervisor import Supervisor
 from drivers.errors import CellError
 from drivers.protocols import Clock
 from plc_bridge.bridge import Bridge

@@ -13,12 +13,12 @@ from pathlib import Path
 
 import numpy as np
 
-from cell.config import LoadedConfig
+from cell.config.load import LoadedConfig
 from cell.lab.line.cell_process import Scan, bare_server, cell_process, patient
 from cell.lab.line.client import Address, Load, connected, load, time_requests
 from cell.lab.line.plc import Plc, Start
 from cell.lab.rows import write_rows
-from cell.states import State
+from cell.run.states import State
 from drivers.quantities import Vector
 
 CLIENTS, POLL_PERIOD = 50, 0.01

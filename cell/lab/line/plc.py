@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 from cell.lab.line.cell_process import PATIENCE
 from cell.lab.line.client import Client
-from cell.states import State
+from cell.run.states import State
 from drivers.errors import CellError
 from plc_bridge.images import CommandImage, ReportImage
 from plc_bridge.messages import Control, Result

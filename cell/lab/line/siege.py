@@ -10,13 +10,13 @@ from pathlib import Path
 
 import numpy as np
 
-from cell.config import LoadedConfig
+from cell.config.load import LoadedConfig
 from cell.lab.line.attacks import ATTACKS, attack
 from cell.lab.line.cell_process import Doors, Scan, cell_process
 from cell.lab.line.client import connected
 from cell.lab.line.measure import Measure
 from cell.lab.line.plc import CYCLE, Plc
-from cell.states import State
+from cell.run.states import State
 from drivers.errors import ConfigError
 from drivers.quantities import Vector
 from plc_bridge.config import ModbusConfig, PlcConfig, TlsConfig

@@ -17,7 +17,7 @@ from cell.lab.results import TrialsResult, result_of
 from cell.lab.rows import write_rows
 from cell.lab.trials import TABLE as ROWS
 from cell.lab.trials import TrialRow, read_table
-from cell.statistics import Z95
+from cell.records.statistics import Z95
 from drivers.errors import ConfigError
 from sim.described_arm import DescribedArm
 from skills.contract import Outcome

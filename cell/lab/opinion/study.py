@@ -4,10 +4,10 @@ import argparse
 from dataclasses import asdict
 from pathlib import Path
 
-from cell.arguments import out_folder
+from cell.commands.arguments import out_folder
+from cell.commands.terminal import progress
 from cell.lab.arguments import add_seed, add_study, add_trials, add_workers, load_simulated
 from cell.lab.report import StudyReport, finite
-from cell.terminal import progress
 
 SUMMARY = (
     "a second opinion: whole trials on an arm that other people described, beside the cell's own, and what differs"

@@ -11,17 +11,18 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
-from cell.config import load
-from cell.journal import Journal
-from cell.journal_schema import RunRow
+from cell.config.load import load
+from cell.config.parameters import PARAMETERS
 from cell.lab.page.browser import browsing, memory_of
 from cell.lab.page.replay import as_run
-from cell.line import PARAMETERS, PROGRAMS
-from cell.live import KEPT, Live, Look
 from cell.page.hub import PERIOD
 from cell.page.server import PageServer
-from cell.states import State
-from cell.wall_clock import now_text
+from cell.records.journal import Journal
+from cell.records.schema import RunRow
+from cell.records.wall_clock import now_text
+from cell.run.line import PROGRAMS
+from cell.run.live import KEPT, Live, Look
+from cell.run.states import State
 from plc_bridge.bridge import Bridge
 from plc_bridge.messages import Report, Result
 from skills.catalogue import CATALOGUE

@@ -12,16 +12,17 @@ from pathlib import Path
 
 import numpy as np
 
-from cell.assembly import assemble, opened
-from cell.config import load
-from cell.journal import Journal
-from cell.line import PARAMETERS, PROGRAMS
-from cell.live import Live, Look
+from cell.config.load import load
+from cell.config.parameters import PARAMETERS
+from cell.devices.assembly import assemble, opened
 from cell.page.front import THREAD
 from cell.page.server import PageServer
-from cell.part_state import UNRESOLVED
-from cell.states import State
-from cell.supervisor import Supervisor
+from cell.peg.part_state import UNRESOLVED
+from cell.records.journal import Journal
+from cell.run.line import PROGRAMS
+from cell.run.live import Live, Look
+from cell.run.states import State
+from cell.run.supervisor import Supervisor
 from plc_bridge.bridge import Bridge
 from plc_bridge.images import CommandImage
 from plc_bridge.messages import FIRST_PROGRAM, Control, PartPlace

@@ -3,12 +3,12 @@
 from dataclasses import replace
 from pathlib import Path
 
-from cell.assembly import assemble, opened
-from cell.config import load
-from cell.journal import Journal
-from cell.line import TerminalLine
-from cell.live import Live, Look
-from cell.supervisor import Supervisor
+from cell.config.load import load
+from cell.devices.assembly import assemble, opened
+from cell.records.journal import Journal
+from cell.run.line import TerminalLine
+from cell.run.live import Live, Look
+from cell.run.supervisor import Supervisor
 from plc_bridge.messages import FIRST_PROGRAM, Command, Report, Result
 
 

@@ -8,10 +8,10 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
-from cell.arguments import out_folder, positive
+from cell.commands.arguments import out_folder, positive
+from cell.commands.terminal import progress
 from cell.lab.arguments import add_out
 from cell.lab.report import StudyReport, finite
-from cell.terminal import progress
 
 if TYPE_CHECKING:
     from cell.lab.page.jitter import Pair

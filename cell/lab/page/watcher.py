@@ -8,7 +8,7 @@ import sys
 
 from tornado.websocket import WebSocketClientConnection, websocket_connect
 
-from cell.terminal import say
+from cell.commands.terminal import say
 
 
 async def watch(url: str, pages: int) -> None:

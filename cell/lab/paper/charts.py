@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 
 from cell.lab.paper.measure import Candidate, fitting
 from cell.lab.published import PUBLISHED, PUBLISHED_ATTEMPTS, PUBLISHED_SUCCESSES, PUBLISHED_TOTAL
-from cell.statistics import wilson
+from cell.records.statistics import wilson
 
 CHART = "paper.png"
 AIM = 1.2

@@ -5,10 +5,10 @@ from collections.abc import Sequence
 from dataclasses import asdict, replace
 from typing import TYPE_CHECKING, Any
 
-from cell.arguments import out_folder
+from cell.commands.arguments import out_folder
+from cell.commands.terminal import progress
 from cell.lab.arguments import add_seed, add_study, add_trials, add_workers, load_simulated
 from cell.lab.report import StudyReport, finite
-from cell.terminal import progress
 
 if TYPE_CHECKING:
     from cell.lab.frontier.measure import Variant

@@ -7,7 +7,7 @@ from rich.table import Table
 from cell.lab.paper.measure import Candidate, fitting
 from cell.lab.paper.unknowns import UNKNOWNS
 from cell.lab.published import PUBLISHED, PUBLISHED_ATTEMPTS, PUBLISHED_SUCCESSES, PUBLISHED_TOTAL
-from cell.statistics import wilson
+from cell.records.statistics import wilson
 
 
 def stages(judged: Candidate, title: str) -> Table:

@@ -5,9 +5,9 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
+from cell.film.plots import COLOURS
 from cell.lab.frontier.measure import FrontierLine
 from cell.lab.reality.measure import ALL
-from cell.plots import COLOURS
 
 CHART = "reality.png"
 

@@ -7,13 +7,13 @@ from pathlib import Path
 
 import numpy as np
 
-from cell.cell_config import CellConfig
-from cell.config_files import ERRORS_FILE, SHIPPED
+from cell.config.cell_config import CellConfig
+from cell.config.files import ERRORS_FILE, SHIPPED
 from cell.lab.frontier.measure import FRONTIER as TABLE
 from cell.lab.frontier.measure import FrontierLine, Variant
 from cell.lab.trials import TABLE as ROWS
 from cell.lab.trials import TrialRow, read_table
-from cell.statistics import RateTest, Verdict
+from cell.records.statistics import RateTest, Verdict
 from drivers.quantities import Vector
 from sim.reality import KINDS, AnyError, read
 from skills.contract import Outcome

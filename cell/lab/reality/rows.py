@@ -13,12 +13,12 @@ from pathlib import Path
 
 import numpy as np
 
-from cell.cell_config import CellConfig
-from cell.config import load
+from cell.config.cell_config import CellConfig
+from cell.config.load import load
 from cell.lab.results import TrialsResult, result_of
 from cell.lab.trials import TABLE, TrialRow, run_trial, write_table
 from cell.lab.workers import on_processes
-from cell.statistics import wilson
+from cell.records.statistics import wilson
 from drivers.arm.kinematics import finger_frame, jacobian, links
 from drivers.errors import ConfigError
 from drivers.quantities import Vector

@@ -4,10 +4,10 @@ import argparse
 from dataclasses import asdict
 from functools import partial
 
-from cell.arguments import out_folder
+from cell.commands.arguments import out_folder
+from cell.commands.terminal import progress
 from cell.lab.arguments import add_seed, add_study, add_trials, add_workers, load_simulated
 from cell.lab.report import StudyReport, finite
-from cell.terminal import progress
 
 SUMMARY = "errors between the cell that is and the believed one: success, time and force against the size of each"
 

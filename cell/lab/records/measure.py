@@ -17,12 +17,12 @@ from statistics import median
 
 import numpy as np
 
-from cell.journal import Journal
-from cell.journal_index import Index
-from cell.journal_schema import EventRow, RunRow, StageRow
 from cell.lab.speed.starts import heavy_imports
 from cell.page.records import Records
-from cell.run_query import RunQuery
+from cell.records.index import Index
+from cell.records.journal import Journal
+from cell.records.run_query import RunQuery
+from cell.records.schema import EventRow, RunRow, StageRow
 from drivers.errors import FaultCode
 
 LIMIT = 1.0

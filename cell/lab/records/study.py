@@ -5,10 +5,10 @@ from dataclasses import asdict
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from cell.arguments import out_folder, positive
+from cell.commands.arguments import out_folder, positive
+from cell.commands.terminal import progress
 from cell.lab.arguments import add_out
 from cell.lab.report import StudyReport
-from cell.terminal import progress
 
 SUMMARY = "how soon questions about runs are answered where the journal holds the runs of weeks"
 RUNS, QUICK_RUNS = 100_000, 2_000

@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
+from cell.film.plots import COLOURS
 from cell.lab.seating.measure import CASES, LATCHES, Curves
-from cell.plots import COLOURS
 from skills.latch_likelihood import resistance
 
 CHART = "seating.png"

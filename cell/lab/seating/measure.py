@@ -13,14 +13,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cell.assembly import assemble, opened
-from cell.cell_config import CellConfig
+from cell.config.cell_config import CellConfig
+from cell.devices.assembly import assemble, opened
 from cell.lab.trials import Watcher
 from cell.lab.workers import on_processes
-from cell.part_state import PartState
-from cell.record import Ending, ending_of
-from cell.statistics import wilson
-from cell.success import Evidence, LastLook, judged
+from cell.peg.ending import Ending, ending_of
+from cell.peg.part_state import PartState
+from cell.peg.success import Evidence, LastLook, judged
+from cell.records.statistics import wilson
 from drivers.errors import CellError, ConfigError, FaultCode
 from drivers.parts import Latch
 from drivers.quantities import ImpedanceSetpoint

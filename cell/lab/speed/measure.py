@@ -17,9 +17,9 @@ from importlib.resources import files
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from cell.assembly import assemble, opened
-from cell.cell_config import CellConfig
-from cell.config import LoadedConfig
+from cell.config.cell_config import CellConfig
+from cell.config.load import LoadedConfig
+from cell.devices.assembly import assemble, opened
 from cell.lab.line.cell_process import bare_server, cell_process, patient
 from cell.lab.line.client import connected, time_requests
 from cell.lab.speed.starts import processor_time, start_of
@@ -35,7 +35,7 @@ SMALL = 0.01
 IMPORT_MUJOCO = ("-c", "import mujoco")
 OPEN_CELL = (
     "-c",
-    "from cell.assembly import assemble, opened\nfrom cell.config import load\nwith opened(assemble(load().cell)): pass",
+    "from cell.devices.assembly import assemble, opened\nfrom cell.config.load import load\nwith opened(assemble(load().cell)): pass",
 )
 
 

@@ -2,7 +2,7 @@
 
 import argparse
 
-from cell.arguments import add_config
+from cell.commands.arguments import add_config
 from cell.lab.arguments import load_simulated
 from cell.lab.report import StudyReport
 

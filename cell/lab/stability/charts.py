@@ -7,11 +7,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from cell.config.margins import HELD
+from cell.film.plots import COLOURS
 from cell.lab.stability.measure import Boundary, Shipped, StepTrace
 from cell.lab.stability.report import UNITS, StabilityReport
-from cell.margins import HELD
-from cell.plots import COLOURS
-from cell.provenance import versions
+from cell.records.provenance import versions
 
 STABLE, UNSTABLE, GUARD, THEORY = COLOURS[1], COLOURS[5], "#222222", COLOURS[3]
 NAMED = ("mujoco", "numpy", "numba", "code")

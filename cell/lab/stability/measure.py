@@ -15,11 +15,11 @@ from itertools import product
 
 import numpy as np
 
-from cell.assembly import Cell, assemble, opened
-from cell.cell_config import CellConfig
+from cell.config.cell_config import CellConfig
+from cell.config.margins import HELD, loop_at, margins
+from cell.config.sampled_loop import largest_factor
+from cell.devices.assembly import Cell, assemble, opened
 from cell.lab.workers import on_processes
-from cell.margins import HELD, loop_at, margins
-from cell.sampled_loop import largest_factor
 from drivers import impedance
 from drivers.arm.inertia import tip_inertia
 from drivers.arm.model import JOINTS

@@ -6,12 +6,12 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from cell.cell_config import CellConfig
+from cell.config.cell_config import CellConfig
+from cell.config.margins import HELD, MARGIN
+from cell.config.torque_path import largest, largest_hold
 from cell.lab.rows import write_rows
 from cell.lab.stability.measure import QUICK, WHOLE, Boundary, Shipped, StepTrace, boundaries, measure, shipped_margins
-from cell.margins import HELD, MARGIN
-from cell.provenance import config_hash, versions
-from cell.torque_path import largest, largest_hold
+from cell.records.provenance import config_hash, versions
 from skills.catalogue import INSERT
 
 CASES, FIGURES = "stability.csv", "stability.json"

@@ -2,10 +2,10 @@
 
 import argparse
 
-from cell.arguments import out_folder
+from cell.commands.arguments import out_folder
+from cell.commands.terminal import progress
 from cell.lab.arguments import add_study, add_workers, load_simulated
 from cell.lab.report import StudyReport
-from cell.terminal import progress
 
 SUMMARY = "where the loop through the skin goes unstable, beside theory, and the margins of the gains in use"
 

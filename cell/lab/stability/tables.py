@@ -2,8 +2,8 @@
 
 from rich.table import Table
 
+from cell.config.margins import MARGIN
 from cell.lab.stability.report import UNITS, StabilityReport
-from cell.margins import MARGIN
 
 
 def table(report: StabilityReport) -> Table:

@@ -12,7 +12,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from cell.cell_config import CellConfig
+from cell.config.cell_config import CellConfig
 from cell.lab.tactile.measure import (
     BETWEEN,
     CONDITIONS,

@@ -16,8 +16,8 @@ from typing import Any, Literal
 
 import numpy as np
 
-from cell.assembly import make_estimator
-from cell.cell_config import CellConfig
+from cell.config.cell_config import CellConfig
+from cell.devices.assembly import make_estimator
 from cell.lab.tactile.elastic_layer import layer_pads
 from drivers.errors import ConfigError
 from drivers.parts import Peg

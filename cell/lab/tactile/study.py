@@ -3,10 +3,10 @@
 import argparse
 from dataclasses import asdict
 
-from cell.arguments import out_folder
+from cell.commands.arguments import out_folder
+from cell.commands.terminal import progress
 from cell.lab.arguments import add_study, load_simulated
 from cell.lab.report import StudyReport
-from cell.terminal import progress
 
 SUMMARY = "reading the peg's angle from the taxels: every estimator's error, time and honesty"
 

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from cell.cell_config import CellConfig
+from cell.config.cell_config import CellConfig
 from skills.tactile.blend import Smoothing
 from skills.tactile.pose import NO_PEG, PegPose, Tracker
 

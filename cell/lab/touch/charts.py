@@ -6,8 +6,8 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
+from cell.film.plots import COLOURS
 from cell.lab.touch.measure import SIGHTS, TouchLine
-from cell.plots import COLOURS
 
 CHART = "touch.png"
 

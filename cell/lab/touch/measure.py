@@ -4,8 +4,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from cell.assembly import make_tracker
-from cell.config_files import presets
+from cell.config.files import presets
+from cell.devices.assembly import make_tracker
 from cell.lab.frontier.measure import Variant
 from cell.lab.frontier.measure import measure as run_variants
 from cell.lab.results import TrialsResult, result_of

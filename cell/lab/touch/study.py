@@ -3,10 +3,10 @@
 import argparse
 from dataclasses import asdict
 
-from cell.arguments import out_folder
+from cell.commands.arguments import out_folder
+from cell.commands.terminal import progress
 from cell.lab.arguments import add_seed, add_study, add_trials, add_workers, load_simulated
 from cell.lab.report import StudyReport, finite
-from cell.terminal import progress
 
 SUMMARY = (
     "what touch is worth: each preset and a regime of turning pegs, beside the same with theta frozen or taken for 0"

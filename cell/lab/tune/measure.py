@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from cell.cell_config import CellConfig
-from cell.config import load
+from cell.config.cell_config import CellConfig
+from cell.config.load import load
 from cell.lab.trials import TrialRow, run_trials
 from cell.lab.tune.wish import Wish, cost
 from drivers.errors import ConfigError

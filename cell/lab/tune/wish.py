@@ -9,7 +9,7 @@ import numpy as np
 
 from cell.lab.rows import quantile
 from cell.lab.trials import TrialRow
-from cell.statistics import wilson
+from cell.records.statistics import wilson
 from drivers.errors import ConfigError
 from skills.contract import Outcome
 

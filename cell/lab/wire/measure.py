@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from cell.assembly import bench_skin
-from cell.cell_config import CellConfig
-from cell.config import load
+from cell.config.cell_config import CellConfig
+from cell.config.load import load
+from cell.devices.assembly import bench_skin
 from cell.lab.trials import TrialRow, run_trials
 from cell.lab.wire import switch_wire
 from cell.lab.wire.switch_wire import SwitchLine

@@ -4,10 +4,10 @@ import argparse
 import json
 from dataclasses import asdict
 
-from cell.arguments import out_folder
+from cell.commands.arguments import out_folder
+from cell.commands.terminal import progress
 from cell.lab.arguments import add_seed, add_study, add_trials, add_workers, load_simulated
 from cell.lab.report import StudyReport
-from cell.terminal import progress
 
 SUMMARY = "the wires of skin and switch: decoding, age, recovery, whole insertions through each"
 

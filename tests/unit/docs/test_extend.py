@@ -60,5 +60,5 @@ def test_a_study_touches_the_list_of_studies_and_that_of_packages():
 
 
 def test_every_slot_for_the_scan_carries_the_pose_that_a_page_shows():
-    assert "seen: Observation" in SOURCES["cell/live.py"]
+    assert "seen: Observation" in SOURCES["cell/run/live.py"]
     assert "peg: PegPose" in SOURCES["skills/contract.py"]

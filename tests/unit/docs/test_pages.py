@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from cell.cli import COMMANDS
-from cell.config import load
+from cell.commands.cli import COMMANDS
+from cell.config.load import load
 from tests.pages import PAGES, REASONS, ROOT, Block, blocks, without_blocks
 
 LINK = re.compile(r"(?<!\\)\[[^\]]*\]\(([^)\s]+)\)|^\[[^\]]+\]: (\S+)", re.M)

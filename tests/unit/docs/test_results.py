@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import pytest
 
-from cell.cli import COMMANDS
+from cell.commands.cli import COMMANDS
 from tests.results import PAGE, ROOT, commits_since, data, page, printed
 
 WORDS = 2500

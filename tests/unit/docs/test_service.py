@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from cell.arguments import Parser, add_shared
-from cell.cli import load_command
-from cell.journal import default_folder
+from cell.commands.arguments import Parser, add_shared
+from cell.commands.cli import load_command
+from cell.records.journal import default_folder
 
 UNIT = Path("docs/examples/service/tactile-cell.service")
 EXPOSURE = 30

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from cell.config_files import arm_file
+from cell.config.files import arm_file
 from drivers import impedance
 from drivers.arm import dynamics, learning
 from drivers.arm.inertia import joint_inertia

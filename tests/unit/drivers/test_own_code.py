@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 import drivers
-from cell.config_files import arm_file
+from cell.config.files import arm_file
 from cell.page.records import _run
 from drivers.arm.franka import FrankaArm
 from drivers.arm.franka_config import FrankaArmConfig

@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from cell.line import PARAMETERS, PROGRAMS, WORDS
+from cell.config.parameters import PARAMETERS
+from cell.run.line import PROGRAMS, WORDS
 from plc_bridge.images import COMMAND, REPORT
 from plc_bridge.messages import Control, Refusal, Result
 from plc_bridge.plc_names import plc_names

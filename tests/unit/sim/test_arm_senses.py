@@ -4,7 +4,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cell.config_files import arm_file
+from cell.config.files import arm_file
 from drivers import impedance
 from drivers.arm.model import read_arm
 from sim import arm_senses

@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cell.config_files import arm_file
+from cell.config.files import arm_file
 from drivers.arm.model import read_arm
 from drivers.errors import ConfigError
 from sim import arm_senses, joint_drive

@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from cell.config_files import ARMS
+from cell.config.files import ARMS
 from drivers import frames
 from drivers.arm.kinematics import finger_frame
 from drivers.arm.model import JOINTS, read_arm

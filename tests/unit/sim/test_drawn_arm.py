@@ -5,9 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from cell.config import load
-from cell.config_files import ERRORS_FILE
-from cell.config_files import SHIPPED as SHIPPED_FILES
+from cell.config.files import ERRORS_FILE
+from cell.config.files import SHIPPED as SHIPPED_FILES
+from cell.config.load import load
 from sim.arm_truth import ideal
 from sim.config import RealityConfig
 from sim.drawn_arm import drawn_arm

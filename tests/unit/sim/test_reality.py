@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cell.config_files import ERRORS_FILE
-from cell.config_files import SHIPPED as SHIPPED_FILES
+from cell.config.files import ERRORS_FILE
+from cell.config.files import SHIPPED as SHIPPED_FILES
 from drivers.errors import ConfigError
 from sim.config import RealityConfig
 from sim.reality import KINDS, Reality, read, recorded

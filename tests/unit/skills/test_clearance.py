@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cell.config import load
+from cell.config.load import load
 from drivers.errors import SetpointError
 from drivers.quantities import InHandTip
 from skills.clearance import Attitude, Box, boxes_of, nearest, require_clear

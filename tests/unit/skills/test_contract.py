@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from cell.config import load
+from cell.config.load import load
 from drivers.errors import ArmSilentError, NotFiniteError, NotPassiveError, SkinUntrustedError
 from drivers.frames import UP
 from drivers.quantities import ImpedanceSetpoint, SwitchState, TaxelFrame, Wrench

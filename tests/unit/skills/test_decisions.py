@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from cell.config import load
+from cell.config.load import load
 from drivers.errors import SwitchDisagreesError, SwitchUnknownError
 from drivers.part.round import Round
 from drivers.quantities import SwitchState

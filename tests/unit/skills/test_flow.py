@@ -2,7 +2,7 @@
 
 import pytest
 
-from cell.config import load
+from cell.config.load import load
 from drivers.errors import CellError
 from skills.contract import Interrupted, Outcome, Reason, SkillResult
 from skills.flow import in_order, run_stage

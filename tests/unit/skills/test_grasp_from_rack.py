@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cell.config import load
+from cell.config.load import load
 from drivers.errors import SkinUntrustedError
 from drivers.frames import UP, rotation_about
 from drivers.quantities import Pose

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from cell.config import load
+from cell.config.load import load
 from skills.catalogue import ADJUST, GRASP, INSERT, SEARCH
 from skills.grip import CONTACT, Grip, grip_of, slip_of_turn
 from skills.search.feel import SLIP

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cell.config import load
+from cell.config.load import load
 from drivers.frames import UP, angle_between, rotation_about
 from drivers.quantities import SwitchState
 from skills.catalogue import ADJUST, GRASP, INSERT, SEARCH

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cell.config import load
+from cell.config.load import load
 from drivers.frames import UP
 from skills.latch_likelihood import BEFORE, DOUBT, FORCE_SHARE, SHEAR, Signature, resistance
 from skills.latch_looks import LEAST_LOOKS, MOST_LOOKS, TURNING_BACK, Looks, is_enough

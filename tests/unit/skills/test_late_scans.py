@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cell.config import load
+from cell.config.load import load
 from drivers.errors import ScanOverrunError
 from skills.motion import Goal, Transfer, move
 from skills.scan_guards import LONGEST_STEP, ScanLimits

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from cell.config import load
+from cell.config.load import load
 from drivers.frames import UP, rotation_about
 from skills.catalogue import GRASP
 from skills.contract import Interrupted, Reason

@@ -2,7 +2,7 @@
 
 import pytest
 
-from cell.config import load
+from cell.config.load import load
 from drivers.errors import ConfigError
 from skills.catalogue import ADJUST, GRASP, INSERT, SEARCH
 from skills.pace import Capped, Pace, at_pace, capped

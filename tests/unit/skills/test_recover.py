@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from cell.config import load
+from cell.config.load import load
 from drivers.frames import UP, angle_between, rotation_about
 from drivers.quantities import Pose, SwitchState
 from skills import grasp_from_rack

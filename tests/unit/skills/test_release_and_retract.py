@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cell.config import load
+from cell.config.load import load
 from drivers.frames import UP, rotation_about
 from drivers.quantities import GripperState, ImpedanceSetpoint, Pose, SwitchState
 from skills.catalogue import RELEASE

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cell.config import load
+from cell.config.load import load
 from skills.catalogue import SEARCH
 from skills.paths import TURN_TIME, Lanes
 from skills.search.belief import Belief

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from cell.config import load
+from cell.config.load import load
 from skills.search.belief import Belief
 from skills.search.course import make_course
 from skills.search.decoys import BLIND, NOWHERE, SHALLOW, THROUGH, Decoy, decoy_at

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from cell.config import load
+from cell.config.load import load
 from skills.catalogue import SEARCH
 from skills.search.belief import Belief
 from skills.search.course import make_course

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cell.config import load
+from cell.config.load import load
 from drivers.quantities import Pose
 from skills.catalogue import SEARCH
 from skills.search.course import make_course

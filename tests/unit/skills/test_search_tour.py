@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from cell.config import load
+from cell.config.load import load
 from skills.paths import TURN_TIME
 from skills.search.belief import TRIES, Belief
 from skills.search.course import ANYWHERE, make_course

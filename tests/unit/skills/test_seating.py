@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cell.config import load
+from cell.config.load import load
 from drivers.errors import SwitchDisagreesError, SwitchUnknownError
 from drivers.frames import UP
 from drivers.quantities import ImpedanceSetpoint, SwitchState

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cell.config import load
+from cell.config.load import load
 from drivers.frames import UP
 from drivers.quantities import GripperState, ImpedanceSetpoint, Wrench
 from skills.latch_likelihood import (

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from cell.config import load
+from cell.config.load import load
 from drivers.frames import UP
 from skills.catalogue import SEARCH
 from skills.held_peg import HeldPeg

@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cell.config import load
-from cell.margins import inertias
+from cell.config.load import load
+from cell.config.margins import inertias
 from drivers.arm.dynamics import critical_damping
 from drivers.errors import SwitchDisagreesError
 from drivers.frames import UP, angle_between, end_point, rotation_about

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from cell.config import load
+from cell.config.load import load
 from drivers.frames import UP, angle_between
 from drivers.parts import HolePrior
 from drivers.quantities import Pose

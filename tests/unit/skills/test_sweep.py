@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cell.config import load
+from cell.config.load import load
 from drivers.frames import UP, angle_between, end_point
 from drivers.quantities import Pose
 from skills.catalogue import SEARCH

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from cell.config import load
+from cell.config.load import load
 from drivers.errors import SwitchUnknownError
 from drivers.frames import UP, angle_between, rotation_about
 from drivers.quantities import Pose, SwitchState, Vector

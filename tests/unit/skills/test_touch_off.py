@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cell.config import load
+from cell.config.load import load
 from drivers.errors import WrenchReversedError
 from drivers.frames import UP
 from drivers.quantities import Pose

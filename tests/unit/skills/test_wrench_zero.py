@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cell.config import load
+from cell.config.load import load
 from drivers.errors import WrenchOffsetError, WrenchReversedError
 from drivers.quantities import Wrench
 from skills.search.feel import TOUCHED, Bearing

@@ -8,9 +8,9 @@ import pytest
 
 from cell.film.playback import RunPlayback
 from cell.film.recorded import recorded
-from cell.journal import Journal
-from cell.record import scene_facts
-from cell.sample_blocks import SampleStream
+from cell.records.journal import Journal
+from cell.records.sample_blocks import SampleStream
+from cell.run.record import scene_facts
 from drivers.errors import JournalError
 from tests.filmed_runs import HOLE, PERIOD, ROW, held_peg, record, scan
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from cell.config import load
+from cell.config.load import load
 from cell.lab.opinion import measure
 from cell.lab.opinion.figures import Agreement, Comparison, JointFigure
 from cell.lab.opinion.tables import agreement, joints, trials

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cell.config import load
+from cell.config.load import load
 from cell.lab.reality import rows
 from cell.lab.reality.measure import errors_of
 from cell.lab.results import result_of

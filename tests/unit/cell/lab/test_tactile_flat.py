@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from cell.config import load
+from cell.config.load import load
 from cell.lab.tactile.elastic_layer import layer_pads
 from cell.lab.tactile.measure import CONDITIONS, DEPTHS, GRIP, depths_of, made, simulated_skin
 from drivers.part.rectangular import Rectangular

@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import pytest
 
-from cell.config import load
-from cell.config_files import presets
+from cell.config.files import presets
+from cell.config.load import load
 from cell.lab.results import TrialsResult
 from cell.lab.rows import write_rows
 from cell.lab.touch.charts import draw

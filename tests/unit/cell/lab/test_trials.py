@@ -10,7 +10,7 @@ from rich.console import Console
 from cell.lab import trials
 from cell.lab.tables import loads
 from cell.lab.trials import COLUMNS, ERRORS, PARTIAL, read_table, run_trials, summarise, write_table
-from cell.provenance import config_hash, versions
+from cell.records.provenance import config_hash, versions
 from drivers.errors import ConfigError
 from tests.trial_rows import SEATED
 

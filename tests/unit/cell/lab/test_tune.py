@@ -5,8 +5,8 @@ from dataclasses import replace
 
 import pytest
 
-from cell.config import load
-from cell.config_files import DEFAULT
+from cell.config.files import DEFAULT
+from cell.config.load import load
 from cell.lab.tune.measure import SECTIONS, STYLES, Space, toml
 from cell.lab.tune.wish import LOST, cost, wishes_of
 from drivers.errors import ConfigError

@@ -5,8 +5,7 @@ from dataclasses import replace
 
 import pytest
 
-from cell.line import CONTROLS, PARAMETERS, PROGRAMS
-from cell.live import KEPT, Live, Look, Pull
+from cell.config.parameters import PARAMETERS
 from cell.page import telling
 from cell.page.commands import Ask, BadAskError, parse
 from cell.page.guard import part_of, refusal
@@ -14,7 +13,9 @@ from cell.page.hub import PageHub
 from cell.page.records import Records, shift
 from cell.page.token import FILE, is_token, page_token
 from cell.page.traces import NAMES, POINTS, STEP, Traces, touch
-from cell.states import TRANSITIONS, Event, State
+from cell.run.line import CONTROLS, PROGRAMS
+from cell.run.live import KEPT, Live, Look, Pull
+from cell.run.states import TRANSITIONS, Event, State
 from drivers.errors import FAULTS, ConfigError, FaultCode
 from plc_bridge.bridge import Bridge
 from plc_bridge.images import ReportImage

@@ -9,15 +9,15 @@ from tempfile import TemporaryDirectory
 import numpy as np
 import pytest
 
-from cell.journal import Journal
-from cell.journal_index import Index
-from cell.journal_schema import ConfigRow, RunRow, StageRow
-from cell.journal_told import Kind, told_columns
+from cell.records.index import Index
+from cell.records.journal import Journal
+from cell.records.run_query import RunQuery, since_text
+from cell.records.schema import ConfigRow, RunRow, StageRow
+from cell.records.told import Kind, told_columns
 from cell.report.comparison import compared
 from cell.report.document import write
 from cell.report.facts import LEAST_DRIFT, Facts, drift_of, facts_of
 from cell.report.words import tables
-from cell.run_query import RunQuery, since_text
 from drivers.errors import ConfigError
 from skills.catalogue import ADJUST, CATALOGUE, GRASP, SEARCH
 

@@ -5,7 +5,7 @@ from datetime import date
 import numpy as np
 import pytest
 
-from cell.config_files import arm_file
+from cell.config.files import arm_file
 from drivers.arm import learning
 from drivers.arm.calibration import ArmCalibration, Measured, implausible, read_arm_calibration
 from drivers.arm.model import read_arm

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from cell.config_files import arm_file
+from cell.config.files import arm_file
 from drivers import impedance
 from drivers.arm import dynamics, inertia
 from drivers.arm.inertia import joint_inertia, tip_inertia

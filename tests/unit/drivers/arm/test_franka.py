@@ -4,7 +4,7 @@ import os
 import numpy as np
 import pytest
 
-from cell.config_files import arm_file
+from cell.config.files import arm_file
 from drivers import impedance
 from drivers.arm import franka as arm
 from drivers.arm.franka import FrankaArm

@@ -2,7 +2,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from cell.config_files import arm_file
+from cell.config.files import arm_file
 from drivers import impedance
 from drivers.arm.inertia import joint_inertia, tip_inertia
 from drivers.arm.model import read_arm

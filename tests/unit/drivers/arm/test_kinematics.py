@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from cell.config_files import arm_file
+from cell.config.files import arm_file
 from drivers import impedance
 from drivers.arm.kinematics import joints_at, links
 from drivers.arm.model import read_arm

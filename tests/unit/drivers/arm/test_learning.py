@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from cell.config_files import arm_file
+from cell.config.files import arm_file
 from drivers.arm import learning
 from drivers.arm.model import JOINTS, read_arm
 

@@ -3,7 +3,7 @@ import tomllib
 import numpy as np
 import pytest
 
-from cell.config_files import ARMS, arm_file
+from cell.config.files import ARMS, arm_file
 from drivers import impedance
 from drivers.arm.model import read_arm
 from drivers.errors import ConfigError

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import sim
-from cell.config_files import ARMS
-from cell.record import scene_facts
+from cell.config.files import ARMS
+from cell.run.record import scene_facts
 from drivers.arm.kinematics import finger_frame
 from drivers.arm.model import read_arm
 from drivers.frames import rotation_about

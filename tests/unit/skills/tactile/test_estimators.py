@@ -6,7 +6,7 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
-from cell.assembly import make_estimator
+from cell.devices.assembly import make_estimator
 from drivers.skin.layout import LAYOUTS
 from tests.pegs import ALL, LOAD, NONSENSE, folded, framed, nonsense, readings, shipped
 

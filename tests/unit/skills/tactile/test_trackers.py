@@ -6,7 +6,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from cell.config import load
+from cell.config.load import load
 from skills.tactile.blend import Blend, Smoothing
 from skills.tactile.pose import PegPose, Tracker
 

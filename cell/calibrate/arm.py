@@ -1,0 +1,344 @@
+"""Calibration of the arm: each joint moves slowly to and fro in free space, then all joints together.
+
+The arm moves through the same contract as in a skill: joint paths give one setpoint at the tool centre point per scan,
+through the gate and the limits. The torque of a joint beyond the arm's model comes from the law's momentum observer,
+`ArmState.unexplained`.
+"""
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from datetime import date
+
+import numpy as np
+
+from cell.calibrate.joint_fit import JointFit, Pass, fit
+from cell.config.cell_config import CellConfig
+from cell.devices.assembly import assemble, opened
+from drivers import impedance
+from drivers.arm.calibration import ArmCalibration, Measured, implausible
+from drivers.arm.kinematics import jacobian, joints_at
+from drivers.arm.model import JOINTS, ArmModel
+from drivers.errors import CellError, ConfigError, NotCalibratedError
+from drivers.frames import UP
+from drivers.quantities import ImpedanceSetpoint, Pose, Twist, Vector
+from skills.catalogue import GRASP
+from skills.clearance import Attitude, require_clear
+from skills.contract import Interrupted, Observation, SkillContext
+from skills.grasp_from_rack import ACROSS_RACK
+from skills.motion import VALIDITY, Goal, Transfer, move
+
+REACH = 0.2
+"""Largest joint displacement from the start, rad."""
+RUN_UP = 0.2
+"""Time of acceleration and of deceleration of a pass, s."""
+SETTLED = 0.5
+"""Time after the run-up before torques count, s; then overshoot in speed and rotor torque have decayed."""
+HEIGHT = 0.25
+"""Height of the fingers over rack and plate, m."""
+INSIDE = 0.02
+"""Margin to the edge of the workspace, m, and to the joints' limits, rad."""
+LEAST_REACH = 0.5
+"""Least permitted displacement in a small workspace, as a fraction of `REACH`."""
+SWING = 0.07
+"""Amplitude of each joint in the motion of all joints, rad."""
+RATES = (1.0, 1.3, 1.7, 1.1, 1.9, 1.5, 2.1)
+"""Angular rate of each joint in the motion of all joints, rad/s; they differ, so that every combination of directions occurs."""
+NULL_LEAD = impedance.NULL_DAMPING / impedance.NULL_STIFFNESS
+"""Lead of the commanded posture before the path, s; it compensates the lag of the null space."""
+MOVING = 0.03
+"""Joint velocity above which the torque is compared with the figures, rad/s."""
+AWAKE = 0.5
+"""Least ratio of measured to commanded speed in a pass, fraction; a slower joint is blocked."""
+
+
+@dataclass(frozen=True, slots=True)
+class Sweep:
+    """Parameters of the joint motions."""
+
+    speeds: tuple[float, ...] = (0.06, 0.15, 0.35)
+    """Speeds of the passes, rad/s: as in slow corrections, in a search, and in a transfer."""
+    even: float = 1.2
+    """Time of the constant-speed part of a pass, s, if the joint's range permits it."""
+    repeats: int = 2
+    """Number of passes at each speed in each direction, at least 2."""
+    together: float = 12.0
+    """Duration of the motion of all joints, s."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Sample:
+    """One scan of a motion: time since its start, s, joint velocities, rad/s, and torques beyond the model, N·m."""
+
+    elapsed: float
+    dq: Vector
+    torque: Vector
+
+
+def calibrate_arm(
+    config: CellConfig, today: date, done: Callable[[int, int], None], sweep: Sweep = Sweep()
+) -> ArmCalibration:
+    """Move every joint and return the arm's calibration; in any case, bring the arm to rest.
+
+    Args:
+        config: Config of the cell; its own calibration is not used.
+        today: Date of the calibration.
+        done: Function called with the number of motions done and of all.
+        sweep: Parameters of the joint motions.
+
+    Raises:
+        NotCalibratedError: The arm had contact, a joint did not move, or the figures are impossible for an arm.
+        CellError: A device cannot be opened, times out, is stopped, or does not follow its setpoint.
+    """
+    arm = config.arm_model()
+    with opened(assemble(_alone(config))) as cell:
+        ctx = cell.context(0)
+        ctx.stage = "calibrate arm"
+        try:
+            _require_empty(ctx)
+            start = _go_to_middle(config, ctx)
+            passes = _to_and_fro(arm, start, config, ctx, sweep, done)
+            together = _all_together(arm, start, config, ctx, sweep.together)
+            done(JOINTS + 1, JOINTS + 1)
+        except Interrupted as interruption:
+            raise NotCalibratedError(
+                f"calibrate arm: {interruption.reason.name} with nothing there to touch: limits.force = "
+                f"{config.limits.force:g} N; see what the arm touches, and whether the payload is right"
+            ) from None
+        finally:
+            with suppress(CellError):
+                ctx.rest.wait(ctx.clock, ctx.scan_period)
+    fits = [fit([each for each in passes if each.joint == joint], sweep.speeds) for joint in range(JOINTS)]
+    found = _calibration(fits, together, sweep.speeds, arm, config.arm_unit(), today)
+    if (why := implausible(found, arm)) is not None:
+        raise NotCalibratedError(f"calibrate arm: {why}: see what the arm touches, its payload and its brakes")
+    return found
+
+
+def _alone(config: CellConfig) -> CellConfig:
+    """Return the config without the arm's calibration; a simulation runs at the fastest pace."""
+    changes: dict[str, object] = {"calibration": config.calibration.model_copy(update={"arm": None})}
+    if config.is_simulated and config.sim is not None:
+        changes["sim"] = config.sim.model_copy(update={"pace": "max"})
+    return config.model_copy(update=changes)
+
+
+def _require_empty(ctx: SkillContext) -> None:
+    if ctx.observe().gripper.is_gripping:
+        raise NotCalibratedError("calibrate arm: the hand holds something; empty fingers needed: `cell run recover`")
+
+
+def _go_to_middle(config: CellConfig, ctx: SkillContext) -> Vector:
+    """Move to a point above the middle between rack and plate; return the joint positions, shape (7,), rad."""
+    transfer = config.params(GRASP).transfer
+    low, high = np.array(config.limits.low), np.array(config.limits.high)
+    between = 0.5 * (np.array(config.hole.centre) + np.array(config.rack.first))
+    between[2] = max(config.hole.centre[2], config.rack.first[2]) + HEIGHT
+    place = np.clip(between, low + REACH, high - REACH)
+    if joints_at(config.arm_model(), place, UP, ACROSS_RACK, 0.0, transfer.elbow) is None:
+        raise ConfigError(
+            f"calibrate arm: the arm does not reach {place.round(3).tolist()}; see rack.first and hole.centre"
+        )
+    hand = ctx.observe().arm.tcp
+    risen = np.array([*hand.position[:2], max(place[2], hand.position[2])])
+    for goal in (Goal(risen, -hand.rotation[:, 0], hand.rotation[:, 2]), Goal(place, UP, ACROSS_RACK)):
+        for _ in move(goal, transfer, ctx, None, settle=0.5):
+            pass
+    ctx.zero_wrench()
+    return ctx.observe().arm.q
+
+
+def _to_and_fro(
+    arm: ArmModel, start: Vector, config: CellConfig, ctx: SkillContext, sweep: Sweep, done: Callable[[int, int], None]
+) -> list[Pass]:
+    """Move each joint in turn to and fro at every speed, and return the means of the passes."""
+    passes = []
+    for joint in range(JOINTS):
+        done(joint, JOINTS + 1)
+        reach = _reach(arm, start, joint, config)
+        for speed in sweep.speeds:
+            half = min(reach, 0.5 * speed * (sweep.even + RUN_UP + SETTLED))
+            ends = start.copy(), start.copy()
+            ends[0][joint] -= half
+            ends[1][joint] += half
+            _seen(arm, start, ends[0], speed, config, ctx)
+            for number in range(2 * sweep.repeats):
+                passes.append(_pass(arm, ends[number % 2], ends[1 - number % 2], joint, speed, config, ctx))
+            _seen(arm, ends[0], start, speed, config, ctx)
+    return passes
+
+
+def _pass(
+    arm: ArmModel, at: Vector, to: Vector, joint: int, speed: float, config: CellConfig, ctx: SkillContext
+) -> Pass:
+    """Move a joint in one pass, and return the mean of the constant-speed part.
+
+    Raises:
+        NotCalibratedError: The joint was slower than `AWAKE` of its commanded speed.
+    """
+    seen = _seen(arm, at, to, speed, config, ctx)
+    sense = math.copysign(1.0, float(to[joint] - at[joint]))
+    rate = float(np.mean([each.dq[joint] for each in seen]))
+    if not sense * rate >= AWAKE * speed:
+        raise NotCalibratedError(
+            f"calibrate arm: joint {joint + 1} went at {sense * rate:.3f} rad/s where {speed:g} was asked for; {AWAKE * speed:g}"
+            " needed: it is held by something, or rubs too much for the gains of grasp.transfer"
+        )
+    drift = float(np.polyfit([each.elapsed for each in seen], [each.dq[joint] for each in seen], 1)[0])
+    return Pass(joint, sense * speed, rate, float(np.mean([each.torque[joint] for each in seen])), drift)
+
+
+def _seen(arm: ArmModel, at: Vector, to: Vector, speed: float, config: CellConfig, ctx: SkillContext) -> list[Sample]:
+    """Move the joints straight between two positions, and return the samples of the constant-speed part."""
+    way = to - at
+    duration = float(np.abs(way).max()) / speed + RUN_UP
+
+    def path(time: float) -> tuple[Vector, Vector]:
+        share, rate = _even(time, duration)
+        return at + share * way, rate * way
+
+    return [
+        Sample(seen.elapsed, seen.arm.dq, _unexplained(seen))
+        for seen in _follow(arm, path, duration, config.params(GRASP).transfer, ctx)
+        if RUN_UP + SETTLED <= seen.elapsed <= duration - RUN_UP
+    ]
+
+
+def _all_together(arm: ArmModel, start: Vector, config: CellConfig, ctx: SkillContext, duration: float) -> list[Sample]:
+    """Move all joints together, and return the samples."""
+    rates = np.array(RATES)
+
+    def path(time: float) -> tuple[Vector, Vector]:
+        # The amplitude grows and decays, so that the motion starts and ends at rest.
+        grown = SWING * math.sin(math.pi * time / duration) ** 2
+        growth = SWING * math.pi / duration * math.sin(2.0 * math.pi * time / duration)
+        turned = rates * time
+        return start + grown * np.sin(turned), growth * np.sin(turned) + grown * rates * np.cos(turned)
+
+    return [
+        Sample(seen.elapsed, seen.arm.dq, _unexplained(seen))
+        for seen in _follow(arm, path, duration, config.params(GRASP).transfer, ctx)
+    ]
+
+
+def _follow(
+    arm: ArmModel,
+    path: Callable[[float], tuple[Vector, Vector]],
+    duration: float,
+    transfer: Transfer,
+    ctx: SkillContext,
+) -> Iterator[Observation]:
+    """Move the joints along a path, and yield every scan.
+
+    Args:
+        arm: Figures of the arm.
+        path: Function that returns joint positions, rad, and velocities, rad/s, shape (7,) each, at a time, s.
+        duration: Time of the path, s.
+        transfer: Gains, and the distance from plate and rack.
+        ctx: Context of the motion.
+    """
+    figures = impedance.figures(arm)
+    places = [_hand(figures, path(time)[0])[0] for time in np.linspace(0.0, duration, 25)]
+    way = [Attitude(place.position, -place.rotation[:, 0], place.rotation[:, 2]) for place in places]
+    require_clear(way, ctx.job, None, transfer.clearance)
+    identity, stiffness, damping = ctx.new_id(), transfer.gains.stiffness(), transfer.gains.damping_ratios()
+    for seen in ctx.scan(10.0 * duration):
+        if seen.elapsed >= duration:
+            return
+        q, dq = path(seen.elapsed)
+        hand, J = _hand(figures, q)
+        twist = J @ dq
+        ctx.follow(
+            ImpedanceSetpoint(
+                id=identity,
+                tip=hand.position,
+                axis=-hand.rotation[:, 0],
+                roll=hand.rotation[:, 2],
+                stiffness=stiffness,
+                damping_ratio=damping,
+                valid_until=seen.stamp + VALIDITY,
+                # The null space is damped against the base, so that its goal must lead.
+                posture=q + NULL_LEAD * dq,
+                is_free=True,
+                twist=Twist(twist[:3], twist[3:]),
+            )
+        )
+        yield seen
+
+
+def _hand(figures: Vector, q: Vector) -> tuple[Pose, Vector]:
+    """Return T_base_tcp and its Jacobian, shape (6, 7), base frame; `figures` are those of `drivers.impedance`."""
+    position, rotation, axes, origins = impedance.forward(figures, q)
+    return Pose(position, rotation), jacobian(position, axes, origins)
+
+
+def _reach(arm: ArmModel, start: Vector, joint: int, config: CellConfig) -> float:
+    """Return the largest displacement of a joint to both sides, within its range and with the hand in the workspace, rad.
+
+    Raises:
+        ConfigError: The displacement is too small for a calibration.
+    """
+    low, high = np.array(config.limits.low) + INSIDE, np.array(config.limits.high) - INSIDE
+    for share in np.linspace(1.0, LEAST_REACH, 6):
+        reach, is_inside = REACH * float(share), True
+        for sense in (-1.0, 1.0):
+            q = start.copy()
+            q[joint] += sense * reach
+            is_inside &= arm.joints.q_min[joint] + INSIDE <= q[joint] <= arm.joints.q_max[joint] - INSIDE
+            place = _hand(impedance.figures(arm), q)[0].position
+            is_inside &= bool(np.all(place >= low) and np.all(place <= high))
+        if is_inside:
+            return reach
+    raise ConfigError(
+        f"calibrate arm: joint {joint + 1} cannot move by {LEAST_REACH * REACH:.3f} rad to both sides within limits.low ="
+        f" {list(config.limits.low)} and limits.high = {list(config.limits.high)}: a wider workspace needed"
+    )
+
+
+def _even(time: float, duration: float) -> tuple[float, float]:
+    """Return position and rate, relative to the whole distance, of a trapezoidal speed profile."""
+    most = 1.0 / (duration - RUN_UP)
+    t = min(max(time, 0.0), duration)
+    if t < RUN_UP:
+        return 0.5 * most * t * t / RUN_UP, most * t / RUN_UP
+    left = duration - t
+    if left < RUN_UP:
+        return 1.0 - 0.5 * most * left * left / RUN_UP, most * left / RUN_UP
+    return most * (t - 0.5 * RUN_UP), most
+
+
+def _unexplained(seen: Observation) -> Vector:
+    torque = seen.arm.unexplained
+    if torque is None:
+        raise NotCalibratedError("calibrate arm: this arm does not tell what torque its joints take")
+    return torque
+
+
+def _calibration(
+    fits: Sequence[JointFit],
+    together: Sequence[Sample],
+    speeds: tuple[float, ...],
+    arm: ArmModel,
+    unit: str,
+    today: date,
+) -> ArmCalibration:
+    def measured(pairs: Sequence[tuple[float, float]]) -> Measured:
+        values, intervals = zip(*pairs, strict=True)
+        return Measured(value=values, interval=intervals)
+
+    found = ArmCalibration(
+        date=today,
+        arm=arm.name,
+        unit=unit,
+        speeds=speeds,
+        friction=tuple(measured([each.friction[k] for each in fits]) for k in range(len(speeds))),
+        offset=measured([each.offset for each in fits]),
+        dry=measured([each.dry for each in fits]),
+        smooth=measured([each.smooth for each in fits]),
+        unexplained=(0.0,) * JOINTS,
+    )
+    dq, torque = np.array([s.dq for s in together]), np.array([s.torque for s in together])
+    left = np.where(np.abs(dq) > MOVING, torque - found.predicted(dq), np.nan)
+    rms = np.sqrt(np.nanmean(left**2, axis=0))
+    return found.model_copy(update={"unexplained": tuple(float(x) for x in rms)})

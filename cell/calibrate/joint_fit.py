@@ -1,0 +1,109 @@
+"""Friction and gravity remainder of a joint, from the torques of passes in both directions; pure."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from cell.records.statistics import student
+from drivers.arm.learning import DRY_RATE, SMOOTH_RATE
+from drivers.quantities import Vector
+
+RESOLVED = 0.03
+"""Least half width of an interval, N·m: error of a momentum observer without rotors and torque path in its model."""
+RESOLVED_SHARE = 0.02
+"""Additional relative error of the observer, fraction."""
+ROTOR = 0.3
+"""Rotor inertia beyond the model, kg·m², and its uncertainty; published values are 0 to 0.61, see `config/arms/fr3.toml`."""
+
+
+@dataclass(frozen=True, slots=True)
+class Pass:
+    """Mean of one pass of one joint at constant speed."""
+
+    joint: int
+    """Number of the joint, from 0."""
+    speed: float
+    """Commanded velocity, rad/s, with the sign of its direction."""
+    rate: float
+    """Measured velocity of the joint, rad/s."""
+    torque: float
+    """Torque of the joint beyond the arm's model, N·m."""
+    drift: float = 0.0
+    """Acceleration during the pass, rad/s²; it causes rotor torque, which is not in the model."""
+
+
+@dataclass(frozen=True, slots=True)
+class JointFit:
+    """Figures of one joint, each with half the width of its 95 % interval; N·m."""
+
+    dry: tuple[float, float]
+    smooth: tuple[float, float]
+    offset: tuple[float, float]
+    friction: tuple[tuple[float, float], ...]
+    """Friction at each speed."""
+
+
+def fit(passes: Sequence[Pass], speeds: Sequence[float]) -> JointFit:
+    """Return the figures of one joint from its passes.
+
+    For any friction law, the friction at a speed is half the difference of the mean torques in the two directions. The
+    offset is the mean of their means. The estimated rotor torque of the acceleration during a pass is subtracted, and the
+    same amount is added to the interval. Dry and smooth friction are fitted to the passes, both >= 0.
+
+    Args:
+        passes: Passes at each of the speeds, at least two in each direction.
+        speeds: Speeds for which friction is returned, rad/s.
+    """
+    passes = [replace(each, torque=each.torque - ROTOR * each.drift) for each in passes]
+    groups = {(s, sense): [p.torque for p in passes if p.speed == sense * s] for s in speeds for sense in (-1.0, 1.0)}
+    freedom = sum(len(group) - 1 for group in groups.values())
+    scatter = math.sqrt(sum(float(np.var(group)) * len(group) for group in groups.values()) / freedom)
+    quantile = student(freedom)
+    frictions, middles = [], []
+    dry, smooth = _levels(passes, float(np.mean([np.mean(group) for group in groups.values()])))
+    for speed in speeds:
+        back, there = groups[speed, -1.0], groups[speed, 1.0]
+        drift = float(
+            np.mean([each.drift * math.copysign(1.0, each.speed) for each in passes if abs(each.speed) == speed])
+        )
+        had = float(np.mean([abs(p.rate) for p in passes if abs(p.speed) == speed]))
+        # If a joint was slightly slower than commanded, the fitted curve corrects its torque to the commanded speed.
+        slower = smooth[0] * (math.tanh(speed / SMOOTH_RATE) - math.tanh(had / SMOOTH_RATE))
+        half = 0.5 * (float(np.mean(there)) - float(np.mean(back))) + slower
+        statistical = 0.5 * quantile * scatter * math.sqrt(1 / len(there) + 1 / len(back))
+        frictions.append((half, _interval(half, math.hypot(statistical, ROTOR * drift))))
+        middles.append(0.5 * (float(np.mean(there)) + float(np.mean(back))))
+    offset = float(np.mean(middles))
+    apart = student(len(speeds) - 1) * float(np.std(middles, ddof=1)) / math.sqrt(len(speeds))
+    return JointFit(dry, smooth, (offset, _interval(offset, apart)), tuple(frictions))
+
+
+def _levels(passes: Sequence[Pass], offset: float) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Return the best-fit levels of dry and smooth friction for a given offset, N·m, each with its interval."""
+    rates, torques = np.array([p.rate for p in passes]), np.array([p.torque for p in passes]) - offset
+    rows = np.column_stack([np.tanh(rates / DRY_RATE), np.tanh(rates / SMOOTH_RATE)])
+    used, values, spread = [0, 1], np.zeros(2), np.zeros((2, 2))
+    found, covariance = _least_squares(rows, torques)
+    if found.min() < 0.0:
+        used = [int(np.argmax(found))]
+        found, covariance = _least_squares(rows[:, used], torques)
+    values[used] = np.maximum(found, 0.0)
+    spread[np.ix_(used, used)] = covariance
+    quantile = student(len(passes) - 2)
+    dry, smooth = ((float(values[k]), _interval(float(values[k]), quantile * math.sqrt(spread[k, k]))) for k in (0, 1))
+    return dry, smooth
+
+
+def _interval(value: float, statistical: float) -> float:
+    """Return half the width of an interval, N·m, from scatter and from the resolution of the observer."""
+    return math.hypot(statistical, RESOLVED, RESOLVED_SHARE * value)
+
+
+def _least_squares(rows: Vector, torques: Vector) -> tuple[Vector, Vector]:
+    found, *_ = np.linalg.lstsq(rows, torques, rcond=None)
+    left = torques - rows @ found
+    variance = float(left @ left) / max(len(torques) - rows.shape[1], 1)
+    covariance: Vector = variance * np.linalg.pinv(rows.T @ rows)
+    return np.asarray(found, dtype=float), covariance

@@ -1,0 +1,212 @@
+"""Options shared by several commands, with the config and the journal that they name; it imports nothing slow."""
+
+import argparse
+from collections.abc import Iterable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NoReturn
+
+from cell.config.nearest import did_you_mean
+from drivers.errors import ConfigError, FaultCode
+
+if TYPE_CHECKING:
+    from cell.config.cell_config import JournalConfig
+    from cell.config.load import LoadedConfig
+    from cell.records.journal import Journal
+    from cell.records.run_query import RunQuery
+
+
+class Parser(argparse.ArgumentParser):
+    """Parser of the command line that raises its errors, so that they are reported like other wrong use, with a suggestion."""
+
+    def error(self, message: str) -> NoReturn:
+        """Raise the error.
+
+        Raises:
+            ConfigError: Always.
+        """
+        raise ConfigError(message)
+
+    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
+        """Parse the arguments, and report an unknown option before anything else.
+
+        Raises:
+            ConfigError: An option or an argument is wrong.
+        """
+        for word in args or ():
+            if word == "--" or (self._subparsers is not None and not word.startswith("-")):
+                break  # the rest belongs to a command
+            option = word.split("=", 1)[0]
+            if option.startswith("--") and not any(known.startswith(option) for known in self._option_string_actions):
+                known = [name for name in self._option_string_actions if name.startswith("--")]
+                raise ConfigError(f"{option}: no such option of {self.prog}{did_you_mean(option, known)}")
+        return super().parse_known_args(args, namespace)
+
+    def _check_value(self, action: argparse.Action, value: Any) -> None:
+        if action.choices is not None and value not in action.choices:
+            known = [str(choice) for choice in action.choices]
+            what = action.metavar if isinstance(action.metavar, str) else "/".join(action.option_strings)
+            raise ConfigError(f"{what} {value}: {', '.join(known)} allowed{did_you_mean(str(value), known)}")
+
+
+def add_shared(parser: argparse.ArgumentParser) -> None:
+    """Add the options of every command."""
+    parser.add_argument("-v", "--verbose", action="store_true", help="log everything")
+    parser.add_argument("--json", action="store_true", help="print the result as JSON")
+
+
+def add_config(parser: argparse.ArgumentParser) -> None:
+    """Add --config and --set."""
+    parser.add_argument("--config", type=Path, metavar="F", help="TOML file of the cell")
+    parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help="replace one key")
+
+
+def add_calibration_folder(parser: argparse.ArgumentParser) -> None:
+    """Add --out of a command that writes a measured file."""
+    parser.add_argument(
+        "--out",
+        type=Path,
+        metavar="DIR",
+        help="folder for the file; default calibration/ beside the config file, or among the user's own data",
+    )
+
+
+def add_journal(parser: argparse.ArgumentParser) -> None:
+    """Add --journal."""
+    parser.add_argument("--journal", type=Path, metavar="DIR", help="folder of the records of runs")
+
+
+def load_config(args: argparse.Namespace, default_pace: str | None = None) -> "LoadedConfig":
+    """Return the config named by --config and --set, at `default_pace` unless --set replaces it.
+
+    Raises:
+        ConfigError: The config is wrong.
+    """
+    from cell.config.load import load
+
+    sets = list(args.set)
+    if default_pace is not None and not any(text.startswith("sim.pace=") for text in sets):
+        sets.append(f"sim.pace={default_pace}")
+    return load(args.config, sets=sets)
+
+
+def open_journal(args: argparse.Namespace, config: "JournalConfig") -> "Journal":
+    """Return the journal for writing, not yet open: in --journal, the config's `folder`, or the user's data folder."""
+    from cell.records.journal import Journal, default_folder
+    from cell.records.upkeep import Keep
+
+    named = Path(config.folder).expanduser() if config.folder else default_folder()
+    return Journal(args.journal or named, keep=Keep(config.days, config.bytes, config.least_free))
+
+
+def read_journal(args: argparse.Namespace) -> "Journal":
+    """Return the journal for reading, not yet open: in --journal, or the user's data folder."""
+    from cell.records.journal import Journal, default_folder
+
+    return Journal(args.journal or default_folder(), is_read_only=True)
+
+
+def add_query(parser: argparse.ArgumentParser) -> None:
+    """Add the options that select runs."""
+    parser.add_argument("--since", default="", metavar="WHEN", help="30m, 12h, 7d, 4w back, or a date in local time")
+    parser.add_argument("--outcome", metavar="WORD", help="success, failure, aborted, fault, lost or running")
+    parser.add_argument("--fault", type=positive, metavar="CODE", help="number of a fault, as in 2004")
+    parser.add_argument("--part", metavar="SERIAL", help="serial number of the part")
+    parser.add_argument("--program", metavar="NAME", help="name of the program or skill")
+    parser.add_argument("--recipe", type=natural, metavar="N", help="number of the part's recipe")
+
+
+def query_of(args: argparse.Namespace) -> "RunQuery":
+    """Return the selection of runs from the options.
+
+    Raises:
+        ConfigError: A time or a word in it is wrong.
+    """
+    from cell.records import wall_clock
+    from cell.records.run_query import OUTCOMES, RunQuery, since_text
+
+    if args.outcome is not None:
+        require_known("--outcome", args.outcome, OUTCOMES)
+    if args.fault is not None:
+        require_known("--fault", str(args.fault), [str(int(code)) for code in FaultCode if code])
+    since = since_text(args.since, wall_clock.now()) if args.since else ""
+    return RunQuery(since, args.outcome, args.fault, args.part, args.program, args.recipe)
+
+
+def require_program(query: "RunQuery") -> None:
+    """If a query found no run, require that its program exists.
+
+    Raises:
+        ConfigError: The program does not exist.
+    """
+    from skills.catalogue import CATALOGUE
+
+    if query.program is not None:
+        require_known("--program", query.program, CATALOGUE)
+
+
+def out_folder(folder: Path) -> Path:
+    """Return the output folder of a command; create it if it is missing.
+
+    Raises:
+        ConfigError: The folder cannot be made.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ConfigError(f"{folder}: cannot be made: {error.strerror}") from None
+    return folder
+
+
+def require_known(what: str, name: str, known: Iterable[str]) -> None:
+    """Require a known name.
+
+    Raises:
+        ConfigError: The name is unknown; `what` is the kind of name, for the message.
+    """
+    known = list(known)
+    if name not in known:
+        raise ConfigError(f"{what} {name}: no such name; {', '.join(known)} allowed{did_you_mean(name, known)}")
+
+
+def positive(text: str) -> int:
+    """Return a whole number of at least 1."""
+    if not text.isdigit() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"{text!r}: a whole number >= 1 allowed")
+    return int(text)
+
+
+def natural(text: str) -> int:
+    """Return a whole number of at least 0."""
+    if not text.isdigit():
+        raise argparse.ArgumentTypeError(f"{text!r}: a whole number >= 0 allowed")
+    return int(text)
+
+
+def address(text: str) -> tuple[str, int]:
+    """Return host and port of a text `HOST:PORT`."""
+    host, colon, port = text.rpartition(":")
+    if not colon or not host or not port.isdigit() or not 0 < int(port) < 65536:
+        raise argparse.ArgumentTypeError(f"{text!r}: HOST:PORT allowed, as in 127.0.0.1:5020")
+    return host.strip("[]"), int(port)
+
+
+def listening(text: str) -> tuple[str, int]:
+    """Return host and port to listen on of a text `HOST:PORT`; port 0 takes a free one."""
+    host, colon, port = text.rpartition(":")
+    if not colon or not host or not port.isdigit() or int(port) > 65535:
+        raise argparse.ArgumentTypeError(f"{text!r}: HOST:PORT allowed, as in 127.0.0.1:8080; port 0 takes a free one")
+    return host.strip("[]"), int(port)
+
+
+def scheduler(text: str) -> str:
+    """Return the address of a Dask scheduler unchanged."""
+    protocol, colon, place = text.partition("://")
+    try:
+        address(place)
+    except argparse.ArgumentTypeError:
+        colon = ""
+    if not colon or protocol not in ("tcp", "tls"):
+        raise argparse.ArgumentTypeError(
+            f"{text!r}: tcp://HOST:PORT or tls://HOST:PORT allowed, as in tcp://127.0.0.1:8786"
+        )
+    return text

@@ -1,0 +1,204 @@
+"""Display of both fingers of the skin: in the terminal, as a picture, and their faults in words."""
+
+import time
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from threading import Event
+from typing import Any
+
+import numpy as np
+from rich.console import Group
+from rich.table import Table
+from rich.text import Text
+
+from cell.config.cell_config import CellConfig
+from cell.devices.assembly import SkinLine, assemble, opened, played_skin
+from drivers.errors import CellError, ConfigError
+from drivers.protocols import Clock
+from drivers.quantities import BRIGHT, FINGER_NAMES, FINGERS, Mask, TaxelFrame, Vector
+from drivers.skin.figures import SkinFigures
+from drivers.skin.layout import Layout, finger_positions
+from drivers.transport.traffic import TrafficEndedError
+
+_CELL = 5
+"""Width of one taxel in the terminal, characters."""
+_MM_PER_CHARACTER = 1.5
+"""Length represented by one character, mm; both fingers fit into 80 columns."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Seen:
+    """One frame, and the reception figures of the skin if available."""
+
+    frame: TaxelFrame
+    figures: SkinFigures | None
+
+
+Show = Callable[[Seen], None]
+
+
+def watch(config: CellConfig, seconds: float, show: Show, stop: Event) -> None:
+    """Show every new frame of the live skin.
+
+    Args:
+        config: Config of the cell; its other devices stay closed.
+        seconds: Duration on the cell's clock, s.
+        show: Function called with every new frame, at least once.
+        stop: Event that ends the display earlier.
+
+    Raises:
+        CellError: A device cannot be opened, or the skin has timed out.
+    """
+    with opened(assemble(config), only="skin") as cell:
+        _watch(SkinLine(cell.skin, cell.clock, cell.skin_figures), 1.0 / config.scan_rate, seconds, show, stop)
+
+
+def play(config: CellConfig, path: Path, seconds: float, show: Show, stop: Event, at_pace: bool) -> None:
+    """Show a recording of traffic or text.
+
+    Args:
+        config: Config with the board of the traffic.
+        path: File of the recording.
+        seconds: Duration on the recording's clock, s.
+        show: Function called with every new frame, at least once.
+        stop: Event that ends the display earlier.
+        at_pace: True to play at the pace of the recording.
+
+    Raises:
+        ConfigError: The file is not a recording, or its wire differs from `skin.kind`.
+        CellError: The recording contains no frame of the skin.
+    """
+    felt = played_skin(config, path, _PlayClock(at_pace))
+    if felt.figures is not None:  # traffic: its clock runs as fast as it is read
+        felt = replace(felt, clock=_Paced(felt.clock, at_pace))
+    _play(felt, 1.0 / config.scan_rate, seconds, show, stop)
+
+
+def as_data(seen: Seen) -> dict[str, Any]:
+    """Return a frame as data for programs."""
+    frame, figures = seen.frame, seen.figures
+    data: dict[str, Any] = {
+        "stamp": frame.stamp,
+        "sequence": frame.sequence,
+        "values": frame.values.round(1).tolist(),
+        "trusted": frame.trusted.tolist(),
+    }
+    if figures is not None:
+        plain = {name: _finite(value) for name, value in asdict(figures).items() if name != "temperature"}
+        data["figures"] = plain | {"temperature": [_finite(value) for value in figures.temperature.tolist()]}
+    return data
+
+
+def fingers(seen: Seen, layout: Layout) -> Group:
+    """Return both fingers for a terminal, each taxel at its position, with a line on the reception of the skin."""
+    frame, figures = seen.frame, seen.figures
+    table = Table(show_edge=False, pad_edge=False)
+    for name in FINGER_NAMES:
+        table.add_column(f"{name} finger (kilocounts; x: bad)", no_wrap=True)
+    places = finger_positions(layout)
+    table.add_row(*(_finger(places[k], frame.values[k], frame.trusted[k]) for k in range(FINGERS)))
+    line = f"frame {frame.sequence}  {int(frame.trusted.sum())} of {frame.trusted.size} taxels trusted"
+    if figures is not None:
+        heat = " ".join("-" if np.isnan(value) else f"{value:.0f}" for value in figures.temperature)
+        line += f"  {figures.rate:.1f} Hz  {figures.lost} lost  {figures.refused} refused  temperature {heat}"
+    return Group(table, Text(line))
+
+
+class _PlayClock:
+    """Clock of a recording without one; its time advances with each wait."""
+
+    def __init__(self, at_pace: bool) -> None:
+        self._time, self._at_pace = 0.0, at_pace
+
+    def now(self) -> float:
+        return self._time
+
+    def wait_until(self, stamp: float) -> None:
+        if self._at_pace:
+            time.sleep(max(stamp - self._time, 0.0))
+        self._time = max(stamp, self._time)
+
+
+class _Paced:
+    """A playback's own clock, slowed down to the pace of the recording."""
+
+    def __init__(self, clock: Clock, at_pace: bool) -> None:
+        self._clock, self._at_pace = clock, at_pace
+
+    def now(self) -> float:
+        return self._clock.now()
+
+    def wait_until(self, stamp: float) -> None:
+        before = self._clock.now()
+        self._clock.wait_until(stamp)
+        if self._at_pace:
+            time.sleep(max(self._clock.now() - before, 0.0))
+
+
+def _watch(felt: SkinLine, period: float, seconds: float, show: Show, stop: Event) -> None:
+    end = felt.clock.now() + seconds
+    shown = -1
+    while True:
+        frame = felt.skin.read()
+        if frame.sequence != shown:
+            shown = frame.sequence
+            show(_seen(felt, frame))
+        if stop.is_set() or felt.clock.now() >= end:
+            return
+        felt.clock.wait_until(felt.clock.now() + period)
+
+
+def _play(felt: SkinLine, period: float, seconds: float, show: Show, stop: Event) -> None:
+    """Show every frame of a skin, and continue after timeouts."""
+    shown = -1
+    reason = "nothing in it"
+    try:
+        felt.skin.open()
+        end = felt.clock.now() + seconds
+        while felt.clock.now() <= end and not stop.is_set():
+            try:
+                frame = felt.skin.read()
+                if frame.sequence != shown:
+                    shown = frame.sequence
+                    show(_seen(felt, frame))
+            except CellError as error:
+                reason = str(error)
+                if felt.figures is None:  # a text has ended; a wire can recover
+                    break
+            felt.clock.wait_until(felt.clock.now() + period)
+    except TrafficEndedError:
+        pass
+    finally:
+        felt.skin.close()
+    if shown < 0:
+        raise ConfigError(f"recording: no frame: {reason}")
+
+
+def _seen(felt: SkinLine, frame: TaxelFrame) -> Seen:
+    return Seen(frame, None if felt.figures is None else felt.figures())
+
+
+def _finite(value: float) -> float | None:
+    return value if np.isfinite(value) else None
+
+
+def _finger(places: Vector, values: Vector, trusted: Mask) -> Text:
+    """Return one finger, one line per row of taxels."""
+    x, y = places.T * 1e3
+    columns = np.rint((x - x.min()) / _MM_PER_CHARACTER).astype(int)
+    rows = sorted(set(y.round(3)), reverse=True)
+    text = Text()
+    for row in rows:
+        at = 0
+        for k in sorted(np.flatnonzero(y.round(3) == row), key=lambda k: int(columns[k])):
+            text.append(" " * max(int(columns[k]) - at, 0))
+            at = max(int(columns[k]), at) + _CELL
+            shade = 232 + int(np.clip(values[k] / BRIGHT, 0.0, 1.0) * 23)
+            ink = "black" if shade > 243 else "white"
+            text.append(
+                f"{values[k] / 1e3:4.1f} " if trusted[k] else "   x ",
+                f"{ink} on color({shade})" if trusted[k] else "red",
+            )
+        text.append("\n")
+    return text

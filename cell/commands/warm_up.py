@@ -1,0 +1,101 @@
+"""Compilation for this computer: most of it once, on two cores. If the scan keeps wall time, all of it before an arm moves."""
+
+import json
+import logging
+import subprocess
+import sys
+from contextlib import suppress
+from dataclasses import replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from threading import Event
+
+from cell.commands.terminal import complain, progress
+from cell.config.cell_config import CellConfig
+from cell.config.load import LoadedConfig, load
+from cell.devices.assembly import assemble, make_estimator, opened
+from cell.records.journal import Journal
+from cell.run.line import TerminalLine
+from cell.run.supervisor import Supervisor, is_timed
+from drivers.compiled import is_kept, is_noted, note
+from drivers.errors import CellError
+from plc_bridge.messages import Command, Report, Result
+from skills.catalogue import CATALOGUE, INSERT
+
+logger = logging.getLogger(__name__)
+_INSERT = CATALOGUE["insert_peg"].code
+_ENGINE = "from sim.engine import compile_ahead; compile_ahead()"
+
+
+def compile_ahead(config: CellConfig) -> None:
+    """Compile the slowest functions of a simulated insertion, once per computer: the engine in a second process, the rest here."""
+    if is_kept("sim/engine.py"):
+        return
+    complain("compiling for this computer, once: the first start takes about half a minute longer")
+    with progress() as bars, subprocess.Popen([sys.executable, "-c", _ENGINE], stderr=subprocess.DEVNULL) as engine:
+        bar = bars.add_task("compiling", total=3)
+        assemble(config)  # the assembly compiles the contacts of its peg
+        bars.advance(bar)
+        make_estimator(config)
+        bars.advance(bar)
+        engine.wait()  # if it fails, missing functions are compiled at their first call
+        bars.advance(bar)
+
+
+def warm_up(loaded: LoadedConfig) -> None:
+    """If the scan keeps wall time, insert one simulated peg of every recipe of a kind new to this computer.
+
+    Compilation during a program would delay its scan by seconds, and the watchdog would halt the arm.
+    """
+    compile_ahead(loaded.cell)
+    if not is_timed(loaded.cell):
+        return
+    for number, config in loaded.recipes.items():
+        if is_noted(kind := _kind(config)):
+            continue
+        logger.info("compiling for recipe %d", number)
+        before = logging.root.manager.disable
+        logging.disable(logging.CRITICAL)  # the result of the insertion does not matter
+        try:
+            with suppress(CellError):
+                _insert(_simulated(loaded, config), number)
+        finally:
+            logging.disable(before)
+        note(kind)
+
+
+def _kind(config: CellConfig) -> str:
+    """Return the values that decide which functions an insertion calls, and with which types."""
+    sections = {name: getattr(config, name).model_dump(mode="json") for name in ("peg", "hole", "smoothing")}
+    return json.dumps([sections, config.params(INSERT).estimator, config.skin.layout], sort_keys=True, default=str)
+
+
+def _simulated(loaded: LoadedConfig, config: CellConfig) -> LoadedConfig:
+    """Return the same parts and methods in the shipped simulated cell, at the fastest pace."""
+    shipped = load(sets=["sim.pace=max"]).cell
+    world = {name: getattr(shipped, name) for name in ("arm", "gripper", "switch", "boards", "calibration", "sim")}
+    world |= {name: getattr(config, name) or getattr(shipped, name) for name in ("contact", "grip")}
+    world["skin"] = shipped.skin.model_copy(update={"layout": config.skin.layout})
+    recipes = {number: recipe.model_copy(update=world) for number, recipe in loaded.recipes.items()}
+    return replace(loaded, cell=config.model_copy(update=world), recipes=recipes)
+
+
+def _insert(loaded: LoadedConfig, recipe: int) -> None:
+    """Run one insertion.
+
+    Raises:
+        CellError: The cell cannot be assembled, or its physics diverge.
+    """
+    ended = Event()
+
+    def watch(report: Report) -> None:
+        if report.result is not Result.NONE:
+            ended.set()
+
+    with (
+        TemporaryDirectory() as folder,
+        Journal(Path(folder)) as journal,
+        opened(assemble(loaded.cell)) as cell,
+    ):
+        line = TerminalLine(Command(1, _INSERT, recipe, source="warm-up"), watch)
+        Supervisor(cell, loaded, line, journal, ended).serve()

@@ -1,0 +1,121 @@
+"""Reports and recorded runs as text for terminals; nothing is printed here."""
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+
+from rich.table import Table
+
+from cell.peg.part_state import READY, REMEDIES, in_words
+from cell.records.schema import RunRow, StageRow
+from cell.records.wall_clock import local
+from cell.run.states import BEFORE_RESET, State
+from drivers.errors import FAULTS, FaultCode
+from plc_bridge.images import Diagnostics, ReportImage
+from plc_bridge.messages import LeaseState, PartEvidence, PartPlace, Refusal, Result
+from skills.catalogue import CATALOGUE
+
+
+def report(image: ReportImage) -> dict[str, object]:
+    """Return a report in words."""
+    return {
+        "state": State(image.state).name if image.state else "",
+        "stage": CATALOGUE.stages.get(image.stage, ""),
+        "progress": image.progress,
+        "sequence": image.sequence,
+        "result": Result(image.result).name.lower(),
+        "reason": CATALOGUE.reasons.get(image.reason, str(image.reason)).lower(),
+        "refusal": Refusal(image.refusal).name.lower(),
+        "fault": image.fault,
+        "run": image.run,
+        "lease": LeaseState(image.lease).name.lower(),
+        "holder": image.holder,
+        "stage_times": _named(image.stage_times),
+        "total_time": image.total_time,
+        "hole": [image.hole_x, image.hole_y],
+        "peak_force": image.peak_force,
+        "part": PartPlace(image.part).name.lower(),
+        "part_depth": image.part_depth,
+        "evidence": in_words(PartEvidence(image.part_evidence), image.part_width),
+        "next": _next(image),
+    }
+
+
+def _next(image: ReportImage) -> str:
+    """Return the next step as one line: the remedy of a fault, then the reset if the state needs one, then the peg's remedy."""
+    peg = REMEDIES[PartPlace(image.part)]
+    steps = [FAULTS[FaultCode(image.fault)].remedy] if image.fault else []
+    if image.state in BEFORE_RESET:
+        steps.append("reset")
+    return f"{', then '.join(steps)}; then {peg.removeprefix(READY)}" if steps else peg
+
+
+def _named(times: Sequence[float]) -> dict[str, float]:
+    """Return the times of the executed stages, s, by name."""
+    return {CATALOGUE.stages.get(number, str(number)): time for number, time in enumerate(times, 1) if time}
+
+
+def line(image: ReportImage, counts: Diagnostics) -> str:
+    """Return a report and the counts as one line."""
+    told = {key: value for key, value in report(image).items() if value not in ("", "none", {})}
+    return " ".join(f"{key}={value}" for key, value in (*told.items(), *asdict(counts).items()))
+
+
+LABELS: Mapping[str, tuple[str, str, float]] = {
+    "cycle_time": ("cycle time", "s", 1.0),
+    "peak_force": ("largest force", "N", 1.0),
+    "deepest": ("largest depth", "mm", 1e3),
+    "theta": ("theta", "degrees", math.degrees(1.0)),
+    "sigma": ("standard deviation", "degrees", math.degrees(1.0)),
+    "length": ("peg beyond the fingers", "mm", 1e3),
+    "is_simulated": ("simulated", "", 1.0),
+    "config_hash": ("config", "", 1.0),
+    "source": ("requested by", "", 1.0),
+    "samples": ("scans recorded", "", 1.0),
+    "part": ("peg", "", 1.0),
+    "part_evidence": ("evidence", "", 1.0),
+}
+"""Label, unit and factor of the record's fields that are not shown under their own names."""
+
+
+def run(row: RunRow, stages: Sequence[StageRow] = ()) -> Table:
+    """Return the record of one run in words, with units and the results of its stages; missing values are left out."""
+    table = Table(show_header=False)
+    for name in RunRow.__slots__:
+        if text := _shown(name, getattr(row, name)):
+            label, unit, _ = LABELS.get(name, (name.replace("_", " "), "", 1.0))
+            table.add_row(label, f"{text} {unit}".rstrip())
+    if row.fault in set(FaultCode) and row.fault:
+        fault = FAULTS[FaultCode(row.fault)]
+        table.add_row("meaning", fault.meaning)
+        table.add_row("remedy", fault.remedy)
+    for stage in stages:
+        found = {name: value for name, value in json.loads(stage.facts).items() if not isinstance(value, dict | None)}
+        if found:
+            table.add_row(stage.name, ", ".join(f"{name} {_short(value)}" for name, value in found.items()))
+    return table
+
+
+def _shown(name: str, value: object) -> str:
+    """Return a field of a run in words; empty if it is missing or has no content."""
+    if value is None or value in ("", "{}", "[]") or (name in ("fault", "recipe", "sequence") and value == 0):
+        return ""
+    if name in ("started", "ended"):
+        return local(str(value))
+    if name == "stage_times":
+        return ", ".join(f"{stage} {time:.3g} s" for stage, time in json.loads(str(value)))
+    if name in ("versions", "parameters"):
+        return ", ".join(f"{key} {_short(each)}" for key, each in json.loads(str(value)).items())
+    if name == "part":
+        return f"{str(value).replace('_', ' ')}: {REMEDIES[PartPlace[str(value).upper()]]}"
+    if name == "is_simulated":
+        return "yes" if value else "no"
+    return _short(value * LABELS[name][2]) if isinstance(value, float) and name in LABELS else str(value)
+
+
+def _short(value: object) -> str:
+    """Return a value with three significant digits."""
+    if isinstance(value, list):
+        return f"({', '.join(_short(each) for each in value)})"
+    return f"{value:.3g}" if isinstance(value, float) else str(value)

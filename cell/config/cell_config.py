@@ -1,0 +1,449 @@
+"""CellConfig: the union of every part's config model, the checks across sections, and typed access to its values."""
+
+from typing import TYPE_CHECKING, Annotated, Any, Self, TypeVar
+
+from pydantic import Field, create_model, field_validator, model_validator
+
+from cell.config.checks import (
+    require_apart,
+    require_clear_way,
+    require_permitted,
+    require_pressed,
+    require_printable,
+    require_prior_inside,
+    require_reach,
+    require_shallow,
+    require_stable,
+    require_steady,
+    require_turned_as_hole,
+    require_workspace,
+    require_workspace_in_reach,
+)
+from cell.config.files import ARMS, arm_file
+from cell.config.margins import Place
+from drivers.arm.franka_config import FrankaArmConfig
+from drivers.arm.model import ArmModel, read_arm
+from drivers.config_model import ConfigModel, FilePath
+from drivers.errors import ConfigError
+from drivers.gripper.franka_config import FrankaGripperConfig
+from drivers.parts import HandShape, Hole, Job, Peg, Rack, require_fit
+from drivers.skin.board_config import EMULATED, CanSkinConfig, HostSkinConfig, SerialSkinConfig
+from drivers.switch.absent import NoSwitchConfig
+from drivers.switch.board_config import SerialSwitchConfig
+from plc_bridge.config import PlcConfig
+from sim.config import (
+    CLOSED,
+    HOLES,
+    BoardsConfig,
+    ContactConfig,
+    GripConfig,
+    RealityConfig,
+    SimArmConfig,
+    SimConfig,
+    SimGripperConfig,
+    SimSkinConfig,
+    SimSwitchConfig,
+)
+from skills.catalogue import ADJUST, CATALOGUE, GRASP, SEARCH, sections_of
+from skills.contract import SkillParams
+from skills.corner import CornerParams
+from skills.entry import Skill, SkillSet
+from skills.handling import WAYS, Handling, handling
+from skills.motion import Gains, Transfer
+from skills.pace import Pace
+from skills.paper.params import PaperParams
+from skills.prior import LearningConfig
+from skills.scan_guards import ScanLimits
+from skills.setpoint_gate import Limits
+from skills.tactile.blend import Smoothing
+from skills.tactile.estimators import ESTIMATORS, EstimatorEntry
+from skills.wrench_zero import WrenchConfig
+
+P = TypeVar("P", bound=SkillParams)
+E = TypeVar("E", bound=ConfigModel)
+RECIPE_SECTIONS = frozenset({"preset", "peg", "hole", "rack", "corner", *(skill.section for skill in CATALOGUE.skills)})
+"""Sections that a recipe can state: the part, its place and its handling, but not the hardware."""
+
+
+class JournalConfig(ConfigModel):
+    """[journal]: folder of the records of runs, and limits of their age and size.
+
+    Source: chosen, not measured.
+    """
+
+    folder: str = ""
+    """Folder of the records of runs; empty is the user's own data folder. Source: set for each cell."""
+    days: Annotated[int, Field(ge=0, le=36500)] = 0
+    """Age after which runs, their samples and events are deleted, days; 0 keeps all."""
+    bytes: Annotated[int, Field(ge=0)] = 0
+    """Total size of samples above which the oldest are deleted, bytes; their runs stay on record; 0 keeps all."""
+    least_free: Annotated[int, Field(ge=0)] = 500_000_000
+    """Free space of the disk below which the cell warns the PLC, bytes; below a tenth of it no samples are recorded."""
+
+
+class PageConfig(ConfigModel):
+    """[page]: the page for browsers, and the metrics.
+
+    Source: set for each cell.
+    """
+
+    names: tuple[Annotated[str, Field(pattern=r"^[A-Za-z0-9.-]{1,253}$")], ...] = ()
+    """Names of the cell for browsers, in addition to its addresses and the computer's name, as in "cell-7.plant.example"."""
+
+
+class CalibrationConfig(ConfigModel):
+    """Section [calibration]: files of measured values.
+
+    Source: measured by `cell calibrate`.
+    """
+
+    skin: FilePath | None = None
+    """File of the skin's measured gains and point spread, written by `cell calibrate skin`."""
+    arm: FilePath | None = None
+    """File of the measured friction and gravity remainder of the arm's joints, written by `cell calibrate arm`; the start of learning."""
+    longest_age: Annotated[float, Field(gt=0.0, le=3.2e8)] = 31536000.0
+    """Age above which a file of measured values is refused, s; the default is 365 days. Source: chosen, not measured."""
+
+
+def _catalogued() -> type[ConfigModel]:
+    """Return a model with a section for every skill and every estimator.
+
+    If all of its keys have defaults, a section can be left out.
+
+    Raises:
+        ConfigError: Two entries claim the same section.
+    """
+    fields: dict[str, Any] = {}
+    for name, params in (
+        *((skill.section, skill.params) for skill in CATALOGUE.skills),
+        *((entry.name, entry.params) for entry in ESTIMATORS.values()),
+    ):
+        if name in fields:
+            raise ConfigError(f"config: [{name}]: the section of a skill and of an estimator; a free name allowed")
+        fields[name] = (params, ... if any(field.is_required() for field in params.model_fields.values()) else params())
+    return create_model("Catalogued", __base__=ConfigModel, **fields)
+
+
+if TYPE_CHECKING:
+    # `CellConfig.params` and `estimator_params` give the sections of the catalogues their types.
+    Catalogued = ConfigModel
+else:
+    Catalogued = _catalogued()
+
+
+class CellConfig(Catalogued):
+    """Config of one cell."""
+
+    preset: str = ""
+    """Name of a file of `presets/` to lay over this one; empty is none. Source: set for each cell."""
+    world: str = ""
+    """Name of a file of `worlds/`, another simulated world or scene, to lay over this one, below the preset; empty is none.
+    Source: set for each cell."""
+    scan_rate: Annotated[float, Field(ge=10.0, le=1000.0)]
+    """Rate of the scan, Hz; a skill senses and decides once per scan. Source: chosen, not measured."""
+    retries: Annotated[int, Field(ge=0, le=10)]
+    """Number of new searches by `insert_peg` if the peg is not in the hole. Source: docs/tried/insertion.md."""
+    speed_scale: Annotated[float, Field(ge=0.05, le=20.0)] = 1.0
+    """Factor on every speed of the method, and divisor of its waiting times, ratio; the arm's limits cap the speeds. Source: set for each cell."""
+    scan: ScanLimits = ScanLimits()
+    """Limits of late scans. Source: decision 0015."""
+    wrench: WrenchConfig = WrenchConfig()
+    """Plausibility limits of the arm's estimated external wrench. Source: docs/tried/search.md."""
+    limits: Limits
+    """Limits of force and workspace; beyond them a skill ends at once."""
+    peg: Peg
+    """The part to insert."""
+    hole: Hole
+    """The hole for the part."""
+    rack: Rack
+    """The rack with upright pegs."""
+    corner: CornerParams | None = None
+    """Handling of a peg with corners, instead of that of a round peg; required for such a peg."""
+    paper: PaperParams | None = None
+    """The method as printed in [gibbons], instead of skills of the cell."""
+    arm: Annotated[SimArmConfig | FrankaArmConfig, Field(discriminator="kind")]
+    """The robot arm."""
+    gripper: Annotated[SimGripperConfig | FrankaGripperConfig, Field(discriminator="kind")]
+    """The hand."""
+    skin: Annotated[SimSkinConfig | CanSkinConfig | SerialSkinConfig | HostSkinConfig, Field(discriminator="kind")]
+    """The tactile skin on both fingers."""
+    smoothing: Smoothing = Smoothing()
+    """Filter of theta from frame to frame."""
+    switch: Annotated[SimSwitchConfig | SerialSwitchConfig | NoSwitchConfig, Field(discriminator="kind")]
+    """The success switch under the hole."""
+    plc: PlcConfig
+    """The lines to the PLC."""
+    learning: LearningConfig = LearningConfig()
+    """Learning of a served cell from part to part."""
+    journal: JournalConfig = JournalConfig()
+    """Storage of the records of runs."""
+    page: PageConfig = PageConfig()
+    """Names of the cell for browsers."""
+    contact: ContactConfig | None = None
+    """Contact of peg and plate in the simulated world."""
+    grip: GripConfig | None = None
+    """Grip of the pads on the peg in the simulated world."""
+    sim: SimConfig | None = None
+    """The simulated world."""
+    reality: RealityConfig = RealityConfig()
+    """Differences of a simulated cell from the software's model."""
+    boards: BoardsConfig = BoardsConfig()
+    """Emulated boards behind the wires of skin and switch."""
+    calibration: CalibrationConfig = CalibrationConfig()
+    """Files of measured values."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _tilt_of_the_plate(cls, tree: Any) -> Any:
+        """Move `hole.tilt` of a simulated cell to `sim.plate.tilt`: it is a true value, which skills must not read."""
+        if not isinstance(tree, dict) or not isinstance(hole := tree.get("hole"), dict) or "tilt" not in hole:
+            return tree
+        if not isinstance(sim := tree.get("sim"), dict):
+            return tree
+        plate = {**sim.get("plate", {}), "tilt": hole["tilt"]}
+        kept = {key: value for key, value in hole.items() if key != "tilt"}
+        return {**tree, "hole": kept, "sim": {**sim, "plate": plate}}
+
+    @model_validator(mode="after")
+    def _fits(self) -> Self:
+        peg, hole, rack = self.peg, self.hole, self.rack
+        require_fit(peg, hole)
+        section = WAYS[peg.part.kind].section
+        if getattr(self, section) is None:
+            raise ValueError(f'[{section}]: missing; needed because peg.shape = "{peg.shape}"')
+        require_shallow(peg, hole, rack)
+        if self.is_simulated:
+            require_apart(hole, rack)
+        require_clear_way(self.params(GRASP), self.params(SEARCH), rack, peg)
+        require_workspace(self.limits)
+        return self
+
+    @model_validator(mode="after")
+    def _has_reachable_prior(self) -> Self:
+        require_prior_inside(self.hole, self.limits)
+        return self
+
+    @model_validator(mode="after")
+    def _presses_through(self) -> Self:
+        require_pressed(self.hole.latch, self.params(ADJUST), self.params(GRASP), self.peg, self.limits)
+        return self
+
+    @model_validator(mode="after")
+    def _is_turned_as_its_hole(self) -> Self:
+        require_turned_as_hole(self.params(SEARCH), self.peg)
+        return self
+
+    @field_validator("paper")
+    @classmethod
+    def _is_chosen(cls, paper: PaperParams | None) -> PaperParams | None:
+        return paper if paper is not None and paper.skills else None
+
+    @model_validator(mode="after")
+    def _is_printable(self) -> Self:
+        if self.paper is not None:
+            require_printable(self.paper, self.peg, self.hole)
+        return self
+
+    @model_validator(mode="after")
+    def _has_evidence(self) -> Self:
+        if self.switch.kind == "none" and self.hole.evidence == "switch":
+            raise ValueError('hole.evidence = "switch": there is none, as switch.kind = "none"; "force" allowed')
+        return self
+
+    @model_validator(mode="after")
+    def _has_arm(self) -> Self:
+        file = arm_file(self.arm.model)
+        if not file.is_file():
+            known = ", ".join(f'"{path.stem}"' for path in sorted(ARMS.glob("*.toml")))
+            raise ValueError(
+                f'arm.model = "{self.arm.model}": no such arm; {known} or a file of figures, *.toml, allowed'
+            )
+        require_workspace_in_reach(self.limits, read_arm(file))
+        return self
+
+    @model_validator(mode="after")
+    def _is_stable(self) -> Self:
+        place = self.place()
+        require_reach(place, self.hole, self.limits)
+        require_stable(self.steered(), self.skin.rate, place)
+        require_steady(self.followed(), place)
+        require_permitted(self.followed(), self.ways(), place.arm)
+        return self
+
+    @model_validator(mode="after")
+    def _has_world(self) -> Self:
+        simulated = [name for name in ("arm", "gripper", "skin", "switch") if getattr(self, name).kind == "sim"]
+        for name in ("contact", "grip", "sim"):
+            if simulated and getattr(self, name) is None:
+                raise ValueError(f'[{name}]: missing; needed because {simulated[0]}.kind = "sim"')
+        if not simulated and self.is_skin_emulated():
+            raise ValueError(f'skin.kind = "{self.skin.kind}": its board is "{EMULATED}", which needs a simulated arm')
+        if not simulated and isinstance(self.switch, SerialSwitchConfig) and self.switch.port == EMULATED:
+            raise ValueError(f'switch.port = "{EMULATED}": needs a simulated cell; the name of a port allowed')
+        if self.arm.kind == "franka" and simulated:
+            raise ValueError(f'{simulated[0]}.kind = "sim": needs a simulated arm, and arm.kind = "franka" is none')
+        if self.is_simulated and self.gripper.kind != "sim":
+            raise ValueError(
+                f'gripper.kind = "{self.gripper.kind}": needs the real arm; "sim" allowed with a simulated one'
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _fits_world(self) -> Self:
+        if not self.is_simulated or self.sim is None:
+            return self
+        period = self.arm_model().control_period
+        if abs(period / self.sim.timestep - round(period / self.sim.timestep)) > 1e-9:
+            raise ValueError(
+                f"sim.timestep = {self.sim.timestep}: does not divide the arm's control period of {period} s; a part of it allowed"
+            )
+        if self.sim.model.hole not in HOLES[self.peg.part.kind]:
+            raise ValueError(
+                f'sim.model.hole = "{self.sim.model.hole}": facets round a hole, and peg.shape = "{self.peg.shape}";'
+                ' "exact" allowed'
+            )
+        for name, section in (("peg", self.peg), ("hole", self.hole)):
+            if not self.sim.model.has_hole_for(section.part):
+                raise ValueError(
+                    f'sim.model.hole = "{self.sim.model.hole}": facets have no chamfer, and {name}.chamfer = {section.chamfer};'
+                    ' "exact" allowed'
+                )
+        if not self.sim.plate.present and self.sim.model.hole not in CLOSED:
+            raise ValueError(
+                f'sim.model.hole = "{self.sim.model.hole}": facets round a hole, and sim.plate.present = false; "exact" allowed'
+            )
+        number = self.sim.plate.decoys.number
+        if number[0] > number[1]:
+            raise ValueError(
+                f"sim.plate.decoys.number = {list(number)}: least above largest; at most {number[1]} for the first allowed"
+            )
+        if number[1] > 0 and self.sim.model.hole not in CLOSED:
+            raise ValueError(
+                f'sim.model.hole = "{self.sim.model.hole}": one hole alone, and sim.plate.decoys.number = {list(number)}; "exact" allowed'
+            )
+        if self.sim.plate.shallow >= self.hole.depth:
+            raise ValueError(
+                f"sim.plate.shallow = {self.sim.plate.shallow}: no hole is left; less than hole.depth = {self.hole.depth} allowed"
+            )
+        return self
+
+    def ways(self) -> dict[str, Transfer]:
+        """Return the transfers through free space by key."""
+        return {
+            f"{skill.section}.{name}": value
+            for skill in CATALOGUE.skills
+            for name, value in self.params(skill)
+            if isinstance(value, Transfer)
+        }
+
+    def followed(self) -> dict[str, Gains]:
+        """Return all gains by key: those on the skin's measurement, and those of transfers through free space."""
+        return {**self.steered(), **{f"{key}.gains": way.gains for key, way in self.ways().items()}}
+
+    def arm_model(self) -> ArmModel:
+        """Return the figures of the cell's arm."""
+        return read_arm(arm_file(self.arm.model))
+
+    def arm_unit(self) -> str:
+        """Return the identifier of the cell's own arm, for the files measured with it."""
+        if isinstance(self.arm, FrankaArmConfig):
+            return f"at {self.arm.host}"
+        return f"simulated, seed {self.first_seed}"
+
+    def place(self) -> Place:
+        """Return the place and the attitude of the arm with a steered peg at the hole."""
+        search = self.handling().search
+        return Place(
+            arm=self.arm_model(),
+            tip=self.hole.centre,
+            part=self.peg.part,
+            tilt_azimuth=search.tilt_azimuth,
+            tilt=search.tilt,
+            elbow=search.transfer.elbow,
+            length=self.peg.length,
+        )
+
+    @property
+    def first_seed(self) -> int:
+        """Seed of the first run's draws and choices; each further peg adds one. 0 for a physical cell."""
+        return self.sim.seed if self.is_simulated and self.sim is not None else 0
+
+    @property
+    def is_simulated(self) -> bool:
+        """True if the arm is simulated; a physical cell inherits the sections of the world from its base too."""
+        return self.arm.kind == "sim"
+
+    def require_simulated(self, what: str) -> None:
+        """Require a simulated cell.
+
+        Raises:
+            ConfigError: The cell is real; `what` names the command that needs a simulated one.
+        """
+        if not self.is_simulated:
+            raise ConfigError(f'{what}: arm.kind = "{self.arm.kind}": runs on simulated cells alone; "sim" allowed')
+
+    def is_skin_emulated(self) -> bool:
+        """True if the skin is a driver with an emulated board behind its wire."""
+        skin = self.skin
+        return EMULATED in (getattr(skin, "channel", None), getattr(skin, "port", None))
+
+    def is_skin_simulated(self) -> bool:
+        """True if the skin is simulated, or a driver with an emulated board behind its wire."""
+        return self.skin.kind == "sim" or self.is_skin_emulated()
+
+    def params(self, skill: Skill[P]) -> P:
+        """Return the parameters of a skill."""
+        params = getattr(self, skill.section)
+        assert isinstance(params, skill.params)
+        return params
+
+    def estimator_params(self, estimator: EstimatorEntry[E]) -> E:
+        """Return the parameters of an estimator."""
+        params = getattr(self, estimator.name)
+        assert isinstance(params, estimator.params)
+        return params
+
+    def with_params(self, skill: Skill[Any], **changes: Any) -> Self:
+        """Return a copy with some parameters of a skill replaced, without validation."""
+        params: SkillParams = self.params(skill)
+        return self.model_copy(update={skill.section: params.model_copy(update=changes)})
+
+    def steered(self) -> dict[str, Gains]:
+        """Return all gains on the skin's measurement, by key."""
+        found = {
+            f"{skill.section}.{name}": getattr(self.params(skill), name)
+            for skill in CATALOGUE.skills
+            for name in skill.steered
+        }
+        return found | dict(self.handling().steered)
+
+    def skill_set(self) -> SkillSet:
+        """Return the parameters of every skill."""
+        return SkillSet(
+            sections={skill.section: self.params(skill) for skill in CATALOGUE.skills},
+            corner=self.corner,
+            retries=self.retries,
+            paper=self.paper,
+            pace=self.pace(),
+        )
+
+    def pace(self) -> Pace:
+        """Return the factor on all speeds, with the limits of the cell's arm."""
+        arm = self.arm_model()
+        return Pace(self.speed_scale, arm.tool_speed, arm.tool_turn_speed)
+
+    def handling(self) -> Handling:
+        """Return the handling of the cell's own part."""
+        return handling(self.peg.part, sections_of(self.skill_set()))
+
+    def job(self, slot: int = 0) -> Job:
+        """Return the part and its places, with the peg in the rack's `slot`."""
+        hand = self.arm_model().hand
+        shape = HandShape(**{name: getattr(hand, name) for name in HandShape.model_fields})
+        return Job(peg=self.peg, hole=self.hole, rack=self.rack, hand=shape, slot=slot)
+
+
+for _name in CellConfig.__annotations__.keys() & Catalogued.model_fields:
+    raise ConfigError(
+        f"config: [{_name}]: named by a skill or an estimator, and a key of every cell; a free name allowed"
+    )

@@ -1,0 +1,218 @@
+"""Report of a wrong config in one line: file, key, the value found, the permitted values."""
+
+import json
+import re
+from collections.abc import Mapping, Sequence
+from functools import lru_cache
+from typing import Any
+
+from pydantic import BaseModel, ValidationError
+
+from cell.config.nearest import did_you_mean
+
+Place = tuple[str, ...]
+_KEY = re.compile(r"[a-z_]+(?:\.[a-z_]+)+")
+
+
+def explain(
+    error: ValidationError,
+    model: type[BaseModel],
+    tree: Mapping[str, Any],
+    source: Mapping[Place, str],
+    file: str,
+    order: Sequence[str] = (),
+) -> str:
+    """Return one line about the first fault of a config: file, key, the value found, and the permitted values.
+
+    Args:
+        error: Pydantic's report.
+        model: The model of the config.
+        tree: The config as given.
+        source: Origin of each key.
+        file: File to name for a missing key.
+        order: Origins of keys, each laid over those before it. If two keys conflict, the error names the one from the
+            later origin.
+    """
+    errors = error.errors(include_url=False)
+    # A misspelt key is also reported as missing under its right name.
+    first = next((each for each in errors if each["type"] == "extra_forbidden"), errors[0])
+    place, schema = _walk(first["loc"], _schema(model), tree)
+    key = ".".join(place)
+    origin = next((source[place[:n]] for n in range(len(place), 0, -1) if place[:n] in source), file)
+    kind, found = first["type"], first.get("input")
+    if kind in ("union_tag_invalid", "union_tag_not_found"):
+        tags = ", ".join(f'"{tag}"' for tag in schema["discriminator"]["mapping"])
+        if kind == "union_tag_not_found":
+            return f"{origin}: {key}.kind: missing; {tags} needed"
+        return f"{source.get((*place, 'kind'), origin)}: {key}.kind = {first['ctx']['tag']!r}: {tags} allowed"
+    if kind == "missing":
+        return f"{_beginner(place[:-1], source, order, file) or file}: {key}: missing; {allowed(schema, _schema(model))} needed"
+    if kind == "extra_forbidden":
+        return f"{origin}: {key}: unknown key; {_known(place, schema, _schema(model))}"
+    if kind == "value_error":
+        text = first["msg"].removeprefix("Value error, ")
+        if not key:
+            return f"{_blamed(text, source, order) or file}: {text}"
+        within = (*place, *text.split(" = ")[0].split("."))
+        # The message of a check within a section can name its key.
+        return f"{source[within]}: {key}.{text}" if within in source else f"{origin}: {key}: {text}"
+    return f"{origin}: {key} = {found!r}: {allowed(schema, _schema(model))} allowed{_hint(found, schema)}"
+
+
+@lru_cache(maxsize=4)
+def _schema(model: type[BaseModel]) -> Mapping[str, Any]:
+    return model.model_json_schema()
+
+
+def _beginner(section: Place, source: Mapping[Place, str], order: Sequence[str], file: str) -> str:
+    """Return the origin of a section that was first stated by a preset, a recipe or an option, after the cell's file."""
+    begun = {name for place, name in source.items() if section and place[: len(section)] == section}
+    later = order[order.index(file) + 1 :] if file in order else ()
+    return min(begun, key=order.index) if begun and begun <= set(later) else ""
+
+
+def _blamed(text: str, source: Mapping[Place, str], order: Sequence[str]) -> str:
+    """Return the origin of the key that caused a fault across sections; the text names the keys.
+
+    If this key is not the first one in the text, return its name too.
+    """
+    named = [place for word in _KEY.findall(text) if (place := tuple(word.split("."))) in source]
+    if not named:
+        return ""
+    ranks = {name: rank for rank, name in enumerate(order)}
+    worst = max(named, key=lambda place: ranks.get(source[place], -1))
+    if ranks.get(source[worst], -1) == ranks.get(source[named[0]], -1):
+        worst = named[0]
+    is_first = text.startswith(".".join(worst))
+    return source[worst] if is_first else f"{source[worst]}: {'.'.join(worst)}"
+
+
+def _known(place: Place, schema: Mapping[str, Any], root: Mapping[str, Any]) -> str:
+    """Return the keys of a section, and a suggestion, which can be a key of another section."""
+    names = sorted(name for variant in _variants(schema, root) for name in variant.get("properties", {}))
+    section = ".".join(place[:-1])
+    near = did_you_mean(place[-1], names)
+    if near and section:
+        near = near.replace("mean ", f"mean {section}.")
+    if not near:
+        elsewhere = [
+            f"{name}.{inner}"
+            for name, each in root["properties"].items()
+            for variant in _variants(each, root)
+            for inner in variant.get("properties", {})
+            if inner == place[-1] and (name, inner) != place
+        ]
+        near = f"; did you mean {' or '.join(dict.fromkeys(elsewhere))}?" if elsewhere else ""
+    return f"{', '.join(names) or 'none'} allowed{near}"
+
+
+def _variants(schema: Mapping[str, Any], root: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+    """Return the permitted sections of a key, one for each kind."""
+    return [_follow(branch, root) for branch in schema.get("anyOf", schema.get("oneOf", [schema]))]
+
+
+_WORDS = {"number": "a number", "integer": "an integer", "string": "a text", "boolean": "true or false"}
+_FORMATS = {"ipv4network": "a network or address", "ipv6network": "a network or address", "path": "a file"}
+
+
+def allowed(schema: Mapping[str, Any], root: Mapping[str, Any] | None = None) -> str:
+    """Return the values permitted by a JSON schema, in words; never empty.
+
+    Args:
+        schema: Schema of one key.
+        root: The whole schema with the definitions; None if the key's schema has no references.
+    """
+    schema = _follow(schema, root or {})
+    if "const" in schema:
+        return json.dumps(schema["const"])
+    if "enum" in schema:
+        return ", ".join(json.dumps(value) for value in schema["enum"])
+    either = schema.get("anyOf", schema.get("oneOf", ()))
+    branches = [allowed(branch, root) for branch in either if branch.get("type") != "null"]
+    if branches:
+        return " or ".join(dict.fromkeys(branches))
+    if "properties" in schema:
+        needed = schema.get("required", ())
+        names = [f"{name} (needed)" if name in needed else name for name in schema["properties"]]
+        return f"a section with {', '.join(names)}"
+    if schema.get("type") == "object":
+        others = schema.get("additionalProperties", {})
+        return f"a table, each value {allowed(others if isinstance(others, Mapping) else {}, root)}"
+    if schema.get("type") == "array":
+        return _allowed_list(schema, root)
+    if schema.get("format") in _FORMATS:
+        return _FORMATS[schema["format"]]
+    return _allowed_number(_WORDS.get(schema.get("type", ""), "another value"), schema)
+
+
+def _allowed_list(schema: Mapping[str, Any], root: Mapping[str, Any] | None) -> str:
+    inner = [allowed(each, root) for each in schema.get("prefixItems", ())]
+    if not inner:
+        return f"a list, each {allowed(schema.get('items', {}), root)}"
+    return f"{len(inner)} values, each {inner[0]}" if len(set(inner)) == 1 else f"a list of {', '.join(inner)}"
+
+
+def _allowed_number(name: str, schema: Mapping[str, Any]) -> str:
+    low, high = _bound(schema, "minimum"), _bound(schema, "maximum")
+    above, below = _bound(schema, "exclusiveMinimum"), _bound(schema, "exclusiveMaximum")
+    parts = []
+    if low is not None and high is not None:
+        return f"{name} from {low:g} to {high:g}"
+    if low is not None or above is not None:
+        parts.append(f">= {low:g}" if low is not None else f"> {above:g}")
+    if high is not None or below is not None:
+        parts.append(f"<= {high:g}" if high is not None else f"< {below:g}")
+    return " ".join([name, " and ".join(parts)]).strip()
+
+
+def _bound(schema: Mapping[str, Any], name: str) -> float | None:
+    return schema.get(name)
+
+
+def _hint(found: Any, schema: Mapping[str, Any]) -> str:
+    """Return a hint to the probable cause if a number is far too large."""
+    if isinstance(found, bool) or not isinstance(found, int | float):
+        return ""
+    for branch in schema.get("anyOf", [schema]):
+        high = branch.get("maximum", branch.get("exclusiveMaximum"))
+        if branch.get("type") == "number" and high is not None and high < found <= 1000.0 * high:
+            return f"; SI units: angles in radians, lengths in metres, {found:g} mm is {found / 1000.0:g}"
+    return ""
+
+
+def _walk(loc: tuple[int | str, ...], root: Mapping[str, Any], tree: Any) -> tuple[Place, Mapping[str, Any]]:
+    """Return the key at `loc`, without pydantic's names of union branches, and its schema.
+
+    If the key is unknown, return the schema of its section.
+    """
+    schema, place, value = _follow(root, root), [], tree
+    for step in loc:
+        if isinstance(step, int):
+            items = [branch for branch in schema.get("anyOf", [schema]) if branch.get("type") == "array"]
+            inner = items[0].get("prefixItems", []) if items else []
+            if step < len(inner):
+                schema = _follow(inner[step], root)
+            place.append(str(step))
+            continue
+        variant = schema.get("discriminator", {}).get("mapping", {}).get(step)
+        if variant is not None:
+            schema = _follow({"$ref": variant}, root)
+            continue
+        sections = _variants(schema, root)
+        known = next((s["properties"] for s in sections if step in s.get("properties", {})), None)
+        if known is not None:
+            schema = _follow(known[step], root)
+        elif not (isinstance(value, Mapping) and step in value):
+            tags = schema.get("discriminator", {}).get("mapping", {})
+            schema = _follow({"$ref": tags[step]}, root) if step in tags else schema
+            continue
+        place.append(step)
+        value = value.get(step) if isinstance(value, Mapping) else None
+    return tuple(place), schema
+
+
+def _follow(schema: Mapping[str, Any], root: Mapping[str, Any]) -> Mapping[str, Any]:
+    if "$ref" in schema:
+        found: Mapping[str, Any] = root["$defs"][schema["$ref"].rsplit("/", 1)[1]]
+        return found
+    return schema

@@ -1,0 +1,259 @@
+"""Every key of the config: its meaning, unit, range, default, source and reader; pure.
+
+The models are the only source: the docstring of a key is its meaning, and its first clause ends in the unit, as in
+"Peak speed of the tip, m/s; 0.1 in [gibbons].". For a pure number, a word replaces the unit: "fraction", "ratio", "count".
+The last sentence gives the source of the figure, as in "Source: docs/tried/search.md; measured by `cell trials`.". If a
+key has none, the source in the docstring of its section or of its model applies.
+"""
+
+import inspect
+import json
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import Any, get_args
+
+from pydantic import BaseModel
+from pydantic.fields import FieldInfo
+
+from cell.config.cell_config import RECIPE_SECTIONS, CellConfig
+from cell.config.errors import allowed
+from cell.config.load import LoadedConfig
+from cell.config.parameters import PARAMETERS
+
+UNITS = (
+    *("m", "m/s", "1/s", "1/s²", "rad", "rad/s", "s", "Hz", "kg", "N", "N/m", "N·s/m", "N·m", "N·m/rad", "N·m·s/rad"),
+    *("N·m/(rad·s)", "rad/(N·m)", "Pa", "counts", "counts/Pa", "bits/s"),
+)
+"""Units of keys: SI, counts of the skin's converter, and bits per second."""
+PURE = ("fraction", "ratio", "standard deviations", "multiple", "count", "percent", "number")
+"""Words that replace the unit of a pure number."""
+_UNIT = re.compile(
+    r", (" + "|".join(re.escape(word) for word in sorted((*UNITS, *PURE), key=len, reverse=True)) + r")(?![\w·/²(])"
+)
+_SENTENCE = re.compile(r"(?<!Sec\.)(?<!Eq\.)(?<!Fig\.)(?<=[.!?])\s+(?=[A-Z0-9`\"\[])")
+_SOURCE = re.compile(r"\s*\bSource: (.+)\.$")
+_CITED = re.compile(r"\[[a-z]+\](?:, (?:Sec|Eq|Table|Fig)\. (?:\(\d+\)|[^ ;:,.()]+))?")
+_ASSUMED = "assumed"
+
+
+@dataclass(frozen=True, slots=True)
+class Key:
+    """One key of the config; if a section has several kinds, the key of one kind."""
+
+    name: str
+    """Name with its sections, as in `search.speed`."""
+    kind: str
+    """Kind of the key's section, as in `skin.kind = "can"`; empty if the section has a single kind."""
+    meaning: str
+    """The docstring without its source sentence."""
+    unit: str
+    """Unit, or the word that replaces it; empty for values that are not numbers."""
+    allowed: str
+    """Type and permitted range in words."""
+    default: str | None
+    """Default as TOML; None if the key is required."""
+    sources: tuple[str, ...]
+    """Sources of the figure; without a reference "chosen, not measured", or "set for each cell", part or trial."""
+    reader: str
+    """Module of the class that declares and reads the key."""
+    setters: tuple[str, ...]
+    """Places that can set the key: always a cell's file, a preset and `--set`; for some keys a recipe or a command's parameter."""
+    is_float: bool
+    """True if the value is one or several floating-point numbers."""
+    section: str
+    """Class of the key's section."""
+
+    @property
+    def summary(self) -> str:
+        """Return the first clause of the meaning, which ends in the unit."""
+        return first_clause(self.meaning)
+
+
+@lru_cache(maxsize=1)
+def keys() -> tuple[Key, ...]:
+    """Return all keys, in the order of the models."""
+    return tuple(_keys_of(CellConfig, "", ""))
+
+
+def find(name: str) -> list[Key]:
+    """Return a key in each of its kinds, or all keys of a section."""
+    exact = [key for key in keys() if key.name == name]
+    return exact or [key for key in keys() if key.name.startswith(f"{name}.")]
+
+
+@dataclass(frozen=True, slots=True)
+class Setting:
+    """Value in force of one key."""
+
+    key: Key
+    value: Any
+    origin: str
+    """File or option of the value; `default` if none states it."""
+
+
+def in_force(loaded: LoadedConfig, recipe: int = 0) -> list[Setting]:
+    """Return the value in force of every key of a cell with one of its recipes; unused optional sections are left out."""
+    by_section = {(key.name, key.section): key for key in keys()}
+    origins = {".".join(place): origin for place, origin in loaded.origins.get(recipe, {}).items()}
+    return [
+        Setting(by_section[name, section], value, origins.get(name, "default"))
+        for name, section, value in _leaves(loaded.recipes[recipe], "")
+    ]
+
+
+def _leaves(model: BaseModel, place: str) -> Iterator[tuple[str, str, Any]]:
+    for name in settable(type(model)):
+        value = getattr(model, name)
+        if isinstance(value, BaseModel):
+            yield from _leaves(value, f"{place}{name}.")
+        elif value is not None:
+            yield f"{place}{name}", type(model).__name__, value
+
+
+def section_summary(name: str) -> str:
+    """Return the first clause of a section's docstring; empty without a docstring."""
+    models: list[type[BaseModel]] = [CellConfig]
+    *above, last = name.split(".")
+    for step in above:
+        models = [
+            inner
+            for each in models
+            if step in each.model_fields
+            for inner in _models(each.model_fields[step].annotation)
+        ]
+    found = [_properties(each)[last] for each in models if last in each.model_fields]
+    return first_clause(found[0].get("description", "")) if found else ""
+
+
+def split_source(text: str) -> tuple[str, tuple[str, ...]]:
+    """Return a docstring without its last sentence "Source: ...", and the sources of a key.
+
+    If the docstring lacks that sentence, the sources are the references that it cites, or the word "assumed" in it.
+    """
+    stated = _SOURCE.search(text)
+    if stated:
+        return text[: stated.start()], tuple(stated.group(1).split("; "))
+    return text, tuple(dict.fromkeys((*_CITED.findall(text), *((_ASSUMED,) if _ASSUMED in text else ()))))
+
+
+def _stated(text: str) -> tuple[str, ...]:
+    """Return the sources in the last sentence of a docstring; none without such a sentence."""
+    return split_source(text)[1] if _SOURCE.search(text) else ()
+
+
+def _of_model(model: type[BaseModel], field: str) -> tuple[str, ...]:
+    """Return the sources that a key's class states for all of its keys."""
+    return _stated(" ".join(inspect.cleandoc(_owner(model, field).__doc__ or "").split()))
+
+
+def first_sentence(text: str) -> str:
+    """Return the first sentence of a docstring, without its full stop."""
+    return _SENTENCE.split(text)[0].rstrip(".")
+
+
+def first_clause(text: str) -> str:
+    """Return the text before the first semicolon of a docstring's first sentence."""
+    return first_sentence(text).split(";")[0]
+
+
+def _keys_of(model: type[BaseModel], place: str, kind: str, source: tuple[str, ...] = ()) -> Iterator[Key]:
+    """Yield the keys of a model; `source` is that of its section and applies to keys without their own.
+
+    The source in a key's docstring has priority, then that of its section, then that of its model.
+    """
+    properties = _properties(model)
+    for name, field in settable(model).items():
+        inner = list(_models(field.annotation))
+        at = f"{place}{name}"
+        if not inner:
+            key = _key(at, kind, field, properties[name], model)
+            yield replace(key, sources=key.sources or source or _of_model(model, name))
+        for each in inner:
+            chosen = each.model_fields.get("kind")
+            values = get_args(chosen.annotation) if chosen is not None and len(inner) > 1 else ()
+            yield from _keys_of(
+                each,
+                f"{at}.",
+                f'{at}.kind = "{values[0]}"' if values else kind,
+                _stated(properties[name].get("description", "")) or source,
+            )
+
+
+def settable(model: type[BaseModel]) -> dict[str, FieldInfo]:
+    """Return the fields of a model that are keys; the others are figures that no config sets."""
+    return {name: field for name, field in model.model_fields.items() if not field.exclude}
+
+
+def _properties(model: type[BaseModel]) -> Mapping[str, Any]:
+    """Return the JSON schema of each key of a model, references resolved."""
+    schema = model.model_json_schema()
+    found: dict[str, Any] = {}
+    for name, each in schema.get("properties", {}).items():
+        target = schema["$defs"][each["$ref"].rsplit("/", 1)[1]] if "$ref" in each else {}
+        found[name] = {**target, **each}
+    return found
+
+
+def _models(annotation: Any) -> Iterator[type[BaseModel]]:
+    """Yield the models in an annotation; one model is a section, several are its kinds."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        yield annotation
+        return
+    for part in get_args(annotation):
+        yield from _models(part)
+
+
+def _key(name: str, kind: str, field: FieldInfo, schema: Mapping[str, Any], model: type[BaseModel]) -> Key:
+    meaning, sources = split_source(schema.get("description", ""))
+    setters = ["a cell's file", "a preset", "--set"]
+    if name.split(".")[0] in RECIPE_SECTIONS:
+        setters.append("a recipe")
+    for number, parameter in enumerate(PARAMETERS):
+        if parameter.name == name:
+            setters.append(f"a command, as parameter {number}")
+    return Key(
+        name=name,
+        kind=kind,
+        meaning=meaning,
+        unit=unit_of(meaning),
+        allowed=allowed(schema),
+        default=None if field.is_required() else toml(field.get_default(call_default_factory=True)),
+        sources=sources,
+        reader=_owner(model, name.rsplit(".", 1)[-1]).__module__,
+        setters=tuple(setters),
+        is_float=_has_float(field.annotation),
+        section=model.__name__,
+    )
+
+
+def _owner(model: type[BaseModel], field: str) -> type:
+    """Return the class that declares a key."""
+    return next((base for base in model.__mro__ if field in inspect.get_annotations(base)), model)
+
+
+def _has_float(annotation: Any) -> bool:
+    return annotation is float or any(_has_float(part) for part in get_args(annotation))
+
+
+def unit_of(meaning: str) -> str:
+    """Return the unit after a comma in a docstring's first sentence, or the word that replaces it; empty without one."""
+    found = _UNIT.search(first_clause(meaning))
+    return found.group(1) if found else ""
+
+
+def toml(value: Any) -> str:
+    """Return a value in TOML, as in a config file."""
+    if isinstance(value, BaseModel):
+        return toml(value.model_dump(mode="json"))
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, int | float):
+        return repr(value)
+    if isinstance(value, Mapping):
+        inside = ", ".join(f"{key} = {toml(each)}" for key, each in value.items() if each is not None)
+        return f"{{ {inside} }}" if inside else "{}"
+    if isinstance(value, list | tuple | set | frozenset):
+        return f"[{', '.join(toml(each) for each in value)}]"
+    return "none" if value is None else json.dumps(str(value), ensure_ascii=False)

@@ -1,0 +1,115 @@
+"""Loading of a cell: layers of base, file, world, preset, recipe and single keys, with the origin of each value."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from cell.config.cell_config import RECIPE_SECTIONS, CellConfig
+from cell.config.errors import explain
+from cell.config.files import DEFAULT, find_preset, layers, read_toml, recipe_files
+from cell.config.layers import SET, Origins, lay_layer, lay_over, nested, parse_set
+from drivers.errors import ConfigError
+
+
+@dataclass(frozen=True, slots=True)
+class LoadedConfig:
+    """A cell and its recipes, each a whole config."""
+
+    cell: CellConfig
+    recipes: Mapping[int, CellConfig] = field(default_factory=dict)
+    """Config of each recipe, by number; 0 is the cell's own part."""
+    origins: Mapping[int, Origins] = field(default_factory=dict)
+    """Origin of each value that is not a default, by recipe."""
+
+
+def load(path: Path | None = None, preset: str | None = None, sets: Iterable[str] = ()) -> LoadedConfig:
+    """Load a cell from layers, each laid over those before.
+
+    The order is: the file's `base`, the file, its world, its preset, the file of each recipe, single keys. The folders
+    `worlds/`, `presets/` and `recipes/` are beside the file. If a world or a preset is missing there, the shipped one is
+    used.
+
+    Args:
+        path: TOML file of the cell; None for the shipped simulated cell.
+        preset: Name of the preset that replaces the file's own.
+        sets: Single keys, `KEY=VALUE`; the value is TOML, or a bare word for a text.
+
+    Raises:
+        ConfigError: One line with file, key, the value found and the permitted values.
+    """
+    path = path or DEFAULT
+    below = layers(path)
+    keys = [parse_set(text) for text in sets]
+    if preset is not None:
+        keys.append((("preset",), preset))
+    merged = {0: _merge(path, below, None, keys)}
+    for number, file in recipe_files(path):
+        merged[number] = _merge(path, below, file, keys)
+    recipes = {number: cell for number, (cell, _) in merged.items()}
+    return LoadedConfig(recipes[0], recipes, {number: origins for number, (_, origins) in merged.items()})
+
+
+def with_parameters(config: CellConfig, parameters: Iterable[tuple[str, Any]]) -> CellConfig:
+    """Return a config with single values replaced by a command; only keys of recipes can be replaced.
+
+    Raises:
+        ConfigError: A key is unknown, or a value is not permitted.
+    """
+    parameters = list(parameters)
+    if not parameters:
+        return config
+    merged = config.model_dump()
+    layer: dict[str, Any] = {}
+    source: dict[tuple[str, ...], str] = {}
+    for name, value in parameters:
+        place = tuple(name.split("."))
+        if place[0] not in RECIPE_SECTIONS - {"preset"}:
+            raise ConfigError(
+                f"parameter {name}: not for a command; keys of {', '.join(sorted(RECIPE_SECTIONS))} allowed"
+            )
+        lay_over(layer, nested(place, value), "parameter", {})
+    lay_layer(merged, layer, "parameter", source)
+    return _validated(merged, source, "parameter", ["parameter"])
+
+
+def _merge(
+    path: Path,
+    below: list[tuple[str, dict[str, Any]]],
+    recipe: Path | None,
+    keys: list[tuple[tuple[str, ...], Any]],
+) -> tuple[CellConfig, Origins]:
+    merged: dict[str, Any] = {}
+    source: dict[tuple[str, ...], str] = {}
+    part = {} if recipe is None else read_toml(recipe)
+    for name in part:
+        if name not in RECIPE_SECTIONS:
+            raise ConfigError(f"{recipe}: {name}: not for a recipe; {', '.join(sorted(RECIPE_SECTIONS))} allowed")
+    order = [name for name, _ in below]
+    for name, tree in below:
+        lay_layer(merged, tree, name, source)
+    stated = {**merged, **part, **{keyed[0]: value for keyed, value in keys if len(keyed) == 1}}
+    named = {kind: stated.get(kind, "") for kind in ("world", "preset")}
+    for kind, name in named.items():
+        if name != "":
+            file = find_preset(path, name, kind)
+            lay_layer(merged, read_toml(file), str(file), source)
+            order.append(str(file))
+    lay_layer(merged, part, str(recipe), source)
+    merged |= named
+    single: dict[str, Any] = {}
+    for keyed, value in keys:
+        lay_over(single, nested(keyed, value), SET, {})
+    lay_layer(merged, single, SET, source)
+    return _validated(merged, source, str(path), [*order, str(recipe), SET], path.parent), source
+
+
+def _validated(
+    merged: dict[str, Any], source: Origins, file: str, order: Sequence[str], folder: Path | None = None
+) -> CellConfig:
+    try:
+        return CellConfig.model_validate(merged, context={"folder": folder})
+    except ValidationError as error:
+        raise ConfigError(explain(error, CellConfig, merged, source, file, order)) from None

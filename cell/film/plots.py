@@ -1,0 +1,147 @@
+"""Plots of one run from its samples, and of both fingers."""
+
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from cell.records.schema import RunRow
+from drivers.errors import ConfigError
+from drivers.quantities import BRIGHT, FINGER_NAMES, FINGERS, TaxelFrame, Vector
+from drivers.skin.layout import Layout, finger_positions
+from skills.catalogue import ADJUST, INSERT, SEARCH
+
+COLOURS = ("#bbbbbb", "#4477aa", "#66ccee", "#228833", "#ccbb44", "#ee6677", "#aa3377")
+"""Colours of stage 0 (none) and stages 1 to 6, which colour-blind readers can distinguish."""
+
+
+ON_SURFACE = 0.005
+"""Largest height above the tip's median height at which the plan shows the tip, m."""
+
+
+def plot_run(row: RunRow, samples: dict[str, Vector], path: Path) -> None:
+    """Draw one run: tip over the plate, angles, taxels with the hole event, forces, all by stage."""
+    figure = Figure(figsize=(13, 8), layout="constrained")
+    grid = figure.add_gridspec(3, 2, width_ratios=(2, 3))
+    plan = figure.add_subplot(grid[:, 0])
+    time = samples["stamp"] - samples["stamp"][0] if samples["stamp"].size else samples["stamp"]
+    stage = samples["stage"].astype(int)
+    _draw_plan(plan, samples, stage)
+    angles, taxels, forces = (figure.add_subplot(grid[place, 1]) for place in range(3))
+    upright = np.hypot(samples["axis_x"], samples["axis_y"])
+    angles.plot(time, np.degrees(samples["theta"]), label="theta, in the hand", color="#aa3377", lw=1)
+    angles.plot(
+        time, np.degrees(np.arctan2(upright, samples["axis_z"])), label="phi, to the vertical", color="#4477aa", lw=1
+    )
+    angles.set_ylabel("angle (degrees)")
+    age = angles.twinx()
+    known = np.where(np.isfinite(samples["theta_stamp"]), samples["stamp"] - samples["theta_stamp"], np.nan)
+    age.plot(time, 1e3 * known, color="#bbbbbb", lw=0.5)
+    age.set_ylabel("age of theta (ms), grey")
+    age.set_ylim(0.0, 500.0)
+    angles.set_zorder(age.get_zorder() + 1)
+    angles.set_frame_on(False)
+    taxels.plot(time, samples["taxels"].mean(axis=1), color="#222222", lw=1, label="average of 40 taxels")
+    found = _hole_event(stage)
+    if found is not None:
+        taxels.axvline(time[found], color="#ee6677", lw=1.5, ls="--", label="hole event: the search ends")
+    taxels.set_ylabel("pressure (counts)")
+    size = np.sqrt(samples["force_x"] ** 2 + samples["force_y"] ** 2 + samples["force_z"] ** 2)
+    forces.plot(time, size, color="#228833", lw=1, label="magnitude")
+    forces.plot(time, samples["force_z"], color="#66ccee", lw=1, label="along z")
+    forces.set_ylabel("external force (N)")
+    forces.set_xlabel("time since the first scan (s)")
+    for axes in (angles, taxels, forces):
+        _shade_stages(axes, time, stage)
+        axes.legend(loc="upper left", fontsize=8)
+        axes.margins(x=0)
+    ending = f"{row.outcome} {row.reason}".strip()
+    figure.suptitle(f"Run {row.run}: {row.program}, {ending}, {row.started}")
+    figure.savefig(path, dpi=110)
+
+
+def draw_fingers(frame: TaxelFrame, layout: Layout, path: Path) -> None:
+    """Save a picture of both fingers.
+
+    Raises:
+        ConfigError: The file cannot be written.
+    """
+    figure = Figure(figsize=(10, 4), layout="constrained")
+    places = finger_positions(layout) * 1e3
+    for number, axes in enumerate(figure.subplots(1, FINGERS, sharex=True, sharey=True)):
+        x, y = places[number].T
+        good = frame.trusted[number]
+        shown = axes.scatter(
+            x[good],
+            y[good],
+            c=frame.values[number][good],
+            s=400,
+            cmap="viridis",
+            vmin=0.0,
+            vmax=BRIGHT,
+            edgecolors="#888888",
+        )
+        axes.scatter(x[~good], y[~good], marker="x", s=200, color="#ee6677")
+        axes.set_title(f"{FINGER_NAMES[number]} finger, frame {frame.sequence}")
+        axes.set_xlabel("x along the finger (mm)")
+        axes.set_aspect("equal")
+        axes.margins(0.15)
+        if number == 0:
+            axes.set_ylabel("y (mm)")
+    figure.colorbar(shown, ax=figure.axes, label="counts above the baseline; cross: not trusted")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        figure.savefig(path, dpi=110)
+    except (OSError, ValueError) as error:
+        raise ConfigError(f"--out {path}: cannot be written: {error}") from None
+
+
+def _draw_plan(axes: Axes, samples: dict[str, Vector], stage: Vector) -> None:
+    for skill in (SEARCH, INSERT, ADJUST):
+        here = stage == skill.stage
+        if here.any():
+            # With the approach in view, heights on the surface would be too small to read.
+            here &= samples["tip_z"] < np.median(samples["tip_z"][here]) + ON_SURFACE
+            axes.plot(
+                1e3 * samples["tip_x"][here],
+                1e3 * samples["tip_y"][here],
+                lw=0.8,
+                color=_colour(skill.stage),
+                label=skill.name,
+            )
+    found = _hole_event(stage)
+    if found is not None:
+        axes.plot(
+            1e3 * samples["tip_x"][found],
+            1e3 * samples["tip_y"][found],
+            "x",
+            color="#ee6677",
+            ms=9,
+            label="hole event",
+        )
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.set_xlabel("x, base frame (mm)")
+    axes.set_ylabel("y, base frame (mm)")
+    axes.set_title("End point of the peg over the plate, as estimated")
+    if axes.has_data():
+        axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.1), ncols=4, fontsize=8)
+
+
+def _shade_stages(axes: Axes, time: Vector, stage: Vector) -> None:
+    if time.size == 0:
+        return
+    edges = [0, *(np.flatnonzero(np.diff(stage)) + 1), time.size]
+    for first, last in pairwise(edges):
+        axes.axvspan(time[first], time[last - 1], color=_colour(int(stage[first])), alpha=0.15, lw=0)
+
+
+def _colour(stage: int) -> str:
+    return COLOURS[stage % len(COLOURS)]
+
+
+def _hole_event(stage: Vector) -> int | None:
+    """Return the last scan of a search that was followed by a stage other than recovery."""
+    found = np.flatnonzero((stage[:-1] == SEARCH.stage) & (stage[1:] == INSERT.stage))
+    return int(found[-1]) if found.size else None

@@ -1,0 +1,67 @@
+"""Ports of a cell that are open to other computers, and validity of its keys, for `serve`, `check` and the metrics."""
+
+import ipaddress
+from collections.abc import Mapping
+
+from cell.devices.checks import OK
+from cell.records import wall_clock
+from plc_bridge.config import PlcConfig, TlsConfig
+
+Address = tuple[str, int]
+SOON = 30.0
+"""Remaining validity of a key below which it must be renewed, days."""
+
+
+def is_local(host: str) -> bool:
+    """Return True if only this computer can connect to `host`."""
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return host == "localhost"
+
+
+def exposures(plc: PlcConfig, page: Address | None = None, metrics: Address | None = None) -> list[str]:
+    """Return one line for each open port: what unknown computers can do there."""
+    found = []
+    if not is_local(plc.modbus.host) and not plc.modbus.allow:
+        found.append(
+            f"plc.modbus {plc.modbus.host}:{plc.modbus.port}: open to every computer that reaches it, to read, command and stop;"
+            " plc.modbus.allow names those that may"
+        )
+    if page is not None and not is_local(page[0]):
+        may = (
+            "anybody who has it may show the token"
+            if plc.tls is not None
+            else "the token is refused, for [plc.tls] is missing"
+        )
+        found.append(f"--page {page[0]}:{page[1]}: open to every computer that reaches it, to look; {may}")
+    if metrics is not None and not is_local(metrics[0]):
+        found.append(
+            f"--metrics {metrics[0]}:{metrics[1]}: open to every computer that reaches it, to read the figures"
+        )
+    return found
+
+
+def key_days(tls: TlsConfig | None) -> Mapping[str, float]:
+    """Return the remaining validity of each key file, days; negative after its end.
+
+    Raises:
+        DeviceNotOpenedError: A file cannot be read.
+    """
+    if tls is None:
+        return {}
+    from plc_bridge.tls import valid_until
+
+    now = wall_clock.now()
+    return {f"plc.tls.{name}": (end - now).total_seconds() / 86400.0 for name, end in valid_until(tls).items()}
+
+
+def key_verdict(days: float) -> str:
+    """Return "ok" and the days left, or the fault of an expired or expiring key."""
+    if days < 0.0:
+        return f"expired {-days:.0f} days ago: renew it, then start the cell again"
+    return (
+        f"{OK}, {days:.0f} days left"
+        if days > SOON
+        else f"expires in {days:.0f} days; more than {SOON:g} needed: renew it"
+    )

@@ -1,0 +1,1 @@
+"""Decides where the peg is, and whether an insertion has succeeded."""

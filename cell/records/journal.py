@@ -1,0 +1,236 @@
+"""The journal: an SQLite index of runs, stages, events and configs, and one file of samples per run."""
+
+import os
+from collections.abc import Sequence
+from contextlib import closing
+from pathlib import Path
+from typing import TYPE_CHECKING, Self
+
+from cell.records.index import INDEX as INDEX
+from cell.records.index import Index
+from cell.records.provenance import versions
+from cell.records.run_query import RunQuery
+from cell.records.schema import ConfigRow, EventRow, RunRow, StageRow
+from cell.records.told import Told, told_columns
+from drivers.errors import JournalError, UnknownRunError
+
+if TYPE_CHECKING:
+    from cell.records.sample_blocks import SampleBlock
+    from cell.records.upkeep import Keep
+    from cell.records.writer import JournalWriter
+    from drivers.scene_facts import SceneFacts
+
+MOST = 2**62
+"""Number that exceeds the number of runs in any journal."""
+
+
+def default_folder() -> Path:
+    """Return the folder of the journal, in the user's data folder."""
+    base = os.environ.get("XDG_DATA_HOME")
+    return (Path(base) if base else Path("~/.local/share").expanduser()) / "tactile-insertion-cell"
+
+
+class Journal:
+    """The records of a cell.
+
+    A separate thread writes the records, so that callers never wait. Reading methods of the same object wait until
+    all records are written.
+    """
+
+    def __init__(self, folder: Path, *, is_read_only: bool = False, keep: "Keep | None" = None) -> None:
+        """Keep the folder; `open` creates it.
+
+        Args:
+            folder: Folder of the index and the samples.
+            is_read_only: True to create, migrate and write nothing; a folder without an index then has no runs.
+            keep: Limits of age and size of the records; None keeps everything.
+        """
+        self.folder = folder
+        self._is_read_only, self._keep = is_read_only, keep
+        self._index: Index | None = None
+        self._writer: JournalWriter | None = None
+
+    def open(self) -> None:
+        """Open the index.
+
+        When opened to write, the journal creates a missing index and migrates an earlier layout. It closes the runs that
+        a killed program left open. If the index is damaged, the journal sets it aside and rebuilds it from the samples.
+
+        Raises:
+            JournalError: The folder or the index cannot be used, or a newer version of the program has written it.
+        """
+        if not self._is_read_only:
+            # Imported here because a reader of runs needs neither Arrow nor the writing thread.
+            from cell.records.upkeep import Keep
+            from cell.records.writer import JournalWriter
+
+            versions()
+            writer = JournalWriter(self.folder, self._keep or Keep())
+            writer.open()
+            self._writer = writer
+        else:
+            self._index = Index(self.folder, is_read_only=True)
+
+    def close(self) -> None:
+        """Write the waiting records and close; idempotent."""
+        index, self._index = self._index, None
+        if index is not None:
+            index.close()
+        # Close the writing connection last: only it can remove SQLite's files beside the index.
+        writer, self._writer = self._writer, None
+        if writer is not None:
+            writer.close()
+
+    def __enter__(self) -> Self:
+        """Open."""
+        self.open()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Close."""
+        self.close()
+
+    # Methods that write.
+
+    def begin(self, row: RunRow, facts: "SceneFacts | None" = None) -> RunRow:
+        """Record the start of a run; return its row with its number.
+
+        Args:
+            row: Row of the run at its start.
+            facts: Facts of the scene for pictures of the run.
+
+        Raises:
+            JournalError: The journal is not open.
+        """
+        return self._writing().begin(row, facts)
+
+    def write(self, run: int, block: "SampleBlock") -> None:
+        """Record samples of a run.
+
+        Raises:
+            JournalError: The journal is not open.
+        """
+        self._writing().write(run, block)
+
+    def finish(self, row: RunRow, stages: Sequence[StageRow] = (), rest: "SampleBlock | None" = None) -> None:
+        """Record the end of a run and its stages, with the rest of its samples.
+
+        Raises:
+            JournalError: The journal is not open.
+        """
+        self._writing().finish(row, stages, rest)
+
+    def note(self, row: EventRow) -> None:
+        """Record an event; the index numbers it.
+
+        Raises:
+            JournalError: The journal is not open.
+        """
+        self._writing().note(row)
+
+    def keep_config(self, row: ConfigRow) -> None:
+        """Record a whole config, once.
+
+        Raises:
+            JournalError: The journal is not open.
+        """
+        self._writing().keep_config(row)
+
+    @property
+    def trouble(self) -> str:
+        """Records that cannot be written now, and the reason; empty without trouble."""
+        return "" if self._writer is None else self._writer.trouble
+
+    @property
+    def is_disk_low(self) -> bool:
+        """True if the free space of the disk is below `Keep.least_free`."""
+        return self._writer is not None and self._writer.is_disk_low
+
+    def _writing(self) -> "JournalWriter":
+        if self._writer is None:
+            raise JournalError(f"{self.folder / INDEX}: not open to write")
+        return self._writer
+
+    # Methods that read.
+
+    def runs(self, last: int, since: str = "") -> list[RunRow]:
+        """Return the newest `last` runs, newest first, started at or after `since`, ISO 8601 UTC."""
+        return self.select(RunQuery(since), last)
+
+    def find(self, run: int) -> RunRow:
+        """Return one run.
+
+        Raises:
+            UnknownRunError: The run is not on record.
+        """
+        found = self._reading().rows(RunRow, "WHERE run = ?", [run])
+        if not found:
+            last = self.last_run()
+            known = f"1 to {last} are on record" if last else "no runs are on record yet"
+            raise UnknownRunError(f"run {run}: not in {self.folder / INDEX}; {known}")
+        return found[0]
+
+    def last_run(self) -> int:
+        """Return the number of the newest run; 0 if none is on record."""
+        return int(self._reading().execute("SELECT coalesce(max(run), 0) FROM runs", [])[0][0])
+
+    def outcomes(self, query: RunQuery) -> dict[str, int]:
+        """Return the number of runs of each outcome, among the runs that a query selects."""
+        where, values = query.where()
+        counted = f"SELECT outcome, count(*) FROM runs WHERE {where} GROUP BY outcome"
+        return dict(self._reading().execute(counted, values))
+
+    def stages(self, run: int) -> list[StageRow]:
+        """Return the stages of a run, in the order of their tries."""
+        return self._reading().rows(StageRow, "WHERE run = ? ORDER BY place", [run])
+
+    def select(self, query: RunQuery, last: int = MOST) -> list[RunRow]:
+        """Return the newest `last` runs that a query selects, newest first."""
+        where, values = query.where()
+        return self._reading().rows(RunRow, f"WHERE {where} ORDER BY run DESC LIMIT ?", [*values, last])
+
+    def told(self, query: RunQuery) -> Told:
+        """Return the report figures of the ended runs that a query selects."""
+        where, values = query.where()
+        asked = f"FROM runs JOIN told USING (run) WHERE {where} AND outcome != 'running' ORDER BY started"
+        return told_columns(self._reading().execute(f"SELECT kind, figures {asked}", values))
+
+    def events(self, since: str = "", run: int | None = None) -> list[EventRow]:
+        """Return the events at or after `since`, ISO 8601 UTC, oldest first; with `run`, only those of this run."""
+        if run is not None:
+            return self._reading().rows(EventRow, "WHERE time >= ? AND run = ? ORDER BY event", [since, run])
+        return self._reading().rows(EventRow, "WHERE time >= ? ORDER BY event", [since])
+
+    def config(self, digest: str) -> str | None:
+        """Return the config with a digest, as JSON; None if it is not on record."""
+        found = self._reading().rows(ConfigRow, "WHERE config_hash = ?", [digest])
+        return found[0].config if found else None
+
+    def samples_path(self, run: int) -> Path:
+        """Return the file of a run's samples."""
+        return self.folder / f"run-{run:06d}.arrows"
+
+    def _reading(self) -> Index:
+        """Return the index for reading, after all earlier records are written."""
+        if self._writer is not None:
+            self._writer.flush()
+            if self._index is not None and not self._index.is_in_place():
+                # The index was deleted, or it was damaged and rebuilt.
+                self._index.close()
+                self._index = None
+            if self._index is None:
+                self._index = Index(self.folder, is_read_only=True)
+        if self._index is None:
+            raise JournalError(f"{self.folder / INDEX}: not open")
+        return self._index
+
+
+def newest_run(folder: Path, *, is_simulated: bool) -> RunRow | None:
+    """Return the newest recorded run of a simulated or real cell in a folder; None if there is none.
+
+    Raises:
+        JournalError: The index cannot be read.
+    """
+    with closing(Index(folder, is_read_only=True)) as index:
+        found = index.rows(RunRow, "WHERE is_simulated = ? ORDER BY run DESC LIMIT 1", [int(is_simulated)])
+    return found[0] if found else None

@@ -1,0 +1,149 @@
+"""Files of samples of the open runs, for the journal's thread; if a file fails, its run continues without samples."""
+
+import logging
+import os
+import shutil
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from cell.records.index import OWNER_ONLY
+from cell.records.sample_blocks import SampleBlock
+from cell.records.samples import SampleFile
+from cell.records.schema import RunRow, StageRow
+from cell.records.upkeep import beginning_text, ending_text, samples_path
+from drivers.errors import JournalError
+from drivers.scene_facts import SceneFacts
+
+logger = logging.getLogger(__name__)
+
+FULL_SHARE = 0.1
+"""If the free space is below this fraction of `least_free`, no samples are written."""
+
+
+@dataclass(slots=True)
+class _OpenRun:
+    """The samples of one open run."""
+
+    row: RunRow
+    file: SampleFile | None = None
+    written: int = 0
+    """Number of scans on the disk."""
+    lost: int = 0
+    """Number of scans that were not written."""
+
+
+class RunSamples:
+    """The samples of the open runs; only the writing thread may call its methods, except `lose`."""
+
+    def __init__(self, folder: Path, least_free: int) -> None:
+        """Keep the folder, and the required free space of the disk, bytes."""
+        self._folder, self._least_free = folder, least_free
+        self._runs: dict[int, _OpenRun] = {}
+        self._claimed: set[int] = set()
+        self.trouble = ""
+        """Reason why samples are not written; empty without trouble."""
+
+    @property
+    def rows(self) -> list[RunRow]:
+        """Rows of the open runs, as at their start."""
+        return [run.row for run in self._runs.values()]
+
+    def claim(self, after: int) -> int:
+        """Return the next free number above `after`; the file of its samples reserves it against other programs.
+
+        Raises:
+            OSError: The file cannot be created.
+        """
+        number = after
+        while True:
+            number += 1
+            try:
+                self._make(number)
+            except FileExistsError:
+                continue
+            self._claimed.add(number)
+            return number
+
+    def give_back(self, number: int) -> None:
+        """Delete the file of a reserved number that is not used."""
+        with suppress(OSError):
+            samples_path(self._folder, number).unlink()
+
+    def begin(self, row: RunRow, facts: SceneFacts | None) -> None:
+        """Start the file of a run."""
+        run = self._runs[row.run] = _OpenRun(row)
+        path = samples_path(self._folder, row.run)
+        try:
+            if row.run not in self._claimed:
+                self._make(row.run)
+            if self._is_too_full():
+                raise JournalError(f"{path}: not written: the disk is all but full")
+            run.file = SampleFile(path, facts, beginning_text(row))
+        except (JournalError, OSError) as error:
+            self._give_up(run, error)
+
+    def write(self, number: int, block: SampleBlock, ending: str = "") -> None:
+        """Write a block of a run; `ending` is the text of the run's end, for the last block."""
+        run = self._runs[number]
+        if run.file is None:
+            run.lost += block.used
+            return
+        try:
+            if self._is_too_full() and not ending:
+                raise JournalError(f"{run.file.path}: not written on: the disk is all but full")
+            if not run.file.path.exists():
+                raise JournalError(f"{run.file.path}: somebody has deleted it")
+            run.file.write(block, ending)
+            run.written += block.used
+        except JournalError as error:
+            run.lost += block.used
+            self._give_up(run, error)
+
+    def finish(self, row: RunRow, stages: list[StageRow], block: SampleBlock) -> RunRow:
+        """Write the last block of a run, close its file, and return its row with the number of samples on the disk."""
+        run = self._runs[row.run]
+        row = replace(row, samples=run.written + (block.used if run.file is not None else 0))
+        self.write(row.run, block, ending_text(row, stages))
+        row = replace(row, samples=run.written)
+        _close(run)
+        del self._runs[row.run]
+        self._claimed.discard(row.run)
+        if not run.lost:
+            self.trouble = ""
+        return row
+
+    def lose(self, number: int, scans: int) -> None:
+        """Count scans of a run that are dropped because the disk is too slow."""
+        self.trouble = f"run {number}: the disk takes samples too slowly; some are lost"
+        if number in self._runs:
+            self._runs[number].lost += scans
+
+    def close(self) -> None:
+        """Close the files of all open runs."""
+        for run in self._runs.values():
+            _close(run)
+
+    def _make(self, number: int) -> None:
+        path = samples_path(self._folder, number)
+        os.close(os.open(path, os.O_CREAT | os.O_EXCL | os.O_RDWR, OWNER_ONLY))
+
+    def _give_up(self, run: _OpenRun, error: Exception) -> None:
+        """Stop recording samples of a run."""
+        _close(run)
+        run.file = None
+        self.trouble = f"run {run.row.run}: no further samples: {error}"
+        run.lost += 1
+        logger.error("%s", self.trouble)
+
+    def _is_too_full(self) -> bool:
+        try:
+            return shutil.disk_usage(self._folder).free < FULL_SHARE * self._least_free
+        except OSError:
+            return False
+
+
+def _close(run: _OpenRun) -> None:
+    if run.file is not None:
+        with suppress(JournalError):
+            run.file.close()

@@ -1,0 +1,140 @@
+"""Figures from the scans of a run, for its row and the rows of its stages; pure."""
+
+import json
+import math
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, field, fields, replace
+
+import numpy as np
+
+from cell.records.schema import RunRow, StageRow
+from drivers.errors import CellError
+from drivers.parts import Hole
+from skills.contract import Observation, Outcome, Reason, SkillResult
+from skills.flow import StageRecord
+from skills.seating import depth_of
+
+
+@dataclass(slots=True)
+class Visit:
+    """One stay in a stage: figures from its scans."""
+
+    name: str
+    began: float
+    """Beginning of the stay on the cell's clock, s."""
+    ended: float
+    peak_force: float | None = None
+    deepest: float | None = None
+    theta: float | None = None
+    sigma: float | None = None
+    residual: float | None = None
+    length: float | None = None
+
+    def see(self, seen: Observation, hole: Hole) -> None:
+        """Add one scan."""
+        self.ended = seen.stamp
+        force = float(np.linalg.norm(seen.arm.wrench.force))
+        self.peak_force = max(self.peak_force or 0.0, force)
+        if seen.peg.healthy:
+            self.theta, self.sigma, self.residual = seen.peg.theta, seen.peg.sigma, seen.peg.residual
+            self.length = float(np.linalg.norm(seen.tip - seen.arm.tcp.position))
+        if seen.gripper.is_gripping and seen.peg.healthy and _is_over(seen, hole):
+            depth = depth_of(seen.tip, hole)
+            self.deepest = depth if self.deepest is None else max(self.deepest, depth)
+
+
+@dataclass(slots=True)
+class RunTrace:
+    """The stays of one run in order."""
+
+    began: float
+    """Time of the command on the cell's clock, s."""
+    hole: Hole
+    visits: list[Visit] = field(default_factory=list)
+
+    def see(self, seen: Observation, stage: str) -> None:
+        """Add one scan of a stage."""
+        if not self.visits or self.visits[-1].name != stage:
+            self.visits.append(Visit(stage, seen.stamp, seen.stamp))
+        self.visits[-1].see(seen, self.hole)
+
+    def figures(self, row: RunRow) -> RunRow:
+        """Return a run's row, completed with the figures from its scans."""
+        last = next((visit for visit in reversed(self.visits) if visit.theta is not None), None)
+        return replace(
+            row,
+            peak_force=max((visit.peak_force for visit in self.visits if visit.peak_force is not None), default=None),
+            deepest=max((visit.deepest for visit in self.visits if visit.deepest is not None), default=None),
+            theta=last.theta if last is not None else None,
+            sigma=last.sigma if last is not None else None,
+            length=last.length if last is not None else None,
+        )
+
+    def stages(self, run: int, records: Sequence[StageRecord], fault: CellError | None) -> list[StageRow]:
+        """Return the rows of the stages: with the program's results if there are any, else only with figures from the scans.
+
+        If a stage was tried several times without another between, the figures are in the row of the last try.
+        """
+        if records:
+            return [self._answered(run, place, records) for place in range(1, len(records) + 1)]
+        rows = [self._seen(run, place, visit) for place, visit in enumerate(self.visits, 1)]
+        if rows and fault is not None:
+            rows[-1] = replace(rows[-1], outcome=Outcome.FAULT)
+        return rows
+
+    def _seen(self, run: int, place: int, visit: Visit) -> StageRow:
+        return StageRow(
+            run=run,
+            place=place,
+            name=visit.name,
+            began=visit.began - self.began,
+            ended=visit.ended - self.began,
+            theta=visit.theta,
+            sigma=_finite(visit.sigma),
+            residual=visit.residual,
+            peak_force=visit.peak_force,
+            deepest=visit.deepest,
+        )
+
+    def _answered(self, run: int, place: int, records: Sequence[StageRecord]) -> StageRow:
+        record = records[place - 1]
+        is_followed = place < len(records) and records[place].name == record.name
+        visit = None if is_followed else self._visit_of(record)
+        row = StageRow(run, place, record.name, 0.0, 0.0) if visit is None else self._seen(run, place, visit)
+        reason = record.result.reason
+        return replace(
+            row,
+            began=record.started - self.began,
+            ended=record.ended - self.began,
+            counted=record.result.elapsed,
+            outcome=record.result.outcome,
+            reason="" if reason is Reason.NONE else reason.name.lower(),
+            retried=int(record.retried),
+            facts=json.dumps(_facts(record.result), default=_plain),
+        )
+
+    def _visit_of(self, record: StageRecord) -> Visit | None:
+        stays = (visit for visit in reversed(self.visits) if visit.name == record.name)
+        return next((visit for visit in stays if visit.began <= record.ended), None)
+
+
+def _is_over(seen: Observation, hole: Hole) -> bool:
+    """Return True if the tip is over the hole's area, with a margin of half its size on each side."""
+    x, y = seen.tip[0] - hole.centre[0], seen.tip[1] - hole.centre[1]
+    return bool(abs(x) <= hole.area[0] and abs(y) <= hole.area[1])
+
+
+def _facts(result: SkillResult) -> dict[str, object]:
+    """Return the fields that a skill adds to its result; a number that is not finite becomes None, because JSON has none."""
+    common = {each.name for each in fields(SkillResult)}
+    told = {name: value for name, value in asdict(result).items() if name not in common}
+    return {name: _finite(value) if isinstance(value, float) else value for name, value in told.items()}
+
+
+def _plain(value: object) -> object:
+    """Return a value without a JSON type as lists of numbers, or as text."""
+    return value.tolist() if isinstance(value, np.ndarray | np.generic) else str(value)
+
+
+def _finite(value: float | None) -> float | None:
+    return value if value is not None and math.isfinite(value) else None

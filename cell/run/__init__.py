@@ -1,0 +1,1 @@
+"""Runs the cell: states, orders, one program at a time, and stops."""

@@ -1,0 +1,127 @@
+"""The desk between a cell and its line: PackML state, report, answers to commands, and the view for the page."""
+
+import logging
+from dataclasses import replace
+from typing import Protocol
+
+from cell.peg.part_watch import PartWatch
+from cell.records.journal import Journal
+from cell.run.event_log import EventLog, warnings_of
+from cell.run.live import Live, Look
+from cell.run.record import StageClock
+from cell.run.states import Event, State, after
+from cell.run.watchdog import LateScans
+from drivers.errors import CellError
+from drivers.protocols import Clock
+from plc_bridge.messages import Command, Control, Refusal, Report, Result
+from skills.catalogue import CATALOGUE
+
+logger = logging.getLogger(__name__)
+
+
+class CommandLine(Protocol):
+    """Source of commands and reader of reports: the bridge to the PLC, or a technician's terminal."""
+
+    def poll(self) -> Command | None:
+        """Return the next command, or None; never waits.
+
+        Raises:
+            PlcLostError: The client that started the running program has timed out.
+        """
+
+    def publish(self, report: Report) -> None:
+        """Make the report readable; never waits."""
+
+    def accept(self, command: Command) -> None:
+        """Confirm a command to its sender: the program starts or the control is executed; never waits."""
+
+    def refuse(self, command: Command, refusal: Refusal) -> None:
+        """Refuse a command to its sender, with the reason; never waits."""
+
+
+class Desk:
+    """Keeps the state and the report of one cell; for the scan thread."""
+
+    def __init__(
+        self, line: CommandLine, live: Live, journal: Journal, clock: Clock, part: PartWatch, late: LateScans
+    ) -> None:
+        """Start in IDLE; every report includes the peg's place, faults of the records, and late scans."""
+        self._line, self._live, self._journal, self._part, self._late = line, live, journal, part, late
+        self.poll, self.accept = line.poll, line.accept
+        self.events = EventLog(journal, clock.now)
+        self.misfit = ""
+        """Disagreement of the last run's joint torques with the arm's calibration, one line; empty if they agree."""
+        self.state = State.IDLE
+        self.report = Report(state=State.IDLE)
+
+    def enter(self, event: Event) -> None:
+        """Make the transition of an event in the present state; change nothing if there is none."""
+        before, self.state = self.state, after(self.state, event)
+        if self.state is before:
+            return
+        self.events.state(before, self.state)
+        if event is not Event.FINISHED:
+            self.report = replace(self.report, transition=Control[event.name])
+
+    def leave_complete(self) -> None:
+        """Go from COMPLETE to IDLE; any other state stays."""
+        if self.state is State.COMPLETE:
+            self.enter(Event.RESET)
+            self.enter(Event.FINISHED)
+
+    def open(self, command: Command, run: int = 0) -> None:
+        """Start the report on a command; `run` is the number of its run, 0 before it has one."""
+        before = self.report
+        self.report = Report(command.sequence, run=run, transition=before.transition, warnings=before.warnings)
+
+    def tell_times(self, clock: StageClock) -> None:
+        """Write the times of the stages into the report."""
+        self.report = replace(
+            self.report,
+            stage_times=CATALOGUE.in_places(clock.times),
+            total_time=sum(clock.times.get(name, 0.0) for name in CATALOGUE.counted),
+        )
+
+    def tell_part(self) -> None:
+        """Write the peg's place and its evidence into the report."""
+        self.report = self._part.filled(self.report)
+        self._live.evidence = self._part.part.evidence
+
+    def publish(self) -> None:
+        """Update the fields that change at every scan, and publish the report on the line."""
+        self.tell_part()
+        before, warnings = self.report, warnings_of(self._journal, self._late.is_warned, bool(self.misfit))
+        if (before.state, before.warnings, before.overruns) != (self.state, warnings, self._late.count):
+            self.events.warned(before.warnings, warnings, self.misfit)
+            self.report = replace(before, state=self.state, warnings=warnings, overruns=self._late.count)
+        self._line.publish(self.report)
+
+    def fault(self, error: CellError) -> None:
+        """Enter ABORTED and report the fault; the arm moves again only after a reset."""
+        self._say(error)
+        self.events.fault(error)
+        self.enter(Event.ABORT)
+        if self.state is State.ABORTING:
+            self.enter(Event.FINISHED)
+        result = self.report.result
+        if result is Result.NONE and self.report.sequence != 0:
+            result = Result.FAULT
+        self.report = replace(self.report, result=result, fault=error.code)
+
+    def tell_blocked(self, error: CellError) -> None:
+        """Publish the fault of a blocked scan, from the watchdog's thread; only the scan thread changes the desk's own report."""
+        self._say(error)
+        self._line.publish(replace(self.report, state=State.ABORTING, fault=error.code))
+
+    def _say(self, error: CellError) -> None:
+        logger.error("fault %d: %s", error.code, error)
+        self._live.fault = str(error)
+
+    def show(self, look: Look) -> None:
+        """Publish one scan to the viewers."""
+        self._live.show(look)
+
+    def refuse(self, command: Command, refusal: Refusal) -> None:
+        """Refuse a command with a reason."""
+        self.events.refusal(command, refusal)
+        self._line.refuse(command, refusal)

@@ -1,0 +1,306 @@
+"""Learning from part to part: the place of each recipe's hole, kept in one file over restarts."""
+
+import hashlib
+import json
+import logging
+from collections.abc import Callable, Sequence
+from datetime import datetime
+from pathlib import Path
+from queue import Empty, SimpleQueue
+from threading import Thread
+from typing import Annotated, Literal
+
+from pydantic import AwareDatetime, Field, ValidationError
+
+from cell.records import wall_clock
+from cell.records.kept_file import KeptFile, replace
+from drivers.config_model import ConfigModel
+from drivers.errors import ConfigError
+from drivers.parts import Coordinate, Job
+from skills.flow import StageRecord
+from skills.prior import NEEDED, LearningConfig, PlaceEstimate, first_estimate, from_prior
+from skills.spray_search import SpraySearchResult
+
+logger = logging.getLogger(__name__)
+
+FILE = "learned.json"
+"""Name of the file, beside the records of runs."""
+LONGEST_WRITE = 1.0
+"""Longest wait for the file to be written, s."""
+LONGEST_READ = 0.2
+"""Longest wait for the file to be read at the start or end of a run, s; the arm is at rest then."""
+Variance = Annotated[float, Field(gt=0.0, le=0.01)]
+Place = tuple[Coordinate, Coordinate]
+
+
+class LearnedPlace(ConfigModel):
+    """Learnt place of one recipe's hole, as the file holds it."""
+
+    job: str
+    """Digest of the part and its place during learning."""
+    mean: Place
+    """Place of the fixture, m, base frame."""
+    variance: tuple[Variance, Variance]
+    """Variance of the fixture's place along x and y, m²."""
+    scatter: tuple[Variance, Variance]
+    """Variance of a part's hole about the fixture along x and y, m²."""
+    parts: Annotated[int, Field(ge=1)]
+    """Number of parts used for learning."""
+    stray: Place | None
+    """Place of the newest part's hole if it was not near the learnt place, m, base frame."""
+    updated: AwareDatetime
+    """Wall time of the newest part."""
+
+    def doubt(self) -> str:
+        """Return the reason why a valid place is not searched first; empty if it is."""
+        if self.stray is not None:
+            return "in doubt: the last part was elsewhere"
+        return "" if self.parts >= NEEDED else "too few parts yet"
+
+    def estimate(self) -> PlaceEstimate:
+        """Return the place as an estimate."""
+        return PlaceEstimate(self.mean, self.variance, self.scatter, self.parts, self.stray)
+
+
+class LearnedFile(ConfigModel):
+    """The file as a whole."""
+
+    version: Literal[1] = 1
+    """Layout of the file."""
+    places: dict[Annotated[str, Field(pattern=r"^\d{1,5}$")], LearnedPlace] = Field(default_factory=dict)
+    """Learnt place by number of the recipe."""
+
+
+def read_learned(folder: Path) -> LearnedFile:
+    """Return the content of the file in a folder; empty without a file.
+
+    Raises:
+        ConfigError: The file cannot be read, or holds impossible values; one line.
+    """
+    path = folder / FILE
+    try:
+        return LearnedFile.model_validate_json(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        return LearnedFile()
+    except OSError as error:
+        raise ConfigError(f"{path}: cannot be read: {error.strerror}") from None
+    except (ValidationError, UnicodeDecodeError) as error:
+        raise ConfigError(f"{path}: {_first(error)}; `cell learned forget` begins anew") from None
+
+
+def write_learned(folder: Path, learned: LearnedFile) -> None:
+    """Write the file whole or not at all.
+
+    Raises:
+        ConfigError: The file cannot be written.
+    """
+    path = folder / FILE
+    try:
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        replace(path, _text(learned), is_lasting=True)
+    except OSError as error:
+        raise ConfigError(f"{path}: cannot be written: {error.strerror}") from None
+
+
+def forget(folder: Path, recipe: int | None = None) -> list[int]:
+    """Forget one recipe, or delete the whole file; return the numbers of the forgotten recipes.
+
+    Raises:
+        ConfigError: The file cannot be written; or, for a single recipe, it cannot be read.
+    """
+    path = folder / FILE
+    if recipe is None:
+        try:
+            known = [int(number) for number in read_learned(folder).places]
+        except ConfigError:
+            known = []
+        try:
+            path.unlink(missing_ok=True)
+        except OSError as error:
+            raise ConfigError(f"{path}: cannot be removed: {error.strerror}") from None
+        return known
+    learned = read_learned(folder)
+    kept = {number: place for number, place in learned.places.items() if int(number) != recipe}
+    if len(kept) == len(learned.places):
+        return []
+    write_learned(folder, learned.model_copy(update={"places": kept}))
+    return [recipe]
+
+
+class Learning:
+    """Gives each run the learnt place of its recipe, and learns from its result.
+
+    The file is read before every run, so that a technician can delete places between runs. Other threads read and
+    write it, because the disk must not delay the scan.
+    """
+
+    def __init__(
+        self, folder: Path, learning: LearningConfig, now: Callable[[], datetime] = lambda: wall_clock.now()
+    ) -> None:
+        """Keep folder, settings and the function that returns the time; read the file."""
+        self._folder, self._learning, self._now = folder, learning, now
+        known = _tried(folder)  # if the file cannot be used, the first run that needs it logs this
+        self._newest = known if isinstance(known, LearnedFile) else LearnedFile()
+        self._kept = KeptFile(folder / FILE, "what was learnt")
+        self._reader: Thread | None = None
+
+    def flush(self, timeout: float = LONGEST_WRITE) -> bool:
+        """Wait up to `timeout`, s, until the learnt places are on the disk; return True if they are."""
+        return self._kept.flush(timeout)
+
+    def _known(self) -> LearnedFile:
+        """Return the content of the file, or the newest content if it is not yet written.
+
+        Raises:
+            ConfigError: The file cannot be read, or holds impossible values; one line.
+        """
+        return self._read() if self._kept.flush(0.0) else self._newest
+
+    def _read(self) -> LearnedFile:
+        """Return the content of the file, read by a separate thread; if the disk times out, return the last known content.
+
+        Raises:
+            ConfigError: The file cannot be read, or holds impossible values; one line.
+        """
+        answers: SimpleQueue[LearnedFile | ConfigError] = SimpleQueue()
+        try:
+            if self._reader is not None and self._reader.is_alive():
+                raise Empty  # the last read has not finished yet
+            self._reader = Thread(target=lambda: answers.put(_tried(self._folder)), name="learned", daemon=True)
+            self._reader.start()
+            answer = answers.get(timeout=LONGEST_READ)
+        except Empty:
+            logger.warning("%s: no answer within %g s: what was known last holds", self._folder / FILE, LONGEST_READ)
+            return self._newest
+        if isinstance(answer, ConfigError):
+            raise answer
+        self._newest = answer
+        return answer
+
+    def prepared(self, job: Job, recipe: int) -> Job:
+        """Return a job with the learnt place of its hole as prior; before any part is learnt, the configured prior is used."""
+        if not self._learning.place:
+            return job
+        estimate = self._estimate(job, recipe)
+        if estimate is None:
+            return job
+        hole = job.hole.model_copy(update={"prior": estimate.prior(self._learning)})
+        return job.model_copy(update={"hole": hole})
+
+    def take(self, job: Job, recipe: int, records: Sequence[StageRecord]) -> None:
+        """Learn from a run that seated the peg. If the file cannot be written, this is logged and runs continue.
+
+        Args:
+            job: The job from the config, without a learnt prior.
+            recipe: Number of the recipe.
+            records: Stages of the run.
+        """
+        hole = hole_of_seated(records)
+        if not self._learning.place or hole is None:
+            return
+        known = self._estimate(job, recipe)
+        estimate = first_estimate(hole, self._learning) if known is None else known.after(hole, self._learning)
+        if estimate.stray is not None:
+            logger.warning(
+                "recipe %d: hole at %s, not where %d parts had it: searching the whole area next",
+                recipe,
+                hole,
+                estimate.parts,
+            )
+        place = LearnedPlace(
+            job=digest(job),
+            mean=estimate.mean,
+            variance=estimate.variance,
+            scatter=estimate.scatter,
+            parts=estimate.parts,
+            stray=estimate.stray,
+            updated=self._now(),
+        )
+        try:
+            learned = self._known()
+        except ConfigError as error:
+            logger.warning("%s", error)
+            return
+        self._newest = learned.model_copy(update={"places": {**learned.places, str(recipe): place}})
+        self._kept.put(_text(self._newest), is_lasting=True)
+
+    def forget(self, recipe: int) -> None:
+        """Forget a recipe at once, and queue the file for writing; if the file cannot be read, forget all recipes."""
+        try:
+            places = self._known().places
+        except ConfigError as error:
+            logger.warning("%s", error)
+            places = {}
+        kept = {number: place for number, place in places.items() if int(number) != recipe}
+        self._newest = LearnedFile(places=kept)
+        self._kept.put(_text(self._newest), is_lasting=True)
+
+    def _estimate(self, job: Job, recipe: int) -> PlaceEstimate | None:
+        """Return the learnt place of the hole, else the configured one; None without both."""
+        configured = from_prior(job.hole.prior, self._learning) if job.hole.prior is not None else None
+        try:
+            place = self._known().places.get(str(recipe))
+        except ConfigError as error:
+            logger.warning("%s", error)
+            return configured
+        if place is None:
+            return configured
+        if (why := unusable(place, job, self._learning, self._now())) is not None:
+            logger.warning("%s: recipe %d: %s: not used", self._folder / FILE, recipe, why)
+            return configured
+        return place.estimate()
+
+
+def _tried(folder: Path) -> LearnedFile | ConfigError:
+    """Return the content of the file in a folder, or the error why it cannot be used."""
+    try:
+        return read_learned(folder)
+    except ConfigError as error:
+        return error
+
+
+def unusable(place: LearnedPlace, job: Job, learning: LearningConfig, now: datetime) -> str | None:
+    """Return the reason why a learnt place must not be used for a job; None if it can."""
+    if place.job != digest(job):
+        return "learnt with another part or place"
+    age = (now - place.updated).total_seconds()
+    if age > learning.longest_age:
+        return f"learnt {age / 86400:.0f} days ago; at most {learning.longest_age / 86400:g} allowed"
+    low, high = zip(
+        *((c - e / 2, c + e / 2) for c, e in zip(job.hole.centre[:2], job.hole.area, strict=True)), strict=True
+    )
+    if not all(a <= m <= b for a, m, b in zip(low, place.mean, high, strict=True)):
+        return f"place {list(place.mean)}: outside the area of the hole; {list(low)} to {list(high)} allowed"
+    return None
+
+
+def digest(job: Job) -> str:
+    """Return a short digest of part and place; a learnt place is valid only for the same digest."""
+    text = json.dumps([job.peg.model_dump(), job.hole.model_dump(exclude={"prior"})], sort_keys=True)
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+def hole_found(records: Sequence[StageRecord]) -> Place | None:
+    """Return the hole found by a run, shape (2,), m, base frame: from the seated peg, else from the last edge contact."""
+    searches = [record.result for record in records if isinstance(record.result, SpraySearchResult)]
+    return next((search.seated or search.edge for search in reversed(searches) if search.edge is not None), None)
+
+
+def hole_of_seated(records: Sequence[StageRecord]) -> Place | None:
+    """Return the hole's place from the seated peg, shape (2,), m, base frame; None if no peg was seated."""
+    searches = [record.result for record in records if isinstance(record.result, SpraySearchResult)]
+    return searches[-1].seated if searches else None
+
+
+def _text(learned: LearnedFile) -> str:
+    """Return the file as text."""
+    return learned.model_dump_json(indent=2) + "\n"
+
+
+def _first(error: ValidationError | UnicodeDecodeError) -> str:
+    """Return the first error as one line."""
+    if isinstance(error, UnicodeDecodeError):
+        return "no text"
+    first = error.errors(include_url=False)[0]
+    where = ".".join(str(part) for part in first["loc"])
+    return f"{where}: {first['msg']}" if where else str(first["msg"])

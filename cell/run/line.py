@@ -1,0 +1,88 @@
+"""The cell's side of its lines: programs by command code, parameters by number; and the line of a terminal."""
+
+from collections.abc import Callable
+
+from cell.run.states import ASKED, State
+from drivers.errors import ConfigError
+from plc_bridge.messages import FIRST_PROGRAM, Command, Control, Refusal, Report, Result
+from plc_bridge.registers import STAGES, Parameter
+from skills.catalogue import CATALOGUE
+from skills.entry import Catalogue
+
+PROGRAMS: dict[int, str] = {code: entry.name for code, entry in CATALOGUE.by_code.items()}
+
+PARAMETERS: tuple[Parameter, ...] = (
+    Parameter("grasp.force", "N", 0.1, 1.0, 70.0, "grip force"),
+    Parameter("search.speed", "m/s", 1e-4, 0.001, 0.5, "peak speed of the tip while it searches"),
+    Parameter("search.timeout", "s", 0.1, 1.0, 600.0, "longest search"),
+    Parameter("insert.timeout", "s", 0.1, 1.0, 600.0, "longest insertion"),
+    Parameter("adjust.timeout", "s", 0.1, 1.0, 600.0, "longest adjustment"),
+)
+"""Keys of the config that a command may replace for its own run."""
+
+TOLD: dict[str, Control] = {control.name.lower(): control for control in (Control.CLEARED, Control.REFILLED)}
+"""Controls with which a person confirms an action at the peg or the rack."""
+CONTROLS: dict[str, Control] = {**{event.value: Control[event.name] for event in ASKED}, **TOLD}
+"""Controls that can be requested from a running cell, in addition to programs and skills."""
+
+WORDS: dict[str, dict[int, str]] = {
+    "report_state": {state.value: state.name for state in State},
+    "report_stage": dict(CATALOGUE.stages),
+    "report_reason": dict(CATALOGUE.reasons),
+}
+"""Meaning of the values of these registers."""
+
+
+def _require_fits(catalogue: Catalogue) -> None:
+    """Require that names and codes of the catalogue fit the PLC's map and the terminal without conflicts.
+
+    Raises:
+        ConfigError: One line with the entry, the value found and the permitted values.
+    """
+    for name, entry in catalogue.items():
+        if not FIRST_PROGRAM <= entry.code < Control.LOST:
+            raise ConfigError(
+                f"skill catalogue: {name}: command code {entry.code}: {FIRST_PROGRAM} to {Control.LOST - 1} allowed"
+            )
+        if name in CONTROLS:
+            raise ConfigError(
+                f"skill catalogue: {name}: the name of a control; another than {', '.join(CONTROLS)} allowed"
+            )
+    for number, name in catalogue.stages.items():
+        if number > STAGES:
+            raise ConfigError(
+                f"skill catalogue: {name}: stage {number}: the PLC's map holds {STAGES}; 1 to {STAGES} allowed"
+            )
+
+
+_require_fits(CATALOGUE)
+
+
+class TerminalLine:
+    """A technician's terminal as the only line of a cell: it gives one command and passes all reports to a function."""
+
+    def __init__(self, command: Command, watch: Callable[[Report], None]) -> None:
+        """Keep the command, which is given once, and the function to call with every report."""
+        self._command: Command | None = command
+        self._watch = watch
+        self.refusal = Refusal.NONE
+        """Reason of the refusal; NONE without one."""
+
+    def poll(self) -> Command | None:
+        """Return the command at the first call, then None."""
+        command, self._command = self._command, None
+        return command
+
+    def publish(self, report: Report) -> None:
+        """Call the function with the report."""
+        self._watch(report)
+
+    def accept(self, command: Command) -> None:
+        """Call the function with the result of a control; for a program, the reports contain it."""
+        if command.code < FIRST_PROGRAM:
+            self._watch(Report(sequence=command.sequence, result=Result.SUCCESS))
+
+    def refuse(self, command: Command, refusal: Refusal) -> None:
+        """Keep the refusal and call the function."""
+        self.refusal = refusal
+        self._watch(Report(sequence=command.sequence, result=Result.REFUSED))

@@ -1,0 +1,174 @@
+"""The record of a run: times by stage, samples at every scan, and the row of its end."""
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from enum import IntEnum
+from functools import partial
+
+from cell.config.cell_config import CellConfig
+from cell.peg.part_state import PartState
+from cell.records.journal import Journal
+from cell.records.provenance import config_text, digest_of, versions
+from cell.records.run_trace import RunTrace
+from cell.records.sample_blocks import SampleStream
+from cell.records.schema import ConfigRow, RunRow
+from cell.records.wall_clock import now_text
+from drivers.errors import CellError, FaultCode
+from drivers.quantities import ImpedanceSetpoint
+from drivers.scene_facts import SceneFacts, Sight
+from plc_bridge.messages import Command
+from skills.catalogue import CATALOGUE
+from skills.contract import Observation, Outcome, Reason
+from skills.flow import StageRecord
+
+
+@dataclass(slots=True)
+class StageClock:
+    """Measures the time of each stage during a run."""
+
+    times: dict[str, float] = field(default_factory=dict)
+    """Time of each ended stage, all its tries together, s; never decreases."""
+    stage: str = ""
+    """Present stage, or the last one."""
+    _since: float | None = None
+    """Start of the present stage, s; None between two stages."""
+
+    def enter(self, stage: str, now: float) -> bool:
+        """Register the present stage at the time `now`, s; return True if it starts now."""
+        if stage == self.stage and self._since is not None:
+            return False
+        self.leave(now)
+        self.stage, self._since = stage, now
+        return True
+
+    def end(self, stage: str, elapsed: float) -> None:
+        """Add the time counted by a stage, s; the skill may leave out the transfer to its place."""
+        self.times[stage] = self.times.get(stage, 0.0) + elapsed
+        self._since = None
+
+    def leave(self, now: float) -> None:
+        """Close a stage that has not ended by itself: all of its time counts."""
+        if self._since is not None:
+            self.end(self.stage, now - self._since)
+
+
+@dataclass(frozen=True, slots=True)
+class Ending:
+    """End of a run."""
+
+    outcome: Outcome
+    stage: str
+    """Name of the stage that did not succeed, else of the last one."""
+    reason: IntEnum
+    """Reason of the end, a `Reason` or one of the skill's own."""
+
+    @property
+    def word(self) -> str:
+        """The reason in lower case, for records; empty if there is none."""
+        return "" if self.reason is Reason.NONE else self.reason.name.lower()
+
+
+def ending_of(records: Sequence[StageRecord], fault: CellError | None, stage: str) -> Ending:
+    """Return the ending of a run: that of the first failed stage that was not retried, else the last; or a fault in `stage`."""
+    if fault is not None or not records:
+        return Ending(Outcome.FAULT, stage, Reason.NONE)
+    last = next(
+        (record for record in records if record.result.outcome is not Outcome.SUCCESS and not record.retried),
+        records[-1],
+    )
+    return Ending(last.result.outcome, last.name, last.result.reason)
+
+
+def scene_facts(config: CellConfig) -> SceneFacts:
+    """Return the facts of the scene for pictures of a run with this config."""
+    return SceneFacts(arm=config.arm_model(), job=config.job(), layout=config.skin.layout)
+
+
+class RunRecord:
+    """The record of the present run."""
+
+    def __init__(
+        self, journal: Journal, command: Command, program: str, config: CellConfig, now: float, seed: int
+    ) -> None:
+        """Record the start of the run before anything moves; the journal's own thread writes it.
+
+        Args:
+            journal: The opened journal.
+            command: The command that started the run.
+            program: Name of the program.
+            config: Config of the run, its parameters included.
+            now: Time of the command on the cell's clock, s.
+            seed: Seed of the simulated world's draws and of the skills' choices in this run.
+
+        Raises:
+            JournalError: The journal is not open.
+        """
+        self._journal = journal
+        self.clock = StageClock()
+        self._trace, self._scans = RunTrace(now, config.job().hole), 0
+        text = config_text(config)
+        self.row = journal.begin(
+            RunRow(
+                run=0,
+                started=now_text(),
+                program=program,
+                recipe=command.recipe,
+                serial=command.serial,
+                source=command.source,
+                sequence=command.sequence,
+                versions=json.dumps(versions()),
+                config_hash=digest_of(text),
+                parameters=json.dumps(dict(command.parameters)),
+                is_simulated=int(config.is_simulated),
+                seed=seed,
+            ),
+            scene_facts(config),
+        )
+        journal.keep_config(ConfigRow(self.row.config_hash, text))
+        self._stream = SampleStream(partial(journal.write, self.row.run))
+
+    def add(self, seen: Observation, setpoint: ImpedanceSetpoint | None, sight: Sight | None = None) -> None:
+        """Record one scan; in a simulated cell, `sight` holds the true poses of peg and hole."""
+        self._scans += 1
+        self._trace.see(seen, self.clock.stage)
+        self._stream.add(seen, setpoint, CATALOGUE.stage_number(self.clock.stage), sight)
+
+    def finish(
+        self,
+        ending: Ending,
+        fault: CellError | None,
+        records: Sequence[StageRecord],
+        now: float,
+        part: PartState,
+        proof: str = "",
+    ) -> None:
+        """Record the end of the run.
+
+        Args:
+            ending: Ending of the run.
+            fault: First fault of the run; None without one.
+            records: Stages of the run.
+            now: Time of the end on the cell's clock, s.
+            part: State of the peg at the end.
+            proof: Evidence that proved a success, in words; empty without one.
+        """
+        self.row = self._trace.figures(
+            replace(
+                self.row,
+                outcome=ending.outcome,
+                stage=ending.stage,
+                reason=ending.word,
+                fault=fault.code if fault is not None else FaultCode.NONE,
+                message=str(fault or ""),
+                stage_times=json.dumps(list(self.clock.times.items())),
+                ended=now_text(),
+                cycle_time=now - self._trace.began,
+                retries=sum(record.retried for record in records),
+                part=part.place.name.lower(),
+                part_evidence=part.evidence,
+                proof=proof,
+                samples=self._scans,
+            )
+        )
+        self._journal.finish(self.row, self._trace.stages(self.row.run, records, fault), self._stream.rest())

@@ -1,0 +1,152 @@
+"""Every command and every study has the same parts, and what does not exist is told with what may have been meant."""
+
+import json
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from cell.commands.cli import COMMANDS, GOOD, WRONG_USE, load_command, main
+from cell.config.nearest import did_you_mean
+from cell.lab.commands.study import STUDIES, load_study
+from cell.records.journal import Journal
+from cell.records.schema import RunRow
+from cell.records.versions import PINS, licence, packages
+from drivers.errors import FaultCode
+
+ROOT = Path(__file__).parents[3]
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_a_command_has_its_parts(name, capsys):
+    command = load_command(name)
+    with pytest.raises(SystemExit, match="0"):
+        main([name, "--help"])
+    assert command.SUMMARY in " ".join(capsys.readouterr().out.split())
+
+
+@pytest.mark.parametrize("name", STUDIES)
+def test_a_study_has_its_parts_and_a_help_of_its_own(name, capsys):
+    study = load_study(name)
+    with pytest.raises(SystemExit, match="0"):
+        main(["study", name, "--help"])
+    told = " ".join(capsys.readouterr().out.split())
+    assert study.SUMMARY in told
+    assert f"cell study {name}" in told
+    assert callable(study.run)
+
+
+def test_an_option_of_one_study_is_refused_by_another(capsys):
+    assert main(["study", "contact", "--attacks"]) == WRONG_USE
+    assert "--attacks" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("words", "meant"),
+    [
+        (["fualts"], "faults"),
+        (["study", "tactil"], "tactile"),
+        (["run", "insert_pegg"], "insert_peg"),
+        (["map", "--format", "jsn"], "json"),
+        (["faults", "skin_slient"], "SKIN_SILENT"),
+        (["trials", "--trails", "3"], "--trials"),
+        (["study", "page", "--hors", "1"], "--hours"),
+        (["runs", "--journal", "nowhere", "--program", "insert_pg"], "insert_peg"),
+        (["report", "--journal", "nowhere", "--program", "insert_pg"], "insert_peg"),
+    ],
+)
+def test_a_slip_of_the_fingers_is_answered_with_what_was_meant(words, meant, capsys):
+    assert main(words) == WRONG_USE
+    assert capsys.readouterr().err.rstrip().endswith(f"; did you mean {meant}?")
+
+
+def test_nothing_is_guessed_from_a_word_that_is_like_none():
+    assert did_you_mean("xyzzy", ["check", "demo", "serve"]) == ""
+
+
+@pytest.mark.parametrize("word", ["1002", FaultCode(1002).name, FaultCode(1002).name.lower()])
+def test_one_fault_is_told_by_its_number_or_its_name(word, capsys):
+    assert main(["faults", word, "--json"]) == GOOD
+    assert [entry["code"] for entry in json.loads(capsys.readouterr().out)] == [1002]
+
+
+def test_a_fault_that_does_not_exist_is_wrong_use(capsys):
+    assert main(["faults", "9999"]) == WRONG_USE
+    assert "1002" in capsys.readouterr().err
+
+
+SERIAL = "PN7[a]-[/x] :warning: [red]"
+"""As a PLC may send it: a number that looks like the terminal's own markup."""
+
+
+def test_a_serial_number_that_looks_like_markup_is_printed_as_it_is(tmp_path, capsys):
+    with Journal(tmp_path) as journal:
+        row = RunRow(
+            run=0,
+            started="2026-01-01T00:00:00",
+            program="insert_peg",
+            recipe=0,
+            serial=SERIAL,
+            source="plc[/]",
+            sequence=1,
+        )
+        journal.begin(row)
+    assert main(["runs", "--journal", str(tmp_path)]) == GOOD
+    printed = capsys.readouterr().out
+    assert all(word in printed for word in SERIAL.split())
+    assert main(["show", "1", "--journal", str(tmp_path)]) != WRONG_USE
+    printed = capsys.readouterr().out
+    assert SERIAL in printed
+    assert "plc[/]" in printed
+
+
+def test_the_version_is_told_with_those_that_the_suite_ran_with(capsys):
+    with pytest.raises(SystemExit, match="0"):
+        main(["--version"])
+    told = capsys.readouterr().out
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    assert told.startswith(f"cell {project['version']}, Python ")
+    assert "numpy" in told
+    assert "differs" not in told
+    assert max(map(len, told.splitlines())) <= 80
+
+
+def test_every_package_of_the_program_says_under_which_licence_it_is():
+    licences = {line.name: line.licence for line in packages()}
+    assert "not stated" not in licences.values()
+    assert licences["python-can"] == "LGPL-3.0-only"  # an expression
+    assert licences["rich"] == "MIT License"  # a classifier
+    assert licences["shtab"] == "MPL-2.0"  # a text alone
+    assert licence("nobody-wrote-this") == "not installed"
+
+
+def test_every_package_of_the_program_is_pinned():
+    assert PINS.read_text() == (ROOT / "constraints.txt").read_text()
+    assert [line.name for line in packages() if line.tested == "not pinned"] == []
+
+
+@pytest.mark.parametrize("words", [("show", "99"), ("runs", "--fault", "9999")])
+def test_a_question_about_what_does_not_exist_is_wrong_use(words, tmp_path, capsys):
+    with Journal(tmp_path):
+        pass
+    assert main([*words, "--journal", str(tmp_path)]) == WRONG_USE
+    assert capsys.readouterr().err.count("\n") == 1
+
+
+def test_a_run_fits_one_line_of_80_columns(tmp_path, capsys):
+    with Journal(tmp_path) as journal:
+        journal.begin(
+            RunRow(
+                run=0,
+                started="2026-01-01T00:00:00+00:00",
+                program="insert_peg",
+                recipe=0,
+                serial="",
+                source="10.0.0.1",
+                sequence=1,
+            )
+        )
+    assert main(["runs", "--journal", str(tmp_path)]) == GOOD
+    (line,) = [line for line in capsys.readouterr().out.splitlines() if line.startswith(" 1 ")]
+    assert len(line.rstrip()) <= 80
+    assert "running" in line

@@ -1,0 +1,73 @@
+"""What a cell compiles before it serves, so that no scan of a program waits for a compiler."""
+
+import logging
+from pathlib import Path
+
+import pytest
+
+from cell.commands import warm_up
+from cell.config.load import LoadedConfig, load
+from cell.devices.assembly import assemble, opened
+from drivers import compiled
+from sim import engine
+
+
+@pytest.fixture
+def noted(tmp_path, monkeypatch):
+    """Return the recipes that were inserted, with a cache that has no notes."""
+    inserted = []
+    monkeypatch.setattr(compiled, "folder", lambda: tmp_path)
+    monkeypatch.setattr(warm_up, "compile_ahead", lambda config: None)
+    monkeypatch.setattr(warm_up, "_insert", lambda loaded, recipe: inserted.append((loaded, recipe)))
+    return inserted
+
+
+def test_one_part_of_a_kind_is_inserted_once_as_fast_as_it_goes(noted):
+    for _ in range(2):
+        warm_up.warm_up(load(sets=["reality.scale=2.0"]))
+    ((loaded, recipe),) = [each for each in noted if each[1] == 0]
+    assert (recipe, loaded.cell.sim.pace, loaded.cell.reality.scale) == (0, "max", 2.0)
+
+
+def test_a_part_of_another_kind_is_another_insertion(noted):
+    warm_up.warm_up(load())
+    before = len(noted)
+    warm_up.warm_up(load(sets=["peg.diameter=0.0079"]))
+    assert len(noted) > before
+
+
+def test_a_simulation_that_keeps_no_time_compiles_where_it_is(noted):
+    warm_up.warm_up(load(sets=["sim.pace=max"]))
+    assert noted == []
+
+
+def test_sources_that_have_changed_are_compiled_anew(noted, monkeypatch):
+    warm_up.warm_up(load())
+    before = len(noted)
+    monkeypatch.setattr(compiled, "_digest_of_all", lambda: "other sources")
+    warm_up.warm_up(load())
+    assert len(noted) == 2 * before
+
+
+def test_the_engine_is_compiled_ahead_for_the_types_that_step_it():
+    with opened(assemble(load(sets=["sim.pace=max"]).cell)) as cell:
+        cell.clock.wait_until(0.01)
+    engine.compile_ahead()
+    assert len(engine.advance.signatures) == 1
+
+
+def test_the_parts_of_a_real_cell_are_inserted_in_simulation_and_the_log_goes_on_afterwards(tmp_path, monkeypatch):
+    ended = []
+    monkeypatch.setattr(compiled, "folder", lambda: tmp_path)
+    serve = warm_up.Supervisor.serve
+
+    def served(supervisor):
+        serve(supervisor)
+        ended.append((supervisor.last.program, supervisor.last.is_simulated, supervisor.last.outcome))
+
+    monkeypatch.setattr(warm_up.Supervisor, "serve", served)
+    real = load(Path("config/cell_01.toml"))
+    assert not real.cell.is_simulated
+    warm_up.warm_up(LoadedConfig(real.cell, {0: real.cell}))
+    assert ended == [("insert_peg", True, "success")]
+    assert logging.root.manager.disable == logging.NOTSET

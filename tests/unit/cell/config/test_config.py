@@ -1,0 +1,464 @@
+import re
+import shutil
+
+import pytest
+
+from cell.config.checks import require_permitted
+from cell.config.files import DEFAULT, SHIPPED, arm_file
+from cell.config.layers import parse_set
+from cell.config.load import load, with_parameters
+from cell.config.margins import inertias
+from cell.devices.assembly import make_estimator
+from cell.run.supervisor import is_timed
+from drivers.errors import ConfigError
+from skills.catalogue import SEARCH
+
+
+def line_about(*sets, path=None):
+    """Return what a wrong config is told."""
+    with pytest.raises(ConfigError) as caught:
+        load(path, sets=sets)
+    assert "\n" not in str(caught.value)
+    return str(caught.value)
+
+
+def test_the_shipped_cell_is_a_whole_config(loaded):
+    assert loaded.cell.peg.diameter < loaded.cell.hole.diameter
+    assert set(loaded.recipes) >= {0, 1}
+
+
+NEARER = ["hole.centre=[0.40, 0.0, 0.1]"]
+
+
+@pytest.mark.parametrize(
+    ("wrong", "told"),
+    [
+        ("plc.tls.foo=1", ["--set", "plc.tls.foo: unknown key", "authority, certificate"]),
+        ("plc.can=3", ["--set", "plc.can = 3", "a section with interface (needed), channel (needed)"]),
+        ("plc.rtu=true", ["--set", "plc.rtu = True", "a section with port (needed), unit"]),
+        ("peg.diametre=0.008", ["--set", "peg.diametre", "unknown key", "diameter, length"]),
+        ("peg.diameter=8", ["--set", "peg.diameter = 8", "0.002 to 0.03", "metres", "0.008"]),
+        ("hole.area=[60, 60]", ["hole.area", "60", "0 to 0.2", "metres"]),
+        ("peg.diameter=0.0081", ["--set", "peg.diameter = 0.0081", "thicker than the hole", "0.0081"]),
+        (
+            "grasp.clearance=0.03",
+            ["--set", "grasp.clearance = 0.03", "leaves the peg in its slot", "rack.depth = 0.03"],
+        ),
+        ("search.descent=0.001", ["--set", "search.descent = 0.001", "not down within", "at least 0.0207"]),
+        ("insert.estimator=eye", ["insert.estimator", "'eye'", '"image"']),
+        ("preset=hasty", ["preset", "'hasty'", "presets/"]),
+        ("peg.shape=oval", ["peg.shape", "'oval'", '"square"']),
+        ("hole.depth=0.06", ["hole.depth = 0.06", "peg.length"]),
+        ("scan_rate=5", ["scan_rate = 5", "10 to 1000"]),
+        ("contact.friction=[0.1, 3]", ["contact.friction", "[0.1, 3]", "0 to 2"]),
+        ("arm.kind=serial", ["arm.kind", "'serial'", '"sim"']),
+        ("arm.model=ur5", ["--set", 'arm.model = "ur5": no such arm; "fr3", "panda" or a file']),
+        ("arm.model=none.toml", ["arm.model", "none.toml", "no such arm"]),
+        ("sim.timestep=0.0007", ["sim", "0.0007", "does not divide"]),
+        ("plc.modbus.port=70000", ["plc.modbus.port = 70000", "65535"]),
+        ("gibberish", ["gibberish", "KEY=VALUE"]),
+    ],
+)
+def test_a_wrong_value_is_told_in_one_line(wrong, told):
+    line = line_about(wrong)
+    assert all(word in line for word in told), line
+
+
+def test_a_missing_file_is_named(tmp_path):
+    assert "no such file" in line_about(path=tmp_path / "cell_07.toml")
+
+
+def test_a_file_that_is_not_toml_is_named(tmp_path):
+    path = tmp_path / "cell.toml"
+    path.write_text("peg = ")
+    assert str(path) in line_about(path=path)
+
+
+def test_a_missing_safety_limit_is_not_made_up(tmp_path):
+    path = tmp_path / "cell.toml"
+    path.write_text("\n".join(line for line in DEFAULT.read_text().splitlines() if not line.startswith("low =")))
+    assert "limits.low: missing" in line_about(path=path)
+
+
+def test_a_value_is_toml_and_a_bare_word_a_text():
+    assert parse_set("hole.area=[0.06, 0.06]") == (("hole", "area"), [0.06, 0.06])
+    assert parse_set("sim.pace=max") == (("sim", "pace"), "max")
+
+
+def test_file_then_preset_then_recipe_then_keys(tmp_path):
+    (tmp_path / "presets").mkdir()
+    (tmp_path / "recipes").mkdir()
+    cell = tmp_path / "cell.toml"
+    cell.write_text('preset = "slow"\n' + DEFAULT.read_text())
+    (tmp_path / "presets" / "slow.toml").write_text("[search]\nspeed = 0.011\ntimeout = 11.0\n")
+    (tmp_path / "recipes" / "7.toml").write_text("[search]\ntimeout = 12.0\nheight = 0.012\n")
+    found = load(cell, sets=["search.height=0.013"])
+    search = found.recipes[7].search
+    assert (search.speed, search.timeout, search.height) == (0.011, 12.0, 0.013)
+    assert found.cell.search.timeout == 11.0
+
+
+def test_a_recipe_cannot_touch_the_hardware(tmp_path):
+    cell = tmp_path / "cell.toml"
+    cell.write_text(DEFAULT.read_text())
+    (tmp_path / "recipes").mkdir()
+    (tmp_path / "recipes" / "3.toml").write_text('[arm]\nkind = "sim"\n')
+    assert "arm: not for a recipe" in line_about(path=cell)
+
+
+def test_a_command_replaces_single_values(loaded):
+    assert with_parameters(loaded.cell, [("search.timeout", 5.0)]).search.timeout == 5.0
+
+
+def test_a_command_cannot_touch_the_limits(loaded):
+    with pytest.raises(ConfigError, match=r"limits\.force: not for a command"):
+        with_parameters(loaded.cell, [("limits.force", 500.0)])
+
+
+@pytest.mark.parametrize(
+    ("name", "kind"),
+    [
+        ("image", "ImageEstimator"),
+        ("ml", "LikelihoodEstimator"),
+        ("robust", "RobustEstimator"),
+    ],
+)
+def test_the_estimator_is_the_one_that_is_named(name, kind):
+    assert type(make_estimator(load(sets=[f"insert.estimator={name}"]).cell)).__name__ == kind
+
+
+def test_certificates_are_looked_for_beside_the_config_file(tmp_path):
+    file = tmp_path / "cell.toml"
+    tls = '\n[plc.tls]\ncertificate = "cell.pem"\nkey = "/keys/cell.key"\nauthority = "ca/root.pem"\n'
+    file.write_text(DEFAULT.read_text() + tls)
+    cell = load(file).cell
+    for config in (cell, with_parameters(cell, [("grasp.force", 20.0)])):
+        found = config.plc.tls
+        assert (found.certificate, found.authority) == (tmp_path / "cell.pem", tmp_path / "ca/root.pem")
+        assert str(found.key) == "/keys/cell.key"
+
+
+@pytest.mark.parametrize(
+    ("wrong", "told"),
+    [
+        ("switch={kind='modem'}", ["switch.kind = 'modem'", '"none", "serial", "sim" allowed']),
+        ("switch={}", ["switch.kind", "missing", '"none", "serial", "sim" needed']),
+        ("switch={kind='serial'}", ["switch.port", "missing"]),
+        (
+            "switch={kind='serial', port='/dev/ttyUSB0', baud=9600}",
+            ["switch.baud", "unknown key", "kind, port, record allowed"],
+        ),
+    ],
+)
+def test_a_wrong_kind_of_device_is_told_in_one_line(wrong, told, tmp_path):
+    path = tmp_path / "cell.toml"
+    path.write_text(re.sub(r'\[switch\]\nkind = "sim".*\n', "", DEFAULT.read_text()))
+    line = line_about(wrong, path=path)
+    assert all(word in line for word in told), line
+
+
+def test_gains_beyond_the_sampled_loops_margin_are_refused_with_the_figure():
+    with pytest.raises(ConfigError) as refused:
+        load(sets=["insert.gains.translation=20000"])
+    found = re.fullmatch(
+        r"--set: insert\.gains\.translation = 20000: unstable from (\S+) with this damping ratio and frames at 10 Hz; at most (\S+) allowed",
+        str(refused.value),
+    )
+    assert found
+    limit, allowed = map(float, found.groups())
+    assert limit == pytest.approx(1.2 * allowed, rel=0.01)
+    load(sets=[f"insert.gains.translation={0.99 * allowed}"])
+    with pytest.raises(ConfigError, match="at most"):
+        load(sets=[f"insert.gains.translation={1.01 * allowed}"])
+
+
+def test_gains_are_judged_at_the_cells_own_arm_and_place():
+    shipped, other, nearer = (load(sets=sets).cell.place() for sets in ([], ["arm.model=fr3"], NEARER))
+    inertia, another, bent = (inertias(place)[1][2, 2] for place in (shipped, other, nearer))
+    assert another > 1.02 * inertia
+    assert abs(bent / inertia - 1.0) > 0.02
+
+
+def test_a_place_out_of_reach_is_told():
+    line = line_about("hole.centre=[1.2, 0.0, 0.1]")
+    assert line.startswith("--set: hole.centre = (1.2, 0.0, 0.1): the arm, Franka Emika Panda, does not reach it")
+
+
+def test_an_arm_of_ones_own_is_a_file_beside_the_config(tmp_path):
+    text = arm_file("panda").read_text()
+    (tmp_path / "own.toml").write_text(text.replace("flange = 0.107", "flange = 0.117"))
+    (tmp_path / "cell.toml").write_text(DEFAULT.read_text().replace("[arm]\n", '[arm]\nmodel = "own.toml"\n'))
+    cell = load(tmp_path / "cell.toml").cell
+    for config in (cell, with_parameters(cell, [("grasp.force", 20.0)])):
+        assert config.arm_model().kinematics.flange == 0.117
+
+
+def test_a_faster_skin_allows_what_a_slow_one_does_not():
+    load(sets=["insert.gains.rotation=200", "skin.rate=100"])
+
+
+def test_a_preset_beyond_the_margin_is_refused_by_its_own_file(tmp_path):
+    shutil.copy(DEFAULT, tmp_path / "cell.toml")
+    (tmp_path / "presets").mkdir()
+    (tmp_path / "presets" / "stiff.toml").write_text("[search]\ngains = { rotation = 400.0 }\n")
+    with pytest.raises(ConfigError, match=r"stiff\.toml: search\.gains\.rotation = 400: unstable from"):
+        load(tmp_path / "cell.toml", preset="stiff")
+
+
+@pytest.fixture
+def real(tmp_path):
+    """Return a file of a physical cell, which the shipped one is the base of."""
+    path = tmp_path / "cell_07.toml"
+    path.write_text((SHIPPED / "cell_01.toml").read_text())
+    return path
+
+
+def test_a_cell_takes_from_its_base_what_it_does_not_say(real):
+    cell, base = load(real).cell, load().cell
+    assert (cell.search, cell.insert, cell.adjust) == (base.search, base.insert, base.adjust)
+    assert (cell.arm.kind, base.arm.kind) == ("franka", "sim")
+
+
+@pytest.mark.parametrize("pace", ["1.0", "max"])
+def test_a_physical_cell_keeps_time_whatever_its_base_says_of_the_world(real, pace):
+    physical, simulated = load(real, sets=[f"sim.pace={pace}"]).cell, load(sets=[f"sim.pace={pace}"]).cell
+    assert (physical.is_simulated, simulated.is_simulated) == (False, True)
+    assert (physical.first_seed, simulated.first_seed) == (0, 1)
+    assert is_timed(physical)
+    assert is_timed(simulated) == (pace == "1.0")
+
+
+def test_a_wrong_value_of_the_base_is_told_of_the_base(real):
+    shutil.copy(DEFAULT, real.parent / "sim.toml")
+    (real.parent / "sim.toml").write_text(DEFAULT.read_text().replace("timeout = 100.0", "timeout = -1.0"))
+    assert line_about(path=real).startswith(f"{real.parent / 'sim.toml'}: search.timeout")
+
+
+@pytest.mark.parametrize("force", [0.0, -1.0])
+def test_a_force_limit_is_more_than_nothing(force):
+    assert "limits.force" in line_about(f"limits.force={force}")
+
+
+def test_the_largest_force_limit_is_what_the_arm_can_press_with_at_the_hole():
+    assert load(sets=["limits.force=136"]).cell.limits.force == 136.0
+    assert "at most 136 allowed" in line_about("limits.force=137")
+
+
+@pytest.mark.parametrize("key", ["force", "low", "high", "centre", "first"])
+def test_limits_and_places_are_never_those_of_the_base(real, key):
+    real.write_text("\n".join(line for line in real.read_text().splitlines() if not line.startswith(f"{key} =")))
+    line = line_about(path=real)
+    assert line.startswith(f"{real}: ")
+    assert f".{key}: missing" in line
+
+
+def test_a_base_that_is_not_there_is_told(real):
+    real.write_text(real.read_text().replace("sim.toml", "sun.toml"))
+    assert "base = 'sun.toml': no such file; cell_01.toml, sim.toml allowed" in line_about(path=real)
+
+
+def test_a_base_of_a_base_is_refused(real):
+    real.write_text('base = "cell_01.toml"')
+    assert "has a base of its own" in line_about(path=real)
+
+
+def cell_file(folder, peg="", hole=""):
+    """Write a cell on the shipped base that says this of its part, and return the file."""
+    path = folder / "cell.toml"
+    path.write_text(
+        'base = "sim.toml"\n[limits]\nforce = 60.0\nlow = [0.20, -0.50, 0.05]\nhigh = [0.80, 0.45, 0.80]\n'
+        f"[rack]\nfirst = [0.45, -0.25, 0.10]\n[peg]\n{peg}\n[hole]\ncentre = [0.5, 0.0, 0.1]\n{hole}\n"
+    )
+    return path
+
+
+def sizes(*sets, path=None):
+    cell = load(path, sets=sets).cell
+    return (cell.peg.diameter or cell.peg.sides), (cell.hole.diameter or cell.hole.sides)
+
+
+@pytest.mark.parametrize("shape", ["square", "rectangular"])
+def test_a_layer_that_changes_the_shape_alone_keeps_the_size(shape):
+    assert sizes(f"peg.shape={shape}") == ((0.008, 0.008), (0.0081, 0.0081))
+
+
+def test_the_hole_keeps_its_size_where_a_layer_says_that_of_the_peg_alone():
+    assert sizes("peg.shape=rectangular", "peg.sides=[0.006, 0.008]") == ((0.006, 0.008), (0.0081, 0.0081))
+
+
+@pytest.mark.parametrize("side", [0.004, 0.012, 0.020])
+def test_sides_from_4_to_20_mm_are_accepted(side):
+    sets = ("peg.shape=rectangular", f"peg.sides=[{side}, 0.008]", f"hole.sides=[{side + 1e-4}, 0.0081]")
+    assert sizes(*sets) == ((side, 0.008), (side + 1e-4, 0.0081))
+
+
+OBLONG = ("peg.shape=rectangular", "peg.sides=[0.008, 0.012]", "hole.sides=[0.0081, 0.0121]")
+
+
+@pytest.mark.parametrize(
+    ("sets", "azimuth"), [((), 0.4), (("peg.shape=square",), 0.0), (OBLONG, 0.0), (OBLONG, -3.1415), (OBLONG, 0.0009)]
+)
+def test_a_search_may_hold_a_peg_in_every_way_that_looks_as_its_hole_does(sets, azimuth):
+    assert load(sets=(*sets, f"search.tilt_azimuth={azimuth}")).cell.params(SEARCH).tilt_azimuth == azimuth
+
+
+@pytest.mark.parametrize(
+    ("sets", "azimuth", "allowed"),
+    [(("peg.shape=square",), 0.4, 1.5708), (OBLONG, 1.5708, 3.1416), (OBLONG, -0.0011, 3.1416)],
+)
+def test_a_search_that_holds_a_peg_turned_against_its_hole_is_refused(sets, azimuth, allowed):
+    with pytest.raises(
+        ConfigError, match=rf"^--set: search\.tilt_azimuth = {azimuth}: .* multiples of {allowed} allowed"
+    ):
+        load(sets=(*sets, f"search.tilt_azimuth={azimuth}"))
+
+
+def test_equal_sides_become_the_diameter_where_a_layer_makes_the_peg_round(tmp_path):
+    path = cell_file(tmp_path, 'shape = "square"\nsides = [0.01, 0.01]', "sides = [0.0101, 0.0101]")
+    assert sizes("peg.shape=round", path=path) == (0.01, 0.0101)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "told"),
+    [
+        (("peg.shape=square", "peg.diameter=0.01"), ["peg.diameter = 0.01", "square", "peg.sides = [0.01, 0.01]"]),
+        (("peg.shape=rectangular", "hole.diameter=0.01"), ["hole.diameter = 0.01", "hole.sides = [0.01, 0.01]"]),
+        (("peg.sides=[0.008, 0.008]",), ["peg.sides = [0.008, 0.008]", "round", "peg.diameter = 0.008"]),
+        (("peg.sides=[0.008, 0.006]",), ["peg.sides = [0.008, 0.006]", "round", "peg.diameter allowed"]),
+        (
+            ("peg.shape=square", "peg.sides=[0.006, 0.008]"),
+            ["peg.sides = [0.006, 0.008]", "not equal", '"rectangular"'],
+        ),
+        (("peg.shape=square", "peg.sides=0.008"), ["peg.sides = 0.008", "2 values", "0.002 to 0.03"]),
+        (
+            ("peg.shape=rectangular", "peg.sides=[0.012, 0.008]", "hole.sides=[0.0121, 0.008]"),
+            ["peg.sides = [0.012, 0.008]", "0.008 is wider than the hole", "less than 0.008 of hole.sides"],
+        ),
+        (
+            ("peg.shape=rectangular", "peg.sides=[0.012, 0.008]", "hole.sides=[0.0081, 0.0121]"),
+            ["0.012 is wider than the hole", "less than 0.0081"],
+        ),
+    ],
+)
+def test_a_size_in_the_word_of_another_shape_or_that_does_not_fit_is_told_in_one_line(wrong, told):
+    line = line_about(*wrong)
+    assert line.startswith("--set: ")
+    assert all(word in line for word in told), line
+
+
+def test_a_file_that_sizes_a_square_peg_by_a_diameter_is_told_the_new_word(tmp_path):
+    path = cell_file(tmp_path, 'shape = "square"\ndiameter = 0.008')
+    line = line_about(path=path)
+    assert line == f'{path}: peg.diameter = 0.008: not for peg.shape = "square"; peg.sides = [0.008, 0.008] allowed'
+
+
+def test_unequal_sides_below_leave_a_round_peg_without_its_diameter(tmp_path):
+    path = cell_file(tmp_path, 'shape = "rectangular"\nsides = [0.012, 0.008]', "sides = [0.0121, 0.0081]")
+    line = line_about("peg.shape=round", path=path)
+    assert all(word in line for word in ("--set", "peg.diameter: missing", "peg.sides was [0.012, 0.008]")), line
+
+
+def test_a_recipe_sizes_its_own_shape_whatever_the_cell_has(tmp_path):
+    path = cell_file(tmp_path)
+    (tmp_path / "recipes").mkdir()
+    (tmp_path / "recipes" / "7.toml").write_text(
+        '[peg]\nshape = "rectangular"\nsides = [0.012, 0.008]\n[hole]\nsides = [0.0121, 0.0081]\n'
+    )
+    loaded = load(path)
+    assert (loaded.cell.peg.diameter, loaded.recipes[7].peg.sides) == (0.008, (0.012, 0.008))
+
+
+def test_a_parameter_of_a_command_is_held_against_the_shape_of_the_cell():
+    square = load(sets=("peg.shape=square",)).cell
+    assert with_parameters(square, [("hole.yaw", 0.1)]).hole.sides == (0.0081, 0.0081)
+    with pytest.raises(ConfigError, match=r"parameter: peg\.diameter = 0\.0079: .*peg\.sides = \[0\.0079, 0\.0079\]"):
+        with_parameters(square, [("peg.diameter", 0.0079)])
+
+
+def test_facets_are_refused_for_a_square_hole():
+    line = line_about("peg.shape=square", "sim.model.hole=boxes")
+    assert all(word in line for word in ("sim.model.hole", "boxes", "square", '"exact" allowed'))
+
+
+def test_a_square_peg_without_its_section_is_refused(tmp_path):
+    shutil.copytree(SHIPPED, tmp_path / "config")
+    path = tmp_path / "config" / "sim.toml"
+    text = path.read_text()
+    path.write_text(re.sub(r"\[corner\].*?(?=\[arm\])", "", text, flags=re.DOTALL))
+    load(path)
+    line = line_about("peg.shape=square", path=path)
+    assert all(word in line for word in ("[corner]", "missing", "square"))
+
+
+def test_gains_of_a_square_peg_that_would_be_unstable_are_refused():
+    line = line_about("peg.shape=square", "corner.adjust.gains.rotation=400")
+    assert all(word in line for word in ("corner.adjust.gains.rotation", "400", "unstable"))
+
+
+def test_a_square_peg_is_tried_as_often_as_its_own_section_says():
+    assert load(sets=("peg.shape=square", "retries=1", "corner.retries=4")).cell.handling().retries == 4
+    assert load(sets=("retries=1", "corner.retries=4")).cell.handling().retries == 1
+    assert load().cell.handling().blend is None
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "told"),
+    [
+        (
+            "limits.high",
+            "[1.1, 0.45, 0.8]",
+            "limits.high = 1.1 along x: Franka Emika Panda never reaches so far; -1.09 to 1.09 allowed",
+        ),
+        (
+            "limits.low",
+            "[0.2, -1.1, 0.05]",
+            "limits.low = -1.1 along y: Franka Emika Panda never reaches so far; -1.09 to 1.09 allowed",
+        ),
+        (
+            "limits.high",
+            "[0.8, 0.45, 1.43]",
+            "limits.high = 1.43 along z: Franka Emika Panda never reaches so far; -0.76 to 1.42 allowed",
+        ),
+    ],
+)
+def test_a_workspace_that_ends_beyond_the_arms_reach_is_refused(key, value, told):
+    assert told in line_about(f"{key}={value}")
+
+
+def test_a_workspace_may_end_where_the_arm_reaches():
+    load(sets=["limits.low=[0.2, -1.08, -0.75]", "limits.high=[1.08, 0.45, 1.42]"])
+
+
+@pytest.mark.parametrize(
+    ("key", "at", "beyond", "told"),
+    [
+        ("grasp.transfer.speed", 1.7, 1.71, "more than tool_speed of Franka Emika Panda; at most 1.7 allowed"),
+        ("grasp.transfer.turn_speed", 2.5, 2.6, "more than tool_turn_speed of Franka Emika Panda; at most 2.5 allowed"),
+    ],
+)
+def test_no_way_is_asked_for_that_the_arm_may_not_go(key, at, beyond, told):
+    load(sets=[f"{key}={at}"])
+    assert told in line_about(f"{key}={beyond}")
+
+
+@pytest.mark.parametrize(("name", "figure"), [("translation", "stiffness"), ("rotation", "turn_stiffness")])
+def test_no_gain_is_stiffer_than_the_arm_may_be(name, figure):
+    config = load().cell
+    gains, arm = config.followed()["search.gains"], config.arm_model()
+    most = getattr(arm, figure)
+    require_permitted({"a": gains.model_copy(update={name: most})}, {}, arm)
+    with pytest.raises(
+        ValueError, match=rf"^a\.{name} = {most + 1.0:g}: more than {figure} of .*; at most {most:g} allowed$"
+    ):
+        require_permitted({"a": gains.model_copy(update={name: most + 1.0})}, {}, arm)
+
+
+def test_the_tilt_of_the_hole_is_that_of_the_simulated_plate():
+    config = load(None, None, ["hole.tilt=0.02"]).cell
+    assert config.sim.plate.tilt == 0.02
+    assert not hasattr(config.job().hole, "tilt")
+
+
+def test_a_tilt_out_of_range_is_refused_with_the_key_of_the_plate():
+    with pytest.raises(ConfigError, match=r"tilt.*0\.3"):
+        load(None, None, ["hole.tilt=0.3"])

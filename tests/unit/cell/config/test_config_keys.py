@@ -1,0 +1,275 @@
+"""Every key of the config can be explained, is in force from somewhere, and is refused with what is allowed."""
+
+import re
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from cell.commands.cli import main
+from cell.config.cell_config import CellConfig
+from cell.config.files import DEFAULT, SHIPPED
+from cell.config.keys import find, first_sentence, in_force, keys, section_summary, split_source, toml, unit_of
+from cell.config.load import load
+from cell.config.text import as_toml, commented, file_schema
+from drivers.errors import ConfigError
+
+WRONG = '"\\u0007nothing that is allowed"'
+"""A text that no key takes for a number, a choice or a section."""
+
+
+def _texts():
+    return [key.name for key in keys() if key.allowed in ("a text", "a file") or key.name.endswith("model")]
+
+
+@pytest.mark.parametrize(
+    "text", ["Peak speed of the tip, m/s.", "Peak speed, m/s; 0.1 in [gibbons].", "Speed, m/s: fast."]
+)
+def test_a_unit_ends_the_first_clause(text):
+    assert unit_of(text) == "m/s"
+
+
+@pytest.mark.parametrize("text", ["A word, mass of it.", "What it is. Its length, m.", "m"])
+def test_what_only_looks_like_a_unit_is_none(text):
+    assert unit_of(text) == ""
+
+
+def test_the_first_sentence_ends_where_the_next_begins():
+    assert first_sentence("As in Eq. (7), N/m. 0 leaves it. More.") == "As in Eq. (7), N/m"
+    assert first_sentence("Rate, Hz; [gibbons], Sec. VI. More.") == "Rate, Hz; [gibbons], Sec. VI"
+
+
+@pytest.mark.parametrize("key", keys(), ids=lambda key: f"{key.name}-{key.kind}")
+def test_every_key_says_what_it_means_and_in_which_unit(key):
+    assert key.meaning.endswith((".", '."'))
+    assert len(key.summary.split()) >= 2 or key.kind
+    assert len(key.summary) <= 130
+    assert key.unit or not key.is_float
+    assert key.allowed
+
+
+def test_the_shipped_cell_is_commented_with_what_its_keys_mean():
+    text = DEFAULT.read_text(encoding="utf-8")
+    assert text == commented(text), "cell config comment config/sim.toml writes the comments anew"
+
+
+def test_the_last_sentence_of_a_docstring_may_state_the_source():
+    assert split_source("Speed, m/s; slow. Source: docs/tried/search.md; [gibbons], Sec. IV.") == (
+        "Speed, m/s; slow.",
+        ("docs/tried/search.md", "[gibbons], Sec. IV"),
+    )
+    assert split_source("Speed, m/s; as in [gibbons], Eq. (7).")[1] == ("[gibbons], Eq. (7)",)
+    assert split_source("Speed, m/s; assumed.")[1] == ("assumed",)
+    assert split_source("Speed, m/s.") == ("Speed, m/s.", ())
+
+
+def test_the_source_of_a_section_is_that_of_its_keys():
+    (key,) = find("search.gains.translation")
+    assert (
+        key.sources
+        == find("search.gains.rotation")[0].sources
+        == ("chosen within the margin that `cell check` prints",)
+    )
+
+
+def test_a_source_of_a_model_is_that_of_its_keys_but_for_those_that_have_their_own():
+    assert find("grasp.opening")[0].sources == ("chosen, not measured",)
+    assert find("search.height")[0].sources == ("chosen, not measured",)
+    assert find("search.tilt")[0].sources == ("[gibbons], Sec. IV",)
+
+
+@pytest.mark.parametrize("key", keys(), ids=lambda key: f"{key.name}-{key.kind}")
+def test_every_key_says_where_its_figure_comes_from(key):
+    assert key.sources
+
+
+def test_every_source_can_be_looked_up():
+    """A source is a reference, a decision, a command of this program, or says plainly that there is none to look up."""
+    known = re.findall(r"^- (\[\w+\])", Path("docs/references.md").read_text(encoding="utf-8"), re.MULTILINE)
+    decisions = {path.name[:4] for path in Path("docs/decisions").glob("[0-9]*.md")}
+    for key in keys():
+        for source in key.sources:
+            assert all(each in known for each in re.findall(r"\[[a-z_]+\]", source)), (key.name, source)
+            assert set(re.findall(r"decision (\d{4})", source)) <= decisions, (key.name, source)
+            assert all(Path(page).is_file() for page in re.findall(r"docs/tried/\w+\.md", source)), (key.name, source)
+            assert re.search(
+                r"\[|decision \d|docs/tried/\w+\.md|`cell \w+|data sheet|config/|RFC|Modbus|EN |CiA|IEC"
+                r"|^(assumed$|chosen, not measured$|derived (from|for) |set for each (cell|part|trial|command)$)",
+                source,
+            ), (
+                key.name,
+                source,
+            )
+
+
+def test_a_key_that_a_command_may_set_says_so():
+    (key,) = find("search.speed")
+    assert "a recipe" in key.setters
+    assert "a command, as parameter 1" in key.setters
+    assert key.reader == "skills.search.params"
+
+
+def test_a_key_of_hardware_is_not_for_recipes():
+    assert {setter for key in find("skin.rate") for setter in key.setters} == {"a cell's file", "a preset", "--set"}
+
+
+def test_a_key_is_found_in_each_kind_of_its_section():
+    kinds = ("sim", "can", "serial", "host")
+    assert [key.kind for key in find("skin.rate")] == [f'skin.kind = "{kind}"' for kind in kinds]
+
+
+def test_a_section_is_found_whole():
+    assert {key.name.split(".")[0] for key in find("search")} == {"search"}
+    assert len(find("search")) > 20
+
+
+def test_a_value_in_force_says_where_it_came_from(tmp_path):
+    file = tmp_path / "cell.toml"
+    file.write_text(
+        'base = "sim.toml"\npreset = "fast"\n[limits]\nforce = 50.0\nlow = [0.2, -0.5, 0.05]\nhigh = [0.8, 0.45, 0.8]\n'
+        "[hole]\ncentre = [0.5, 0.0, 0.1]\n[rack]\nfirst = [0.45, -0.25, 0.1]\n"
+    )
+    (tmp_path / "recipes").mkdir()
+    (tmp_path / "recipes" / "7.toml").write_text("[peg]\ndiameter = 0.0079\n")
+    loaded = load(file, sets=["grasp.force=12.0"])
+    origins = {each.key.name: each.origin for each in in_force(loaded, 7)}
+    assert origins["limits.force"] == str(file)
+    assert origins["scan_rate"] == str(DEFAULT)
+    assert origins["search.speed"] == str(SHIPPED / "presets" / "fast.toml")
+    assert origins["peg.diameter"] == str(tmp_path / "recipes" / "7.toml")
+    assert origins["grasp.force"] == "--set"
+    assert origins["journal.folder"] == "default"
+
+
+@pytest.mark.parametrize(
+    "sets", [[], ["skin={kind='can', channel='emulated'}", "switch={kind='serial', port='emulated'}"]]
+)
+def test_the_config_that_is_shown_is_the_config(sets, tmp_path):
+    loaded = load(sets=sets)
+    file = tmp_path / "whole.toml"
+    file.write_text(as_toml(in_force(loaded)))
+    assert load(file).cell == loaded.cell
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [(True, "true"), (0.1, "0.1"), ((1, 2), "[1, 2]"), ('a "b"', '"a \\"b\\""'), ({"a": None, "b": 1}, "{ b = 1 }")],
+)
+def test_a_value_is_written_as_toml(value, text):
+    assert toml(value) == text
+
+
+def test_a_comment_says_what_a_key_means_and_may_be_written_again():
+    bare = '# About it.\n[search]\nspeed = 0.1 # old\nfast_axis = "y"\n\n[peg]\nlength = 0.05\n'
+    once = commented(bare)
+    assert "# About it.\n" in once
+    assert f"speed = 0.1  # {find('search.speed')[0].summary}\n" in once
+    assert commented(once) == once
+    assert tomllib.loads(once) == tomllib.loads(bare)
+
+
+def test_a_sign_within_a_text_is_no_comment():
+    assert commented('[journal]\nfolder = "a#b"\n').startswith('[journal]\nfolder = "a#b"  # ')
+
+
+def test_a_whole_table_is_commented_with_what_its_section_means():
+    line = "gains = { translation = 1.0, rotation = 2.0, damping_ratio = 1.0 }"
+    assert commented(f"[search]\n{line}\n") == f"[search]\n{line}  # {section_summary('search.gains')}\n"
+
+
+def test_a_comment_is_of_the_kind_that_the_file_has():
+    can = commented('[skin]\nkind = "can"\nchannel = "can0"\nrate = 20.0\n')
+    assert f"rate = 20.0  # {find('skin.rate')[1].summary}\n" in can
+
+
+def _described(schema, tree, root):
+    """Yield the schema of every value of a file, following references as an editor does."""
+    for reference in (schema, *schema.get("allOf", ())):
+        if "$ref" in reference:
+            schema = root["definitions"][reference["$ref"].rsplit("/", 1)[1]] | {
+                "description": schema.get("description")
+            }
+    for name, value in tree.items():
+        branches = [schema, *schema.get("oneOf", ()), *schema.get("anyOf", ())]
+        found = [
+            inner["properties"][name]
+            for branch in branches
+            for inner in (branch, root["definitions"].get(branch.get("$ref", "").rsplit("/", 1)[-1], {}))
+            if name in inner.get("properties", {})
+        ]
+        assert found, name
+        if isinstance(value, dict):
+            yield from _described(found[0], value, root)
+        else:
+            yield name, found[0]
+
+
+@pytest.mark.parametrize("file", ["sim.toml", "cell_01.toml", "presets/fast.toml", "recipes/1.toml"])
+def test_the_schema_knows_every_key_of_the_shipped_files(file):
+    schema = file_schema()
+    assert schema["$schema"] == "http://json-schema.org/draft-07/schema#"
+    assert "$defs" not in str(schema)
+    assert "prefixItems" not in str(schema)
+    tree = tomllib.loads((SHIPPED / file).read_text())
+    assert [name for name, each in _described(schema, tree, schema) if not each.get("description")] == []
+
+
+def test_every_key_is_refused_with_what_is_allowed():
+    refused = 0
+    for name in dict.fromkeys(key.name for key in keys() if not key.kind and key.name not in _texts()):
+        with pytest.raises(ConfigError) as caught:
+            load(sets=[f"{name}={WRONG}"])
+        told = str(caught.value)
+        assert re.search(r": \S.* (allowed|needed)", told), told
+        assert told.startswith("--set: "), told
+        refused += 1
+    assert refused > 200
+
+
+def test_an_unknown_key_of_any_section_is_refused_with_those_that_it_has():
+    sections = {key.name.rpartition(".")[0] for key in keys() if not key.kind and "." in key.name}
+    for section in sections:
+        with pytest.raises(ConfigError, match=rf"^--set: {section}\.nonsense: unknown key; \w.* allowed"):
+            load(sets=[f"{section}.nonsense=1"])
+
+
+@pytest.mark.parametrize(
+    ("wrong", "meant"),
+    [("search.sped=0.1", "search.speed"), ("scan_rat=100.0", "scan_rate"), ("search.diameter=0.1", "peg.diameter")],
+)
+def test_a_mistyped_key_is_answered_with_what_was_meant(wrong, meant):
+    with pytest.raises(ConfigError, match=rf"did you mean {meant}\b"):
+        load(sets=[wrong])
+
+
+@pytest.mark.parametrize(
+    ("sets", "blamed"),
+    [
+        (["hole.diameter=0.007"], "--set: hole.diameter: peg.diameter = 0.008: thicker"),
+        (["peg.diameter=0.0082"], "--set: peg.diameter = 0.0082: thicker"),
+        (["preset=tight"], "{preset}: hole.diameter: peg.diameter = 0.008: thicker"),
+        (["preset=tight", "peg.diameter=0.0075"], "--set: peg.diameter = 0.0075: thicker"),
+    ],
+)
+def test_of_two_keys_that_do_not_go_together_the_one_laid_over_the_other_is_blamed(sets, blamed, tmp_path):
+    (tmp_path / "cell.toml").write_text(DEFAULT.read_text())
+    preset = tmp_path / "presets" / "tight.toml"
+    preset.parent.mkdir()
+    preset.write_text("[hole]\ndiameter = 0.007\n")
+    with pytest.raises(ConfigError) as caught:
+        load(tmp_path / "cell.toml", sets=sets)
+    assert str(caught.value).startswith(blamed.format(preset=preset))
+
+
+def test_a_schema_of_the_whole_config_carries_the_docstrings():
+    assert "m/s" in CellConfig.model_json_schema()["$defs"]["SpraySearchParams"]["properties"]["speed"]["description"]
+
+
+@pytest.mark.parametrize(
+    ("section", "key"), [("hole.latch", "hole.latch.force"), ("sim.described", "sim.described.file")]
+)
+def test_a_section_that_this_cell_does_not_have_is_explained_whole(section, key, capsys):
+    assert main(["config", "explain", section]) == 0
+    told = capsys.readouterr().out
+    assert key in told
+    assert "not in this cell" in told

@@ -1,0 +1,64 @@
+"""What a config may say of where the hole is likely, and how a fixture is drawn for a simulated cell."""
+
+import numpy as np
+import pytest
+
+from cell.config.load import load
+from cell.devices.assembly import assemble
+from drivers.errors import ConfigError
+from sim.world import World
+
+AREA = "hole.area=[0.2,0.2]"
+
+
+def prior(mean: str) -> str:
+    """Return the key of a prior about a place."""
+    return f"hole.prior={{mean={mean},deviation=[0.001,0.001]}}"
+
+
+def test_a_prior_at_the_border_of_the_area_is_taken_and_one_beyond_it_refused_in_one_line():
+    assert load(sets=[prior("[0.53,-0.03]")]).cell.hole.prior is not None
+    with pytest.raises(
+        ConfigError, match=r"hole\.prior\.mean = \[0\.531, 0\.0\].*along x; 0\.47 to 0\.53 allowed"
+    ) as told:
+        load(sets=[prior("[0.531,0.0]")])
+    assert "\n" not in str(told.value)
+
+
+def test_a_prior_outside_the_workspace_is_refused_in_one_line():
+    sets = [AREA, "limits.high=[0.55,0.45,0.80]"]
+    assert load(sets=[*sets, prior("[0.55,0.0]")]).cell.hole.prior is not None
+    with pytest.raises(ConfigError, match=r"hole\.prior\.mean.*outside the workspace along x; 0\.2 to 0\.55") as told:
+        load(sets=[*sets, prior("[0.56,0.0]")])
+    assert "\n" not in str(told.value)
+
+
+@pytest.mark.parametrize("deviation", ["[0.0,0.001]", "[0.001,0.2]", "[0.001]"])
+def test_an_impossible_deviation_is_refused(deviation):
+    with pytest.raises(ConfigError, match=r"hole\.prior\.deviation"):
+        load(sets=[f"hole.prior={{mean=[0.5,0.0],deviation={deviation}}}"])
+
+
+def holes(sets: list[str], count: int) -> np.ndarray:
+    """Return where the hole is for so many parts on one simulated cell, shape (count, 2), m."""
+    cell = assemble(load(sets=sets).cell)
+    world = cell.arm._world  # type: ignore[attr-defined]
+    assert isinstance(world, World)
+    found = []
+    for seed in range(count):
+        world.restock(world.job, seed)
+        found.append(world.draw.hole[:2])
+    return np.array(found)
+
+
+def test_a_fixture_holds_the_hole_about_one_place_and_no_hole_leaves_its_area():
+    found = holes(["sim.fixture={mean=[0.51,0.0299],deviation=0.0005}"], 60)
+    assert found.mean(axis=0)[0] == pytest.approx(0.51, abs=2e-4)
+    assert found.std(axis=0)[0] == pytest.approx(5e-4, rel=0.3)
+    assert found[:, 1].max() == pytest.approx(0.03)
+
+
+def test_a_fixture_without_a_stated_place_stands_somewhere_in_the_area_by_the_first_seed():
+    places = [holes(["sim.fixture={deviation=0.0}", f"sim.seed={seed}"], 2) for seed in (1, 2)]
+    assert np.ptp(places[0], axis=0) == pytest.approx(np.zeros(2))
+    assert np.linalg.norm(places[0][0] - places[1][0]) > 1e-3

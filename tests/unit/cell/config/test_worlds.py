@@ -1,0 +1,73 @@
+"""Scenes of the simulated world are files that one key names; the shipped world is frozen, and the one before it stays beside it."""
+
+import hashlib
+import json
+
+import numpy as np
+import pytest
+
+from cell.config.files import ERRORS_FILE, SHIPPED, presets
+from cell.config.load import load
+from cell.devices.assembly import assemble
+from drivers.errors import ConfigError
+from sim.config import RealityConfig
+from sim.reality import KINDS, read
+
+FROZEN = "3b296fa9b5d90414"
+"""Digest of version 2 of the world: a world that differs needs a version of its own, and the figures that were measured in it anew."""
+
+
+def digest(config):
+    """Return a digest of the shipped errors and of all that a config states of the simulated world."""
+    errors = {
+        name: error.model_dump(exclude={"about", "source"})
+        for name, error in read(SHIPPED / ERRORS_FILE).errors.items()
+    }
+    stated = [config.contact, config.grip, config.sim, config.skin, config.reality]
+    text = json.dumps(
+        [errors, *(each.model_dump(mode="json", exclude={"seed", "pace"}) for each in stated)], sort_keys=True
+    )
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+def drawn(world, seed):
+    """Return what a cell of a world draws with a seed."""
+    config = load(sets=(f"world={world}",)).cell.reality
+    return read(SHIPPED / ERRORS_FILE).changed(config.errors).draw(seed, config)
+
+
+def test_the_shipped_world_is_frozen():
+    assert digest(load().cell) == FROZEN
+
+
+def test_the_first_world_has_stiff_pads_and_modules_alike():
+    first = drawn("v1", 3)
+    assert first["grip.shear_stiffness"] == 1.0
+    assert np.all(first["skin.module_noise"] == 1.0)
+    shared = set(KINDS) - {"grip.shear_stiffness", "skin.module_noise", "skin.noise_level"}
+    now = read(SHIPPED / ERRORS_FILE).draw(3, RealityConfig())
+    assert all(np.array_equal(first[name], now[name]) for name in shared)
+
+
+@pytest.mark.parametrize("world", presets(kind="world"))
+def test_a_cell_stands_in_every_world(world):
+    assert assemble(load(sets=(f"world={world}", "sim.pace=max")).cell).truth is not None
+
+
+def test_a_preset_lies_over_a_world():
+    config = load(sets=("world=soft", "preset=fast")).cell
+    assert (config.world, config.preset, config.grip.shear_stiffness) == ("soft", "fast", 5e3)
+
+
+@pytest.mark.parametrize(
+    ("sets", "said"),
+    [
+        (("world=moon",), "world = 'moon': no such file in worlds/; \"backlash\", "),
+        (("reality.errors.arm.mood.sigma=1.0",), "reality.errors: arm.mood: no such error; arm.rotor_inertia, "),
+        (("reality.errors.arm.gravity.sigma=1.0",), "reality.errors: arm.gravity.distribution: "),
+    ],
+)
+def test_a_world_that_cannot_be_is_refused_in_one_line(sets, said):
+    with pytest.raises(ConfigError, match=said) as refused:
+        assemble(load(sets=sets).cell)
+    assert "\n" not in str(refused.value)

@@ -1,0 +1,53 @@
+import pytest
+
+from cell.devices.checks import LEAST_IN_TIME, SCANS, check_clock, loop_verdict, remedy, verdict
+from drivers.arm.loop_figures import LoopFigures
+from drivers.errors import ArmReflexError, SkinSilentError
+from drivers.quantities import SwitchState
+from tests.fakes import FakeClock
+
+
+class BusyClock(FakeClock):
+    """Late by each of these times in turn."""
+
+    def __init__(self, late):
+        super().__init__()
+        self.late = list(late)
+
+    def wait_until(self, stamp):
+        super().wait_until(stamp)
+        self.time = max(self.time, stamp + self.late.pop(0))
+
+
+def test_a_clock_that_is_late_by_less_than_half_a_scan_is_good():
+    assert check_clock(BusyClock([0.0049] * SCANS), 0.01) == "ok"
+
+
+def test_three_late_scans_are_good():
+    assert check_clock(BusyClock([0.0] * (SCANS - 3) + [0.02] * 3), 0.01) == "ok"
+
+
+def test_a_clock_that_is_late_is_told_with_how_much():
+    told = check_clock(BusyClock([0.0] * (SCANS - 5) + [0.0051] * 4 + [0.02]), 0.01)
+    assert "10 ms start 5.1 ms late, at worst 20.0 ms; 5 ms allowed" in told
+
+
+@pytest.mark.parametrize(
+    ("reading", "told"), [(SwitchState.OPEN, "ok"), (SwitchState.CLOSED, "stuck"), (SwitchState.UNKNOWN, "unknown")]
+)
+def test_a_switch_that_is_not_open_in_an_empty_cell_is_told(reading, told):
+    assert told in verdict(reading)
+
+
+@pytest.mark.parametrize(
+    ("missed", "rate", "is_good"),
+    [(0, 1.0, True), (5, LEAST_IN_TIME, True), (6, 1.0, False), (0, LEAST_IN_TIME - 0.01, False)],
+)
+def test_a_torque_loop_that_does_not_keep_its_time_is_told(missed, rate, is_good):
+    told = loop_verdict(LoopFigures(500, missed, rate, 1e-4, 2e-4, 3e-4, 1e-3, is_realtime=True))
+    assert told == "ok" if is_good else f"missed {missed} of 500 states" in told and "PREEMPT_RT" in told
+
+
+def test_a_reflex_is_told_with_what_to_do():
+    assert remedy(ArmReflexError("arm: self-collision")).startswith("fault 2002: arm: self-collision: ")
+    assert remedy(SkinSilentError("skin: see the cable")) == "fault 1001: skin: see the cable"

@@ -1,0 +1,193 @@
+"""What proves a success in a hole without a switch, each negative by itself; the curve is told in tests/unit/skills/test_signature.py."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cell.config.load import load
+from cell.devices.assembly import assemble
+from cell.peg.ending import Ending
+from cell.peg.part_state import PartState
+from cell.peg.success import AWAY, ForceProof, LastLook, Proof, evidence_for, judged
+from drivers.errors import ConfigError, SuccessUnprovenError
+from drivers.frames import UP
+from drivers.quantities import GripperState, SwitchState
+from plc_bridge.messages import PartPlace
+from skills.contract import Outcome, Reason
+from skills.entry import Claim
+from skills.flow import StageRecord
+from skills.latch_likelihood import Signature
+from skills.seating import BORNE_WITHIN, DOUBTED, MOST_DEEP
+from skills.signature import LIFTED, Curve
+from skills.spray_search import SpraySearchResult
+from skills.surface import Plane
+from tests.fakes import Rig
+from tests.unit.skills.test_signature import HELD, LATCH, lowered, pushing, scan
+
+SETS = ("hole.latch={kind='detent',force=5.0,height=0.003}", "hole.evidence=force")
+WIDE = GripperState(0.04, False, False)
+SUCCESS = Ending(Outcome.SUCCESS, "release_and_retract", Reason.NONE)
+
+
+@pytest.fixture
+def job():
+    return load(sets=SETS).cell.job()
+
+
+@pytest.fixture
+def seen(tmp_path):
+    return Rig(load(), tmp_path).cell.context(0).observe()
+
+
+def proven(job, depth=0.02):
+    tip = np.array(job.hole.centre) - depth * UP
+    return ForceProof(LATCH, Curve(), tip, tip + job.peg.length * UP, Signature(5.0, 0.0, 1e-6))
+
+
+def judge(job, proof, away=0.08, hand=WIDE, claim=Claim.INSERTED):
+    plane = Plane(np.array(job.hole.centre), UP)
+    found = SpraySearchResult(Outcome.SUCCESS, Reason.NONE, 1.0, (0.0, 0.0, 0.0), (0.0, 0.0), 0, plane)
+    place = proof.seated_hand if proof.seated_hand is not None else np.array(job.hole.centre)
+    look = LastLook(hand, place + away * UP, SwitchState.OPEN)
+    records = [StageRecord("spray_search", found, 0.0, 1.0)]
+    return judged(claim, SUCCESS, records, proof, look, PartState(PartPlace.IN_HOLE, ""), job)
+
+
+def test_the_recipe_chooses_the_evidence(job):
+    assert isinstance(evidence_for(load().cell.hole), Proof)
+    chosen = evidence_for(job.hole)
+    assert isinstance(chosen, ForceProof)
+    assert chosen.latch == LATCH
+
+
+def test_a_latch_passed_and_a_bottom_behind_it_are_a_success_without_a_switch(job):
+    assert judge(job, proven(job)) is SUCCESS
+    assert "5.0 N, 5 N stated" in proven(job).told
+
+
+def test_a_skill_that_lies_is_not_believed(job):
+    with pytest.raises(SuccessUnprovenError, match="did not show the latch"):
+        judge(job, ForceProof(LATCH))
+
+
+@pytest.mark.parametrize(("side", "most"), [(-1.0, DOUBTED), (1.0, MOST_DEEP)])
+def test_the_depth_is_that_of_a_seated_peg(job, side, most):
+    assert judge(job, proven(job, job.hole.depth + side * (most - 1e-5))) is SUCCESS
+    with pytest.raises(SuccessUnprovenError, match="mm deep"):
+        judge(job, proven(job, job.hole.depth + side * (most + 1e-5)))
+
+
+def test_a_peg_beside_the_hole_is_no_success(job):
+    with pytest.raises(SuccessUnprovenError, match=r"0\.0 mm deep"):
+        judge(job, proven(job, 0.0))
+
+
+def test_a_hand_that_still_holds_the_peg_or_is_not_away_is_no_success(job):
+    with pytest.raises(SuccessUnprovenError):
+        judge(job, proven(job), hand=GripperState(0.008, True, False))
+    with pytest.raises(SuccessUnprovenError):
+        judge(job, proven(job), away=AWAY - 1e-4)
+
+
+def test_a_switch_that_closes_proves_nothing_where_force_is_asked_for(job, seen):
+    proof = evidence_for(job.hole)
+    for stamp in range(40):
+        proof = proof.after(replace(seen, switch=SwitchState.CLOSED, stamp=0.01 * stamp), pushing(seen))
+    assert proof.seated_hand is None
+
+
+def test_the_gate_sees_the_latch_itself_and_a_peg_that_is_drawn_out_again(seen):
+    curve, now = lowered(seen)
+    proof = ForceProof(LATCH, curve).after(scan(seen, 0.0, 11.0, now), pushing(seen))
+    assert proof.seated_hand is not None
+    assert proof.after(scan(seen, 0.9 * LIFTED, 0.0, now + 1.0)).seated_hand is proof.seated_hand
+    assert proof.after(scan(seen, 0.1, 0.0, now + 1.0, WIDE)) is proof
+    assert proof.after(scan(seen, 1.1 * LIFTED, 0.0, now + 1.0)).seated_hand is None
+
+
+def test_a_recipe_without_a_detent_cannot_ask_for_force():
+    with pytest.raises(ConfigError, match="no latch; a "):
+        load(sets=["hole.evidence=force"])
+    with pytest.raises(ConfigError, match='kind "press"'):
+        load(sets=["hole.latch={kind='press',force=5.0,height=0.003}", "hole.evidence=force"])
+
+
+def test_a_cell_without_a_switch_works_holes_that_need_none():
+    with pytest.raises(ConfigError, match=r'there is none, as switch.kind = "none"; "force" allowed'):
+        load(sets=["switch={kind='none'}"])
+    cell = assemble(load(sets=[*SETS, "switch={kind='none'}"]).cell)
+    assert cell.switch.read() is SwitchState.OPEN
+
+
+def test_a_bottom_that_gives_way_was_none_and_the_next_one_counts(seen):
+    curve, now = lowered(seen)
+    proof = ForceProof(LATCH, curve).after(scan(seen, 0.0, 11.0, now), pushing(seen))
+    deeper = proof.after(scan(seen, -1.1 * BORNE_WITHIN, 0.0, now + 1.0))
+    assert deeper.seated_hand is None
+    assert deeper.curve.heights[-1] < proof.curve.heights[-1]
+
+
+@pytest.fixture
+def seated(seen):
+    """Return the proof of a peg that went through its latch and rests, and when it did."""
+    curve, now = lowered(seen)
+    return ForceProof(LATCH, curve).after(scan(seen, 0.0, 11.0, now), pushing(seen)), now
+
+
+def test_the_proof_says_where_the_peg_rested_and_which_force_its_latch_took(seated, seen):
+    proof, _ = seated
+    np.testing.assert_allclose(proof.seated_tip, seen.tip)
+    assert proof.told.startswith("force: a detent of 5.")
+
+
+@pytest.mark.parametrize(
+    ("risen", "is_seated"),
+    [(LIFTED, True), (LIFTED + 1e-9, False), (-BORNE_WITHIN, True), (-BORNE_WITHIN - 1e-9, False)],
+)
+def test_a_peg_stays_seated_exactly_as_far_as_it_may_rise_or_sink(seated, seen, risen, is_seated):
+    proof, now = seated
+    proof = replace(proof, seated_hand=np.zeros(3))
+    arm = replace(seen.arm, tcp=replace(seen.arm.tcp, position=risen * UP))
+    later = proof.after(replace(seen, arm=arm, gripper=HELD, stamp=now + 1.0))
+    assert (later.seated_hand is not None) == is_seated
+    assert later.latch == LATCH
+
+
+def test_the_curve_goes_on_before_and_after_a_bottom_is_found(seated, seen):
+    proof, now = seated
+    sliding = replace(proof, seated_hand=proof.seated_hand - 0.001 * UP)
+    deeper = sliding.after(scan(seen, -0.001, 0.0, now + 1.0))
+    assert deeper.seated_hand is not None
+    assert deeper.curve.heights[-1] < proof.curve.heights[-1]
+    begun = ForceProof(LATCH).after(scan(seen, 0.01, 0.0, 0.0), pushing(seen))
+    assert len(begun.curve.heights) == 1
+
+
+@pytest.mark.parametrize(("side", "most"), [(-1.0, DOUBTED), (1.0, MOST_DEEP)])
+def test_a_peg_exactly_as_deep_as_it_may_be_is_seated(job, side, most):
+    tip = -(job.hole.depth + side * most) * UP
+    look = LastLook(WIDE, tip, SwitchState.OPEN)
+    ForceProof(LATCH, Curve(), tip, tip).require_seated(Plane(np.zeros(3), UP), look, job)
+
+
+def test_depths_are_told_to_a_tenth_of_a_millimetre(job):
+    deep = job.model_copy(update={"hole": job.hole.model_copy(update={"depth": 0.06044})})
+    with pytest.raises(SuccessUnprovenError, match=r"the peg rests 40\.0 mm deep; 58\.4 to 62\.4 mm expected$"):
+        judge(deep, proven(deep, 0.04004))
+
+
+def test_a_latch_that_did_not_show_is_told_in_whole_words(job):
+    words = "success is not proven: force against depth did not show the latch with the bottom behind it while the hand held the peg"
+    with pytest.raises(SuccessUnprovenError, match=f"^{words}$"):
+        judge(job, ForceProof(LATCH))
+
+
+def test_the_gate_counts_a_way_down_that_denied_the_bottom_after_the_peg_was_drawn_up(seen):
+    denied, now = lowered(seen, shallow=0.001)
+    proof = ForceProof(LATCH, denied).after(scan(seen, 2.0 * LIFTED, 0.0, now))
+    shown, later = lowered(seen)
+    again = replace(shown, earlier=proof.curve.earlier)
+    resting = scan(seen, 0.0, 11.0, later)
+    assert ForceProof(LATCH, again).after(resting, pushing(seen)).seated_hand is None
+    assert ForceProof(LATCH, shown).after(resting, pushing(seen)).seated_hand is not None

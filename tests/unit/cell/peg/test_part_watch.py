@@ -1,0 +1,152 @@
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cell.peg.part_watch import EARLY_SHARE, LONGEST_UNKNOWN, PROVEN_BY_SWITCH, PartWatch
+from drivers.errors import ArmSilentError, CellError, SkinSilentError, SwitchDisagreesError, SwitchUnknownError
+from drivers.quantities import SwitchState
+from plc_bridge.messages import PartEvidence, PartPlace, Report
+from skills.entry import Claim
+
+HOLE = (0.5, 0.01)
+
+
+def test_a_run_under_way_does_not_tell_the_hole_of_the_last_one(rig, tmp_path):
+    watch = PartWatch(rig.cell, rig.cell.context(0), tmp_path)
+    assert watch.filled(Report(hole=HOLE)).hole == HOLE
+    watch.begin(rig.loaded.cell, Claim.INSERTED)
+    assert watch.filled(Report(hole=HOLE)).hole == (0.0, 0.0)
+
+
+def scanned(rig, watch, claim, stage, scans):
+    """Let a switch that does not answer be seen so many times, one scan after the other."""
+    ctx = watch._context
+    ctx.stage, rig.switch.state = stage, SwitchState.UNKNOWN
+    watch.begin(rig.loaded.cell, claim)
+    for _ in range(scans):
+        rig.clock.time += ctx.scan_period
+        watch.see(ctx.observe())
+
+
+@pytest.mark.parametrize("claim", PROVEN_BY_SWITCH)
+def test_a_run_that_needs_the_switch_does_not_go_on_without_it(rig, tmp_path, claim):
+    watch = PartWatch(rig.cell, rig.cell.context(0), tmp_path)
+    scans = round(LONGEST_UNKNOWN / watch._context.scan_period)
+    scanned(rig, watch, claim, "spray_search", scans)
+    with pytest.raises(SwitchUnknownError, match=r"no valid answer for 0\.5 s"):
+        scanned(rig, watch, claim, "spray_search", scans + 2)
+
+
+def test_neither_a_recovery_nor_a_grasp_needs_the_switch(rig, tmp_path):
+    watch = PartWatch(rig.cell, rig.cell.context(0), tmp_path)
+    scans = 3 * round(LONGEST_UNKNOWN / watch._context.scan_period)
+    scanned(rig, watch, Claim.INSERTED, "recover", scans)
+    scanned(rig, watch, Claim.HELD, "grasp_from_rack", scans)
+
+
+def closing(rig, watch, stage, depth, is_held):
+    """Let a switch that was open close in this stage, with the end of a held peg so deep, m."""
+    ctx, hole = watch._context, rig.loaded.cell.job().hole
+    if is_held:
+        rig.gripper.grip(30.0)
+    tip = ctx.observe().tip
+    above = np.array([0.0, 0.0, hole.centre[2] - depth - tip[2]])
+    rig.arm.tcp = replace(rig.arm.tcp, position=rig.arm.tcp.position + above)
+    ctx.stage = stage
+    watch.begin(rig.loaded.cell, Claim.INSERTED)
+    for state in (SwitchState.OPEN, SwitchState.CLOSED):
+        rig.switch.state = state
+        rig.clock.time += ctx.scan_period
+        watch.see(ctx.observe())
+
+
+@pytest.mark.parametrize(
+    ("stage", "share", "is_held"),
+    [("grasp_from_rack", -3.0, False), ("grasp_from_rack", -3.0, True), ("spray_search", EARLY_SHARE - 0.01, True)],
+)
+def test_a_switch_that_closes_before_the_peg_can_be_on_it_is_a_fault_at_once(rig, tmp_path, stage, share, is_held):
+    watch = PartWatch(rig.cell, rig.cell.context(0), tmp_path)
+    with pytest.raises(SwitchDisagreesError, match="switch: closed"):
+        closing(rig, watch, stage, share * rig.loaded.cell.job().hole.depth, is_held)
+
+
+@pytest.mark.parametrize(
+    ("stage", "share", "is_held"),
+    [
+        ("spray_search", EARLY_SHARE + 0.01, True),
+        ("spray_search", -3.0, False),
+        ("tactile_insert", 0.1, True),
+        ("release_and_retract", -3.0, False),
+    ],
+)
+def test_a_switch_that_closes_where_a_peg_can_be_on_it_is_judged_later(rig, tmp_path, stage, share, is_held):
+    watch = PartWatch(rig.cell, rig.cell.context(0), tmp_path)
+    closing(rig, watch, stage, share * rig.loaded.cell.job().hole.depth, is_held)
+
+
+SKIN = PartEvidence.SKIN_TOUCHED | PartEvidence.SKIN_FREE
+
+
+@pytest.mark.parametrize("looks", [True, False])
+def test_the_skin_shows_a_held_peg_in_a_scan_and_in_a_look_without_one(rig, tmp_path, looks):
+    watch = PartWatch(rig.cell, rig.cell.context(0), tmp_path)
+    rig.gripper.grip(30.0)
+    rig.clock.time += 1.0
+    watch.look() if looks else watch.see(watch._context.observe())
+    assert watch.part.basis & SKIN == PartEvidence.SKIN_TOUCHED
+
+
+def test_a_skin_that_shows_nothing_counts_as_free_once_its_last_print_is_old(rig, tmp_path):
+    watch = PartWatch(rig.cell, rig.cell.context(0), tmp_path)
+    rig.gripper.grip(30.0)
+    rig.clock.time = 1.0
+    watch.look()
+    rig.skin.shows_print = False
+    found = []
+    for rig.clock.time in (1.2, 1.3):
+        watch.look()
+        found.append(watch.part.basis & SKIN)
+    assert found == [PartEvidence.SKIN_TOUCHED, PartEvidence.SKIN_FREE]
+
+
+def test_a_skin_that_is_silent_or_not_to_be_trusted_is_no_evidence(rig, tmp_path):
+    watch = PartWatch(rig.cell, rig.cell.context(0), tmp_path)
+    rig.gripper.grip(30.0)
+    rig.skin.trusted[:] = False
+    watch.look()
+    assert watch.part.basis == PartEvidence.HAND_HOLDS | PartEvidence.SWITCH_OPEN
+    rig.skin.fault = SkinSilentError("skin: silent")
+    watch.look()
+    assert watch.part.basis == PartEvidence.HAND_HOLDS | PartEvidence.SWITCH_OPEN
+
+
+def test_a_hand_that_closes_on_a_peg_after_the_arm_has_fallen_silent_holds_it(rig, tmp_path):
+    watch = PartWatch(rig.cell, rig.cell.context(0), tmp_path)
+    watch.look()
+    watch.begin(rig.loaded.cell, Claim.INSERTED)
+    rig.arm.fault = ArmSilentError("arm: silent")
+    watch.end()
+    assert watch.part.place is PartPlace.RACK
+    rig.gripper.grip(30.0)
+    watch.look()
+    assert (watch.part.place, watch.part.is_held) == (PartPlace.IN_HAND, True)
+    rig.gripper.fault = CellError("hand: silent")
+    rig.gripper.release(0.04)
+    watch.look()
+    assert watch.part.is_held
+
+
+def test_a_run_that_ends_by_a_silent_arm_keeps_what_its_hand_has_taken_since(rig, tmp_path):
+    watch = PartWatch(rig.cell, rig.cell.context(0), tmp_path)
+    watch.look()
+    watch.begin(rig.loaded.cell, Claim.INSERTED)
+    rig.arm.fault = ArmSilentError("arm: silent")
+    rig.gripper.grip(30.0)
+    watch.end()
+    watch.flush()
+    assert (
+        PartWatch(rig.cell, rig.cell.context(0), tmp_path).part.place is PartPlace.UNKNOWN
+    )  # nothing was looked at yet
+    assert json.loads((tmp_path / "part-sim.json").read_text())["place"] == "IN_HAND"

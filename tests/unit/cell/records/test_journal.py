@@ -1,0 +1,395 @@
+import json
+import sqlite3
+from contextlib import closing
+from dataclasses import replace
+
+import numpy as np
+import pyarrow as pa
+import pytest
+
+from cell.commands.cli import main
+from cell.commands.terminal import FAULT, GOOD
+from cell.records.journal import INDEX, Journal, default_folder, newest_run
+from cell.records.provenance import config_hash
+from cell.records.run_query import RunQuery
+from cell.records.sample_blocks import BATCH, COLUMNS, JOINT_COLUMNS, TAXEL_COLUMNS, SampleBlock, SampleStream
+from cell.records.samples import SampleFile, export_csv, read_facts, read_samples
+from cell.records.schema import LAYOUT, ConfigRow, EventKind, EventRow, RunRow, StageRow
+from cell.records.told import Kind
+from cell.run.record import scene_facts
+from drivers.errors import JournalError
+from drivers.frames import rotation_about, rotation_of
+from drivers.quantities import Pose
+from drivers.scene_facts import Sight
+from tests.fakes import Rig
+
+ROW = RunRow(0, "2025-01-01T00:00:00.000+00:00", "insert_peg", 1, "A-17", "10.0.0.5:4711", 42)
+
+
+class Stream(SampleStream):
+    """A stream of samples that goes to a file at once."""
+
+    def __init__(self, path, facts=None):
+        self._file = SampleFile(path, facts)
+        super().__init__(self._file.write)
+
+    def close(self):
+        """Write what is left and end the file."""
+        self._file.write(self.rest())
+        self._file.close()
+
+
+@pytest.fixture
+def journal(tmp_path):
+    with Journal(tmp_path / "runs") as opened:
+        yield opened
+
+
+@pytest.fixture
+def seen(rig: Rig):
+    return rig.cell.context(0).observe()
+
+
+def test_a_run_is_on_record_before_it_ends(journal):
+    number = journal.begin(ROW).run
+    assert journal.find(number).outcome == "running"
+
+
+def test_numbers_count_up_and_are_kept(journal):
+    first, second = journal.begin(ROW), journal.begin(ROW)
+    assert (second.run - first.run, journal.last_run()) == (1, second.run)
+
+
+def test_the_ending_ties_outcome_to_command(journal):
+    row = journal.begin(ROW)
+    journal.finish(
+        replace(row, outcome="failure", stage="spray_search", reason="no_hole", stage_times=json.dumps([["a", 1.0]]))
+    )
+    found = journal.find(row.run)
+    assert (found.sequence, found.serial, found.source, found.reason) == (42, "A-17", "10.0.0.5:4711", "no_hole")
+
+
+def test_the_newest_run_comes_first(journal):
+    for _ in range(3):
+        journal.begin(ROW)
+    assert [row.run for row in journal.runs(2)] == [3, 2]
+
+
+def test_runs_are_counted_by_how_they_ended(journal):
+    for outcome in ("success", "failure", "success"):
+        journal.finish(replace(journal.begin(ROW), outcome=outcome))
+    journal.finish(replace(journal.begin(replace(ROW, serial="B-2")), outcome="success"))
+    assert journal.outcomes(RunQuery(serial="A-17")) == {"success": 2, "failure": 1}
+
+
+def test_an_unknown_run_is_told_with_what_is_there(journal):
+    journal.begin(ROW)
+    with pytest.raises(JournalError, match=r"run 9: .*1 to 1 are on record"):
+        journal.find(9)
+
+
+def test_a_folder_that_cannot_be_made_is_a_fault(tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(JournalError, match="cannot be used"):
+        Journal(tmp_path / "file" / "runs").open()
+
+
+def test_a_file_that_is_no_index_is_told_to_who_reads(tmp_path):
+    (tmp_path / INDEX).write_text(NO_INDEX)
+    with pytest.raises(JournalError, match="cannot be used"):
+        Journal(tmp_path, is_read_only=True).open()
+
+
+NO_INDEX = "nothing of the kind, but long enough to be read as a header" * 20
+EARLY = (
+    "CREATE TABLE runs (run INTEGER PRIMARY KEY AUTOINCREMENT, started TEXT NOT NULL, program TEXT NOT NULL,"
+    " recipe INTEGER NOT NULL, serial TEXT NOT NULL, source TEXT NOT NULL, sequence INTEGER NOT NULL,"
+    " outcome TEXT NOT NULL, stage TEXT NOT NULL, reason TEXT NOT NULL, fault INTEGER NOT NULL,"
+    " message TEXT NOT NULL, stage_times TEXT NOT NULL, versions TEXT NOT NULL, config_hash TEXT NOT NULL)"
+)
+"""The index of version 0.1, as its own code made it."""
+
+
+def early_index(folder):
+    """Make a journal of version 0.1 with one run."""
+    folder.mkdir()
+    with closing(sqlite3.connect(folder / INDEX)) as index, index:
+        index.execute(EARLY)
+        index.execute(
+            "INSERT INTO runs VALUES (1, '2025-01-01T00:00:00.000+00:00', 'insert_peg', 1, 'A-17', '10.0.0.5:4711', 42,"
+            " 'success', 'spiral_adjust', '', 0, '', '[]', '{}', 'abc')"
+        )
+    return folder
+
+
+def layout_of(folder):
+    """Return the number of the layout that an index says of itself."""
+    with closing(sqlite3.connect(folder / INDEX)) as index:
+        return index.execute("PRAGMA user_version").fetchone()[0]
+
+
+def test_an_index_of_the_first_layout_is_brought_up_to_the_present_one(tmp_path):
+    with Journal(early_index(tmp_path / "early")) as journal:
+        assert (journal.find(1).outcome, journal.find(1).cycle_time, journal.stages(1)) == ("success", None, [])
+        journal.finish(replace(journal.begin(ROW), outcome="failure", peak_force=12.5))
+    with Journal(tmp_path / "early") as journal:
+        assert (layout_of(tmp_path / "early"), journal.find(2).peak_force) == (LAYOUT, 12.5)
+
+
+def test_runs_of_an_index_without_evidence_of_the_peg_stay_and_have_none(tmp_path):
+    with Journal(tmp_path) as journal:
+        journal.finish(replace(journal.begin(ROW), outcome="fault", part="in_hole", part_evidence="let go"))
+    with closing(sqlite3.connect(tmp_path / INDEX)) as index:
+        index.execute("ALTER TABLE runs DROP COLUMN part_evidence")
+        index.execute("PRAGMA user_version = 6")
+    with Journal(tmp_path) as journal:
+        assert (journal.find(1).part, journal.find(1).part_evidence) == ("in_hole", "")
+        journal.finish(replace(journal.begin(ROW), outcome="fault", part="in_hole", part_evidence="let go"))
+        assert journal.find(2).part_evidence == "let go"
+    assert layout_of(tmp_path) == LAYOUT
+
+
+def test_a_journal_tells_runs_of_simulated_cells_from_those_of_real_ones(journal):
+    assert newest_run(journal.folder, is_simulated=True) is None
+    number = journal.begin(replace(ROW, is_simulated=1)).run
+    assert journal.find(number)  # it is written
+    assert newest_run(journal.folder, is_simulated=True) == journal.find(number)
+    assert newest_run(journal.folder, is_simulated=False) is None
+
+
+def test_an_index_of_the_first_layout_is_read_without_being_changed(tmp_path):
+    folder = early_index(tmp_path / "early")
+    before = (folder / INDEX).read_bytes()
+    with Journal(folder, is_read_only=True) as journal:
+        assert [row.serial for row in journal.runs(5)] == ["A-17"]
+    assert (folder / INDEX).read_bytes() == before
+
+
+def test_an_index_of_a_newer_version_is_told_and_left_as_it_is(tmp_path):
+    with Journal(tmp_path):
+        pass
+    with closing(sqlite3.connect(tmp_path / INDEX)) as index:
+        index.execute("PRAGMA user_version = 9")
+    for is_read_only in (False, True):
+        with pytest.raises(JournalError, match=r"runs\.sqlite: layout 9 of a newer version; 1 to 7 allowed"):
+            Journal(tmp_path, is_read_only=is_read_only).open()
+    assert layout_of(tmp_path) == 9
+
+
+def test_reading_makes_no_folder(tmp_path):
+    with Journal(tmp_path / "none", is_read_only=True) as journal:
+        assert journal.runs(5) == []
+    assert not (tmp_path / "none").exists()
+
+
+def test_a_journal_that_is_being_written_can_be_read(journal):
+    number = journal.begin(ROW).run
+    assert journal.find(number) == replace(ROW, run=number)
+    with Journal(journal.folder, is_read_only=True) as reader:
+        assert reader.find(number).outcome == "running"
+
+
+def test_who_reads_cannot_write(journal):
+    with (
+        Journal(journal.folder, is_read_only=True) as reader,
+        pytest.raises(JournalError, match="not open to write"),
+    ):
+        reader.begin(ROW)
+
+
+def test_files_are_their_owners_alone(tmp_path):
+    with Journal(tmp_path / "runs") as journal:
+        journal.begin(ROW)
+        assert {file.stat().st_mode & 0o777 for file in journal.folder.iterdir()} == {0o600}
+    assert (tmp_path / "runs").stat().st_mode & 0o777 == 0o700
+
+
+@pytest.mark.parametrize("mode", [0o700, 0o750, 0o755])
+def test_a_folder_that_its_owner_alone_may_write_is_taken(tmp_path, mode):
+    tmp_path.chmod(mode)
+    with Journal(tmp_path) as journal:
+        assert journal.begin(ROW).run == 1
+
+
+@pytest.mark.parametrize("mode", [0o720, 0o775, 0o702, 0o777])
+def test_a_folder_that_others_may_write_is_refused_in_one_line(tmp_path, mode):
+    tmp_path.chmod(mode)
+    with pytest.raises(JournalError, match=rf"^[^\n]*: mode {mode:o}: others than its owner may write [^\n]*$"):
+        Journal(tmp_path).open()
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_stages_come_back_in_order_with_what_is_not_known_left_open(journal):
+    row = journal.begin(ROW)
+    stages = [
+        StageRow(row.run, 1, "grasp_from_rack", 0.0, 4.0, 3.0, "success", theta=0.4, sigma=0.01),
+        StageRow(row.run, 2, "spray_search", 4.0, 9.0),
+    ]
+    journal.finish(replace(row, outcome="fault"), stages)
+    assert journal.stages(row.run) == stages
+    (kind,) = journal.told(RunQuery("2025")).kind
+    assert Kind(*json.loads(kind)) == ("fault", "", "", 0, ["grasp_from_rack", "spray_search"])
+    assert journal.told(RunQuery("2026")) == ((), ())
+
+
+def test_events_come_back_oldest_first_by_time_and_by_run(journal):
+    for second, run in ((1, 0), (2, 7)):
+        journal.note(EventRow(0, f"2025-01-01T00:00:0{second}", 1.5, EventKind.FAULT, "SKIN_SILENT", 1001, run=run))
+    assert [event.run for event in journal.events()] == [0, 7]
+    assert [event.event for event in journal.events("2025-01-01T00:00:02")] == [2]
+    assert [event.event for event in journal.events(run=7)] == [2]
+
+
+def test_a_config_is_kept_once_and_whole(journal):
+    for _ in range(2):
+        journal.keep_config(ConfigRow("abc", '{"scan_rate": 100.0}'))
+    assert (journal.config("abc"), journal.config("other")) == ('{"scan_rate": 100.0}', None)
+
+
+def test_another_config_has_another_hash(loaded):
+    other = loaded.cell.model_copy(update={"scan_rate": 50.0})
+    assert config_hash(other) != config_hash(loaded.cell)
+
+
+def test_samples_come_back_as_they_were(tmp_path, seen):
+    stream = Stream(tmp_path / "a.arrows")
+    for _ in range(BATCH + 7):
+        stream.add(seen, None, 2)
+    stream.close()
+    samples = read_samples(tmp_path / "a.arrows")
+    assert samples["stage"].tolist() == [2.0] * (BATCH + 7)
+    assert samples["tcp_z"][-1] == seen.arm.tcp.position[2]
+    assert np.isnan(samples["setpoint_x"]).all()
+    assert samples["taxels"].shape == (BATCH + 7, 40)
+
+
+def test_joints_and_the_true_poses_come_back_as_they_were(tmp_path, seen):
+    lean = rotation_about(np.array([0.6, 0.0, 0.8]), 2.0)
+    sight = Sight(peg=Pose(np.array([0.5, 0.1, 0.2]), lean), hole=Pose(np.array([0.4, 0.0, 0.1]), np.eye(3)))
+    stream = Stream(tmp_path / "a.arrows")
+    torque = np.arange(7.0)
+    stream.add(replace(seen, arm=replace(seen.arm, commanded=torque)), None, 2, sight)
+    stream.close()
+    samples = read_samples(tmp_path / "a.arrows")
+    quaternion = np.array([samples[f"true_peg_q{part}"][0] for part in "wxyz"])
+    assert samples["joints"].tolist() == [seen.arm.q.tolist()]
+    assert samples["velocities"].tolist() == [seen.arm.dq.tolist()]
+    assert samples["torques"].tolist() == [torque.tolist()]
+    assert samples["true_hole_x"].tolist() == [0.4]
+    np.testing.assert_allclose(rotation_of(quaternion), lean, atol=1e-15)
+
+
+def test_a_cell_that_knows_no_truth_records_none(tmp_path, seen):
+    stream = Stream(tmp_path / "a.arrows")
+    stream.add(seen, None, 2)
+    stream.close()
+    samples = read_samples(tmp_path / "a.arrows")
+    assert all(np.isnan(samples[name]).all() for name in COLUMNS if name.startswith("true_"))
+
+
+def test_an_arm_that_tells_no_torque_leaves_it_open(tmp_path, seen):
+    stream = Stream(tmp_path / "a.arrows")
+    stream.add(replace(seen, arm=replace(seen.arm, commanded=None)), None, 2)
+    stream.close()
+    assert np.isnan(read_samples(tmp_path / "a.arrows")["torques"]).tolist() == [[True] * 7]
+
+
+def test_samples_of_an_earlier_version_are_read_without_what_it_did_not_record(tmp_path, seen):
+    stream = Stream(tmp_path / "new.arrows")
+    stream.add(seen, None, 3)
+    stream.close()
+    with pa.OSFile(str(tmp_path / "new.arrows")) as file:
+        table = pa.ipc.open_stream(file).read_all()
+    early = table.select(
+        [name for name in table.column_names if name not in JOINT_COLUMNS and not name.startswith("true_")]
+    )
+    with pa.OSFile(str(tmp_path / "old.arrows"), "wb") as file, pa.ipc.new_stream(file, early.schema) as writer:
+        writer.write_table(early)
+    samples = read_samples(tmp_path / "old.arrows")
+    assert (samples["stage"].tolist(), samples["taxels"].shape, samples["torques"].shape) == ([3.0], (1, 40), (1, 0))
+    assert np.isnan(samples["true_peg_x"]).all()
+
+
+def test_the_facts_of_the_scene_stand_in_the_head_of_the_samples(tmp_path, seen, loaded):
+    facts = scene_facts(loaded.cell)
+    stream = Stream(tmp_path / "a.arrows", facts)
+    stream.add(seen, None, 1)
+    stream.close()
+    assert read_facts(tmp_path / "a.arrows") == facts
+
+
+def test_samples_without_facts_are_told_by_their_file(tmp_path, seen):
+    stream = Stream(tmp_path / "a.arrows")
+    stream.add(seen, None, 1)
+    stream.close()
+    with pytest.raises(JournalError, match=r"a\.arrows: recorded by another version"):
+        read_facts(tmp_path / "a.arrows")
+
+
+def test_samples_are_readable_when_the_program_was_killed(tmp_path, seen):
+    stream = Stream(tmp_path / "a.arrows")
+    for _ in range(2 * BATCH):
+        stream.add(seen, None, 1)
+    whole = (tmp_path / "a.arrows").read_bytes()
+    (tmp_path / "b.arrows").write_bytes(whole[:-10])
+    assert read_samples(tmp_path / "b.arrows")["stamp"].size == BATCH
+    stream.close()
+
+
+def test_csv_has_a_row_a_scan(tmp_path, seen):
+    stream = Stream(tmp_path / "a.arrows")
+    stream.add(seen, None, 1)
+    stream.close()
+    export_csv(read_samples(tmp_path / "a.arrows"), tmp_path / "a.csv")
+    lines = (tmp_path / "a.csv").read_text().splitlines()
+    joints = [f"{name}_{number}" for name in ("joint", "joint_velocity", "joint_torque") for number in range(1, 8)]
+    assert (lines[0].split(","), len(lines)) == ([*COLUMNS, *TAXEL_COLUMNS, *joints], 2)
+
+
+def test_no_samples_are_told_by_their_file(tmp_path):
+    with pytest.raises(JournalError, match="no samples on record"):
+        read_samples(tmp_path / "gone.arrows")
+
+
+def test_a_torn_file_of_samples_is_told_after_what_the_index_knows(tmp_path, capsys):
+    with Journal(tmp_path) as journal:
+        journal.finish(replace(journal.begin(ROW), outcome="success", serial="A-18"))
+    (tmp_path / "run-000001.arrows").write_bytes(b"x")
+    assert main(["show", "1", "--journal", str(tmp_path)]) == FAULT
+    told = capsys.readouterr()
+    assert "A-18" in told.out
+    assert "torn: no whole block of samples" in told.err
+    with pytest.raises(JournalError, match="torn: not even its head"):
+        read_facts(tmp_path / "run-000001.arrows")
+
+
+def test_samples_that_cannot_be_read_any_more_are_counted(tmp_path, seen, capsys):
+    with Journal(tmp_path) as journal:
+        row, block = journal.begin(ROW), SampleBlock()
+        for _ in range(BATCH):
+            block.add(seen, None, 1, None)
+        journal.write(row.run, block)
+        rest = SampleBlock()
+        rest.add(seen, None, 1, None)
+        journal.finish(replace(row, outcome="success"), rest=rest)
+    path = tmp_path / "run-000001.arrows"
+    export = ["runs", "--export", "csv", "--out", str(tmp_path / "csv"), "--journal", str(tmp_path)]
+    assert main(export) == GOOD
+    assert "torn" not in capsys.readouterr().err
+    path.write_bytes(path.read_bytes()[:-1000])
+    assert main(export) == GOOD
+    assert f"{path}: torn: {BATCH} of {BATCH + 1} samples can be read" in capsys.readouterr().err
+
+
+def test_records_lie_among_the_user_s_own_data(monkeypatch, tmp_path):
+    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))
+    assert default_folder() == tmp_path / "tactile-insertion-cell"
+    monkeypatch.delenv("XDG_DATA_HOME")
+    monkeypatch.setenv("HOME", str(tmp_path))
+    assert default_folder() == tmp_path / ".local" / "share" / "tactile-insertion-cell"
+
+
+def test_a_journal_without_runs_says_so(journal):
+    with pytest.raises(JournalError, match=r"run 3: not in .*; no runs are on record yet"):
+        journal.find(3)
+    assert (journal.is_disk_low, journal.trouble) == (False, "")

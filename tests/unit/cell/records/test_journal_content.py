@@ -1,0 +1,199 @@
+"""What lies in a journal's folder is input: no row and no byte of it stops a start, and nothing else is lost with it."""
+
+import json
+import math
+import os
+import random
+import shutil
+import sqlite3
+import subprocess
+import sys
+from contextlib import closing
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from tests.unit.cell.test_journal_writer import ROW, recorded
+
+from cell.records.index import SET_ASIDE
+from cell.records.journal import INDEX, Journal
+from cell.records.schema import LOST, EventKind, EventRow, StageRow
+from drivers.errors import JournalError
+from tests.fakes import Rig
+
+EVENT = EventRow(0, "2025", 0.0, EventKind.FAULT, "SKIN_SILENT")
+POISON = {
+    "stamp that is no number": replace(EVENT, stamp=math.nan),
+    "text with half a character": replace(EVENT, text="\ud800"),
+    "number too long": replace(EVENT, code=2**70),
+    "no text at all": replace(EVENT, name=None),
+    "another kind of thing": replace(EVENT, source=object()),
+}
+
+
+@pytest.fixture
+def seen(rig: Rig):
+    return rig.cell.context(0).observe()
+
+
+def aside(folder: Path) -> list[dict[str, object]]:
+    return [json.loads(line) for line in (folder / SET_ASIDE).read_text().splitlines()]
+
+
+@pytest.mark.parametrize("poison", POISON.values(), ids=POISON)
+def test_a_row_that_cannot_be_written_holds_up_no_other(tmp_path, caplog, poison):
+    with Journal(tmp_path) as journal:
+        row = journal.begin(ROW)
+        journal.note(poison)
+        journal.note(EVENT)
+        journal.finish(replace(row, outcome="success"))
+        assert [event.name for event in journal.events()] == ["SKIN_SILENT"]
+        assert (journal.find(row.run).outcome, journal.trouble) == ("success", "")
+    (found,) = aside(tmp_path)
+    assert (found["table"], found["row"]["kind"]) == ("events", "fault")
+    assert caplog.text.count("set aside") == 1
+
+
+def test_a_stage_that_cannot_be_written_leaves_its_run_on_record(tmp_path):
+    stages = [StageRow(1, 1, "grasp_from_rack", math.nan, 1.0), StageRow(1, 2, "spray_search", 1.0, 2.0)]
+    with Journal(tmp_path) as journal:
+        row = journal.begin(ROW)
+        journal.finish(replace(row, outcome="failure"), stages)
+        assert [stage.name for stage in journal.stages(1)] == ["spray_search"]
+        assert journal.find(1).outcome == "failure"
+    with Journal(tmp_path) as journal:
+        assert journal.find(1).outcome == "failure"
+
+
+def test_a_run_that_cannot_be_written_is_recorded_as_lost(tmp_path):
+    for _ in range(2):
+        with Journal(tmp_path) as journal:
+            row = journal.begin(ROW)
+            journal.finish(replace(row, outcome="failure", retries=None))
+            assert journal.find(row.run).outcome == LOST
+            assert SET_ASIDE in journal.find(row.run).message
+    with Journal(tmp_path) as journal:
+        assert [row.outcome for row in journal.runs(5)] == [LOST, LOST]
+    assert len(aside(tmp_path)) == 2
+
+
+def test_text_of_no_encoding_in_the_index_is_shown_as_far_as_it_goes(tmp_path, seen):
+    with Journal(tmp_path) as journal:
+        recorded(journal, seen)
+    with closing(sqlite3.connect(tmp_path / INDEX)) as index, index:
+        index.execute("UPDATE runs SET serial = CAST(x'41ff42' AS TEXT)")
+    with Journal(tmp_path, is_read_only=True) as journal:
+        assert journal.find(1).serial == "A\ufffdB"
+
+
+def test_a_run_with_a_damaged_byte_is_recorded_as_lost(tmp_path, seen):
+    with Journal(tmp_path) as journal:
+        recorded(journal, seen)
+    for file in tmp_path.glob(f"{INDEX}*"):
+        file.unlink()
+    samples = tmp_path / "run-000001.arrows"
+    whole = samples.read_bytes()
+    assert whole.count(b'"insert_peg"') == 2
+    samples.write_bytes(whole.replace(b'"insert_peg"', b'"insert\xffpeg"'))
+    with Journal(tmp_path) as journal:
+        assert (journal.find(1).outcome, journal.begin(ROW).run) == (LOST, 2)
+
+
+def test_whatever_ends_the_start_reaches_whoever_opens(tmp_path, monkeypatch):
+    def fails(*_):
+        raise ZeroDivisionError("unforeseen")
+
+    monkeypatch.setattr("cell.records.writer.warn_of_clock", fails)
+    with pytest.raises(ZeroDivisionError, match="unforeseen"):
+        Journal(tmp_path).open()
+
+
+def test_a_second_process_is_refused_with_the_first_and_its_start(tmp_path, seen):
+    with Journal(tmp_path) as journal:
+        recorded(journal, seen)
+        with pytest.raises(JournalError, match=rf"process {os.getpid()} writes these records since 20\d\d-.*reading"):
+            Journal(tmp_path).open()
+        with Journal(tmp_path, is_read_only=True) as reader:
+            assert reader.find(1).outcome == "success"
+        assert recorded(journal, seen).run == 2
+    with Journal(tmp_path) as journal:
+        assert recorded(journal, seen).run == 3
+
+
+START = """
+import sys, json
+from pathlib import Path
+from cell.records.journal import Journal
+from cell.records.schema import RunRow
+from drivers.errors import CellError
+for folder in Path(sys.argv[1]).iterdir():
+    try:
+        with Journal(folder) as journal:
+            run = journal.begin(RunRow(0, "2025-01-01", "insert_peg", 1, "A-17", "plc", 42))
+            assert journal.find(run.run).outcome == "running", journal.trouble
+            assert journal.trouble == "", journal.trouble
+            journal.finish(run)
+        print(folder.name, "started", flush=True)
+    except CellError as error:
+        assert len(str(error).splitlines()) == 1
+        print(folder.name, "refused", flush=True)
+"""
+MOST_TIME = 30.0  # s
+FOLDERS = 50
+
+
+def bad(data: bytes, rng: random.Random) -> bytes:
+    """Return a file's bytes cut off, emptied of sense, replaced, or with one or many wrong ones."""
+    kind = rng.randrange(5)
+    if kind == 0:
+        return data[: rng.randrange(len(data) + 1)]
+    if kind == 1:
+        return bytes(len(data))
+    if kind == 2 or not data:
+        return rng.randbytes(rng.randrange(4096))
+    wrong = bytearray(data)
+    for _ in range(1 if kind == 3 else 40):
+        wrong[rng.randrange(len(wrong))] = rng.randrange(256)
+    return bytes(wrong)
+
+
+def damage(folder: Path, rng: random.Random) -> None:
+    """Damage a journal's folder as crashes, disks and people do."""
+    for path in rng.sample(sorted(folder.iterdir()), rng.randrange(1, 4)):
+        data = path.read_bytes()
+        path.unlink()
+        if rng.random() < 0.9:
+            path.write_bytes(bad(data, rng))
+            path.chmod(0o600)
+    if rng.random() < 0.05:
+        (folder / f"run-{rng.randrange(10**12):06d}.arrows").write_bytes(rng.randbytes(100))
+    if rng.random() < 0.05:
+        (folder / "run-000009.arrows").mkdir()
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_damaged_folder_starts_or_is_refused_in_one_line(tmp_path, seen, seed):
+    whole, damaged_ones, rng = tmp_path / "whole", tmp_path / "damaged", random.Random(seed)
+    with Journal(whole) as journal:
+        for number in range(3):
+            recorded(journal, seen, scans=5, config_hash=f"{number}")
+        row = journal.begin(ROW)
+        assert journal.find(row.run)
+        shutil.copytree(whole, tmp_path / "killed")
+    for number in range(FOLDERS):
+        source = rng.choice([whole, tmp_path / "killed"])
+        shutil.copytree(source, damaged_ones / str(number))
+        if rng.random() < 0.3:
+            for file in (damaged_ones / str(number)).glob(f"{INDEX}*"):
+                file.unlink()
+        damage(damaged_ones / str(number), rng)
+    answer = subprocess.run(
+        [sys.executable, "-c", START, str(damaged_ones)],
+        capture_output=True,
+        text=True,
+        timeout=FOLDERS * MOST_TIME,
+        check=False,
+    )
+    assert answer.returncode == 0, answer.stdout[-200:] + answer.stderr[-3000:]
+    assert "Traceback" not in answer.stderr
+    assert len(answer.stdout.splitlines()) == FOLDERS

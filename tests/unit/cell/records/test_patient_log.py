@@ -1,0 +1,73 @@
+import io
+import logging
+import os
+from types import SimpleNamespace
+
+import pytest
+
+from cell.records.patient_log import MOST, PatientHandler, SparseFilter
+
+
+@pytest.fixture
+def log():
+    """Return a logger of its own."""
+    logger = logging.Logger("patient")
+    yield logger
+    for handler in logger.handlers:
+        handler.close()
+
+
+def test_lines_are_written_in_order(log):
+    stream = io.StringIO()
+    handler = PatientHandler(stream)
+    log.addHandler(handler)
+    for number in range(3):
+        log.error("line %d", number)
+    handler.flush()
+    assert stream.getvalue() == "line 0\nline 1\nline 2\n"
+
+
+def test_whoever_logs_goes_on_where_nobody_reads_and_what_was_dropped_is_told_later(log):
+    reading, writing = os.pipe()
+    with os.fdopen(writing, "w") as stream, os.fdopen(reading, encoding="utf-8") as reader:
+        handler = PatientHandler(stream)
+        log.addHandler(handler)
+        first = 2 * MOST
+        for _ in range(first):
+            log.error("x" * 100)
+        assert handler.dropped > 0
+        lines = [reader.readline() for _ in range(first - handler.dropped)]
+        log.error("read on")
+        while not lines[-1].startswith("read on"):
+            lines.append(reader.readline())
+    assert f"{handler.dropped} lines of the log were dropped: nobody read them\n" in lines
+
+
+class Left(io.StringIO):
+    """A stream whose reader has left."""
+
+    def write(self, text):
+        raise BrokenPipeError(32, "Broken pipe")
+
+
+def test_a_reader_who_has_left_stops_nobody(log):
+    handler = PatientHandler(Left())
+    log.addHandler(handler)
+    for _ in range(2):
+        log.error("anybody?")
+        handler.flush()
+    assert handler.dropped == 0
+
+
+def test_lines_of_one_kind_are_written_once_in_a_while(monkeypatch, caplog):
+    now = [100.0]
+    monkeypatch.setattr("cell.records.patient_log.time", SimpleNamespace(monotonic=lambda: now[0]))
+    log = logging.getLogger("tests.sparse")
+    log.addFilter(SparseFilter(10.0))
+    for now[0] in (100.0, 100.1, 105.0, 110.0):
+        log.warning("%s knocks", now[0])
+        log.warning("another")
+    assert [record.getMessage() for record in caplog.records if "knocks" in record.getMessage()] == [
+        "100.0 knocks",
+        "110.0 knocks (2 more like this before)",
+    ]

@@ -1,0 +1,61 @@
+"""A run's samples have a file under the run's own number; a run whose file fails goes on without, and that is told."""
+
+from dataclasses import replace
+
+import pytest
+
+from cell.records.run_samples import RunSamples
+from cell.records.sample_blocks import JOINT_COLUMNS, SampleBlock
+from cell.records.schema import RunRow
+from cell.records.upkeep import samples_path
+
+ROW = RunRow(1, "2025-01-01T00:00:00.000+00:00", "insert_peg", 1, "A-17", "plc", 42)
+BLOCK = SampleBlock(used=2, joints={name: [[0.0], [0.0]] for name in JOINT_COLUMNS})
+
+
+@pytest.fixture
+def samples(tmp_path):
+    return RunSamples(tmp_path, least_free=0)
+
+
+def test_a_number_is_claimed_by_the_file_of_its_samples(samples, tmp_path):
+    samples_path(tmp_path, 1).touch()
+    assert samples.claim(after=0) == 2
+    assert samples_path(tmp_path, 2).exists()
+    assert samples.claim(after=0) == 3
+
+
+def test_a_number_that_was_not_used_is_given_back(samples, tmp_path):
+    samples.give_back(samples.claim(after=0))
+    assert samples.claim(after=0) == 1
+
+
+def test_the_row_of_a_run_counts_what_is_on_the_disk(samples):
+    samples.begin(ROW, None)
+    samples.write(1, BLOCK)
+    assert samples.finish(ROW, [], BLOCK).samples == 4
+    assert samples.trouble == ""
+
+
+def test_a_run_whose_file_was_deleted_goes_on_without_samples(samples, tmp_path):
+    samples.begin(ROW, None)
+    samples_path(tmp_path, 1).unlink()
+    samples.write(1, BLOCK)
+    assert "somebody has deleted it" in samples.trouble
+    assert samples.finish(ROW, [], BLOCK).samples == 0
+
+
+def test_a_disk_that_is_all_but_full_takes_no_samples(tmp_path):
+    samples = RunSamples(tmp_path, least_free=2**70)
+    samples.begin(ROW, None)
+    assert "all but full" in samples.trouble
+
+
+def test_trouble_is_over_once_a_run_is_whole(samples):
+    samples.begin(ROW, None)
+    samples.lose(1, 100)
+    samples.finish(ROW, [], BLOCK)
+    assert "some are lost" in samples.trouble
+    samples.begin(replace(ROW, run=2), None)
+    samples.finish(replace(ROW, run=2), [], BLOCK)
+    assert samples.trouble == ""

@@ -1,0 +1,52 @@
+import pytest
+
+from cell.peg.ending import ending_of
+from cell.run.record import StageClock
+from drivers.errors import SkinSilentError
+from plc_bridge.messages import Result
+from skills.contract import Outcome, Reason, SkillResult
+from skills.flow import StageRecord
+
+
+def stage(name, outcome=Outcome.SUCCESS, reason=Reason.NONE, elapsed=1.0):
+    """Return a stage as it ended."""
+    return StageRecord(name, SkillResult(outcome, reason, elapsed), 0.0, 1.0)
+
+
+def test_each_stage_gets_its_time():
+    clock = StageClock()
+    clock.enter("grasp_from_rack", 1.0)
+    clock.enter("spray_search", 4.0)
+    clock.leave(9.0)
+    assert clock.times == {"grasp_from_rack": 3.0, "spray_search": 5.0}
+
+
+def test_a_stage_that_goes_on_is_not_entered_again():
+    clock = StageClock()
+    assert clock.enter("recover", 0.0)
+    assert not clock.enter("recover", 1.0)
+
+
+def test_a_stage_that_ends_counts_what_it_calls_its_own_in_all_its_tries():
+    clock = StageClock()
+    for began, elapsed in ((0.0, 10.0), (12.0, 3.0)):
+        assert clock.enter("spray_search", began)
+        clock.end("spray_search", elapsed)
+    clock.leave(20.0)
+    assert clock.times == {"spray_search": 13.0}
+
+
+def test_a_run_ends_as_the_first_stage_that_did_not_succeed():
+    records = [stage("grasp_from_rack"), stage("spray_search", Outcome.FAILURE, Reason.NO_HOLE), stage("recover")]
+    ending = ending_of(records, None, "recover")
+    assert (ending.outcome, ending.stage, ending.reason) == ("failure", "spray_search", Reason.NO_HOLE)
+
+
+@pytest.mark.parametrize("records", [[], [stage("grasp_from_rack")]])
+def test_a_fault_outweighs_what_went_well_before(records):
+    ending = ending_of(records, SkinSilentError("skin: silent"), "spray_search")
+    assert (ending.outcome, ending.stage) == ("fault", "spray_search")
+
+
+def test_every_way_to_end_is_a_result_of_the_plc_under_the_same_name():
+    assert {outcome.name for outcome in Outcome} == {result.name for result in Result} - {"NONE", "REFUSED"}

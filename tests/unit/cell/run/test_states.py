@@ -1,0 +1,68 @@
+import pytest
+
+from cell.run.line import CONTROLS
+from cell.run.states import ASKED, TRANSITIONS, Event, State, after, is_permitted, is_reached
+from plc_bridge.messages import PACKML
+
+WAITING = {State.STOPPED, State.IDLE, State.SUSPENDED, State.ABORTED, State.HELD, State.COMPLETE}
+
+
+def test_numbers_are_those_of_the_standard():
+    assert [state.name for state in sorted(State)][:6] == [
+        "CLEARING",
+        "STOPPED",
+        "STARTING",
+        "IDLE",
+        "SUSPENDED",
+        "EXECUTE",
+    ]
+    assert (State.ABORTED, State.HELD, State.RESETTING, State.COMPLETE) == (9, 11, 15, 17)
+
+
+@pytest.mark.parametrize("state", [State.EXECUTE, State.HELD, State.IDLE, State.COMPLETE, State.STARTING])
+def test_stop_leads_to_stopped(state):
+    assert after(after(state, Event.STOP), Event.FINISHED) is State.STOPPED
+
+
+@pytest.mark.parametrize("state", sorted(set(State) - {State.ABORTED, State.ABORTING}))
+def test_abort_leads_to_aborted_from_everywhere(state):
+    assert after(after(state, Event.ABORT), Event.FINISHED) is State.ABORTED
+
+
+def test_only_idle_starts():
+    assert [state for state in State if is_permitted(state, Event.START)] == [State.IDLE]
+
+
+def test_an_aborted_cell_must_be_cleared_before_it_is_reset():
+    assert not is_permitted(State.ABORTED, Event.RESET)
+    state = State.ABORTED
+    for event in (Event.CLEAR, Event.FINISHED, Event.RESET, Event.FINISHED):
+        state = after(state, event)
+    assert state is State.IDLE
+
+
+def test_what_is_not_permitted_changes_nothing():
+    assert after(State.IDLE, Event.HOLD) is State.IDLE
+
+
+def test_waiting_states_do_not_end_by_themselves():
+    assert {state for state, event in TRANSITIONS if event is Event.FINISHED}.isdisjoint(WAITING)
+
+
+def test_line_and_terminal_name_the_controls_as_the_states_do():
+    names = [*(event.name for event in ASKED), "CLEARED", "REFILLED"]
+    assert [(word.upper(), control.name) for word, control in CONTROLS.items()] == [(name, name) for name in names]
+    assert {control.name for control in PACKML} == {event.name for event in Event} - {"FINISHED"}
+
+
+@pytest.mark.parametrize(
+    ("event", "states"),
+    [
+        (Event.STOP, [State.CLEARING, State.STOPPED, State.STOPPING, State.ABORTING, State.ABORTED]),
+        (Event.ABORT, [State.ABORTING, State.ABORTED]),
+        (Event.RESET, []),
+        (Event.HOLD, []),
+    ],
+)
+def test_whoever_stops_a_stopped_cell_asks_for_what_is(event, states):
+    assert [state for state in State if is_reached(state, event)] == states

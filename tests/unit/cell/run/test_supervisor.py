@@ -1,0 +1,569 @@
+"""What a PLC reads of a cell that it commands: states, results, refusals, and what becomes of the arm."""
+
+import json
+import threading
+from dataclasses import replace
+from datetime import UTC, datetime
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from tests.unit.cell.test_watchdog import Looked
+
+from cell.config.load import load
+from cell.records.journal import Journal, newest_run
+from cell.records.schema import EventKind
+from cell.run import supervisor
+from cell.run.learning import LearnedFile, LearnedPlace, read_learned, write_learned
+from cell.run.live import Live, Pull
+from cell.run.states import State
+from cell.run.supervisor import Supervisor
+from drivers.errors import ArmReflexError, CellError, FaultCode, SkinSilentError, SwitchUnknownError
+from drivers.quantities import SwitchState
+from plc_bridge.messages import Command, Control, PartPlace, Refusal, Result
+from skills.catalogue import CATALOGUE
+from skills.contract import Outcome, Reason
+from skills.entry import Claim, Program
+from skills.scan_guards import RESUME_TIME
+from tests.quick_cell import STAGE, QuickProgram
+
+CODE = 101
+STAGE_NUMBER = CATALOGUE.stage_number(STAGE)
+UNKNOWN_CODE, UNKNOWN_RECIPE = 999, 4711
+
+
+@pytest.fixture
+def program(rig, monkeypatch):
+    """Return a program that ends when and how the test says, in the place of the grasp."""
+    made = QuickProgram()
+    entry = Program(name=STAGE, code=CODE, run=made, stages=(STAGE,), starts_empty=False)
+    monkeypatch.setitem(CATALOGUE.by_code, CODE, entry)
+    rig.scan()
+    return made
+
+
+def runs_on(rig, program, time=1.0):
+    """Let the program run so long, s."""
+    program.may_end.clear()
+    rig.at(time, program.may_end.set)
+
+
+def read(rig, delay):
+    """Return what will be read so much later, s: a list that is filled then."""
+    told = []
+    rig.at(delay, lambda: told.append(rig.plc.report))
+    return told
+
+
+# Runs.
+
+
+@pytest.mark.parametrize(
+    ("outcome", "reason", "result", "state"),
+    [
+        (Outcome.SUCCESS, Reason.NONE, Result.SUCCESS, State.COMPLETE),
+        (Outcome.FAILURE, Reason.MISSED_GRASP, Result.FAILURE, State.COMPLETE),
+        (Outcome.ABORTED, Reason.STOPPED, Result.ABORTED, State.STOPPED),
+    ],
+)
+def test_a_run_is_reported_and_recorded_as_it_ended(rig, program, outcome, reason, result, state):
+    program.outcome, program.reason = outcome, reason
+    report = rig.command(CODE)
+    assert (report.result, report.state, report.reason, report.stage) == (result, state, reason, STAGE_NUMBER)
+    assert (report.run, report.progress == 100) == (1, outcome is not Outcome.ABORTED)
+    row = rig.journal.find(1)
+    assert (row.outcome, row.reason, row.stage, row.fault) == (
+        outcome,
+        "" if reason is Reason.NONE else reason.name.lower(),
+        STAGE,
+        0,
+    )
+    assert rig.supervisor.last == row
+    assert rig.arm.is_halted
+
+
+def test_while_a_run_goes_on_its_number_stage_state_and_time_are_read(rig, program):
+    runs_on(rig, program)
+    told = read(rig, 0.5)
+    after = rig.command(CODE)
+    (during,) = told
+    assert (during.state, during.run, during.stage, during.result) == (State.EXECUTE, 1, STAGE_NUMBER, Result.NONE)
+    assert after.stage_times[STAGE_NUMBER - 1] == pytest.approx(1.0, abs=0.03)
+    assert rig.command(CODE).run == 2
+
+
+def test_an_acknowledged_result_leaves_an_idle_cell(rig, program):
+    assert rig.command(CODE).state == State.COMPLETE
+    rig.plc.acknowledge()
+    assert rig.scan().state == State.IDLE
+
+
+def test_a_run_that_the_switch_has_to_prove_is_not_believed_by_its_word(rig, monkeypatch):
+    rig.scan()
+    lying = QuickProgram()
+    seat = CATALOGUE.by_code[100]
+    entry = Program(name=seat.name, code=100, run=lying, stages=(STAGE,), starts_empty=True, claim=Claim.INSERTED)
+    monkeypatch.setitem(CATALOGUE.by_code, 100, entry)
+    report = rig.command(100)
+    assert (report.result, report.state) == (Result.FAULT, State.ABORTED)
+    assert report.fault == FaultCode.SUCCESS_UNPROVEN
+    assert (rig.journal.find(1).outcome, len(rig.restocked)) == ("fault", 1)
+
+
+def test_every_program_that_starts_empty_takes_the_next_slot_and_seed(rig, monkeypatch):
+    rig.scan()
+    failing = QuickProgram()
+    failing.outcome, failing.reason = Outcome.FAILURE, Reason.MISSED_GRASP
+    entry = Program(name="insert_peg", code=100, run=failing, stages=(STAGE,), starts_empty=True)
+    monkeypatch.setitem(CATALOGUE.by_code, 100, entry)
+    first = rig.loaded.cell.sim.seed
+    for _ in range(3):
+        rig.command(100)
+    assert [(job.slot, seed) for job, seed in rig.restocked] == [(0, first), (1, first + 1), (2, first + 2)]
+    assert [rig.journal.find(run).seed for run in (1, 2, 3)] == [first, first + 1, first + 2]
+
+
+# Refusals.
+
+
+@pytest.mark.parametrize(
+    ("code", "recipe", "parameters", "refusal"),
+    [
+        (UNKNOWN_CODE, 0, (), Refusal.UNKNOWN_CODE),
+        (CODE, UNKNOWN_RECIPE, (), Refusal.UNKNOWN_RECIPE),
+        (Control.UNHOLD, 0, (), Refusal.NOT_READY),
+        (Control.HOLD, 0, (), Refusal.NOT_READY),
+        (Control.FORGET, UNKNOWN_RECIPE, (), Refusal.UNKNOWN_RECIPE),
+    ],
+)
+def test_what_cannot_be_done_is_refused_and_changes_nothing(rig, program, code, recipe, parameters, refusal):
+    report = rig.command(code, recipe, parameters)
+    assert (report.refusal, report.state, report.run) == (refusal, State.IDLE, 0)
+    assert program.runs == []
+
+
+@pytest.mark.parametrize("code", [CODE, Control.CLEARED, Control.REFILLED, Control.FORGET])
+def test_while_a_run_goes_on_nothing_else_begins(rig, program, code):
+    runs_on(rig, program)
+    told = read(rig, 0.6)
+    rig.at(0.5, lambda: rig.plc.trigger(code))
+    rig.command(CODE)
+    assert (told[0].refusal, len(program.runs)) == (Refusal.BUSY, 1)
+
+
+@pytest.mark.parametrize("control", [Control.STOP, Control.ABORT])
+def test_a_cell_that_was_stopped_starts_only_after_a_reset(rig, program, control):
+    assert rig.command(control).state == {Control.STOP: State.STOPPED, Control.ABORT: State.ABORTED}[control]
+    assert rig.command(CODE).refusal == Refusal.NOT_READY
+    assert rig.command(Control.RESET).state == State.IDLE
+    assert rig.command(CODE).result == Result.SUCCESS
+
+
+def test_a_hole_that_is_occupied_refuses_a_fresh_peg(rig, program):
+    rig.switch.state = SwitchState.CLOSED
+    assert rig.command(100).refusal == Refusal.HOLE_OCCUPIED
+
+
+def test_what_a_person_did_is_believed(rig, program):
+    rig.gripper.grip(30.0)
+    assert rig.scan().part == PartPlace.IN_HAND
+    rig.gripper.release(0.04)
+    assert rig.scan().part == PartPlace.UNKNOWN
+    assert rig.command(100).refusal == Refusal.PART_UNRESOLVED
+    report = rig.command(Control.CLEARED)
+    assert (report.part, report.refusal) == (PartPlace.RACK, Refusal.NONE)
+    assert rig.command(Control.REFILLED).refusal == Refusal.NONE
+
+
+def test_a_run_that_ends_in_a_fault_has_the_evidence_of_its_peg_on_record(rig, program):
+    rig.gripper.grip(30.0)
+    program.fault = ArmReflexError("arm: reflex")
+    rig.command(CODE)
+    (row,) = rig.journal.runs(1)
+    assert (row.outcome, row.part, row.part_evidence) == ("fault", "in_hand", "hand grips 8.0 mm, switch open")
+
+
+def test_a_cell_whose_record_of_the_peg_is_gone_starts_nothing_before_a_person_has_looked(rig, program):
+    rig.command(CODE)
+    while not (rig.supervisor._part._custody.flush() and newest_run(rig.folder, is_simulated=True)):
+        pass  # both are written beside the scan
+    (rig.folder / "part-sim.json").unlink()
+    rig.supervisor = Supervisor(rig.cell, rig.loaded, rig.bridge, rig.journal)
+    assert rig.scan().part == PartPlace.UNKNOWN
+    assert rig.command(100).refusal == Refusal.PART_UNRESOLVED
+    assert rig.command(Control.CLEARED).part == PartPlace.RACK
+
+
+# Stop, hold, faults.
+
+
+@pytest.mark.parametrize(
+    ("control", "acting", "final"),
+    [(Control.STOP, State.STOPPING, State.STOPPED), (Control.ABORT, State.ABORTING, State.ABORTED)],
+)
+def test_a_control_that_ends_a_run_halts_the_arm_and_leaves_an_aborted_record(rig, program, control, acting, final):
+    runs_on(rig, program, 9.0)
+    rig.at(0.5, lambda: rig.plc.trigger(control))
+    rig.at(0.5, lambda: setattr(rig.arm, "dq", rig.arm.dq + 0.5))
+    told = read(rig, 0.53)
+    rig.at(0.6, lambda: setattr(rig.arm, "dq", 0.0 * rig.arm.dq))
+    report = rig.command(CODE)
+    assert (told[0].state, report.state, report.fault) == (acting, final, 0)
+    assert (rig.journal.find(1).outcome, rig.journal.find(1).reason) == ("aborted", "stopped")
+    assert rig.arm.is_halted
+    assert rig.clock.now() < 1.0
+
+
+def test_a_second_stop_is_taken_for_done(rig, program):
+    rig.command(Control.STOP)
+    report = rig.command(Control.STOP)
+    assert (report.refusal, report.state) == (Refusal.NONE, State.STOPPED)
+
+
+def test_hold_is_told_of_an_arm_that_stands_and_the_run_goes_on_after_it(rig, program):
+    runs_on(rig, program, 5.0)
+    rig.at(0.5, lambda: rig.plc.trigger(Control.HOLD))
+    holding, held = read(rig, 0.52), read(rig, 1.0)
+    rig.at(2.0, lambda: rig.plc.trigger(Control.UNHOLD))
+    back, on = read(rig, 2.0 + 0.5 * RESUME_TIME), read(rig, 2.05 + RESUME_TIME)
+    report = rig.command(CODE)
+    states = [told[0].state for told in (holding, held, back, on)]
+    assert states == [State.HOLDING, State.HELD, State.UNHOLDING, State.EXECUTE]
+    assert (report.state, report.result) == (State.COMPLETE, Result.SUCCESS)
+
+
+def test_a_hold_that_comes_while_the_arm_of_a_failed_run_comes_to_rest_does_not_keep_the_cell_on_hold(rig, program):
+    program.outcome, program.reason = Outcome.FAILURE, Reason.MISSED_GRASP
+    rig.arm.dq = rig.arm.dq + 0.5
+    rig.at(0.05, lambda: rig.plc.trigger(Control.HOLD))
+    told = read(rig, 0.08)
+    rig.at(0.1, lambda: setattr(rig.arm, "dq", 0.0 * rig.arm.dq))
+    report = rig.command(CODE)
+    assert told[0].state == State.HOLDING
+    assert (report.state, report.result, report.progress) == (State.COMPLETE, Result.FAILURE, 100)
+
+
+@pytest.mark.parametrize(
+    "error", [ArmReflexError("arm: reflex"), SkinSilentError("skin: silent"), ValueError("a\nslip"), SystemExit(0)]
+)
+def test_a_fault_in_a_run_is_told_until_it_is_cleared(rig, program, error):
+    program.fault = error
+    report = rig.command(CODE)
+    code = error.code if isinstance(error, CellError) else FaultCode.SOFTWARE
+    assert (report.state, report.result, report.fault) == (State.ABORTED, Result.FAULT, code)
+    row = rig.journal.find(1)
+    assert (row.outcome, row.fault, row.stage) == ("fault", code, STAGE)
+    assert rig.arm.is_halted
+    assert rig.scan().fault == code
+    assert (rig.command(CODE).refusal, rig.arm.resets) == (Refusal.NOT_READY, 0)
+    cleared = rig.command(Control.CLEAR)
+    assert (cleared.state, cleared.fault, cleared.result) == (State.STOPPED, 0, Result.SUCCESS)
+    assert rig.command(Control.RESET).state == State.IDLE
+    assert rig.arm.resets == 2
+
+
+def test_a_fault_is_told_while_the_arm_still_comes_to_rest(rig, program):
+    program.fault = ArmReflexError("arm: reflex")
+    rig.arm.dq = rig.arm.dq + 0.5
+    told = read(rig, 0.05)
+    rig.at(0.1, lambda: setattr(rig.arm, "dq", 0.0 * rig.arm.dq))
+    report = rig.command(CODE)
+    assert (told[0].state, told[0].fault, report.state) == (State.ABORTING, FaultCode.ARM_REFLEX, State.ABORTED)
+
+
+def test_a_fault_outside_a_run_aborts_the_cell_and_is_on_record(rig, program):
+    rig.arm.fault = ArmReflexError("arm: reflex")
+    report = rig.scan(1)
+    assert (report.state, report.fault) == (State.ABORTED, FaultCode.ARM_REFLEX)
+    assert [event.kind for event in rig.journal.events()].count("fault") == 1
+
+
+def test_a_reset_that_finds_a_device_missing_does_not_make_the_cell_ready(rig, program):
+    rig.command(Control.STOP)
+    rig.skin.fault = SkinSilentError("skin: silent")
+    report = rig.command(Control.RESET)
+    assert (report.state, report.fault) == (State.ABORTED, FaultCode.SKIN_SILENT)
+
+
+def test_a_run_that_the_program_s_end_interrupts_is_aborted_with_the_arm_halted(rig, program):
+    runs_on(rig, program, 9.0)
+    rig.at(0.5, rig.supervisor.quit)
+    report = rig.command(CODE)
+    assert (report.state, rig.journal.find(1).outcome, rig.arm.is_halted) == (State.STOPPED, "aborted", True)
+
+
+@pytest.mark.parametrize("error", [ZeroDivisionError, KeyboardInterrupt])
+def test_an_error_of_the_scan_itself_closes_the_record_and_is_told(rig, program, monkeypatch, error):
+    def fail(stamp):
+        raise error
+
+    monkeypatch.setattr(rig.clock, "wait_until", fail)
+    with pytest.raises(error):
+        rig.supervisor.serve()
+    assert (rig.plc.report.state, rig.plc.report.fault) == (State.ABORTED, FaultCode.SOFTWARE)
+
+
+def test_a_scan_that_does_not_come_is_told_beside_it_with_the_arm_halted(rig, program):
+    told = []
+
+    def block():
+        rig.supervisor._say_blocked("no scan for 0.31 s")
+        told.append((rig.plc.report, rig.arm.is_halted))
+
+    runs_on(rig, program)
+    rig.at(0.5, block)
+    rig.command(CODE)
+    report, is_halted = told[0]
+    assert (report.state, report.fault, is_halted) == (State.ABORTING, FaultCode.SCAN_OVERRUN, True)
+
+
+def test_events_of_a_run_bear_its_number_and_others_none(rig, program):
+    rig.command(CODE)
+    rig.command(Control.STOP)
+    events = rig.journal.events()
+    assert {event.run for event in events} == {0, 1}
+    assert [event.run for event in events if event.kind == "command"] == [0, 0]
+    assert json.loads(rig.journal.find(1).stage_times)[0][0] == STAGE
+
+
+def test_a_plc_that_falls_silent_is_a_fault_only_while_its_run_goes_on(rig, program):
+    runs_on(rig, program, 9.0)
+    rig.at(0.5, lambda: setattr(rig.plc, "is_alive", False))
+    report = rig.command(CODE)
+    assert (report.state, report.fault) == (State.ABORTED, FaultCode.PLC_LOST)
+
+
+def test_a_switch_that_does_not_answer_ends_a_run_that_needs_it(rig, monkeypatch):
+    rig.scan()
+    waiting = QuickProgram()
+    runs_on(rig, waiting, 9.0)
+    entry = Program(name="insert_peg", code=100, run=waiting, stages=(STAGE,), starts_empty=True, claim=Claim.INSERTED)
+    monkeypatch.setitem(CATALOGUE.by_code, 100, entry)
+    rig.at(0.5, lambda: setattr(rig.switch, "state", SwitchState.UNKNOWN))
+    assert rig.command(100).fault == SwitchUnknownError.code
+
+
+class GoneError(BaseException):
+    """The end of the program, as a test sees it."""
+
+
+def test_a_program_whose_skill_never_comes_back_ends_with_its_record_closed(rig, program, monkeypatch):
+    ends, closed, live = [], [], Live()
+    rig.supervisor = Supervisor(rig.cell, rig.loaded, rig.bridge, rig.journal, live=live)
+
+    def leave(status):
+        ends.append(status)
+        raise GoneError
+
+    monkeypatch.setattr(supervisor.os, "_exit", leave)
+    monkeypatch.setattr(rig.arm, "close", lambda: closed.append(rig.arm.is_halted))
+    runs_on(rig, program, 9.0)
+    rig.at(0.5, lambda: rig.supervisor._end_blocked("no scan for 2.1 s"))
+    with pytest.raises(GoneError):
+        rig.command(CODE)
+    assert (ends, closed, live.fault) == ([3], [True], f"{STAGE}: no scan for 2.1 s")
+    with Journal(rig.folder, is_read_only=True) as journal:
+        row = journal.find(1)
+    assert (row.outcome, row.fault, row.stage) == ("fault", FaultCode.SCAN_OVERRUN, STAGE)
+
+
+def test_a_program_whose_device_holds_up_even_the_halt_ends_all_the_same(rig, monkeypatch):
+    left, goes_on = threading.Event(), threading.Event()
+
+    def leave(status):
+        assert status == supervisor.EXIT_BLOCKED
+        left.set()
+
+    monkeypatch.setattr(supervisor.os, "_exit", leave)
+    monkeypatch.setattr(supervisor, "ENDING", 0.01)
+    monkeypatch.setattr(rig.arm, "halt", goes_on.wait)
+    ending = threading.Thread(target=rig.supervisor._end_blocked, args=("no scan for 2.1 s",))
+    ending.start()
+    assert left.wait(10.0)
+    goes_on.set()
+    ending.join()
+
+
+@pytest.mark.parametrize(("sets", "is_kept"), [(["sim.pace=1.0"], True), (["sim.pace=max"], False)])
+def test_a_simulated_scan_keeps_time_with_the_wall_only_in_real_time(sets, is_kept):
+    assert supervisor.is_timed(load(sets=sets).cell) is is_kept
+
+
+def test_onlookers_see_every_scan_with_its_stage_and_run(rig, program):
+    live = Live()
+    rig.supervisor = Supervisor(rig.cell, rig.loaded, rig.bridge, rig.journal, live=live)
+    rig.scan()
+    program.fault = ValueError("a\nslip")
+    rig.command(CODE)
+    looks = live.take()
+    assert {(look.run, look.stage) for look in looks} == {(0, ""), (1, STAGE)}
+    assert {look.surface for look in looks} == {rig.loaded.cell.hole.centre[2]}
+    assert all(look.seen.stamp <= rig.clock.now() for look in looks)
+    assert live.fault == "ValueError: a slip"
+
+
+def test_a_cable_that_an_onlooker_pulls_is_out_until_it_is_plugged_in_and_both_are_on_record(rig, program):
+    live = Live()
+    rig.cell = replace(rig.cell, cables={"skin": rig.cell.skin})
+    rig.supervisor = Supervisor(rig.cell, rig.loaded, rig.bridge, rig.journal, live=live)
+    runs_on(rig, program)
+    rig.at(0.5, lambda: live.pull(Pull("skin", True, "page")))
+    rig.command(CODE)
+    assert (rig.supervisor.state, live.unplugged) == (State.ABORTED, {"skin"})
+    live.pull(Pull("skin", False, "page"))
+    live.pull(Pull("arm", True, "page"))
+    rig.command(Control.RESET)
+    rig.scan()
+    assert (rig.supervisor.state, live.unplugged) == (State.IDLE, frozenset())
+    noted = [(e.name, e.source, e.run) for e in rig.journal.events() if e.kind == EventKind.REHEARSAL]
+    assert noted == [("skin unplugged", "page", 1), ("skin plugged in", "page", 0)]
+
+
+def test_progress_of_a_skill_is_that_of_the_run(rig, program):
+    runs_on(rig, program)
+    context = []
+    call = program._run
+    program._run = lambda ctx: (context.append(ctx), call(ctx))[1]
+    rig.at(0.4, lambda: context[0].progress(0.5))
+    told = read(rig, 0.6)
+    rig.command(CODE)
+    assert 0 < told[0].progress < 100
+
+
+def test_onlookers_read_which_skill_blocks_and_for_how_long(rig, program):
+    live = Live()
+    rig.supervisor = Supervisor(rig.cell, rig.loaded, rig.bridge, rig.journal, live=live)
+    runs_on(rig, program)
+    told = []
+    rig.at(0.5, lambda: (rig.supervisor._say_blocked("no scan for 0.31 s"), told.append(live.fault)))
+    rig.command(CODE)
+    assert told == [f"{STAGE}: no scan for 0.31 s"]
+
+
+# A line whose every word is read, and a wall clock that the test turns.
+
+
+class Terminal:
+    """A line that gives one command at a time and keeps every answer and report."""
+
+    def __init__(self):
+        self.waiting, self.accepted, self.refused, self.reports = [], [], [], []
+
+    def poll(self):
+        return self.waiting.pop(0) if self.waiting else None
+
+    def publish(self, report):
+        self.reports.append(report)
+
+    def accept(self, command):
+        self.accepted.append(command)
+
+    def refuse(self, command, refusal):
+        self.refused.append((command, refusal))
+
+
+@pytest.fixture
+def terminal(rig, program):
+    """Return the line of a cell that waits."""
+    line = Terminal()
+    rig.supervisor = Supervisor(rig.cell, rig.loaded, line, rig.journal)
+    rig.scan()
+    return line
+
+
+@pytest.mark.parametrize("code", [Control.FORGET, Control.CLEARED, Control.REFILLED, Control.STOP, Control.ABORT, CODE])
+def test_whoever_gives_a_command_is_told_that_this_one_is_obeyed(rig, terminal, code):
+    command = Command(7, code)
+    terminal.waiting.append(command)
+    rig.scan()
+    assert (terminal.accepted, terminal.refused) == ([command], [])
+    assert terminal.reports[-1].fault == FaultCode.NONE
+
+
+def test_a_cleared_fault_is_told_as_a_success_beside_the_number_of_the_run_that_it_ended(rig, program, terminal):
+    program.fault = ArmReflexError("arm: reflex")
+    for sequence, code in ((7, CODE), (8, Control.CLEAR), (9, Control.RESET)):
+        terminal.waiting.append(Command(sequence, code))
+        rig.scan()
+        report = terminal.reports[-1]
+        assert (report.sequence, report.run) == (sequence, 1)
+        assert report.result is (Result.FAULT if code == CODE else Result.SUCCESS)
+
+
+def test_what_was_learnt_of_a_recipe_is_forgotten_and_that_of_others_is_not(rig, program):
+    place = LearnedPlace(
+        job="peg",
+        mean=(0.5, 0.1),
+        variance=(1e-6, 1e-6),
+        scatter=(1e-6, 1e-6),
+        parts=3,
+        stray=None,
+        updated=datetime(2025, 1, 1, tzinfo=UTC),
+    )
+    write_learned(rig.folder, LearnedFile(places={str(recipe): place for recipe in (0, 99)}))
+    assert rig.command(Control.FORGET, 0).refusal is Refusal.NONE
+    assert rig.supervisor._execution.learning.flush()
+    assert set(read_learned(rig.folder).places) == {"99"}
+
+
+class Wall:
+    """A wall clock that passes while the supervisor waits, and ends it at a time, s."""
+
+    def __init__(self, end):
+        self.time, self.end = 100.0, 100.0 + end
+
+    def monotonic(self):
+        return self.time
+
+    def is_set(self):
+        return self.time > self.end
+
+    def set(self):
+        self.end = self.time
+
+    def wait(self, timeout):
+        self.time += timeout
+
+
+@pytest.mark.parametrize(("takes", "apart"), [(0.3, 1.0), (1.0, 1.0), (2.5, 2.5)])
+def test_an_idle_cell_scans_once_a_period_of_the_wall_or_as_soon_as_the_last_scan_has_ended(
+    rig, monkeypatch, takes, apart
+):
+    wall, period, ends = Wall(0.5), 1.0 / rig.loaded.cell.scan_rate, []
+    monkeypatch.setattr(supervisor, "time", SimpleNamespace(monotonic=wall.monotonic))
+    rig.clock.every.append(lambda: wall.wait(takes * period))
+    rig.clock.every.append(lambda: ends.append(wall.time))
+    Supervisor(rig.cell, rig.loaded, rig.bridge, rig.journal, wall).serve()
+    np.testing.assert_allclose(np.diff(ends[:18]), apart * period)
+
+
+def test_an_error_of_the_scan_itself_is_told_by_its_name(rig, program, monkeypatch):
+    live = Live()
+    rig.supervisor = Supervisor(rig.cell, rig.loaded, rig.bridge, rig.journal, live=live)
+    monkeypatch.setattr(rig.clock, "wait_until", lambda stamp: 1 / 0)
+    with pytest.raises(ZeroDivisionError):
+        rig.supervisor.serve()
+    assert live.fault == "ZeroDivisionError: division by zero"
+
+
+def test_a_scan_that_does_not_come_outside_a_program_is_told_as_the_scan(rig):
+    live = Live()
+    Supervisor(rig.cell, rig.loaded, rig.bridge, rig.journal, live=live)._say_blocked("no scan for 0.31 s")
+    assert live.fault == "scan: no scan for 0.31 s"
+
+
+def test_a_real_arm_keeps_time_with_the_wall_whatever_the_pace_of_its_simulation(loaded):
+    cell = loaded.cell
+    fast = cell.sim.model_copy(update={"pace": "max"})
+    real = cell.model_copy(update={"sim": fast, "arm": SimpleNamespace(kind="franka")})
+    assert supervisor.is_timed(real)
+    assert supervisor.is_timed(cell.model_copy(update={"sim": None}))
+
+
+def test_a_simulated_arm_is_not_blamed_for_a_computer_that_starved(rig, monkeypatch):
+    live, looked = Live(), Looked(monkeypatch)
+    looked.dog = Supervisor(rig.cell, rig.loaded, rig.bridge, rig.journal, live=live)._watchdog
+    looked.dog._end = looked
+    looked.dog.watch(True)
+    looked.looks(5, 1.0)
+    assert live.fault == ""
