@@ -21,7 +21,7 @@ WANTED = 0.9
 UNNOTICED = ("survived", "no tests")
 LINE = re.compile(r"^ +(\S+__mutmut_\d+): (.+)$", re.MULTILINE)
 ATTEMPTS = 4
-FIRST = "cell.states*"
+FIRST = "cell.run.states*"
 """Faults that are tried to let mutmut make all of them."""
 
 

@@ -7,7 +7,7 @@ from typing import Any
 
 from drivers.errors import ConfigError
 
-_HERE = Path(__file__).parent
+_HERE = Path(__file__).parent.parent
 SHIPPED = next(place for place in (_HERE / "shipped", _HERE.parent / "config") if (place / "sim.toml").is_file())
 """Folder of the shipped configs: data of the installed package, or the folder `config` of a checkout."""
 DEFAULT = SHIPPED / "sim.toml"

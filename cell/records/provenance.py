@@ -38,7 +38,7 @@ def config_hash(config: "CellConfig") -> str:
 
 
 def _code_hash() -> str:
-    root = Path(__file__).parent.parent
+    root = Path(__file__).parent.parent.parent
     digest = hashlib.sha256()
     for package in OWN:
         for file in sorted((root / package).rglob("*.py")):

@@ -1,24 +1,15 @@
-"""The cell's side of its lines: programs by command code, parameters by number; and the line of a terminal."""
+"""The cell's side of its lines: programs and controls by command code; and the line of a terminal."""
 
 from collections.abc import Callable
 
 from cell.run.states import ASKED, State
 from drivers.errors import ConfigError
 from plc_bridge.messages import FIRST_PROGRAM, Command, Control, Refusal, Report, Result
-from plc_bridge.registers import STAGES, Parameter
+from plc_bridge.registers import STAGES
 from skills.catalogue import CATALOGUE
 from skills.entry import Catalogue
 
 PROGRAMS: dict[int, str] = {code: entry.name for code, entry in CATALOGUE.by_code.items()}
-
-PARAMETERS: tuple[Parameter, ...] = (
-    Parameter("grasp.force", "N", 0.1, 1.0, 70.0, "grip force"),
-    Parameter("search.speed", "m/s", 1e-4, 0.001, 0.5, "peak speed of the tip while it searches"),
-    Parameter("search.timeout", "s", 0.1, 1.0, 600.0, "longest search"),
-    Parameter("insert.timeout", "s", 0.1, 1.0, 600.0, "longest insertion"),
-    Parameter("adjust.timeout", "s", 0.1, 1.0, 600.0, "longest adjustment"),
-)
-"""Keys of the config that a command may replace for its own run."""
 
 TOLD: dict[str, Control] = {control.name.lower(): control for control in (Control.CLEARED, Control.REFILLED)}
 """Controls with which a person confirms an action at the peg or the rack."""

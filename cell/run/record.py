@@ -3,10 +3,10 @@
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from enum import IntEnum
 from functools import partial
 
 from cell.config.cell_config import CellConfig
+from cell.peg.ending import Ending
 from cell.peg.part_state import PartState
 from cell.records.journal import Journal
 from cell.records.provenance import config_text, digest_of, versions
@@ -19,7 +19,7 @@ from drivers.quantities import ImpedanceSetpoint
 from drivers.scene_facts import SceneFacts, Sight
 from plc_bridge.messages import Command
 from skills.catalogue import CATALOGUE
-from skills.contract import Observation, Outcome, Reason
+from skills.contract import Observation
 from skills.flow import StageRecord
 
 
@@ -51,33 +51,6 @@ class StageClock:
         """Close a stage that has not ended by itself: all of its time counts."""
         if self._since is not None:
             self.end(self.stage, now - self._since)
-
-
-@dataclass(frozen=True, slots=True)
-class Ending:
-    """End of a run."""
-
-    outcome: Outcome
-    stage: str
-    """Name of the stage that did not succeed, else of the last one."""
-    reason: IntEnum
-    """Reason of the end, a `Reason` or one of the skill's own."""
-
-    @property
-    def word(self) -> str:
-        """The reason in lower case, for records; empty if there is none."""
-        return "" if self.reason is Reason.NONE else self.reason.name.lower()
-
-
-def ending_of(records: Sequence[StageRecord], fault: CellError | None, stage: str) -> Ending:
-    """Return the ending of a run: that of the first failed stage that was not retried, else the last; or a fault in `stage`."""
-    if fault is not None or not records:
-        return Ending(Outcome.FAULT, stage, Reason.NONE)
-    last = next(
-        (record for record in records if record.result.outcome is not Outcome.SUCCESS and not record.retried),
-        records[-1],
-    )
-    return Ending(last.result.outcome, last.name, last.result.reason)
 
 
 def scene_facts(config: CellConfig) -> SceneFacts:

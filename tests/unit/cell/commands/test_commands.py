@@ -14,7 +14,7 @@ from cell.records.schema import RunRow
 from cell.records.versions import PINS, licence, packages
 from drivers.errors import FaultCode
 
-ROOT = Path(__file__).parents[3]
+ROOT = Path(__file__).parents[4]
 
 
 @pytest.mark.parametrize("name", COMMANDS)
