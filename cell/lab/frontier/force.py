@@ -83,7 +83,7 @@ def find_by_force(params: ForceSearch, handled: Handling, ctx: SkillContext) -> 
     stiffness, damping_ratio = own.gains.stiffness(), own.gains.damping_ratios()
     stiffness[2] = own.push_stiffness
     lead, identity, surface = params.push / own.push_stiffness, ctx.new_id(), SurfaceEstimate()
-    target, tip, along = above.copy(), above, 0.0
+    target, goal, tip, along = above.copy(), above[:2], above, 0.0
     stopped: float | None = None  # time at which the tip dropped
     borne = deque[bool](maxlen=BORNE)
     longest = math.pi * reach**2 / (params.pitch * params.speed)  # time at which the spiral reaches the corners
@@ -95,7 +95,7 @@ def find_by_force(params: ForceSearch, handled: Handling, ctx: SkillContext) -> 
         borne.append(target[2] <= tip[2] - lead)
         dip = surface.dip(edge, 0)
         if stopped is None and dip > params.drop:
-            stopped, target[:2] = seen.elapsed, tip[:2]
+            stopped, goal = seen.elapsed, tip[:2]
         elif stopped is not None and seen.elapsed - stopped >= own.rest:
             if dip > params.drop:
                 return _result(Outcome.SUCCESS, Reason.NONE, seen.running, tip, surface.plane(edge))
@@ -103,10 +103,12 @@ def find_by_force(params: ForceSearch, handled: Handling, ctx: SkillContext) -> 
         elif stopped is None and len(borne) == BORNE and all(borne):
             surface.learn(edge, 0)
             along += seen.step
-            # Outwards and back again; after a rest, the setpoint catches up with the spiral at twice its speed.
+            # Outwards and back again.
             within = longest - abs(along % (2.0 * longest) - longest)
-            way = middle[:2] + spiral_at_speed(within, params.speed, params.pitch) - target[:2]
-            target[:2] += way * min(2.0 * params.speed * seen.step / max(float(np.hypot(*way)), 1e-9), 1.0)
+            goal = middle[:2] + spiral_at_speed(within, params.speed, params.pitch)
+        # To a stop and back to the spiral, the setpoint moves at twice the speed of the spiral at most.
+        way = goal - target[:2]
+        target[:2] += way * min(2.0 * params.speed * seen.step / max(math.hypot(*way), 1e-9), 1.0)
         ctx.progress(seen.running / own.timeout)
         ctx.follow(
             ImpedanceSetpoint(
