@@ -126,12 +126,12 @@ FAULTS: dict[FaultCode, FaultText] = {
     FaultCode.WRENCH_OFFSET: FaultText(
         "the force that the arm reports where nothing touches is implausible",
         "something touches hand or peg, or the arm's controller knows a wrong payload",
-        "free the hand; set the payload of hand and peg at the arm's controller",
+        "free the hand; set the payload of hand and peg in Desk, step 4 of docs/first-day.md",
     ),
     FaultCode.WRENCH_REVERSED: FaultText(
         "the arm reports a force along its push where the plate bears the push",
         "the arm's software reports its external wrench with another sign than its driver expects",
-        "stop using this arm; report the versions of its software and of the driver",
+        "stop using this arm, as step 8 of docs/first-day.md says; report the versions of its software and of the driver",
     ),
     FaultCode.SIMULATION_UNSTABLE: FaultText(
         "the simulated physics diverged",

@@ -3,7 +3,7 @@
 import os
 import tomllib
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
@@ -13,7 +13,7 @@ M = TypeVar("M", bound=BaseModel)
 
 
 def read_figures(path: Path, kind: type[M], what: str = "") -> M:
-    """Return the figures in a TOML file.
+    """Return the figures in a TOML file; what it does not state is as in the file that its `base` names, beside it.
 
     Args:
         path: The file.
@@ -24,14 +24,24 @@ def read_figures(path: Path, kind: type[M], what: str = "") -> M:
         ConfigError: The file is missing, is not TOML, or its figures violate the model.
     """
     try:
-        return kind.model_validate(tomllib.loads(path.read_text(encoding="utf-8")))
+        tree = tomllib.loads(path.read_text(encoding="utf-8"))
+        if isinstance(base := tree.get("base"), str):
+            del tree["base"]
+            tree = _laid_over(tomllib.loads((path.parent / base).read_text(encoding="utf-8")), tree)
+        return kind.model_validate(tree)
     except OSError as error:
-        raise ConfigError(f"{path}:{f' {what}' if what else ''} cannot be read: {error.strerror}") from None
+        raise ConfigError(f"{error.filename}:{f' {what}' if what else ''} cannot be read: {error.strerror}") from None
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise ConfigError(f"{path}: not TOML: {error}".replace("\n", " ")) from None
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         raise ConfigError(f"{path}: {'.'.join(map(str, first['loc']))}: {first['msg']}") from None
+
+
+def _laid_over(base: dict[str, Any], tree: dict[str, Any]) -> dict[str, Any]:
+    """Return a table with the values of `tree` instead of its own; tables in it are joined, lists replaced."""
+    both = {key: _laid_over(base[key], value) for key, value in tree.items() if isinstance(value, dict) and key in base}
+    return {**base, **tree, **both}
 
 
 def write_whole(path: Path, text: str, what: str) -> None:

@@ -1,19 +1,18 @@
 """The answers that links read about their commands: the report, composed only here, and the discrete inputs; pure."""
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, replace
 
-from plc_bridge.images import ReportImage
 from plc_bridge.lease import CellLease
 from plc_bridge.links import Link, Order
 from plc_bridge.messages import Command, Control, Refusal, Report, Result
 from plc_bridge.orders import Orders
+from plc_bridge.registers import VERSION
 
 IDLE, COMPLETE = 4, 17
 """States of PackML in which a start is accepted."""
 _ERRORS = (Result.FAILURE, Result.FAULT, Result.REFUSED)
-_OF_A_RUN = ("stage", "reason", "progress", "run", "stage_times", "total_time", "peak_force")
+_OF_A_RUN = ("stage", "reason", "progress", "run", "stage_times", "total_time", "peak_force", "hole")
 """Fields of the report that belong to a run; the others belong to the cell or to the link."""
-_REPORTED = tuple(each.name for each in fields(Report) if each.name in ReportImage.__slots__)
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,21 +27,29 @@ class Inputs:
     """True if a start of this link would be accepted now; the one input that needs no acknowledgement."""
 
 
-def answer_for(link: Link, orders: Orders, lease: CellLease, life: int = 0) -> ReportImage:
+def answer_for(link: Link, orders: Orders, lease: CellLease, life: int = 0) -> Report:
     """Return the report that `link` reads; before a link's first command this is the run of any link."""
     shown, answered = link.in_view, link.answered
     if not link.has_spoken:
         shown, answered = orders.run or orders.seen, orders.latest
     shown = shown or Order(Command(0, Control.NONE))
     answered = answered or Order(Command(0, Control.NONE))
-    values = {name: getattr(orders.report, name) for name in _REPORTED}
-    values |= {name: getattr(shown.report, name) for name in _OF_A_RUN}
-    values |= {"hole_x": shown.report.hole[0], "hole_y": shown.report.hole[1]}
-    values |= {"transition": values["transition"] or 0, "holder": lease.name}
-    values |= {"sequence": shown.sequence, "result": shown.told_to(link), "code": shown.command.code}
-    values |= {"answered": answered.sequence, "answered_result": answered.result}
-    values |= {"refusal": answered.refusal, "refusal_detail": answered.detail}
-    return ReportImage(life=life, life_tail=life, lease=lease.state_for(link), **values)
+    return replace(
+        orders.report,
+        **{name: getattr(shown.report, name) for name in _OF_A_RUN},
+        life=life,
+        life_tail=life,
+        version=VERSION,
+        lease=lease.state_for(link),
+        holder=lease.name,
+        sequence=shown.sequence,
+        result=shown.told_to(link),
+        code=shown.command.code,
+        answered=answered.sequence,
+        answered_result=answered.result,
+        refusal=answered.refusal,
+        refusal_detail=answered.detail,
+    )
 
 
 def inputs_for(link: Link, orders: Orders, lease: CellLease, stops_held: int) -> Inputs:

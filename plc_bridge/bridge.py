@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Callable, Mapping, Sequence
+from copy import deepcopy
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -9,9 +10,11 @@ from drivers.errors import CellError
 from drivers.transport.serial_line import SerialLine
 from plc_bridge.config import CanConfig, PlcConfig
 from plc_bridge.images import Diagnostics
+from plc_bridge.intervals import Intervals
 from plc_bridge.mailbox import Mailbox
 from plc_bridge.modbus import ModbusServer
 from plc_bridge.modbus_tls import SecureModbusServer
+from plc_bridge.packml import PackTags
 from plc_bridge.registers import Parameter, Register, table
 from plc_bridge.rtu import RtuServer
 
@@ -24,20 +27,9 @@ class Figures:
     """Counts and times since the start."""
 
     counts: Diagnostics
-    state: int
-    """PackML state number of the cell."""
-    processed: int
-    """Number of insertions that have ended."""
-    defective: int
-    """Number of insertions that did not end in success."""
-    state_times: tuple[float, ...]
-    """Time in each state from 1 on, s."""
-    scan_counts: tuple[int, ...]
-    """Number of intervals between two scans in each range; the ranges end at `intervals.BOUNDS`."""
-    scan_total: float
-    """Sum of those intervals, s."""
-    scan_longest: float
-    """Longest of those intervals, s."""
+    tags: PackTags
+    intervals: Intervals
+    """Time between two scans."""
     served: float
     """Time spent by the Modbus TCP servers on requests, s."""
 
@@ -108,18 +100,7 @@ class Bridge(Mailbox):
         counts = self.diagnostics
         served = self._server.worked + (self._secure.worked if self._secure is not None else 0.0)
         with self._lock:
-            intervals, tags = self._intervals, self._handshake.orders.tags
-            return Figures(
-                counts,
-                tags.state,
-                tags.processed,
-                tags.defective,
-                tags.times,
-                tuple(intervals.counts),
-                intervals.total,
-                intervals.longest,
-                served,
-            )
+            return Figures(counts, deepcopy(self._handshake.orders.tags), deepcopy(self._intervals), served)
 
     @property
     def diagnostics(self) -> Diagnostics:

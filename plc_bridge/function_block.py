@@ -6,18 +6,20 @@ Structured Text, PLCopen XML and Siemens SCL are three output formats, each in i
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from plc_bridge.function_block_body import BODY
-from plc_bridge.messages import Control, Refusal, Result
-from plc_bridge.registers import PARAMETERS, STAGES, VERSION, VERSION_MAJOR, VERSION_MINOR, Register
+from plc_bridge.function_block_body import (
+    DECODED,
+    FAILURE_BASE,
+    NO_CELL,
+    RUN_GONE,
+    SHOWN,
+    STOP_PENDING,
+    WRONG_VERSION,
+    Language,
+    body,
+)
+from plc_bridge.registers import PARAMETERS, STAGES, VERSION_MAJOR, VERSION_MINOR, Register
 
 NAME = "FB_InsertionCell"
-NO_CELL, WRONG_VERSION, STOP_PENDING, RUN_GONE = 0xFF01, 0xFF02, 0xFF03, 0xFF04
-"""ErrorID of the block's own errors."""
-FAILURE_BASE = 256
-"""First ErrorID of failures, to which the reason is added; refusals are below it, and fault codes start at 1000."""
-EXECUTE, HELD = 6, 11
-"""PackML state numbers: a run can be held in the first and continues from the second."""
-
 COMMAND, REPORT, SERIAL, PARAMETER, STAGE_TIMES, NAMES = (
     "T_CellCommand",
     "T_CellReport",
@@ -28,28 +30,6 @@ COMMAND, REPORT, SERIAL, PARAMETER, STAGE_TIMES, NAMES = (
 )
 """Named types, because some compilers do not assign arrays of anonymous types."""
 
-_DECODED = {
-    "state": "State",
-    "stage": "Stage",
-    "reason": "Reason",
-    "progress": "Progress",
-    "fault": "Fault",
-    "refusal_detail": "RefusalDetail",
-    "lease": "LeaseState",
-    "transition": "LastTransition",
-    "part": "Part",
-    "part_evidence": "PartEvidence",
-    "part_width": "PartWidth",
-}
-_TOLD = {
-    "version": "ReportVersion",
-    "sequence": "ReportSequence",
-    "answered": "ReportAnswered",
-    "result": "ReportResult",
-    "refusal": "ReportRefusal",
-    "code": "ReportCode",
-}
-"""Registers of the report for the block's internal use, and the variables for their decoded values."""
 _BOOLS = ("IsSilent", "IsReady", "IsWhole", "IsStopping", "IsHolding", "HoldSent", "IsTaken", "WasExecute", "WasStop")
 _COUNTERS = ("Life", "Sequence", "RunNumber", "StopNumber", "HoldNumber", "SentCode", "Acknowledge", "SeenLife")
 
@@ -85,9 +65,12 @@ class FunctionBlock:
     inputs: tuple[Variable, ...]
     outputs: tuple[Variable, ...]
     locals: tuple[Variable, ...]
-    body: str
     registers: Mapping[str, Mapping[str, Register]]
     """Entries of the blocks "Command" and "Report" by their short names."""
+
+    def body(self, language: Language) -> str:
+        """Return the statements of one cycle in a language."""
+        return body([each.name for each in (*self.inputs, *self.outputs, *self.locals)], language)
 
 
 def function_block(registers: Sequence[Register], names: Mapping[str, int]) -> FunctionBlock:
@@ -112,12 +95,11 @@ def function_block(registers: Sequence[Register], names: Mapping[str, int]) -> F
         inputs=_inputs(command),
         outputs=_outputs(report),
         locals=(
-            *(Variable(name, "UINT") for name in (*_COUNTERS, *_TOLD.values())),
+            *(Variable(name, "UINT") for name in (*_COUNTERS, *DECODED.values())),
             *(Variable(name, "BOOL") for name in _BOOLS),
             Variable("Silence", "TON"),
             Variable("Index", "INT"),
         ),
-        body=_body(command, report),
         registers=blocks,
     )
 
@@ -146,57 +128,13 @@ def _outputs(report: Mapping[str, Register]) -> tuple[Variable, ...]:
     return (
         *(Variable(name, "BOOL") for name in ("Busy", "Done", "Error", "CommandAborted")),
         Variable("ErrorID", "UINT", "see the head"),
-        *(Variable(shown, "UINT", _meaning(report[name])) for name, shown in _DECODED.items()),
+        *(Variable(shown, "UINT", _meaning(report[name])) for name, shown in SHOWN.items()),
         Variable("Run", "UDINT", _meaning(report["run"])),
         Variable("TotalTime", "TIME", report["total_time"].meaning),
         Variable("StageTime", STAGE_TIMES, "time spent in each stage of the run"),
         Variable("Names", NAMES, "what the numbers are called"),
         Variable("Command", COMMAND, "holding registers of the cell, for the Modbus client to write"),
     )
-
-
-def _body(command: Mapping[str, Register], report: Mapping[str, Register]) -> str:
-    indices = {f"c_{name}": entry.address - command["life"].address for name, entry in command.items()}
-    indices.update({f"r_{name}": entry.address - report["life"].address for name, entry in report.items()})
-    decoded = {**_TOLD, **_DECODED}
-    decoding = [f"    {shown} := WORD_TO_UINT(Report[{indices[f'r_{name}']}]);" for name, shown in decoded.items()]
-    decoding.append(f"    Run := {_wide(indices['r_run'])};")
-    decoding.append(f"    TotalTime := T#1ms * UDINT_TO_DINT({_wide(indices['r_total_time'])});")
-    decoding.append(f"    FOR Index := 1 TO {STAGES} DO")
-    first = indices["r_stage_time_1"]
-    place = f"{first} + 2 * (Index - 1)"
-    decoding.append(f"        StageTime[Index] := T#1ms * UDINT_TO_DINT({_wide(place)});")
-    decoding.append("    END_FOR;")
-    return BODY.format(
-        major=VERSION_MAJOR,
-        version=VERSION,
-        no_cell=NO_CELL,
-        wrong_version=WRONG_VERSION,
-        stop_pending=STOP_PENDING,
-        run_gone=RUN_GONE,
-        adopted=Refusal.ADOPTED.value,
-        failure=FAILURE_BASE,
-        failure_result=Result.FAILURE.value,
-        none=Result.NONE.value,
-        success=Result.SUCCESS.value,
-        aborted=Result.ABORTED.value,
-        fault=Result.FAULT.value,
-        stop=Control.STOP.value,
-        hold=Control.HOLD.value,
-        unhold=Control.UNHOLD.value,
-        execute_state=EXECUTE,
-        held_state=HELD,
-        last_serial_word=command["serial"].words - 1,
-        parameters=PARAMETERS,
-        decoding="\n".join(decoding),
-        **indices,
-    )
-
-
-def _wide(place: int | str) -> str:
-    """Return the expression for two words of the report, the high one first."""
-    low = place + 1 if isinstance(place, int) else f"{place} + 1"
-    return f"DWORD_TO_UDINT(SHL(WORD_TO_DWORD(Report[{place}]), 16) OR WORD_TO_DWORD(Report[{low}]))"
 
 
 def _about(command: Mapping[str, Register], report: Mapping[str, Register]) -> str:

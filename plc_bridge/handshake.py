@@ -7,8 +7,7 @@ Links come and go. The decision to run a command is made here, once for all buse
     | `sequence_numbers` | a number is adopted, is a command, is late, or has no effect  |
     | `coils`            | a write of a coil is a command or not                         |
     | `refusals`         | refusals that do not need the scan thread                     |
-    | `intake`           | a request becomes an order or a refusal                       |
-    | `orders`           | order of commands for the scan thread, and their results      |
+    | `orders`           | a request becomes an order, waits in the queue, and ends      |
     | `links`            | the answer and the result that a link reads                   |
     | `answers`          | content of the link's report and inputs                       |
     | `lease`            | permission to start                                           |
@@ -30,12 +29,11 @@ from dataclasses import dataclass, field
 from itertools import count
 
 from plc_bridge.answers import Inputs, answer_for, inputs_for
-from plc_bridge.images import CommandImage, ReportImage
-from plc_bridge.intake import Intake
+from plc_bridge.images import CommandImage, Diagnostics
 from plc_bridge.lease import CellLease
 from plc_bridge.links import Link, Order
-from plc_bridge.messages import Command, Control, Refusal
-from plc_bridge.orders import Counts, Orders
+from plc_bridge.messages import Command, Control, Refusal, Report
+from plc_bridge.orders import Orders
 from plc_bridge.peer_log import PeerLog
 from plc_bridge.refusals import Rules
 from plc_bridge.registers import Lease, Parameter
@@ -66,16 +64,15 @@ class Handshake:
     lease_timeout: float = 5.0
     log: PeerLog = field(default_factory=lambda: PeerLog(logger))
     orders: Orders = field(init=False)
-    _links: dict[str, Link] = field(default_factory=dict)
     _events: "count[int]" = field(default_factory=count)
     """Number of links opened and closed so far."""
     _lease: CellLease = field(init=False)
-    _intake: Intake = field(init=False)
+    _links: dict[str, Link] = field(init=False)
 
     def __post_init__(self) -> None:
         self._lease = CellLease(self.lease_timeout, self.log)
-        self.orders = Orders(self._lease, self.log)
-        self._intake = Intake(Rules(self.programs, self.parameters), self._lease, self.orders, self._links)
+        self.orders = Orders(self._lease, self.log, Rules(self.programs, self.parameters))
+        self._links = self.orders.links
 
     # Links.
 
@@ -126,7 +123,7 @@ class Handshake:
         link.has_spoken = True
         before, link.image = link.image, image
         if not link.watchdog.see(image.life, image.life_tail, now):
-            self._intake.take_torn(link, image)
+            self.orders.take_torn(link, image)
             return
         if by is not None:
             link.turn_to(by)
@@ -139,21 +136,21 @@ class Handshake:
         if image.acknowledge != (before.acknowledge if before else 0):
             self._acknowledge(link, image.acknowledge)
         if is_numbered:
-            self._intake.take_number(link, image, now, before.code if before else Control.NONE)
+            self.orders.take_number(link, image, now, before.code if before else Control.NONE)
 
     def switched(self, source: str, coils: Mapping[str, bool], now: float, by: Hashable = None) -> None:
         """Take the coils that `source` has just written: execute, stop, reset; `by` names the connection if the link is shared."""
         self._expire(now)
         link = self._links[source]
         link.watchdog.heard = now
-        self._intake.take_coils(link, coils, by, now)
+        self.orders.take_coils(link, coils, by, now)
 
     def submit(self, source: str, image: CommandImage, now: float) -> Refusal:
         """Submit an order of a local user under the next number of `source`; return its refusal, or NONE."""
         self._expire(now)
         link = self._links[source]
         link.has_spoken, link.image = True, image
-        return self._intake.command(link, link.numbers.count_up(), image, now).refusal
+        return self.orders.command(link, link.numbers.count_up(), image, now).refusal
 
     def take(self, source: str) -> bool:
         """Give `source` the lease if it is free; return True if it holds the lease now."""
@@ -171,7 +168,7 @@ class Handshake:
     # Reads of links.
 
     @property
-    def counts(self) -> Counts:
+    def counts(self) -> Diagnostics:
         """Counts of errors since the start."""
         return self.orders.counts
 
@@ -189,9 +186,9 @@ class Handshake:
     @property
     def stops_held(self) -> int:
         """Number of connections that hold their stop coil at 1."""
-        return self._intake.stops_held
+        return self.orders.stops_held
 
-    def answer(self, source: str, life: int = 0) -> ReportImage:
+    def answer(self, source: str, life: int = 0) -> Report:
         """Return the report that `source` reads, with the life counter of the cell."""
         return answer_for(self._links[source], self.orders, self._lease, life)
 
@@ -242,7 +239,7 @@ class Handshake:
         self._lease.expire(now)
         for each in self._links.values():
             if each.watchdog.is_torn(now, self.life_timeout):
-                self._intake.refuse_torn(each)
+                self.orders.refuse_torn(each)
 
     def _lose(self, run: Order, link: Link, why: str) -> None:
         self.log.warning(link.host, "%s is lost: %s", link.source, why)

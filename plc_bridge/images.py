@@ -4,7 +4,8 @@ import struct
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, fields
 
-from plc_bridge.registers import PARAMETERS, STAGES, VERSION, Register, table
+from plc_bridge.messages import Report
+from plc_bridge.registers import PARAMETERS, STAGES, Register, table
 
 Value = int | float | str
 
@@ -28,42 +29,6 @@ class CommandImage:
     def asked(self) -> tuple[int, int, str] | None:
         """Return the key of a command: two blocks with one number and one key are the same command; None without a command."""
         return (self.code, self.recipe, self.serial) if self.code else None
-
-
-@dataclass(frozen=True, slots=True)
-class ReportImage:
-    """The report block as values, for one reader."""
-
-    life: int = 0
-    version: int = VERSION
-    sequence: int = 0
-    answered: int = 0
-    refusal: int = 0
-    result: int = 0
-    state: int = 0
-    fault: int = 0
-    stage: int = 0
-    reason: int = 0
-    progress: int = 0
-    code: int = 0
-    run: int = 0
-    lease: int = 0
-    holder: str = ""
-    stage_times: tuple[float, ...] = (0.0,) * STAGES
-    total_time: float = 0.0
-    answered_result: int = 0
-    refusal_detail: int = 0
-    transition: int = 0
-    part: int = 0
-    part_depth: float = 0.0
-    hole_x: float = 0.0
-    hole_y: float = 0.0
-    warnings: int = 0
-    overruns: int = 0
-    peak_force: float = 0.0
-    life_tail: int = 0
-    part_evidence: int = 0
-    part_width: float = 0.0
 
 
 @dataclass(slots=True)
@@ -163,27 +128,34 @@ def command_words(image: CommandImage) -> list[int]:
     return COMMAND.pack(values)
 
 
+_STAGE_TIMES = [f"report_stage_time_{number}" for number in range(1, STAGES + 1)]
+_HOLE = ("report_hole_x", "report_hole_y")
 _REPORT_FIELDS = [
-    (f"report_{column.name}", column.name) for column in fields(ReportImage) if column.name != "stage_times"
+    (register.name, register.name.removeprefix("report_"))
+    for register in REPORT.registers
+    if register.name not in (*_STAGE_TIMES, *_HOLE)
 ]
+"""Registers of the report, and the fields of `Report` of the same names; the others hold a tuple each."""
 
 
-def report_words(image: ReportImage) -> list[int]:
+def report_words(report: Report) -> list[int]:
     """Return the words of the report block."""
-    values: dict[str, Value] = {register: getattr(image, name) for register, name in _REPORT_FIELDS}
-    values.update({f"report_stage_time_{n}": time for n, time in enumerate(image.stage_times, 1)})
+    values: dict[str, Value] = {register: getattr(report, name) for register, name in _REPORT_FIELDS}
+    values.update(zip(_STAGE_TIMES, report.stage_times, strict=False))
+    values.update(zip(_HOLE, report.hole, strict=True))
     return REPORT.pack(values)
 
 
-def report_image(words: Sequence[int]) -> ReportImage:
+def report_image(words: Sequence[int]) -> Report:
     """Return the report block in `words` as values."""
     return report_of(REPORT.unpack(words))
 
 
-def report_of(values: Mapping[str, Value]) -> ReportImage:
+def report_of(values: Mapping[str, Value]) -> Report:
     """Return the report block from the value of each of its registers."""
-    times = tuple(float(values[f"report_stage_time_{n}"]) for n in range(1, STAGES + 1))
-    return ReportImage(stage_times=times, **{name: values[register] for register, name in _REPORT_FIELDS})  # type: ignore[arg-type]
+    times = tuple(float(values[name]) for name in _STAGE_TIMES)
+    hole = float(values[_HOLE[0]]), float(values[_HOLE[1]])
+    return Report(stage_times=times, hole=hole, **{name: values[register] for register, name in _REPORT_FIELDS})  # type: ignore[arg-type]
 
 
 def diagnostics_words(counts: Diagnostics) -> list[int]:

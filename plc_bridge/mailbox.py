@@ -7,16 +7,20 @@ import logging
 import math
 import threading
 from collections.abc import Callable, Hashable, Mapping, Sequence
+from dataclasses import replace
+from typing import ParamSpec, TypeVar
 
 from plc_bridge.config import PlcConfig
 from plc_bridge.handshake import Handshake
-from plc_bridge.images import CommandImage, Diagnostics, ReportImage, diagnostics_words, report_words
+from plc_bridge.images import CommandImage, Diagnostics, diagnostics_words, report_words
 from plc_bridge.intervals import Intervals
 from plc_bridge.messages import Command, Refusal, Report
 from plc_bridge.peer_log import PeerLog
 from plc_bridge.registers import DISCRETE_INPUTS, Parameter
 from plc_bridge.sight import PlcSight
 
+P = ParamSpec("P")
+T = TypeVar("T")
 SCANNED_WITHIN = 1.0
 """Age of the last report up to which the cell counts as scanned, s; ten periods of the slowest scan."""
 
@@ -46,6 +50,20 @@ class Mailbox:
         self._life = 0
         self._published = -math.inf
         self._intervals = Intervals()
+        self.accept = self._locked(self._handshake.orders.accept)
+        self.refuse = self._locked(self._handshake.orders.refuse)
+        self.closed = self._locked(self._handshake.closed)
+        self.lost = self._locked(self._handshake.lost)
+        self.left = self._locked(self._handshake.left)
+
+    def _locked(self, call: Callable[P, T]) -> Callable[P, T]:
+        """Return a call of the handshake that holds the lock."""
+
+        def locked(*args: P.args, **kwargs: P.kwargs) -> T:
+            with self._lock:
+                return call(*args, **kwargs)
+
+        return locked
 
     def poll(self) -> Command | None:
         """Return the next command for the scan thread, each once; stops and a lost PLC come first.
@@ -61,17 +79,7 @@ class Mailbox:
             self._life, self._published = (self._life + 1) % 0x10000, self._now()
             self._handshake.orders.publish(report)
             self._intervals.note(self._published)
-            self._handshake.orders.tags.publish(report, self._published)
-
-    def accept(self, command: Command) -> None:
-        """Report to the sender of `command` that a program begins or a control was carried out; for the scan thread."""
-        with self._lock:
-            self._handshake.orders.accept(command)
-
-    def refuse(self, command: Command, refusal: Refusal) -> None:
-        """Report to the sender of `command` why the scan thread refuses it; for the scan thread."""
-        with self._lock:
-            self._handshake.orders.refuse(command, refusal)
+            self._handshake.orders.tags.record(report, self._published)
 
     @property
     def is_scanned(self) -> bool:
@@ -100,8 +108,7 @@ class Mailbox:
     def diagnostics(self) -> Diagnostics:
         """Counts since the start, without those of the servers."""
         with self._lock:
-            counts, stops_held = self._handshake.counts, self._handshake.stops_held
-        return Diagnostics(refusals=counts.refusals, torn=counts.torn, lost=counts.lost, stops_held=stops_held)
+            return replace(self._handshake.counts, stops_held=self._handshake.stops_held)
 
     def sight(self, host: str) -> PlcSight | None:
         """Return the cell's view of the PLC at `host`, an address, node or line; None if it is not connected."""
@@ -133,21 +140,6 @@ class Mailbox:
         with self._lock:
             self._handshake.opened(source, host, self._now())
 
-    def closed(self, source: str) -> None:
-        """End a link, for a server."""
-        with self._lock:
-            self._handshake.closed(source)
-
-    def lost(self, source: str) -> None:
-        """Treat a link as lost, for a server: its heartbeat has ended."""
-        with self._lock:
-            self._handshake.lost(source)
-
-    def left(self, source: str, by: Hashable) -> None:
-        """End a connection of a shared link, for a server."""
-        with self._lock:
-            self._handshake.left(source, by)
-
     def wrote(self, source: str, image: CommandImage, is_numbered: bool = True, by: Hashable = None) -> None:
         """Take the command block after a write, for a server; see `Handshake.wrote`."""
         with self._lock:
@@ -163,7 +155,7 @@ class Mailbox:
         with self._lock:
             self._handshake.heard(source, self._now())
 
-    def report_for(self, source: str) -> ReportImage:
+    def report_for(self, source: str) -> Report:
         """Return the report for the link `source`, for a server."""
         with self._lock:
             return self._handshake.answer(source, self._life)

@@ -1,6 +1,6 @@
 """The messages of the line as values: one Command in, one Report out."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from enum import IntEnum, IntFlag
 
 
@@ -41,6 +41,8 @@ class Refusal(IntEnum):
     """The switch under the hole is silent, or its board returns no valid answer."""
     RACK_EMPTY = 15
     """Every slot of the rack is empty, and no refill was reported."""
+    COMMISSIONING = 16
+    """Not everything is proven of this arm, hand, skin, switch and plate: only a person at the cell starts motions."""
 
 
 REMEDIES: dict[Refusal, str] = {
@@ -62,6 +64,7 @@ REMEDIES: dict[Refusal, str] = {
     Refusal.HOLE_OCCUPIED: "take the workpiece away; if there is none, mend the switch",
     Refusal.SWITCH_UNKNOWN: "run `cell check`, mend the switch or its cable, then send again",
     Refusal.RACK_EMPTY: "fill every slot of the rack, then send REFILLED",
+    Refusal.COMMISSIONING: "prove the cell with `cell check --prove` and `cell calibrate places`: docs/first-day.md",
     Refusal.STOP_HELD: "let every stop coil fall to 0 (diagnostics_stops_held counts them), then send again",
 }
 """Remedy for each refusal."""
@@ -164,26 +167,28 @@ class Command:
 
 @dataclass(frozen=True, slots=True)
 class Report:
-    """State of the cell, which the PLC can read at any time; `sequence` echoes the command of the other fields."""
+    """The report block as values; each of its registers, or each group of numbered ones, is a field.
+
+    The cell fills in its own fields. For each link, the bridge adds the fields from `life` on.
+    """
 
     sequence: int = 0
+    """Sequence number of the command that the fields of a run belong to."""
     state: int = 0
     """PackML state number."""
-    result: Result = Result.NONE
+    result: int = Result.NONE
     fault: int = 0
     stage: int = 0
     """Number of the present or last skill; 0 before the first."""
-    transition: Control | None = None
-    """Reason of the last change of state; None before the first."""
+    transition: int = Control.NONE
+    """Control that caused the last change of state."""
     reason: int = 0
     """Reason of the outcome, as in `skills.contract.Reason`, by number."""
     progress: int = 0
     """Progress of the present skill, percent."""
     run: int = 0
     """Number of the run in the journal."""
-    holder: str = ""
-    """Name of the link that holds the lease; the bridge fills it in."""
-    stage_times: tuple[float, ...] = field(default=())
+    stage_times: tuple[float, ...] = ()
     """Time spent in each stage of the run so far, s; at most `registers.STAGES`."""
     total_time: float = 0.0
     """Total time of the run, s."""
@@ -191,15 +196,31 @@ class Report:
     """Place where the run found the hole, shape (2,), m, base frame; zeros before that."""
     peak_force: float = 0.0
     """Largest force of the run at the tool, N."""
-    part: PartPlace = PartPlace.UNKNOWN
+    part: int = PartPlace.UNKNOWN
     part_depth: float = 0.0
     """Depth of the peg's tip below the plate, m."""
-    part_evidence: PartEvidence = PartEvidence.NOTHING
+    part_evidence: int = PartEvidence.NOTHING
     part_width: float = 0.0
     """Distance between the pads in the reading that determined the peg's place, m."""
     warnings: int = 0
     """Warnings, which do not stop the cell, as a sum of `registers.Warnings`."""
     obstacle: Refusal = Refusal.NONE
-    """Refusal that a program with a fresh peg would get now, from the state of peg, hole and rack."""
+    """Refusal that a program with a fresh peg would get now, from the state of peg, hole and rack; for the bridge, no register."""
     overruns: int = 0
     """Number of scans that took longer than their period, since the start."""
+    life: int = 0
+    """Life counter of the cell."""
+    life_tail: int = 0
+    version: int = 0
+    """Version of the register map."""
+    code: int = 0
+    """Code of the command `sequence`."""
+    answered: int = 0
+    """Sequence number of the last decided command of the link."""
+    answered_result: int = Result.NONE
+    refusal: int = Refusal.NONE
+    """Refusal of the command `answered`."""
+    refusal_detail: int = 0
+    lease: int = LeaseState.FREE
+    holder: str = ""
+    """Name of the link that holds the lease."""

@@ -43,7 +43,7 @@ class PackTags:
         self.processed += 1
         self.defective += result is not Result.SUCCESS
 
-    def publish(self, report: Report, now: float) -> None:
+    def record(self, report: Report, now: float) -> None:
         """Take a report of the cell at the time `now`, s."""
         if self._since is not None and 1 <= self.state <= STATES:
             self._times[self.state - 1] += now - self._since

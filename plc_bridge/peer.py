@@ -18,12 +18,11 @@ from plc_bridge.images import (
     REPORT,
     CommandImage,
     Diagnostics,
-    ReportImage,
     command_words,
     diagnostics_image,
     report_image,
 )
-from plc_bridge.messages import Control, LeaseState, Result
+from plc_bridge.messages import Control, LeaseState, Report, Result
 from plc_bridge.registers import COILS, VERSION, Lease
 
 logging.getLogger("pymodbus.logging").setLevel(logging.CRITICAL)  # its errors are raised here
@@ -68,7 +67,7 @@ class PlcPeer(ABC):
         """Disconnect; may be called again."""
 
     @abstractmethod
-    def read_report(self) -> ReportImage:
+    def read_report(self) -> Report:
         """Return the report; writes nothing."""
 
     @abstractmethod
@@ -87,7 +86,7 @@ class PlcPeer(ABC):
     def _write(self, image: CommandImage) -> None:
         """Write the command block."""
 
-    def connect(self) -> ReportImage:
+    def connect(self) -> Report:
         """Connect as a new client, whose number is far from that of any run, and return the report.
 
         Raises:
@@ -95,7 +94,7 @@ class PlcPeer(ABC):
         """
         return self._begin(FAR)
 
-    def resume(self) -> ReportImage:
+    def resume(self) -> Report:
         """Connect and continue the run of an earlier connection of this computer; return the report.
 
         Raises:
@@ -103,14 +102,14 @@ class PlcPeer(ABC):
         """
         return self._begin(0)
 
-    def _begin(self, ahead: int) -> ReportImage:
+    def _begin(self, ahead: int) -> Report:
         """Connect and have a number adopted, at this distance ahead of the one in the cell's report."""
         self._open()
         sequence = (self.read_report().sequence + ahead) % 0x10000
         self._image = CommandImage(sequence=sequence, version=VERSION)
         return self.cycle()
 
-    def look(self) -> ReportImage:
+    def look(self) -> Report:
         """Connect as a spectator, which writes nothing and sees the run of any link, and return the report.
 
         Raises:
@@ -119,7 +118,7 @@ class PlcPeer(ABC):
         self._open()
         return self.read_report()
 
-    def cycle(self) -> ReportImage:
+    def cycle(self) -> Report:
         """Advance the life counter, write the command block in one request, return the report."""
         life = self._image.life % 0xFFFF + 1
         self._image = replace(self._image, life=life, life_tail=life)
@@ -139,7 +138,7 @@ class PlcPeer(ABC):
 
     def trigger(
         self, code: int, recipe: int = 0, serial: str = "", parameters: Sequence[tuple[int, int]] = ()
-    ) -> ReportImage:
+    ) -> Report:
         """Send one command under the next sequence number; return the report with its answer.
 
         Args:
@@ -158,7 +157,7 @@ class PlcPeer(ABC):
         )
         return self.cycle()
 
-    def wait_for_result(self, timeout: float, watch: Callable[[ReportImage], None] | None = None) -> ReportImage:
+    def wait_for_result(self, timeout: float, watch: Callable[[Report], None] | None = None) -> Report:
         """Wait for the end of the last command and return the report of that time.
 
         Args:
@@ -184,7 +183,7 @@ class PlcPeer(ABC):
                 raise CellSilentError(f"{self._where}: no result of command {self._image.sequence} in {timeout:g} s")
             self._wait(self._period)
 
-    def acknowledge(self) -> ReportImage:
+    def acknowledge(self) -> Report:
         """Acknowledge the result of the last command."""
         self._image = replace(self._image, acknowledge=self._image.sequence)
         return self.cycle()
@@ -197,19 +196,19 @@ class PlcPeer(ABC):
         parameters: Sequence[tuple[int, int]] = (),
         *,
         timeout: float,
-        watch: Callable[[ReportImage], None] | None = None,
-    ) -> ReportImage:
+        watch: Callable[[Report], None] | None = None,
+    ) -> Report:
         """Trigger, wait for the result, acknowledge it; return the report with the result or the refusal."""
         self.trigger(code, recipe, serial, parameters)
         report = self.wait_for_result(timeout, watch)
         self.acknowledge()
         return report
 
-    def abort(self) -> ReportImage:
+    def abort(self) -> Report:
         """Abort the present run, independent of the lease."""
         return self.trigger(Control.ABORT)
 
-    def reset(self, timeout: float) -> ReportImage:
+    def reset(self, timeout: float) -> Report:
         """Reset the cell after a stop or a fault."""
         return self.run(Control.RESET, timeout=timeout)
 
@@ -245,7 +244,7 @@ class Peer(PlcPeer):
         """Disconnect; may be called again."""
         self._client.close()
 
-    def read_report(self) -> ReportImage:
+    def read_report(self) -> Report:
         """Return the report; writes nothing."""
         return report_image(self._read(REPORT.start, REPORT.words))
 

@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 
 from plc_bridge.function_block import NAME, NAMES, FunctionBlock, Variable, function_block
 from plc_bridge.registers import DEVICE_NAME, VERSION_DATE, VERSION_MAJOR, VERSION_MINOR, Register
+from plc_bridge.structured_text import body_of
 
 NAMESPACE, XHTML = "http://www.plcopen.org/xml/tc6_0201", "http://www.w3.org/1999/xhtml"
 _STAMP = f"{VERSION_DATE}T00:00:00"
@@ -57,7 +58,7 @@ def _pou(parent: ET.Element, block: FunctionBlock) -> None:
         section = ET.SubElement(interface, kind)
         for variable in variables:
             _variable(section, variable, block)
-    _text(ET.SubElement(ET.SubElement(pou, "body"), "ST"), block.body)
+    _text(ET.SubElement(ET.SubElement(pou, "body"), "ST"), body_of(block))
     _text(ET.SubElement(pou, "documentation"), block.about)
 
 

@@ -73,6 +73,7 @@ class Warnings:
     DISK_LOW = 2
     SCAN_OVERRUNS = 4
     ARM_CALIBRATION = 8
+    COMMISSIONING = 16
 
 
 AFTER_A_LOSS = 1
@@ -249,7 +250,8 @@ def _report_block() -> list[Register]:
         "warnings",
         "u16",
         f"sum of {Warnings.NOT_RECORDED} records not written, {Warnings.DISK_LOW} disk low, "
-        f"{Warnings.SCAN_OVERRUNS} scan overruns, {Warnings.ARM_CALIBRATION} arm calibration does not fit",
+        f"{Warnings.SCAN_OVERRUNS} scan overruns, {Warnings.ARM_CALIBRATION} arm calibration does not fit, "
+        f"{Warnings.COMMISSIONING} in commissioning",
     )
     block.add("overruns", "u32", "scans that took longer than their period since the start")
     block.add("peak_force", "u32", "largest force of the run at the tool", unit="N", scale=0.01)

@@ -4,7 +4,6 @@ The words of Modbus and a data block without optimised access have the same byte
 therefore fills `UDT_CellReport` directly, and the program contains no addresses.
 """
 
-import re
 from collections.abc import Iterator, Mapping, Sequence
 
 from plc_bridge.function_block import (
@@ -19,12 +18,14 @@ from plc_bridge.function_block import (
     Variable,
     function_block,
 )
+from plc_bridge.function_block_body import Language
 from plc_bridge.registers import PARAMETERS, STAGES, Register
 
 DATA = "DB_InsertionCell"
 _TYPES = {"u16": "UInt", "u32": "UDInt", "i16": "Int", "i32": "DInt"}
 _UDTS = {COMMAND: "UDT_CellCommand", REPORT: "UDT_CellReport", NAMES: "UDT_CellNames", "TON": "TON_TIME"}
-_GROUPED = re.compile(r"(parameter|stage_time)_\d+")
+_GROUPED = {"parameter": PARAMETERS, "stage_time": STAGES}
+"""Numbered registers that are one array, and their number."""
 
 
 def as_scl(registers: Sequence[Register], names: Mapping[str, int]) -> str:
@@ -53,14 +54,11 @@ def _udt(name: str, members: "Iterator[str]") -> Iterator[str]:
 
 def _members(entries: Mapping[str, Register]) -> Iterator[str]:
     """Return a member for each register in order; numbered ones are arrays."""
-    seen = set()
     for name, entry in entries.items():
-        group = _GROUPED.fullmatch(name)
-        if group is not None:
-            if group[1] not in seen:
-                seen.add(group[1])
-                count = PARAMETERS if group[1] == "parameter" else STAGES
-                yield f"{group[1]} : Array[1..{count}] of {_TYPES[entry.type]};"
+        group, _, number = name.rpartition("_")
+        if group in _GROUPED and number.isdigit():
+            if number == "1":
+                yield f"{group} : Array[1..{_GROUPED[group]}] of {_TYPES[entry.type]};"
             continue
         kind = f"Array[0..{2 * entry.words - 1}] of Byte" if entry.type == "string" else _TYPES[entry.type]
         yield f"{name} : {kind};"
@@ -78,7 +76,25 @@ def _block(block: FunctionBlock) -> Iterator[str]:
             yield f"    {_declaration(variable, block)}"
         yield "END_VAR"
     yield "BEGIN"
-    yield from _body(block).splitlines()
+    command, report = block.registers["Command"], block.registers["Report"]
+    members = {name: f"#Report.{name}" for name in report}
+    language = Language(
+        sign="#",
+        words=members,
+        numbers=members,
+        stage_time="#Report.stage_time[#Index]",
+        sending={name: f"#Command.{name} := {{}};" for name in command},
+        arrays=(
+            f"FOR #Index := 0 TO {2 * command['serial'].words - 1} DO",
+            "    #Command.serial[#Index] := #SerialNumber[#Index];",
+            "END_FOR;",
+            f"FOR #Index := 1 TO {PARAMETERS} DO",
+            "    #Command.parameter[#Index] := #Parameters[#Index];",
+            "END_FOR;",
+        ),
+    )
+    lines = block.body(language).splitlines()
+    yield from (line for line in lines if not line.lstrip().startswith("(*"))
     yield "END_FUNCTION_BLOCK"
     yield ""
 
@@ -92,50 +108,6 @@ def _declaration(variable: Variable, block: FunctionBlock) -> str:
         kind = _UDTS[kind] if kind == "TON" else f'"{_UDTS[kind]}"'
     first = f" := {variable.initial}" if variable.initial else ""
     return f"{variable.name} : {kind}{first};" + (f" // {variable.meaning}" if variable.meaning else "")
-
-
-def _body(block: FunctionBlock) -> str:
-    """Return the body with members in place of words, and the marker of SCL on every variable of the block."""
-    text = block.body
-    for place, name in _by_place(block.registers["Report"]).items():
-        wide = rf"DWORD_TO_UDINT\(SHL\(WORD_TO_DWORD\(Report\[{place}\]\), 16\) OR WORD_TO_DWORD\(Report\[\d+\]\)\)"
-        text = re.sub(wide, f"Report.{name}", text)
-        text = text.replace(f"WORD_TO_UINT(Report[{place}])", f"Report.{name}").replace(
-            f"Report[{place}]", f"Report.{name}"
-        )
-    text = re.sub(r"DWORD_TO_UDINT\(SHL\(WORD_TO_DWORD\(Report\[\d+ \+ .*?\n", "Report.stage_time[Index]);\n", text)
-    for place, name in _by_place(block.registers["Command"]).items():
-        text = re.sub(rf"Command\[{place}\] := UINT_TO_WORD\((.*)\);", rf"Command.{name} := \1;", text)
-        text = text.replace(f"Command[{place}] := ", f"Command.{name} := ")
-    text = _loops(text, block)
-    names = [v.name for v in (*block.inputs, *block.outputs, *block.locals)]
-    return re.sub(rf"(?<![.#\w])({'|'.join(names)})\b(?! :=.*PT)", r"#\1", _uncommented(text))
-
-
-def _loops(text: str, block: FunctionBlock) -> str:
-    """Replace the loops that split bytes and double words into words: the types have members for them."""
-    last = 2 * block.registers["Command"]["serial"].words - 1
-    text = re.sub(
-        r"( *)FOR Index := 0 TO \d+ DO\n.*\n *END_FOR;",
-        rf"\1FOR Index := 0 TO {last} DO\n\1    Command.serial[Index] := SerialNumber[Index];\n\1END_FOR;",
-        text,
-        count=1,
-    )
-    return re.sub(
-        r"( *)FOR Index := 1 TO (\d+) DO\n *Command.*\n *Command.*\n *END_FOR;",
-        r"\1FOR Index := 1 TO \2 DO\n\1    Command.parameter[Index] := Parameters[Index];\n\1END_FOR;",
-        text,
-        count=1,
-    )
-
-
-def _uncommented(text: str) -> str:
-    return re.sub(r"^ *\(\*.*\*\)\n", "", text, flags=re.MULTILINE)
-
-
-def _by_place(entries: Mapping[str, Register]) -> dict[int, str]:
-    start = next(iter(entries.values())).address
-    return {entry.address - start: name for name, entry in entries.items() if _GROUPED.fullmatch(name) is None}
 
 
 def _data() -> Iterator[str]:

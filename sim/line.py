@@ -29,6 +29,7 @@ class SimLine:
         """Store the world, the cell's clock, and the position above the reject bin, m, base frame."""
         self._world, self._clock, self._bin = world, clock, bin_at
         self._emptied: set[int] = set()
+        self._is_empty = False
         self._stood = world.peg_pose().position
         self._slot = world.job.slot % world.job.rack.slots
 
@@ -45,7 +46,7 @@ class SimLine:
             self._emptied.clear()
         self._world.restock(job, seed)
         self._slot, self._stood = job.slot % job.rack.slots, self._world.peg_pose().position
-        if self._slot in self._emptied:
+        if self._is_empty or self._slot in self._emptied:
             self._world.take_away()
 
     def exchange(self) -> None:
@@ -58,6 +59,11 @@ class SimLine:
     def refill(self) -> None:
         """Fill every slot of the rack."""
         self._emptied.clear()
+        self._is_empty = False
+
+    def empty(self) -> None:
+        """Take the peg out of every slot of the rack, and of the feeder, until `refill`; the next run finds none."""
+        self._is_empty = True
 
     def clear(self) -> None:
         """Remove a peg that is in the hand, in the hole or dropped, as a person does."""

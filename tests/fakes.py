@@ -30,7 +30,8 @@ from drivers.quantities import (
     Wrench,
 )
 from plc_bridge.bridge import Bridge
-from plc_bridge.images import CommandImage, ReportImage
+from plc_bridge.images import CommandImage
+from plc_bridge.messages import Report
 from skills.catalogue import RECOVER
 from skills.contract import SkillContext
 from skills.scan_guards import ScanLimits
@@ -250,7 +251,7 @@ class FakePlc:
         self._write(acknowledge=self._image.sequence)
 
     @property
-    def report(self) -> ReportImage:
+    def report(self) -> Report:
         """What the PLC reads now."""
         return self._bridge.report_for("plc")
 
@@ -286,7 +287,7 @@ class Rig:
         self.journal.open()
         self.made.append(self)
 
-    def scan(self, times: int = 3) -> ReportImage:
+    def scan(self, times: int = 3) -> Report:
         """Scan, outside a program so many times, and return what the PLC reads then."""
         for _ in range(times):
             self.supervisor.scan()
@@ -296,11 +297,11 @@ class Rig:
         """Do something when so much time has passed."""
         self.clock.at.append((self.clock.now() + delay, action))
 
-    def command(self, code: int, recipe: int = 0, parameters: tuple[tuple[int, int], ...] = ()) -> ReportImage:
+    def command(self, code: int, recipe: int = 0, parameters: tuple[tuple[int, int], ...] = ()) -> Report:
         """Send a command, let the cell obey to the end, and return what the PLC reads then."""
         self.plc.trigger(code, recipe, parameters)
         return self.scan()
 
-    def put_away(self) -> ReportImage:
+    def put_away(self) -> Report:
         """Let the cell take what its hand holds to the bin."""
         return self.command(RECOVER.code)

@@ -11,10 +11,10 @@ from pymodbus import FramerType
 from pymodbus.client import ModbusSerialClient, ModbusTlsClient
 
 from plc_bridge.bridge import Bridge
-from plc_bridge.canopen_peer import CanPeer
 from plc_bridge.config import CanConfig, ModbusConfig, PlcConfig, RtuConfig, TlsConfig
 from plc_bridge.peer import Peer, PlcPeer
 from tests.cable import Cable
+from tests.can_peer import CanPeer
 from tests.certificates import Authority, utf8
 
 ROLE = "Operator"

@@ -140,13 +140,13 @@ THREATS = (
     ),
     Threat(
         "a key runs out unseen",
-        "cell.page.exposure.key_verdict",
-        "tests/unit/cell/page/test_exposure.py::test_check_reports_open_ports_and_the_age_of_keys",
+        "cell.run.exposure.key_verdict",
+        "tests/unit/cell/run/test_exposure.py::test_check_reports_open_ports_and_the_age_of_keys",
     ),
     Threat(
         "a port is open to everybody unseen",
-        "cell.page.exposure.exposures",
-        "tests/unit/cell/page/test_exposure.py::test_each_open_port_is_named_with_what_it_lets_everybody_do",
+        "cell.run.exposure.exposures",
+        "tests/unit/cell/run/test_exposure.py::test_each_open_port_is_named_with_what_it_lets_everybody_do",
     ),
     Threat(
         "a newer dependency behaves in another way",

@@ -11,7 +11,7 @@ from threading import Event
 
 from cell.run.states import State
 from plc_bridge.bridge import Bridge
-from plc_bridge.messages import FIRST_PROGRAM, Command, Control, Refusal, Report, Result
+from plc_bridge.messages import FIRST_PROGRAM, Command, Control, Report, Result
 from plc_bridge.registers import VERSION_MAJOR, VERSION_MINOR
 from plc_bridge.sight import PlcSight
 from skills.catalogue import CATALOGUE
@@ -195,7 +195,7 @@ def _moved(memory: Memory, now: CellSighting) -> str | None:
     if memory.run is None or now.report.sequence != memory.run.sequence or now.report.result is Result.NONE:
         return None
     if now.report.result is not Result.SUCCESS:
-        raise StepFailedError(f"run {now.report.run} ended in {now.report.result.name}")
+        raise StepFailedError(f"run {now.report.run} ended in {Result(now.report.result).name}")
     return f"run {now.report.run}, {now.time - memory.at['run']:.1f} s"
 
 
@@ -237,6 +237,7 @@ class WatchedLine:
         self._bridge, self._walk, self._stop = bridge, walk, stop
         self._is_watching = False
         self._report = Report()
+        self.accept, self.refuse = bridge.accept, bridge.refuse
 
     def begin(self) -> None:
         """Start the first step."""
@@ -254,14 +255,6 @@ class WatchedLine:
         self._report = report
         self._bridge.publish(report)
         self._look(report)
-
-    def accept(self, command: Command) -> None:
-        """Confirm the command on the bridge."""
-        self._bridge.accept(command)
-
-    def refuse(self, command: Command, refusal: Refusal) -> None:
-        """Refuse the command on the bridge."""
-        self._bridge.refuse(command, refusal)
 
     def _look(self, report: Report, command: Command | None = None) -> None:
         if not self._is_watching:

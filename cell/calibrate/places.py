@@ -95,6 +95,15 @@ class Places:
             + [f"[rack]\nfirst = {point(self.first)}\n"] * self.is_rack_elsewhere
         )
 
+    def corrected(self, config: CellConfig) -> CellConfig:
+        """Return a config with the printed lines in its file."""
+        hole, rack = config.hole, config.rack
+        if self.is_plate_elsewhere:
+            hole = hole.model_copy(update={"centre": _printed(self.centre)})
+        if self.is_rack_elsewhere:
+            rack = rack.model_copy(update={"first": _printed(self.first)})
+        return config.model_copy(update={"hole": hole, "rack": rack})
+
     def write(self, path: Path) -> None:
         """Write a file whole or not at all.
 
@@ -264,3 +273,8 @@ def implausible(found: Places, config: CellConfig) -> str | None:
 def point(values: Sequence[float]) -> str:
     """Return a position in the format of a config file, m."""
     return f"[{', '.join(f'{value:.5f}' for value in values)}]"
+
+
+def _printed(values: Sequence[float]) -> tuple[float, ...]:
+    """Return the position that `point` prints."""
+    return tuple(float(f"{value:.5f}") for value in values)

@@ -70,6 +70,13 @@ def add_calibration_folder(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def calibration_folder(args: argparse.Namespace) -> Path:
+    """Return the folder of measured files: `calibration` beside the config file, or among the user's own data."""
+    from cell.records.journal import default_folder
+
+    return (args.config.parent if args.config else default_folder()) / "calibration"
+
+
 def add_journal(parser: argparse.ArgumentParser) -> None:
     """Add --journal."""
     parser.add_argument("--journal", type=Path, metavar="DIR", help="folder of the records of runs")

@@ -6,7 +6,7 @@ from datetime import date
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cell.commands.arguments import add_calibration_folder, add_config, load_config, positive
+from cell.commands.arguments import add_calibration_folder, add_config, calibration_folder, load_config, positive
 from cell.commands.terminal import GOOD, NOT_GOOD, ask, complain, progress, show
 from drivers.errors import ConfigError, NotCalibratedError
 
@@ -40,14 +40,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Measure, write the file, and show the result."""
-    from cell.records.journal import default_folder
-
     today = date.today()
     if args.pegs is not None and args.device != "places":
         raise ConfigError("--pegs: only for places")
     config = load_config(args).cell
-    beside = args.config.parent if args.config else default_folder()
-    path = (args.out or beside / "calibration") / f"{args.device}_{today.isoformat()}.toml"
+    path = (args.out or calibration_folder(args)) / f"{args.device}_{today.isoformat()}.toml"
     try:
         return DEVICES[args.device](args, config, today, path)
     except NotCalibratedError as error:
@@ -83,6 +80,7 @@ def _places(args: argparse.Namespace, config: "CellConfig", today: date, path: P
     from dataclasses import asdict
 
     from cell.calibrate.places import PEGS, calibrate_places
+    from cell.calibrate.proven import FILE, keep
 
     pegs = PEGS if args.pegs is None else args.pegs
     most = config.rack.slots if config.rack.refill == "asked" else MOST_PEGS
@@ -94,6 +92,10 @@ def _places(args: argparse.Namespace, config: "CellConfig", today: date, path: P
         bar = bars.add_task("touches")
         found = calibrate_places(config, today, lambda done, of: bars.update(bar, completed=done, total=of), pegs)
     found.write(path)
+    if not config.is_simulated:
+        keep(
+            calibration_folder(args) / FILE, found.corrected(config), {"places": f"{pegs} pegs, see {path.name}"}, today
+        )
     data = {**asdict(found), "date": today.isoformat(), "file": str(path), "write": found.sections}
     show(args, _places_table(found, config, path), data)
     return GOOD

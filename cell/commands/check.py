@@ -6,8 +6,8 @@ from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cell.commands.arguments import add_config, add_journal, load_config, open_journal
-from cell.commands.terminal import FAULT, GOOD, NOT_GOOD, complain, say, show
+from cell.commands.arguments import add_config, add_journal, calibration_folder, load_config, open_journal
+from cell.commands.terminal import FAULT, GOOD, NOT_GOOD, ask, complain, say, show
 from drivers.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -17,12 +17,36 @@ if TYPE_CHECKING:
 SUMMARY = "open every device of a config, read each once, say what is wrong; with --plc, commission cell and PLC"
 PATIENCE = 300.0
 """Longest time for one step of the commissioning, s."""
+MINUTES = 10.0
+"""Duration of the measurement of the arm's loop, min."""
+STEPS = {
+    **dict.fromkeys(("kernel", "memlock", "priority", "governor", "clock"), 1),
+    **dict.fromkeys(("arm", "thresholds"), 2),
+    **dict.fromkeys(("gripper", "end effector", "load"), 4),
+    "skin": 5,
+    "switch": 6,
+    "proven": 8,
+}
+"""Step of docs/first-day.md that mends what is wrong."""
+LAST_STEP = 12
+"""Step of the first day that connects the PLC."""
+PROVEN_BY = ("arm", "gripper", "end effector", "load", "switch")
+"""Lines that must be good before anything is proven."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add --config, --set and the options of commissioning."""
     add_config(parser)
     add_journal(parser)
+    parser.add_argument(
+        "--prove",
+        action="store_true",
+        help="with a person at the arm: prove wrench, hand, load and switch, and keep it",
+    )
+    parser.add_argument("--loop", action="store_true", help="measure the arm's 1 kHz loop while the arm holds still")
+    parser.add_argument(
+        "--minutes", type=float, default=MINUTES, metavar="M", help=f"duration of --loop, default {MINUTES:g}"
+    )
     parser.add_argument(
         "--plc", metavar="HOST", help='address of the PLC that will connect, "node 1" on CAN, "rtu:ttyUSB0" on a line'
     )
@@ -37,6 +61,10 @@ def run(args: argparse.Namespace) -> int:
     if args.plc is None and (args.name or args.out is not None):
         raise ConfigError("--name, --out: only with --plc HOST")
     loaded = load_config(args)
+    if loaded.cell.is_simulated and (args.prove or args.loop):
+        raise ConfigError('--prove, --loop: arm.kind = "sim": only for a physical cell')
+    if args.loop:
+        return _loop(args, loaded)
     return _check(args, loaded) if args.plc is None else _commission(args, loaded)
 
 
@@ -50,7 +78,7 @@ def _check(args: argparse.Namespace, loaded: "LoadedConfig") -> int:
     from drivers.errors import CellError
     from plc_bridge.bridge import Bridge
 
-    found = check(assemble(loaded.cell))
+    found = _computer(loaded) + check(assemble(loaded.cell))
     bridge = Bridge(loaded.cell.plc, PROGRAMS, PARAMETERS)
     try:
         bridge.start()
@@ -59,7 +87,8 @@ def _check(args: argparse.Namespace, loaded: "LoadedConfig") -> int:
         found.append(("plc", f"fault {error.code.value}: {error}"))
     finally:
         bridge.close()
-    found += _network(loaded.cell.plc)
+    found += _network(loaded.cell.plc) + _proven(args, loaded, dict(found))
+    found = [(name, text if text.startswith(OK) else f"{text}; {_step(name)}") for name, text in found]
     table = Table("device", "found")
     for name, text in found:
         table.add_row(name, text)
@@ -67,10 +96,97 @@ def _check(args: argparse.Namespace, loaded: "LoadedConfig") -> int:
     return GOOD if all(text.startswith(OK) for _, text in found) else FAULT
 
 
+def _step(name: str) -> str:
+    """Return the step of the first day that mends what is wrong with a device."""
+    return f"docs/first-day.md, step {STEPS.get(name, LAST_STEP)}"
+
+
+def _computer(loaded: "LoadedConfig") -> list[tuple[str, str]]:
+    """Return the verdicts on this computer, if a physical arm needs it, and the ages of the calibrations."""
+    import tomllib
+
+    from cell.devices.checks import OK
+    from cell.devices.computer import computer
+
+    config, files = loaded.cell, loaded.cell.calibration
+    if config.is_simulated:
+        return []
+    found = computer() if config.is_realtime else []
+    for name, path in (("skin", files.skin), ("arm", files.arm)):
+        text = f"{OK}, but there is none: `cell calibrate {name}`"
+        if path is not None:
+            text = f"{OK}, of {tomllib.loads(path.read_text(encoding='utf-8'))['date']}"  # its age was checked before
+        found.append((f"calibration.{name}", text))
+    return found
+
+
+def _proven(args: argparse.Namespace, loaded: "LoadedConfig", found: dict[str, str]) -> list[tuple[str, str]]:
+    """Return what is proven of a physical cell, after a proof with --prove."""
+    from cell.calibrate.proven import FILE, commissioning, read
+    from cell.devices.checks import OK
+    from drivers.errors import CellError
+
+    if loaded.cell.is_simulated:
+        return []
+    path = calibration_folder(args) / FILE
+    if args.prove:
+        try:
+            _prove(loaded, path, found)
+        except (CellError, ConfigError) as error:
+            return [("proven", str(error))]
+    why = commissioning(loaded.cell, read(path))
+    return [("proven", f"{OK}, but {why}" if why else OK)]
+
+
+def _prove(loaded: "LoadedConfig", path: Path, found: dict[str, str]) -> None:
+    """Prove the sign of the wrench, end effector, load and switch, and keep each.
+
+    Raises:
+        CellError: A device is not usable, a fact could not be proven, or the sign of the wrench is reversed.
+    """
+    from datetime import date
+
+    from cell.calibrate.proofs import prove_switch, prove_wrench
+    from cell.calibrate.proven import keep
+    from cell.devices.assembly import assemble, opened
+    from cell.devices.checks import OK
+    from drivers.errors import NotCalibratedError
+
+    wrong = [name for name in PROVEN_BY if not found.get(name, "").startswith(OK)]
+    if wrong:
+        raise NotCalibratedError(f"nothing proven: first mend {', '.join(wrong)}")
+    measured = {name: found[name] for name in ("end effector", "load")}
+    with opened(assemble(loaded.cell), only="arm") as cell:
+        measured["wrench"] = prove_wrench(cell, ask)
+    with opened(assemble(loaded.cell), only="switch") as cell:
+        measured["switch"] = prove_switch(cell, ask)
+    keep(path, loaded.cell, measured, date.today())
+
+
+def _loop(args: argparse.Namespace, loaded: "LoadedConfig") -> int:
+    """Hold the arm still and print the times of its 1 kHz loop; return GOOD if it keeps its time."""
+    from dataclasses import asdict
+
+    from rich.table import Table
+
+    from cell.devices.assembly import loop_figures
+    from cell.devices.checks import OK, loop_verdict
+
+    figures = loop_figures(loaded.cell, 60.0 * args.minutes, args.stop)
+    told = loop_verdict(figures)
+    table = Table(
+        "time (ms)", "p50", "p99", "p99.9", "largest", title=f"{figures.cycles} cycles, {figures.missed} missed: {told}"
+    )
+    for name, times in (("between two states", figures.spacing), ("from state to torques", figures.busy)):
+        table.add_row(name, *(f"{1e3 * value:.3f}" for value in asdict(times).values()))
+    show(args, table, {**asdict(figures), "found": told})
+    return GOOD if told.startswith(OK) else FAULT
+
+
 def _network(plc: "PlcConfig") -> list[tuple[str, str]]:
     """Return the open ports and the remaining validity of each key."""
     from cell.devices.checks import OK
-    from cell.page.exposure import exposures, key_days, key_verdict
+    from cell.run.exposure import exposures, key_days, key_verdict
     from drivers.errors import DeviceNotOpenedError
 
     found = [("network", f"{OK}, but {line}") for line in exposures(plc)]
@@ -84,6 +200,7 @@ def _commission(args: argparse.Namespace, loaded: "LoadedConfig") -> int:
     import json
 
     from cell.calibrate.commissioning import Walk, WatchedLine, record
+    from cell.calibrate.proven import FILE, in_force
     from cell.commands.warm_up import warm_up
     from cell.config.parameters import PARAMETERS
     from cell.devices.assembly import assemble, opened
@@ -92,6 +209,8 @@ def _commission(args: argparse.Namespace, loaded: "LoadedConfig") -> int:
     from cell.run.supervisor import Supervisor
     from plc_bridge.bridge import Bridge
 
+    if why := in_force(loaded, calibration_folder(args) / FILE)[1]:
+        raise ConfigError(f"--plc: {why}")
     warm_up(loaded)
     bridge = Bridge(loaded.cell.plc, PROGRAMS, PARAMETERS)
     walk = Walk(args.plc, loaded.cell.plc.life_timeout, PATIENCE, complain if args.json else say)

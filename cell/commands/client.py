@@ -7,7 +7,8 @@ from cell.config.layers import parse_set
 from cell.config.parameters import PARAMETERS
 from cell.run.line import CONTROLS
 from drivers.errors import CellError, ConfigError
-from plc_bridge.images import Diagnostics, ReportImage
+from plc_bridge.images import Diagnostics
+from plc_bridge.messages import Report
 from plc_bridge.peer import Peer
 from skills.catalogue import CATALOGUE
 
@@ -45,9 +46,9 @@ def run_remote(
     recipe: int,
     serial: str,
     parameters: list[tuple[int, int]],
-    watch: Callable[[ReportImage], None],
+    watch: Callable[[Report], None],
     stop: ThreadEvent,
-) -> ReportImage:
+) -> Report:
     """Run a program, a skill or a control on a served cell, under the same lease as a PLC; return the last report.
 
     Raises:
@@ -57,7 +58,7 @@ def run_remote(
     peer.connect()
     is_stopping = False
 
-    def look(report: ReportImage) -> None:
+    def look(report: Report) -> None:
         nonlocal is_stopping
         watch(report)
         if stop.is_set() and not is_stopping:
@@ -80,7 +81,7 @@ def run_remote(
 
 
 def watch_remote(
-    address: tuple[str, int], show: Callable[[ReportImage, Diagnostics], None], stop: ThreadEvent, once: bool
+    address: tuple[str, int], show: Callable[[Report, Diagnostics], None], stop: ThreadEvent, once: bool
 ) -> None:
     """Poll a served cell's report and counts without writing.
 

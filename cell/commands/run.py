@@ -6,7 +6,16 @@ from dataclasses import asdict
 from threading import Event, Thread
 from typing import TYPE_CHECKING
 
-from cell.commands.arguments import add_config, add_journal, address, load_config, natural, open_journal, require_known
+from cell.commands.arguments import (
+    add_config,
+    add_journal,
+    address,
+    calibration_folder,
+    load_config,
+    natural,
+    open_journal,
+    require_known,
+)
 from cell.commands.terminal import FAULT, GOOD, NOT_GOOD, complain, progress, show
 from drivers.errors import ConfigError
 
@@ -75,6 +84,7 @@ def _run_there(args: argparse.Namespace) -> int:
 def _run_here(args: argparse.Namespace) -> int:
     from rich.console import Group
 
+    from cell.calibrate.proven import FILE, in_force
     from cell.commands import words
     from cell.commands.warm_up import warm_up
     from cell.devices.assembly import assemble, opened
@@ -84,7 +94,7 @@ def _run_here(args: argparse.Namespace) -> int:
     from skills.catalogue import CATALOGUE
     from skills.contract import Outcome
 
-    loaded = load_config(args)
+    loaded, _ = in_force(load_config(args), calibration_folder(args) / FILE)  # slow and gentle until all is proven
     if args.recipe not in loaded.recipes:
         raise ConfigError(f"--recipe {args.recipe}: no such recipe; {', '.join(map(str, loaded.recipes))} allowed")
     code = CATALOGUE[args.name].code if args.name in CATALOGUE else TOLD[args.name]

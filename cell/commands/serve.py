@@ -8,7 +8,7 @@ from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cell.commands.arguments import add_config, add_journal, listening, load_config, open_journal
+from cell.commands.arguments import add_config, add_journal, calibration_folder, listening, load_config, open_journal
 from cell.commands.terminal import GOOD, say
 
 if TYPE_CHECKING:
@@ -63,6 +63,9 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _serve(args: argparse.Namespace) -> None:
+    from dataclasses import replace
+
+    from cell.calibrate.proven import FILE, in_force
     from cell.commands.warm_up import warm_up
     from cell.config.parameters import PARAMETERS
     from cell.devices.assembly import assemble, opened
@@ -71,13 +74,13 @@ def _serve(args: argparse.Namespace) -> None:
     from cell.run.supervisor import Supervisor
     from plc_bridge.bridge import Bridge
 
-    loaded = load_config(args)
+    loaded, why = in_force(load_config(args), calibration_folder(args) / FILE)
     _warn(loaded.cell.plc, args)
     warm_up(loaded)
     bridge, live = Bridge(loaded.cell.plc, PROGRAMS, PARAMETERS), Live()
     with (
         open_journal(args, loaded.cell.journal) as journal,
-        opened(assemble(loaded.cell)) as cell,
+        opened(replace(assemble(loaded.cell), commissioning=why)) as cell,
         ExitStack() as servers,
     ):
         supervisor = Supervisor(cell, loaded, bridge, journal, args.stop, live)
@@ -98,7 +101,7 @@ def _serve(args: argparse.Namespace) -> None:
 def _warn(plc: "PlcConfig", args: argparse.Namespace) -> None:
     """Log the open ports and the keys that expire soon."""
     from cell.devices.checks import OK
-    from cell.page.exposure import exposures, key_days, key_verdict
+    from cell.run.exposure import exposures, key_days, key_verdict
 
     for line in exposures(plc, args.page, args.metrics):
         logger.warning("%s", line)

@@ -4,7 +4,7 @@ import argparse
 from datetime import date
 from typing import TYPE_CHECKING
 
-from cell.commands.arguments import add_calibration_folder, add_config, load_config
+from cell.commands.arguments import add_calibration_folder, add_config, calibration_folder, load_config
 from cell.commands.terminal import GOOD, NOT_GOOD, complain, say, show
 
 if TYPE_CHECKING:
@@ -34,7 +34,6 @@ def run(args: argparse.Namespace) -> int:
     from cell.calibrate.keys import keys
     from cell.config.load import load
     from cell.devices.assembly import assemble, opened
-    from cell.records.journal import default_folder
     from drivers.frames import end_point
 
     config, today = load_config(args).cell, date.today()
@@ -60,8 +59,7 @@ def run(args: argparse.Namespace) -> int:
         complain(f"teach: {why}; nothing written")
         return NOT_GOOD
     load(args.config, sets=[*args.set, *(f"{section}.{key}={value}" for section, key, value in found)])
-    beside = args.config.parent if args.config else default_folder()
-    path = (args.out or beside / "calibration") / f"taught_{today.isoformat()}.toml"
+    path = (args.out or calibration_folder(args)) / f"taught_{today.isoformat()}.toml"
     text = taught.sections(found)
     taught.write(path, text, today, config.arm_unit())
     show(

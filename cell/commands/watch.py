@@ -10,7 +10,8 @@ from cell.commands.arguments import address
 from cell.commands.terminal import GOOD, console, say
 
 if TYPE_CHECKING:
-    from plc_bridge.images import Diagnostics, ReportImage
+    from plc_bridge.images import Diagnostics
+    from plc_bridge.messages import Report
 
 SUMMARY = "live state of a cell that is served"
 
@@ -30,7 +31,7 @@ def run(args: argparse.Namespace) -> int:
     last: dict[str, object] = {}
     with console().status("") as status:
 
-        def tell(report: "ReportImage", counts: "Diagnostics") -> None:
+        def tell(report: "Report", counts: "Diagnostics") -> None:
             data = {**words.report(report), "diagnostics": asdict(counts)}
             line = words.line(report, counts)
             if sys.stdout.isatty() and not args.json and not args.once:

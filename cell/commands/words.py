@@ -12,12 +12,12 @@ from cell.records.schema import RunRow, StageRow
 from cell.records.wall_clock import local
 from cell.run.states import BEFORE_RESET, State
 from drivers.errors import FAULTS, FaultCode
-from plc_bridge.images import Diagnostics, ReportImage
-from plc_bridge.messages import LeaseState, PartEvidence, PartPlace, Refusal, Result
+from plc_bridge.images import Diagnostics
+from plc_bridge.messages import LeaseState, PartEvidence, PartPlace, Refusal, Report, Result
 from skills.catalogue import CATALOGUE
 
 
-def report(image: ReportImage) -> dict[str, object]:
+def report(image: Report) -> dict[str, object]:
     """Return a report in words."""
     return {
         "state": State(image.state).name if image.state else "",
@@ -33,7 +33,7 @@ def report(image: ReportImage) -> dict[str, object]:
         "holder": image.holder,
         "stage_times": _named(image.stage_times),
         "total_time": image.total_time,
-        "hole": [image.hole_x, image.hole_y],
+        "hole": list(image.hole),
         "peak_force": image.peak_force,
         "part": PartPlace(image.part).name.lower(),
         "part_depth": image.part_depth,
@@ -42,7 +42,7 @@ def report(image: ReportImage) -> dict[str, object]:
     }
 
 
-def _next(image: ReportImage) -> str:
+def _next(image: Report) -> str:
     """Return the next step as one line: the remedy of a fault, then the reset if the state needs one, then the peg's remedy."""
     peg = REMEDIES[PartPlace(image.part)]
     steps = [FAULTS[FaultCode(image.fault)].remedy] if image.fault else []
@@ -56,7 +56,7 @@ def _named(times: Sequence[float]) -> dict[str, float]:
     return {CATALOGUE.stages.get(number, str(number)): time for number, time in enumerate(times, 1) if time}
 
 
-def line(image: ReportImage, counts: Diagnostics) -> str:
+def line(image: Report, counts: Diagnostics) -> str:
     """Return a report and the counts as one line."""
     told = {key: value for key, value in report(image).items() if value not in ("", "none", {})}
     return " ".join(f"{key}={value}" for key, value in (*told.items(), *asdict(counts).items()))

@@ -373,6 +373,11 @@ class CellConfig(Catalogued):
         """True if the arm is simulated; a physical cell inherits the sections of the world from its base too."""
         return self.arm.kind == "sim"
 
+    @property
+    def is_realtime(self) -> bool:
+        """True if the arm needs a computer with a real-time kernel."""
+        return isinstance(self.arm, FrankaArmConfig) and self.arm.realtime == "enforce"
+
     def require_simulated(self, what: str) -> None:
         """Require a simulated cell.
 

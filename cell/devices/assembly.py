@@ -10,17 +10,19 @@ from dataclasses import dataclass, field, replace
 from datetime import date
 from functools import lru_cache
 from pathlib import Path
+from threading import Event
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
 from cell.config.cell_config import CellConfig
 from cell.config.files import ERRORS_FILE, SHIPPED
-from cell.devices.checks import LOOP_TIME, check_clock, loop_verdict, remedy, verdict
+from cell.devices.checks import LOOP_TIME, OK, check_clock, hand_verdicts, loop_verdict, remedy, verdict
 from drivers import impedance
 from drivers.arm.calibration import ArmCalibration, read_arm_calibration
 from drivers.arm.franka import FrankaArm
 from drivers.arm.franka_config import FrankaArmConfig
+from drivers.arm.loop_figures import LoopFigures
 from drivers.arm.model import ArmModel
 from drivers.clock import WallClock
 from drivers.errors import CellError, ConfigError
@@ -92,6 +94,8 @@ class Cell:
     """Function that removes the workpiece with the seated peg; on hardware the line does it."""
     refill: Callable[[], None] = _nothing
     """Function that fills the rack; on hardware it does nothing, because a person fills the rack before reporting it."""
+    empty: Callable[[], None] = _nothing
+    """Function that takes all pegs out of the rack until `refill`; on hardware it does nothing."""
     clear: Callable[[], None] = _nothing
     """Function that removes the peg from any place; on hardware it does nothing: a person removes the peg before reporting it."""
     errors: Mapping[str, str] = field(default_factory=dict)
@@ -104,6 +108,8 @@ class Cell:
     """Function that returns the true poses of peg and hole, for pictures of a run; None on hardware."""
     arm_calibration: ArmCalibration | None = None
     """Calibration with which the arm's learning starts; None if the config names none."""
+    commissioning: str = ""
+    """Reason in words why only a person at the cell may start motions; empty if the PLC may."""
     boards: tuple[Device, ...] = ()
     """Emulated boards that are powered before the devices are opened."""
     skin_wire: "EmulatedCan | EmulatedLine | None" = None
@@ -220,6 +226,7 @@ def assemble(config: CellConfig) -> Cell:
         restock=line.stock,
         exchange=line.exchange,
         refill=line.refill,
+        empty=line.empty,
         clear=line.clear,
         errors=recorded(world.drawn),
         truth=world.truth,
@@ -481,6 +488,32 @@ def check(cell: Cell) -> list[tuple[str, str]]:
     return found
 
 
+def loop_figures(config: CellConfig, seconds: float, stop: Event) -> LoopFigures:
+    """Open a physical arm, hold it still for `seconds` or until `stop`, and return the figures of its loop.
+
+    Raises:
+        CellError: The arm cannot be opened, times out or is stopped.
+    """
+    with opened(assemble(config), only="arm") as cell:
+        assert isinstance(cell.arm, FrankaArm)
+        stop.wait(seconds)
+        cell.arm.read()
+        return cell.arm.figures()
+
+
+def _franka_facts(cell: Cell, arm: FrankaArm) -> list[tuple[str, str]]:
+    """Return the verdicts on an opened arm: its loop, thresholds, end effector and load."""
+    cell.clock.wait_until(cell.clock.now() + LOOP_TIME)
+    figures, force = arm.figures(), float(np.linalg.norm(arm.read().wrench.force))
+    config, hand = cell.config.arm, cell.config.arm_model().hand
+    assert isinstance(config, FrankaArmConfig)
+    return [
+        ("arm", loop_verdict(figures)),
+        ("thresholds", f"{OK}, {config.collision_torque:g} N·m and {config.collision_force:g} N taken by the arm"),
+        *hand_verdicts(figures, hand, force, cell.config.wrench.offset),
+    ]
+
+
 def _check_devices(cell: Cell) -> list[tuple[str, str]]:
     readers: dict[str, Callable[[], object]] = {
         "arm": cell.arm.read,
@@ -494,9 +527,9 @@ def _check_devices(cell: Cell) -> list[tuple[str, str]]:
             device.open()
             told = verdict(readers[name]())
             if isinstance(device, FrankaArm):
-                cell.clock.wait_until(cell.clock.now() + LOOP_TIME)
-                told = loop_verdict(device.figures())
-            found.append((name, told))
+                found += _franka_facts(cell, device)
+            else:
+                found.append((name, told))
         except CellError as error:
             found.append((name, remedy(error)))
         finally:

@@ -3,6 +3,7 @@
 import numpy as np
 
 from drivers.arm.loop_figures import LoopFigures
+from drivers.arm.model import Hand
 from drivers.errors import FAULTS, CellError, FaultCode, SkinUntrustedError
 from drivers.protocols import Clock
 from drivers.quantities import SwitchState, TaxelFrame
@@ -12,6 +13,8 @@ from skills.contract import LEAST_TRUSTED
 
 OK = "ok"
 """First word of the verdict on a usable device."""
+MOST_WEIGHT_OFF = 0.1
+"""Largest difference between the masses in Desk and in the arm's file, kg; 1 N; chosen, not measured."""
 LOOP_TIME = 0.5
 """Duration of the measurement of the arm's torque loop, s."""
 MOST_MISSED = 0.01
@@ -61,6 +64,28 @@ def loop_verdict(figures: LoopFigures) -> str:
         f"the torque loop missed {figures.missed} of {figures.cycles} states, {figures.success_rate:.1%} of its torques "
         f"came in time; {LEAST_IN_TIME:.0%} needed: a kernel with PREEMPT_RT, a network card for the arm alone, no other programs"
     )
+
+
+def hand_verdicts(figures: LoopFigures, hand: Hand, force: float, most: float) -> list[tuple[str, str]]:
+    """Return name and verdict of end effector and load, as the arm's controller knows them.
+
+    Args:
+        figures: Figures of the arm's loop.
+        hand: The hand of the arm's file.
+        force: Force that the arm reports in free air, N.
+        most: Largest permitted such force, N.
+    """
+    weight = hand.body.mass + 2.0 * hand.finger.mass
+    off = figures.end_effector + figures.load - weight
+    said = f"Desk has {figures.end_effector:.2f} kg and a load of {figures.load:.2f} kg, the arm's file {weight:.2f} kg"
+    end_effector = load = OK
+    if figures.end_effector < 0.5 * hand.body.mass or figures.end_effector > weight + MOST_WEIGHT_OFF:
+        end_effector = f"{said}: select the hand in Desk, or mend [hand] of the arm's file"
+    if abs(off) > MOST_WEIGHT_OFF:
+        load = f"{said}: {abs(off):.2f} kg apart, {MOST_WEIGHT_OFF:g} kg allowed: state the load in Desk"
+    elif force > most:
+        load = f"{force:.0f} N reported in free air; wrench.offset = {most:g} N allowed: see what touches the hand, and the load in Desk"
+    return [("end effector", end_effector), ("load", load)]
 
 
 def remedy(error: CellError) -> str:

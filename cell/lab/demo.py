@@ -20,8 +20,7 @@ from cell.run.line import PROGRAMS
 from cell.run.supervisor import Supervisor
 from drivers.errors import CellError
 from plc_bridge.bridge import Bridge
-from plc_bridge.images import ReportImage
-from plc_bridge.messages import Control, PartPlace, Result
+from plc_bridge.messages import Control, PartPlace, Report, Result
 from plc_bridge.peer import Peer
 from skills.catalogue import CATALOGUE
 from skills.contract import Outcome
@@ -35,7 +34,7 @@ RUN_PICTURE = "trial.png"
 class DemoResult:
     """Result of the demo from the peer and the journal."""
 
-    reports: list[ReportImage]
+    reports: list[Report]
     """Report that the PLC read at the end of each insertion."""
     rows: list[RunRow]
     """Row of each insertion in the journal."""
@@ -56,7 +55,7 @@ def run_demo(
     loaded: LoadedConfig,
     journal: Journal,
     trials: int,
-    watch: Callable[[int, ReportImage], None],
+    watch: Callable[[int, Report], None],
     stop: threading.Event,
 ) -> DemoResult:
     """Run `trials` insertions and return their results; the calling thread is the scan thread.
@@ -73,7 +72,7 @@ def run_demo(
     """
     # compilation during the first insertion can halt peer and cell together for over a second: silence shows nothing
     bridge = Bridge(loaded.cell.plc.model_copy(update={"life_timeout": LONGEST}), PROGRAMS, PARAMETERS)
-    reports: list[ReportImage] = []
+    reports: list[Report] = []
     errors: list[CellError] = []
     with opened(assemble(loaded.cell)) as cell:
         supervisor = Supervisor(cell, loaded, bridge, journal, stop)
@@ -105,9 +104,7 @@ def run_demo(
     return DemoResult(reports, rows)
 
 
-def _be_plc(
-    host: str, port: int, trials: int, reports: list[ReportImage], watch: Callable[[int, ReportImage], None]
-) -> None:
+def _be_plc(host: str, port: int, trials: int, reports: list[Report], watch: Callable[[int, Report], None]) -> None:
     """Request one insertion after the other, as a PLC does, and reset the cell after a fault or a stop."""
     peer = Peer(host, port)
     peer.connect()

@@ -14,7 +14,7 @@ from cell.run.live import Live, Look, Pull
 from drivers.quantities import FINGER_NAMES
 from drivers.skin.layout import finger_positions, triangles
 from plc_bridge.bridge import Bridge
-from plc_bridge.images import ReportImage
+from plc_bridge.messages import Report
 from skills.catalogue import CATALOGUE
 
 SPECTATOR = "page"
@@ -85,7 +85,7 @@ class PageHub:
         self._lobby: deque[Page] = deque()
         """Pages that found no place and can still send the token."""
         self.traces = Traces()
-        self._report: ReportImage | None = None
+        self._report: Report | None = None
         self._unplugged: frozenset[str] = frozenset()
         self._look: Look | None = None
         self._state = self._summary = b""
@@ -166,7 +166,7 @@ class PageHub:
         """Return the stored trace of the present run, or of the last one."""
         return _text("history", {"run": self.traces.run, "points": list(self.traces.points)})
 
-    def _tell_state(self, report: ReportImage) -> None:
+    def _tell_state(self, report: Report) -> None:
         unplugged = tuple(name for name in self._cables if name in self._unplugged)
         told = telling.told(report, self._live.fault, self._live.evidence, unplugged)
         self._state = _text("state", told)
@@ -213,7 +213,7 @@ class PageHub:
         }
 
 
-def _moment(report: ReportImage) -> tuple[int, ...]:
+def _moment(report: Report) -> tuple[int, ...]:
     """Return the fields of a report that change when a run starts or ends."""
     return report.run, report.result, report.fault, report.state
 

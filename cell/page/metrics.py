@@ -8,7 +8,7 @@ from prometheus_client import CONTENT_TYPE_LATEST, CollectorRegistry, generate_l
 from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, HistogramMetricFamily, Metric
 from prometheus_client.registry import Collector
 
-from cell.page.exposure import key_days
+from cell.run.exposure import key_days
 from cell.run.states import State
 from drivers.errors import DeviceNotOpenedError
 from plc_bridge.bridge import Bridge, Figures
@@ -57,27 +57,27 @@ class CellCollector(Collector):
 
 
 def _products(figures: Figures) -> Iterator[Metric]:
-    yield CounterMetricFamily("cell_insertions", "insertions that have ended", value=figures.processed)
+    yield CounterMetricFamily("cell_insertions", "insertions that have ended", value=figures.tags.processed)
     said = "insertions that did not end in success"
-    yield CounterMetricFamily("cell_insertions_defective", said, value=figures.defective)
+    yield CounterMetricFamily("cell_insertions_defective", said, value=figures.tags.defective)
 
 
 def _states(figures: Figures) -> Iterator[Metric]:
     now = GaugeMetricFamily("cell_state", "1 for the PackML state that the cell is in", labels=["state"])
     times = CounterMetricFamily("cell_state_seconds", "time in each PackML state", labels=["state"])
     for state in State:
-        now.add_metric([state.name.lower()], float(state.value == figures.state))
-        times.add_metric([state.name.lower()], figures.state_times[state.value - 1])
+        now.add_metric([state.name.lower()], float(state.value == figures.tags.state))
+        times.add_metric([state.name.lower()], figures.tags.times[state.value - 1])
     yield now
     yield times
 
 
 def _scans(figures: Figures) -> Iterator[Metric]:
     buckets, below = [], 0
-    for bound, count in zip((*BOUNDS, float("inf")), figures.scan_counts, strict=True):
+    for bound, count in zip((*BOUNDS, float("inf")), figures.intervals.counts, strict=True):
         below += count
         buckets.append((str(bound) if bound != float("inf") else "+Inf", float(below)))
     said = "time from one scan to the next"
-    yield HistogramMetricFamily("cell_scan_interval_seconds", said, buckets=buckets, sum_value=figures.scan_total)
+    yield HistogramMetricFamily("cell_scan_interval_seconds", said, buckets=buckets, sum_value=figures.intervals.total)
     longest = "longest time from one scan to the next since the start"
-    yield GaugeMetricFamily("cell_scan_interval_longest_seconds", longest, value=figures.scan_longest)
+    yield GaugeMetricFamily("cell_scan_interval_longest_seconds", longest, value=figures.intervals.longest)

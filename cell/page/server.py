@@ -7,6 +7,7 @@ import logging
 import ssl
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import asdict
 from pathlib import Path
 
 from tornado.ioloop import PeriodicCallback
@@ -15,7 +16,6 @@ from tornado.web import HTTPError
 from cell.config.cell_config import CellConfig
 from cell.config.load import LoadedConfig
 from cell.page.commands import MOST
-from cell.page.exposure import is_local
 from cell.page.front import Front, Guarded, HttpServer
 from cell.page.guard import part_of
 from cell.page.hub import PERIOD, SPECTATOR, PageHub
@@ -23,8 +23,9 @@ from cell.page.metrics import KIND, CellCollector
 from cell.page.records import FILES, FILM, Records
 from cell.page.socket import PageSocket
 from cell.page.token import page_token
+from cell.run.exposure import is_local
 from cell.run.live import Live
-from drivers.errors import JournalError
+from drivers.errors import FAULTS, JournalError
 from plc_bridge.bridge import Bridge
 from plc_bridge.tls import browser_context
 
@@ -96,6 +97,7 @@ class PageServer(HttpServer):
         return Front(
             [
                 ("/live", PageSocket, {"hub": self._hub, "bridge": self._bridge, "token": self.token}),
+                ("/faults", Catalogue),
                 (r"/runs/(\d{1,9})/(data|config)", RunData, {"records": records, "token": self.token}),
                 (rf"/runs/(\d{{1,9}})/({'|'.join(FILES)})", RunFile, {"records": records, "token": self.token}),
                 (r"/runs/\d{1,9}", Static, {"name": "run.html"}),
@@ -184,6 +186,15 @@ class Static(FileHandler):
         if not path.is_file():
             raise HTTPError(404, reason="no such file")
         await self.send(path)
+
+
+class Catalogue(Guarded):
+    """Handler of the catalogue of faults."""
+
+    def get(self) -> None:
+        """Send code, meaning, cause and remedy of every fault as JSON."""
+        self.set_header("Content-Type", "application/json")
+        self.finish(json.dumps([{"code": code, **asdict(text)} for code, text in FAULTS.items() if code]))
 
 
 class RunData(Guarded):

@@ -7,8 +7,7 @@ from cell.peg.part_state import REMEDIES, PartState, described
 from cell.records.schema import RunRow
 from cell.run.states import ASKED, Event, State, is_permitted
 from drivers.errors import FAULTS, FaultCode
-from plc_bridge.images import ReportImage
-from plc_bridge.messages import LeaseState, PartPlace, Refusal, Result
+from plc_bridge.messages import LeaseState, PartPlace, Refusal, Report, Result
 from plc_bridge.registers import Warnings
 from skills.catalogue import CATALOGUE
 
@@ -24,7 +23,7 @@ NEXT = {
     State.STOPPING: "The arm comes to rest.",
     State.STOPPED: "Stopped. Reset makes the cell ready again.",
     State.ABORTING: "The arm comes to rest.",
-    State.ABORTED: "Do what is said above, then reset.",
+    State.ABORTED: "Do what the fault asks for, then reset.",
     State.CLEARING: "The fault is acknowledged.",
     State.RESETTING: "The cell becomes ready.",
 }
@@ -41,6 +40,17 @@ WAITING = (State.IDLE, State.COMPLETE, State.STOPPED, State.ABORTED)
 BY_PERSON = ("cleared", "refilled")
 """Controls with which a person confirms an action at the cell."""
 
+_RECOVER = {"ask": "start", "program": "recover", "label": "Recover the peg"}
+_TAKEN_AWAY = {"ask": "cleared", "label": "Peg taken away"}
+STEPS = {
+    PartPlace.SEATED: (_RECOVER, _TAKEN_AWAY),
+    PartPlace.IN_HAND: (_RECOVER,),
+    PartPlace.IN_HOLE: (_RECOVER, _TAKEN_AWAY),
+    PartPlace.ON_PLATE: (_TAKEN_AWAY,),
+    PartPlace.UNKNOWN: (_TAKEN_AWAY,),
+}
+"""Buttons for the remedies of the peg's place, the first one preferred; see `part_state.REMEDIES`."""
+
 REFUSED = {
     Refusal.UNKNOWN_CODE: "this cell has no such program",
     Refusal.UNKNOWN_RECIPE: "this cell has no such recipe",
@@ -52,6 +62,7 @@ REFUSED = {
     Refusal.HOLE_OCCUPIED: "the switch under the hole is closed: the workpiece must be exchanged",
     Refusal.SWITCH_UNKNOWN: "the switch under the hole gives no valid answer",
     Refusal.RACK_EMPTY: "the rack is empty: fill it and say so",
+    Refusal.COMMISSIONING: "the cell is in commissioning: only `cell run` starts motions, slowly",
     Refusal.STOP_HELD: "a stop coil is held at 1 somewhere; nothing starts before it falls",
 }
 """Reason in words for each refusal."""
@@ -61,6 +72,7 @@ _WARNINGS = {
     Warnings.DISK_LOW: "the disk is almost full",
     Warnings.SCAN_OVERRUNS: "scans take longer than their period",
     Warnings.ARM_CALIBRATION: "the arm's calibration does not fit what the arm does",
+    Warnings.COMMISSIONING: "in commissioning: the PLC starts nothing",
 }
 
 
@@ -75,12 +87,12 @@ def permitted(state: State, unplugged: Sequence[str] = ()) -> list[str]:
     return [*starts, *asked, *(BY_PERSON if state in WAITING else ())]
 
 
-def still(image: ReportImage) -> ReportImage:
+def still(image: Report) -> Report:
     """Return a report without its life counter, so that equal contents compare equal."""
     return replace(image, life=0, life_tail=0)
 
 
-def told(image: ReportImage, message: str, evidence: str, unplugged: Sequence[str] = ()) -> dict[str, object]:
+def told(image: Report, message: str, evidence: str, unplugged: Sequence[str] = ()) -> dict[str, object]:
     """Return the part of a report for all pages.
 
     Args:
@@ -97,6 +109,7 @@ def told(image: ReportImage, message: str, evidence: str, unplugged: Sequence[st
         "next": _next(state, part, unplugged),
         "unplugged": list(unplugged),
         "permitted": permitted(state, unplugged),
+        "steps": steps(state, part),
         "program": CATALOGUE.by_code[image.code].name if image.code in CATALOGUE.by_code else "",
         "stage": CATALOGUE.stages.get(image.stage, ""),
         "stage_times": {name: round(time, 2) for name, time in times.items()},
@@ -109,11 +122,21 @@ def told(image: ReportImage, message: str, evidence: str, unplugged: Sequence[st
         "part": part.place.name.lower(),
         "evidence": evidence,
         "peak_force": round(image.peak_force, 2),
-        "hole": [image.hole_x, image.hole_y] if image.hole_x or image.hole_y else None,
+        "hole": list(image.hole) if any(image.hole) else None,
         "warnings": [text for bit, text in _WARNINGS.items() if image.warnings & bit],
         "overruns": image.overruns,
         "fault": _fault(image.fault, message),
     }
+
+
+def steps(state: State, part: PartState) -> list[dict[str, str]]:
+    """Return the buttons for the next steps of a person, in their order: what is requested, its label, its program."""
+    if state is State.HELD:
+        return [{"ask": "unhold", "label": "Unhold"}]
+    if state not in WAITING:
+        return []
+    ready = [{"ask": "reset", "label": "Reset"}] if state in (State.STOPPED, State.ABORTED) else []
+    return [*ready, *STEPS.get(part.place, ())]
 
 
 def _next(state: State, part: PartState, unplugged: Sequence[str]) -> str:
@@ -147,13 +170,14 @@ def _fault(code: int, message: str) -> dict[str, object] | None:
     }
 
 
-def own(image: ReportImage) -> dict[str, object]:
+def own(image: Report) -> dict[str, object]:
     """Return the part of a report for one page: its lease, and the result of its last command."""
     refusal = Refusal(image.refusal)
     return {
         "lease": LeaseState(image.lease).name.lower(),
         "answered": image.answered,
         "refusal": REFUSED.get(refusal, refusal.name.lower()) if refusal else "",
+        "steps": [{"ask": "refilled", "label": "Rack filled"}] if refusal is Refusal.RACK_EMPTY else [],
     }
 
 

@@ -46,7 +46,7 @@ class PartWatch:
 
     def __init__(self, cell: Cell, context: SkillContext, folder: Path) -> None:
         """Keep the opened cell and its skill context; read the peg's recorded state from the journal's folder."""
-        self._cell, self._context = cell, context
+        self._cell, self._context, self.commissioning = cell, context, cell.commissioning
         self._custody = Custody(folder, cell.config.arm.kind)
         self._places = _places(cell.config)
         self._proof: Evidence = evidence_for(cell.config.hole)
@@ -157,6 +157,9 @@ class PartWatch:
 
     def refusal(self, entry: Entry, config: CellConfig) -> Refusal:
         """Return the reason why a program cannot start with this config now, or NONE."""
+        if self.commissioning:
+            logger.warning("%s refused: %s", entry.name, self.commissioning)
+            return Refusal.COMMISSIONING
         if not entry.starts_empty:
             return Refusal.NONE
         if self._custody.part.place is PartPlace.SEATED and not self._custody.part.is_held:
@@ -212,6 +215,8 @@ class PartWatch:
     def _obstacle(self) -> Refusal:
         """Return the reason why no fresh peg can be taken now, or NONE; a simulated line removes the workpiece with a seated peg."""
         config, part = self._cell.config, self._custody.part
+        if self.commissioning:
+            return Refusal.COMMISSIONING
         if config.is_simulated and part.place is PartPlace.SEATED and not part.is_held:
             return Refusal.NONE
         return self._custody.refusal(self._switch, config.rack, config.params(RECOVER).first)

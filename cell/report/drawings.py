@@ -51,7 +51,7 @@ def _yield(axes: Axes, facts: Facts) -> None:
 
 def _losses(axes: Axes, facts: Facts) -> None:
     losses = list(facts.losses)[:MOST_LOSSES]
-    axes.set_title("Why runs did not succeed")
+    axes.set_title("Where time was lost")
     if not losses:
         axes.text(
             0.5, 0.5, "every run succeeded" if facts.total.runs else "no runs", ha="center", transform=axes.transAxes
@@ -59,14 +59,20 @@ def _losses(axes: Axes, facts: Facts) -> None:
         axes.set_axis_off()
         return
     rows = range(len(losses))
-    axes.barh(rows, [loss.count for loss in losses], color=BAD, height=0.6)
+    axes.barh(rows, [loss.minutes for loss in losses], color=BAD, height=0.6)
     for row, loss in zip(rows, losses, strict=True):
-        axes.text(0.02 * losses[0].count, row - 0.42, loss.what, fontsize=8, va="center")
-        axes.text(loss.count, row, f" {loss.count}, together {100 * loss.cumulative:.0f} %", fontsize=8, va="center")
-    axes.set_xlim(0, 1.5 * losses[0].count)
+        axes.text(0.02 * losses[0].minutes, row - 0.42, loss.what, fontsize=8, va="center")
+        axes.text(
+            loss.minutes,
+            row,
+            f" {loss.minutes:.1f} min, {loss.count} runs, together {100 * loss.cumulative:.0f} %",
+            fontsize=8,
+            va="center",
+        )
+    axes.set_xlim(0, 1.7 * max(losses[0].minutes, 0.1))
     axes.set_ylim(len(losses) - 0.4, -0.7)
     axes.set_yticks([])
-    axes.set_xlabel("runs")
+    axes.set_xlabel("time until the next start (min)")
 
 
 def _stages(axes: Axes, facts: Facts) -> None:

@@ -19,6 +19,8 @@ LEAST_DRIFT = 10
 """Least number of runs for the computation of a drift."""
 DAY, QUARTER = 86400.0, 900.0
 """Length of a day and of a quarter of an hour, s."""
+LONGEST_STOP = 3600.0
+"""Longest time between two starts that counts as lost to the first run, s; a longer one is a break of the line."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,8 +59,10 @@ class Loss:
 
     what: str
     count: int
+    minutes: float
+    """Time from the starts of these runs to the starts of the next ones, at most `LONGEST_STOP` each, min."""
     cumulative: float
-    """Share of this kind and all more frequent kinds among the runs without success."""
+    """Share of this kind and all kinds that cost more time in the lost time."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,8 +114,8 @@ def facts_of(told: Told, since: str = "") -> Facts:
     is_good, started = figures.is_good, figures.of_run["started"]
     time, residual = _residuals(figures)
     outcomes: Counter[str] = Counter()
-    for kind, runs in figures.kinds:
-        outcomes[kind.outcome] += runs
+    for kind, places in figures.kinds:
+        outcomes[kind.outcome] += len(places)
     return Facts(
         since=since,
         first=_moment(started[:1]),
@@ -122,7 +126,7 @@ def facts_of(told: Told, since: str = "") -> Facts:
         cycle=spread(_known(figures.of_run["cycle_time"][is_good])),
         insertion=spread(_insertions(figures)),
         stages=_stage_times(figures),
-        losses=_losses(figures.kinds),
+        losses=_losses(figures),
         forces=_known(figures.of_run["peak_force"]).tolist(),
         residuals=list(zip(time.tolist(), residual.tolist(), strict=True)),
         drift=drift_of(time, residual),
@@ -188,16 +192,25 @@ def _stage_times(figures: Figures) -> list[StageTimes]:
     return found
 
 
-def _losses(kinds: Sequence[tuple[Kind, int]]) -> list[Loss]:
-    ways: Counter[str] = Counter()
-    for kind, runs in kinds:
+def _losses(figures: Figures) -> list[Loss]:
+    """Return the kinds of runs without success, the most expensive in time first."""
+    lost = _lost(figures)
+    ways: dict[str, list[float]] = defaultdict(list)
+    for kind, places in figures.kinds:
         if kind.outcome != Outcome.SUCCESS:
-            ways[_way(kind)] += runs
-    lost, so_far, found = sum(ways.values()), 0, []
-    for what, count in sorted(ways.items(), key=lambda way: (-way[1], way[0])):
-        so_far += count
-        found.append(Loss(what, count, so_far / lost))
+            ways[_way(kind)] += lost[np.array(places)].tolist()
+    whole, so_far, found = sum(map(sum, ways.values())), 0.0, []
+    for what, times in sorted(ways.items(), key=lambda way: (-sum(way[1]), way[0])):
+        so_far += sum(times)
+        found.append(Loss(what, len(times), sum(times) / 60.0, so_far / whole if whole else 1.0))
     return found
+
+
+def _lost(figures: Figures) -> Vector:
+    """Return the time from the start of each run to the start of the next, or to its own end if it is the last, s."""
+    started, cycle = figures.of_run["started"], np.nan_to_num(figures.of_run["cycle_time"])
+    after = np.append(started[1:], np.nan) - started
+    return np.clip(np.where(np.isnan(after), cycle, after), 0.0, LONGEST_STOP)
 
 
 def _way(kind: Kind) -> str:

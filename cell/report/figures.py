@@ -19,8 +19,8 @@ Flags = npt.NDArray[np.bool_]
 class Figures:
     """Kinds of runs, and arrays with one value per run; NaN means not on record."""
 
-    kinds: Sequence[tuple[Kind, int]]
-    """Each kind with the number of its runs."""
+    kinds: Sequence[tuple[Kind, Sequence[int]]]
+    """Each kind with the places of its runs in the arrays."""
     is_good: Flags
     """True if the run succeeded."""
     of_run: Mapping[str, Vector]
@@ -37,7 +37,7 @@ def unpacked(told: Told) -> Figures:
     of_stage: dict[str, dict[str, Vector]] = {}
     for text, alike in _alike(told.kind).items():
         kind, places = Kind(*json.loads(text)), np.array(alike)
-        kinds.append((kind, len(alike)))
+        kinds.append((kind, alike))
         is_good[places] = kind.outcome == Outcome.SUCCESS
         width = len(RUN_FIGURES) + len(STAGE_FIGURES) * len(kind.names)
         packed = b"".join([told.figures[place] for place in alike])

@@ -59,8 +59,11 @@ def tables(facts: Facts) -> list[Table]:
         ("Times of successful runs", ("time", "median (s)", "p95 (s)", "n"), times),
     ]
     if facts.losses:
-        rows = [(loss.what, str(loss.count), f"{100 * loss.cumulative:.0f} %") for loss in facts.losses]
-        found.append(("Why runs did not succeed", ("what", "runs", "together"), rows))
+        rows = [
+            (loss.what, str(loss.count), f"{loss.minutes:.1f}", f"{100 * loss.cumulative:.0f} %")
+            for loss in facts.losses
+        ]
+        found.append(("Where time was lost", ("what", "runs", "lost until the next start (min)", "together"), rows))
     return found
 
 

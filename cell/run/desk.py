@@ -90,7 +90,9 @@ class Desk:
     def publish(self) -> None:
         """Update the fields that change at every scan, and publish the report on the line."""
         self.tell_part()
-        before, warnings = self.report, warnings_of(self._journal, self._late.is_warned, bool(self.misfit))
+        before = self.report
+        is_late, is_in_commissioning = self._late.is_warned, bool(self._part.commissioning)
+        warnings = warnings_of(self._journal, is_late, bool(self.misfit), is_in_commissioning)
         if (before.state, before.warnings, before.overruns) != (self.state, warnings, self._late.count):
             self.events.warned(before.warnings, warnings, self.misfit)
             self.report = replace(before, state=self.state, warnings=warnings, overruns=self._late.count)

@@ -75,17 +75,19 @@ WARNINGS = {
     Warnings.DISK_LOW: "disk low",
     Warnings.SCAN_OVERRUNS: "scan overruns",
     Warnings.ARM_CALIBRATION: "arm calibration",
+    Warnings.COMMISSIONING: "commissioning",
 }
 """Name of each warning."""
 
 
-def warnings_of(journal: Journal, is_late: bool, is_misfit: bool) -> int:
-    """Return the warnings about the records, late scans and the arm's calibration, as a sum of `Warnings`."""
+def warnings_of(journal: Journal, is_late: bool, is_misfit: bool, is_in_commissioning: bool) -> int:
+    """Return the warnings about records, late scans, the arm's calibration and commissioning, as a sum of `Warnings`."""
     return (
         (Warnings.NOT_RECORDED if journal.trouble else 0)
         + (Warnings.DISK_LOW if journal.is_disk_low else 0)
         + (Warnings.SCAN_OVERRUNS if is_late else 0)
         + (Warnings.ARM_CALIBRATION if is_misfit else 0)
+        + (Warnings.COMMISSIONING if is_in_commissioning else 0)
     )
 
 

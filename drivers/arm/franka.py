@@ -13,12 +13,10 @@ import sys
 import time
 from importlib.util import find_spec
 
-import numpy as np
-
 from drivers import impedance
 from drivers.arm.franka_config import FrankaArmConfig
-from drivers.arm.link import CYCLES_KEPT, SIZE, LoopLink, LoopPhase, holding_words
-from drivers.arm.loop_figures import LoopFigures
+from drivers.arm.link import CYCLES_KEPT, SIZE, LoopLink, LoopPhase, compile_law, holding_words
+from drivers.arm.loop_figures import LoopFigures, Times
 from drivers.arm.model import ArmModel
 from drivers.errors import ArmReflexError, ArmSilentError, ArmStoppedError, CellError, DeviceNotOpenedError
 from drivers.protocols import Clock
@@ -76,6 +74,8 @@ class FrankaArm:
             raise DeviceNotOpenedError(
                 "arm: pylibfranka is not installed: pip install 'tactile-insertion-cell[franka]'"
             )
+        # Here, because the loop's process must start within `CONNECT_TIME`.
+        compile_law(self._figures, self._law, self._arm.control_period)
         self._start()
         self._is_open = True
 
@@ -211,21 +211,19 @@ class FrankaArm:
         return self._process.pid
 
     def figures(self) -> LoopFigures:
-        """Return the timing figures of the loop."""
+        """Return the figures of the loop."""
         link = self._opened()
         cycles = int(link["cycles"][0])
         kept = slice(1 if cycles <= CYCLES_KEPT else 0, min(cycles, CYCLES_KEPT))
-        busy: Vector = np.asarray(link["busy"][0, kept], dtype=float)
-        spacing: Vector = np.asarray(link["spacing"][0, kept], dtype=float)
         return LoopFigures(
             cycles=cycles,
             missed=int(link["missed"][0]),
             success_rate=float(link["success"][0]) / max(cycles, 1),
-            busy_median=float(np.median(busy)),
-            busy_p99=float(np.percentile(busy, 99)),
-            busy_longest=float(busy.max()),
-            spacing_p99=float(np.percentile(spacing, 99)),
+            busy=Times.of(link["busy"][0, kept]),
+            spacing=Times.of(link["spacing"][0, kept]),
             is_realtime=bool(link["is_realtime"][0]),
+            end_effector=float(link["end_effector"][0]),
+            load=float(link["load"][0]),
         )
 
     def _hand_over(self, words: Vector) -> None:

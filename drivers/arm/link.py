@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from drivers import impedance
 from drivers.quantities import Vector
 
-CYCLES_KEPT = 60_000
-"""Number of the loop's newest cycles with recorded times; they last one minute."""
+CYCLES_KEPT = 600_000
+"""Number of the loop's newest cycles with recorded times; they last ten minutes."""
 TEXT = 400
 """Longest message, bytes."""
 
@@ -33,6 +33,8 @@ _LAYOUT = np.dtype(
         ("resets_done", np.int64),
         ("text", f"S{TEXT}"),
         ("is_realtime", np.int64),
+        ("end_effector", np.float64),
+        ("load", np.float64),
         ("cycles", np.int64),
         ("missed", np.int64),
         ("success", np.float64),
@@ -63,6 +65,18 @@ def holding_words() -> Vector:
     words = np.zeros(impedance.WORDS)
     words[impedance.VALID_UNTIL] = -math.inf
     return words
+
+
+def compile_law(figures: Vector, law: Vector, period: float) -> None:
+    """Compile the law for this computer, or load it if it was compiled before.
+
+    Args:
+        figures: Figures of the arm, see `drivers.impedance.figures`.
+        law: State of the law, which stays as it is.
+        period: Period of the loop, s.
+    """
+    q, dq = np.zeros(7), np.zeros(7)
+    impedance.torque(figures, holding_words(), law.copy(), q, dq, 0.0, period)
 
 
 class LoopLink:

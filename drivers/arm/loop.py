@@ -22,20 +22,21 @@ import pylibfranka
 
 from drivers import impedance
 from drivers.arm.franka_wire import wrench_on_hand
-from drivers.arm.link import CYCLES_KEPT, TEXT, LoopLink, LoopPhase, holding_words
+from drivers.arm.link import CYCLES_KEPT, TEXT, LoopLink, LoopPhase, compile_law, holding_words
+from drivers.arm.loop_figures import PRIORITY
 from drivers.arm.model import JOINTS
 from drivers.quantities import Vector
 
 logger = logging.getLogger(__name__)
 
-PRIORITY = 80
-"""Priority of the loop under SCHED_FIFO, if permitted."""
 LOOK_EVERY = 50
 """Number of cycles between two checks of the standard input."""
 RATE_USED = 0.98
 """Share of the permitted torque rate in use, fraction; at the limit itself, rounding would exceed it."""
 NEEDED_SYSTEM = "pylibfranka 0.21.3 needs system 5.9 or later: update the arm's system in Desk, or install the pylibfranka that fits it"
 """Source: compatibility_matrix.rst of the library, for the version that `constraints.txt` pins."""
+NOT_READY = "unlock the brakes, choose execution and activate the control interface in Desk, then reset"
+"""Remedy if the arm refuses a motion in its present mode."""
 BRAKED_SPEED = 0.01
 """Speed of the fastest joint below which a motion may end, rad/s."""
 LONGEST_BRAKE = 1.0
@@ -84,7 +85,7 @@ class TorqueLoop:
 
     def run(self) -> None:
         """Connect, control, wait for a reset after a fault, and repeat."""
-        self._warm_up()
+        compile_law(self._figures, self._law, self._period)  # before the first cycle needs it
         while not _is_over():
             try:
                 if self._robot is None:
@@ -97,16 +98,12 @@ class TorqueLoop:
                 self._robot = None
                 self._fail(LoopPhase.LOST, str(error))
             except RuntimeError as error:  # base of the library's remaining errors
-                self._fail(self._phase_of_stop(), str(error))
+                is_refused = "current mode" in str(error)
+                self._fail(self._phase_of_stop(), f"{error}; {NOT_READY}" if is_refused else str(error))
             else:
                 return
             if not self._wait_for_reset():
                 return
-
-    def _warm_up(self) -> None:
-        """Load the compiled law before the first cycle needs it."""
-        q, dq = np.zeros(JOINTS), np.zeros(JOINTS)
-        impedance.torque(self._figures, holding_words(), self._law.copy(), q, dq, 0.0, self._period)
 
     def _connect(self) -> None:
         config = pylibfranka.RealtimeConfig
@@ -152,6 +149,8 @@ class TorqueLoop:
             if count > 1:
                 link["missed"][0] += max(round(passed.to_sec() / self._period) - 1, 0)
             self._publish(state, q, dq)
+            if count == 1:
+                link["end_effector"][0], link["load"][0] = state.m_ee, state.m_load
             # The first state is available only now.
             link["phase"][0] = LoopPhase.RUNNING
 

@@ -1,11 +1,34 @@
-"""Timing figures of the arm's torque loop, as values; pure."""
+"""Figures of the arm's torque loop, as values; pure."""
 
 from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+
+from drivers.quantities import Vector
+
+PRIORITY = 80
+"""Priority of the loop under SCHED_FIFO, if permitted."""
+
+
+@dataclass(frozen=True, slots=True)
+class Times:
+    """Percentiles of a time of the loop, s."""
+
+    p50: float
+    p99: float
+    p999: float
+    largest: float
+
+    @classmethod
+    def of(cls, times: Vector) -> Self:
+        """Return the percentiles of `times`, shape (n,), s."""
+        return cls(*(float(value) for value in np.percentile(times, (50.0, 99.0, 99.9, 100.0))))
 
 
 @dataclass(frozen=True, slots=True)
 class LoopFigures:
-    """Timing of the torque loop over its last minute at most; s."""
+    """Timing of the torque loop over its last ten minutes at most, and what the arm reports of itself."""
 
     cycles: int
     """Number of control cycles since the arm was opened."""
@@ -13,11 +36,13 @@ class LoopFigures:
     """Number of milliseconds of the arm's time without a received state, since it was opened."""
     success_rate: float
     """Share of the torques that arrived in time, as the arm reports it, mean since it was opened."""
-    busy_median: float
-    """Median time from a state's arrival to the torques' departure, s."""
-    busy_p99: float
-    busy_longest: float
-    spacing_p99: float
-    """Time between two states' arrivals, 99th percentile, s."""
+    busy: Times
+    """Time from a state's arrival to the torques' departure."""
+    spacing: Times
+    """Time between two states' arrivals."""
     is_realtime: bool
     """True if the process has a real-time priority and locked memory."""
+    end_effector: float
+    """Mass of the end effector that the arm's controller knows, kg."""
+    load: float
+    """Mass of the load that the arm's controller knows, kg."""

@@ -275,7 +275,7 @@ class CySkinDialogue:
         counts, begun = scan
         # Scans have no numbers: the number of missing ones follows from the time.
         missed = max(round((begun - self._stamps[-1]) / self._period) - 1, 0) if self._stamps else 0
-        self.is_started = self._keeps_period(begun)
+        self.is_started, self._tries = self._keeps_period(begun), 0
         return self._places.scan(counts, begun, missed)
 
 

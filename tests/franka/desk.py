@@ -16,10 +16,14 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from cell.config.files import SHIPPED
 from cell.config.load import load
+from drivers.quantities import Vector
 from drivers.skin.board_config import CanSkinConfig
 from drivers.transport.can_bus import CanBus
 from sim.board_links import CanCable, emulated_can
@@ -29,13 +33,38 @@ from tests.franka.simulated import Arm, Seen, address, served
 STEP = 0.002
 """Between two looks at the boards, s."""
 FILE = SHIPPED / "cell_01.toml"
+PUSH = 15.0
+"""Force of a finger, N."""
+
+
+@dataclass
+class Person:
+    """Pushes the hand and presses the lever every other half second, when asked to."""
+
+    is_pushing: bool = False
+    is_pressing: bool = False
+
+    def push(self) -> Vector:
+        """Return the force on the hand, shape (3,), N."""
+        return np.array([0.0, PUSH * (self.is_pushing and _is_time()), 0.0])
+
+
+def _is_time() -> bool:
+    return time.monotonic() % 1.0 < 0.5
 
 
 class OnTheDesk(Seen):
     """The world as boards see it that have their own quartz."""
 
+    def __init__(self, arm: Arm, person: Person) -> None:
+        super().__init__(arm)
+        self._person = person
+
     def now(self) -> float:
         return time.monotonic()
+
+    def is_switch_pressed(self) -> bool:
+        return (self._person.is_pressing and _is_time()) or super().is_switch_pressed()
 
 
 @dataclass
@@ -48,6 +77,9 @@ class Desk:
     """Of the boards, which live in a thread of their own."""
     sets: list[str]
     """What a cell's file has to say of them."""
+    person: Person
+    file: Path = FILE
+    """The cell's file."""
 
     def pull_switch(self) -> None:
         """Pull the switch board's plug."""
@@ -56,9 +88,29 @@ class Desk:
 
     def run(self, *arguments: str) -> subprocess.CompletedProcess[str]:
         """Run a command of `cell` that takes a config with this desk's."""
+        return subprocess.run(self._command(*arguments), capture_output=True, text=True, check=False)
+
+    def prove(self) -> str:
+        """Run `cell check --prove`, do what it asks for, and return its standard output."""
+        pipe = subprocess.PIPE
+        with subprocess.Popen(self._command("check", "--prove", "--json"), stdin=pipe, stdout=pipe, stderr=pipe) as run:
+            assert run.stdin is not None
+            assert run.stdout is not None
+            assert run.stderr is not None
+            asked = b""
+            while letter := run.stderr.read(1):
+                asked += letter
+                if asked.endswith(b": ") and b"Enter" in asked:
+                    self.person.is_pushing, self.person.is_pressing = b"push" in asked, b"lever" in asked
+                    asked = b""
+                    run.stdin.write(b"\n")
+                    run.stdin.flush()
+            self.person.is_pushing = self.person.is_pressing = False
+            return run.stdout.read().decode()
+
+    def _command(self, *arguments: str) -> list[str]:
         sets = [word for key in self.sets for word in ("--set", key)]
-        command = [sys.executable, "-m", "cell", *arguments, "--config", str(FILE), *sets]
-        return subprocess.run(command, capture_output=True, text=True, check=False)
+        return [sys.executable, "-m", "cell", *arguments, "--config", str(self.file), *sets]
 
 
 @contextmanager
@@ -68,7 +120,9 @@ def desk(number: int) -> Iterator[Desk]:
     config = load(sets=["reality.scale=0.0"]).cell
     described = CanSkinConfig(kind="can", rate=config.skin.rate)
     with served(config, host) as (world, _):
-        source: Any = OnTheDesk(world)
+        person = Person()
+        source: Any = OnTheDesk(world, person)
+        world.push = person.push
         hub = emulated_can(described, config.boards.skin, source, source.draw.skin, 0)
         far, switch = CanBus("udp_multicast", bus, described.bitrate), EmulatedSwitchBoard(source)
         cable, lock, is_over = CanCable(hub, far), threading.Lock(), threading.Event()
@@ -101,6 +155,7 @@ def desk(number: int) -> Iterator[Desk]:
                     f"switch.port={switch.port}",
                     "plc.modbus.port=0",
                 ],
+                person,
             )
         finally:
             is_over.set()

@@ -1,4 +1,4 @@
-"""How the torque loop keeps its time: `python -m tests.franka.hold [--seconds 60]`.
+"""How the torque loop keeps its time: `python -m tests.franka.hold [--seconds 60] [--neighbours 4]`.
 
 The arm holds a setpoint against a server that waits for nobody: a state leaves every millisecond of wall time, as far
 as this machine can, and torques that come later count as lost. Prints one line of JSON.
@@ -6,8 +6,11 @@ as this machine can, and torques that come later count as lost. Prints one line 
 
 import argparse
 import json
+import subprocess
+import sys
 import time
 from dataclasses import asdict
+from typing import Any
 
 import numpy as np
 
@@ -21,7 +24,19 @@ from tests.franka.simulated import address, served
 def main() -> None:
     parser = argparse.ArgumentParser()
     parser.add_argument("--seconds", type=float, default=60.0, help="of wall time")
-    seconds = parser.parse_args().seconds
+    parser.add_argument("--neighbours", type=int, default=0, help="number of busy processes beside it")
+    args = parser.parse_args()
+    seconds, busy = args.seconds, [sys.executable, "-c", "while True: pass"]
+    neighbours = [subprocess.Popen(busy) for _ in range(args.neighbours)]
+    try:
+        print(json.dumps({"neighbours": args.neighbours, "wall": seconds, **held(seconds)}))
+    finally:
+        for neighbour in neighbours:
+            neighbour.kill()
+
+
+def held(seconds: float) -> dict[str, Any]:
+    """Hold a setpoint for so long, s of wall time, and return the figures of the loop."""
     host = address(1)
     config = FrankaArmConfig(
         kind="franka", model="panda", host=host, collision_torque=60.0, collision_force=60.0, realtime="ignore"
@@ -42,8 +57,9 @@ def main() -> None:
         )
         server.is_patient = False
         time.sleep(seconds)  # What is measured is how the loop keeps wall time; nothing here waits for an event.
-        print(json.dumps({"simulated": world.now(), "wall": seconds, **asdict(arm.figures())}))
+        found = {"simulated": world.now(), **asdict(arm.figures())}
         arm.close()
+    return found
 
 
 if __name__ == "__main__":

@@ -81,6 +81,10 @@ class Arm:
     """Largest change of a torque command within one millisecond so far, N·m/s."""
     speed_at_end: float = 0.0
     """Speed of the fastest joint when torque control last ended, rad/s."""
+    push: Callable[[], Vector] = lambda: np.zeros(3)
+    """Function that returns the force of a person on the hand, shape (3,), N, base frame."""
+    has_client: Callable[[], bool] = lambda: False
+    """Function that returns True while states are sent to a client."""
 
     def __post_init__(self) -> None:
         self.figures = impedance.figures(self.world.arm)
@@ -119,7 +123,7 @@ class Arm:
     def get_robot_state(self) -> dict[str, Any]:
         with self.lock:
             q, dq = self.world.q, self.world.dq
-            force, torque = self.world.contact_force(), self.world.contact_torque()
+            force, torque = self.world.contact_force() + self.push(), self.world.contact_torque()
             position, rotation, _, _ = impedance.forward(self.figures, q)
         pose = np.eye(4)
         pose[:3, :3], pose[:3, 3] = rotation, position
@@ -136,6 +140,8 @@ class Arm:
             "O_J_EE": np.eye(6, 7),
             # The wrench of the robot on the environment: robot_state.h of libfranka.
             "O_F_ext_hat_K": [*-force, *-torque],
+            "m_ee": self.world.arm.hand.body.mass + 2.0 * self.world.arm.hand.finger.mass,
+            "m_load": 0.0,
             "self_collision": None,
         }
 
@@ -152,7 +158,8 @@ class Arm:
             else:
                 torque = HOLD_STIFFNESS * (self.held - self.world.q) - HOLD_DAMPING * self.world.dq
             most = np.array(self.world.arm.joints.torque)
-            self.world.step(np.clip(torque, -most, most))
+            place, _, axes, origins = impedance.forward(self.figures, self.world.q)
+            self.world.step(np.clip(torque, -most, most) + np.cross(axes, place - origins) @ self.push())
             self.lock.notify_all()
 
     def between_steps(self, act: Callable[P, None]) -> Callable[P, None]:
@@ -170,12 +177,15 @@ class Arm:
         return self.world.now()
 
     def wait_until(self, stamp: float) -> None:
+        """Let the world go on until `stamp`, s. Without a client the arm's own controller holds its place meanwhile."""
         with self.lock:
             self.horizon = stamp - 1e-6
             self.lock.notify_all()
-            while self.world.now() < self.horizon:
-                if not self.lock.wait(timeout=5.0):
-                    return  # no states are asked for any more: whoever reads the arm will notice
+            while self.world.now() < self.horizon and self.is_running:
+                if self.has_client():
+                    self.lock.wait(timeout=PAUSE)
+                else:
+                    self.step()
 
 
 class Seen:
@@ -339,6 +349,7 @@ def served(config: CellConfig, host: str, strict: bool = False) -> Iterator[tupl
         enforce_motion_limits=True,
     )
     server.is_patient = not strict
+    arm.has_client = lambda: bool(server.transmitting_state)
     thread = threading.Thread(target=server.start, daemon=True)
     thread.start()
     try:

@@ -21,8 +21,12 @@ def test_a_cell_is_found_whole_by_its_file_and_a_board_that_is_pulled_is_named()
         boards.pull_switch()
         then = {line["device"]: line["found"] for line in json.loads(boards.run("check", "--json").stdout)}
     # How late scans start is the affair of the machine that this runs on.
-    assert {name: text for name, text in found.items() if name != "clock"} == dict.fromkeys(
-        ("arm", "gripper", "skin", "switch", "plc"), "ok"
-    )
+    assert {name: text for name, text in found.items() if name not in ("clock", "network", "proven")} == {
+        **dict.fromkeys(("arm", "end effector", "load", "gripper", "skin", "switch", "plc"), "ok"),
+        "thresholds": "ok, 60 N·m and 60 N taken by the arm",
+        "calibration.skin": "ok, but there is none: `cell calibrate skin`",
+        "calibration.arm": "ok, but there is none: `cell calibrate arm`",
+    }
     assert "no such port: plug it in" in then["switch"]
+    assert then["switch"].endswith("; docs/first-day.md, step 6")
     assert then["skin"] == "ok"

@@ -15,13 +15,13 @@ from drivers.errors import CellError, FaultCode
 from drivers.transport.can_bus import CanBus
 from plc_bridge.bridge import Bridge
 from plc_bridge.canopen_node import ANYBODY
-from plc_bridge.canopen_peer import CanPeer, SdoRefusedError
 from plc_bridge.config import CanConfig, ModbusConfig, PlcConfig
 from plc_bridge.messages import UNNUMBERED, Command, Control, LeaseState, Refusal, Report, Result
 from plc_bridge.objects import dictionary
 from plc_bridge.peer import CellSilentError
 from plc_bridge.registers import Parameter, table
 from skills.catalogue import CATALOGUE
+from tests.can_peer import CanPeer, SdoRefusedError
 from tests.scan_thread import take
 
 NODE, PLC, PROGRAM = 16, 1, 100

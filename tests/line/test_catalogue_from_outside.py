@@ -104,7 +104,7 @@ class FixedEstimator:
 PLC = """
 import json, sys
 from contextlib import closing
-from plc_bridge.canopen_peer import CanPeer
+from can_peer import CanPeer
 from plc_bridge.config import CanConfig
 from plc_bridge.peer import Peer
 
@@ -134,6 +134,7 @@ def build(folder, code=CODE, stage=STAGE, name="fixed", room=STAGE):
     """Copy the program, its map with room for so many stages at least, and add to the copy what an engineer adds."""
     for package in PACKAGES:
         shutil.copytree(HERE / package, folder / package)
+    shutil.copy(HERE / "tests" / "can_peer.py", folder)
     if room > STAGES:
         table = folder / "plc_bridge" / "registers.py"
         told = table.read_text(encoding="utf-8")

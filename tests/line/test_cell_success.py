@@ -82,7 +82,7 @@ def test_an_insertion_tells_every_bus_where_the_peg_is_and_the_next_one_finds_a_
         truth = made.world.truth()
         assert (report.result, report.part) == (Result.SUCCESS, PartPlace.SEATED)
         assert report.part_depth == pytest.approx(made.cell.config.hole.depth, abs=2e-3)
-        assert math.dist((report.hole_x, report.hole_y), truth.hole[:2]) < 1e-3
+        assert math.dist(report.hole, truth.hole[:2]) < 1e-3
         assert 0.0 < report.peak_force < made.cell.config.limits.force
         made.plc.acknowledge()
         made.wait(3)

@@ -10,7 +10,7 @@ from cell.commands.terminal import GOOD, NOT_GOOD, progress, say, show
 from cell.lab.arguments import load_simulated
 
 if TYPE_CHECKING:
-    from plc_bridge.images import ReportImage
+    from plc_bridge.messages import Report
 
 SUMMARY = "the main job: a PLC peer triggers insertions over Modbus TCP"
 
@@ -40,7 +40,7 @@ def run(args: argparse.Namespace) -> int:
     with open_journal(args, loaded.cell.journal) as journal, progress() as bars:
         bar = bars.add_task("insertions", total=args.trials)
 
-        def watch(done: int, report: "ReportImage") -> None:
+        def watch(done: int, report: "Report") -> None:
             stage = words.report(report)["stage"] or "waiting"
             bars.update(bar, completed=done, description=f"insertions: {stage}")
 

@@ -22,7 +22,8 @@ from drivers.errors import CellError
 from drivers.protocols import Clock
 from drivers.quantities import Vector
 from plc_bridge.bridge import Bridge
-from plc_bridge.images import CommandImage, ReportImage
+from plc_bridge.images import CommandImage
+from plc_bridge.messages import Report
 from plc_bridge.peer import CellSilentError, Peer
 from sim.board_links import EmulatedCan
 from sim.switch_board import EmulatedSwitchBoard
@@ -139,7 +140,7 @@ class FaultBench:
     _before: int = 0
     """Number of the run before the run with the fault."""
 
-    def run(self, code: int) -> ReportImage:
+    def run(self, code: int) -> Report:
         """Trigger a command and return its result or refusal; if the PLC is lost meanwhile, its later reading.
 
         Raises:
@@ -159,7 +160,7 @@ class FaultBench:
             time.sleep(CYCLE)
         return self.connect()
 
-    def connect(self) -> ReportImage:
+    def connect(self) -> Report:
         """Reconnect and take the lease."""
         self.peer.close()
         self.peer = FaultyPeer(*self.bridge.address)

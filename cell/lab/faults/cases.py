@@ -7,8 +7,7 @@ from pathlib import Path
 
 from cell.lab.faults.contract import FaultKind
 from cell.lab.rows import kept_rows, write_rows
-from plc_bridge.images import ReportImage
-from plc_bridge.messages import Refusal, Result
+from plc_bridge.messages import Refusal, Report, Result
 
 WENT_ON = ("success", "failure")
 """Endings of an insertion after which production continues."""
@@ -90,7 +89,7 @@ SILENT = FaultCase(
 """A cell that does not answer any more."""
 
 
-def word(report: ReportImage) -> str:
+def word(report: Report) -> str:
     """Return a result, or the reason of a refusal."""
     if report.refusal:
         return f"refused: {Refusal(report.refusal).name.lower()}"

@@ -17,8 +17,7 @@ from cell.records.samples import read_samples
 from cell.records.schema import LOST, RunRow
 from cell.run.states import State
 from drivers.errors import CellError
-from plc_bridge.images import ReportImage
-from plc_bridge.messages import Control, PartPlace, Result
+from plc_bridge.messages import Control, PartPlace, Report, Result
 from plc_bridge.peer import Peer
 from skills.catalogue import CATALOGUE
 
@@ -207,12 +206,12 @@ class Seen:
     """Number of resets before the run began."""
     aborted: int = 0
     """Fault code of the aborted cell before the first of them."""
-    report: ReportImage | None = None
+    report: Report | None = None
     """The last report."""
     lives: list[tuple[float, int]] = field(default_factory=list)
     """Wall times, and the number of scans since the first of them, from the cell's sign of life."""
 
-    def see(self, report: ReportImage) -> None:
+    def see(self, report: Report) -> None:
         """Add one report of the run."""
         step = 0 if self.report is None or report.run != self.run else (report.life - self.report.life) % 0x10000
         if report.run != self.run:
@@ -277,7 +276,7 @@ def insert(
     raise CellError(f"the insertion does not come to {progress} % in {LONGEST:g} s: {told}")
 
 
-def _reset(peer: Peer, report: ReportImage, seen: Seen) -> None:
+def _reset(peer: Peer, report: Report, seen: Seen) -> None:
     """Reset an aborted or stopped cell, and record the reset.
 
     Raises:

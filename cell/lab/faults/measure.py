@@ -17,8 +17,7 @@ from cell.lab.faults.operator import brought_back
 from cell.peg.part_state import IN_HOLE_DEPTH
 from cell.run.states import State
 from drivers.errors import CellError
-from plc_bridge.images import ReportImage
-from plc_bridge.messages import PartPlace
+from plc_bridge.messages import PartPlace, Report
 from sim.situation import PegSituation
 from sim.truth import Truth
 from skills.catalogue import CATALOGUE
@@ -172,7 +171,7 @@ def _case(tested: FaultBench, kind: FaultKind, stage: str, moment: float) -> Fau
     )
 
 
-def _outcome(tested: FaultBench, report: ReportImage) -> str:
+def _outcome(tested: FaultBench, report: Report) -> str:
     """Return the result that the PLC reads, or the recorded result if the PLC was lost meanwhile."""
     if tested.is_plc_lost and tested.supervisor.last is not None:
         return tested.supervisor.last.outcome
@@ -202,7 +201,7 @@ def _is_true(place: PartPlace, truth: Truth, is_gripping: bool) -> bool:
     return not is_held and not truth.is_in_hole
 
 
-def _is_on_record(tested: FaultBench, report: ReportImage, outcome: str, kind: FaultKind) -> bool:
+def _is_on_record(tested: FaultBench, report: Report, outcome: str, kind: FaultKind) -> bool:
     """Return True if the record contains the run with its actual ending."""
     last = tested.supervisor.last
     try:

@@ -5,8 +5,7 @@ from collections.abc import Callable
 from cell.lab.faults.bench import LONGEST
 from cell.lab.faults.cases import word
 from cell.run.states import State
-from plc_bridge.images import ReportImage
-from plc_bridge.messages import Control, PartEvidence, Result
+from plc_bridge.messages import Control, PartEvidence, Report, Result
 from plc_bridge.peer import Peer
 from skills.catalogue import CATALOGUE
 
@@ -43,6 +42,6 @@ def _reset(peer: Peer) -> str:
     return word(peer.run(Control.RESET, timeout=LONGEST))
 
 
-def _remedy(report: ReportImage) -> int:
+def _remedy(report: Report) -> int:
     """Return the command required by the report of a refused start: release of the held peg, or action of a person."""
     return _RECOVER if report.part_evidence & PartEvidence.HAND_HOLDS else Control.CLEARED

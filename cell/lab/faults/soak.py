@@ -18,8 +18,7 @@ from cell.lab.faults.cases import WENT_ON
 from cell.lab.faults.measure import MOMENTS, bring_back
 from cell.run.states import State
 from drivers.errors import CellError
-from plc_bridge.images import ReportImage
-from plc_bridge.messages import Control
+from plc_bridge.messages import Control, Report
 from plc_bridge.peer import Peer
 from skills.catalogue import CATALOGUE
 
@@ -150,11 +149,11 @@ def _interrupted(*controls: Control) -> Act:
     return act
 
 
-def _is_in(states: Sequence[State]) -> Callable[[ReportImage], bool]:
+def _is_in(states: Sequence[State]) -> Callable[[Report], bool]:
     return lambda report: report.state in states
 
 
-def _cycles(tested: FaultBench, is_over: Callable[[ReportImage], bool], most: int = round(LONGEST / CYCLE)) -> None:
+def _cycles(tested: FaultBench, is_over: Callable[[Report], bool], most: int = round(LONGEST / CYCLE)) -> None:
     """Run the PLC's cycles until a condition holds, up to a maximum number."""
     for _ in range(most):
         if is_over(tested.peer.cycle()):

@@ -24,7 +24,7 @@ from drivers.errors import CellError
 from drivers.protocols import Clock
 from plc_bridge.bridge import Bridge
 from plc_bridge.config import PlcConfig
-from plc_bridge.messages import Command, Refusal, Report
+from plc_bridge.messages import Command, Report
 
 PATIENCE = 60.0
 """Longest wait for a busy process, and for a PLC that a busy computer delays, s."""
@@ -42,6 +42,7 @@ class _Stopwatch:
         self._asked = 0.0
         self._is_new = True
         self.scans: list[Scan] = []
+        self.accept, self.refuse = bridge.accept, bridge.refuse
 
     def poll(self) -> Command | None:
         """Poll the bridge."""
@@ -62,14 +63,6 @@ class _Stopwatch:
         """Wait on the clock."""
         self._clock.wait_until(stamp)
         self._is_new = True
-
-    def accept(self, command: Command) -> None:
-        """Forward the acceptance to the bridge."""
-        self._bridge.accept(command)
-
-    def refuse(self, command: Command, refusal: Refusal) -> None:
-        """Forward the refusal to the bridge."""
-        self._bridge.refuse(command, refusal)
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,7 +8,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 
-from plc_bridge.images import COMMAND, REPORT, CommandImage, ReportImage, command_words, report_image
+from plc_bridge.images import COMMAND, REPORT, CommandImage, command_words, report_image
+from plc_bridge.messages import Report
 from plc_bridge.registers import COILS, DISCRETE_INPUTS
 
 Address = tuple[str, int]
@@ -54,7 +55,7 @@ class Client:
         head = struct.pack(">BHHB", 16, COMMAND.start, len(words), 2 * len(words))
         self.ask(head + struct.pack(f">{len(words)}H", *words))
 
-    def report(self) -> ReportImage:
+    def report(self) -> Report:
         """Return the report."""
         return report_image(struct.unpack(f">{REPORT.words}H", self.ask(_READ_REPORT)[2:]))
 

@@ -10,8 +10,8 @@ from cell.lab.line.cell_process import PATIENCE
 from cell.lab.line.client import Client
 from cell.run.states import State
 from drivers.errors import CellError
-from plc_bridge.images import CommandImage, ReportImage
-from plc_bridge.messages import Control, Result
+from plc_bridge.images import CommandImage
+from plc_bridge.messages import Control, Report, Result
 from plc_bridge.registers import VERSION
 from skills.catalogue import CATALOGUE
 
@@ -42,18 +42,18 @@ class Plc:
         self._image = CommandImage(sequence=client.report().sequence, version=VERSION)
         self.cycle()
 
-    def cycle(self, **changes: int) -> ReportImage:
+    def cycle(self, **changes: int) -> Report:
         """Increment the life counter and write the block; return the report."""
         life = self._image.life % 0xFFFF + 1
         self._image = replace(self._image, life=life, life_tail=life, **changes)  # type: ignore[arg-type]
         self._client.write(self._image)
         return self._client.report()
 
-    def trigger(self, code: int) -> ReportImage:
+    def trigger(self, code: int) -> Report:
         """Send a command."""
         return self.cycle(sequence=(self._image.sequence + 1) % 0x10000, code=code)
 
-    def until(self, is_met: Callable[[ReportImage], bool]) -> ReportImage:
+    def until(self, is_met: Callable[[Report], bool]) -> Report:
         """Cycle until the report meets a condition, and return the report."""
         deadline = time.monotonic() + PATIENCE
         while not is_met(report := self.cycle()):

@@ -9,20 +9,22 @@ export class Controls {
   constructor(link) {
     this.link = link;
     this.isUnlocked = false;
-    this.own = { lease: "free", answered: 0, refusal: "" };
+    this.own = { lease: "free", answered: 0, refusal: "", steps: [] };
     this.asked = this.awaited = "";
     const given = new URLSearchParams(location.hash.slice(1)).get("token");
     if (given) {
       sessionStorage.setItem(KEPT, given);
       history.replaceState(null, "", location.pathname);
     }
-    for (const button of document.querySelectorAll("[data-ask]")) {
-      button.addEventListener("click", (event) => { event.preventDefault(); this.press(button); });
-    }
+    for (const button of document.querySelectorAll("[data-ask]")) this.listen(button);
     byId("release").addEventListener("click", () => this.link.ask("release"));
     byId("unlock").addEventListener("click", () => (this.isUnlocked ? this.lock() : this.open()));
     byId("cancel").addEventListener("click", () => byId("ask").close());
     byId("token-form").addEventListener("submit", (event) => { event.preventDefault(); this.show(byId("token").value.trim()); });
+  }
+
+  listen(button) {
+    button.addEventListener("click", (event) => { event.preventDefault(); this.press(button); });
   }
 
   /** A new connection begins locked; the token that was shown before is shown again. */
@@ -128,7 +130,8 @@ export class Controls {
       this.say(`${name(what)} is not possible: ${why}.`);
       return;
     }
-    const more = what === "start" ? { program: byId("program").value, recipe: Number(byId("recipe").value), serial: byId("serial").value } : {};
+    const chosen = () => ({ program: byId("program").value, recipe: Number(byId("recipe").value), serial: byId("serial").value });
+    const { program } = button.dataset, more = what !== "start" ? {} : program ? { program, recipe: 0, serial: "" } : chosen();
     this.asked = what;
     this.say(`${name(what)} …`);
     this.link.ask(what, more);
@@ -156,7 +159,29 @@ export class Controls {
     return "";
   }
 
+  /** One button for each next step; only the first one that is permitted stands out. */
+  showSteps() {
+    const steps = [...(this.state?.steps ?? []), ...(this.own.steps ?? [])], key = JSON.stringify(steps);
+    if (byId("steps").dataset.key !== key) {
+      byId("steps").dataset.key = key;
+      byId("steps").replaceChildren(...steps.map(({ ask, label, program }) => {
+        const button = make("button", label, { type: "button", "data-ask": ask, ...(program && { "data-program": program }) });
+        this.listen(button);
+        return button;
+      }));
+    }
+    let isFirst = true;
+    for (const button of byId("steps").children) {
+      const why = this.whyNot(button.dataset.ask);
+      button.title = why;
+      button.classList.toggle("go", !why && isFirst);
+      if (!why) isFirst = false;
+    }
+    byId("start").classList.toggle("go", isFirst);
+  }
+
   refresh() {
+    this.showSteps();
     for (const button of document.querySelectorAll("[data-ask]")) {
       button.setAttribute("aria-disabled", String(Boolean(this.whyNot(button.dataset.ask))));
     }

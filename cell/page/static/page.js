@@ -3,6 +3,7 @@
 import { drawChart } from "./chart.js";
 import { Controls } from "./controls.js";
 import { Fingers } from "./fingers.js";
+import "./help.js";
 import { CellLink } from "./link.js";
 import { drawPath } from "./path.js";
 import { stageColour } from "./paint.js";

@@ -40,6 +40,12 @@ def test_no_package_named_config_is_installed(site):
     assert not (site / "config").exists()
 
 
+def test_each_package_of_the_tree_is_installed():
+    names = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["setuptools"]["packages"]
+    folders = [each.parent.relative_to(ROOT) for name in PACKAGES for each in (ROOT / name).rglob("__init__.py")]
+    assert set(names) == {".".join(folder.parts) for folder in folders} | {"cell.shipped"}
+
+
 def test_a_foreign_config_changes_nothing(site, tmp_path):
     (tmp_path / "config.py").write_text("raise RuntimeError('foreign')\n")
     shown = cell(site, tmp_path, "config", "explain", "search.speed")

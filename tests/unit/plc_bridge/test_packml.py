@@ -12,7 +12,7 @@ def values(tags):
 def test_time_is_counted_for_the_state_that_was():
     tags = PackTags()
     for now, state in ((0.0, 4), (10.0, 6), (12.6, 17), (20.0, 17)):
-        tags.publish(Report(state=state), now)
+        tags.record(Report(state=state), now)
     told = values(tags)
     assert [told[f"state_time_{state}"] for state in (4, 6, 17, 2)] == [10, 3, 7, 0]
     assert (told["state"], told["unit_mode"]) == (17, 1)
@@ -29,9 +29,9 @@ def test_time_is_counted_for_the_state_that_was():
 )
 def test_why_the_cell_stopped_is_told_until_it_goes_on(report, reason):
     tags = PackTags()
-    tags.publish(report, 0.0)
+    tags.record(report, 0.0)
     assert values(tags)["stop_reason"] == reason
-    tags.publish(Report(state=6), 1.0)
+    tags.record(Report(state=6), 1.0)
     assert values(tags)["stop_reason"] == 0
 
 

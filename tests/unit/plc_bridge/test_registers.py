@@ -11,7 +11,6 @@ from plc_bridge.images import (
     REPORT,
     CommandImage,
     Diagnostics,
-    ReportImage,
     command_image,
     command_words,
     diagnostics_image,
@@ -20,7 +19,7 @@ from plc_bridge.images import (
     report_words,
 )
 from plc_bridge.map_formats import as_bytes, as_csv, as_json, as_markdown
-from plc_bridge.messages import PartEvidence, Refusal, Result
+from plc_bridge.messages import PartEvidence, Refusal, Report, Result
 from plc_bridge.registers import COILS, DISCRETE_INPUTS, MIRROR, STAGES, Parameter, table
 
 PLACES = {register.name: register for register in table()}
@@ -75,7 +74,7 @@ def test_registers_stay_where_plc_programs_expect_them(name, table, address):
 
 
 def test_a_plc_of_map_2_0_reads_the_whole_block_with_its_tail_at_the_end():
-    image = ReportImage(life=7, part=4, part_depth=0.012, life_tail=7, part_evidence=0x55, part_width=0.008)
+    image = Report(life=7, part=4, part_depth=0.012, life_tail=7, part_evidence=0x55, part_width=0.008)
     words = report_words(image)
     assert (words[0], words[72], words[73:]) == (7, 7, [0x55, 80])
 
@@ -91,10 +90,10 @@ def test_command_survives_its_words():
 
 
 def test_report_survives_its_words():
-    image = ReportImage(
-        1, 256, 2, 3, 4, 5, 6, 1006, 3, 9, 50, 100, 70_000, 1, "10.0.0.5:4711", (0.5,) * STAGES, 12.25, 1
-    )
-    assert report_image(report_words(image)) == image
+    times = {f"report_stage_time_{number}": 0.5 for number in range(1, STAGES + 1)}
+    numbers = {r.name: n * r.scale for n, r in enumerate(REPORT.registers) if r.type != "string"}
+    words = REPORT.pack({**numbers, **times, "report_holder": "10.0.0.5:4711"})
+    assert report_words(report_image(words)) == words
 
 
 def test_diagnostics_survive_their_words():
@@ -103,13 +102,13 @@ def test_diagnostics_survive_their_words():
 
 
 def test_wide_values_are_big_endian():
-    words = report_words(ReportImage(run=0x00012345, holder="AB"))
+    words = report_words(Report(run=0x00012345, holder="AB"))
     assert words[PLACES["report_run"].address : PLACES["report_run"].address + 2] == [0x0001, 0x2345]
     assert words[PLACES["report_holder"].address] == 0x4142
 
 
 def test_values_beyond_a_register_are_cut():
-    words = report_words(ReportImage(progress=70_000, total_time=1e9, holder="x" * 40))
+    words = report_words(Report(progress=70_000, total_time=1e9, holder="x" * 40))
     image = report_image(words)
     assert (image.progress, image.holder) == (65535, "x" * 32)
     assert image.total_time == pytest.approx(0xFFFFFFFF * 0.001)
@@ -126,8 +125,9 @@ def test_mask_beyond_the_parameters_is_kept_for_refusal():
 
 
 def test_images_have_exactly_the_registers_of_their_block():
-    names = {f"report_{column.name}" for column in fields(ReportImage)} - {"report_stage_times"}
-    names |= {f"report_stage_time_{n}" for n in range(1, STAGES + 1)}
+    names = {f"report_{column.name}" for column in fields(Report)}
+    names -= {"report_stage_times", "report_hole", "report_obstacle"}  # two groups of registers, and none
+    names |= {f"report_stage_time_{n}" for n in range(1, STAGES + 1)} | {"report_hole_x", "report_hole_y"}
     assert names == {register.name for register in REPORT.registers}
     assert {f"diagnostics_{column.name}" for column in fields(Diagnostics)} == {r.name for r in DIAGNOSTICS.registers}
 

@@ -3,12 +3,12 @@ import pytest
 from cell.commands.words import line, report
 from cell.run.states import BEFORE_RESET, State
 from drivers.errors import FAULTS, FaultCode
-from plc_bridge.images import Diagnostics, ReportImage
-from plc_bridge.messages import PartEvidence, PartPlace
+from plc_bridge.images import Diagnostics
+from plc_bridge.messages import PartEvidence, PartPlace, Report
 
 
 def told(**fields):
-    return report(ReportImage(**fields))["next"]
+    return report(Report(**fields))["next"]
 
 
 def test_a_technician_at_a_faulted_cell_reads_what_is_broken_and_where_the_peg_goes():
@@ -46,7 +46,7 @@ def test_a_cell_that_waits_is_ready():
 
 
 def test_place_and_what_to_do_stand_in_the_same_line():
-    words = line(ReportImage(state=State.ABORTED, fault=2001, part=PartPlace.ON_PLATE), Diagnostics())
+    words = line(Report(state=State.ABORTED, fault=2001, part=PartPlace.ON_PLATE), Diagnostics())
     assert "part=on_plate" in words
     assert "next=find out why, release the stop, then reset; then a peg lies on the plate" in words
     assert "\n" not in words
@@ -54,7 +54,7 @@ def test_place_and_what_to_do_stand_in_the_same_line():
 
 def test_where_the_peg_is_why_and_what_to_do_follow_each_other_in_the_line():
     evidence = PartEvidence.HAND_HOLDS | PartEvidence.TIP_IN_HOLE | PartEvidence.SWITCH_OPEN
-    image = ReportImage(
+    image = Report(
         state=State.ABORTED,
         fault=2001,
         part=PartPlace.IN_HOLE,

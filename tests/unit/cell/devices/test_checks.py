@@ -1,10 +1,14 @@
 import pytest
 
-from cell.devices.checks import LEAST_IN_TIME, SCANS, check_clock, loop_verdict, remedy, verdict
-from drivers.arm.loop_figures import LoopFigures
+from cell.config.files import arm_file
+from cell.devices.checks import LEAST_IN_TIME, SCANS, check_clock, hand_verdicts, loop_verdict, remedy, verdict
+from drivers.arm.loop_figures import LoopFigures, Times
+from drivers.arm.model import read_arm
 from drivers.errors import ArmReflexError, SkinSilentError
 from drivers.quantities import SwitchState
 from tests.fakes import FakeClock
+
+TIMES = Times(1e-4, 2e-4, 3e-4, 1e-3)
 
 
 class BusyClock(FakeClock):
@@ -44,8 +48,25 @@ def test_a_switch_that_is_not_open_in_an_empty_cell_is_told(reading, told):
     [(0, 1.0, True), (5, LEAST_IN_TIME, True), (6, 1.0, False), (0, LEAST_IN_TIME - 0.01, False)],
 )
 def test_a_torque_loop_that_does_not_keep_its_time_is_told(missed, rate, is_good):
-    told = loop_verdict(LoopFigures(500, missed, rate, 1e-4, 2e-4, 3e-4, 1e-3, is_realtime=True))
+    told = loop_verdict(LoopFigures(500, missed, rate, TIMES, TIMES, True, 0.73, 0.0))
     assert told == "ok" if is_good else f"missed {missed} of 500 states" in told and "PREEMPT_RT" in told
+
+
+@pytest.mark.parametrize(
+    ("end_effector", "load", "force", "wrong"),
+    [
+        (0.73, 0.0, 5.0, []),
+        (0.0, 0.7, 5.0, ["end effector"]),
+        (0.0, 0.0, 5.0, ["end effector", "load"]),
+        (1.2, 0.0, 5.0, ["end effector", "load"]),
+        (0.73, 0.2, 5.0, ["load"]),
+        (0.73, 0.0, 36.0, ["load"]),
+    ],
+)
+def test_a_wrong_end_effector_and_a_missing_load_are_told_apart(end_effector, load, force, wrong):
+    figures = LoopFigures(500, 0, 1.0, TIMES, TIMES, True, end_effector, load)
+    found = hand_verdicts(figures, read_arm(arm_file("fr3")).hand, force, 35.0)
+    assert [name for name, text in found if text != "ok"] == wrong
 
 
 def test_a_reflex_is_told_with_what_to_do():

@@ -18,8 +18,7 @@ from cell.run.live import KEPT, Live, Look, Pull
 from cell.run.states import TRANSITIONS, Event, State
 from drivers.errors import FAULTS, ConfigError, FaultCode
 from plc_bridge.bridge import Bridge
-from plc_bridge.images import ReportImage
-from plc_bridge.messages import Control, PartPlace, Refusal
+from plc_bridge.messages import Control, PartPlace, Refusal, Report
 from plc_bridge.registers import Lease
 from skills.catalogue import CATALOGUE
 from tests.fakes import Rig
@@ -58,19 +57,19 @@ def test_a_cable_is_meant_by_its_name_and_only_one_that_there_is_is_passed_on(lo
 
 
 def test_a_cable_that_is_out_is_the_first_of_the_next_steps():
-    told = telling.told(ReportImage(state=State.ABORTED), "", "", ["skin"])
+    told = telling.told(Report(state=State.ABORTED), "", "", ["skin"])
     assert (told["unplugged"], told["next"].split(".")[0]) == (["skin"], "Plug in what was pulled out: skin")
-    assert "Plug in" not in telling.told(ReportImage(state=State.EXECUTE), "", "", ["skin"])["next"]
+    assert "Plug in" not in telling.told(Report(state=State.EXECUTE), "", "", ["skin"])["next"]
 
 
 @pytest.mark.parametrize("state", [State.IDLE, State.COMPLETE])
 def test_with_a_cable_out_neither_the_next_step_nor_the_controls_say_that_the_cell_is_ready(state):
-    told = telling.told(ReportImage(state=state, part=PartPlace.IN_HAND), "", "hand grips 8.0 mm", ["switch"])
+    told = telling.told(Report(state=state, part=PartPlace.IN_HAND), "", "hand grips 8.0 mm", ["switch"])
     assert "start" not in told["permitted"]
     assert told["next"].startswith(
         "Plug in what was pulled out: switch. The part: peg in hand (hand grips 8.0 mm): the hand holds a peg: start the program recover. Then"
     )
-    assert "start" in telling.told(ReportImage(state=state), "", "")["permitted"]
+    assert "start" in telling.told(Report(state=state), "", "")["permitted"]
 
 
 def test_a_full_slot_drops_the_oldest_look_and_never_grows(look):
@@ -127,14 +126,14 @@ def test_what_a_person_may_say_are_controls_of_the_line():
 
 
 def test_a_peg_that_lies_on_the_plate_is_part_of_the_next_step():
-    told = telling.told(ReportImage(state=State.IDLE, part=PartPlace.ON_PLATE), "", "")
+    told = telling.told(Report(state=State.IDLE, part=PartPlace.ON_PLATE), "", "")
     assert "a person must take it away" in told["next"]
     assert "Peg taken away" in told["next"]
-    assert "part" not in telling.told(ReportImage(state=State.EXECUTE, part=PartPlace.ON_PLATE), "", "")["next"]
+    assert "part" not in telling.told(Report(state=State.EXECUTE, part=PartPlace.ON_PLATE), "", "")["next"]
 
 
 def test_a_faulted_cell_says_in_one_line_where_the_peg_is_why_and_what_to_do():
-    image = ReportImage(state=State.ABORTED, part=PartPlace.ON_PLATE)
+    image = Report(state=State.ABORTED, part=PartPlace.ON_PLATE)
     told = telling.told(image, "", "fell from 20.0 mm above the plate's height at x 0.450, y 0.010 m")
     assert told["next"].endswith(
         "The part: peg on plate (fell from 20.0 mm above the plate's height at x 0.450, y 0.010 m): a peg lies on the plate, "
@@ -144,7 +143,7 @@ def test_a_faulted_cell_says_in_one_line_where_the_peg_is_why_and_what_to_do():
 
 @pytest.mark.parametrize("code", [code for code in FAULTS if code is not FaultCode.NONE])
 def test_every_fault_comes_with_meaning_cause_and_remedy(code):
-    fault = telling.told(ReportImage(state=State.ABORTED, fault=code), "skin: silent", "")["fault"]
+    fault = telling.told(Report(state=State.ABORTED, fault=code), "skin: silent", "")["fault"]
     assert (fault["message"], fault["remedy"]) == ("skin: silent", FAULTS[code].remedy)
 
 
@@ -249,3 +248,25 @@ def test_a_token_that_others_can_read_is_refused(tmp_path):
     (tmp_path / FILE).chmod(0o644)
     with pytest.raises(ConfigError, match="only its owner allowed"):
         page_token(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("state", "place", "labels"),
+    [
+        (State.EXECUTE, PartPlace.IN_HAND, []),
+        (State.HELD, PartPlace.IN_HAND, ["Unhold"]),
+        (State.ABORTED, PartPlace.IN_HOLE, ["Reset", "Recover the peg", "Peg taken away"]),
+        (State.STOPPED, PartPlace.RACK, ["Reset"]),
+        (State.IDLE, PartPlace.UNKNOWN, ["Peg taken away"]),
+        (State.IDLE, PartPlace.RACK, []),
+    ],
+)
+def test_every_next_step_of_a_person_is_a_button(state, place, labels):
+    steps = telling.told(Report(state=state, part=place), "", "")["steps"]
+    assert [step["label"] for step in steps] == labels
+    assert all(step["ask"] in {*CONTROLS, "start"} for step in steps)
+
+
+def test_an_empty_rack_is_filled_with_one_button():
+    assert [step["ask"] for step in telling.own(Report(refusal=Refusal.RACK_EMPTY))["steps"]] == ["refilled"]
+    assert telling.own(Report())["steps"] == []

@@ -16,7 +16,7 @@ from cell.records.schema import ConfigRow, RunRow, StageRow
 from cell.records.told import Kind, told_columns
 from cell.report.comparison import compared
 from cell.report.document import write
-from cell.report.facts import LEAST_DRIFT, Facts, drift_of, facts_of
+from cell.report.facts import LEAST_DRIFT, LONGEST_STOP, Facts, drift_of, facts_of
 from cell.report.words import tables
 from drivers.errors import ConfigError
 from skills.catalogue import ADJUST, CATALOGUE, GRASP, SEARCH
@@ -104,13 +104,23 @@ def test_yield_counts_ended_runs_and_says_how_sure_it_is(journal):
     assert [(day.good, day.runs) for _, day in facts.by_day] == [(1, 1), (0, 1), (0, 1), (1, 1)]
 
 
-def test_reasons_come_in_order_of_their_number_and_add_up():
-    lost = [row(n, outcome="failure", stage="spray_search", reason="no_hole") for n in (1, 2, 3)]
-    facts = told([*lost, row(4, outcome="fault", stage="tactile_insert", fault=1001)])
-    assert [(loss.what, loss.count, loss.cumulative) for loss in facts.losses] == [
-        ("no hole in spray search", 3, 0.75),
-        ("fault 1001: no taxel frame arrived in time", 1, 1.0),
+MINUTE = 1.0 / 1440.0
+"""Length of a minute, days."""
+
+
+def test_reasons_come_in_the_order_of_the_time_until_the_next_start():
+    lost = {"outcome": "failure", "stage": "spray_search", "reason": "no_hole"}
+    fault = {"outcome": "fault", "stage": "tactile_insert", "fault": 1001}
+    runs = [row(1, 30 * MINUTE, **lost), row(2, 29 * MINUTE, **lost), row(3, 28 * MINUTE, **fault), row(4, 20 * MINUTE)]
+    assert [(loss.what, loss.count, round(loss.minutes, 3), loss.cumulative) for loss in told(runs).losses] == [
+        ("fault 1001: no taxel frame arrived in time", 1, 8.0, pytest.approx(0.8)),
+        ("no hole in spray search", 2, 2.0, pytest.approx(1.0)),
     ]
+
+
+def test_a_break_counts_for_an_hour_and_the_last_run_for_its_own_time():
+    runs = [row(1, 2.0, outcome="fault", fault=1001), row(2, outcome="failure", reason="no_hole", cycle_time=30.0)]
+    assert [loss.minutes for loss in told(runs).losses] == [LONGEST_STOP / 60.0, 0.5]
 
 
 def test_times_tell_the_stage_alone_from_the_stage_with_its_transfer():

@@ -12,7 +12,7 @@ from drivers.arm.model import read_arm
 STIFFNESS = np.array([1500.0, 1500.0, 600.0, 40.0, 40.0, 40.0])
 
 
-@pytest.fixture(params=["panda", "fr3"])
+@pytest.fixture(params=["panda", "fr3", "fr3v2"])
 def arm(request):
     return read_arm(arm_file(request.param))
 

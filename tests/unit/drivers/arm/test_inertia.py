@@ -11,7 +11,7 @@ from sim.arm_truth import ideal
 from sim.plate import Plate
 
 
-@pytest.fixture(params=["panda", "fr3"])
+@pytest.fixture(params=["panda", "fr3", "fr3v2"])
 def arm(request):
     return read_arm(arm_file(request.param))
 

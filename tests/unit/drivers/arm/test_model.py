@@ -62,3 +62,19 @@ def test_the_hand_is_never_further_from_the_shoulder_than_the_reach(file):
     joints = rng.uniform(arm.joints.q_min, arm.joints.q_max, (500, 7))
     distances = [np.linalg.norm(impedance.forward(words, q)[0] - arm.shoulder()) for q in joints]
     assert 0.8 * arm.reach() < max(distances) < arm.reach()
+
+
+def test_fingers_of_ones_own_are_stated_over_a_shipped_arm(tmp_path):
+    file, shipped = tmp_path / "own.toml", read_arm(arm_file("fr3"))
+    own = "finger = { mass = 0.05, com = [0.0, 0.01, -0.02], inertia = [1e-5, 1e-5, 1e-6, 0.0, 0.0, 0.0] }"
+    file.write_text(f'base = "{arm_file("fr3")}"\n[hand]\nstroke = 0.07\n{own}\n', encoding="utf-8")
+    arm = read_arm(file)
+    assert (arm.hand.stroke, arm.hand.finger.mass) == (0.07, 0.05)
+    assert (arm.hand.body, arm.link) == (shipped.hand.body, shipped.link)
+
+
+def test_a_base_that_is_missing_is_told_in_one_line(tmp_path):
+    file = tmp_path / "own.toml"
+    file.write_text('base = "none.toml"\n', encoding="utf-8")
+    with pytest.raises(ConfigError, match=r"none\.toml: cannot be read: No such file or directory"):
+        read_arm(file)

@@ -124,6 +124,12 @@ def test_board_that_starts_anew_is_started_again(rig):
     assert frames[-1] is not None
 
 
+def test_a_skin_that_is_not_read_for_a_while_never_starts_from_the_beginning(rig):
+    for _ in range(5):
+        rig.clock.wait_until(rig.clock.now() + 1.0)
+        assert None not in rig.scan(1.5)
+
+
 def test_what_is_wrong_is_said_while_the_skin_is_silent(rig):
     rig.unplug(10.0)
     rig.scan(1.0)

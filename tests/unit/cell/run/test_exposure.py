@@ -6,7 +6,7 @@ from datetime import timedelta
 import pytest
 
 from cell.commands.cli import FAULT, GOOD, main
-from cell.page.exposure import SOON, exposures, key_days, key_verdict
+from cell.run.exposure import SOON, exposures, key_days, key_verdict
 from drivers.errors import DeviceNotOpenedError
 from plc_bridge.config import ModbusConfig, PlcConfig, TlsConfig
 from tests.certificates import Authority

@@ -13,18 +13,24 @@ from drivers.transport.wires import CanFrame, CanLostError
 from plc_bridge.canopen_node import NmtState
 from plc_bridge.config import CanConfig
 from plc_bridge.heartbeat import HeartbeatProducer
-from plc_bridge.images import CommandImage, Diagnostics, ReportImage, Value, command_words, report_of
+from plc_bridge.images import CommandImage, Diagnostics, Value, command_words, report_of
+from plc_bridge.messages import Report
 from plc_bridge.objects import RPDO_BASES, bytes_of, dictionary
 from plc_bridge.peer import CellSilentError, PlcPeer
-from plc_bridge.registers import RPDOS, STAGES, Register, table
+from plc_bridge.registers import RPDOS, Register, table
 
 _NEWS = tuple(
     f"report_{name}" for name in ("run", "stage", "result", "total_time", "state", "sequence", "answered", "refusal")
 )
 """Registers received by PDO; when one changes, the remaining registers are read again."""
-_TIMES = tuple(f"stage_time_{number}" for number in range(1, STAGES + 1))
-_PART = ("part", "part_depth", "part_evidence", "part_width", "hole_x", "hole_y", "peak_force")
-_BY_SDO = ("version", "code", "total_time", *_TIMES, "refusal_detail", "transition", *_PART, "warnings", "overruns")
+_BY_SDO = tuple(
+    register.name
+    for register in table()
+    if register.name.startswith("report_")
+    and (not register.pdo or register.name == "report_total_time")
+    and register.name not in ("report_holder", "report_life_tail")
+)
+"""Registers of the report that no PDO carries, and the time, which arrives late by its inhibit time."""
 _READ_TIMEOUT, _NMT_PERIOD = 0.01, 0.2  # s
 
 
@@ -113,7 +119,7 @@ class CanPeer(PlcPeer):
         if self._wire is not None:
             self._wire.producer.restart(0.0)
 
-    def read_report(self) -> ReportImage:
+    def read_report(self) -> Report:
         """Return the report; writes nothing.
 
         Raises:
@@ -126,8 +132,8 @@ class CanPeer(PlcPeer):
         values: dict[str, Value] = dict(self._values)
         state = tuple(values[name] for name in _NEWS)
         if self._rest[0] != state:
-            self._rest = state, {name: self._number(f"report_{name}") for name in _BY_SDO}
-        values |= {f"report_{name}": value for name, value in self._rest[1].items()}
+            self._rest = state, {name: self._number(name) for name in _BY_SDO}
+        values |= self._rest[1]
         values |= {"report_holder": holder.decode("ascii"), "report_life_tail": values["report_life"]}
         return report_of(values)
 

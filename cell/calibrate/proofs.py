@@ -1,0 +1,90 @@
+"""Proofs with a person at the cell: the sign of the wrench by a push on the hand, the switch by a press on its lever."""
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+
+from cell.devices.assembly import Cell
+from drivers.errors import NotCalibratedError, WrenchReversedError
+from drivers.quantities import SwitchState, Vector
+
+PATIENCE = 60.0
+"""Longest wait for the person, s."""
+LEAST_FORCE = 5.0
+"""Least change of the force that counts as a push, N; chosen, not measured."""
+LEAST_WAY = 1e-3
+"""Least way of the hand that counts as a push, m; chosen, not measured."""
+ALONG = 0.5
+"""Least cosine of the angle between force and way in a clear push."""
+ZERO_SCANS = 20
+"""Number of scans whose mean force is the force without a push."""
+
+
+def sense(force: Vector, way: Vector) -> int:
+    """Return 1 if a force on the hand points along the way of the hand, -1 if it points against it, 0 if neither is clear.
+
+    Args:
+        force: Change of the reported force on the hand, shape (3,), N, base frame.
+        way: Way of the hand under the push, shape (3,), m, base frame.
+    """
+    size, length = float(np.linalg.norm(force)), float(np.linalg.norm(way))
+    if size < LEAST_FORCE or length < LEAST_WAY:
+        return 0
+    cosine = float(force @ way) / (size * length)
+    return 0 if abs(cosine) < ALONG else int(math.copysign(1.0, cosine))
+
+
+def prove_wrench(cell: Cell, ask: Callable[[str], None]) -> str:
+    """Compare the reported force with the way of the pushed hand; return the measurement in words.
+
+    Raises:
+        WrenchReversedError: The force points against the push.
+        NotCalibratedError: Nobody pushed, or force and way point in different directions.
+        CellError: The arm times out or is stopped.
+    """
+    ask("The arm holds still. Press Enter, wait a second, then push the hand sideways with a finger: ")
+    clock, period = cell.clock, 1.0 / cell.config.scan_rate
+    forces: list[Vector] = []
+    end = clock.now() + PATIENCE
+    start = cell.arm.read()
+    while clock.now() < end:
+        state = cell.arm.read()
+        if len(forces) < ZERO_SCANS:
+            forces.append(state.wrench.force)
+            start = state
+        force, way = state.wrench.force - np.mean(forces, axis=0), state.tcp.position - start.tcp.position
+        found = sense(force, way)
+        size = float(np.linalg.norm(force))
+        if found > 0:
+            return f"{size:.0f} N along a push of {1e3 * float(np.linalg.norm(way)):.1f} mm"
+        if found < 0:
+            raise WrenchReversedError(
+                f"arm: reports {size:.0f} N against the push; a force along it expected: the sign of its external wrench is reversed"
+            )
+        clock.wait_until(clock.now() + period)
+    raise NotCalibratedError(
+        f"wrench: no push of {LEAST_FORCE:g} N over {1e3 * LEAST_WAY:g} mm within {PATIENCE:g} s, with force and way along one line"
+    )
+
+
+def prove_switch(cell: Cell, ask: Callable[[str], None]) -> str:
+    """Watch the switch open, closed and open again while its lever is pressed; return the measurement in words.
+
+    Raises:
+        NotCalibratedError: The states were not seen in this order.
+        CellError: The switch times out.
+    """
+    if cell.config.switch.kind == "none":
+        return "none: hole.evidence is force"
+    ask("Press Enter, then press the lever under the hole and let it go: ")
+    clock, period = cell.clock, 1.0 / cell.config.scan_rate
+    wanted = [SwitchState.OPEN, SwitchState.CLOSED, SwitchState.OPEN]
+    end = clock.now() + PATIENCE
+    while clock.now() < end:
+        if cell.switch.read() is wanted[0]:
+            wanted.pop(0)
+        if not wanted:
+            return "open, closed and open again"
+        clock.wait_until(clock.now() + period)
+    raise NotCalibratedError(f"switch: not seen {wanted[0].name.lower()} within {PATIENCE:g} s of the press")

@@ -1,0 +1,86 @@
+"""The exported function block behind a Modbus gateway, which passes on the newest blocks once in its update time."""
+
+import struct
+
+import pytest
+
+from plc_bridge.images import report_words
+from plc_bridge.messages import Control, Report, Result
+from tests.scan_thread import take
+from tests.unit.plc_bridge.test_structured_text import CYCLE, INSERT, Plc
+
+LIFE_TIMEOUT = 1.0  # s, as shipped
+PATIENT = LIFE_TIMEOUT * 10
+LONGEST = 20_000  # cycles
+
+
+class GatewayPlc(Plc):
+    """A PLC with a gateway to the cell, which writes cyclically, or only what has changed."""
+
+    def __init__(self, update, repeats):
+        self.update, self.repeats, self.passed, self.written = update, repeats, 0.0, None
+        super().__init__()
+        self.v["SilentTime"] = PATIENT
+
+    def cycle(self, count=1, **inputs):
+        self.v.update(inputs)
+        for _ in range(count):
+            self.block()
+            self.now += CYCLE
+            if self.now - self.passed >= self.update:
+                self.passed = self.now
+                self.pass_on()
+            self.publish(self.report)
+        return self
+
+    def pass_on(self):
+        command = self.command()
+        for _ in range(self.repeats if command != self.written else self.repeats - 1):
+            self.bridge.wrote(self.source, command)
+        self.written = command
+        self.take_report()
+
+    def until(self, is_reached, **inputs):
+        """Cycle until something is reached."""
+        self.v.update(inputs)
+        for _ in range(LONGEST):
+            if is_reached():
+                return self
+            self.cycle()
+        raise AssertionError(self.shown)
+
+    def run(self):
+        """Let one peg be inserted and return what the block shows of it."""
+        self.until(lambda: self.v["Busy"], Execute=True)
+        commands = []
+        self.until(lambda: commands.append(take(self.bridge)) or commands[-1] is not None)
+        self.publish(Report(sequence=commands[-1].sequence, state=17, result=Result.SUCCESS))
+        shown = self.until(lambda: not self.v["Busy"]).shown
+        self.until(lambda: (told := self.bridge.poll()) and told.code == Control.ACKNOWLEDGE, Execute=False)
+        return shown
+
+
+@pytest.mark.parametrize("repeats", [1, 3])
+@pytest.mark.parametrize("update", [0.01, LIFE_TIMEOUT / 10])
+def test_twenty_pegs_through_a_gateway(update, repeats):
+    plc = GatewayPlc(update, repeats)
+    plc.until(lambda: plc.v["IsReady"], Code=INSERT)
+    assert [plc.run() for _ in range(20)] == [["Done"]] * 20
+
+
+def test_a_gateway_that_is_slower_than_the_life_timeout_ends_the_run():
+    plc = GatewayPlc(1.4 * LIFE_TIMEOUT, 1)
+    plc.until(lambda: plc.v["IsReady"], Code=INSERT).until(lambda: plc.v["Busy"], Execute=True)
+    commands = []
+    plc.until(lambda: commands.append(take(plc.bridge)) or commands[-1] is not None)
+    plc.publish(Report(sequence=commands[-1].sequence, state=6))
+    plc.until(lambda: (told := plc.bridge.poll()) and told.code == Control.LOST)
+    plc.publish(Report(sequence=commands[-1].sequence, state=9, result=Result.FAULT, fault=1006))
+    plc.until(lambda: not plc.v["Busy"])
+    assert (plc.shown, plc.v["ErrorID"]) == (["Error"], 1006)
+
+
+def test_a_gateway_that_swaps_bytes_shows_the_high_word_of_a_wide_value_first():
+    data = b"".join(word.to_bytes(2, "little") for word in report_words(Report(sequence=7, run=0x00012345)))
+    assert struct.unpack_from("<H", data, 4) == (7,)
+    assert struct.unpack_from("<HH", data, 24) == (0x0001, 0x2345)
