@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from cell.lab.frontier.measure import FrontierLine
-from cell.lab.frontier.methods import METHODS, SCENES, family
+from cell.lab.frontier.methods import LONGEST, METHODS, SCENES, family
 from cell.lab.published import PUBLISHED_ATTEMPTS, PUBLISHED_SUCCESSES, PUBLISHED_TOTAL
 from cell.records.statistics import wilson
 
@@ -30,7 +30,7 @@ def success(line: FrontierLine) -> float:
     return 100.0 * line.successes / line.trials
 
 
-SUCCESS = (("success (%), band: 95 % interval", success),)
+SUCCESS = (("success (%), bars: 95 % interval", success),)
 ERRORS: tuple[tuple[str, Callable[[FrontierLine], float]], ...] = (
     ("error of theta (degrees)", lambda line: math.degrees(line.theta)),
     ("error of the tip (mm)", lambda line: 1e3 * line.tip),
@@ -95,7 +95,10 @@ def draw(lines: Sequence[FrontierLine], conditions: str, folder: Path) -> list[P
         if rows is SUCCESS:
             for axes, scene in zip(grid[0], SCENES, strict=True):
                 _mark(axes, lines, scene)
-        handles = [Line2D([], [], marker="o", color=method.colour, label=name) for name, method in METHODS.items()]
+        handles = [
+            Line2D([], [], marker="o", color=method.colour, label=_legend(lines, name))
+            for name, method in METHODS.items()
+        ]
         figure.legend(handles=handles, loc="outside lower center", ncols=len(handles), fontsize=9, frameon=False)
         figure.suptitle(
             finding(lines) if rows is SUCCESS else "Errors and force: medians over all trials of a point", fontsize=12
@@ -112,17 +115,30 @@ def _draw(axes: Axes, curves: Mapping[str, Sequence[FrontierLine]], value: Calla
         times = [line.mean for line in timed]
         axes.plot(times, [value(line) for line in timed], "o-", ms=5, lw=1.8, color=colour)
         if value is success:
-            low, high = ([100.0 * getattr(line, end) for line in timed] for end in ("low", "high"))
-            axes.fill_between(times, low, high, color=colour, alpha=0.12, lw=0)
+            ends = [
+                [value(line) - 100.0 * line.low for line in timed],
+                [100.0 * line.high - value(line) for line in timed],
+            ]
+            axes.errorbar(
+                times, [value(line) for line in timed], yerr=ends, fmt="none", ecolor=colour, alpha=0.35, lw=4
+            )
     axes.set_ylim(bottom=0.0)
     if value is success:
         axes.set_ylim(-3.0, 110.0)
         axes.set_yticks(range(0, 101, 20))
     axes.set_xscale("log")
+    axes.set_xlim(right=LONGEST)
     axes.set_xticks(TIMES, minor=False)
     axes.set_xticks([], minor=True)
     axes.xaxis.set_major_formatter("{x:g}")
     axes.grid(alpha=0.25)
+
+
+def _legend(lines: Sequence[FrontierLine], method: str) -> str:
+    """Return the name of a method; with its count if it has no success, and so no point."""
+    of = [line for line in lines if line.family in {family(method, scene) for scene in SCENES} and line.trials]
+    is_hidden = of and not any(line.successes for line in of)
+    return f"{method}: 0 of {sum(line.trials for line in of)}" if is_hidden else method
 
 
 def _mark(axes: Axes, lines: Sequence[FrontierLine], scene: str) -> None:
