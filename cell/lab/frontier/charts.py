@@ -88,6 +88,8 @@ def draw(lines: Sequence[FrontierLine], conditions: str, folder: Path) -> list[P
             row[0].set_ylabel(name)
             for axes, scene in zip(row, SCENES, strict=True):
                 _draw(axes, {method: curve(lines, method, scene) for method in METHODS}, value)
+            if value is not success:
+                row[0].set_ylim(bottom=0.0)
         for axes, scene in zip(grid[0], SCENES, strict=True):
             axes.set_title(scene, fontsize=11)
         for axes in grid[-1]:
@@ -122,7 +124,6 @@ def _draw(axes: Axes, curves: Mapping[str, Sequence[FrontierLine]], value: Calla
             axes.errorbar(
                 times, [value(line) for line in timed], yerr=ends, fmt="none", ecolor=colour, alpha=0.35, lw=4
             )
-    axes.set_ylim(bottom=0.0)
     if value is success:
         axes.set_ylim(-3.0, 110.0)
         axes.set_yticks(range(0, 101, 20))
@@ -179,7 +180,7 @@ def finding(lines: Sequence[FrontierLine]) -> str:
 def _quickest(lines: Sequence[FrontierLine]) -> str:
     shares = {line.mean: line.successes / line.trials for line in lines if line.trials}
     sure = [time for time, share in shares.items() if share >= SURE]
-    return f"{min(sure):.1f} s" if sure else f"never, at best {100 * max(shares.values()):.0f} %" if shares else ""
+    return f"{min(sure):.1f} s" if sure else f"not reached ({100 * max(shares.values()):.0f} %)" if shares else ""
 
 
 def _scale(line: FrontierLine) -> float | None:
