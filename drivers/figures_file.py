@@ -31,16 +31,20 @@ def read_figures(path: Path, kind: type[M], what: str = "") -> M:
         return kind.model_validate(tree)
     except OSError as error:
         raise ConfigError(f"{error.filename}:{f' {what}' if what else ''} cannot be read: {error.strerror}") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise ConfigError(f"{path}: not TOML: {error}".replace("\n", " ")) from None
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         raise ConfigError(f"{path}: {'.'.join(map(str, first['loc']))}: {first['msg']}") from None
+    except (ValueError, RecursionError) as error:  # the parser raises these for numbers too long and lists too deep
+        raise ConfigError(f"{path}: not TOML: {error}".replace("\n", " ")) from None
 
 
 def _laid_over(base: dict[str, Any], tree: dict[str, Any]) -> dict[str, Any]:
     """Return a table with the values of `tree` instead of its own; tables in it are joined, lists replaced."""
-    both = {key: _laid_over(base[key], value) for key, value in tree.items() if isinstance(value, dict) and key in base}
+    both = {
+        key: _laid_over(base[key], value)
+        for key, value in tree.items()
+        if isinstance(value, dict) and isinstance(base.get(key), dict)
+    }
     return {**base, **tree, **both}
 
 

@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass, replace
 
-from plc_bridge.lease import CellLease
 from plc_bridge.links import Link, Order
 from plc_bridge.messages import Command, Control, Refusal, Report, Result
 from plc_bridge.orders import Orders
@@ -27,7 +26,7 @@ class Inputs:
     """True if a start of this link would be accepted now; the one input that needs no acknowledgement."""
 
 
-def answer_for(link: Link, orders: Orders, lease: CellLease, life: int = 0) -> Report:
+def answer_for(link: Link, orders: Orders, life: int = 0) -> Report:
     """Return the report that `link` reads; before a link's first command this is the run of any link."""
     shown, answered = link.in_view, link.answered
     if not link.has_spoken:
@@ -40,8 +39,8 @@ def answer_for(link: Link, orders: Orders, lease: CellLease, life: int = 0) -> R
         life=life,
         life_tail=life,
         version=VERSION,
-        lease=lease.state_for(link),
-        holder=lease.name,
+        lease=orders.lease.state_for(link),
+        holder=orders.lease.name,
         sequence=shown.sequence,
         result=shown.told_to(link),
         code=shown.command.code,
@@ -52,15 +51,8 @@ def answer_for(link: Link, orders: Orders, lease: CellLease, life: int = 0) -> R
     )
 
 
-def inputs_for(link: Link, orders: Orders, lease: CellLease, stops_held: int) -> Inputs:
-    """Return the discrete inputs of `link`, for the last request of its coils, or for its last number.
-
-    Args:
-        link: The link that reads.
-        orders: Present and past orders of the cell.
-        lease: The lease of the cell.
-        stops_held: Number of connections that hold their stop coil at 1.
-    """
+def inputs_for(link: Link, orders: Orders) -> Inputs:
+    """Return the discrete inputs of `link`, for the last request of its coils, or for its last number."""
     order = link.executed or link.in_view
     if order is None or not _shows(order):
         order = link.resetting
@@ -71,7 +63,7 @@ def inputs_for(link: Link, orders: Orders, lease: CellLease, stops_held: int) ->
         done=order is not None and order.is_program and result is Result.SUCCESS,
         error=result in _ERRORS,
         command_aborted=result is Result.ABORTED,
-        ready=is_waiting and orders.run is None and not stops_held and lease.is_open_to(link),
+        ready=is_waiting and orders.run is None and not orders.stops_held and orders.lease.is_open_to(link),
     )
 
 

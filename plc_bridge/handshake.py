@@ -190,11 +190,11 @@ class Handshake:
 
     def answer(self, source: str, life: int = 0) -> Report:
         """Return the report that `source` reads, with the life counter of the cell."""
-        return answer_for(self._links[source], self.orders, self._lease, life)
+        return answer_for(self._links[source], self.orders, life)
 
     def inputs(self, source: str) -> Inputs:
         """Return the discrete inputs of `source`."""
-        return inputs_for(self._links[source], self.orders, self._lease, self.stops_held)
+        return inputs_for(self._links[source], self.orders)
 
     def sight(self, host: str, now: float) -> PlcSight | None:
         """Return the cell's view of the PLC at `host`, an address, node or line; None if it is not connected.

@@ -305,7 +305,7 @@ def read(path: Path) -> Reality:
         tree = tomllib.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise ConfigError(f"{path}: cannot be read: {error.strerror}") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    except (ValueError, RecursionError) as error:  # the parser raises these for numbers too long and lists too deep
         raise ConfigError(f"{path}: not TOML: {error}".replace("\n", " ")) from None
     errors = _errors(str(path), tree)
     for name in KINDS:

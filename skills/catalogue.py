@@ -7,6 +7,7 @@ from dataclasses import replace
 
 from skills import (
     grasp_from_rack,
+    handling,
     recover,
     release_and_retract,
     spiral_adjust,
@@ -16,7 +17,7 @@ from skills import (
 from skills.contract import Outcome, Reason, SkillContext, SkillResult
 from skills.entry import Catalogue, Claim, Program, Skill, SkillSet
 from skills.flow import StageRecord, in_order, run_stage
-from skills.handling import Handling, Sections, handling
+from skills.plan import InsertionPlan, plan_insertion
 from skills.search.belief import Belief
 from skills.search.course import ANYWHERE
 from skills.search.decoys import Decoy, decoy_at
@@ -35,7 +36,7 @@ def insert_peg(skills: SkillSet, ctx: SkillContext) -> list[StageRecord]:
     failure, recover. The run's outcome is that of the first stage that failed and was not retried; without such a stage it is success.
     """
     records, belief, attempt, began = GRASP.run(skills, ctx), ANYWHERE, 0, ctx.clock.now()
-    handled = _handling(skills, ctx)
+    plan = plan_of(skills, ctx)
     while records[-1].result.outcome is Outcome.SUCCESS or records[-1].retried:
         tried = find_and_seat(skills, ctx, attempt, belief)
         records += tried
@@ -43,9 +44,9 @@ def insert_peg(skills: SkillSet, ctx: SkillContext) -> list[StageRecord]:
         if last.outcome is Outcome.SUCCESS:
             records += RELEASE.run(skills, ctx)
             break
-        is_in_time = ctx.clock.now() - began < handled.search.timeout
-        decoy = _decoy(found, last, ctx) if handled.retries and is_in_time else None
-        if decoy is None and (attempt == handled.retries or last.reason not in RETRIED):
+        is_in_time = ctx.clock.now() - began < plan.search.timeout
+        decoy = _decoy(found, last, ctx) if plan.retries and is_in_time else None
+        if decoy is None and (attempt == plan.retries or last.reason not in RETRIED):
             break
         belief, attempt = _learnt(belief, found, decoy, ctx), attempt + (decoy is None)
         records[-1] = replace(records[-1], retried=True)
@@ -89,7 +90,7 @@ def _place_of_hole(ctx: SkillContext, plane: Plane | None) -> tuple[float, float
 
 
 def _search(skills: SkillSet, ctx: SkillContext, belief: Belief = ANYWHERE) -> SkillResult:
-    return _handling(skills, ctx).find(ctx, belief)
+    return handling.find(plan_of(skills, ctx), ctx, belief)
 
 
 def _learnt(belief: Belief, found: SkillResult, decoy: Decoy | None, ctx: SkillContext) -> Belief:
@@ -110,30 +111,16 @@ def _decoy(found: SkillResult, last: SkillResult, ctx: SkillContext) -> Decoy | 
 
 
 def _insert(skills: SkillSet, ctx: SkillContext, plane: Plane | None = None, attempt: int = 0) -> SkillResult:
-    return _handling(skills, ctx).insert(ctx, plane, attempt)
+    return handling.insert(plan_of(skills, ctx, attempt), ctx, plane)
 
 
 def _adjust(skills: SkillSet, ctx: SkillContext, plane: Plane | None = None, attempt: int = 1) -> SkillResult:
-    return _handling(skills, ctx).adjust(ctx, plane, attempt)
+    return handling.adjust(plan_of(skills, ctx, attempt), ctx, plane)
 
 
-def _handling(skills: SkillSet, ctx: SkillContext) -> Handling:
-    return handling(ctx.job.peg.part, sections_of(skills, ctx.peg.grip_share))
-
-
-def sections_of(skills: SkillSet, grip_share: float = 1.0) -> Sections:
-    """Return the config sections of a handling; `grip_share` is the assumed share of the grip, fraction."""
-    return Sections(
-        search=skills[SEARCH],
-        insert=skills[INSERT],
-        adjust=skills[ADJUST],
-        corner=skills.corner,
-        retries=skills.retries,
-        grasp=skills[GRASP],
-        paper=skills.paper,
-        grip_share=grip_share,
-        pace=skills.pace,
-    )
+def plan_of(skills: SkillSet, ctx: SkillContext, attempt: int = 0) -> InsertionPlan:
+    """Return the figures in force for the job, with the grip that the peg in the hand is assumed to have."""
+    return plan_insertion(skills, ctx.job.peg, ctx.job.hole, ctx.peg.grip_share, attempt)
 
 
 GRASP = Skill(

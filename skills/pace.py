@@ -1,11 +1,9 @@
 """Pace of a plan: one factor on all of its speeds and waiting times, capped by the arm's limits; pure."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TypeVar
-
-from pydantic.fields import FieldInfo
 
 from drivers.config_model import ConfigModel, Quantity, Tempo
 
@@ -32,57 +30,38 @@ class Pace:
         return math.inf
 
 
-@dataclass(frozen=True, slots=True)
-class Capped:
-    """A speed that the arm's limits reduce."""
-
-    name: str
-    """Name of the figure with its sections."""
-    asked: float
-    """Speed without the limit, in the figure's unit."""
-    speed: float
-    """Speed in force, in the figure's unit."""
-
-
 def at_pace(params: P, pace: Pace) -> P:
-    """Return parameters with every speed multiplied by the pace's scale, and every waiting time divided by it.
+    """Return parameters at a pace: scaled, and within the arm's limits."""
+    return within(scaled(params, pace.scale), pace)
 
-    The arm's limits cap the speeds. The longest times of motions grow in a slower plan, and stay in a faster one.
+
+def scaled(params: P, scale: float) -> P:
+    """Return parameters with every speed multiplied by `scale`, and every waiting time divided by it.
+
+    The longest times of motions grow in a slower plan, and stay in a faster one.
     """
-    return _paced(params, pace, "", [])
+    factors = {Tempo.SPEED: scale, Tempo.WAIT: 1.0 / scale, Tempo.LIMIT: 1.0 / min(scale, 1.0)}
+    return _changed(params, lambda mark, value, _: value * factors[mark.tempo] if mark.tempo is not None else value)
 
 
-def capped(params: ConfigModel, pace: Pace, name: str) -> list[Capped]:
-    """Return the speeds that the arm's limits reduce; `name` is that of the section."""
-    found: list[Capped] = []
-    _paced(params, pace, f"{name}.", found)
-    return found
+def within(params: P, pace: Pace) -> P:
+    """Return parameters whose speeds are within the arm's limits."""
+    return _changed(
+        params,
+        lambda mark, value, radius: min(value, pace.most(mark, radius)) if mark.tempo is Tempo.SPEED else value,
+    )
 
 
-def _paced(params: P, pace: Pace, place: str, found: list[Capped]) -> P:
+def _changed(params: P, change: Callable[[Quantity, float, float], float]) -> P:
+    """Return parameters with every figure that has a tempo changed, given its mark, its value and the radius that its mark names."""
     changes: dict[str, object] = {}
     for name, field in type(params).model_fields.items():
         value = getattr(params, name)
-        if isinstance(value, ConfigModel):
-            changes[name] = _paced(value, pace, f"{place}{name}.", found)
-        for quantity in (mark for mark in _marks(field) if mark.tempo is not None):
-            radius = getattr(params, quantity.radius) if quantity.radius else 0.0
-            changes[name] = now = _changed(value, quantity, radius, pace)
-            if quantity.tempo is Tempo.SPEED and now < pace.scale * value:
-                found.append(Capped(f"{place}{name}", pace.scale * value, now))
+        if isinstance(value, ConfigModel) and (inner := _changed(value, change)) is not value:
+            changes[name] = inner
+        for mark in field.metadata:
+            if isinstance(mark, Quantity) and mark.tempo is not None:
+                radius = getattr(params, mark.radius) if mark.radius else 0.0
+                if (after := change(mark, value, radius)) != value:
+                    changes[name] = after
     return params.model_copy(update=changes) if changes else params
-
-
-def _changed(value: float, quantity: Quantity, radius: float, pace: Pace) -> float:
-    """Return the value of a figure in a plan at this pace; `radius` as for `Pace.most`."""
-    if quantity.tempo is Tempo.SPEED:
-        return min(pace.scale * value, pace.most(quantity, radius))
-    if quantity.tempo is Tempo.WAIT:
-        return value / pace.scale
-    if quantity.tempo is Tempo.LIMIT:
-        return value / min(pace.scale, 1.0)
-    return value
-
-
-def _marks(field: FieldInfo) -> Iterator[Quantity]:
-    return (mark for mark in field.metadata if isinstance(mark, Quantity))

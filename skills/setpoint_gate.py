@@ -11,7 +11,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from drivers.config_model import ConfigModel
+from drivers.config_model import ConfigModel, Quantity
 from drivers.errors import ArmSilentError, NotFiniteError, SetpointError, TrackingError
 from drivers.frames import angle_between
 from drivers.parts import Point
@@ -50,11 +50,9 @@ Source: chosen, not measured; reason in decision 0013.
 
 
 LONGEST_UNCHANGED = 0.15
-"""Longest time for which all readings of an arm may be identical to the last digit while its setpoint moves, s: 15 scans at 100 Hz, and a
-fault within 0.2 s.
+"""Longest time for which all readings of an arm may be identical to the last digit while it follows a setpoint, s: 15 scans at 100 Hz, and
+a fault within 0.2 s.
 """
-LEAST_MOVED = 1e-4
-"""Least motion of a setpoint that must change the readings, m; at 1500 N/m it is a force of 0.15 N, far above the resolution of any sensor."""
 MOST_LOAD = 1e4
 """Largest force, N, or torque, N·m, that a sensor of an arm can report; more than ten times the load of arms of this size."""
 
@@ -65,11 +63,11 @@ class Limits(ConfigModel):
     Source: set for each cell.
     """
 
-    force: Annotated[float, Field(gt=0.0, le=500.0)]
+    force: Annotated[float, Field(gt=0.0, le=500.0), Quantity("N")]
     """Largest estimated external force at the TCP, N."""
-    low: Point
+    low: Annotated[Point, Quantity("m")]
     """Lower corner of the permitted workspace of the TCP, m, base frame."""
-    high: Point
+    high: Annotated[Point, Quantity("m")]
     """Upper corner of the permitted workspace of the TCP, m, base frame."""
 
 
@@ -272,8 +270,8 @@ class GatedArm:
         self._before: Handed | None = None
         self._untaken_since: float | None = None
         """Time of the first setpoint that the arm has not adopted, s; None if it follows the last one sent."""
-        self._unchanged: tuple[ArmState, list[float]] | None = None
-        """First of the newest identical states, and the setpoint's tip at its time, m; None if no setpoint is held."""
+        self._unchanged: ArmState | None = None
+        """First of the newest identical states; None if no setpoint is held."""
 
     def open(self) -> None:
         """Open the arm."""
@@ -306,7 +304,7 @@ class GatedArm:
             NotFiniteError: A reading is not plausible. If the arm follows a setpoint, it is halted once; repeated halts would let it sink
                 by the error of its gravity model.
             TrackingError: The arm does not adopt its setpoints; it is halted, once.
-            ArmSilentError: The readings do not change while the setpoint moves; the arm is halted.
+            ArmSilentError: The readings do not change while the arm follows a setpoint; it is halted.
             CellError: The arm's own `read` raised it.
         """
         state = self._arm.read()
@@ -341,20 +339,14 @@ class GatedArm:
             raise TrackingError(f"arm: takes no setpoint for {untaken:.2f} s; {LONGEST_UNTAKEN:g} s allowed")
 
     def _require_live(self, state: ArmState) -> None:
-        """Check that the readings change while the setpoint moves; sensor noise changes at least the last digits."""
-        if self._before is None:
-            self._unchanged = None
+        """Check that the readings change while the arm follows a setpoint, at rest too; noise changes at least the last digits."""
+        if self._before is None or self._unchanged is None or not _is_same(state, self._unchanged):
+            self._unchanged = None if self._before is None else state
             return
-        asked = self._before.setpoint.tip.tolist()
-        if self._unchanged is None or not _is_same(state, self._unchanged[0]):
-            self._unchanged = state, asked
-            return
-        since, began = self._unchanged
-        time, moved = state.stamp - since.stamp, math.dist(asked, began)
-        if time > LONGEST_UNCHANGED and moved > LEAST_MOVED:
+        if (time := state.stamp - self._unchanged.stamp) > LONGEST_UNCHANGED:
             self.halt()
             raise ArmSilentError(
-                f"arm: readings unchanged to the last digit for {time:.2f} s, while its setpoint moved by {1e3 * moved:.1f} mm"
+                f"arm: readings unchanged to the last digit for {time:.2f} s, while it followed a setpoint"
             )
 
     def halt(self) -> None:

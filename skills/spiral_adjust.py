@@ -27,8 +27,6 @@ from skills.surface import Plane, nominal
 
 ARRIVING = 3.0
 """Factor on the damping along z close to the bottom."""
-AT_BOTTOM = 2.0
-"""Multiple of the stall timeout that a peg at the bottom is given."""
 RAISED = 0.005
 """Height of the tip above the surface, beyond half the peg's breadth, from which on nothing holds the peg and the attempt ends, m: the rim of a
 leaning peg stands on the plate with its middle at most half a breadth above it, and plate and theta err by millimetres. A hand whose joints
@@ -181,7 +179,7 @@ def given_up_after(depth: float, bottom: float, params: SpiralAdjustParams) -> f
     At the bottom the hand shakes it for longer, since the last millimetre is short of `jammed`; a switch that still says
     open then disagrees with the depth.
     """
-    return params.stall_timeout * (AT_BOTTOM if depth >= bottom - OPEN_TOLERANCE else 1.0)
+    return params.stall_at_bottom if depth >= bottom - OPEN_TOLERANCE else params.stall_timeout
 
 
 def _compliance(params: SpiralAdjustParams, swing: Swing, is_arriving: bool) -> tuple[Vector, Vector]:

@@ -7,13 +7,12 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field, NonNegativeFloat, PositiveFloat
 
-from drivers.config_model import Quantity, Tempo
+from drivers.config_model import Figure, Quantity, Tempo
 from drivers.frames import angle_between, rotation_about
 from drivers.quantities import ImpedanceSetpoint, Twist, Vector
 from skills.contract import Outcome, Reason, SkillContext, SkillParams, SkillResult
 from skills.motion import VALIDITY, Gains, anchored
 from skills.paper.equations import k_33
-from skills.play import allowed_depth
 from skills.seating import is_seated
 from skills.surface import Plane, nominal
 from skills.tactile.estimators import EstimatorName
@@ -27,13 +26,13 @@ class TactileInsertParams(SkillParams):
 
     gains: Gains
     """Stiffness and damping ratio along x and y and in rotation. Source: chosen within the margin that `cell check` prints."""
-    integral_gain: NonNegativeFloat
+    integral_gain: Annotated[NonNegativeFloat, Quantity("N·m/(rad·s)")]
     """Integral gain on orientation, N·m/(rad·s); K_I of [gibbons], Eq. (6). Source: chosen, not measured; method of [gibbons], Eq. (6)."""
-    integral_limit: NonNegativeFloat
+    integral_limit: Annotated[NonNegativeFloat, Quantity("N·m")]
     """Saturation of the integral, N·m."""
-    push_offset: NonNegativeFloat
+    push_offset: Annotated[NonNegativeFloat, Quantity("m")]
     """Depth of the tip's setpoint below the surface, m; 0.01 in [gibbons]. Source: [gibbons], Sec. V."""
-    push_stiffness: tuple[PositiveFloat, PositiveFloat]
+    push_stiffness: Annotated[tuple[PositiveFloat, PositiveFloat], Quantity("N/m")]
     """Least and largest stiffness along z, N/m; K_min and K_max of [gibbons], Eq. (7). Source: chosen, not measured;
     method of [gibbons], Eq. (7).
     """
@@ -43,24 +42,26 @@ class TactileInsertParams(SkillParams):
     """Time in which the setpoint of the axis gets to its rate, s; the hole's wall bears what sets the arm in motion.
     Source: chosen, not measured; reason in docs/tried/insertion.md.
     """
-    follow_rate: PositiveFloat = 2.0
+    follow_rate: Annotated[float, Figure("1/s"), Field(exclude=True)] = 2.0
     """Rate at which the hand turns after a peg that has turned in it, 1/s. Source: docs/tried/search.md."""
-    aligned: Annotated[float, Field(gt=0.0, lt=0.8)]
+    aligned: Annotated[float, Field(gt=0.0, lt=0.8), Quantity("rad")]
     """Tilt phi below which the adjustment takes over, rad; 15 degrees in [gibbons]. It also takes over when the setpoint is
     upright: a hand that turned on would wind the peg up in soft pads. Source: docs/tried/insertion.md.
     """
-    compliance_rate: PositiveFloat
+    compliance_rate: Annotated[PositiveFloat, Quantity("1/s")]
     """Rate at which the tip's setpoint along x and y gives way to where the hole keeps the tip, 1/s. Source: docs/tried/insertion.md."""
-    forward: PositiveFloat
+    forward: Annotated[PositiveFloat, Quantity("m")]
     """Distance of the tip's setpoint ahead of the tip, towards the side that the peg leans to, m; raising then cannot lift
     the peg out. Source: chosen, not measured; reason in docs/tried/insertion.md.
     """
     timeout: Annotated[PositiveFloat, Quantity("s", Tempo.LIMIT)]
     """Longest insertion, s."""
-    least_share: Annotated[float, Field(gt=0.0, lt=1.0)]
+    least_share: Annotated[float, Field(gt=0.0, lt=1.0), Quantity("fraction")]
     """Least depth of an aligned peg that is in the hole, fraction of the depth that the tilt allows; only a first attempt
     asks for it. Source: docs/tried/insertion.md; only once docs/tried/insertion.md."""
-    lost_height: PositiveFloat
+    least_depth: Annotated[float, Figure("m"), Field(exclude=True)] = -math.inf
+    """Least depth of the lowest point of an aligned peg that is in the hole, m."""
+    lost_height: Annotated[PositiveFloat, Quantity("m")]
     """Height of the tip above the surface at which it is out of the hole, m."""
     estimator: EstimatorName = "image"
     """Estimator that turns taxels into the pose of the peg, in every skill. Source: measured by `cell study tactile`."""
@@ -76,17 +77,13 @@ class TactileInsertResult(SkillResult):
     """Angle between the peg and the normal at the end, rad, by the skin."""
 
 
-def run(
-    params: TactileInsertParams, ctx: SkillContext, plane: Plane | None = None, attempt: int = 0
-) -> TactileInsertResult:
+def run(params: TactileInsertParams, ctx: SkillContext, plane: Plane | None = None) -> TactileInsertResult:
     """Align the peg, whose tip is in the hole, with the normal of the plate.
 
     Args:
         params: Parameters of the insertion.
         ctx: The skill's context.
         plane: Surface that the search estimated; None is the job's own.
-        attempt: Number of the attempt, from 0. A depth that errs, because plate, peg or arm are not as stated, errs again:
-            later attempts leave the judgement to the adjustment.
     """
     plane = plane or nominal(ctx.job.hole)
     normal = plane.normal
@@ -98,8 +95,7 @@ def run(
     roll = first.arm.tcp.rotation[:, 2]
     stiffness, damping_ratio = params.gains.stiffness(), params.gains.damping_ratios()
     phi, theta = first_phi, first.peg.theta
-    peg, bore = ctx.job.peg.part, ctx.job.hole
-    least = params.least_share * min(allowed_depth(params.aligned, peg.thickness, bore.part.thickness), bore.depth)
+    peg = ctx.job.peg.part
     for seen in ctx.scan(params.timeout, holding=True):
         elapsed = seen.running
         phi = angle_between(seen.axis, normal)
@@ -107,7 +103,7 @@ def run(
             return TactileInsertResult(Outcome.SUCCESS, Reason.NONE, elapsed, first_phi, phi)
         angle, rate = turned(seen.elapsed, params.turn_rate, params.turn_run_up)
         if phi < params.aligned or angle >= first_phi:
-            if attempt == 0 and plane.depth(seen.tip) + peg.reach * math.sin(phi) < least:
+            if plane.depth(seen.tip) + peg.reach * math.sin(phi) < params.least_depth:
                 return TactileInsertResult(Outcome.FAILURE, Reason.NOT_ALIGNED, elapsed, first_phi, phi)
             return TactileInsertResult(Outcome.SUCCESS, Reason.NONE, elapsed, first_phi, phi)
         if plane.depth(seen.tip) < -params.lost_height - peg.reach * math.sin(phi):

@@ -1,15 +1,17 @@
 """A real browser without a screen, driven through its own driver; tests that need it skip, with the reason, where there is none."""
 
+import shutil
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 import pytest
 from selenium import webdriver
+from selenium.webdriver.chrome.service import Service
 from selenium.webdriver.support.ui import WebDriverWait
 
-from cell.lab.page import browser
-
+BROWSERS = ("chromium", "chromium-browser", "google-chrome")
+SIZE = (1024, 768)
 PATIENCE = 60.0
 """Longest wait for what a page shall show, s: pictures are made by another process of low priority."""
 
@@ -17,10 +19,27 @@ PATIENCE = 60.0
 @contextmanager
 def browsing(*names: str) -> Iterator[webdriver.Chrome]:
     """Yield a browser that reaches this computer alone, to which `names` lead too, or skip."""
-    if not browser.is_there():
-        pytest.skip(browser.MISSING)
-    with browser.browsing(*names) as opened:
+    binary, driver = next(filter(None, map(shutil.which, BROWSERS)), None), shutil.which("chromedriver")
+    if binary is None or driver is None:
+        pytest.skip("no Chromium with its driver here; Debian: apt-get install chromium chromium-driver")
+    rules = "".join(f"MAP {name} 127.0.0.1, " for name in names)
+    options = webdriver.ChromeOptions()
+    options.binary_location = binary
+    for argument in (
+        "--headless=new",
+        "--no-sandbox",  # browsers refuse a sandbox to root
+        "--disable-dev-shm-usage",
+        "--disable-background-networking",
+        f"--host-resolver-rules={rules}MAP * ~NOTFOUND, EXCLUDE 127.0.0.1, EXCLUDE localhost",
+        f"--window-size={SIZE[0]},{SIZE[1]}",
+    ):
+        options.add_argument(argument)
+    options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
+    opened = webdriver.Chrome(options=options, service=Service(driver))
+    try:
         yield opened
+    finally:
+        opened.quit()
 
 
 class PageView:

@@ -77,6 +77,16 @@ THREATS = (
         "cell.page.commands.parse",
         f"{PAGE}::test_what_no_parser_can_read_is_answered_in_one_line_and_logged_in_none",
     ),
+    Threat(
+        "bytes on a wire that no parser can read",
+        "plc_bridge.pdu.respond",
+        "tests/unit/test_bytes_outside.py::test_random_bytes_on_a_wire_do_no_harm",
+    ),
+    Threat(
+        "a file of the config or of a calibration is damaged",
+        "drivers.figures_file.read_figures",
+        "tests/unit/test_bytes_outside.py::test_a_damaged_file_is_read_or_refused_in_one_line",
+    ),
     Threat("somebody fills the log", "cell.records.patient_log.SparseFilter", f"{PAGE}::test_wrong_tokens_fill_no_log"),
     Threat(
         "a row that cannot be written stops the records",
@@ -126,7 +136,7 @@ THREATS = (
     Threat(
         "an arm whose readings stand still",
         "skills.setpoint_gate.GatedArm.read",
-        f"{GATE}::test_readings_that_stand_still_while_the_setpoint_moves_are_a_fault_within_a_fifth_of_a_second",
+        f"{GATE}::test_readings_that_stand_still_are_a_fault_within_a_fifth_of_a_second",
     ),
     Threat(
         "a client without, or with a foreign certificate",

@@ -21,7 +21,7 @@ MINUTES = 10.0
 """Duration of the measurement of the arm's loop, min."""
 STEPS = {
     **dict.fromkeys(("kernel", "memlock", "priority", "governor", "clock"), 1),
-    **dict.fromkeys(("arm", "thresholds"), 2),
+    **dict.fromkeys(("arm", "system", "thresholds"), 2),
     **dict.fromkeys(("gripper", "end effector", "load"), 4),
     "skin": 5,
     "switch": 6,

@@ -2,7 +2,7 @@
 
 import argparse
 import json
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -35,6 +35,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     own = add("show", "every key in force, as a config file, with where each came from")
     add_config(own)
     own.add_argument("section", nargs="?", default="", metavar="SECTION", help="only this section")
+    own.add_argument("--in-force", action="store_true", help="the figures of an insertion, with what changed them")
+    own.add_argument(
+        "--attempt", type=natural, default=0, metavar="N", help="number of the attempt, from 0; with --in-force"
+    )
     own.add_argument("--recipe", type=natural, default=0, metavar="N", help="number of the recipe whose part is shown")
     own = add("diff", "the keys in which two configs differ")
     add_config(own)
@@ -136,6 +140,8 @@ def _show(args: argparse.Namespace) -> int:
         raise ConfigError(f"--recipe {args.recipe}: no such recipe; {', '.join(map(str, loaded.recipes))} allowed")
     if args.section and not find(args.section):
         raise ConfigError(f"config show {args.section}: no such section or key{_meant(args.section)}")
+    if args.in_force:
+        return _show_plan(args, loaded)
     settings = [
         setting
         for setting in in_force(loaded, args.recipe)
@@ -149,6 +155,24 @@ def _show(args: argparse.Namespace) -> int:
         say(json.dumps(data, indent=2))
     else:
         say(as_toml(replace(each, origin=_short(each.origin)) for each in settings))
+    return GOOD
+
+
+def _show_plan(args: argparse.Namespace, loaded: "LoadedConfig") -> int:
+    from cell.config.keys import planned, toml
+
+    found = [
+        each
+        for each in planned(loaded, args.recipe, args.attempt)
+        if not args.section or f"{each.name}.".startswith(f"{args.section}.")
+    ]
+    if args.json:
+        say(json.dumps([asdict(each) for each in found], indent=2))
+        return GOOD
+    for each in found:
+        why = f"changed by {', '.join(each.reasons)}" if each.reasons else ""
+        notes = (each.unit, _short(each.origin), why, "CAPPED" if each.is_capped else "")
+        say(f"{each.name} = {toml(each.value)}  # {', '.join(note for note in notes if note)}")
     return GOOD
 
 

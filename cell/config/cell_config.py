@@ -23,7 +23,7 @@ from cell.config.files import ARMS, arm_file
 from cell.config.margins import Place
 from drivers.arm.franka_config import FrankaArmConfig
 from drivers.arm.model import ArmModel, read_arm
-from drivers.config_model import ConfigModel, FilePath
+from drivers.config_model import ConfigModel, FilePath, Quantity
 from drivers.errors import ConfigError
 from drivers.gripper.franka_config import FrankaGripperConfig
 from drivers.parts import HandShape, Hole, Job, Peg, Rack, require_fit
@@ -44,14 +44,14 @@ from sim.config import (
     SimSkinConfig,
     SimSwitchConfig,
 )
-from skills.catalogue import ADJUST, CATALOGUE, GRASP, SEARCH, sections_of
+from skills.catalogue import ADJUST, CATALOGUE, GRASP, SEARCH
 from skills.contract import SkillParams
 from skills.corner import CornerParams
 from skills.entry import Skill, SkillSet
-from skills.handling import WAYS, Handling, handling
 from skills.motion import Gains, Transfer
 from skills.pace import Pace
 from skills.paper.params import PaperParams
+from skills.plan import InsertionPlan, is_cornered, plan_insertion
 from skills.prior import LearningConfig
 from skills.scan_guards import ScanLimits
 from skills.setpoint_gate import Limits
@@ -101,7 +101,7 @@ class CalibrationConfig(ConfigModel):
     """File of the skin's measured gains and point spread, written by `cell calibrate skin`."""
     arm: FilePath | None = None
     """File of the measured friction and gravity remainder of the arm's joints, written by `cell calibrate arm`; the start of learning."""
-    longest_age: Annotated[float, Field(gt=0.0, le=3.2e8)] = 31536000.0
+    longest_age: Annotated[float, Field(gt=0.0, le=3.2e8), Quantity("s")] = 31536000.0
     """Age above which a file of measured values is refused, s; the default is 365 days. Source: chosen, not measured."""
 
 
@@ -139,11 +139,11 @@ class CellConfig(Catalogued):
     world: str = ""
     """Name of a file of `worlds/`, another simulated world or scene, to lay over this one, below the preset; empty is none.
     Source: set for each cell."""
-    scan_rate: Annotated[float, Field(ge=10.0, le=1000.0)]
+    scan_rate: Annotated[float, Field(ge=10.0, le=1000.0), Quantity("Hz")]
     """Rate of the scan, Hz; a skill senses and decides once per scan. Source: chosen, not measured."""
     retries: Annotated[int, Field(ge=0, le=10)]
     """Number of new searches by `insert_peg` if the peg is not in the hole. Source: docs/tried/insertion.md."""
-    speed_scale: Annotated[float, Field(ge=0.05, le=20.0)] = 1.0
+    speed_scale: Annotated[float, Field(ge=0.05, le=20.0), Quantity("ratio")] = 1.0
     """Factor on every speed of the method, and divisor of its waiting times, ratio; the arm's limits cap the speeds. Source: set for each cell."""
     scan: ScanLimits = ScanLimits()
     """Limits of late scans. Source: decision 0015."""
@@ -208,9 +208,8 @@ class CellConfig(Catalogued):
     def _fits(self) -> Self:
         peg, hole, rack = self.peg, self.hole, self.rack
         require_fit(peg, hole)
-        section = WAYS[peg.part.kind].section
-        if getattr(self, section) is None:
-            raise ValueError(f'[{section}]: missing; needed because peg.shape = "{peg.shape}"')
+        if is_cornered(peg.part) and self.corner is None:
+            raise ValueError(f'[corner]: missing; needed because peg.shape = "{peg.shape}"')
         require_shallow(peg, hole, rack)
         if self.is_simulated:
             require_apart(hole, rack)
@@ -352,7 +351,7 @@ class CellConfig(Catalogued):
 
     def place(self) -> Place:
         """Return the place and the attitude of the arm with a steered peg at the hole."""
-        search = self.handling().search
+        search = self.plan().search
         return Place(
             arm=self.arm_model(),
             tip=self.hole.centre,
@@ -420,7 +419,7 @@ class CellConfig(Catalogued):
             for skill in CATALOGUE.skills
             for name in skill.steered
         }
-        return found | dict(self.handling().steered)
+        return found | self.plan().steered
 
     def skill_set(self) -> SkillSet:
         """Return the parameters of every skill."""
@@ -437,9 +436,9 @@ class CellConfig(Catalogued):
         arm = self.arm_model()
         return Pace(self.speed_scale, arm.tool_speed, arm.tool_turn_speed)
 
-    def handling(self) -> Handling:
-        """Return the handling of the cell's own part."""
-        return handling(self.peg.part, sections_of(self.skill_set()))
+    def plan(self, attempt: int = 0) -> InsertionPlan:
+        """Return the figures in force for the cell's own part in an attempt, counted from 0."""
+        return plan_insertion(self.skill_set(), self.peg, self.hole, attempt=attempt)
 
     def job(self, slot: int = 0) -> Job:
         """Return the part and its places, with the peg in the rack's `slot`."""

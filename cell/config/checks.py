@@ -13,9 +13,9 @@ from drivers.arm.model import ArmModel
 from drivers.parts import Hole, Latch, Peg, Rack
 from skills.grasp_from_rack import GraspFromRackParams
 from skills.grip import grip_of
-from skills.handling import is_printed_for
 from skills.motion import Gains, Transfer
 from skills.paper.params import PaperParams
+from skills.plan import is_cornered
 from skills.search.params import TOUCHED_TIME, SpraySearchParams
 from skills.seating import LEAST_PUSH
 from skills.setpoint_gate import Limits
@@ -155,7 +155,7 @@ def require_printable(paper: PaperParams, peg: Peg, hole: Hole) -> None:
     Raises:
         ValueError: The peg has corners, or the hole has no switch; one line.
     """
-    if not is_printed_for(peg.part):
+    if is_cornered(peg.part):
         raise ValueError(
             f'peg.shape = "{peg.shape}": a printed skill of paper.skills inserts round pegs; "round" allowed'
         )

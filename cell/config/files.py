@@ -32,7 +32,7 @@ def read_toml(path: Path) -> dict[str, Any]:
         raise ConfigError(f"{path}: no such file") from None
     except OSError as error:
         raise ConfigError(f"{path}: cannot be read: {error.strerror}") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    except (ValueError, RecursionError) as error:  # the parser raises these for numbers too long and lists too deep
         raise ConfigError(f"{path}: not TOML: {error}".replace("\n", " ")) from None
 
 

@@ -26,7 +26,7 @@ def parse_set(text: str) -> tuple[tuple[str, ...], Any]:
     path = tuple(key.strip().split("."))
     try:
         return path, tomllib.loads(f"value = {literal}")["value"]
-    except tomllib.TOMLDecodeError:
+    except (ValueError, RecursionError):
         return path, literal.strip()
 
 

@@ -180,8 +180,8 @@ def _calibration(path: Path, layout: Layout) -> SkinCalibration:
 def make_tracker(config: CellConfig) -> Tracker:
     """Return the tracker that filters theta from frame to frame."""
     smoothing = config.smoothing
-    if (blend := config.handling().blend) is not None:
-        smoothing = smoothing.model_copy(update={"blend": blend})
+    if (corner := config.plan().corner) is not None:
+        smoothing = smoothing.model_copy(update={"blend": corner.blend})
     return Blend(smoothing)
 
 
@@ -509,6 +509,8 @@ def _franka_facts(cell: Cell, arm: FrankaArm) -> list[tuple[str, str]]:
     assert isinstance(config, FrankaArmConfig)
     return [
         ("arm", loop_verdict(figures)),
+        # The library exposes no version of the arm's system: it refuses to connect to one with another interface.
+        ("system", f"{OK}, with the interface that pylibfranka needs"),
         ("thresholds", f"{OK}, {config.collision_torque:g} N·m and {config.collision_force:g} N taken by the arm"),
         *hand_verdicts(figures, hand, force, cell.config.wrench.offset),
     ]

@@ -1,14 +1,63 @@
-"""Options common to all studies; imports nothing heavy."""
+"""Options common to all studies, and what every study does with them; imports nothing heavy."""
 
 import argparse
 import os
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from functools import partial
+from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from cell.commands.arguments import add_config, load_config, natural, positive
+from cell.commands.terminal import progress
 
 if TYPE_CHECKING:
     from cell.config.load import LoadedConfig
+    from cell.lab.report import StudyReport
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """Help and options of a study that is one module with a function `run`; the module is imported when it runs."""
+
+    module: str
+    SUMMARY: str
+    """Purpose of the study, in one line for the help."""
+    trials: str = ""
+    """Meaning of --trials, with the default; empty if the study has no seeds."""
+    has_workers: bool = True
+    options: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    """Options of its own, each with the arguments of `add_argument`."""
+
+    def add_arguments(self, parser: argparse.ArgumentParser) -> None:
+        """Add the common options and the study's own."""
+        add_study(parser)
+        if self.trials:
+            add_seed(parser)
+            add_trials(parser, self.trials)
+        if self.has_workers:
+            add_workers(parser)
+        for name, words in self.options.items():
+            parser.add_argument(name, **words)
+
+    def run(self, args: argparse.Namespace) -> "StudyReport":
+        """Measure, draw, write, and return the report."""
+        report: StudyReport = import_module(self.module).run(args)
+        return report
+
+
+def seeds_of(args: argparse.Namespace, trials: int, quick: int = 1) -> range:
+    """Return the seeds of --seed and --trials; without --trials, `trials` of them, or `quick` with --quick."""
+    return range(args.seed, args.seed + (args.trials or (quick if args.quick else trials)))
+
+
+@contextmanager
+def advancing(name: str, total: int) -> Iterator[Callable[[int], None]]:
+    """Show a bar of progress, and yield a function that advances it by a number."""
+    with progress() as bars:
+        yield partial(bars.advance, bars.add_task(name, total=total))
 
 
 def add_study(parser: argparse.ArgumentParser) -> None:

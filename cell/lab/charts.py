@@ -1,4 +1,4 @@
-"""Charts of several commands: speed against accuracy, and labels that overlap neither each other nor a point."""
+"""Charts of the laboratory: speed against accuracy, panels of curves, and rows of results."""
 
 import math
 from collections.abc import Sequence
@@ -6,23 +6,18 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Self
 
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.transforms import Bbox
+from numpy.typing import ArrayLike
 
 from cell.film.plots import COLOURS
 from cell.lab.published import PUBLISHED_ATTEMPTS, PUBLISHED_SUCCESSES, PUBLISHED_TOTAL, StageLine
 from cell.records.statistics import wilson
 
 CHART = "speed_accuracy.png"
-OFFSETS = (12, 26, 42, 60, 80, 102, 126, 152)
-"""Distances from its point that a label tries, points; beyond the first a thin line leads to it."""
-SIDES = ((1, 0), (-1, 0), (1, 1), (-1, 1), (1, -1), (-1, -1), (0, 1), (0, -1), (2, 1), (-2, 1), (2, -1), (-2, -1))
-"""Directions that a label tries, in order."""
-LETTERS = 9.0
-"""Size of the letters, points."""
-CLEAR = 6.0
-"""Half the side of the square around a point, pixels."""
+INK, GREY, BLUE, RED, GREEN, PURPLE = "#222222", "#888888", "#4477aa", "#ee6677", "#228833", "#aa3377"
+"""Palette of the charts, with `COLOURS`; colour-blind readers can distinguish it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,53 +64,161 @@ def plot_speed_accuracy(points: Sequence[Point], path: Path) -> None:
 
 
 @dataclass(frozen=True, slots=True)
-class Label:
-    """Label of a point, at the point's position on both axes."""
+class Curve:
+    """Points, or a line through them."""
 
-    x: float
-    y: float
-    text: str
-    is_bold: bool = False
-
-
-def place_labels(figure: Figure, axes: Axes, labels: Sequence[Label]) -> None:
-    """Write every label at the first free position around its point; if none is free, at the last position tried."""
-    figure.draw_without_rendering()
-    frame = axes.get_window_extent()
-    spots = [axes.transData.transform((label.x, label.y)) for label in labels]
-    taken = [Bbox.from_extents(x - CLEAR, y - CLEAR, x + CLEAR, y + CLEAR) for x, y in spots]
-    for label in labels:
-        for step in OFFSETS:
-            if any(_written(axes, label, (across * step, up * step), taken, frame) for across, up in SIDES):
-                break
-        else:
-            _written(axes, label, (OFFSETS[0], 0), [], frame)
+    x: ArrayLike
+    y: ArrayLike
+    colour: str = INK
+    label: str = ""
+    style: str = "-"
+    """Line style or marker, as Matplotlib's format."""
+    size: float = 1.5
+    """Width of the line, or size of the markers, points."""
+    alpha: float = 1.0
+    low: ArrayLike = ()
+    """Lower ends of the points' intervals; empty if there are none."""
+    high: ArrayLike = ()
+    is_hollow: bool = False
 
 
-def _written(axes: Axes, label: Label, offset: tuple[float, float], taken: list[Bbox], frame: Bbox) -> bool:
-    """Write a label at an offset from its point, points, if the position is free; return True if it was written."""
-    side = "left" if offset[0] > 0 else "right" if offset[0] < 0 else "center"
-    note = axes.annotate(
-        label.text,
-        (label.x, label.y),
-        xytext=offset,
-        textcoords="offset points",
-        ha=side,
-        va="center",
-        fontsize=LETTERS,
-        fontweight="bold" if label.is_bold else "normal",
-        bbox={"boxstyle": "square,pad=0.1", "fc": "white", "ec": "none", "alpha": 0.75},
-        zorder=6,
+@dataclass(frozen=True, slots=True)
+class Panel:
+    """Curves over common axes."""
+
+    title: str
+    x: str
+    """Label of the axis."""
+    y: str
+    curves: Sequence[Curve]
+    log: str = ""
+    """Axes with a logarithmic scale: "x", "y", "xy" or ""."""
+    x_ticks: Sequence[float] = ()
+    y_ticks: Sequence[float] = ()
+    x_limits: tuple[float | None, float | None] = (None, None)
+    y_limits: tuple[float | None, float | None] = (None, None)
+    marks: Sequence[float] = ()
+    """Positions of vertical dashed lines."""
+
+
+def draw_panels(panels: Sequence[Panel], title: str, path: Path, across: int = 0, legend: int = 0) -> Path:
+    """Draw panels side by side, and return the file.
+
+    Args:
+        panels: Panels.
+        title: Title of the figure.
+        path: File to write.
+        across: Number of panels in a row; 0 puts all into one row.
+        legend: Number of columns of one legend below all panels; 0 gives each panel its own.
+    """
+    across = across or len(panels)
+    down = math.ceil(len(panels) / across)
+    figure = Figure(figsize=(1.0 + 4.6 * across, 1.2 + 3.9 * down), layout="constrained")
+    grid = figure.subplots(down, across, squeeze=False).ravel()
+    for axes, panel in zip(grid, panels, strict=False):
+        for curve in panel.curves:
+            _draw_curve(axes, curve)
+        for place in panel.marks:
+            axes.axvline(place, color=GREY, ls="--", lw=0.8)
+        _scale(axes, panel)
+        axes.set_xlabel(panel.x)
+        axes.set_ylabel(panel.y)
+        axes.set_title(panel.title, fontsize=10)
+        axes.grid(alpha=0.25)
+        if not legend and any(curve.label for curve in panel.curves):
+            axes.legend(fontsize=8)
+    for axes in grid[len(panels) :]:
+        axes.remove()
+    if legend:
+        found = {
+            label: handle
+            for axes in figure.axes
+            for handle, label in zip(*axes.get_legend_handles_labels(), strict=True)
+        }
+        figure.legend(found.values(), found.keys(), loc="outside lower center", ncols=legend, fontsize=8, frameon=False)
+    figure.suptitle(title, fontsize=10)
+    figure.savefig(path, dpi=110)
+    return path
+
+
+def _draw_curve(axes: Axes, curve: Curve) -> None:
+    face = "none" if curve.is_hollow else curve.colour
+    if np.size(curve.low):
+        y = np.array(curve.y)
+        bars = [np.maximum(y - np.array(curve.low), 0.0), np.maximum(np.array(curve.high) - y, 0.0)]
+        axes.errorbar(curve.x, y, yerr=bars, fmt="none", ecolor=curve.colour, elinewidth=0.9, capsize=3, alpha=0.7)
+    axes.plot(
+        curve.x,
+        curve.y,
+        curve.style,
+        color=curve.colour,
+        label=curve.label or None,
+        lw=curve.size,
+        ms=4 * curve.size,
+        alpha=curve.alpha,
+        mfc=face,
     )
-    text = note.get_window_extent()
-    is_inside = frame.x0 <= text.x0 and text.x1 <= frame.x1 and frame.y0 <= text.y0 and text.y1 <= frame.y1
-    if not is_inside or text.count_overlaps(taken):
-        note.remove()
-        return False
-    taken.append(text)
-    if max(map(abs, offset)) > OFFSETS[0]:
-        line = {"arrowstyle": "-", "lw": 0.5, "color": "#777777", "shrinkA": 0, "shrinkB": 4}
-        axes.annotate(
-            "", (label.x, label.y), xytext=offset, textcoords="offset points", ha=side, va="center", arrowprops=line
+
+
+def _scale(axes: Axes, panel: Panel) -> None:
+    axes.set_xlim(*panel.x_limits)
+    axes.set_ylim(*panel.y_limits)
+    for name, axis, ticks in (("x", axes.xaxis, panel.x_ticks), ("y", axes.yaxis, panel.y_ticks)):
+        if name in panel.log:
+            getattr(axes, f"set_{name}scale")("log")
+        if len(ticks):
+            axis.set_ticks(ticks, [f"{tick:g}" for tick in ticks])
+            axis.set_ticks([], minor=True)
+
+
+@dataclass(frozen=True, slots=True)
+class Bar:
+    """Success, time and force of trials, on one row of a chart."""
+
+    row: str
+    """Name of the row."""
+    series: str
+    """Name in the legend; its colour is common to all rows."""
+    successes: int
+    trials: int
+    time: float
+    """Mean time of the successes, s."""
+    time_error: float
+    """Half the 95 % interval of that mean, s."""
+    force: float
+    """Median of the largest contact force, N."""
+    force_p95: float
+
+
+def draw_rows(bars: Sequence[Bar], title: str, path: Path) -> Path:
+    """Draw success with its Wilson interval, mean time, and force, a row for each name; return the file."""
+    rows, series = list(dict.fromkeys(bar.row for bar in bars)), list(dict.fromkeys(bar.series for bar in bars))
+    figure = Figure(figsize=(12.5, 2.2 + 0.34 * len(rows)), layout="constrained")
+    panels = figure.subplots(1, 3, sharey=True)
+    for number, name in enumerate(series):
+        of = [bar for bar in bars if bar.series == name and bar.trials]
+        heights = [0.16 * (number - (len(series) - 1) / 2) - rows.index(bar.row) for bar in of]
+        rates = np.array([100 * bar.successes / bar.trials for bar in of])
+        bounds = 100 * np.array([wilson(bar.successes, bar.trials) for bar in of]).reshape(-1, 2).T
+        values = (
+            (rates, np.maximum([rates - bounds[0], bounds[1] - rates], 0.0)),
+            ([bar.time for bar in of], [bar.time_error for bar in of]),
+            ([bar.force for bar in of], [[0.0] * len(of), [bar.force_p95 - bar.force for bar in of]]),
         )
-    return True
+        for axes, (x, error) in zip(panels, values, strict=True):
+            colour = COLOURS[number % len(COLOURS)]
+            axes.errorbar(x, heights, xerr=error, fmt="o", markersize=4, color=colour, label=name)
+    panels[0].set_yticks([-number for number in range(len(rows))], rows, fontsize=8)
+    panels[0].set_xlim(0.0, 102.0)
+    labels = (
+        "success (%), Wilson 95 % interval",
+        "mean total time of successes (s), 95 % interval",
+        "largest contact force (N): median to p95",
+    )
+    for axes, label in zip(panels, labels, strict=True):
+        axes.set_xlabel(label)
+        axes.grid(alpha=0.3)
+    panels[2].legend(loc="lower right", fontsize=8)
+    figure.suptitle(title, fontsize=9)
+    figure.savefig(path, dpi=110)
+    return path

@@ -1,10 +1,12 @@
 """Tables of several commands of the laboratory; nothing is printed here."""
 
-from collections.abc import Sequence
+import math
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields
 from typing import Any
 
 from rich.table import Table
+from rich.text import Text
 
 from cell.lab.published import PUBLISHED, PUBLISHED_ATTEMPTS, PUBLISHED_SUCCESSES, PUBLISHED_TOTAL, StageLine
 from cell.lab.trials import LOADS, TrialRow, load
@@ -81,3 +83,54 @@ def plain(title: str, lines: Sequence[Any]) -> Table:
         values = (getattr(line, name) for name in names)
         table.add_row(*(f"{value:.4g}" if isinstance(value, float) else str(value) for value in values))
     return table
+
+
+Columns = Mapping[str, Callable[[Any], str]]
+"""Function that returns the text of a row, by the name of the column."""
+
+
+def share(successes: int, of: int) -> str:
+    """Return a count and its Wilson 95 % interval."""
+    low, high = wilson(successes, of)
+    return f"{successes}/{of} ({100 * low:.1f} to {100 * high:.1f} %)"
+
+
+SUCCESSES: Columns = {"success (Wilson 95 %)": lambda line: share(line.successes, line.trials)}
+TIMES: Columns = {"mean (s)": lambda line: f"{line.mean:.1f}", "p95 (s)": lambda line: f"{line.p95:.1f}"}
+FORCES: Columns = {
+    "force (N)": lambda line: f"{line.force_median:.1f}",
+    f"within {OVER_FORCE:g} N": lambda line: f"{line.within}/{line.trials}",
+}
+TURNS: Columns = {
+    "turn median (deg)": lambda line: f"{math.degrees(line.turn_median):.0f}",
+    "p95 (deg)": lambda line: f"{math.degrees(line.turn_p95):.0f}",
+}
+ENDINGS: Columns = {"endings other than success": lambda line: line.error or line.endings}
+VARIANTS: Columns = {**SUCCESSES, **TIMES, **FORCES, **ENDINGS}
+"""Columns of the lines of variants: times are of the successes, forces each trial's largest."""
+
+
+def table(title: str, names: Columns, columns: Columns, rows: Sequence[Any], caption: str = "") -> Table:
+    """Return a table of rows.
+
+    Args:
+        title: Title of the table.
+        names: Columns on the left that name the row; a text equal to that above it is left out in the first of them.
+        columns: Columns of figures.
+        rows: Rows, one line each.
+        caption: Text below.
+    """
+    shown, before = Table(title=title, caption=caption or None), ""
+    for name in names:
+        shown.add_column(name)
+    for name in columns:
+        shown.add_column(name, justify="left" if name in ENDINGS else "right")
+    for row in rows:
+        first, *others = (text(row) for text in names.values())
+        shown.add_row(
+            Text("" if first == before and others else first),
+            *map(Text, others),
+            *(Text(text(row)) for text in columns.values()),
+        )
+        before = first
+    return shown

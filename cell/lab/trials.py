@@ -12,10 +12,10 @@ from dataclasses import asdict, dataclass, field, fields, replace
 from functools import partial
 from itertools import takewhile
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TextIO
+from typing import TYPE_CHECKING, Any, Protocol, TextIO
 
 from cell.config.cell_config import CellConfig
-from cell.devices.assembly import Cell, assemble, make_tracker, opened
+from cell.devices.assembly import Cell, assemble, opened
 from cell.lab.published import PUBLISHED, Tried, stage_table
 from cell.lab.workers import on_cluster, on_processes
 from cell.peg.ending import Ending, ending_of
@@ -32,15 +32,51 @@ from skills.contract import Observation, Outcome, SkillContext
 from skills.entry import Claim
 from skills.flow import StageRecord
 from skills.spray_search import SpraySearchResult
-from skills.tactile.pose import Tracker
 
 if TYPE_CHECKING:
     from sim.truth import Truth
 
-MakeTracker = Callable[[CellConfig], Tracker]
-"""Function of a module that creates the tracker of theta; a study can replace the cell's own."""
+
+class Probe(Protocol):
+    """Measures more of a trial than every row has."""
+
+    def record(self, seen: Observation, setpoint: ImpedanceSetpoint | None) -> None:
+        """Add one scan."""
+
+    def columns(self, records: Sequence[StageRecord]) -> dict[str, str]:
+        """Return further columns of the row, by name, from the stages of the ended trial."""
+
+
+MakeProbe = Callable[[Cell, SkillContext], Probe]
+"""Function of a module that prepares a trial and returns its probe; it may replace parts of the context."""
+
+
+@dataclass(frozen=True, slots=True)
+class NoProbe:
+    """Measures nothing more."""
+
+    def record(self, seen: Observation, setpoint: ImpedanceSetpoint | None) -> None:
+        """Add nothing."""
+
+    def columns(self, records: Sequence[StageRecord]) -> dict[str, str]:
+        """Return no column."""
+        return {}
+
+
+def no_probe(cell: Cell, ctx: SkillContext) -> Probe:
+    """Return the probe of a trial whose row has all columns of interest."""
+    return NoProbe()
+
+
 Program = Callable[[Cell, SkillContext], list[StageRecord]]
 """Function of a module that inserts a peg in an opened cell; a study can replace the cell's own program."""
+
+
+def insert_peg(cell: Cell, ctx: SkillContext) -> list[StageRecord]:
+    """Run the cell's own program."""
+    return CATALOGUE["insert_peg"].run(cell.config.skill_set(), ctx)
+
+
 WATCHED = frozenset({"spray_search", "tactile_insert"})
 """Stages in which the estimate in use is compared with the truth."""
 VOID = "void"
@@ -93,8 +129,8 @@ class TrialRow:
     """Largest jerk of the finger centre in free space, m/s³, after a low-pass of 10 Hz."""
     jerk_contact: float = math.nan
     """Largest jerk of the finger centre at all other times, m/s³, after the same low-pass."""
-    errors: dict[str, str] = field(default_factory=dict)
-    """Drawn errors of the cell by name; each is a column."""
+    more: dict[str, str] = field(default_factory=dict)
+    """Further columns by name: drawn errors of the cell, then those of a probe."""
 
     def tried(self) -> Tried:
         """Return the row in the form of the stage table."""
@@ -107,9 +143,9 @@ class TrialRow:
         return Tried(self.outcome == Outcome.SUCCESS, self.stage, times)
 
 
-ERRORS = "errors"
-COLUMNS = tuple(f.name for f in fields(TrialRow) if f.name != ERRORS)
-"""Columns of every table; a column for each drawn error follows."""
+MORE = "more"
+COLUMNS = tuple(f.name for f in fields(TrialRow) if f.name != MORE)
+"""Columns of every table; those of `TrialRow.more` follow."""
 
 
 @dataclass(slots=True)
@@ -171,18 +207,11 @@ class Watcher:
         return math.sqrt(total / self.count) if self.count else None
 
 
-def insert_peg(cell: Cell, ctx: SkillContext) -> list[StageRecord]:
-    """Run the cell's own program."""
-    return CATALOGUE["insert_peg"].run(cell.config.skill_set(), ctx)
-
-
-def run_trial(
-    config: CellConfig, seed: int, tracker: MakeTracker = make_tracker, program: Program = insert_peg
-) -> TrialRow:
+def run_trial(config: CellConfig, seed: int, probe: MakeProbe = no_probe, program: Program = insert_peg) -> TrialRow:
     """Run a program once on a fresh cell of this seed, without sockets and without waiting for the wall clock."""
     wall = time.perf_counter()
     with opened(assemble(seeded(config, seed))) as cell:
-        row = trial_in(cell, seed, tracker=tracker, program=program)
+        row = trial_in(cell, seed, probe=probe, program=program)
     return replace(row, wall_time=time.perf_counter() - wall)
 
 
@@ -211,7 +240,7 @@ def trial_in(
     cell: Cell,
     seed: int,
     each: Callable[[], None] = lambda: None,
-    tracker: MakeTracker = make_tracker,
+    probe: MakeProbe = no_probe,
     program: Program = insert_peg,
 ) -> TrialRow:
     """Run a program once in an opened cell, and call `each` in every scan.
@@ -222,10 +251,11 @@ def trial_in(
     assert cell.truth is not None
     ctx, began = cell.context(seed), cell.clock.now()
     watcher = Watcher(cell, ctx)
-    ctx.ended, ctx.tracker = watcher.clock.end, tracker(cell.config)
+    ctx.ended, probed = watcher.clock.end, probe(cell, ctx)
 
     def record(seen: Observation, setpoint: ImpedanceSetpoint | None) -> None:
         watcher.record(seen, setpoint)
+        probed.record(seen, setpoint)
         each()
 
     ctx.record = record
@@ -267,7 +297,7 @@ def trial_in(
         found_error=watcher.found_error,
         jerk_free=truth.jerk_free,
         jerk_contact=truth.jerk_contact,
-        errors=dict(cell.errors),
+        more={**cell.errors, **probed.columns(records)},
     )
 
 
@@ -279,7 +309,7 @@ def run_trials(
     done: Callable[[TrialRow], None],
     scheduler: str | None = None,
     is_enough: Callable[[Sequence[TrialRow]], bool] | None = None,
-    tracker: MakeTracker = make_tracker,
+    probe: MakeProbe = no_probe,
     program: Program = insert_peg,
 ) -> list[TrialRow]:
     """Run a trial of every seed on `workers` processes, or on a cluster, and return the rows, sorted by seed.
@@ -296,7 +326,7 @@ def run_trials(
         is_enough: Function that returns True if the rows of the first seeds are enough. The smallest sufficient number
             ends the call, and only those rows are returned, independent of the number of processes. None runs every
             seed.
-        tracker: Function that creates the tracker of theta.
+        probe: Function that prepares each trial and returns its probe.
         program: Program of every trial.
 
     Raises:
@@ -314,7 +344,7 @@ def run_trials(
             done(row)
         order = sorted(seeds)
         missing = [seed for seed in seeds if seed not in rows]
-        task = partial(run_trial, config, tracker=tracker, program=program)
+        task = partial(run_trial, config, probe=probe, program=program)
         results = on_cluster(task, missing, scheduler) if scheduler else on_processes(task, missing, workers)
         began, taken_up = time.perf_counter(), len(rows)
         with closing(results):
@@ -372,10 +402,11 @@ def write_table(rows: Sequence[TrialRow], path: Path) -> None:
     """Write rows as CSV."""
     with path.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file, lineterminator="\n")
-        errors = tuple(rows[0].errors) if rows else ()
-        writer.writerow((*COLUMNS, *errors))
+        more = tuple(dict.fromkeys(name for row in rows for name in row.more))
+        writer.writerow((*COLUMNS, *more))
         writer.writerows(
-            [*(_cell(getattr(row, name)) for name in COLUMNS), *(row.errors[name] for name in errors)] for row in rows
+            [*(_cell(getattr(row, name)) for name in COLUMNS), *(row.more.get(name, "") for name in more)]
+            for row in rows
         )
 
 
@@ -391,11 +422,11 @@ def read_table(path: Path) -> list[TrialRow]:
         found = tuple(table.fieldnames or ())
         if found[: len(COLUMNS)] != COLUMNS:
             raise ValueError(f"{path}: other columns than this program writes")
-        errors = found[len(COLUMNS) :]
+        more = found[len(COLUMNS) :]
         return [
             TrialRow(
-                **{f.name: _READERS[f.type](row[f.name]) for f in fields(TrialRow) if f.name != ERRORS},
-                errors={name: row[name] for name in errors},
+                **{f.name: _READERS[f.type](row[f.name]) for f in fields(TrialRow) if f.name != MORE},
+                more={name: row[name] for name in more},
             )
             for row in table
         ]

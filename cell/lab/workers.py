@@ -63,6 +63,21 @@ def on_processes(task: Callable[[int], Row], seeds: Sequence[int], workers: int)
             pool.leave()
 
 
+def each_of(
+    task: Callable[..., Row], jobs: Sequence[tuple[Any, ...]], workers: int, done: Callable[[int], None]
+) -> list[Row]:
+    """Return `task(*job)` of every job, in the order of the jobs; `done` is called with 1 after each."""
+    found: dict[int, Row] = {}
+    for number, row in on_processes(partial(_numbered, task, jobs), range(len(jobs)), workers):
+        found[number] = row
+        done(1)
+    return [found[number] for number in range(len(jobs))]
+
+
+def _numbered(task: Callable[..., Row], jobs: Sequence[tuple[Any, ...]], number: int) -> tuple[int, Row]:
+    return number, task(*jobs[number])
+
+
 class Pool(ProcessPoolExecutor):
     """Single-threaded processes that start on demand and always end with their parent."""
 

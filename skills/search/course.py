@@ -14,8 +14,6 @@ from skills.search.decoys import NOWHERE, Decoys
 from skills.search.params import SpraySearchParams
 from skills.search.tour import Left, Path, Rows, Stroke, first_look, outwards, tour
 
-DIP = 3e-4
-"""Dip threshold with which `SpraySearchParams.crossings` was found, m."""
 MOST_LOOKS = 5
 """Number of strokes beyond which the likely place is so wide that the search begins with whole lanes."""
 SURE = 2.0
@@ -79,11 +77,10 @@ def make_course(
     start = rng.uniform(-np.array(hole.area) / 2, np.array(hole.area) / 2)
     over, begin = (half[0], half[1]), (start[0], start[1])
     outside = hole.part.reach + hole.part.chamfer + rng.uniform(*OUTSIDE)
-    speed = min(params.speed, fastest(params.crossings, params.dip_threshold, hole.part.inscribed))
-    whole = lanes(over, pitch, speed, fast, begin, max(outside - params.margin[0], 0.0))
+    whole = lanes(over, pitch, params.speed, fast, begin, max(outside - params.margin[0], 0.0))
     # Strokes end where their turns begin, which reach as far as those of the lanes.
-    ends = [extent - speed * TURN_TIME / 4.0 if axis == fast else extent for axis, extent in enumerate(over)]
-    rows = Rows((max(ends[0], 0.0), max(ends[1], 0.0)), fast, pitch, speed)
+    ends = [extent - params.speed * TURN_TIME / 4.0 if axis == fast else extent for axis, extent in enumerate(over)]
+    rows = Rows((max(ends[0], 0.0), max(ends[1], 0.0)), fast, pitch, params.speed)
     path, likely_until = _as_believed(belief, job, rows, whole, outside, math.copysign(1.0, begin[fast]))
     axis, closing = part.leaning(params.tilt_azimuth, params.tilt)
     azimuth = part.azimuth(params.tilt_azimuth)
@@ -95,19 +92,6 @@ def make_course(
     since = decoys.beyond(path, 0.0)
     first = np.array([*(middle + path.at(since)[0]), hole.centre[2] + height])
     return Course(path, middle, first, height, axis, closing, fast, likely_until, since, decoys)
-
-
-def fastest(crossings: float, dip: float, width: float) -> float:
-    """Return the largest speed along a lane, m/s: the peg crosses a given share of the hole while it falls by the dip threshold.
-
-    Under a constant push a fall takes a time that grows with the root of its depth. A larger threshold than `DIP` is taken for that one.
-
-    Args:
-        crossings: Largest number of widths crossed in a second with the dip threshold `DIP`, 1/s.
-        dip: Dip threshold, m.
-        width: Diameter of the largest circle inside the hole, m.
-    """
-    return crossings * width * math.sqrt(DIP / min(dip, DIP))
 
 
 def leading(reach: float, tilt: float, fall: float) -> float:

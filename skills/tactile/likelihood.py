@@ -11,8 +11,8 @@ from typing import Annotated, Literal, NamedTuple
 import numpy as np
 from pydantic import Field
 
-from drivers.config_model import ConfigModel
-from drivers.parts import Fraction, Peg
+from drivers.config_model import ConfigModel, Figure
+from drivers.parts import Peg
 from drivers.quantities import FINGERS, TAXELS, Mask, TaxelFrame, Vector
 from drivers.skin.layout import Layout
 from skills.tactile.pose import PegPose
@@ -25,37 +25,37 @@ class LikelihoodParams(ConfigModel):
     Source: chosen on simulated pads, its effect measured by `cell study tactile`.
     """
 
-    kind: Literal["ml", "robust"] = "ml"
+    kind: Annotated[Literal["ml", "robust"], Figure(""), Field(exclude=True)] = "ml"
     """The estimator by maximum likelihood over templates. Source: docs/tried/angle.md."""
     templates: TemplateParams = TemplateParams()
     """Model of the pad, from the maker's data."""
-    noise: Annotated[float, Field(ge=1.0, le=5000.0)] = 300.0
+    noise: Annotated[float, Figure("counts"), Field(exclude=True)] = 300.0
     """Standard deviation of a taxel's reading, counts."""
-    gain_spread: Annotated[float, Field(ge=0.0, le=0.5)] = 0.08
+    gain_spread: Annotated[float, Figure("fraction"), Field(exclude=True)] = 0.08
     """Standard deviation of a taxel's gain and of the template error, fraction of the reading."""
-    offset_spread: Annotated[float, Field(ge=1e-5, le=1e-2)] = 7e-4
+    offset_spread: Annotated[float, Figure("m"), Field(exclude=True)] = 7e-4
     """Standard deviation of the peg's offset from the finger centre, m."""
-    off_centre: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.05
+    off_centre: Annotated[float, Figure("fraction"), Field(exclude=True)] = 0.05
     """Prior probability of an offset uniform over the templates' reach, fraction."""
-    imbalance: Annotated[float, Field(ge=0.01, le=2.0)] = 0.3
+    imbalance: Annotated[float, Figure("fraction"), Field(exclude=True)] = 0.3
     """Standard deviation of half the difference of the fingers' loads, fraction of their mean."""
-    rise: Annotated[float, Field(ge=0.01, le=5.0)] = 0.6
+    rise: Annotated[float, Figure("fraction"), Field(exclude=True)] = 0.6
     """Standard deviation of the loads' opposite rise over 20 mm, fraction of their mean."""
-    common_rise: Annotated[float, Field(ge=0.01, le=5.0)] = 0.1
+    common_rise: Annotated[float, Figure("fraction"), Field(exclude=True)] = 0.1
     """Standard deviation of the rise over 20 mm that both loads share, fraction of their mean."""
-    wide_misfit: Annotated[float, Field(ge=1.0, le=100.0)] = 3.0
+    wide_misfit: Annotated[float, Figure("ratio"), Field(exclude=True)] = 3.0
     """Misfit above which all offsets are searched, ratio of squared residuals to those expected."""
-    least_load: Annotated[float, Field(ge=0.0, le=43e3)] = 1500.0
+    least_load: Annotated[float, Figure("counts"), Field(exclude=True)] = 1500.0
     """Least mean load of a held peg, as the reading directly under the peg, counts; five times the noise."""
-    most_sigma: Annotated[float, Field(gt=0.0, le=1.6)] = 0.1
+    most_sigma: Annotated[float, Figure("rad"), Field(exclude=True)] = 0.1
     """Standard deviation of theta above which it is not reported, rad."""
-    most_misfit: Annotated[float, Field(ge=1.0, le=1000.0)] = 12.0
+    most_misfit: Annotated[float, Figure("ratio"), Field(exclude=True)] = 12.0
     """Misfit above which the frame does not show a peg, ratio of squared residuals to those expected."""
-    most_residual: Fraction = 0.3
+    most_residual: Annotated[float, Figure("fraction"), Field(exclude=True)] = 0.3
     """Largest share of a frame's squares that a peg leaves unexplained, fraction; a larger share is accepted if the misfit is at most
     `wide_misfit`, because noise then explains it, for example under a weak grip.
     """
-    least_trusted: Annotated[int, Field(ge=3, le=FINGERS * TAXELS)] = 20
+    least_trusted: Annotated[int, Figure("count"), Field(exclude=True)] = 20
     """Least number of trusted taxels for an estimate."""
 
 

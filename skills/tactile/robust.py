@@ -17,6 +17,7 @@ from typing import Annotated, Literal, NamedTuple, Self
 import numpy as np
 from pydantic import Field
 
+from drivers.config_model import Figure
 from drivers.parts import Peg
 from drivers.quantities import Mask, TaxelFrame, Vector
 from drivers.skin.layout import MODULE_EXCHANGES, MODULE_OF, Layout
@@ -62,17 +63,17 @@ class RobustParams(LikelihoodParams):
     Source: chosen on simulated pads, its effect measured by `cell study tactile`.
     """
 
-    kind: Literal["ml", "robust"] = "robust"
+    kind: Annotated[Literal["ml", "robust"], Figure(""), Field(exclude=True)] = "robust"
     """The estimator by maximum likelihood that also considers faults of a frame. Source: docs/tried/angle.md."""
-    doubt: Annotated[float, Field(ge=1.0, le=100.0)] = 2.2
+    doubt: Annotated[float, Figure("ratio"), Field(exclude=True)] = 2.2
     """Misfit above which faults of a frame are considered, ratio of squared residuals to those expected."""
-    rarity: Annotated[float, Field(ge=0.0, le=30.0)] = 5.0
+    rarity: Annotated[float, Figure("ratio"), Field(exclude=True)] = 5.0
     """Natural logarithm of the odds against each fault of a frame, ratio."""
-    outlier: Annotated[float, Field(ge=2.0, le=20.0)] = 4.0
+    outlier: Annotated[float, Figure("standard deviations"), Field(exclude=True)] = 4.0
     """Residual at which a reading is left out as an outlier, standard deviations."""
-    most_outliers: Annotated[int, Field(ge=0, le=20)] = 4
+    most_outliers: Annotated[int, Figure("count"), Field(exclude=True)] = 4
     """Largest number of readings to leave out."""
-    reach_spread: Annotated[float, Field(ge=1e-4, le=0.01)] = 1e-3
+    reach_spread: Annotated[float, Figure("m"), Field(exclude=True)] = 1e-3
     """Standard deviation of the peg's reach out of the hand, about its stated length, m. Source: docs/tried/angle.md."""
 
 

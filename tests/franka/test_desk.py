@@ -23,6 +23,7 @@ def test_a_cell_is_found_whole_by_its_file_and_a_board_that_is_pulled_is_named()
     # How late scans start is the affair of the machine that this runs on.
     assert {name: text for name, text in found.items() if name not in ("clock", "network", "proven")} == {
         **dict.fromkeys(("arm", "end effector", "load", "gripper", "skin", "switch", "plc"), "ok"),
+        "system": "ok, with the interface that pylibfranka needs",
         "thresholds": "ok, 60 N·m and 60 N taken by the arm",
         "calibration.skin": "ok, but there is none: `cell calibrate skin`",
         "calibration.arm": "ok, but there is none: `cell calibrate arm`",

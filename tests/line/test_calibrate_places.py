@@ -61,7 +61,7 @@ def test_whoever_breaks_it_off_finds_the_arm_at_rest_and_the_old_file(tmp_path, 
     old, seen = tmp_path / f"places_{date.today().isoformat()}.toml", []
     old.write_text("old\n", encoding="utf-8")
 
-    def broken_off(place, transfer, ctx):
+    def broken_off(place, transfer, touch, ctx):
         seen.append(ctx)
         signal.raise_signal(signal.SIGINT)
 

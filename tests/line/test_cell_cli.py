@@ -55,6 +55,24 @@ def test_wrong_use_is_told_in_one_line(wrong, capsys, tmp_path, monkeypatch):
     assert list(tmp_path.iterdir()) == []
 
 
+PHYSICAL = ["--config", str(DEFAULT.parent / "cell_01.toml"), "--set", "plc.modbus.port=0"]
+NOWHERE = [word for device in ("arm", "gripper") for word in ("--set", f"{device}.host=127.254.254.254")]
+
+
+def test_every_line_of_the_check_that_is_wrong_names_its_step_of_the_first_day(capsys):
+    assert main(["check", *PHYSICAL, *NOWHERE, "--json"]) == FAULT
+    found = {line["device"]: line["found"] for line in json.loads(capsys.readouterr().out)}
+    for name, step in (("arm", 2), ("gripper", 4), ("skin", 5), ("switch", 6)):
+        assert found[name].endswith(f"; docs/first-day.md, step {step}")
+        assert "\n" not in found[name]
+    assert found["proven"].startswith("ok, but in commissioning: wrench, end effector, load, switch, places not proven")
+
+
+def test_no_plc_is_commissioned_before_the_cell_is_proven(capsys):
+    assert main(["check", *PHYSICAL, "--plc", "127.0.0.1"]) == WRONG_USE
+    assert "--plc: in commissioning: " in capsys.readouterr().err
+
+
 def test_a_cell_that_does_not_answer_is_a_fault(capsys):
     assert main(["watch", "--connect", "127.0.0.1:1", "--once"]) == FAULT
     assert "127.0.0.1:1" in capsys.readouterr().err

@@ -1,35 +1,36 @@
 """The map of stability on the whole arm: theory's boundary holds, the observer takes it away, the guard sees what crosses it."""
 
 import csv
+import io
 import json
-import logging
+from contextlib import redirect_stdout
 
 import pytest
 
 from cell.commands.cli import GOOD, main
-from cell.lab.stability.report import cases
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory):
-    out, level = tmp_path_factory.mktemp("stability"), logging.getLogger().level
-    assert main(["study", "stability", "--quick", "--json", "--out", str(out)]) == GOOD
-    logging.getLogger().handlers.clear()
-    logging.getLogger().setLevel(level)
-    return out
+def study(tmp_path_factory):
+    """Return what the command printed, and its folder."""
+    out = tmp_path_factory.mktemp("stability")
+    with redirect_stdout(io.StringIO()) as printed:
+        assert main(["study", "stability", "--quick", "--json", "--out", str(out)]) == GOOD
+    return json.loads(printed.getvalue()), out
 
 
 @pytest.fixture(scope="module")
-def rows(folder):
+def rows(study):
+    figures, folder = study
     with (folder / "stability.csv").open(encoding="utf-8") as file:
         found = list(csv.DictReader(file))
-    assert len(found) == cases(quick=True)
+    assert len(found) == figures["cases"]
     return found
 
 
 @pytest.fixture(scope="module")
-def figures(folder):
-    return json.loads((folder / "stability.json").read_text(encoding="utf-8"))
+def figures(study):
+    return study[0]
 
 
 def test_without_the_observer_the_arm_goes_unstable_where_theory_says(rows):
@@ -62,6 +63,6 @@ def test_every_shipped_gain_has_the_margin_that_is_asked_for(figures):
     assert min(line["margin"] for line in figures["shipped"]) >= figures["margin_needed"] > 1.0
 
 
-def test_both_charts_are_drawn(folder):
+def test_both_charts_are_drawn(study):
     for kind in ("translation", "rotation"):
-        assert (folder / f"stability_{kind}.png").read_bytes().startswith(b"\x89PNG")
+        assert (study[1] / f"stability_{kind}.png").read_bytes().startswith(b"\x89PNG")

@@ -8,18 +8,28 @@ from dataclasses import replace
 import pytest
 
 from cell.config.load import load
-from cell.lab.faults import charts, ends, kills, tables
-from cell.lab.faults.bench import KEYS, REST_LIMIT, bench
-from cell.lab.faults.cases import FaultCase, begun, write
+from cell.lab.faults import charts, ends, tables
+from cell.lab.faults.bench import KEYS, REST_LIMIT
+from cell.lab.faults.cases import STAGES, TABLE, FaultCase, begun, planned
 from cell.lab.faults.contract import FaultKind
 from cell.lab.faults.kinds import KINDS
-from cell.lab.faults.measure import MOMENTS, cases, drawn, measure
-from cell.lab.faults.soak import SoakSample, growth
-from cell.run.states import State
-from drivers.errors import CellError, FaultCode
-from sim.config import WireFaults
+from cell.lab.faults.measure import measure
+from cell.lab.faults.soak import SoakSample, earlier, pieces, soak
+from cell.lab.rows import write_rows
+from cell.records.provenance import versions
+from drivers.errors import ConfigError, FaultCode
 
-KIND = next(kind for kind in KINDS if kind.name == "skin: unplugged")
+BY_NAME = {kind.name: kind for kind in KINDS}
+KIND = BY_NAME["skin: unplugged"]
+HONEST = (*KEYS, "sim.pace=max", "sim.seed=97950")
+IDEAL = (*KEYS, "reality.scale=0.0", "sim.pace=max")
+
+
+def found(tried, folder, sets=HONEST):
+    """Return the results of cases: names of kinds, stages and moments."""
+    return measure(lambda number: load(sets=list(sets)), [(BY_NAME[name], *when) for name, *when in tried], folder)
+
+
 SOUND = FaultCase(
     kind="arm: reflex",
     stage="spray_search",
@@ -41,6 +51,7 @@ SOUND = FaultCase(
     reset="success",
     actions=0,
     following="success",
+    cycle=0.01,
 )
 COUNTED = (
     "wrong successes",
@@ -55,62 +66,60 @@ COUNTED = (
 )
 
 
-def test_an_unplugged_skin_ends_the_run_at_rest_on_record_and_production_goes_on():
-    seen = []
-    (case,) = measure(
-        lambda number: load(sets=[*KEYS, "reality.scale=0.0", "sim.pace=max"]),
-        [(KIND, "grasp_from_rack", 0.3)],
-        seen.append,
-    )
-    assert seen == [case]
+def test_an_unplugged_skin_ends_the_run_at_rest_on_record_and_production_goes_on(tmp_path):
+    (case,) = found([("skin: unplugged", "grasp_from_rack", 0.3)], tmp_path, IDEAL)
     assert (case.outcome, case.fault, case.state) == ("fault", FaultCode.SKIN_SILENT, "ABORTED")
     assert case.rest < REST_LIMIT
     assert (case.record, case.wrong_success, case.is_back) == (True, False, True)
 
 
-def test_an_arm_whose_readings_cannot_be_true_ends_the_run_at_once_and_on_record():
-    kinds = {kind.name: kind for kind in KINDS}
+def test_an_arm_whose_readings_cannot_be_true_ends_the_run_at_once_and_on_record(tmp_path):
     tried = [
         ("arm: readings still", "spiral_adjust", FaultCode.ARM_SILENT),
         ("arm: readings still", "spray_search", FaultCode.ARM_SILENT),
         ("arm: force beyond any sensor", "spiral_adjust", FaultCode.NOT_FINITE),
         ("arm: stamp no number", "tactile_insert", FaultCode.NOT_FINITE),
     ]
-    found = measure(
-        lambda number: load(sets=[*KEYS, "reality.scale=0.0", "sim.pace=max"]),
-        [(kinds[name], stage, 0.3) for name, stage, _ in tried],
-        lambda case: None,
-    )
-    for case, (_, _, code) in zip(found, tried, strict=True):
+    cases = found([(name, stage, 0.3) for name, stage, _ in tried], tmp_path, IDEAL)
+    for case, (_, _, code) in zip(cases, tried, strict=True):
         assert (case.outcome, case.fault, case.state) == ("fault", code, "ABORTED")
         assert case.detection <= 0.2
         assert (case.record, case.wrong_success, case.is_back) == (True, False, True)
 
 
-def test_a_program_that_a_signal_ends_has_its_arm_at_rest_and_its_run_on_record():
-    hangup = next(kind for kind in KINDS if kind.name == "process: SIGHUP")
+def program_case(kind, folder, stage="grasp_from_rack", moment=1.5):
     words = [word for key in (*KEYS, "sim.seed=97950") for word in ("--set", key)]
-    case = ends.tried(hangup, "grasp_from_rack", 1.5, words)
-    assert (case.outcome, case.reason, case.part) == ("aborted", "stopped", "rack")
-    assert case.rest_after < 1.0
+    return ends.tried(kind, stage, moment, words, folder / "journal")
+
+
+def test_a_program_that_a_signal_ends_has_its_arm_at_rest_and_its_run_on_record(tmp_path):
+    for run in (1, 2):  # the second finds the records of the first
+        case = program_case(BY_NAME["process: SIGHUP"], tmp_path)
+        assert (case.outcome, case.reason, case.part) == ("aborted", "stopped", "rack"), run
+        assert case.rest_after < 1.0
+        assert (case.record, case.part_untrue, case.is_back) == (True, False, True)
+
+
+def test_a_program_that_does_not_end_when_it_is_asked_to_is_no_sound_case(tmp_path, monkeypatch):
+    monkeypatch.setattr(ends, "ENDING", 0.1)
+    deaf = FaultKind("process: deaf", to_program=lambda program: None, ends_program=True, status=0)
+    assert not program_case(deaf, tmp_path).record
+
+
+def test_a_plc_is_answered_through_a_storm_of_connections(tmp_path):
+    case = program_case(BY_NAME["line: connect storm"], tmp_path)
+    assert case.cycle > 0.0
+    assert case.record
+
+
+def test_a_program_whose_disk_was_full_warns_and_goes_on(tmp_path):
+    case = program_case(BY_NAME["disk: full, then room again"], tmp_path)
     assert (case.record, case.part_untrue, case.is_back) == (True, False, True)
 
 
-def test_a_program_that_does_not_end_when_it_is_asked_to_is_no_sound_case(monkeypatch):
-    monkeypatch.setattr(ends, "ENDING", 0.1)
-    deaf = FaultKind("process: deaf", to_program=lambda program: None, ends_program=True, status=0)
-    words = [word for key in (*KEYS, "sim.seed=97950") for word in ("--set", key)]
-    assert not ends.tried(deaf, "grasp_from_rack", 1.5, words).record
-
-
-def test_an_arm_that_takes_no_setpoint_when_the_peg_is_nearly_in_is_told_within_half_a_second():
+def test_an_arm_that_takes_no_setpoint_when_the_peg_is_nearly_in_is_told_within_half_a_second(tmp_path):
     """No distance tells it: the hand stands where the setpoint is, which goes on so slowly that it is not 61 mm away for 79 s."""
-    deaf = next(kind for kind in KINDS if kind.name == "arm: deaf")
-    (case,) = measure(
-        lambda number: load(sets=[*KEYS, "sim.pace=max", "sim.seed=97950"]),
-        [(deaf, "spiral_adjust", 0.3)],
-        lambda case: None,
-    )
+    (case,) = found([("arm: deaf", "spiral_adjust", 0.3)], tmp_path)
     assert (case.outcome, case.fault) == ("fault", FaultCode.TRACKING)
     assert case.detection < 0.5
     assert (case.record, case.wrong_success, case.part_untrue, case.is_back) == (True, False, False, True)
@@ -118,16 +127,14 @@ def test_an_arm_that_takes_no_setpoint_when_the_peg_is_nearly_in_is_told_within_
 
 def test_a_slice_of_the_campaign_has_zeros_where_there_must_be(tmp_path):
     """One fault of each device, at as many stages; `cell study faults` tries all kinds at all stages."""
-    slice_of = {
-        "disk: read-only": ("grasp_from_rack", 3.0),
-        "arm: silent": ("spray_search", 1.8),
-        "skin: fingers swapped": ("tactile_insert", 0.4),
-        "skill: lies": ("grasp_from_rack", 1.5),
-    }
-    tried = [(kind, *slice_of[kind.name]) for kind in KINDS if kind.name in slice_of]
-    rows = measure(lambda number: load(sets=[*KEYS, "sim.pace=max", "sim.seed=97950"]), tried, lambda case: None)
-    assert len(rows) == len(slice_of)
-    line = tables.lines(rows, load().cell.limits.force)[-1]
+    tried = [
+        ("disk: read-only", "grasp_from_rack", 3.0),
+        ("arm: silent", "spray_search", 1.8),
+        ("skin: fingers swapped", "tactile_insert", 0.4),
+        ("skill: lies", "grasp_from_rack", 1.5),
+    ]
+    line = tables.lines(found(tried, tmp_path), load().cell.limits.force)[-1]
+    assert line["n"] == len(tried)
     assert {name: line[name] for name in COUNTED if "late" not in name} == dict.fromkeys(COUNTED[:1] + COUNTED[3:], 0)
 
 
@@ -160,23 +167,24 @@ def test_what_nobody_can_know_at_once_may_take_longer(kind):
 
 @pytest.mark.parametrize("number", [1, len(KINDS), len(KINDS) + 5])
 def test_of_cases_that_are_drawn_each_kind_comes_once_before_one_comes_twice(number):
-    tried = drawn(cases(KINDS), number, 7)
-    assert tried == drawn(cases(KINDS), number, 7)
+    tried = planned(KINDS, number, 7)
+    assert tried == planned(KINDS, number, 7)
     counts = Counter(kind.name for kind, _, _ in tried)
     assert len(tried) == number
     assert max(counts.values()) - (min(counts.values()) if len(counts) == len(KINDS) else 0) <= 1
 
 
 def test_of_cases_that_are_drawn_each_kind_comes_at_every_stage_before_it_comes_to_one_again():
-    tried = drawn(cases(KINDS), len(KINDS) * len(MOMENTS), 7)
+    tried = planned(KINDS, len(KINDS) * len(STAGES), 7)
     assert set(Counter((kind.name, stage) for kind, stage, _ in tried).values()) == {1}
+    assert all(first <= moment <= last for _, stage, moment in tried for first, last in [STAGES[stage]])
 
 
 def test_a_campaign_that_was_broken_off_goes_on_where_it_was(tmp_path):
     tried = [(KIND, "spray_search", 0.3), (KIND, "spray_search", 1.0)]
     rows = [replace(SOUND, kind=KIND.name)]
     assert begun(tried, tmp_path) == []
-    write(rows, tmp_path)
+    write_rows(rows, tmp_path / TABLE)
     assert begun(tried, tmp_path) == rows
     assert begun(list(reversed(tried)), tmp_path) == []
 
@@ -185,53 +193,42 @@ def test_a_run_that_ended_before_the_fault_is_not_counted():
     assert tables.lines([replace(SOUND, outcome="not reached")], 60.0)[-1]["n"] == 0
 
 
-def test_every_kind_is_tried_at_every_stage():
-    assert len(cases(KINDS)) == 20 * len(KINDS) >= 1000
+def sample(piece, began, number, **changes):
+    made = SoakSample(
+        piece, versions()["code"], began, 0.05 * number, float(number), number, number, 0, 0, "", 100.0, 20, 5
+    )
+    return replace(made, **changes)
 
 
-@pytest.fixture(scope="module")
-def idle():
-    """Yield a served cell that nobody commands yet."""
-    with bench(load(sets=[*KEYS, "reality.scale=0.0", "sim.pace=max"])) as tried:
-        tried.peer.close()
-        yield tried
-
-
-def stand_aborted(tried, away):
-    """Unplug the skin for so long, s of the cell's clock, and wait until the cell stands aborted, as a PLC finds it that comes later."""
-    tried.wire.faults = WireFaults(unplugged=((0.0, tried.cell.clock.now() + away),))
-    while tried.supervisor.state is not State.ABORTED:
-        tried.let_pass(0.1)
-
-
-def test_a_cell_that_no_reset_brings_back_is_given_up(idle, monkeypatch):
-    monkeypatch.setattr(kills, "PAUSE", 0.0)
-    stand_aborted(idle, 1e5)
-    seen = kills.Seen()
-    with pytest.raises(CellError, match=rf"fault {FaultCode.SKIN_SILENT} after {kills.RESETS} resets"):
-        kills.insert(idle.bridge.address, 1, seen=seen)
-    assert (seen.run, seen.resets) == (0, kills.RESETS)
-
-
-def test_a_cell_that_stands_aborted_from_its_start_is_reset_and_counted(idle):
-    stand_aborted(idle, 5.0)
-    seen = kills.insert(idle.bridge.address, 1)
-    assert (seen.run, seen.aborted) == (1, FaultCode.SKIN_SILENT)
-    assert seen.resets >= 1
-
-
-def test_growth_is_counted_once_caches_are_filled():
+def test_growth_is_counted_once_caches_are_filled_and_gaps_are_told():
     """Memory that comes in the first quarter and stays is none; a handle at every look after it is."""
-    found = [
-        SoakSample(float(n), n, n, 0, 0, "", memory=100.0 if n < 2 else 130.0, handles=20 + max(n - 5, 0), threads=5)
+    first = [
+        sample(1, "2026-01-01T10:00:00+00:00", n, memory=100.0 if n < 2 else 130.0, handles=20 + max(n - 5, 0))
         for n in range(20)
     ]
-    assert growth(found) == pytest.approx((0.0, 1.0, 0.0), abs=1e-9)
+    one, two = pieces([*first, sample(2, "2026-01-01T12:00:00+00:00", 1)])
+    assert (one.memory, one.handles, one.threads) == pytest.approx((0.0, 1.0, 0.0), abs=1e-9)
+    assert (one.gap, one.wall, two.gap) == pytest.approx((0.0, 0.95, 1.05))
+
+
+def test_pieces_of_other_code_are_not_continued(tmp_path):
+    write_rows([sample(1, "2026-01-01T10:00:00+00:00", 1)], tmp_path / "soak.csv")
+    assert len(earlier(tmp_path / "soak.csv")) == 1
+    write_rows([sample(1, "2026-01-01T10:00:00+00:00", 1, code="other")], tmp_path / "soak.csv")
+    with pytest.raises(ConfigError, match="pieces of other code"):
+        earlier(tmp_path / "soak.csv")
+
+
+def test_a_piece_of_the_soak_inserts_after_every_group_of_commands():
+    piece = soak(load(sets=list(HONEST)), piece=1, hours=0.002, seed=3)
+    first = next(piece)
+    piece.close()
+    assert (first.seated + first.failed, first.lost) == (first.commands, 0)
 
 
 def test_table_and_chart_are_written(tmp_path):
     charts.draw([SOUND, replace(SOUND, kind="skin: frozen", rest_after=math.nan)], tmp_path / charts.CHART)
-    with write([SOUND], tmp_path).open() as file:
+    with write_rows([SOUND], tmp_path / TABLE).open() as file:
         (row,) = csv.DictReader(file)
     assert row["kind"] == "arm: reflex"
     assert (tmp_path / charts.CHART).stat().st_size > 10_000

@@ -10,7 +10,6 @@ import pytest
 
 from cell.commands.cli import main
 from cell.config.load import load
-from cell.devices.assembly import make_tracker
 from cell.lab.frontier import measure as frontier
 from cell.lab.frontier.measure import Variant, load_variant, measure
 from cell.lab.frontier.methods import METHODS, SCALES, SCENES, TEST, variants
@@ -111,7 +110,7 @@ def test_trials_end_where_the_test_answers_and_are_taken_up_with_it(tmp_path):
 @pytest.mark.parametrize("method", ["theta known exactly", "force alone"])
 def test_theta_is_what_the_method_says_and_not_what_the_skin_measures(method):
     [tried] = variants([method], ["firm grip"], (1.0,))
-    row = run_trial(load_variant(None, tried.preset, tried.sets), 1, make_tracker, tried.program)
+    row = run_trial(load_variant(None, tried.preset, tried.sets), 1, program=tried.program)
     assert row.outcome == "success"
     assert (row.theta_rmse == 0.0) == (method == "theta known exactly")
 

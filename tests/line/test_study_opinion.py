@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from cell.commands.cli import GOOD, WRONG_USE, main
-from cell.lab.opinion.measure import FILE, PACKAGE
+from cell.lab.opinion import FILE, PACKAGE
 
 BESIDE = Path(__file__).parents[2] / "build" / "franka" / PACKAGE
 """Folder in which `.ci/run` installs the package that carries the description."""
@@ -42,4 +42,4 @@ def test_the_public_fr3_agrees_with_ours_and_seats_the_peg(capsys, tmp_path):
     assert max(place, angle) < 1e-6
     assert (mass, weight) == (pytest.approx(0.0, abs=1e-3), pytest.approx(0.0, abs=1e-3))
     (line,) = told["lines"]
-    assert (line["result"]["name"], line["result"]["successes"]) == ("the described arm", 1)
+    assert (line["name"], line["successes"]) == ("the described arm", 1)

@@ -13,7 +13,7 @@ from cell.commands.cli import main
 from cell.config.load import load
 from cell.lab.frontier import measure as frontier
 from cell.lab.frontier.measure import Variant
-from cell.lab.reality.measure import (
+from cell.lab.reality import (
     ALL,
     SCALES,
     alone,
@@ -43,7 +43,7 @@ def test_an_error_alone_leaves_the_others_ideal_in_every_row(study):
     found, folder = study
     for line in found["lines"]:
         [row] = read_table(folder / line["folder"] / TABLE)
-        drawn = {name.removeprefix("reality.") for name, text in row.errors.items() if not _is_ideal(name, text)}
+        drawn = {name.removeprefix("reality.") for name, text in row.more.items() if not _is_ideal(name, text)}
         if line["family"] == ALL:
             assert bool(drawn) == (line["variant"] != "0")
         else:
@@ -100,7 +100,7 @@ def test_the_error_that_the_time_depends_on_ranks_first():
     for seed in range(200):
         height, force = rng.normal(size=2)
         drawn = {"reality.place.plate_height": f"{height}", "reality.grip.force": f"{math.exp(0.1 * force)}"}
-        rows.append(replace(SEATED, seed=seed, total_time=10.0 + height + 0.1 * rng.normal(), errors=drawn))
+        rows.append(replace(SEATED, seed=seed, total_time=10.0 + height + 0.1 * rng.normal(), more=drawn))
     first, second = ranking(ERRORS, rows)
     assert first.error == "place.plate_height"
     assert first.time > 0.7

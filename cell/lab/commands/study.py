@@ -2,10 +2,13 @@
 
 import argparse
 from importlib import import_module
+from importlib.util import find_spec
+from pathlib import Path
 from typing import TYPE_CHECKING, Protocol, cast
 
-from cell.commands.arguments import Parser, add_shared
+from cell.commands.arguments import Parser, add_shared, positive
 from cell.commands.terminal import GOOD, NOT_GOOD, show, written
+from cell.lab.arguments import Plan
 
 if TYPE_CHECKING:
     from cell.lab.report import StudyReport
@@ -14,10 +17,11 @@ SUMMARY = "one study: how fast, how exact, where a method fails"
 
 
 class Study(Protocol):
-    """Interface of a study's module `study.py`; it imports its dependencies when it runs."""
+    """A study: a `Plan`, or a module `study.py` that imports its dependencies when it runs."""
 
-    SUMMARY: str
-    """Purpose of the study, in one line for the help."""
+    @property
+    def SUMMARY(self) -> str:  # noqa: N802 - as in the modules of commands
+        """Purpose of the study, in one line for the help."""
 
     def add_arguments(self, parser: argparse.ArgumentParser) -> None:
         """Add the study's own arguments to those of every command."""
@@ -26,35 +30,100 @@ class Study(Protocol):
         """Measure, draw, write, and return the report."""
 
 
-STUDIES = (
+ONLY = {
+    "--only": {"action": "append", "default": [], "metavar": "NAME", "help": "a group of variants; all if not given"}
+}
+PLANS = {
+    "touch": Plan(
+        "cell.lab.compare",
+        "what touch is worth: each preset and a regime of turning pegs, beside the same with theta frozen or taken for 0",
+        "trials of each variant; default 20, with --quick 1",
+        options=ONLY,
+    ),
+    "seating": Plan(
+        "cell.lab.seating",
+        "holes without a switch: seated parts that are missed, and others taken for seated, by force against depth",
+        "trials of each case; default 20, with --quick 1",
+        options={
+            "--case": {"action": "append", "default": [], "metavar": "NAME", "help": "a case; all if not given"},
+        },
+    ),
+    "reality": Plan(
+        "cell.lab.reality",
+        "errors between the cell that is and the believed one: success, time and force against the size of each",
+        "trials of each size at most; default 40, of each row 12, with --quick 1",
+        options={
+            "--rows": {"action": "store_true", "help": "instead, a table of named errors, each at one stated size"}
+        },
+    ),
+    "opinion": Plan(
+        "cell.lab.opinion",
+        "a second opinion: whole trials on an arm that other people described, beside the cell's own, and what differs",
+        "trials on each arm; default 20, with --quick 1 on the described arm alone",
+        options={
+            "--model": {
+                "type": Path,
+                "metavar": "FILE",
+                "help": "URDF or MJCF file of an arm of seven hinges; the cell believes arm.model. Without it: the FR3 of the package franka-sim",
+            },
+            "--flange": {
+                "default": "",
+                "metavar": "NAME",
+                "help": "body or site that is the flange, what lies behind it being left out; the usual names if not given",
+            },
+        },
+    ),
+    "stability": Plan(
+        "cell.lab.stability",
+        "where the loop through the skin goes unstable, beside theory, and the margins of the gains in use",
+    ),
+    "learning": Plan(
+        "cell.lab.learning",
+        "time by number of the part on a cell that learns where the hole is, beside one that does not and one told wrongly",
+        "series in each mode; default 10, with --quick 1",
+        options={
+            "--parts": {"type": positive, "metavar": "N", "help": "parts of one fixture; default 20, with --quick 3"}
+        },
+    ),
+    "events": Plan(
+        "cell.lab.events",
+        "hole events, false and true: how often a search stops without a hole, how soon where there is one",
+        "searches without a hole; default 1000, with --quick 4",
+    ),
+    "tactile": Plan(
+        "cell.lab.tactile",
+        "reading the peg's angle from the taxels: every estimator's error, time and honesty",
+        has_workers=False,
+    ),
+    "contact": Plan(
+        "cell.lab.contact",
+        "the ladder of models of contact: how fast, how exact, where each fails",
+    ),
+    "limits": Plan(
+        "cell.lab.limits",
+        "what limits each phase: the bound by formula beside what trials of the default and of fast reach",
+        "of each preset; default 24, with --quick 1",
+    ),
+    "paper": Plan(
+        "cell.lab.paper",
+        "the published method under honest errors, beside the published table",
+        "trials, on seeds 500 after --seed; default 40 as in [gibbons], with --quick 1",
+    ),
+}
+"""Studies that are one module."""
+PACKAGES = (
     "speed",
-    "contact",
-    "line",
-    "handshake",
-    "wire",
-    "tactile",
-    "stability",
     "frontier",
-    "reality",
-    "touch",
-    "calibration",
-    "paper",
-    "events",
-    "records",
-    "page",
     "faults",
-    "learning",
-    "opinion",
-    "seating",
-    "limits",
 )
-"""Package of each study in the laboratory; each has a module `study`."""
+"""Studies that are a package with a module `study`. An installed program lacks `faults`, which attacks cells."""
+STUDIES = (*PACKAGES, *PLANS)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the studies, each with its own arguments."""
     studies = parser.add_subparsers(dest="name", required=True, metavar="NAME", parser_class=Parser)
-    for name in STUDIES:
+    for name in (name for name in STUDIES if name in PLANS or find_spec(f"cell.lab.{name}")):
         study = load_study(name)
         own = studies.add_parser(name, help=study.SUMMARY, description=study.SUMMARY)
         add_shared(own)
@@ -62,8 +131,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def load_study(name: str) -> Study:
-    """Return the module of a study."""
-    return cast(Study, import_module(f"cell.lab.{name}.study"))
+    """Return a study."""
+    return PLANS.get(name) or cast(Study, import_module(f"cell.lab.{name}.study"))
 
 
 def run(args: argparse.Namespace) -> int:

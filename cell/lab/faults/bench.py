@@ -13,7 +13,8 @@ import numpy as np
 from cell.config.load import LoadedConfig
 from cell.config.parameters import PARAMETERS
 from cell.devices.assembly import Cell, assemble, opened
-from cell.lab.faults.devices import FaultyArm, FaultyGripper, FaultySwitch
+from cell.lab.faults.cases import LONGEST
+from cell.lab.faults.devices import FaultyDevice
 from cell.records.journal import Journal
 from cell.run.line import PROGRAMS
 from cell.run.states import State
@@ -37,8 +38,6 @@ LIFE_TIMEOUT, PATIENCE = 2.0, 30.0
 computer."""
 LEASE_TIMEOUT = 30.0
 """Silence after which the lease is free again, s of wall time."""
-LONGEST = 600.0
-"""Longest wait for one command, s of wall time."""
 CYCLE = 0.02
 """Time between two checks of the cell, s of wall time."""
 TURN = 0.0005
@@ -115,9 +114,9 @@ class FaultBench:
 
     loaded: LoadedConfig
     cell: Cell
-    arm: FaultyArm
-    gripper: FaultyGripper
-    switch: FaultySwitch
+    arm: FaultyDevice
+    gripper: FaultyDevice
+    switch: FaultyDevice
     wire: EmulatedCan
     board: EmulatedSwitchBoard
     journal: Journal
@@ -218,7 +217,7 @@ class FaultBench:
             seen.moved = now
         seen.contact_force = max(seen.contact_force, real.peak_contact_force)
         with suppress(CellError):
-            arm = self.arm.arm.read()
+            arm = self.arm.device.read()
             seen.peak_force = max(seen.peak_force, float(np.linalg.norm(arm.wrench.force)))
             if seen.detected is not None and now >= seen.detected + REST_LIMIT:
                 seen.stood = arm.tcp.position if seen.stood is None else seen.stood
@@ -239,7 +238,7 @@ def bench(loaded: LoadedConfig, life_timeout: float = PATIENCE) -> Iterator[Faul
     with ExitStack() as stack:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
         made = assemble(loaded.cell)
-        arm, gripper, switch = FaultyArm(made.arm), FaultyGripper(made.gripper), FaultySwitch(made.switch)
+        arm, gripper, switch = (FaultyDevice(device) for device in (made.arm, made.gripper, made.switch))
         clock = WatchedClock(made.clock)
         cell = replace(made, arm=arm, gripper=gripper, switch=switch, clock=clock)
         journal = stack.enter_context(Journal(folder))

@@ -1,16 +1,19 @@
-"""One kind of fault: its start, and its repair by an operator."""
+"""One kind of fault: its start, its repair by an operator, and the required result."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
-from cell.lab.faults.bench import FaultBench
-from cell.lab.faults.starts import Program
+from cell.lab.faults.program import Program
+
+if TYPE_CHECKING:
+    from cell.lab.faults.bench import FaultBench
 
 Undo = Callable[[], None]
 """Function that repairs a fault."""
 
 
-def unharmed(bench: FaultBench) -> Undo:
+def unharmed(bench: "FaultBench") -> Undo:
     """Do nothing, if nothing needs repair."""
     return lambda: None
 
@@ -20,10 +23,15 @@ class FaultKind:
     """One kind of fault."""
 
     name: str
-    begin: Callable[[FaultBench], Undo] = unharmed
+    begin: "Callable[[FaultBench], Undo]" = unharmed
     """Function that causes the fault on the scan thread, and returns its repair."""
-    to_program: Callable[[Program], None] | None = None
-    """Function that causes the fault from outside, in a cell that is a separate program; None if `begin` causes it."""
+    to_program: Callable[[Program], Undo | None] | None = None
+    """Function that causes the fault from outside, in a cell that is a separate program; None if `begin` causes it. It
+    returns the function to call after the run; None if the program has been ended."""
+    is_timed: bool = False
+    """True if the fault can delay scans: the cell then runs in real time."""
+    needs_tls: bool = False
+    """True if the program needs a server with TLS."""
     is_harmless: bool = False
     """True if the cell must continue without any effect."""
     ends_program: bool = False

@@ -1,4 +1,4 @@
-"""Signals and starvation: the cell as a separate program in real time, disturbed from outside during an insertion."""
+"""The cell as a separate program, ended, starved, attacked or left without disk space during an insertion."""
 
 import math
 import os
@@ -7,124 +7,248 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing, suppress
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 import numpy as np
 
+from cell.lab.faults import attacks
 from cell.lab.faults.bench import PATIENCE
-from cell.lab.faults.cases import SILENT, FaultCase, word
-from cell.lab.faults.contract import FaultKind
-from cell.lab.faults.kills import CYCLE, ENDING, LAST, LEFT, LONGEST, Seen
-from cell.lab.faults.operator import brought_back
-from cell.lab.faults.starts import Program, served
+from cell.lab.faults.cases import INSERT, LONGEST, FaultCase, brought_back, remedy, reset_if_needed, word
+from cell.lab.faults.contract import FaultKind, Undo
+from cell.lab.faults.program import Program, certificate, served
 from cell.records.journal import Journal
+from cell.records.sample_blocks import BATCH
 from cell.records.samples import read_samples
 from cell.records.schema import LOST, RUNNING, RunRow
 from cell.run.states import State
 from drivers.errors import CellError
-from plc_bridge.messages import PartPlace, Result
+from drivers.quantities import Vector
+from plc_bridge.messages import PartPlace, Report, Result
 from plc_bridge.peer import Peer
+from plc_bridge.registers import Warnings
 from skills.catalogue import CATALOGUE
 from skills.rest import REST_SPEED
 
+CYCLE = 0.02
+"""Time between two cycles of the PLC, s of wall time."""
+LAST = 1.0
+"""Time before a signal from which samples can be lost, s of wall time."""
+ENDING = 30.0
+"""Longest wait for the end of a program after a request, s of wall time."""
+RECORDED = 60.0
+"""Longest time until a run is on record after its end, s of wall time."""
+WARNED = 3.0
+"""Longest time from the end of a run to its warning, s of wall time."""
+SCAN_RATE = 100.0
+"""Number of scans that the cell's sign of life counts in a second of its clock."""
+STARTS = 5
+"""Number of attempts to start an insertion, each after the reset or remedy that the refusal requires."""
 ENDS = {signal.SIGTERM: 0, signal.SIGINT: 0, signal.SIGHUP: 0, signal.SIGKILL: -signal.SIGKILL}
 """Signals that end the program, with the required exit status of each."""
 HELD_UP = 0.5
-"""Time for which the program is stopped or starved, s of wall time."""
-BUSY = "import time; end = time.monotonic() + {:g}\nwhile time.monotonic() < end: pass"
+"""Time for which the program is stopped, starved or attacked, s of wall time."""
+BUSY = f"import time; end = time.monotonic() + {HELD_UP:g}\nwhile time.monotonic() < end: pass"
 BUSY_EACH = 8
 """Number of programs per processor that starve the cell."""
-_INSERT = CATALOGUE["insert_peg"].code
+LEFT = {
+    "rack": ("rack", "unknown"),
+    "in_hand": ("unknown",),
+    "in_hole": ("in_hole", "unknown"),
+    "seated": ("rack", "unknown"),
+    "bin": ("bin", "rack", "unknown"),
+    "on_plate": ("on_plate",),
+    "unknown": ("unknown",),
+}
+"""Positions that the next start can report, by the last reported position. A peg can move on in the moment before the
+end, and a held peg has no known position after the hand is empty."""
 
 
-def _sent(number: signal.Signals) -> Callable[[Program], None]:
-    return lambda program: program.signal(number)
+def _sent(number: signal.Signals, program: Program) -> None:
+    program.signal(number)
 
 
-def _paused(program: Program) -> None:
+def _paused(program: Program) -> Undo:
     """Stop and continue the program, as a terminal or a debugger does."""
     program.signal(signal.SIGSTOP)
     time.sleep(HELD_UP)
     program.signal(signal.SIGCONT)
+    return lambda: None
 
 
-def _starved(program: Program) -> None:
+def _starved(program: Program) -> Undo:
     """Run many programs that compete with the cell for every processor."""
     number = BUSY_EACH * (os.cpu_count() or 1)
-    busy = [subprocess.Popen([sys.executable, "-S", "-c", BUSY.format(HELD_UP)]) for _ in range(number)]
-    for each in busy:
+    for each in [subprocess.Popen([sys.executable, "-S", "-c", BUSY]) for _ in range(number)]:
         each.wait()
+    return lambda: None
 
 
-PROCESS_KINDS: tuple[FaultKind, ...] = (
+def _attacked(attack: Callable[[attacks.Address, float], None], program: Program) -> Undo:
+    address = program.secure if attack is attacks.tls_storm else program.address
+    attacks.in_process(attack, address, HELD_UP)
+    return lambda: None
+
+
+def _full(then: Callable[[Program], None], program: Program) -> Undo:
+    """Let the disk seem full, and do something once the run has ended."""
+    program.limit(0)
+    return lambda: then(program)
+
+
+PROGRAM_KINDS: tuple[FaultKind, ...] = (
     *(
-        FaultKind(f"process: {number.name}", to_program=_sent(number), ends_program=True, status=status)
+        FaultKind(f"process: {number.name}", to_program=partial(_sent, number), ends_program=True, status=status)
         for number, status in ENDS.items()
     ),
-    FaultKind("process: stopped and continued", to_program=_paused),
-    FaultKind("process: starved", to_program=_starved),
+    FaultKind("process: stopped and continued", to_program=_paused, is_timed=True),
+    FaultKind("process: starved", to_program=_starved, is_timed=True),
+    FaultKind("disk: full, then room again", to_program=partial(_full, Program.limit), is_harmless=True),
+    *(
+        FaultKind(
+            f"disk: full, then {number.name}",
+            to_program=partial(_full, partial(_sent, number)),
+            ends_program=True,
+            status=ENDS[number],
+        )
+        for number in (signal.SIGTERM, signal.SIGKILL)
+    ),
+    *(
+        FaultKind(
+            f"line: {name}",
+            to_program=partial(_attacked, attack),
+            is_timed=True,
+            needs_tls=attack is attacks.tls_storm,
+            is_harmless=True,
+        )
+        for name, attack in attacks.ATTACKS.items()
+    ),
 )
-"""All kinds of faults of the program as a process."""
+"""All kinds of faults of the program as a process, and of its neighbours on the network."""
 
 
-def tried(kind: FaultKind, stage: str, moment: float, arguments: Sequence[str]) -> FaultCase:
+@dataclass(slots=True)
+class Seen:
+    """A PLC's readings of a run."""
+
+    run: int = 0
+    part: PartPlace = PartPlace.UNKNOWN
+    warnings: int = 0
+    """All warnings of the run combined."""
+    report: Report | None = None
+    """The last report."""
+    lives: list[tuple[float, int]] = field(default_factory=list)
+    """Wall times, and the number of scans since the first of them, from the cell's sign of life."""
+
+    @property
+    def scans(self) -> int:
+        """Number of scans reported so far."""
+        return self.lives[-1][1] if self.lives else 0
+
+    def see(self, report: Report) -> None:
+        """Add one report of the run."""
+        step = 0 if self.report is None else (report.life - self.report.life) % 0x10000
+        self.run, self.part, self.report = report.run, PartPlace(report.part), report
+        self.warnings |= report.warnings
+        if report.result == Result.NONE:
+            self.lives.append((time.monotonic(), step + self.scans))
+
+    def scans_before(self, span: float) -> int:
+        """Return the number of scans reported before the last `span`, s, of wall time.
+
+        If it is earlier, the limit is a block of samples: one second of the cell's clock.
+        """
+        now = time.monotonic()
+        told = max((scans for moment, scans in self.lives if moment <= now - span), default=0)
+        return max(min(told, self.scans - BATCH), 0)
+
+
+def tried(kind: FaultKind, stage: str, moment: float, arguments: Sequence[str], folder: Path) -> FaultCase:
     """Serve a cell, cause the fault `moment` seconds after `stage` begins, and check the record and further production.
 
     Args:
         kind: A kind with `to_program`.
         stage: Name of the stage.
-        moment: Time from the stage's first report to the fault, s of wall time.
+        moment: Time from the stage's first report to the fault, s.
         arguments: Further arguments of the served cell.
+        folder: Folder of the records, which the cases of a campaign share.
 
     Raises:
         CellError: The cell does not start, or does not answer.
     """
+    fast = ["--set", "sim.pace=max"]
+    arguments = [*arguments, "--set", f"plc.life_timeout={PATIENCE:g}", *([] if kind.is_timed else fast)]
+    tls = certificate(folder.parent) if kind.needs_tls else []
+    with Journal(folder):
+        pass  # a run that an earlier call interrupted is closed
+    before = _rows(folder)
+    with served(folder, arguments, tls) as program, closing(Peer(*program.address)) as peer:
+        case, seen, kept = _broken(kind, stage, moment, program, peer)
+        if not kind.ends_program:
+            back = brought_back(peer)
+            _wait_for_record(folder, seen.run)
+    with Journal(folder):
+        pass  # closes open runs of the program, as its next start does
+    after, now = _rows(folder), seen.part.name.lower()
+    if kind.ends_program:
+        with served(folder, [*arguments, *fast]) as program, closing(Peer(*program.address)) as peer:
+            now = PartPlace(peer.look().part).name.lower()
+            peer.connect()
+            peer.take()
+            back = brought_back(peer)
+    is_kept = all(after.get(run) == row for run, row in before.items()) and seen.run not in before
+    is_closed = all(row.outcome != RUNNING for row in after.values())
+    case = _on_record(case, after.get(seen.run), folder, kept, seen)
+    return replace(
+        case,
+        part_untrue=kind.ends_program and now not in LEFT[seen.part.name.lower()],
+        record=case.record and is_kept and is_closed,
+        reset=back[0],
+        actions=back[1],
+        following=back[2],
+    )
+
+
+def _broken(
+    kind: FaultKind, stage: str, moment: float, program: Program, peer: Peer
+) -> tuple[FaultCase, Seen, tuple[int, int]]:
+    """Run an insertion with the fault; return the readings, and the scans read until the fault and a second before it."""
     assert kind.to_program is not None
-    arguments = [*arguments, "--set", f"plc.life_timeout={PATIENCE:g}"]
-    with TemporaryDirectory() as name:
-        folder, seen = Path(name), Seen()
-        status: int | None = None  # of a program that continues, or does not end
-        with served(folder, arguments) as program, closing(Peer(*program.address)) as peer:
-            is_due = _lead_to(peer, stage, moment, seen)
-            told, kept = seen.lives[-1][1] if seen.lives else 0, seen.scans_before(LAST)
-            kind.to_program(program)
-            if kind.ends_program:
-                with suppress(CellError):
-                    status = program.wait(ENDING)
-            else:
-                _follow(peer, seen)
-                back = brought_back(peer)
-        with Journal(folder) as journal:  # closes open runs of the program, as its next start does
-            row = journal.find(seen.run)
-        now = seen.part.name.lower()
-        if kind.ends_program:
-            with (
-                served(folder, [*arguments, "--set", "sim.pace=max"]) as program,
-                closing(Peer(*program.address)) as peer,
-            ):
-                now = PartPlace(peer.look().part).name.lower()
-                peer.connect()
-                peer.take()
-                back = brought_back(peer)
-        case = _on_record(row, folder, told, kept)
-        assert seen.report is not None
-        return replace(
-            case,
-            kind=kind.name,
-            stage=stage,
-            moment=moment,
-            outcome=case.outcome if is_due else "not reached",
-            state=State(seen.report.state).name,
-            part=seen.part.name.lower(),
-            part_untrue=kind.ends_program and now not in LEFT[seen.part.name.lower()],
-            record=case.record and status == kind.status,
-            reset=back[0],
-            actions=back[1],
-            following=back[2],
-        )
+    seen, status, cycles = Seen(), None, list[float]()
+    is_due = _lead_to(peer, stage, moment, seen)
+    kept = seen.scans, seen.scans_before(LAST)
+    with ThreadPoolExecutor(1) as pool:
+        begin = pool.submit(kind.to_program, program)
+        while not kind.ends_program and not begin.done():
+            started = time.monotonic()
+            seen.see(peer.cycle())
+            cycles.append(time.monotonic() - started)
+            time.sleep(CYCLE)
+        end = begin.result()
+    if end is not None:
+        seen.see(peer.wait_for_result(LONGEST, seen.see))
+        peer.acknowledge()
+        if kind.name.startswith("disk"):
+            _wait_for_warning(peer, seen)
+        end()
+    if kind.ends_program:
+        with suppress(CellError):
+            status = program.wait(ENDING)
+    assert seen.report is not None
+    case = FaultCase(
+        kind=kind.name,
+        stage=stage,
+        moment=moment,
+        outcome=word(seen.report) if is_due else "not reached",
+        state=State(seen.report.state).name,
+        part=seen.part.name.lower(),
+        record=status == kind.status,
+        cycle=float(np.percentile(cycles, 99)) if cycles else math.nan,
+    )
+    return case, seen, kept
 
 
 def _lead_to(peer: Peer, stage: str, moment: float, seen: Seen) -> bool:
@@ -134,55 +258,96 @@ def _lead_to(peer: Peer, stage: str, moment: float, seen: Seen) -> bool:
         CellError: The cell refuses it, does not answer or does not reach the stage.
     """
     number, entered, deadline = CATALOGUE.stage_number(stage), math.inf, time.monotonic() + LONGEST
-    peer.connect()
-    peer.take()
-    report = peer.trigger(_INSERT)
-    while (now := time.monotonic()) < deadline and not report.refusal:
+    report = _started(peer)
+    while time.monotonic() < deadline and not report.refusal:
         if report.run:
             seen.see(report)
         if report.result != Result.NONE:
             return False
         if report.stage == number:
-            entered = min(entered, now)
-        if now >= entered + moment:
+            entered = min(entered, seen.scans)
+        if seen.scans >= entered + moment * SCAN_RATE:
             return True
         time.sleep(CYCLE)
         report = peer.cycle()
     raise CellError(f"the insertion does not come to {stage}: {word(report)}")
 
 
-def _follow(peer: Peer, seen: Seen) -> None:
-    """Record the reports of the run until it ends.
+def _started(peer: Peer) -> Report:
+    """Start an insertion, and first remove what an earlier case left in its way, as a person does."""
+    peer.connect()
+    peer.take()
+    for _ in range(STARTS):
+        if not (report := peer.trigger(INSERT)).refusal:
+            break
+        reset_if_needed(peer)
+        peer.run(remedy(report), timeout=LONGEST)
+    return report
 
-    Raises:
-        CellError: The cell does not answer.
-    """
-    seen.see(peer.wait_for_result(LONGEST, seen.see))
-    peer.acknowledge()
+
+def _wait_for_warning(peer: Peer, seen: Seen) -> None:
+    """Read a moment longer, until the report has a warning about lost data."""
+    deadline = time.monotonic() + WARNED
+    while not seen.warnings & Warnings.NOT_RECORDED and time.monotonic() < deadline:
+        seen.warnings |= peer.cycle().warnings
+        time.sleep(CYCLE)
 
 
-def _on_record(row: RunRow, folder: Path, told: int, kept: int) -> FaultCase:
-    """Return the record of a run.
+def _wait_for_record(folder: Path, run: int) -> None:
+    """Wait until the index contains the end of a run, or it is too late."""
+    deadline = time.monotonic() + RECORDED
+    while time.monotonic() < deadline and ((row := _rows(folder).get(run)) is None or row.outcome == RUNNING):
+        time.sleep(CYCLE)
+
+
+def _rows(folder: Path) -> dict[int, RunRow]:
+    with Journal(folder, is_read_only=True) as journal:
+        return {row.run: row for row in journal.runs(1_000_000)}
+
+
+def _on_record(case: FaultCase, row: RunRow | None, folder: Path, kept: tuple[int, int], seen: Seen) -> FaultCase:
+    """Judge the record of a run: it has the PLC's ending or is lost, and only data of its last second are missing.
 
     Args:
-        row: Its row.
+        case: The PLC's readings.
+        row: Row of the run.
         folder: Folder of the journal.
-        told: Number of its scans that the PLC had read at the time of the fault.
-        kept: Number of its scans that must be recorded.
+        kept: Number of its scans that the PLC had read until the fault, and a second before.
+        seen: The readings of the run.
     """
-    columns = read_samples(folder / f"run-{row.run:06d}.arrows")
-    stamps = columns["stamp"]
-    forces = np.linalg.norm(np.column_stack([columns[f"force_{axis}"] for axis in "xyz"]), axis=1)
-    moving = stamps[np.max(np.abs(columns["velocities"]), axis=1) > REST_SPEED] if stamps.size else stamps
-    is_ended = row.outcome in ("aborted", "fault")
+    if row is None:
+        return replace(case, record=False)
+    told, least = kept
+    stamps, forces, speeds = _samples(folder, row.run)
+    moving = stamps[speeds > REST_SPEED]
     since = stamps[min(told, stamps.size - 1)] if stamps.size else math.nan
+    is_ended = row.outcome in ("aborted", "fault")
+    is_read = case.outcome not in ("none", "not reached")
+    is_honest = row.outcome in (case.outcome, LOST) if is_read else row.outcome != RUNNING
+    # A run killed in its first second can have no record except its row.
+    is_whole = stamps.size >= max(least, row.outcome != LOST)
+    is_warned = stamps.size >= seen.scans or bool(seen.warnings & Warnings.NOT_RECORDED)
     return replace(
-        SILENT,
-        outcome=row.outcome,
+        case,
+        outcome=row.outcome if case.outcome == "none" else case.outcome,
         reason=row.reason,
         fault=row.fault,
         rest_after=max(float(moving[-1] - since), 0.0) if is_ended and moving.size else math.nan,
         peak_force=float(np.max(forces[told:], initial=0.0)),
-        # A run killed in its first second can have no record except its row.
-        record=bool(row.ended) and row.outcome != RUNNING and stamps.size >= max(kept, row.outcome != LOST),
+        record=case.record
+        and bool(row.ended)
+        and is_honest
+        and is_whole
+        and (is_warned or not case.kind.startswith("disk")),
     )
+
+
+def _samples(folder: Path, run: int) -> tuple[Vector, Vector, Vector]:
+    """Return time, s, force, N, and largest joint velocity, rad/s, of each recorded scan of a run."""
+    try:
+        columns = read_samples(folder / f"run-{run:06d}.arrows")
+    except CellError:
+        return np.zeros(0), np.zeros(0), np.zeros(0)
+    forces = np.linalg.norm(np.column_stack([columns[f"force_{axis}"] for axis in "xyz"]), axis=1)
+    speeds = np.max(np.abs(columns["velocities"]), axis=1) if columns["stamp"].size else np.zeros(0)
+    return columns["stamp"], forces, speeds

@@ -1,19 +1,15 @@
 """Faults during an insertion, one after the other, and the result of each."""
 
 import math
-from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, suppress
-from dataclasses import replace
-
-import numpy as np
+from pathlib import Path
 
 from cell.config.load import LoadedConfig
 from cell.lab.faults import ends
 from cell.lab.faults.bench import LIFE_TIMEOUT, PATIENCE, FaultBench, Sighting, bench
-from cell.lab.faults.cases import SILENT, FaultCase, Planned, word
+from cell.lab.faults.cases import INSERT, FaultCase, Planned, brought_back, word
 from cell.lab.faults.contract import FaultKind
-from cell.lab.faults.operator import brought_back
 from cell.peg.part_state import IN_HOLE_DEPTH
 from cell.run.states import State
 from drivers.errors import CellError
@@ -22,55 +18,19 @@ from sim.situation import PegSituation
 from sim.truth import Truth
 from skills.catalogue import CATALOGUE
 
-MOMENTS: dict[str, tuple[float, ...]] = {
-    "grasp_from_rack": (0.3, 1.5, 3.0, 4.2),
-    "spray_search": (0.5, 1.8, 2.8, 3.8),
-    "tactile_insert": (0.05, 0.4, 0.8, 1.3),
-    "spiral_adjust": (0.05, 0.3, 0.6, 0.9),
-    "release_and_retract": (0.05, 0.2, 0.4, 0.8),
-}
-"""Times from the first scan of each stage to the fault, s: over the whole stage, in motion, in contact and while the
-hand works."""
-QUICK = 150
-"""Number of cases in a shortened campaign."""
 CELL_CASES = 10
 """Number of cases for one served cell before a new one, with newly drawn errors."""
 SEEN_ON = 1.5
 """Time of observation of the arm after the run, s."""
 MENDED = 2.5
 """Time between repair and reset, s, in which a board is detected again; a skin's hub needs up to two seconds."""
-_INSERT = CATALOGUE["insert_peg"].code
-
-
-def cases(kinds: Sequence[FaultKind]) -> list[Planned]:
-    """Return all possible cases, kind by kind."""
-    return [(kind, stage, moment) for kind in kinds for stage, moments in MOMENTS.items() for moment in moments]
-
-
-def drawn(tried: Sequence[Planned], number: int, seed: int) -> list[Planned]:
-    """Return this number of cases at random.
-
-    Every kind occurs once before any kind repeats, and at every stage before any stage repeats.
-    """
-    rng = np.random.default_rng(seed)
-    shuffled = [tried[index] for index in rng.permutation(len(tried))]
-    stages: dict[str, list[str]] = {}
-    pairs: Counter[tuple[str, str]] = Counter()
-    ordered: list[tuple[int, int, Planned]] = []
-    for place, (kind, stage, moment) in enumerate(shuffled):
-        seen = stages.setdefault(kind.name, [])
-        if stage not in seen:
-            seen.append(stage)
-        turn = pairs[kind.name, stage] * len(MOMENTS) + seen.index(stage)
-        pairs[kind.name, stage] += 1
-        ordered.append((turn, place, (kind, stage, moment)))
-    return [case for _, _, case in sorted(ordered, key=lambda entry: entry[:2])][:number]
 
 
 def measure(
     make: Callable[[int], LoadedConfig],
     tried: Sequence[Planned],
-    watch: Callable[[FaultCase], None],
+    folder: Path,
+    watch: Callable[[FaultCase], None] = lambda case: None,
     done: int = 0,
     arguments: Callable[[int], Sequence[str]] = lambda number: (),
 ) -> list[FaultCase]:
@@ -79,6 +39,7 @@ def measure(
     Args:
         make: Function that returns the config of the cell with this number.
         tried: The cases.
+        folder: Folder for the records of cells that are separate programs; they share it.
         watch: Function called with each completed case.
         done: Number of cases from earlier calls.
         arguments: Function that returns the arguments of the program that serves the cell with this number.
@@ -89,13 +50,16 @@ def measure(
     found: list[FaultCase] = []
     for first in range(done - done % CELL_CASES, len(tried), CELL_CASES):
         batch = tried[max(first, done) : first + CELL_CASES]
-        for case in _served(make(first // CELL_CASES), batch, arguments(first // CELL_CASES)):
+        number = first // CELL_CASES
+        for case in _served(make(number), batch, arguments(number), folder):
             found.append(case)
             watch(case)
     return found
 
 
-def _served(loaded: LoadedConfig, tried: Sequence[Planned], arguments: Sequence[str]) -> Iterator[FaultCase]:
+def _served(
+    loaded: LoadedConfig, tried: Sequence[Planned], arguments: Sequence[str], folder: Path
+) -> Iterator[FaultCase]:
     """Run cases one after the other, and yield each when it is done."""
     with ExitStack() as stack:
         tested: FaultBench | None = None
@@ -108,11 +72,11 @@ def _served(loaded: LoadedConfig, tried: Sequence[Planned], arguments: Sequence[
                 tested = stack.enter_context(bench(loaded, life_timeout))
             try:
                 if tested is None:
-                    case = ends.tried(kind, stage, moment, arguments)
+                    case = ends.tried(kind, stage, moment, arguments, folder)
                 else:
                     case = _case(tested, kind, stage, moment)
             except CellError as error:
-                case = replace(SILENT, kind=kind.name, stage=stage, moment=moment, reason=str(error))
+                case = FaultCase(kind.name, stage, moment, reason=str(error))
             yield case
             if not case.is_back:
                 stack.close()
@@ -125,7 +89,7 @@ def _case(tested: FaultBench, kind: FaultKind, stage: str, moment: float) -> Fau
     tested.let_pass(MENDED)  # the line brings the next workpiece
     tested.arm_fault(stage, moment, lambda: undo.append(kind.begin(tested)))
     try:
-        report = tested.run(_INSERT)
+        report = tested.run(INSERT)
         if kind.ends_program and undo:
             tested.thread.join()
         outcome = _outcome(tested, report)
@@ -134,7 +98,7 @@ def _case(tested: FaultBench, kind: FaultKind, stage: str, moment: float) -> Fau
         if outcome != "success":
             tested.let_pass(SEEN_ON)
         part = PartPlace(report.part if outcome == "success" else tested.supervisor.report.part)
-        truth, is_gripping = _truth(tested), tested.gripper.gripper.read().is_gripping
+        truth, is_gripping = _truth(tested), tested.gripper.device.read().is_gripping
         record = kind.is_record_apart and _is_on_record(tested, report, outcome, kind)
     finally:
         seen, tested.seen, tested.stage = tested.seen, Sighting(), 0

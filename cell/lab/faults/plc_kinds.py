@@ -6,18 +6,15 @@ from collections.abc import Callable
 from contextlib import suppress
 
 from cell.lab.faults.bench import LIFE_TIMEOUT, FaultBench
+from cell.lab.faults.cases import INSERT
 from cell.lab.faults.contract import FaultKind, Undo
-from cell.lab.line.attacks import connect_storm, half_frames
-from cell.lab.line.cell_process import Doors
 from drivers.errors import CellError
 from plc_bridge.messages import Control
 from plc_bridge.peer import CellSilentError, Peer
-from skills.catalogue import CATALOGUE
 
 LASTING = 0.5
-"""Duration of torn blocks, storms and foreign connections, s of wall time."""
+"""Duration of torn blocks and foreign connections, s of wall time."""
 SILENT = "its life counter stands still for plc.life_timeout before anybody can know"
-_INSERT = CATALOGUE["insert_peg"].code
 
 
 def _lost(act: Callable[[FaultBench], None]) -> Callable[[FaultBench], Undo]:
@@ -46,29 +43,20 @@ def _torn(bench: FaultBench) -> Undo:
     return lambda: setattr(bench.peer, "torn_until", 0.0)
 
 
-def _meanwhile(work: Callable[[FaultBench], None]) -> Callable[[FaultBench], Undo]:
-    def begin(bench: FaultBench) -> Undo:
-        thread = threading.Thread(target=work, args=(bench,), daemon=True)
-        thread.start()
-        return thread.join
-
-    return begin
+def _second(bench: FaultBench) -> Undo:
+    thread = threading.Thread(target=_command, args=(bench,), daemon=True)
+    thread.start()
+    return thread.join
 
 
-def _storm(bench: FaultBench) -> None:
-    doors, now = Doors(bench.bridge.address, None), time.monotonic()
-    connect_storm(doors, now + LASTING / 2.0)
-    half_frames(doors, now + LASTING)
-
-
-def _second(bench: FaultBench) -> None:
+def _command(bench: FaultBench) -> None:
     """Let another PLC request the lease, and every command that only the holder may request."""
     peer, until = Peer(*bench.bridge.address), time.monotonic() + LASTING
     with suppress(CellError):
         peer.connect()
         peer.take()
         while time.monotonic() < until:
-            for code in (_INSERT, Control.HOLD, Control.RESET, Control.CLEARED):
+            for code in (INSERT, Control.HOLD, Control.RESET, Control.CLEARED):
                 peer.trigger(code)
     peer.close()
 
@@ -77,7 +65,6 @@ PLC_KINDS: tuple[FaultKind, ...] = (
     FaultKind("plc: killed", _lost(_killed), silences_plc=True, slow=SILENT),
     FaultKind("plc: frozen", _lost(_frozen), silences_plc=True, slow=SILENT),
     FaultKind("plc: blocks torn", _torn, is_harmless=True),
-    FaultKind("plc: storm of connections", _meanwhile(_storm), is_harmless=True),
-    FaultKind("plc: two at once", _meanwhile(_second), is_harmless=True),
+    FaultKind("plc: two at once", _second, is_harmless=True),
 )
 """All kinds of PLC faults."""

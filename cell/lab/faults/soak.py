@@ -1,50 +1,60 @@
-"""Hours of mixed commands on one served cell: growth of its memory, handles and threads."""
+"""Hours of mixed commands on one served cell, in pieces: growth of its memory, handles and threads."""
 
-import csv
 import os
 import threading
 import time
 from collections import Counter
-from collections.abc import Callable, Sequence
-from dataclasses import astuple, dataclass, fields
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from datetime import datetime
+from itertools import groupby
 from pathlib import Path
 
 import numpy as np
 
 from cell.config.load import LoadedConfig
-from cell.lab.faults import devices
-from cell.lab.faults.bench import CYCLE, LONGEST, WAITING, FaultBench, bench
-from cell.lab.faults.cases import WENT_ON
-from cell.lab.faults.measure import MOMENTS, bring_back
+from cell.lab.faults.bench import CYCLE, WAITING, FaultBench, bench
+from cell.lab.faults.cases import INSERT, LONGEST, RECOVER, STAGES, WENT_ON
+from cell.lab.faults.devices import ARM
+from cell.lab.faults.measure import bring_back
+from cell.lab.rows import kept_rows
+from cell.records.provenance import versions
+from cell.records.wall_clock import now_text
 from cell.run.states import State
-from drivers.errors import CellError
+from drivers.errors import CellError, ConfigError
 from plc_bridge.messages import Control, Report
 from plc_bridge.peer import Peer
 from skills.catalogue import CATALOGUE
 
 TABLE = "soak.csv"
 SAMPLES = 20
-"""Number of samples of memory, handles and threads."""
+"""Number of samples of memory, handles and threads in a piece."""
 SETTLED = 0.25
-"""Share of the time after which caches are filled and growth is measured."""
+"""Share of a piece after which caches are filled and growth is measured."""
 LATEST = 60
 """Largest PLC cycle number for an event during a run."""
 ENDED = tuple(state for state in WAITING if state is not State.HELD)
 """States without a running run."""
-_OVER = {Control.HOLD: WAITING, Control.UNHOLD: ENDED, Control.STOP: ENDED, Control.ABORT: ENDED}
+OVER = {Control.HOLD: WAITING, Control.UNHOLD: ENDED, Control.STOP: ENDED, Control.ABORT: ENDED}
 """States in which a control has been executed."""
 UNKNOWN_CODE, UNKNOWN_RECIPE = 9999, 999
-_INSERT, _GRASP = CATALOGUE["insert_peg"].code, CATALOGUE["grasp_from_rack"].code
 
 
 @dataclass(frozen=True, slots=True)
 class SoakSample:
-    """One sample of the program, after some of the commands."""
+    """One sample of the program, after some of the commands of a piece."""
 
+    piece: int
+    code: str
+    """Fingerprint of the program's code."""
+    began: str
+    """Start of the piece, ISO 8601."""
+    wall: float
+    """Time since then, hours."""
     hours: float
-    """Simulated time, hours."""
+    """Simulated time since then, hours."""
     commands: int
-    """Number of command groups up to this sample."""
+    """Number of command groups in the piece up to this sample."""
     seated: int
     """Number of groups whose last insertion was a success."""
     failed: int
@@ -60,97 +70,125 @@ class SoakSample:
     threads: int
 
 
-Act = Callable[[FaultBench, np.random.Generator], str]
-"""Group of commands; returns the ending of its last insertion: result, or reason of the refusal."""
+@dataclass(frozen=True, slots=True)
+class Piece:
+    """One piece of the soak; growth is per simulated hour after caches are filled."""
+
+    piece: int
+    began: str
+    gap: float
+    """Time since the end of the piece before, hours; 0 for the first."""
+    wall: float
+    hours: float
+    commands: int
+    seated: int
+    failed: int
+    lost: int
+    memory: float
+    handles: float
+    threads: float
 
 
-def soak(
-    loaded: LoadedConfig, hours: float, seed: int, watch: Callable[[SoakSample], None]
-) -> tuple[list[SoakSample], Counter[str]]:
-    """Send random commands to one cell for a number of simulated hours; return the samples, and the count of each
-    group.
+Act = Callable[[FaultBench, np.random.Generator], object]
+"""Group of commands before an insertion."""
+
+
+def earlier(path: Path) -> list[SoakSample]:
+    """Return the samples of earlier pieces.
+
+    Raises:
+        ConfigError: They are of other code than this.
+    """
+    rows, code = kept_rows(SoakSample, path), versions()["code"]
+    if any(row.code != code for row in rows):
+        raise ConfigError(f"{path}: pieces of other code, {rows[0].code} instead of {code}; another --out needed")
+    return rows
+
+
+def soak(loaded: LoadedConfig, piece: int, hours: float, seed: int) -> Iterator[SoakSample]:
+    """Send random commands to one cell for a number of simulated hours, and yield samples of the program.
 
     Raises:
         CellError: The cell cannot be created, or does not answer any more.
     """
-    rng, found, acts, endings = np.random.default_rng(seed), list[SoakSample](), Counter[str](), Counter[str]()
-    lost_after: list[str] = []
+    rng, endings, lost_after = np.random.default_rng((seed, piece)), Counter[str](), list[str]()
+    began, wall, samples = now_text(), time.monotonic(), 0
     with bench(loaded) as tested:
         start = tested.cell.clock.now()
-        while len(found) < SAMPLES:
+        while samples < SAMPLES:
             name = str(rng.choice(list(ACTS)))
-            acts[name] += 1
-            ending = ACTS[name](tested, rng)
+            ending = _ending(tested, ACTS[name], rng)
             endings[ending] += 1
             if ending not in WENT_ON:
-                lost_after.append(f"{name} ({acts.total()}): {ending}")
+                lost_after.append(f"{name} ({endings.total()}): {ending}")
             passed = (tested.cell.clock.now() - start) / 3600.0
-            if passed >= hours * (len(found) + 1) / SAMPLES:
-                found.append(_look(passed, endings, lost_after))
-                lost_after = []
-                watch(found[-1])
-    return found, acts
+            if passed < hours * (samples + 1) / SAMPLES:
+                continue
+            samples += 1
+            seated, failed = (endings[each] for each in WENT_ON)
+            yield SoakSample(
+                piece=piece,
+                code=versions()["code"],
+                began=began,
+                wall=(time.monotonic() - wall) / 3600.0,
+                hours=passed,
+                commands=endings.total(),
+                seated=seated,
+                failed=failed,
+                lost=endings.total() - seated - failed,
+                lost_after="; ".join(lost_after),
+                memory=int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 1e6,
+                handles=len(list(Path("/proc/self/fd").iterdir())),
+                threads=threading.active_count(),
+            )
+            lost_after = []
 
 
-def write(sample: SoakSample, path: Path) -> None:
-    """Add a sample to the table on the disk."""
-    is_new = not path.exists()
-    with path.open("a", newline="", encoding="utf-8") as stream:
-        writer = csv.writer(stream, lineterminator="\n")
-        if is_new:
-            writer.writerow([field.name for field in fields(SoakSample)])
-        writer.writerow(astuple(sample))
+def pieces(rows: Sequence[SoakSample]) -> list[Piece]:
+    """Return one line per piece, with the gap before it."""
+    found, ended = list[Piece](), None
+    for number, group in groupby(rows, key=lambda row: row.piece):
+        samples = list(group)
+        last, began = samples[-1], datetime.fromisoformat(samples[0].began).timestamp() / 3600.0
+        gap = 0.0 if ended is None else began - ended
+        ended = began + last.wall
+        totals = last.wall, last.hours, last.commands, last.seated, last.failed, last.lost
+        found.append(Piece(number, last.began, gap, *totals, *growth(samples)))
+    return found
 
 
 def growth(found: Sequence[SoakSample]) -> tuple[float, float, float]:
     """Return the growth of memory, MB, handles and threads per simulated hour, after caches are filled."""
     late = found[int(SETTLED * len(found)) :]
+    if len(late) < 2:
+        return 0.0, 0.0, 0.0
     hours = [sample.hours for sample in late]
-    memory, handles, threads = (
-        float(np.polyfit(hours, [float(getattr(sample, name)) for sample in late], 1)[0])
-        for name in ("memory", "handles", "threads")
-    )
+    counts = [(sample.memory, float(sample.handles), float(sample.threads)) for sample in late]
+    memory, handles, threads = np.polyfit(hours, counts, 1)[0].tolist()
     return memory, handles, threads
 
 
-def _look(hours: float, endings: Counter[str], lost_after: Sequence[str]) -> SoakSample:
-    pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1])
-    memory = pages * os.sysconf("SC_PAGE_SIZE") / 1e6
-    handles = len(list(Path("/proc/self/fd").iterdir()))
-    seated, failed = (endings[ending] for ending in WENT_ON)
-    total, told = endings.total(), "; ".join(lost_after)
-    return SoakSample(
-        hours, total, seated, failed, total - seated - failed, told, memory, handles, threading.active_count()
-    )
-
-
-def _inserted(tested: FaultBench) -> str:
-    """Insert a peg as an operator does after any event; return the ending."""
-    _, _, following = bring_back(tested)
-    return following
-
-
-def _insert(tested: FaultBench, rng: np.random.Generator) -> str:
-    return _inserted(tested)
+def _ending(tested: FaultBench, act: Act, rng: np.random.Generator) -> str:
+    """Execute a group, then insert a peg as an operator does after any event; return the ending."""
+    try:
+        act(tested, rng)
+    except CellError as error:
+        return f"{type(error).__name__}: {error}"
+    return bring_back(tested)[2]
 
 
 def _interrupted(*controls: Control) -> Act:
     """Return a function that sends these controls during an insertion, each when the cell waits after the previous one."""
 
-    def act(tested: FaultBench, rng: np.random.Generator) -> str:
-        tested.peer.trigger(_INSERT)
+    def act(tested: FaultBench, rng: np.random.Generator) -> None:
+        tested.peer.trigger(INSERT)
         _cycles(tested, lambda report: False, int(rng.integers(1, LATEST)))
         for control in controls:
             tested.peer.trigger(control)
-            _cycles(tested, _is_in(_OVER[control]))
+            _cycles(tested, lambda report, control=control: report.state in OVER[control])  # type: ignore[misc]
         tested.peer.acknowledge()
-        return _inserted(tested)
 
     return act
-
-
-def _is_in(states: Sequence[State]) -> Callable[[Report], bool]:
-    return lambda report: report.state in states
 
 
 def _cycles(tested: FaultBench, is_over: Callable[[Report], bool], most: int = round(LONGEST / CYCLE)) -> None:
@@ -161,53 +199,43 @@ def _cycles(tested: FaultBench, is_over: Callable[[Report], bool], most: int = r
         time.sleep(CYCLE)
 
 
-def _refused(tested: FaultBench, rng: np.random.Generator) -> str:
-    for code, recipe in ((UNKNOWN_CODE, 0), (_INSERT, UNKNOWN_RECIPE)):
-        tested.peer.run(code, recipe, timeout=LONGEST)
-    return _inserted(tested)
+def _commanded(*commands: tuple[int, int]) -> Act:
+    """Return a function that sends these commands and recipes, one after the other."""
+    return lambda tested, rng: [tested.peer.run(code, recipe, timeout=LONGEST) for code, recipe in commands]
 
 
-def _by_hand(tested: FaultBench, rng: np.random.Generator) -> str:
-    for code in (_GRASP, CATALOGUE["recover"].code, Control.CLEARED, Control.REFILLED):
-        tested.peer.run(code, timeout=LONGEST)
-    return _inserted(tested)
-
-
-def _connected_anew(tested: FaultBench, rng: np.random.Generator) -> str:
+def _connected_anew(tested: FaultBench, rng: np.random.Generator) -> None:
     tested.connect()
     onlooker = Peer(*tested.bridge.address)
     onlooker.look()
     onlooker.close()
-    return _inserted(tested)
 
 
-def _asked(tested: FaultBench, rng: np.random.Generator) -> str:
+def _asked(tested: FaultBench, rng: np.random.Generator) -> None:
     tested.journal.runs(50)
     tested.peer.read_diagnostics()
-    return _inserted(tested)
 
 
-def _reflex(tested: FaultBench, rng: np.random.Generator) -> str:
-    stage = str(rng.choice(list(MOMENTS)))
-    tested.arm_fault(stage, float(rng.uniform(0.0, 1.0)), lambda: setattr(tested.arm, "change", devices.reflex))
+def _reflex(tested: FaultBench, rng: np.random.Generator) -> None:
+    stage, moment = str(rng.choice(list(STAGES))), float(rng.uniform(0.0, 1.0))
+    tested.arm_fault(stage, moment, lambda: setattr(tested.arm, "change", ARM["reflex"]()))
     try:
-        tested.run(_INSERT)
-    except CellError as error:
-        return f"{type(error).__name__}: {error}"
+        tested.run(INSERT)
     finally:
         tested.arm.change, tested.stage = (lambda state: state), 0
-    return _inserted(tested)
 
 
 ACTS: dict[str, Act] = {
-    "insert": _insert,
+    "insert": lambda tested, rng: None,
     "hold, unhold": _interrupted(Control.HOLD, Control.UNHOLD),
     "stop": _interrupted(Control.STOP),
     "abort": _interrupted(Control.ABORT),
-    "refused": _refused,
-    "by hand": _by_hand,
+    "refused": _commanded((UNKNOWN_CODE, 0), (INSERT, UNKNOWN_RECIPE)),
+    "by hand": _commanded(
+        (CATALOGUE["grasp_from_rack"].code, 0), (RECOVER, 0), (Control.CLEARED, 0), (Control.REFILLED, 0)
+    ),
     "connect anew": _connected_anew,
     "ask the records": _asked,
     "reflex of the arm": _reflex,
 }
-"""Groups of commands; each ends with an insertion."""
+"""Groups of commands; each is followed by an insertion."""

@@ -42,6 +42,7 @@ def _line(kind: str, rows: Sequence[FaultCase], force_limit: float) -> dict[str,
         "creep": 1e3 * _largest([row.creep for row in rows]),
         "force": _largest([row.peak_force for row in rows]),
         "contact": _largest([row.contact_force for row in rows]),
+        "cycle": 1e3 * _largest([row.cycle for row in rows]),
         "wrong successes": sum(row.wrong_success for row in rows),
         "late rest": sum(row.rest > REST_LIMIT for row in rows),
         "late after": sum(row.rest_after > REST_AFTER_LIMIT for row in rows if row.kind not in SLOW),
@@ -59,7 +60,7 @@ def table(rows: Sequence[FaultCase], force_limit: float) -> Table:
     found = lines(rows, force_limit)
     shown = Table(
         title="Faults by kind",
-        caption="largest times in s from fault to report, from report to rest, from fault to rest; farthest way of the hand later than 0.3 s after the report, mm; largest force at the tool by the arm and of the plates on the peg in truth, N; the last nine columns count cases and should be 0",
+        caption="largest times in s from fault to report, from report to rest, from fault to rest; farthest way of the hand later than 0.3 s after the report, mm; largest force at the tool by the arm and of the plates on the peg in truth, N; p99 of the PLC's cycles during a fault from outside, ms; the last nine columns count cases and should be 0",
     )
     for name in found[0]:
         shown.add_column(name, justify="left" if name in ("kind", "codes") else "right")

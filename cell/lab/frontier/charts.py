@@ -111,11 +111,16 @@ def draw(lines: Sequence[FrontierLine], conditions: str, folder: Path) -> list[P
 
 
 def _draw(axes: Axes, curves: Mapping[str, Sequence[FrontierLine]], value: Callable[[FrontierLine], float]) -> None:
-    """Draw one quantity of every method against time, from slow to quick; of the success, with its 95 % interval."""
+    """Draw one quantity of every method against time, from slow to quick; of the success, with its 95 % interval.
+
+    A cross at the time of the last point shows that no trial succeeded at the next speed.
+    """
     for method, of in curves.items():
         timed, colour = [line for line in of if line.successes], METHODS[method].colour
         times = [line.mean for line in timed]
         axes.plot(times, [value(line) for line in timed], "o-", ms=5, lw=1.8, color=colour)
+        if value is success and timed and not of[-1].successes:
+            axes.plot(times[-1:] * 2, [value(timed[-1]), 0.0], ":x", ms=8, lw=1.5, color=colour)
         if value is success:
             ends = [
                 [value(line) - 100.0 * line.low for line in timed],
@@ -128,7 +133,7 @@ def _draw(axes: Axes, curves: Mapping[str, Sequence[FrontierLine]], value: Calla
         axes.set_ylim(-3.0, 110.0)
         axes.set_yticks(range(0, 101, 20))
     axes.set_xscale("log")
-    axes.set_xlim(right=LONGEST)
+    axes.set_xlim(TIMES[0], LONGEST)
     axes.set_xticks(TIMES, minor=False)
     axes.set_xticks([], minor=True)
     axes.xaxis.set_major_formatter("{x:g}")

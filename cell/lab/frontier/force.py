@@ -14,12 +14,13 @@ import numpy as np
 from cell.devices.assembly import Cell
 from cell.lab.frontier.hands import take_for_straight
 from drivers.quantities import ImpedanceSetpoint, Vector
+from skills import handling
 from skills.catalogue import ADJUST, GRASP, INSERT, RECOVER, RELEASE, RETRIED, SEARCH
 from skills.contract import Outcome, Reason, SkillContext, SkillResult
 from skills.flow import StageRecord, in_order, run_stage
-from skills.handling import Handling
 from skills.motion import VALIDITY, Goal
 from skills.paths import spiral_at_speed
+from skills.plan import InsertionPlan
 from skills.pull_out import LONGEST, approach
 from skills.spray_search import SpraySearchResult
 from skills.surface import Plane, SurfaceEstimate
@@ -45,19 +46,20 @@ class ForceSearch:
 def insert_by_force(cell: Cell, ctx: SkillContext, search: ForceSearch) -> list[StageRecord]:
     """Take a peg, search, turn it upright and press it down by force alone; search again as often as the cell's own program does."""
     take_for_straight(cell, ctx)
-    skills, handled = cell.config.skill_set(), cell.config.handling()
+    # The plan of a later attempt: that of the first one judges the depth of the peg by theta.
+    skills, plan = cell.config.skill_set(), cell.config.plan(attempt=1)
     search = replace(search, speed=search.speed * cell.config.speed_scale)
     records, attempt = GRASP.run(skills, ctx), 0
     while records[-1].result.outcome is Outcome.SUCCESS or records[-1].retried:
-        records.append(run_stage(SEARCH.name, lambda c: find_by_force(search, handled, c), ctx))
+        records.append(run_stage(SEARCH.name, lambda c: find_by_force(search, plan, c), ctx))
         found = records[-1].result
         if isinstance(found, SpraySearchResult) and found.outcome is Outcome.SUCCESS:
-            records += _seat(handled, found.plane, ctx)
+            records += _seat(plan, found.plane, ctx)
         last = records[-1].result
         if last.outcome is Outcome.SUCCESS:
             records += RELEASE.run(skills, ctx)
             break
-        if attempt == handled.retries or last.reason not in RETRIED:
+        if attempt == plan.retries or last.reason not in RETRIED:
             break
         records[-1], attempt = replace(records[-1], retried=True), attempt + 1
     last = records[-1].result
@@ -66,15 +68,17 @@ def insert_by_force(cell: Cell, ctx: SkillContext, search: ForceSearch) -> list[
     return records
 
 
-def _seat(handled: Handling, plane: Plane | None, ctx: SkillContext) -> list[StageRecord]:
-    # The first attempt of the cell's own insertion judges the depth by theta; a later one does not.
-    steps = [(INSERT.name, lambda c: handled.insert(c, plane, 1)), (ADJUST.name, lambda c: handled.adjust(c, plane, 1))]
+def _seat(plan: InsertionPlan, plane: Plane | None, ctx: SkillContext) -> list[StageRecord]:
+    steps = [
+        (INSERT.name, lambda c: handling.insert(plan, c, plane)),
+        (ADJUST.name, lambda c: handling.adjust(plan, c, plane)),
+    ]
     return in_order(steps, ctx)
 
 
-def find_by_force(params: ForceSearch, handled: Handling, ctx: SkillContext) -> SkillResult:
+def find_by_force(params: ForceSearch, plan: InsertionPlan, ctx: SkillContext) -> SkillResult:
     """Slide along a spiral about the middle of the area under a constant push until the tip drops and stays down."""
-    own, hole, part = handled.search, ctx.job.hole, ctx.job.peg.part
+    own, hole, part = plan.search, ctx.job.hole, ctx.job.peg.part
     v, closing = part.leaning(own.tilt_azimuth, own.tilt)
     middle, reach = np.array(hole.centre), math.hypot(*hole.area) / 2.0
     above = middle + np.array([0.0, 0.0, own.first_height(part.reach)])

@@ -14,9 +14,19 @@ import numpy as np
 
 from cell.config.cell_config import CellConfig
 from cell.config.load import load
-from cell.devices.assembly import make_tracker
 from cell.lab.rows import quantile, write_rows
-from cell.lab.trials import SUMMARY, TABLE, VOID, MakeTracker, Program, TrialRow, insert_peg, read_table, run_trials
+from cell.lab.trials import (
+    SUMMARY,
+    TABLE,
+    VOID,
+    MakeProbe,
+    Program,
+    TrialRow,
+    insert_peg,
+    no_probe,
+    read_table,
+    run_trials,
+)
 from cell.records.provenance import config_hash, versions
 from cell.records.statistics import Z95, RateTest, Verdict, mean, wilson
 from drivers.errors import CellError, FaultCode
@@ -41,8 +51,8 @@ class Variant:
     """Preset that replaces the config's own; None keeps the config's."""
     sets: tuple[str, ...]
     """Single keys, `KEY=VALUE`, on top of the preset."""
-    tracker: MakeTracker = make_tracker
-    """Function that creates the tracker of theta."""
+    probe: MakeProbe = no_probe
+    """Function that prepares each trial and returns its probe."""
     program: Program = insert_peg
     """Program of its trials."""
 
@@ -85,7 +95,7 @@ class FrontierLine:
     theta: float
     """Median over all trials of the root mean square error of theta, rad."""
     tip: float
-    """The same of the tip's place, m."""
+    """Median over all trials of the root mean square error of the tip's place, m."""
     jerk_free: float
     """95th percentile of the trials' largest jerk in free space, m/s³; the next field is the jerk elsewhere."""
     jerk_contact: float
@@ -98,6 +108,9 @@ class FrontierLine:
     """Endings other than success, with their counts."""
     error: str
     """Reason why the variant did not run; empty if it ran."""
+    turn_median: float = math.nan
+    """Median of the peg's largest rotation in the hand over all trials, rad."""
+    turn_p95: float = math.nan
     verdict: str = ""
     """Result of the sequential test that ended the trials; empty if every seed ran."""
 
@@ -166,11 +179,11 @@ def measure(
             trouble = str(error)
             done(len(seeds))
         else:
-            mark = _fingerprint(config, variant.tracker, variant.program)
+            mark = _fingerprint(config, variant.probe, variant.program)
             if mark not in ran:
                 place = re.sub(r"\W+", "-", f"{variant.family} {variant.name}").strip("-")
                 test = tests.get(variant.family) if tests else None
-                task = Task(config, seeds, test, folder / place, workers, scheduler, variant.tracker, variant.program)
+                task = Task(config, seeds, test, folder / place, workers, scheduler, variant.probe, variant.program)
                 ran[mark] = (place, *_run(task, done), test)
             else:
                 done(len(seeds))
@@ -181,9 +194,9 @@ def measure(
     return lines
 
 
-def _fingerprint(config: CellConfig, tracker: MakeTracker = make_tracker, program: Program = insert_peg) -> object:
-    """Return a value that is equal for configs with the same values, whatever their origin, and the same tracker and program."""
-    return config_hash(config.model_copy(update={"preset": "", "world": ""})), tracker, program
+def _fingerprint(config: CellConfig, probe: MakeProbe = no_probe, program: Program = insert_peg) -> object:
+    """Return a value that is equal for configs with the same values, whatever their origin, and the same probe and program."""
+    return config_hash(config.model_copy(update={"preset": "", "world": ""})), probe, program
 
 
 @dataclass(frozen=True, slots=True)
@@ -197,7 +210,7 @@ class Task:
     folder: Path
     workers: int
     scheduler: str | None
-    tracker: MakeTracker
+    probe: MakeProbe
     program: Program
 
     def is_enough(self, rows: Sequence[TrialRow]) -> bool:
@@ -229,7 +242,7 @@ def _run(task: Task, done: Callable[[int], None]) -> tuple[list[TrialRow], str]:
                 advance,
                 task.scheduler,
                 task.is_enough,
-                task.tracker,
+                task.probe,
                 task.program,
             )
     except Exception as error:  # any error: the results of the other variants are still useful
@@ -298,4 +311,6 @@ def _line(variant: Variant, place: str, rows: Sequence[TrialRow], trouble: str, 
         retries=sum(row.retries for row in rows),
         endings=", ".join(f"{count} x {text}" for text, count in endings.most_common()),
         error=trouble,
+        turn_median=quantile([row.max_in_hand_rotation for row in rows], 0.5),
+        turn_p95=quantile([row.max_in_hand_rotation for row in rows], 0.95),
     )

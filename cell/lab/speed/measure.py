@@ -6,12 +6,15 @@ the same minute. The smallest of several times is used, because other programs c
 
 import cProfile
 import math
+import socket
 import statistics
+import subprocess
+import sys
 import time
 import tomllib
 import tracemalloc
-from collections.abc import Callable, Mapping
-from contextlib import nullcontext
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
@@ -20,8 +23,6 @@ from tempfile import TemporaryDirectory
 from cell.config.cell_config import CellConfig
 from cell.config.load import LoadedConfig
 from cell.devices.assembly import assemble, opened
-from cell.lab.line.cell_process import bare_server, cell_process, patient
-from cell.lab.line.client import connected, time_requests
 from cell.lab.speed.starts import processor_time, start_of
 from cell.lab.trials import run_trial, seeded, trial_in
 
@@ -30,6 +31,8 @@ SEED = 1
 PAIRS = 3
 """Number of alternate measurements of a figure and its reference."""
 REQUESTS = 2000
+READ_TEN, ANSWERED = b"\x00\x01\x00\x00\x00\x06\x01\x03\x00\x00\x00\x0a", 29
+"""FC3 of 10 registers in its frame, and the size of the answer, bytes."""
 SMALL = 0.01
 """Share of a scan below which parts are combined."""
 IMPORT_MUJOCO = ("-c", "import mujoco")
@@ -116,18 +119,39 @@ def scan_ratio(config: CellConfig) -> float:
     return ratio(lambda: trial_time(config).outside, plain_python)
 
 
-def request_ratio(loaded: LoadedConfig) -> float:
+def request_ratio() -> float:
     """Return the median time of a read of ten registers from a served cell divided by that from pymodbus's own server."""
-    with (
-        cell_process(loaded, [], patient(loaded.cell.plc, 4)) as doors,
-        bare_server() as bare,
-        connected(doors.plain) as ours,
-        connected(bare) as theirs,
-    ):
-        return ratio(
-            lambda: statistics.median(time_requests(ours, REQUESTS)),
-            lambda: statistics.median(time_requests(theirs, REQUESTS)),
-        )
+    with TemporaryDirectory() as folder:
+        cell = ("cell", "serve", "--journal", folder, "--set", "plc.modbus.port=0")
+        with _serving(*cell) as ours, _serving("plc_bridge.bare") as bare:
+            return ratio(lambda: read_time(ours), lambda: read_time(bare))
+
+
+@contextmanager
+def _serving(*arguments: str) -> Iterator[tuple[str, int]]:
+    """Yield the address of a server in a separate process; its first line ends with its port."""
+    with subprocess.Popen(
+        [sys.executable, "-m", *arguments], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    ) as process:
+        assert process.stdout is not None
+        try:
+            yield "127.0.0.1", int(process.stdout.readline().rpartition(":")[2])
+        finally:
+            process.terminate()
+
+
+def read_time(address: tuple[str, int]) -> float:
+    """Return the median time of a read of ten registers over Modbus TCP, s."""
+    times = []
+    with socket.create_connection(address, timeout=10.0) as client:
+        client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        answers = client.makefile("rb")
+        for _ in range(REQUESTS):
+            started = time.perf_counter()
+            client.sendall(READ_TEN)
+            answers.read(ANSWERED)
+            times.append(time.perf_counter() - started)
+    return statistics.median(times)
 
 
 def start_ratio() -> float:
@@ -234,6 +258,6 @@ def all_ratios(loaded: LoadedConfig) -> Mapping[str, Callable[[], float]]:
     return {
         "trial": lambda: trial_ratio(loaded.cell),
         "scan": lambda: scan_ratio(loaded.cell),
-        "request": lambda: request_ratio(loaded),
+        "request": request_ratio,
         "start": start_ratio,
     }

@@ -106,7 +106,7 @@ def _heavier(link, factor):
 
 @pytest.mark.parametrize("takes", [EVERYTHING, ("inertia", "gravity"), ("kinematics", "gravity")])
 def test_what_the_believed_weights_do_not_compensate_is_left_over(written, takes):
-    from cell.lab.opinion.figures import gravity_torque
+    from cell.lab.opinion import gravity_torque
 
     factor = 1.5 if "inertia" in takes else 1.0
     truth = written(description(1.5), takes=takes).true(ideal(ARM), np.ones(JOINTS))

@@ -6,7 +6,7 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
-from cell.lab.tactile.elastic_layer import POISSON, THICKNESS, LayerPads, layer, layer_pads
+from cell.lab.elastic_layer import POISSON, THICKNESS, LayerPads, layer, layer_pads
 from drivers.part.round import Round
 from drivers.skin.layout import LAYOUTS
 from sim.config import PadConfig

@@ -89,11 +89,11 @@ def test_a_sweep_measures_from_where_it_began_and_keeps_the_greatest_height() ->
 
 
 def test_each_attempt_sweeps_about_its_own_middle_and_at_least_as_far_as_a_wall_is_felt() -> None:
-    params = load().cell.corner.insert
-    most = math.radians(10.0)
-    centres = [sweep_of(params, most, attempt).centre for attempt in range(4)]
-    assert centres == pytest.approx([0.0, 0.6 * most, -0.6 * most, 0.0])
-    assert sweep_of(params, 0.0, 0).reach == pytest.approx(params.felt + params.margin)
+    cell, most = load(sets=("peg.shape=square",)).cell, math.radians(10.0)
+    sweeps = [sweep_of(cell.plan(attempt).corner.insert, most) for attempt in range(4)]
+    assert [sweep.centre for sweep in sweeps] == pytest.approx([0.0, 0.6 * most, -0.6 * most, 0.0])
+    params = cell.corner.insert
+    assert sweep_of(params, 0.0).reach == pytest.approx(params.felt + params.margin)
 
 
 def test_the_yaw_reaches_the_middle_of_its_sweep_when_the_peg_has_settled() -> None:
@@ -104,9 +104,10 @@ def test_the_yaw_reaches_the_middle_of_its_sweep_when_the_peg_has_settled() -> N
 
 
 def test_the_first_sweep_covers_every_yaw_that_the_hole_can_have_within_its_timeout_and_no_sweep_goes_beyond() -> None:
-    params, most = load().cell.corner.insert, math.radians(10.0)
+    cell, most = load(sets=("peg.shape=square",)).cell, math.radians(10.0)
     for attempt in range(3):
-        sweep = sweep_of(params, most, attempt)
+        params = cell.plan(attempt).corner.insert
+        sweep = sweep_of(params, most)
         yaws = [sweep.yaw(time, 1.5, params) for time in np.arange(1.5, params.timeout, 0.01)]
         assert max(np.abs(yaws)) <= most + params.margin
         assert attempt > 0 or (min(yaws) < -most and max(yaws) > most)

@@ -58,7 +58,8 @@ class Bench(ScriptedHand):
     def insert(self, plane=None, attempt=0, **changes):
         """Run the insertion with these parameters beside the shipped ones."""
         self.move()
-        return run(PARAMS.model_copy(update={"timeout": 2.0, **changes}), self.ctx, plane, attempt)
+        changed = {"centre": PARAMS.centres[attempt], "timeout": 2.0, **changes}
+        return run(PARAMS.model_copy(update=changed), self.ctx, plane)
 
     def scans(self):
         """Return each observation with the setpoint that followed on it."""

@@ -13,8 +13,8 @@ from skills.catalogue import ADJUST, GRASP, INSERT, SEARCH
 from skills.contract import Outcome, Reason
 from skills.corner_adjust import CornerAdjustResult
 from skills.grip import grip_of
-from skills.handling import FIRST_STALL, Sections, handling, stall_share
-from skills.pace import Pace
+from skills.handling import adjust, insert
+from skills.plan import FIRST_STALL, plan_insertion
 from skills.play import allowed_depth
 from skills.search.size import DIP, PUSH, STATED
 from skills.spiral_adjust import SpiralAdjustResult
@@ -31,38 +31,27 @@ FELT = Plane(HOLE, rotation_about(SIDE, 0.04) @ UP)
 """Plate that was felt not to be level."""
 
 
-def sections(cell=CELL, grip_share=1.0, force=None, inserting=60.0, **adjust):
-    """Return the sections of a cell's file, but for the grip, the longest insertion, s, and these parameters of the adjustment."""
-    grasp, insert, corner = cell.params(GRASP), cell.params(INSERT), cell.corner
-    brief = corner.insert.model_copy(update={"timeout": min(inserting, corner.insert.timeout)})
-    return Sections(
-        search=cell.params(SEARCH),
-        insert=insert.model_copy(update={"timeout": inserting}),
-        adjust=cell.params(ADJUST).model_copy(update=adjust),
-        corner=corner.model_copy(update={"insert": brief}),
-        retries=RETRIES,
-        paper=cell.paper,
-        grasp=grasp if force is None else grasp.model_copy(update={"force": force}),
-        pace=Pace(),
-        grip_share=grip_share,
-    )
-
-
-def made(cell=CELL, **changes):
-    """Return how the part of a cell is handled."""
-    return handling(cell.peg.part, sections(cell, **changes))
+def plan(cell=CELL, attempt=0, grip_share=1.0, force=None, inserting=60.0, retries=RETRIES, **adjust):
+    """Return the plan of a cell, but for the grip, the longest insertion, s, and these parameters of the adjustment."""
+    skills, brief = cell.skill_set(), cell.corner.insert.model_copy(update={"timeout": min(inserting, 6.0)})
+    changes = {"grasp": {} if force is None else {"force": force}, "insert": {"timeout": inserting}, "adjust": adjust}
+    changed = {name: skills.sections[name].model_copy(update=each) for name, each in changes.items()}
+    corner = cell.corner.model_copy(update={"insert": brief})
+    skills = replace(skills, sections={**skills.sections, **changed}, corner=corner, retries=retries)
+    return plan_insertion(skills, cell.peg, cell.hole, grip_share, attempt)
 
 
 @pytest.mark.parametrize(
     ("attempt", "retries", "share"), [(0, 4, FIRST_STALL), (1, 4, 1.0), (4, 4, 1.0), (0, 0, 1.0), (0, 1, FIRST_STALL)]
 )
 def test_a_jam_is_given_up_sooner_where_a_first_attempt_is_not_the_last(attempt, retries, share):
-    assert stall_share(attempt, retries) == share < 1.01
+    adjust = plan(attempt=attempt, retries=retries, stall_timeout=5.0).adjust
+    assert (adjust.stall_timeout, adjust.stall_at_bottom) == pytest.approx((5.0 * share, 10.0 * share))
 
 
 @pytest.mark.parametrize("cell", [CELL, SQUARE.cell])
 def test_a_weak_grip_searches_with_what_the_pads_bear_and_as_much_slower(cell):
-    firm, weak = made(cell).search, made(cell, grip_share=WEAK).search
+    firm, weak = plan(cell).search, plan(cell, grip_share=WEAK).search
     bears = grip_of(cell.params(GRASP), WEAK).bears_over_plate(weak.tilt, weak.dip_threshold)
     assert weak.push_stiffness * weak.push_offset == pytest.approx(bears)
     assert weak.speed / firm.speed == pytest.approx(weak.push_stiffness / firm.push_stiffness)
@@ -70,7 +59,7 @@ def test_a_weak_grip_searches_with_what_the_pads_bear_and_as_much_slower(cell):
 
 def test_a_thin_peg_is_pushed_harder_and_told_by_a_shallower_fall():
     thin = load(sets=["peg.diameter=0.004", "hole.diameter=0.0041"]).cell
-    search, stated = made(thin, force=200.0).search, thin.params(SEARCH)
+    search, stated = plan(thin, force=200.0).search, thin.params(SEARCH)
     assert (
         search.push_stiffness * search.push_offset == pytest.approx(PUSH) != stated.push_stiffness * stated.push_offset
     )
@@ -79,13 +68,13 @@ def test_a_thin_peg_is_pushed_harder_and_told_by_a_shallower_fall():
 
 
 def test_a_round_peg_is_searched_again_as_often_as_its_recipe_says_and_steered_by_the_insertion_alone():
-    round_peg = made()
-    assert (round_peg.retries, dict(round_peg.steered), round_peg.blend) == (RETRIES, {}, None)
+    round_peg = plan()
+    assert (round_peg.retries, round_peg.steered, round_peg.corner) == (RETRIES, {}, None)
 
 
 def test_a_peg_with_corners_is_searched_again_and_steered_as_its_own_section_says():
-    square, corner = made(SQUARE.cell), SQUARE.cell.corner
-    assert (square.retries, square.blend) == (corner.retries, corner.blend)
+    square, corner = plan(SQUARE.cell), SQUARE.cell.corner
+    assert (square.retries, square.insert) == (corner.retries, None)
     assert square.steered == {
         "corner.insert.gains": corner.insert.gains,
         "corner.adjust.gains": corner.adjust.gains,
@@ -123,7 +112,7 @@ def test_only_the_first_insertion_judges_an_aligned_peg_by_its_depth(bench, atte
     least = params.least_share * allowed_depth(params.aligned, CELL.peg.part.thickness, CELL.hole.part.thickness)
     bench.way = lambda time: hand(HOLE - (least - CELL.peg.part.reach * math.sin(lean) - 1e-5) * UP, lean)
     bench.move()
-    ended = made().insert(bench.ctx, None, attempt)
+    ended = insert(plan(attempt=attempt), bench.ctx, None)
     assert ended.outcome is (Outcome.SUCCESS if is_enough else Outcome.FAILURE)
     assert ended.elapsed == 0.0
 
@@ -133,7 +122,7 @@ def test_only_the_first_insertion_judges_an_aligned_peg_by_its_depth(bench, atte
 def test_an_insertion_counts_from_the_plate_that_was_felt(request, kind, attempt):
     bench = request.getfixturevalue(kind)
     bench.move()
-    ended = made(bench.rig.cell.config).insert(bench.ctx, LOWER, attempt)
+    ended = insert(plan(bench.rig.cell.config, attempt), bench.ctx, LOWER)
     assert (ended.reason, ended.elapsed) == (Reason.NOT_ALIGNED, 0.0)
 
 
@@ -143,7 +132,7 @@ def test_a_weak_grip_inserts_with_a_weaker_push(request, kind, attempt):
     bench = request.getfixturevalue(kind)
     cell = bench.rig.cell.config
     bench.move()
-    made(cell, grip_share=WEAK, inserting=0.05).insert(bench.ctx, None, attempt)
+    insert(plan(cell, attempt, grip_share=WEAK, inserting=0.05), bench.ctx, None)
     bears = grip_of(cell.params(GRASP), WEAK).bears
     assert bench.pushes.max() * cell.params(INSERT).push_offset < 1.001 * bears
 
@@ -152,7 +141,7 @@ def test_a_weak_grip_inserts_with_a_weaker_push(request, kind, attempt):
 def test_the_first_adjustment_of_several_gives_a_jam_up_sooner(bench, attempt, share):
     bench.way = lambda time: hand(HOLE - 1e-3 * UP)
     bench.move()
-    ended = made(stall_timeout=0.5).adjust(bench.ctx, None, attempt)
+    ended = adjust(plan(attempt=attempt, stall_timeout=0.5), bench.ctx, None)
     assert (ended.outcome, ended.reason) == (Outcome.FAILURE, Reason.NOT_SEATED)
     assert ended.elapsed == pytest.approx(share * 0.5, abs=2.5 * PERIOD)
 
@@ -160,21 +149,21 @@ def test_the_first_adjustment_of_several_gives_a_jam_up_sooner(bench, attempt, s
 def test_the_only_adjustment_is_as_patient_as_its_recipe(bench):
     bench.way = lambda time: hand(HOLE - 1e-3 * UP)
     bench.move()
-    only = handling(CELL.peg.part, replace(sections(stall_timeout=0.5), retries=0))
-    assert only.adjust(bench.ctx, None, 0).elapsed == pytest.approx(0.5, abs=2.5 * PERIOD)
+    only = plan(retries=0, stall_timeout=0.5)
+    assert adjust(only, bench.ctx, None).elapsed == pytest.approx(0.5, abs=2.5 * PERIOD)
 
 
 def test_an_adjustment_goes_by_the_plate_that_was_felt(bench):
     bench.way = lambda time: hand()
     bench.move()
-    made(timeout=0.05).adjust(bench.ctx, FELT, 0)
+    adjust(plan(timeout=0.05), bench.ctx, FELT)
     np.testing.assert_allclose(bench.commanded[0].axis, FELT.normal, atol=1e-9)
 
 
 def test_a_weak_grip_adjusts_with_a_weaker_push(bench):
     bench.way = lambda time: hand()
     bench.move()
-    made(timeout=0.05, grip_share=WEAK).adjust(bench.ctx, None, 0)
+    adjust(plan(timeout=0.05, grip_share=WEAK), bench.ctx, None)
     assert bench.pushes[0] * CELL.params(ADJUST).push_offset < grip_of(CELL.params(GRASP), WEAK).bears
 
 
@@ -189,12 +178,12 @@ SETTLED = (
 @pytest.mark.parametrize(("attempt", "later"), [(0, True), (1, False)])
 def test_each_attempt_to_insert_a_peg_with_corners_sweeps_about_another_middle(square, attempt, later):
     """A hand that does not turn lags by more than is felt at once, where the middle is so far off, or later."""
-    insert = SQUARE.cell.corner.insert
-    square.way = lambda time: corner_hand(HOLE, SQUARE.cell.corner.tilt if time < 0.5 else insert.tilt)
+    given = SQUARE.cell.corner.insert
+    square.way = lambda time: corner_hand(HOLE, SQUARE.cell.corner.tilt if time < 0.5 else given.tilt)
     square.move()
-    ended = made(SQUARE.cell).insert(square.ctx, None, attempt)
+    ended = insert(plan(SQUARE.cell, attempt), square.ctx, None)
     assert ended.outcome is Outcome.SUCCESS
-    sweeping = insert.felt / insert.turn_rate if later else 0.0
+    sweeping = given.felt / given.turn_rate if later else 0.0
     assert ended.elapsed == pytest.approx(SETTLED + sweeping, abs=3 * PERIOD)
 
 
@@ -215,7 +204,7 @@ def test_a_peg_with_corners_is_seated_once_it_is_between_the_walls_and_turns_as_
     square.way = entering
     square.rig.at(0.3, lambda: setattr(square.rig.switch, "state", SwitchState.CLOSED))
     square.move()
-    ended = made(SQUARE.cell).adjust(square.ctx, None, 0)
+    ended = adjust(plan(SQUARE.cell), square.ctx, None)
     assert isinstance(ended, SpiralAdjustResult)
     assert (ended.outcome, ended.elapsed) == (Outcome.SUCCESS, pytest.approx(0.3, abs=1.1 * PERIOD))
     seating = [each for each in square.commanded if each.id == square.commanded[-1].id]
@@ -228,7 +217,7 @@ def test_a_peg_with_corners_that_does_not_get_between_the_walls_is_not_seated(sq
     strays = 1.1 * SQUARE.cell.corner.adjust.strayed
     square.way = lambda time: corner_hand(HOLE + (strays * SIDE if time > 0.05 else 0.0), 0.12)
     square.move()
-    ended = made(SQUARE.cell).adjust(square.ctx, None, 0)
+    ended = adjust(plan(SQUARE.cell), square.ctx, None)
     assert isinstance(ended, CornerAdjustResult)
     assert (ended.outcome, ended.reason) == (Outcome.FAILURE, Reason.NOT_SEATED)
     assert len({each.id for each in square.commanded}) == 1
@@ -237,7 +226,7 @@ def test_a_peg_with_corners_that_does_not_get_between_the_walls_is_not_seated(sq
 def test_both_parts_of_the_adjustment_of_a_peg_with_corners_go_by_the_plate_that_was_felt(square):
     square.way = entering
     square.move()
-    made(SQUARE.cell, timeout=0.05).adjust(square.ctx, FELT, 0)
+    adjust(plan(SQUARE.cell, timeout=0.05), square.ctx, FELT)
     first, then = square.commanded[0], square.commanded[-1]
     assert first.id != then.id
     assert angle_between(first.axis, square.seen[0].axis) < 1e-3
@@ -250,7 +239,7 @@ def test_both_parts_of_the_adjustment_of_a_peg_with_corners_go_by_the_plate_that
 def test_a_weak_grip_brings_a_peg_with_corners_in_and_seats_it_with_weaker_pushes(square):
     square.way = entering
     square.move()
-    made(SQUARE.cell, timeout=0.05, grip_share=WEAK).adjust(square.ctx, None, 0)
-    bears, adjust = grip_of(SQUARE.cell.params(GRASP), WEAK).bears, SQUARE.cell.corner.adjust
-    assert square.pushes[0] * adjust.push_offset < bears
+    adjust(plan(SQUARE.cell, timeout=0.05, grip_share=WEAK), square.ctx, None)
+    bears, entry = grip_of(SQUARE.cell.params(GRASP), WEAK).bears, SQUARE.cell.corner.adjust
+    assert square.pushes[0] * entry.push_offset < bears
     assert square.pushes[-1] * SQUARE.cell.params(ADJUST).push_offset < bears

@@ -4,13 +4,13 @@ import pytest
 
 from cell.config.load import load
 from drivers.errors import ConfigError
-from skills.catalogue import ADJUST, GRASP, INSERT, SEARCH
-from skills.pace import Capped, Pace, at_pace, capped
+from skills.catalogue import ADJUST, GRASP, SEARCH
+from skills.pace import Pace, at_pace
 
 CELL = load(preset="paper").cell
 SPEEDS = (
     *("grasp.transfer.speed", "grasp.transfer.turn_speed", "grasp.drawing_speed", "release.transfer.speed"),
-    *("search.speed", "search.crossings", "search.descent", "search.probe_speed", "search.pull.speed"),
+    *("search.speed", "search.descent", "search.probe_speed", "search.pull.speed"),
     *("search.pull.dither_rate", "insert.turn_rate", "adjust.growth", "adjust.turn_rate", "adjust.dither_rate"),
     *("corner.insert.raise_rate", "corner.insert.turn_rate", "corner.adjust.turn_rate", "recover.pull.speed"),
     *("paper.search.speed", "paper.adjust.turn_rate", "recover.transfer.speed"),
@@ -60,30 +60,16 @@ def test_a_scaled_search_keeps_its_forces_and_lengths():
     assert all(getattr(slow, name) == getattr(CELL.params(SEARCH), name) for name in kept)
 
 
-@pytest.mark.parametrize(
-    ("skill", "found"),
-    [
-        (GRASP, Capped("grasp.transfer.speed", 2.5, 1.7)),
-        (INSERT, Capped("insert.turn_rate", 5.5, 2.5)),
-        (ADJUST, None),
-    ],
-)
-def test_the_arms_limits_cap_speeds(skill, found):
-    named = capped(CELL.params(skill), Pace(10.0, speed=1.7, turn_speed=2.5), skill.section)
-    assert found in named if found is not None else not named
+@pytest.mark.parametrize(("speed", "turn_speed"), [(1.7, 2.5), (0.2, 0.5)])
+def test_the_arms_limits_cap_speeds(speed, turn_speed):
+    paced = at_pace(CELL.params(GRASP).transfer, Pace(10.0, speed, turn_speed))
+    assert (paced.speed, paced.turn_speed) == (speed, turn_speed)
 
 
 def test_the_speed_on_its_circle_caps_a_rate():
     spiral = CELL.params(ADJUST)
     paced = at_pace(spiral, Pace(10.0, speed=1.0, turn_speed=0.1))
     assert paced.turn_rate * spiral.radius == pytest.approx(1.0)
-
-
-@pytest.mark.parametrize("scale", [0.5, 2.0])
-def test_the_key_scales_the_search_in_force(scale):
-    assert load(sets=[f"speed_scale={scale}"]).cell.handling().search.speed == pytest.approx(
-        scale * load().cell.handling().search.speed
-    )
 
 
 def test_a_figure_without_a_key_is_unknown_to_a_config():

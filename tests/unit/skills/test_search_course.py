@@ -10,7 +10,7 @@ from cell.config.load import load
 from skills.catalogue import SEARCH
 from skills.paths import TURN_TIME, Lanes
 from skills.search.belief import Belief
-from skills.search.course import ANYWHERE, OUTSIDE, fastest, leading, make_course
+from skills.search.course import ANYWHERE, OUTSIDE, leading, make_course
 from skills.search.tour import GATE, Left, Likely
 
 RIM = np.linspace(-math.pi, math.pi, 2001)
@@ -90,16 +90,6 @@ def test_lanes_reach_beyond_the_area_by_their_margins_and_lie_a_pitch_apart_at_m
     assert swept[:, fast].max() == pytest.approx(AREA[fast] / 2 + 2e-3, abs=2e-4)
     assert course.path.lanes == lanes
     assert swept[:, 1 - fast].max() == pytest.approx(half * (1.0 - 1.0 / lanes), abs=2e-4)
-
-
-@pytest.mark.parametrize(("dip", "share"), [(3e-4, 1.0), (6e-4, 1.0), (0.75e-4, 2.0)])
-def test_a_peg_crosses_so_much_of_the_hole_while_it_falls_by_the_dip_threshold(dip, share):
-    """Under a constant push a quarter of the fall takes half the time."""
-    most = PARAMS.crossings * WIDTH * share
-    assert fastest(PARAMS.crossings, dip, WIDTH) == pytest.approx(most)
-    for speed in (0.9 * most, 1.1 * most):
-        path = course_of(speed=speed, dip_threshold=dip).path
-        assert abs(path.at(0.1)[1][1]) == pytest.approx(min(speed, most))
 
 
 @pytest.mark.parametrize("azimuth", [0.0, 2.0])

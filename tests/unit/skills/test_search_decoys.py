@@ -13,7 +13,7 @@ from skills.search.tour import Left
 from skills.seating import CLOSED_TOLERANCE
 
 CONFIG = load().cell
-JOB, PARAMS = CONFIG.job(), CONFIG.handling().search
+JOB, PARAMS = CONFIG.job(), CONFIG.plan().search
 HOLE, WIDTH = JOB.hole, JOB.hole.part.inscribed
 PLACE = (0.51, 0.01)
 

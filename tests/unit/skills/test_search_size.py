@@ -8,9 +8,8 @@ import pytest
 from cell.config.load import load
 from skills.catalogue import GRASP, SEARCH
 from skills.grip import grip_of
-from skills.search.course import fastest
 from skills.search.feel import Evidence
-from skills.search.size import DIP, PUSH, STATED, THIN, firm, shallow
+from skills.search.size import DIP, PUSH, STATED, THIN, fastest, firm, shallow
 from skills.surface import SurfaceEstimate
 
 SEARCH_PARAMS = load().cell.params(SEARCH)
@@ -43,14 +42,14 @@ def test_a_peg_that_is_not_thin_is_searched_with_as_stated(thickness):
 def test_a_thin_peg_is_not_pushed_harder_than_weak_pads_bear():
     weak = ["peg.diameter=0.004", "hole.diameter=0.0041", "grasp.force=15"]
     config = load(None, None, weak).cell
-    search, grip = config.handling().search, grip_of(config.params(GRASP))
+    search, grip = config.plan().search, grip_of(config.params(GRASP))
     push = search.push_stiffness * search.push_offset
     assert push == pytest.approx(grip.bears_over_plate(search.tilt, SEARCH_PARAMS.dip_threshold))
     assert push < PUSH
 
 
 def test_a_thin_peg_is_pushed_harder_and_tells_a_shallower_fall():
-    thin = load(None, None, ["peg.diameter=0.004", "hole.diameter=0.0041"]).cell.handling().search
+    thin = load(None, None, ["peg.diameter=0.004", "hole.diameter=0.0041"]).cell.plan().search
     assert thin.dip_threshold == pytest.approx(DIP * 0.004)
     assert thin.push_stiffness * thin.push_offset == pytest.approx(PUSH)
     assert thin.fall == pytest.approx(SEARCH_PARAMS.fall / 2)
@@ -74,8 +73,8 @@ def test_a_hand_that_drops_alone_is_no_evidence():
 
 
 def test_a_fall_of_a_quarter_of_the_depth_is_crossed_twice_as_fast():
-    assert fastest(21.0, 7.5e-5, 4e-3) == pytest.approx(2.0 * fastest(21.0, 3e-4, 4e-3))
+    assert fastest(7.5e-5, 4e-3) == pytest.approx(2.0 * fastest(3e-4, 4e-3))
 
 
 def test_a_larger_dip_threshold_slows_no_lane():
-    assert fastest(21.0, 5e-4, 8.1e-3) == fastest(21.0, 3e-4, 8.1e-3)
+    assert fastest(5e-4, 8.1e-3) == fastest(3e-4, 8.1e-3)

@@ -12,7 +12,7 @@ from skills.search.course import ANYWHERE, make_course
 from skills.search.tour import Left, Leg, Likely, Rows, Tour, beside, first_look, outwards, tour
 
 CONFIG = load().cell
-JOB, PARAMS = CONFIG.job(), CONFIG.handling().search
+JOB, PARAMS = CONFIG.job(), CONFIG.plan().search
 WIDTH = JOB.hole.part.inscribed
 CAUGHT = 0.51 * PARAMS.pitch * WIDTH
 """A hole so far from a lane is found by it, m: half the pitch, and what rounding takes."""

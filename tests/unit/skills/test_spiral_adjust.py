@@ -21,7 +21,7 @@ from skills.motion import VALIDITY, anchored, tilted_by
 from skills.paths import dither, spiral
 from skills.play import allowed_tilt
 from skills.seating import BORNE_FOR, CLOSED_TOLERANCE, OPEN_TOLERANCE
-from skills.spiral_adjust import ARRIVING, AT_BOTTOM, MOST_SWING_DAMPING, RAISED, Swing, given_up_after, run
+from skills.spiral_adjust import ARRIVING, MOST_SWING_DAMPING, RAISED, Swing, given_up_after, run
 from skills.surface import Plane
 from tests.fakes import HAND_DOWN, Rig
 from tests.scripted import CELL, HOLE, LIGHT, SIDE, ScriptedHand, hand
@@ -150,7 +150,7 @@ def test_after_a_jam_the_peg_is_aimed_where_it_rests_and_after_the_next_by_the_p
     ("short", "times"), [(OPEN_TOLERANCE + 1e-6, 1.0), (OPEN_TOLERANCE - 1e-6, 2.0), (-0.003, 2.0)]
 )
 def test_a_peg_at_the_bottom_is_given_twice_the_time_of_one_that_stalls_above_it(short, times):
-    assert given_up_after(0.02 - short, 0.02, PARAMS) == times * PARAMS.stall_timeout
+    assert given_up_after(0.02 - short, 0.02, CELL.plan(1).adjust) == times * PARAMS.stall_timeout
 
 
 def test_fingers_that_slide_down_the_peg_are_noticed_below_the_bottom(tmp_path):
@@ -361,8 +361,8 @@ def test_a_peg_that_goes_no_deeper_is_given_up_after_the_stall_timeout(bench):
 def test_an_open_switch_at_the_bottom_disagrees_with_the_depth(bench):
     bench.way = at_depth(CELL.hole.depth)
     with pytest.raises(SwitchDisagreesError):
-        bench.adjust(stall_timeout=0.1, timeout=2.0)
-    assert bench.rig.clock.now() == pytest.approx(0.1 * AT_BOTTOM, abs=3e-2)
+        bench.adjust(stall_timeout=0.1, stall_at_bottom=0.2, timeout=2.0)
+    assert bench.rig.clock.now() == pytest.approx(0.2, abs=3e-2)
 
 
 def test_a_peg_below_the_bottom_is_given_up_at_once(bench):

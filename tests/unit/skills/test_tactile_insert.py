@@ -42,7 +42,8 @@ class Bench(ScriptedHand):
     def insert(self, plane: Plane | None = None, attempt: int = 0, **changes: object) -> TactileInsertResult:
         """Run the insertion with these parameters beside the shipped ones."""
         self.move()
-        return run(PARAMS.model_copy(update={"timeout": 0.5, **changes}), self.ctx, plane, attempt)
+        least = self.rig.cell.config.plan(attempt).insert.least_depth
+        return run(PARAMS.model_copy(update={"timeout": 0.5, "least_depth": least, **changes}), self.ctx, plane)
 
 
 @pytest.fixture

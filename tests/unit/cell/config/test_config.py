@@ -396,9 +396,9 @@ def test_gains_of_a_square_peg_that_would_be_unstable_are_refused():
 
 
 def test_a_square_peg_is_tried_as_often_as_its_own_section_says():
-    assert load(sets=("peg.shape=square", "retries=1", "corner.retries=4")).cell.handling().retries == 4
-    assert load(sets=("retries=1", "corner.retries=4")).cell.handling().retries == 1
-    assert load().cell.handling().blend is None
+    assert load(sets=("peg.shape=square", "retries=1", "corner.retries=4")).cell.plan().retries == 4
+    assert load(sets=("retries=1", "corner.retries=4")).cell.plan().retries == 1
+    assert load().cell.plan().corner is None
 
 
 @pytest.mark.parametrize(

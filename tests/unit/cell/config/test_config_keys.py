@@ -9,7 +9,7 @@ import pytest
 from cell.commands.cli import main
 from cell.config.cell_config import CellConfig
 from cell.config.files import DEFAULT, SHIPPED
-from cell.config.keys import find, first_sentence, in_force, keys, section_summary, split_source, toml, unit_of
+from cell.config.keys import find, first_sentence, in_force, keys, planned, section_summary, split_source, toml
 from cell.config.load import load
 from cell.config.text import as_toml, commented, file_schema
 from drivers.errors import ConfigError
@@ -23,15 +23,11 @@ def _texts():
 
 
 @pytest.mark.parametrize(
-    "text", ["Peak speed of the tip, m/s.", "Peak speed, m/s; 0.1 in [gibbons].", "Speed, m/s: fast."]
+    ("name", "unit"),
+    [("search.speed", "m/s"), ("hole.diameter", "m"), ("sim.pace", "multiple"), ("search.fast_axis", "")],
 )
-def test_a_unit_ends_the_first_clause(text):
-    assert unit_of(text) == "m/s"
-
-
-@pytest.mark.parametrize("text", ["A word, mass of it.", "What it is. Its length, m.", "m"])
-def test_what_only_looks_like_a_unit_is_none(text):
-    assert unit_of(text) == ""
+def test_a_unit_stands_beside_the_type_of_its_key(name, unit):
+    assert {key.unit for key in find(name)} == {unit}
 
 
 def test_the_first_sentence_ends_where_the_next_begins():
@@ -273,3 +269,17 @@ def test_a_section_that_this_cell_does_not_have_is_explained_whole(section, key,
     told = capsys.readouterr().out
     assert key in told
     assert "not in this cell" in told
+
+
+def test_a_plan_gives_every_figure_with_its_unit_origin_and_what_changed_it():
+    found = {each.name: each for each in planned(load(sets=["speed_scale=10"]))}
+    speed, drawn, stall = (found[name] for name in ("insert.turn_rate", "grasp.drawing_speed", "adjust.stall_timeout"))
+    assert (speed.value, speed.unit, speed.is_capped) == (2.5, "rad/s", True)
+    assert (drawn.value, drawn.unit, drawn.origin) == (0.5, "m/s", "fixed")
+    assert (stall.value, stall.reasons) == (0.2, ("attempt", "speed_scale"))
+    assert all(each.unit or not isinstance(each.value, float) for each in found.values())
+
+
+@pytest.mark.parametrize("recipe", [0, 1])
+def test_a_plan_leaves_out_sections_of_other_parts(recipe):
+    assert not any(each.name.startswith(("corner.", "paper.")) for each in planned(load(), recipe))

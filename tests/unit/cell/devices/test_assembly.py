@@ -111,7 +111,7 @@ def test_the_wall_before_the_stand_ins_stops_a_simulated_cell():
     assert "not for a physical cell" in done.stderr
 
 
-@pytest.mark.parametrize("command", [["trials", "--out", "x"], ["study", "wire", "--out", "x"]])
+@pytest.mark.parametrize("command", [["trials", "--out", "x"], ["study", "touch", "--out", "x"]])
 def test_what_needs_a_simulated_cell_leaves_a_physical_one_alone(capsys, tmp_path, monkeypatch, command):
     monkeypatch.chdir(tmp_path)
     assert main([*command, "--config", str(SHIPPED / "cell_01.toml")]) == WRONG_USE

@@ -5,21 +5,16 @@ import math
 import numpy as np
 import pytest
 
-from cell.lab.limits.bounds import (
+from cell.lab.bounds import (
     Dip,
     Down,
     Upright,
     critical_damping,
-    fall_depth,
-    fall_time,
     half_width,
     mobility,
-    turn_force,
     turn_time,
     turning_force,
 )
-from cell.lab.limits.cases import SIZES, cases
-from cell.lab.limits.lines import crossed
 
 TILT = math.pi / 4
 THIN = Dip(hole=4.1e-3, peg=4e-3, tilt=TILT, depth=1e-4, push=7.5, mass=4.2)
@@ -35,11 +30,6 @@ def test_the_width_of_an_end_is_that_of_its_rim_where_it_crosses_the_surface(dep
     assert half_width(depth, 2 * radius, TILT) == pytest.approx(beside[above <= depth].max(), rel=1e-4)
 
 
-def test_a_fall_takes_the_time_in_which_its_push_moves_its_mass():
-    assert fall_depth(fall_time(3e-4, 6.0, 4.2), 6.0, 4.2) == pytest.approx(3e-4)
-    assert USUAL.time == pytest.approx(0.0205, rel=0.01)
-
-
 @pytest.mark.parametrize("dip", [THIN, USUAL])
 @pytest.mark.parametrize("speed", [0.05, 0.115, 0.2])
 def test_a_pass_at_the_border_of_the_band_has_just_room_to_fall(dip, speed):
@@ -50,15 +40,13 @@ def test_a_pass_at_the_border_of_the_band_has_just_room_to_fall(dip, speed):
 
 def test_there_is_no_band_where_the_peg_is_over_the_hole_for_too_short_a_time():
     assert USUAL.band(0.5) == 0.0
-    assert USUAL.band(0.1, error=1e-3) == pytest.approx(USUAL.band(0.1) - 2e-3)
 
 
-def test_the_shortest_cover_is_that_of_decision_0082_but_for_lanes_that_turn_within_the_area():
+def test_the_shortest_cover_is_that_of_lanes_that_turn_within_the_area():
     best = THIN.shortest((0.06, 0.06))
     assert best.speed == pytest.approx(0.2, abs=0.01)
     assert best.lanes == 21
     assert best.time == pytest.approx(best.lanes * (0.06 / best.speed + 0.05))
-    assert THIN.shortest((0.06, 0.06), error=2e-4).time > best.time
 
 
 def test_a_hole_whose_dip_nobody_can_notice_has_no_cover():
@@ -92,10 +80,10 @@ def test_a_force_through_the_centre_of_mass_feels_the_whole_mass_and_one_beside_
     assert mobility(BODY, square) == pytest.approx(1.0 / (1.0 / 3.0 + float(LEVER @ LEVER) / 0.02))
 
 
-def test_no_turn_in_a_time_has_less_acceleration_than_an_even_one():
-    assert turn_force(0.8, 0.66, 4.6, 0.0) == pytest.approx(4.6 * 2 * 0.66 / 0.8**2)
-    assert turn_force(turn_time(20.0, 0.66, 4.6, 4.0), 0.66, 4.6, 4.0) == pytest.approx(20.0)
-    assert turn_force(1e3, 0.66, 4.6, 4.0) == pytest.approx(4.0, rel=1e-3)
+def test_a_turn_from_rest_has_at_least_twice_the_mean_acceleration():
+    angle, coupling, push = 0.66, 4.6, 4.0
+    time = turn_time(20.0, angle, coupling, push)
+    assert math.hypot(push, coupling * 2.0 * angle / time**2) == pytest.approx(20.0)
 
 
 def test_a_peg_that_nothing_damps_falls_evenly_accelerated():
@@ -126,15 +114,3 @@ def test_a_hand_comes_upright_as_its_stiffness_and_inertia_say():
         lean += step * rate
     assert hand.at(0.3) == pytest.approx(lean, rel=1e-3)
     assert hand.at(0.0) == 0.1
-
-
-def test_a_fall_is_told_between_two_scans_by_the_root_of_its_depth():
-    fall = [(0.01, fall_depth(0.01, 6.0, 4.2)), (0.03, fall_depth(0.03, 6.0, 4.2))]
-    assert crossed(fall, 3e-4) == pytest.approx(fall_time(3e-4, 6.0, 4.2))
-    assert math.isnan(crossed(fall, 1e-2))
-
-
-def test_cases_have_names_of_their_own_and_every_size_is_run_with_both_presets():
-    found = cases(is_own=False, is_quick=False)
-    assert len({case.name for case in found}) == len(found)
-    assert sorted(case.size for case in found if case.is_preset) == sorted(2 * SIZES)

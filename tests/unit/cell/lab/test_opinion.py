@@ -6,10 +6,8 @@ from pathlib import Path
 import pytest
 
 from cell.config.load import load
-from cell.lab.opinion import measure
-from cell.lab.opinion.figures import Agreement, Comparison, JointFigure
-from cell.lab.opinion.tables import agreement, joints, trials
-from cell.lab.results import result_of
+from cell.lab import opinion as measure
+from cell.lab.opinion import Agreement, Comparison, JointFigure
 from cell.lab.trials import TrialRow
 from sim.described_arm import DescribedArm
 
@@ -48,14 +46,6 @@ def test_every_arm_is_a_key_that_the_config_takes():
 def test_arms_are_compared_seed_by_seed():
     ours = [row(1, "success", 8.0, 15.0), row(2, "success", 10.0, 16.0), row(3, "failure", 30.0, 17.0)]
     theirs = [row(1, "success", 9.0, 18.0), row(2, "success", 13.0, 18.0), row(3, "success", 9.0, 18.0)]
-    line = measure._line(result_of("theirs", theirs), theirs, ours)
+    line = measure.paired("theirs", theirs, ours)
     assert (line.pairs, line.slower, line.harder, line.won, line.lost) == (2, pytest.approx(2.0), 2.0, 1, 0)
     assert line.slower_error == pytest.approx(1.96 * math.sqrt(2.0) / math.sqrt(2.0), rel=1e-3)
-
-
-def test_tables_and_file_have_a_row_for_every_arm(tmp_path):
-    rows = [row(1, "success", 8.0, 15.0)]
-    lines = [measure._line(result_of(name, rows), rows, rows) for name in (measure.OURS, measure.THEIRS)]
-    assert trials(lines, "title").row_count == 2
-    assert (joints(compared()).row_count, agreement(compared(), ARM, 50, "FR3").row_count) == (2, 1)
-    assert len(measure.write(lines, tmp_path / "opinion.csv").read_text().splitlines()) == 3

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from cell.config.load import load
-from cell.lab.tactile.elastic_layer import layer_pads
-from cell.lab.tactile.measure import CONDITIONS, DEPTHS, GRIP, depths_of, made, simulated_skin
+from cell.lab.elastic_layer import layer_pads
+from cell.lab.tactile import CONDITIONS, DEPTHS, GRIP, depths_of, made, simulated_skin
 from drivers.part.rectangular import Rectangular
 from drivers.part.round import Round
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from cell.lab.touch.blind import FIRST, Frozen, Straight
+from cell.lab.touch import FIRST, Frozen, Straight
 from skills.tactile.blend import Smoothing
 from skills.tactile.pose import PegPose, Tracker
 

@@ -9,7 +9,7 @@ from rich.console import Console
 
 from cell.lab import trials
 from cell.lab.tables import loads
-from cell.lab.trials import COLUMNS, ERRORS, PARTIAL, read_table, run_trials, summarise, write_table
+from cell.lab.trials import COLUMNS, MORE, PARTIAL, read_table, run_trials, summarise, write_table
 from cell.records.provenance import config_hash, versions
 from drivers.errors import ConfigError
 from tests.trial_rows import SEATED
@@ -159,12 +159,12 @@ def test_a_folder_that_cannot_be_made_is_told(loaded, ran, tmp_path):
 
 
 def test_the_columns_are_the_rows_fields():
-    assert list(asdict(ROW)) == [*COLUMNS, ERRORS]
+    assert list(asdict(ROW)) == [*COLUMNS, MORE]
 
 
 def test_what_was_drawn_of_the_errors_stands_in_columns_of_its_own_and_is_read_back(tmp_path):
     drawn = {"reality.arm.gravity": "0.1 -0.2", "reality.skin.age": "0.01"}
-    rows = [replace(ROW, seed=1, errors=drawn, start_x=0.5), replace(ROW, seed=2, errors=drawn, start_x=0.5)]
+    rows = [replace(ROW, seed=1, more=drawn, start_x=0.5), replace(ROW, seed=2, more=drawn, start_x=0.5)]
     write_table(rows, tmp_path / "t.csv")
     assert (
         (tmp_path / "t.csv")
@@ -172,7 +172,7 @@ def test_what_was_drawn_of_the_errors_stands_in_columns_of_its_own_and_is_read_b
         .splitlines()[0]
         .endswith("plate_penetration,grip_slip,found_error,jerk_free,jerk_contact,reality.arm.gravity,reality.skin.age")
     )
-    assert [row.errors for row in read_table(tmp_path / "t.csv")] == [drawn, drawn]
+    assert [row.more for row in read_table(tmp_path / "t.csv")] == [drawn, drawn]
 
 
 def test_the_summary_tells_how_hard_and_how_abruptly(loaded):

@@ -13,13 +13,13 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from tests.unit.cell.test_journal_writer import ROW, recorded
 
 from cell.records.index import SET_ASIDE
 from cell.records.journal import INDEX, Journal
 from cell.records.schema import LOST, EventKind, EventRow, StageRow
 from drivers.errors import JournalError
 from tests.fakes import Rig
+from tests.unit.cell.records.test_journal_writer import ROW, recorded
 
 EVENT = EventRow(0, "2025", 0.0, EventKind.FAULT, "SKIN_SILENT")
 POISON = {

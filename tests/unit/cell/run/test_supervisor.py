@@ -8,7 +8,6 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from tests.unit.cell.test_watchdog import Looked
 
 from cell.config.load import load
 from cell.records.journal import Journal, newest_run
@@ -26,6 +25,7 @@ from skills.contract import Outcome, Reason
 from skills.entry import Claim, Program
 from skills.scan_guards import RESUME_TIME
 from tests.quick_cell import STAGE, QuickProgram
+from tests.unit.cell.run.test_watchdog import Looked
 
 CODE = 101
 STAGE_NUMBER = CATALOGUE.stage_number(STAGE)

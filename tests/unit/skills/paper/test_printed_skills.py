@@ -134,8 +134,8 @@ def test_the_switch_ends_it_well(bench, skill, params):
 
 
 def test_the_preset_chooses_all_three():
-    handling = LOADED.cell.handling()
-    assert (handling.retries, set(handling.steered)) == (0, {f"paper.{each}.gains" for each in PRINTED})
+    plan = LOADED.cell.plan()
+    assert (plan.retries, set(plan.steered)) == (0, {f"paper.{each}.gains" for each in PRINTED})
 
 
 PRINTED = ("search", "insert", "adjust")

@@ -96,7 +96,7 @@ def test_too_few_trusted_taxels_tell_nothing():
 @pytest.mark.parametrize("rises", [False, True])
 def test_templates_are_what_the_blurred_groove_adds_up_to(layout, rises):
     """Piece by piece: the groove under the line in slivers, each blurred on its way to points all over the taxel."""
-    params = TemplateParams(theta_step=0.1, offset_step=1e-3)
+    params = TemplateParams().model_copy(update={"theta_step": 0.1, "offset_step": 1e-3})
     templates = make_templates(layout, shipped().peg, params)
     i, j = 9, 5
     theta, offset = templates.theta[i], templates.offset[j]

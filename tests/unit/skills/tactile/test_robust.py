@@ -5,7 +5,7 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
-from cell.lab.tactile.elastic_layer import LayerPads
+from cell.lab.elastic_layer import LayerPads
 from drivers.part.round import Round
 from drivers.skin.layout import LAYOUTS, MODULE_OF
 from sim.config import PadConfig

@@ -1,0 +1,411 @@
+"""The ladder of contact models, each measured on the same work: speed, accuracy, and where each fails.
+
+A rig pushes the cell's peg at five fixed tilts with 10 N into the cell's hole; sideways the peg is free. The depth is
+compared with the exact test by sections. A drag over solid plate reveals seams, and a peg that is 20 um too thick must
+stay out. A map of the limits of integration follows, beside the boundaries of theory. Every model stays in the table:
+if it penetrates, it is void; if it never comes to rest, it is unstable.
+"""
+
+import argparse
+import math
+import time
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from cell.commands.arguments import out_folder
+from cell.film.plots import COLOURS
+from cell.lab.arguments import advancing
+from cell.lab.charts import BLUE, GREEN, GREY, INK, RED, Curve, Panel, draw_panels
+from cell.lab.compare import config_of
+from cell.lab.report import StudyReport, finite
+from cell.lab.rows import write_rows
+from cell.lab.tables import table
+from cell.lab.workers import each_of
+from drivers.part.contract import Part
+from sim import native, rig
+from sim.config import ModelConfig
+from sim.shapes import exact_depth
+from sim.truth import VOID_PENETRATION, VOID_SHARE
+
+SHIPPED = "closed form, 0.5 ms"
+THICKER = 1e-5
+"""Excess of the too thick peg over the hole on every side, m."""
+BESIDE = 2.45e-3
+"""Distance between a dragged peg's edge path and the hole's rim, m."""
+SHALLOW, STEEP = (1, 2, 5), (15, 45)
+"""Tilts, degrees: of a peg during release, and of a falling peg."""
+PUSH, SECONDS = 10.0, 1.5
+"""Force, N, and duration, s, of a push."""
+AT_REST = 1e-2
+"""Speed below which a pushed peg is at rest, m/s."""
+EXACT_ENOUGH = 0.01
+"""Relative error of the depth that a skill tolerates."""
+SMOOTH = 3.0
+"""Peak-to-peak lateral force over solid plate that a search tolerates, N."""
+MAP_SECONDS, MAP_TILT = 0.6, 5
+HOLES = {"exact": "contacts ahead of touch (shipped)", "unpredicted": "contacts only while touching"}
+"""Models of the hole on the map of integration."""
+VERDICTS = {"holds": GREEN, "penetrates": COLOURS[4], "unstable": RED}
+LOWEST, HIGHEST = 0.02, 1000.0
+"""Ends of the axis of errors, %; a model through which the peg falls stands at the upper end."""
+
+
+@dataclass(frozen=True, slots=True)
+class Rung:
+    """One model of contact on the ladder."""
+
+    name: str
+    family: str
+    model: ModelConfig
+    timestep: float
+    """Time step of the physics, s."""
+
+
+def model(**changes: Any) -> ModelConfig:
+    """Return a model other than the default, with contacts as stiff as its time step allows."""
+    return ModelConfig(contact_time=0.0, **changes)
+
+
+def ladder(timesteps: Sequence[float], facets: Sequence[int]) -> tuple[Rung, ...]:
+    """Return the rungs of the ladder: every model of the hole at every time step, and softer contacts at one."""
+    kinds = [
+        ("closed form", "closed form", model()),
+        ("unpredicted", "closed form, touching only", model(hole="unpredicted")),
+    ]
+    for path, is_native in (("legacy", False), ("native", True)):
+        kinds.append(
+            (f"turning flats, {path}", f"turning flats, {path} CCD", model(hole="flats", native_ccd=is_native))
+        )
+        kinds += [
+            (f"{n} boxes, {path}", f"ring of boxes, {path} CCD", model(hole="boxes", facets=n, native_ccd=is_native))
+            for n in facets
+        ]
+    rungs = [Rung(f"{name}, {1e3 * dt:g} ms", family, how, dt) for name, family, how in kinds for dt in timesteps]
+    softer = [("closed form", 8.0, model(time_constant=8.0)), ("closed form", 40.0, model(time_constant=40.0))]
+    softer += [("64 boxes, legacy", 40.0, model(hole="boxes", facets=64, time_constant=40.0))]
+    return tuple(rungs) + tuple(
+        Rung(f"{name}, 0.5 ms, soft {constant:g} steps", "softer contacts", how, 5e-4) for name, constant, how in softer
+    )
+
+
+def boundary_bound(timestep: float) -> float:
+    """Return the stiffness, 1/s², at which a bound contact becomes unstable, with critical damping b = 2 sqrt(k).
+
+    MuJoCo's contact, [todorov], requires the acceleration -b v - k r; semi-implicit Euler gives v' = v - (b v + k r) dt
+    and r' = r + v' dt. The eigenvalues leave the unit circle if k dt² + 2 b dt = 4: sqrt(k) dt = 2 (sqrt(2) - 1).
+    """
+    return (2.0 * (math.sqrt(2.0) - 1.0) / timestep) ** 2
+
+
+def boundary_bouncing(timestep: float) -> float:
+    """Return the stiffness, 1/s², at which a contact that begins only at touch adds energy, b = 2 sqrt(k).
+
+    A body that arrives with the speed v is at most v dt deep at the first contact, and leaves with (k dt² + b dt - 1)
+    v. Both speeds are equal if k dt² + b dt = 2, sqrt(k) dt = sqrt(3) - 1.
+    """
+    return ((math.sqrt(3.0) - 1.0) / timestep) ** 2
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """Extent of the study."""
+
+    rungs: Sequence[Rung]
+    azimuths: tuple[float, ...]
+    """Tilt azimuths, rad."""
+    timesteps: Sequence[float]
+    """Time steps of the map's columns, s."""
+    stiffnesses: Sequence[float]
+    """Stiffnesses of the map's rows, 1/s²."""
+
+
+def plan(is_quick: bool, part: Part) -> Plan:
+    """Return the extent of the study of a part, with the models of the hole that support it."""
+    if is_quick:
+        rungs = ladder((5e-4, 1e-3), (16, 32, 64)) + tuple(
+            r for r in ladder((2.5e-4, 2e-3), ()) if "closed" in r.family
+        )
+        found = Plan(rungs, (0.3,), np.geomspace(1e-4, 4e-3, 12).tolist(), np.geomspace(1e4, 1e8, 17).tolist())
+    else:
+        rungs = ladder((2.5e-4, 5e-4, 1e-3, 2e-3), (16, 32, 48, 64, 96))
+        steps, stiffnesses = np.geomspace(1e-4, 4e-3, 17), np.geomspace(1e4, 1e8, 33)
+        found = Plan(rungs, (0.0, 0.5, 1.7, 3.0), steps.tolist(), stiffnesses.tolist())
+    return replace(found, rungs=[rung for rung in found.rungs if rung.model.has_hole_for(part)])
+
+
+@dataclass(frozen=True, slots=True)
+class RungRow:
+    """Result of one rung; a row of contact.csv."""
+
+    name: str
+    family: str
+    timestep: float
+    """Time step of the physics, s."""
+    real_time: float
+    """Speed of bare physics in multiples of real time, one core."""
+    shallow_error: float
+    """Worst relative error of the depth at 1 to 5 degrees; infinite if the state is no longer finite."""
+    steep_error: float
+    """Worst relative error of the depth at 15 and 45 degrees; infinite if the state is no longer finite."""
+    penetration: float
+    """Deepest penetration that lasted longer than 2 ms, m."""
+    is_void: bool
+    rests: bool
+    drag: float
+    """Peak-to-peak lateral force over solid plate, N."""
+    keeps_out: bool
+    """True if the too thick peg stays out."""
+    pushes: int
+    """Number of measured pushes."""
+    fault: str = ""
+    """Reason why the rung has no measurement; empty if it has one."""
+
+    @property
+    def error(self) -> float:
+        """Return the worst relative error of the depth."""
+        return max(self.shallow_error, self.steep_error)
+
+
+def verdict(row: RungRow) -> str:
+    """Return the verdict on a rung in words."""
+    if row.fault:
+        return row.fault
+    wrong = []
+    if not math.isfinite(row.error):
+        wrong.append("not finite")
+    elif row.error > EXACT_ENOUGH:
+        wrong.append("wrong depth")
+    if row.is_void:
+        wrong.append("void")
+    if not row.rests:
+        wrong.append("does not rest")
+    if row.drag > SMOOTH:
+        wrong.append("seams")
+    if not row.keeps_out:
+        wrong.append("lets a thick peg in")
+    return ", ".join(wrong) or "good"
+
+
+@dataclass(frozen=True, slots=True)
+class MapRow:
+    """One point of the map; a row of integration.csv."""
+
+    hole: str
+    timestep: float
+    """Time step of the physics, s."""
+    stiffness: float
+    """Stiffness of the contact, 1/s², with critical damping."""
+    verdict: str
+    """`holds`, `penetrates` or `unstable`."""
+
+
+def size(part: Part) -> str:
+    """Return the size of a part in words: its extents, or a single extent if every rotation leaves it the same."""
+    along, across = (f"{2e3 * half:g}" for half in part.half)
+    return f"{along} x {across} mm" if part.symmetry > 0.0 else f"{along} mm"
+
+
+def measure_rung(rung: Rung, azimuths: Sequence[float], peg: Part, hole: Part) -> RungRow:
+    """Measure one rung on a peg and its hole; if the model cannot work, the row gives the reason."""
+    try:
+        return _measure_rung(rung, azimuths, peg, hole)
+    except Exception as error:  # any failure of a model is a row of the ladder, not the end of the study
+        return RungRow(
+            rung.name,
+            rung.family,
+            rung.timestep,
+            math.nan,
+            math.inf,
+            math.inf,
+            math.inf,
+            True,
+            False,
+            math.inf,
+            False,
+            0,
+            f"{type(error).__name__}: {error}",
+        )
+
+
+def _measure_rung(rung: Rung, azimuths: Sequence[float], peg: Part, hole: Part) -> RungRow:
+    pushes = _push_in(rung, azimuths, peg, hole)
+    errors = {degrees: max(push.error for push in pushes if push.degrees == degrees) for degrees in (*SHALLOW, *STEEP)}
+    penetration = max(push.penetration for push in pushes)
+    return RungRow(
+        name=rung.name,
+        family=rung.family,
+        timestep=rung.timestep,
+        real_time=len(pushes) * SECONDS / sum(push.spent for push in pushes),
+        shallow_error=max(errors[degrees] for degrees in SHALLOW),
+        steep_error=max(errors[degrees] for degrees in STEEP),
+        penetration=penetration,
+        is_void=penetration > min(VOID_PENETRATION, VOID_SHARE * peg.clearance(hole)),
+        rests=all(push.rests for push in pushes),
+        drag=_seams(rung, peg, hole),
+        keeps_out=_keeps_out(rung, hole),
+        pushes=len(pushes),
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class _Push:
+    """One push of the ladder."""
+
+    degrees: int
+    error: float
+    """Relative error of the depth; infinite if the state is no longer finite."""
+    penetration: float
+    """Deepest penetration that lasted longer than 2 ms, m."""
+    rests: bool
+    spent: float
+    """Core time of the push without meters, s."""
+
+
+def _push_in(rung: Rung, azimuths: Sequence[float], peg: Part, hole: Part) -> list[_Push]:
+    """Push the peg in at every tilt and azimuth."""
+    made = []
+    with native.quiet():
+        for degrees in (*SHALLOW, *STEEP):
+            tilt = math.radians(degrees)
+            for azimuth in azimuths:
+                place = (peg, tilt, azimuth, PUSH, SECONDS)
+                pushed = rig.push(rig.tilted_peg(peg, hole, tilt, azimuth, 0.0, rung.timestep, rung.model), *place)
+                bare = rig.tilted_peg(peg, hole, tilt, azimuth, 0.0, rung.timestep, rung.model, is_judged=False)
+                started = time.thread_time()
+                rig.push(bare, *place)
+                spent = time.thread_time() - started
+                error = abs(pushed.depth / exact_depth(peg, hole, rig.attitude(tilt, azimuth)) - 1.0)
+                error = error if math.isfinite(error) else math.inf
+                made.append(_Push(degrees, error, pushed.penetration, bool(pushed.speed < AT_REST), spent))
+    return made
+
+
+def _seams(rung: Rung, peg: Part, hole: Part) -> float:
+    """Return the largest peak-to-peak lateral force over solid plate, N."""
+    seams, tilt = 0.0, math.pi / 4
+    with native.quiet():
+        for direction in (0.4, 1.9):
+            over = rig.tilted_peg(peg, hole, tilt, 0.0, 0.0, rung.timestep, rung.model, is_judged=False)
+            swing = rig.drag(over, peg, tilt, direction, hole.reach + BESIDE)
+            seams = max(seams, swing if math.isfinite(swing) else math.inf)
+    return seams
+
+
+def _keeps_out(rung: Rung, hole: Part) -> bool:
+    """Return True if a peg thicker than the hole goes no deeper than its tilt allows."""
+    thick, azimuth = hole.grown(THICKER), 0.3
+    with native.quiet():
+        for degrees in (1, 5):
+            tilt = math.radians(degrees)
+            over = rig.tilted_peg(thick, hole, tilt, azimuth, 0.2, rung.timestep, rung.model)
+            depth = rig.push(over, thick, tilt, azimuth, PUSH, SECONDS).depth
+            if not depth <= 1.01 * exact_depth(thick, hole, rig.attitude(tilt, azimuth)) + VOID_PENETRATION:
+                return False
+    return True
+
+
+def measure_point(kind: str, timestep: float, stiffness: float, peg: Part, hole: Part) -> MapRow:
+    """Measure one point of the map of integration, with the model of the hole named by `kind`."""
+    tilt, azimuth = math.radians(MAP_TILT), 0.3
+    exact = exact_depth(peg, hole, rig.attitude(tilt, azimuth))
+    with native.quiet():
+        over = rig.tilted_peg(peg, hole, tilt, azimuth, 0.0, timestep, model(hole=kind, stiffness=stiffness))
+        pushed = rig.push(over, peg, tilt, azimuth, PUSH, MAP_SECONDS)
+    error = abs(pushed.depth / exact - 1.0)
+    if not (math.isfinite(error) and pushed.speed < AT_REST and error < 0.5):
+        verdict = "unstable"
+    elif pushed.penetration > VOID_PENETRATION or error > EXACT_ENOUGH:
+        verdict = "penetrates"
+    else:
+        verdict = "holds"
+    return MapRow(kind, timestep, stiffness, verdict)
+
+
+def ladder_panel(rows: Sequence[RungRow], parts: str) -> Panel:
+    """Return error against speed, a colour for each family; hollow if the model fails a gate."""
+    curves = []
+    for number, family in enumerate(dict.fromkeys(row.family for row in rows)):
+        colour = (*COLOURS[1:], GREY)[number % len(COLOURS)]
+        for is_good in (True, False):
+            of = [row for row in rows if row.family == family and (verdict(row) == "good") is is_good]
+            of = [row for row in of if math.isfinite(row.real_time)]
+            x, y = [row.real_time for row in of], [min(max(100 * row.error, LOWEST), HIGHEST) for row in of]
+            label = f"{family}, {'good' if is_good else 'fails a gate'}" if of else ""
+            curves.append(Curve(x, y, colour, label, "o", 1.8, is_hollow=not is_good))
+    shipped = [row for row in rows if row.name == SHIPPED]
+    x, y = [row.real_time for row in shipped], [100 * row.error for row in shipped]
+    curves.append(Curve(x, y, INK, "shipped", "o", 3.5, is_hollow=True))
+    return Panel(
+        f"{parts}, 10 N, rigid mover; {len(rows)} models",
+        "bare physics, multiples of real time on one core",
+        "worst error to the exact depth over 1, 2, 5, 15, 45 degrees (%)",
+        curves,
+        "xy",
+        (10, 20, 50, 100, 200, 500),
+        (0.1, 1, 10, 100, 1000),
+        y_limits=(LOWEST / 1.4, 1.6 * HIGHEST),
+    )
+
+
+def map_panels(rows: Sequence[MapRow]) -> list[Panel]:
+    """Return the result of integration by step and stiffness, and the boundaries of theory, for each model of `HOLES`."""
+    found = []
+    for hole, title in HOLES.items():
+        here = [row for row in rows if row.hole == hole]
+        curves = []
+        for name, colour in VERDICTS.items():
+            of = [row for row in here if row.verdict == name]
+            x, y = [1e3 * row.timestep for row in of], [row.stiffness for row in of]
+            curves.append(Curve(x, y, colour, name, "s", 1.5, 0.6))
+        fine = np.geomspace(min(row.timestep for row in here), max(row.timestep for row in here), 100)
+        for law, label, style in (
+            (boundary_bound, "theory, bound: k dt² + 2 b dt = 4", "-"),
+            (boundary_bouncing, "theory, bouncing: k dt² + b dt = 2", "--"),
+        ):
+            curves.append(Curve(1e3 * fine, [law(step) for step in fine], INK, label, style))
+        curves.append(Curve(1e3 * fine, 1.0 / (2.0 * fine) ** 2, BLUE, "stiffest standard form: 2 steps", ":"))
+        labels = "time step (ms)", "stiffness of the contact, k (1/s²), with b = 2 sqrt(k)"
+        limits = min(row.stiffness for row in here) / 2, 2 * max(row.stiffness for row in here)
+        found.append(Panel(f"{title}; n = {len(here)} points", *labels, curves, "xy", y_limits=limits))
+    return found
+
+
+def run(args: argparse.Namespace) -> StudyReport:
+    """Measure every rung and the map, write the tables, draw the charts."""
+    config, folder = config_of(args), out_folder(args.out)
+    peg, hole = config.peg.part, config.hole.part
+    todo, parts = plan(args.quick, peg), f"{size(peg)} in {size(hole)}"
+    points = [(kind, dt, k, peg, hole) for kind in HOLES for dt in todo.timesteps for k in todo.stiffnesses]
+    with advancing("models and points", len(todo.rungs) + len(points)) as done:
+        rungs = each_of(measure_rung, [(rung, todo.azimuths, peg, hole) for rung in todo.rungs], args.workers, done)
+        points_found = each_of(measure_point, points, args.workers, done)
+    files = [
+        write_rows(rungs, folder / "contact.csv"),
+        write_rows(points_found, folder / "integration.csv"),
+        draw_panels(
+            [ladder_panel(rungs, parts)], "Models of the contact: speed against exactness", folder / "contact.png"
+        ),
+        draw_panels(
+            map_panels(points_found),
+            f"Where integration fails: {parts}, at 5 degrees, pushed with 10 N",
+            folder / "integration.png",
+            legend=3,
+        ),
+    ]
+    shown = table(
+        "Models of the hole: bare physics, rigid mover",
+        {"model of the hole": lambda row: row.name},
+        {
+            "x real time": lambda row: f"{row.real_time:.0f}",
+            "error 1-5 deg": lambda row: f"{100 * row.shallow_error:.2f} %",
+            "15-45 deg": lambda row: f"{100 * row.steep_error:.2f} %",
+            "penetration": lambda row: f"{1e6 * row.penetration:.1f} um",
+            "drag": lambda row: f"{row.drag:.2g} N",
+            "verdict": verdict,
+        },
+        sorted(rungs, key=lambda row: row.error),
+    )
+    return StudyReport([shown], finite({"rungs": [asdict(row) for row in rungs]}), files)

@@ -1,1 +1,0 @@
-"""Study of contact models: their speed, their accuracy, and the limits of each."""

@@ -1,0 +1,296 @@
+"""False and true hole events: how often a search stops on a plate without a hole, and how soon it detects a drop.
+
+A search slides over the plate without a stop, while its detector, the dip of the tip, runs. Up to its first event, a
+search that obeys the detector follows the same path. Seeds with a dip on a plate without a hole run again with stops,
+to measure the result of the judgement at rest.
+"""
+
+import argparse
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, replace
+
+import numpy as np
+
+from cell.commands.arguments import out_folder
+from cell.config.cell_config import CellConfig
+from cell.devices.assembly import Cell, assemble, opened
+from cell.lab.arguments import advancing, seeds_of
+from cell.lab.compare import config_of
+from cell.lab.report import StudyReport, finite
+from cell.lab.rows import quantile, write_rows
+from cell.lab.tables import share, table
+from cell.lab.workers import each_of
+from drivers.errors import CellError, ConfigError
+from drivers.frames import end_point
+from drivers.quantities import ImpedanceSetpoint, Vector
+from skills import spray_search
+from skills.catalogue import GRASP, SEARCH
+from skills.contract import Observation, Outcome, Request, SkillContext
+from skills.flow import run_stage
+from skills.search.feel import FAINT
+from skills.spray_search import SpraySearchResult
+from skills.surface import Plane, SurfaceEstimate
+
+OVER = 5e-5
+"""Depth of the peg's lowest point below the plate from which it is over the hole, m; the plate's contacts yield by a
+hundredth of it."""
+FALL = 2e-4
+"""Smallest depth of a drop, m; shallower passes over the hole's edge are ignored."""
+WINDOW = 1.0
+"""Time after the start of a drop in which an event is its detection, s."""
+AT_ONCE = 0.05
+"""Time since the start of sliding below which the peg came down in the hole, so that there is no drop, s."""
+WITH_HOLE = 200
+"""Largest number of seeds that also run on a plate with a hole."""
+QUICK_TIMEOUT = 8.0
+"""Timeout of a search with --quick, s."""
+
+
+@dataclass(frozen=True, slots=True)
+class EventRow:
+    """One search without a stop; times in s, paths in m, NaN if there is no value."""
+
+    seed: int
+    has_hole: bool
+    slid: float
+    """Time of sliding, s; with a hole, until the drop."""
+    falsely: float
+    """Time of sliding at the first event over solid plate."""
+    fell: bool
+    """True if the peg dropped into the hole while it slid."""
+    delay: float
+    """Time from the start of the drop to its event."""
+    way: float
+    """Path of the peg's edge in that time."""
+    rests: int = 0
+    """Number of stops of a search on the same plate that obeys its detector; 0 if it had nothing to obey."""
+    found: bool = False
+    """True if that search reported a hole where there is none."""
+
+
+class _Watch:
+    """Records the detector's events of a search, and the drop in the truth."""
+
+    def __init__(self, cell: Cell, has_hole: bool) -> None:
+        self.seen: Observation | None = None
+        self.is_done, self.has_fallen, self.began_in_hole = False, False, False
+        self.slid = 0.0
+        self.falsely = self.delay = self.way = math.nan
+        self._cell, self._has_hole, self._limit = cell, has_hole, cell.config.params(SEARCH).dip_threshold
+        self._start: float | None = None
+        self._over: float | None = None
+        self._place, self._deepest = np.zeros(3), 0.0
+
+    def record(self, seen: Observation, setpoint: ImpedanceSetpoint | None) -> None:
+        self.seen = seen
+
+    def poll(self) -> Request:
+        return Request.STOP if self.is_done else Request.RUN
+
+    def slide(self) -> None:
+        """Record the start of sliding."""
+        if self._start is None:
+            assert self.seen is not None
+            self._start = self.seen.stamp
+
+    def height(self, below: float) -> None:
+        """Record the larger of dip and drop of one scan; the last call of a scan."""
+        assert self.seen is not None
+        if self._start is None:
+            return
+        now = self.seen.stamp
+        way = self._compare(self._start) if self._has_hole else 0.0
+        if self._over is None:
+            self.slid = now - self._start
+            if below > self._limit and math.isnan(self.falsely):
+                self.falsely = self.slid
+        elif below > self._limit and math.isnan(self.delay):
+            self.delay, self.way = now - self._over, way
+
+    def _compare(self, start: float) -> float:
+        """Check in the truth for a drop; return the path of the peg's edge since its start, m."""
+        assert self.seen is not None
+        truth, now = self._cell.truth(), self.seen.stamp  # type: ignore[misc]
+        _, axis = end_point(self.seen.arm.tcp, truth.theta, self._cell.config.peg.length)
+        edge = self._cell.config.peg.part.lowest(np.array(truth.tip), axis, self.seen.arm.tcp.rotation[:, 2])
+        depth = truth.depth + truth.tip[2] - edge[2]
+        if self._over is None and depth > OVER:
+            self.began_in_hole = now - start < AT_ONCE
+            self._over, self._place, self._deepest = now, edge, 0.0
+            self.delay = self.way = math.nan
+        if self._over is None:
+            return 0.0
+        self._deepest = max(self._deepest, depth)
+        way = float(np.linalg.norm((edge - self._place)[:2]))
+        if now - self._over >= WINDOW:
+            self.is_done = self.has_fallen = self._deepest >= FALL
+            self._over = None
+        return way
+
+
+class _StillSurface(SurfaceEstimate):
+    """Surface estimate that reports every dip to the watch and none to the search."""
+
+    def __init__(self, watch: _Watch) -> None:
+        super().__init__()
+        self._watch, self._learnt, self._fallen = watch, SurfaceEstimate(), -math.inf
+
+    def learn(self, edge: Vector, sense: int) -> None:
+        self._watch.slide()
+        self._learnt.learn(edge, sense)
+
+    def below(self, edge: Vector, sense: int) -> float:
+        self._watch.height(max(self._learnt.below(edge, sense), self._fallen))
+        self._fallen = -math.inf
+        return 0.0
+
+    def dip(self, edge: Vector, sense: int) -> float:
+        return self._learnt.dip(edge, sense)
+
+    @property
+    def knows_slopes(self) -> bool:
+        return self._learnt.knows_slopes
+
+    def fallen(self, before: Vector, edge: Vector) -> float:
+        self._fallen = max(self._fallen, self._learnt.fallen(before, edge) / FAINT)
+        return 0.0
+
+    def plane(self, near: Vector) -> Plane:
+        return self._learnt.plane(near)
+
+
+def watch(config: CellConfig, has_hole: bool, seed: int) -> EventRow:
+    """Let the search of this seed slide without a stop, and again with stops if an event was false."""
+    cell = _cell(config, has_hole, seed)
+    params = cell.config.params(SEARCH)
+    seer = _Watch(cell, has_hole)
+    with opened(cell):
+        _search(cell, cell.context(seed), lambda ctx: spray_search.run(params, ctx, _StillSurface(seer)), seer)
+    fell = seer.has_fallen and not seer.began_in_hole
+    late = fell and math.isnan(seer.falsely)
+    row = EventRow(
+        seed=seed,
+        has_hole=has_hole,
+        slid=seer.slid,
+        falsely=seer.falsely,
+        fell=fell,
+        delay=seer.delay if late else math.nan,
+        way=seer.way if late else math.nan,
+    )
+    return row if has_hole or math.isnan(row.falsely) else _judged(config, row)
+
+
+def _judged(config: CellConfig, row: EventRow) -> EventRow:
+    """Return the row with the result of a search of the same plate that obeys its detector."""
+    cell = _cell(config, False, row.seed)
+    kept: list[SpraySearchResult] = []
+
+    def run(ctx: SkillContext) -> SpraySearchResult:
+        kept.append(spray_search.run(cell.config.params(SEARCH), ctx))
+        return kept[-1]
+
+    with opened(cell):
+        _search(cell, cell.context(row.seed), run)
+    return replace(row, rests=kept[-1].rests, found=kept[-1].outcome is Outcome.SUCCESS) if kept else row
+
+
+def _search(
+    cell: Cell, ctx: SkillContext, run: Callable[[SkillContext], SpraySearchResult], seer: _Watch | None = None
+) -> None:
+    """Grasp and search; a fault ends the search."""
+    records = GRASP.run(cell.config.skill_set(), ctx)
+    if seer is not None:
+        ctx.record, ctx.poll = seer.record, seer.poll
+    try:
+        if records[-1].result.outcome is Outcome.SUCCESS:
+            run_stage("spray_search", run, ctx)
+    except CellError:
+        return
+
+
+def _cell(config: CellConfig, has_hole: bool, seed: int) -> Cell:
+    assert config.sim is not None
+    plate = config.sim.plate.model_copy(update={"present": has_hole})
+    sim = config.sim.model_copy(update={"seed": seed, "pace": "max", "plate": plate})
+    return assemble(config.model_copy(update={"sim": sim}))
+
+
+@dataclass(frozen=True, slots=True)
+class EventLine:
+    """All searches; times in s, paths in m, NaN if there is no value."""
+
+    searches: int
+    """Number of searches without a hole."""
+    stopped: int
+    """Number of those searches with a false event."""
+    probes: int
+    """Number of their stops, judged at rest."""
+    finds: int
+    """Number of searches that reported a hole at such a point."""
+    falls: int
+    """Number of drops without an earlier false event."""
+    detected: int
+    """Number of those drops with an event within the window."""
+    delay: float
+    """Median time from the start of the drop to the event, s."""
+    delay_p95: float
+    way: float
+    """Median path of the peg's edge in that time, m."""
+    way_p95: float
+
+
+def line_of(rows: Sequence[EventRow]) -> EventLine:
+    """Return the counts of all searches."""
+    empty = [row for row in rows if not row.has_hole]
+    fell = [row for row in rows if row.fell and math.isnan(row.falsely)]
+    delays = [row.delay for row in fell if not math.isnan(row.delay)]
+    ways = [row.way for row in fell if not math.isnan(row.way)]
+    return EventLine(
+        searches=len(empty),
+        stopped=sum(not math.isnan(row.falsely) for row in empty),
+        probes=sum(row.rests for row in empty),
+        finds=sum(row.found for row in empty),
+        falls=len(fell),
+        detected=len(delays),
+        delay=quantile(delays, 0.5),
+        delay_p95=quantile(delays, 0.95),
+        way=quantile(ways, 0.5),
+        way_p95=quantile(ways, 0.95),
+    )
+
+
+def run(args: argparse.Namespace) -> StudyReport:
+    """Search with and without a hole, and write the table.
+
+    Raises:
+        ConfigError: The plate of the config must have a hole.
+    """
+    config, folder = config_of(args), out_folder(args.out)
+    assert config.sim is not None
+    if config.sim.model.hole not in ("exact", "unpredicted"):
+        raise ConfigError('study events: needs a simulated cell with sim.model.hole = "exact"')
+    if args.quick:
+        config = config.with_params(SEARCH, timeout=min(config.params(SEARCH).timeout, QUICK_TIMEOUT))
+    seeds = seeds_of(args, 1000, 4)
+    jobs = [(config, has_hole, seed) for has_hole in (False, True) for seed in seeds[: WITH_HOLE if has_hole else None]]
+    with advancing("searches", len(jobs)) as done:
+        rows = each_of(watch, jobs, args.workers, done)
+    line = line_of(rows)
+    title = f"{len(seeds)} searches of {config.params(SEARCH).timeout:g} s without a hole, {line.falls} falls, from seed {seeds[0]}"
+    shown = table(
+        title,
+        {"searches": lambda line: str(line.searches)},
+        {
+            "stopped by a false event": lambda line: share(line.stopped, line.searches),
+            "probes": lambda line: f"{line.probes}",
+            "false finds": lambda line: share(line.finds, line.searches),
+            "falls detected": lambda line: share(line.detected, line.falls),
+            "delay (s), p95": lambda line: f"{line.delay:.2f}, {line.delay_p95:.2f}",
+            "way (mm), p95": lambda line: f"{1e3 * line.way:.1f}, {1e3 * line.way_p95:.1f}",
+        },
+        [line],
+        f"an event within {WINDOW:g} s of the start of a fall is its detection",
+    )
+    result = {"title": title, "line": asdict(line), "rows": [asdict(row) for row in rows]}
+    return StudyReport([shown], finite(result), [write_rows(rows, folder / "events.csv")])

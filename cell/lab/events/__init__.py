@@ -1,1 +1,0 @@
-"""Study of false and true hole events."""

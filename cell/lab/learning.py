@@ -1,0 +1,236 @@
+"""Series of parts on one cell: its fixture moves slightly from part to part and is replaced at the end."""
+
+import argparse
+import math
+import tempfile
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from enum import StrEnum
+from pathlib import Path
+
+import numpy as np
+
+from cell.commands.arguments import out_folder
+from cell.config.cell_config import CellConfig
+from cell.devices.assembly import assemble, choices, make_estimator, make_tracker, opened
+from cell.film.plots import COLOURS
+from cell.lab.arguments import advancing, seeds_of
+from cell.lab.charts import Curve, Panel, draw_panels
+from cell.lab.compare import config_of
+from cell.lab.report import StudyReport, finite
+from cell.lab.rows import write_rows
+from cell.lab.tables import SUCCESSES, table
+from cell.lab.workers import each_of
+from cell.peg.ending import ending_of
+from cell.records.statistics import Z95
+from cell.run.learning import Learning
+from drivers.errors import CellError
+from drivers.parts import HolePrior
+from sim.config import FixtureConfig
+from skills.catalogue import CATALOGUE
+from skills.contract import Outcome
+
+MOVES = 0.0005
+"""Standard deviation of the hole's position between parts if the config names no fixture, m."""
+WRONG = 0.0007
+"""Standard deviation of a wrong prior, m; it claims the precision of a learnt one."""
+EXCHANGED = 3
+"""Number of parts before the fixture's replacement for each part after it."""
+SERIES = 1000
+"""Seed offset between two series."""
+
+
+class Mode(StrEnum):
+    """Knowledge of the hole's position in a cell."""
+
+    LEARNS = "learns"
+    PLAIN = "knows nothing"
+    WRONG = "is told a wrong place"
+
+
+@dataclass(frozen=True, slots=True)
+class PartRow:
+    """One part of a series; SI units."""
+
+    mode: str
+    seed: int
+    """Seed of the series."""
+    part: int
+    """Number of the part in its series, starting at 1."""
+    is_exchanged: bool
+    """True if the fixture has been replaced."""
+    is_expected: bool
+    """True if the search began with an expected position."""
+    outcome: str
+    search_time: float
+    total_time: float
+    """Sum of search, insertion and adjustment time, s."""
+
+
+def run_series(config: CellConfig, parts: int, mode: Mode, seed: int) -> list[PartRow]:
+    """Return the parts of one series, on a new cell and, with another fixture, on the same cell after a restart.
+
+    Args:
+        config: The cell; its fixture moves by `MOVES` if the config has no value.
+        parts: Number of parts before the fixture is replaced.
+        mode: Knowledge of the hole's position.
+        seed: Seed of the series.
+    """
+    rows: list[PartRow] = []
+    with tempfile.TemporaryDirectory() as folder:
+        learning = Learning(Path(folder), config.learning.model_copy(update={"place": mode is Mode.LEARNS}))
+        for number, count in enumerate((parts, parts // EXCHANGED)):
+            placed = _placed(config, mode, SERIES * seed + SERIES // 2 * number)
+            for row in _run_parts(placed, mode, learning, seed, len(rows), count, is_exchanged=number > 0):
+                rows.append(row)
+        learning.flush()
+    return rows
+
+
+def _placed(config: CellConfig, mode: Mode, first: int) -> CellConfig:
+    """Return the cell with a fixture placed by the seed `first`; in the wrong-prior mode also with a displaced prior."""
+    assert config.sim is not None
+    sim = config.sim.model_copy(
+        update={"seed": first, "pace": "max", "fixture": config.sim.fixture or FixtureConfig(deviation=MOVES)}
+    )
+    config = config.model_copy(update={"sim": sim})
+    if mode is not Mode.WRONG:
+        return config
+    half = np.array(config.hole.area) / 2
+    x, y = np.array(config.hole.centre[:2]) + np.random.default_rng(first).uniform(-half, half)
+    prior = HolePrior(mean=(float(x), float(y)), deviation=(WRONG, WRONG))
+    return config.model_copy(update={"hole": config.hole.model_copy(update={"prior": prior})})
+
+
+def _run_parts(
+    config: CellConfig, mode: Mode, learning: Learning, series: int, before: int, count: int, *, is_exchanged: bool
+) -> list[PartRow]:
+    """Return `count` parts on one cell, numbered after those `before`."""
+    assert config.sim is not None
+    cell, rows = assemble(config), []
+    with opened(cell):
+        ctx = cell.context(config.sim.seed)
+        for number in range(count):
+            seed = config.sim.seed + number
+            ctx.job = learning.prepared(config.job(slot=number % config.rack.slots), 0)
+            ctx.rng, ctx.estimator, ctx.tracker = choices(seed), make_estimator(config), make_tracker(config)
+            ctx.stage, ctx.held = "", None
+            cell.clear()
+            cell.restock(ctx.job, seed)
+            outcome, times = Outcome.FAULT, dict.fromkeys(CATALOGUE.counted, 0.0)
+            try:
+                records = CATALOGUE["insert_peg"].run(config.skill_set(), ctx)
+            except CellError:
+                cell.arm.reset()
+            else:
+                outcome = ending_of(records, None, "").outcome
+                learning.take(config.job(), 0, records)
+                for record in records:
+                    if record.name in times:
+                        times[record.name] += record.result.elapsed
+            rows.append(
+                PartRow(
+                    mode=mode,
+                    seed=series,
+                    part=before + number + 1,
+                    is_exchanged=is_exchanged,
+                    is_expected=ctx.job.hole.prior is not None,
+                    outcome=outcome,
+                    search_time=times["spray_search"],
+                    total_time=sum(times.values()),
+                )
+            )
+    return rows
+
+
+@dataclass(frozen=True, slots=True)
+class PartLine:
+    """All series of one mode over one range of parts."""
+
+    mode: str
+    parts: str
+    trials: int
+    successes: int
+    expected: int
+    """Number of searches that began with an expected position."""
+    search: float
+    """Mean time of the search of successes, s."""
+    total: float
+    """Mean total time of successes, s."""
+    total_error: float
+    """Half the 95 % interval of that mean, s."""
+
+
+def lines_of(rows: Sequence[PartRow], parts: int) -> list[PartLine]:
+    """Return mean times by mode, for parts before and after a position can be known, and with another fixture."""
+    stretches = (("1 to 2", 1, 2), (f"3 to {parts}", 3, parts), ("other fixture", parts + 1, 10**9))
+    lines = []
+    for mode in Mode:
+        for name, low, high in stretches:
+            of = [row for row in rows if row.mode == mode and low <= row.part <= high]
+            good = [row for row in of if row.outcome == Outcome.SUCCESS]
+            totals = [row.total_time for row in good]
+            lines.append(
+                PartLine(
+                    mode=mode,
+                    parts=name,
+                    trials=len(of),
+                    successes=len(good),
+                    expected=sum(row.is_expected for row in of),
+                    search=float(np.mean([row.search_time for row in good])) if good else math.nan,
+                    total=float(np.mean(totals)) if good else math.nan,
+                    total_error=Z95 * float(np.std(totals, ddof=1)) / len(totals) ** 0.5
+                    if len(totals) > 1
+                    else math.nan,
+                )
+            )
+    return lines
+
+
+def panels(rows: Sequence[PartRow], parts: int) -> list[Panel]:
+    """Return mean search and total time of the successes by number of the part."""
+    found = []
+    for name, what in (("search_time", "search"), ("total_time", "search, insertion and adjustment")):
+        curves = []
+        for mode, colour in zip(Mode, COLOURS[1:], strict=False):
+            good = [row for row in rows if row.mode == mode and row.outcome == Outcome.SUCCESS]
+            numbers = sorted({row.part for row in good})
+            means = [float(np.mean([getattr(row, name) for row in good if row.part == part])) for part in numbers]
+            curves.append(Curve(numbers, means, colour, f"the cell {mode}", "o-"))
+        label = "number of the part; dashed: another fixture"
+        found.append(
+            Panel(what, label, "mean time of successes (s)", curves, y_limits=(0.0, None), marks=(parts + 0.5,))
+        )
+    return found
+
+
+def run(args: argparse.Namespace) -> StudyReport:
+    """Run every series, write the table, draw the chart."""
+    config, folder = config_of(args), out_folder(args.out)
+    parts, seeds = args.parts or (3 if args.quick else 20), seeds_of(args, 10)
+    jobs = [(config, parts, mode, seed) for mode in Mode for seed in seeds]
+    with advancing("series", len(jobs)) as done:
+        rows = [row for series in each_of(run_series, jobs, args.workers, done) for row in series]
+    lines = lines_of(rows, parts)
+    title = (
+        f"{len(seeds)} series of {parts} parts and {parts // EXCHANGED} of another fixture, seeds {seeds[0]} to"
+        f" {seeds[-1]}, reality {config.reality.scale:g}"
+    )
+    files = [
+        write_rows(rows, folder / "parts.csv"),
+        draw_panels(panels(rows, parts), title, folder / "learning.png"),
+    ]
+    shown = table(
+        title,
+        {"the cell": lambda line: line.mode, "parts": lambda line: line.parts},
+        {
+            **SUCCESSES,
+            "with a place": lambda line: f"{line.expected}/{line.trials}",
+            "search (s)": lambda line: f"{line.search:.2f}",
+            "total (s, 95 %)": lambda line: f"{line.total:.2f} ± {line.total_error:.2f}",
+        },
+        lines,
+        "times are means of the successes",
+    )
+    result = {"title": title, "lines": [asdict(line) for line in lines], "rows": [asdict(row) for row in rows]}
+    return StudyReport([shown], finite(result), files)

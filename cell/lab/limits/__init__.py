@@ -1,1 +1,0 @@
-"""Study of the limits of each phase of an insertion."""

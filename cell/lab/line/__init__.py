@@ -1,1 +1,0 @@
-"""Study of the connection to a PLC."""

@@ -1,1 +1,0 @@
-"""Study of a second opinion: whole trials on an externally described arm."""

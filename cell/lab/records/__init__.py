@@ -1,1 +1,0 @@
-"""Study of the duration of queries over many runs."""

@@ -1,0 +1,206 @@
+"""Holes without a switch: seated parts that are missed, and others that are taken for seated, by force against depth.
+
+Each trial is judged twice: by the cell, and by the cell's gate for a skill that reports a success in any scan.
+"""
+
+import argparse
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from itertools import takewhile
+from statistics import fmean, median
+
+import numpy as np
+
+from cell.devices.assembly import Cell
+from cell.film.plots import COLOURS
+from cell.lab.arguments import seeds_of
+from cell.lab.charts import INK, Curve, Panel, draw_panels
+from cell.lab.compare import chosen, compared, config_of, section
+from cell.lab.report import StudyReport, finite
+from cell.lab.rows import write_rows
+from cell.lab.tables import share, table
+from cell.lab.trials import TrialRow
+from cell.peg.ending import Ending
+from cell.peg.part_state import PartState
+from cell.peg.success import Evidence, LastLook, evidence_for, judged
+from drivers.errors import CellError
+from drivers.parts import Latch
+from drivers.quantities import ImpedanceSetpoint
+from plc_bridge.messages import PartPlace
+from sim.truth import Truth
+from skills.catalogue import ADJUST
+from skills.contract import Observation, Outcome, Reason, SkillContext
+from skills.entry import Claim
+from skills.flow import StageRecord
+from skills.latch_likelihood import GRID, Signature, Way, resistance, told_by
+from skills.signature import Curve as Force
+
+ON_BOTTOM = 3e-4
+"""Largest distance of a seated peg's end from the bottom in the simulation, m."""
+SEATED = "seated"
+"""Case in which a part on the bottom is seated; in all others the latch is worn out or the bottom is another one."""
+LATCH = Latch(kind="detent", force=5.0, height=0.003)
+"""Stated latch of all cases, as in variants.toml; the default push overcomes its force."""
+SHOWN = 6
+"""Largest number of curves of one case in the picture."""
+
+
+class Seating:
+    """Observes one trial as the gate does, and stores the result of the last curve of force against height."""
+
+    def __init__(self, cell: Cell, ctx: SkillContext) -> None:
+        """Begin with the evidence of the job."""
+        assert cell.truth is not None
+        assert ctx.job.hole.latch is not None
+        self._cell, self._ctx, self._latch = cell, ctx, ctx.job.hole.latch
+        self._proof = evidence_for(ctx.job.hole)
+        self._curve, self._shown = Force(), Force()
+        self._said: Signature | None = None
+        self._proofs: list[Evidence] = []
+        """Evidence of a seated peg in some scan; a skill with false reports could have ended there."""
+        self._truth: Truth = cell.truth()
+
+    def record(self, seen: Observation, setpoint: ImpedanceSetpoint | None) -> None:
+        """Add one scan."""
+        self._proof = self._proof.after(seen, setpoint)
+        if self._ctx.stage == ADJUST.name:
+            assert self._cell.truth is not None
+            self._truth = self._cell.truth()
+        hand = self._proof.seated_hand
+        if hand is not None and (not self._proofs or self._proofs[-1].seated_hand is not hand):
+            self._proofs.append(self._proof)
+        self._curve = self._curve.after(seen, setpoint, self._latch)
+        found = self._curve.signature(self._latch, seen.stamp)
+        if found is not None:
+            self._said, self._shown = found, self._curve
+
+    def columns(self, records: Sequence[StageRecord]) -> dict[str, str]:
+        """Return depth, judgements and curve; empty if the peg did not come to rest."""
+        cell, said, shown = self._cell, self._said, self._shown
+        look = LastLook(cell.gripper.read(), cell.arm.read().tcp.position, cell.switch.read())
+        is_on_bottom = self._truth.is_in_hole and self._truth.depth >= cell.config.hole.depth - ON_BOTTOM
+        lowest = shown.heights[-1] if shown.heights else math.nan
+        found: dict[str, float | None] = {
+            "seated_depth": self._truth.depth,
+            "on_bottom": float(is_on_bottom),
+            "believed": float(any(_is_believed(proof, records, look, self._ctx) for proof in self._proofs)),
+            "latch_force": None if said is None else said.force,
+            "latch_offset": None if said is None else said.offset,
+            "doubt": None if said is None else said.doubt,
+            "hanging": None if said is None else hanging(Way(shown.heights, shown.forces), self._latch),
+            "ways": float(len(shown.ways)),
+        }
+        texts = {name: "" if value is None else f"{value:.6g}" for name, value in found.items()}
+        heights = " ".join(f"{height - lowest:.6f}" for height in shown.heights)
+        return {**texts, "heights": heights, "forces": " ".join(f"{force:.3f}" for force in shown.forces)}
+
+
+def _is_believed(proof: Evidence, records: Sequence[StageRecord], look: LastLook, ctx: SkillContext) -> bool:
+    """Return True if the gate accepts a reported success of a seated peg."""
+    told, nobody = Ending(Outcome.SUCCESS, ADJUST.name, Reason.NONE), PartState(PartPlace.UNKNOWN, "")
+    try:
+        judged(Claim.SEATED, told, records, proof, look, nobody, ctx.job)
+    except CellError:
+        return False
+    return True
+
+
+def hanging(way: Way, latch: Latch) -> float | None:
+    """Return the correlation length of a curve's deviations from its best-fit latch, m; None if the curve shows no
+    latch.
+
+    It is the integral of their autocorrelation to its first zero, in both directions.
+    """
+    profile = way.profile(latch)
+    if profile is None:
+        return None
+    above, force = profile
+    best = told_by([way], latch)
+    rest = force - best.force / latch.force * resistance(above - best.offset, latch)
+    rest = rest - rest.mean()
+    size = float(np.mean(rest * rest))
+    likeness = [float(np.mean(rest[lag:] * rest[: len(rest) - lag])) / size for lag in range(1, len(rest) // 2)]
+    return GRID * (1.0 + 2.0 * sum(takewhile(lambda share: share > 0.0, likeness)))
+
+
+@dataclass(frozen=True, slots=True)
+class SeatingLine:
+    """One case."""
+
+    case: str
+    trials: int
+    seated: int
+    """Number of trials with a really seated part."""
+    missed: int
+    """Number of really seated parts that the cell did not report as seated."""
+    false: int
+    """Number of parts judged as seated without being so, by the cell or by its gate for a skill with false reports."""
+    least_doubt: float
+    """Smallest share of the likelihood for another force or position; NaN without a curve."""
+    hanging: float
+    """Median correlation length of the deviations of the last curves, m."""
+    ways: float
+    """Mean number of downward motions."""
+
+
+def line_of(case: str, rows: Sequence[TrialRow]) -> SeatingLine:
+    """Return the counts of one case."""
+    told = [row.outcome == Outcome.SUCCESS for row in rows]
+    seated = [case == SEATED and float(row.more["on_bottom"]) > 0.0 for row in rows]
+    wrong = [is_told or float(row.more["believed"]) > 0.0 for is_told, row in zip(told, rows, strict=True)]
+    doubts, lengths = ([float(row.more[name]) for row in rows if row.more[name]] for name in ("doubt", "hanging"))
+    return SeatingLine(
+        case=case,
+        trials=len(rows),
+        seated=sum(seated),
+        missed=sum(is_seated and not is_told for is_seated, is_told in zip(seated, told, strict=True)),
+        false=sum(is_wrong and not is_seated for is_seated, is_wrong in zip(seated, wrong, strict=True)),
+        least_doubt=min(doubts, default=math.nan),
+        hanging=median(lengths) if lengths else math.nan,
+        ways=fmean(float(row.more["ways"]) for row in rows) if rows else math.nan,
+    )
+
+
+def panel(cases: Mapping[str, Sequence[TrialRow]]) -> Panel:
+    """Return the curves of the first trials of every case."""
+    curves = []
+    for number, (case, rows) in enumerate(reversed(list(cases.items()))):
+        shown = [row for row in rows if row.more.get("heights")][:SHOWN]
+        for place, row in enumerate(shown):
+            x, y = (np.array(row.more[name].split(), dtype=float) for name in ("heights", "forces"))
+            colour = COLOURS[-1] if case == SEATED else COLOURS[1 + number]
+            curves.append(Curve(1e3 * x, y, colour, "" if place else case, size=1.6 if case == SEATED else 0.8))
+    above = np.linspace(0.0, 1.5 * LATCH.height, 200)
+    curves.append(Curve(1e3 * above, resistance(above, LATCH), INK, "latch as stated", "--"))
+    x_label, y_label = "height of the hand above where the peg rests (mm)", "reported force on the hand along z (N)"
+    return Panel(f"detent, {LATCH.force:g} N over {1e3 * LATCH.height:g} mm", x_label, y_label, curves)
+
+
+def run(args: argparse.Namespace) -> StudyReport:
+    """Run every case, write the tables, draw the picture."""
+    config_of(args)
+    tried = chosen(args.name, args.quick, args.case, "--case")
+    found = compared(args, tried, seeds_of(args, section(args.name)["trials"]))
+    cases = {line.family: rows for line, rows in zip(found.lines, found.rows, strict=True)}
+    lines = [line_of(case, rows) for case, rows in cases.items()]
+    title = f"Force against height above the resting place, up to {SHOWN} trials of each case\n{found.title}"
+    files = [
+        write_rows(lines, found.folder / "seating.csv"),
+        draw_panels([panel(cases)], title, found.folder / "seating.png"),
+    ]
+    shown = table(
+        found.title,
+        {"case": lambda line: line.case},
+        {
+            "seated": lambda line: f"{line.seated}/{line.trials}",
+            "missed": lambda line: share(line.missed, line.seated) if line.seated else "-",
+            "false": lambda line: share(line.false, line.trials - line.seated) if line.trials > line.seated else "-",
+            "least doubt": lambda line: f"{line.least_doubt:.3g}",
+            "ways": lambda line: f"{line.ways:.1f}",
+            "hanging (mm)": lambda line: f"{1e3 * line.hanging:.2f}",
+        },
+        lines,
+        "false: reported as seated, or accepted by the gate if the skill had reported it, and not seated",
+    )
+    return StudyReport([shown], finite({"title": found.title, "lines": [asdict(line) for line in lines]}), files)

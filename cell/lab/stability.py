@@ -1,0 +1,503 @@
+"""Stability limits of the loop through the skin on the whole simulated arm, beside sampled-loop theory.
+
+The hand takes a peg from the rack and holds it over the plate, tilted as in the search. The setpoint of its tip, or of
+its axis, then steps aside, and the true motion is judged. Skin, estimator, the arm's law and the arm are those of every
+trial. Without the observer, the error of [gibbons], Eq. (5), is held between frames. With it, the cell works as usual:
+only theta is as old as the frame, with the configured smoothing, and x_p, v and J_p follow the joints at 1 kHz.
+"""
+
+import argparse
+import math
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, replace
+from functools import partial
+from itertools import product
+
+import numpy as np
+
+from cell.commands.arguments import out_folder
+from cell.config.cell_config import CellConfig
+from cell.config.margins import HELD, MARGIN, loop_at, margins
+from cell.config.sampled_loop import largest_factor
+from cell.config.torque_path import largest, largest_hold
+from cell.devices.assembly import Cell, assemble, opened
+from cell.lab.arguments import advancing
+from cell.lab.charts import BLUE, GREEN, INK, RED, Curve, Panel, draw_panels
+from cell.lab.compare import config_of
+from cell.lab.report import StudyReport, finite
+from cell.lab.rows import write_rows
+from cell.lab.tables import table
+from cell.lab.workers import each_of
+from drivers import impedance
+from drivers.arm.inertia import tip_inertia
+from drivers.arm.model import JOINTS
+from drivers.errors import CellError, SimulationUnstableError
+from drivers.frames import angle_between, end_point, rotation_about, rotation_by
+from drivers.quantities import ImpedanceSetpoint, InHandTip, Vector
+from sim.situation import PegSituation
+from sim.world import World
+from skills import grasp_from_rack
+from skills.catalogue import GRASP, INSERT, SEARCH
+from skills.contract import Observation, Outcome, SkillContext
+from skills.motion import Gains, Goal, move
+from skills.passivity import PassivityGuard, PassivityVerdict
+from skills.tactile.blend import Smoothing
+
+HEIGHT = 0.1
+"""Height of the tip above the hole, m, at which the arm moves freely."""
+FORCE, TORQUE = 15.0, 1.5
+"""Largest initial force, N, and torque, N·m, of a step; a quarter of the guard's stop limits."""
+STEPS = {"translation": 0.01, "rotation": 0.1}
+"""Largest steps of translation, m, and rotation, rad."""
+DIRECTIONS = {"translation": np.array([0.8, 0.6, 0.0]), "rotation": np.array([0.6, 0.8, 0.0])}
+"""Directions of the step, translation along and rotation about, shape (3,), base frame."""
+LOST = 8.0
+"""Distance from the setpoint, in largest steps, at which a motion ends as unstable."""
+RESTLESS = 0.25
+"""Standard deviation in the last quarter of a case, in largest steps, above which a motion is unstable; dry friction
+causes less."""
+PERIODS, LEAST_TIME = 30, 2.0
+"""Duration of a case: number of frames, and shortest time, s."""
+
+
+@dataclass(frozen=True, slots=True)
+class Grid:
+    """Cases of the map."""
+
+    periods: tuple[float, ...]
+    """Periods of the frames, s; multiples of the scan's."""
+    delays: tuple[int, ...]
+    """Ages of a frame at its first use, in frames."""
+    gains: dict[str, tuple[float, ...]]
+    """Gains of translation, N/m, and of rotation, N·m/rad."""
+
+
+def _geometric(low: float, high: float, count: int) -> tuple[float, ...]:
+    return tuple(float(x) for x in np.geomspace(low, high, count))
+
+
+WHOLE = Grid(
+    (0.02, 0.05, 0.1, 0.2),
+    (0, 1, 2),
+    {"translation": _geometric(100.0, 51200.0, 10), "rotation": _geometric(5.0, 2560.0, 10)},
+)
+UNITS = {"translation": "N/m", "rotation": "N·m/rad"}
+QUICK = Grid((0.05, 0.1), (0, 1), {"translation": (400.0, 2500.0, 20e3), "rotation": (10.0, 300.0, 1000.0)})
+
+
+@dataclass(frozen=True, slots=True)
+class GridCase:
+    """One point of the map."""
+
+    kind: str
+    """Kind of the step and of the varied gain: `translation` or `rotation`."""
+    observer: bool
+    period: float
+    """Period of the frames, s."""
+    delay: int
+    """Age of a frame at its first use, in frames."""
+    gain: float
+    """Varied gain, N/m or N·m/rad."""
+
+
+@dataclass(frozen=True, slots=True)
+class StepTrace:
+    """Result of one case."""
+
+    case: GridCase
+    is_stable: bool
+    peak: float
+    """Largest distance from the setpoint after the step, m or rad."""
+    softened_at: float | None
+    """Time after the step at which the guard would have softened the motion, s; NaN if never."""
+    stopped_at: float | None
+    """Time after the step at which the guard would have stopped the motion, s; NaN if never."""
+    lost_at: float | None
+    """Time after the step at which the motion ended as unstable, s; NaN if never."""
+
+
+@dataclass(frozen=True, slots=True)
+class Boundary:
+    """Theoretical boundary, for the arm's own inertia at the pose of the map."""
+
+    kind: str
+    period: float
+    delay: int
+    gain: float
+    """First unstable gain, with the damping ratio of the insertion's gains, N/m or N·m/rad."""
+
+
+@dataclass(frozen=True, slots=True)
+class Shipped:
+    """One gain of the config, and its distance from the theoretical boundary."""
+
+    skill: str
+    kind: str
+    period: float
+    """Period of the skin's frames, s."""
+    gain: float
+    limit: float
+    """First unstable gain, with unchanged damping ratio and the error as old as a frame used at once."""
+    margin: float
+    """Limit divided by gain."""
+
+
+def shipped_margins(config: CellConfig) -> list[Shipped]:
+    """Return the margins of every gain in the loop through the skin."""
+    return [
+        Shipped(key.removesuffix(".gains"), found.kind, 1.0 / config.skin.rate, found.gain, found.limit, found.factor)
+        for key, gains in config.steered().items()
+        for found in margins(gains, config.skin.rate, config.place())
+    ]
+
+
+def gains_of(base: Gains, kind: str, gain: float) -> tuple[Vector, Vector]:
+    """Return stiffness and damping ratios, each shape (6,), with one gain set."""
+    set_to = base.model_copy(update={kind: gain})
+    return set_to.stiffness(), set_to.damping_ratios()
+
+
+def boundaries(base: Gains, inertia: Vector, grid: Grid) -> list[Boundary]:
+    """Return the theoretical boundary for every period and delay."""
+    found = []
+    for kind, period, delay in product(HELD, grid.periods, grid.delays):
+        factor = largest_factor(partial(loop_at, kind, base, inertia), period, delay)
+        found.append(Boundary(kind, period, delay, factor * getattr(base, kind)))
+    return found
+
+
+def measure(
+    config: CellConfig, grid: Grid, workers: int, done: Callable[[int], None]
+) -> tuple[list[StepTrace], Vector]:
+    """Run the map.
+
+    Args:
+        config: A simulated cell.
+        grid: Cases of the map.
+        workers: Number of processes.
+        done: Called with the number of further completed cases.
+
+    Returns:
+        Result of every case, and the arm's inertia at the tip, shape (6, 6).
+    """
+    columns = [
+        [
+            GridCase(kind, observer, period, delay, gain)
+            for kind, delay in product(HELD, grid.delays)
+            for gain in grid.gains[kind]
+        ]
+        for period, observer in product(sorted(grid.periods, reverse=True), (False, True))
+    ]
+    jobs = [(config, column) for column in columns]
+    results = each_of(_column, jobs, workers, lambda count: done(len(columns[0])))
+    traces = [trace for found, _ in results for trace in found]
+    traces.sort(key=lambda t: (t.case.kind, t.case.observer, t.case.delay, t.case.period, t.case.gain))
+    return traces, results[-1][1]
+
+
+def _column(config: CellConfig, cases: Sequence[GridCase]) -> tuple[list[StepTrace], Vector]:
+    """Run the cases of one column, with common period and observer; a cell that lost its peg is replaced."""
+    traces: list[StepTrace] = []
+    while len(traces) < len(cases):
+        with _held_peg(config, cases[0]) as bench:
+            while bench.is_usable and len(traces) < len(cases):
+                traces.append(bench.run(cases[len(traces)]))
+            inertia = bench.inertia
+    return traces, inertia
+
+
+@dataclass(slots=True)
+class HeldPeg:
+    """A cell whose hand holds a peg at rest over the plate."""
+
+    cell: Cell
+    world: World
+    ctx: SkillContext
+    base: Gains
+    roll: Vector
+    q: Vector
+    """Joint positions of the model, including the peg's hinge."""
+    is_sound: bool = True
+    """True if the physics stayed finite."""
+
+    @property
+    def is_usable(self) -> bool:
+        """True if another case can run."""
+        return self.is_sound and self.world.truth().peg is PegSituation.HELD
+
+    @property
+    def inertia(self) -> Vector:
+        """Inertia of the arm at the tip, shape (6, 6)."""
+        return tip_inertia(self.world.arm, self.q[:JOINTS], self.length)
+
+    @property
+    def length(self) -> float:
+        """Distance from the finger centre to the peg's end, m."""
+        return self.cell.config.peg.length
+
+    def run(self, case: GridCase) -> StepTrace:
+        """Step the setpoint aside and return the result."""
+        self._set_down()
+        ctx, world = self.ctx, self.world
+        theta = world.truth().theta
+        limit = STEPS[case.kind]
+        step = min(limit, (FORCE if case.kind == "translation" else TORQUE) / case.gain) * DIRECTIONS[case.kind]
+        seen = ctx.observe()
+        goal = _stepped(case.kind, seen.tip, seen.axis, step)
+        truth = _stepped(case.kind, *end_point(world.tcp(), theta, self.length), step)
+        stiffness, ratios = gains_of(self.base, case.kind, case.gain)
+        plain = ImpedanceSetpoint(ctx.new_id(), *goal, stiffness, ratios, math.inf, ctx.in_hand(), self.roll)
+        guard = PassivityGuard(ctx.limits.force)
+        begin, away = world.now(), [0.0]
+        verdicts: dict[PassivityVerdict, float] = {}
+        frames: list[Observation] = []
+        lasting = max(PERIODS * case.period, LEAST_TIME)
+        commanded = plain
+        while (elapsed := world.now() - begin) < lasting:
+            seen = ctx.observe()
+            if seen.is_new_frame or not frames:
+                frames.append(seen)
+                commanded = _with_frame(case, plain, frames)
+            elif case.observer and case.delay == 0:
+                # An observer can update theta at every scan.
+                commanded = replace(plain, in_hand=ctx.in_hand())
+            ctx.arm.follow(commanded)
+            away.append(_distance(case.kind, end_point(seen.arm.tcp, theta, self.length), truth))
+            verdicts.setdefault(guard.update(plain, seen.arm.tcp, seen.stamp), elapsed)
+            if away[-1] > LOST * limit:
+                break
+            try:
+                if case.observer:
+                    world.wait_until(seen.stamp + ctx.scan_period)
+                else:
+                    self._hold_error(case, plain, commanded, frames)
+            except SimulationUnstableError:
+                away.append(math.inf)
+                self.is_sound = False
+                break
+        lost = elapsed if away[-1] > LOST * limit else None
+        swing = float(np.std(away[-len(away) // 4 :])) if lost is None else math.inf
+        return StepTrace(
+            case,
+            lost is None and swing < RESTLESS * limit,
+            max(away),
+            verdicts.get(PassivityVerdict.SOFTEN),
+            verdicts.get(PassivityVerdict.STOP),
+            lost,
+        )
+
+    def _hold_error(
+        self, case: GridCase, plain: ImpedanceSetpoint, commanded: ImpedanceSetpoint, frames: Sequence[Observation]
+    ) -> None:
+        """Advance by one scan with the error of a frame: the setpoint moves with the arm, in every control period."""
+        ctx, world = self.ctx, self.world
+        assert commanded.in_hand is not None
+        used = _used(case, frames)
+        error = np.concatenate([plain.tip - used.tip, _turn(used, plain)]) * (len(frames) > case.delay)
+        end = world.now() + ctx.scan_period
+        while world.now() < end - 1e-9:
+            tcp = ctx.arm.read().tcp
+            tip, axis = end_point(tcp, commanded.in_hand.theta, commanded.in_hand.length)
+            if case.kind == "translation":
+                ctx.arm.follow(replace(commanded, tip=tip + error[:3]))
+            else:
+                roll = float(error[3:] @ axis)
+                swing, closing = error[3:] - roll * axis, tcp.rotation[:, 2]
+                turned = (rotation_by(swing) @ axis, rotation_by(roll * axis) @ closing)
+                ctx.arm.follow(replace(commanded, axis=turned[0], roll=turned[1]))
+            world.wait_until(world.now() + world.arm.control_period)
+
+    def _set_down(self) -> None:
+        """Restore the positions of arm and peg, at rest, and let the skin read them."""
+        _, data = self.world.physics()
+        data.qpos[:], data.qvel[:] = self.q, 0.0
+        self.world.control.law[:] = impedance.new_state(self.world.arm)
+        self.ctx.arm.halt()
+        self.world.wait_until(self.world.now() + 2.0 / self.cell.config.skin.rate)
+
+
+def _used(case: GridCase, frames: Sequence[Observation]) -> Observation:
+    """Return the frame in use when the newest one arrives; it is an older one if frames are late."""
+    return frames[max(len(frames) - 1 - case.delay, 0)]
+
+
+def _with_frame(case: GridCase, plain: ImpedanceSetpoint, frames: Sequence[Observation]) -> ImpedanceSetpoint:
+    """Return the setpoint with theta from the frame in use."""
+    used = _used(case, frames)
+    assert plain.in_hand is not None
+    return replace(plain, in_hand=InHandTip(used.peg.theta, plain.in_hand.length, used.peg.stamp))
+
+
+def _turn(seen: Observation, plain: ImpedanceSetpoint) -> Vector:
+    """Return the rotation from the peg's measured attitude to its setpoint, as in the law, shape (3,), rad."""
+    v, closing = seen.axis, seen.arm.tcp.rotation[:, 2]
+    normal = np.cross(v, plain.axis)
+    size = float(np.linalg.norm(normal))
+    swing = normal * (angle_between(v, plain.axis) / size) if size > 1e-9 else np.zeros(3)
+    assert plain.roll is not None
+    wanted = plain.roll - (v @ plain.roll) * v
+    turn: Vector = swing + math.atan2(float(v @ np.cross(closing, wanted)), float(closing @ wanted)) * v
+    return turn
+
+
+def _stepped(kind: str, tip: Vector, axis: Vector, step: Vector) -> tuple[Vector, Vector]:
+    if kind == "translation":
+        return tip + step, axis
+    size = float(np.linalg.norm(step))
+    return tip, rotation_about(step / size, size) @ axis
+
+
+def _distance(kind: str, now: tuple[Vector, Vector], goal: tuple[Vector, Vector]) -> float:
+    return float(np.linalg.norm(now[0] - goal[0])) if kind == "translation" else angle_between(now[1], goal[1])
+
+
+@contextmanager
+def _held_peg(config: CellConfig, case: GridCase) -> Iterator[HeldPeg]:
+    """Yield a cell with the case's skin period and a peg in its hand, over the plate."""
+    sim = config.sim
+    assert sim is not None
+    changed = {
+        "sim": sim.model_copy(update={"pace": "max"}),
+        # The map is that of the arm without errors; `cell study reality` measures their effect.
+        "reality": config.reality.model_copy(update={"scale": 0.0}),
+        "skin": config.skin.model_copy(update={"rate": 1.0 / case.period}),
+        "smoothing": config.smoothing if case.observer else Smoothing(),
+    }
+    config = config.model_copy(update=changed)
+    with opened(assemble(config)) as cell:
+        # The loop's limit is measured, so no guard limits the arm.
+        ctx, world = replace(cell.context(sim.seed), arm=cell.arm), cell.clock
+        assert isinstance(world, World)
+        if grasp_from_rack.run(config.params(GRASP), ctx).outcome is not Outcome.SUCCESS:
+            raise CellError("study: the peg could not be taken from the rack")
+        search = config.params(SEARCH)
+        axis, closing = config.peg.part.leaning(search.tilt_azimuth, search.tilt)
+        tip = np.array(config.hole.centre) + np.array([0.0, 0.0, HEIGHT])
+        for _ in move(Goal(tip, axis, closing), search.transfer, ctx, ctx.in_hand(), settle=1.0):
+            pass
+        _, data = world.physics()
+        yield HeldPeg(cell, world, ctx, config.params(INSERT).gains, closing, np.array(data.qpos))
+
+
+def limit_of(case: GridCase, theory: Sequence[Boundary]) -> float:
+    """Return the first unstable gain of a case in theory, N/m or N·m/rad."""
+    return next(b.gain for b in theory if (b.kind, b.period, b.delay) == (case.kind, case.period, case.delay))
+
+
+def compare(traces: Sequence[StepTrace], theory: Sequence[Boundary]) -> dict[str, int]:
+    """Count the cases in which the arm agrees with theory; the theory describes the loop without the observer."""
+    counts = {"stable_below": 0, "unstable_above": 0, "stable_above": 0, "unstable_below": 0}
+    for trace in traces:
+        if not trace.case.observer:
+            side = "below" if trace.case.gain < limit_of(trace.case, theory) else "above"
+            counts[f"{'stable' if trace.is_stable else 'unstable'}_{side}"] += 1
+    return counts
+
+
+def caught(traces: Sequence[StepTrace]) -> dict[str, int]:
+    """Count the cases that the guard would have stopped."""
+    unstable = [trace for trace in traces if not trace.is_stable]
+    return {
+        "unstable": len(unstable),
+        "unstable_stopped": sum(trace.stopped_at is not None for trace in unstable),
+        "unstable_with_observer": sum(trace.case.observer for trace in unstable),
+        "stable": len(traces) - len(unstable),
+        "stable_stopped": sum(trace.is_stable and trace.stopped_at is not None for trace in traces),
+    }
+
+
+def panels(
+    kind: str, traces: Sequence[StepTrace], theory: Sequence[Boundary], shipped: Sequence[Shipped]
+) -> list[Panel]:
+    """Return the map of translation or of rotation: delays side by side, the observer off above and on below."""
+    traces = [trace for trace in traces if trace.case.kind == kind]
+    periods = sorted({1e3 * trace.case.period for trace in traces})
+    found = []
+    for observer, delay in product((False, True), sorted({trace.case.delay for trace in traces})):
+        here = [trace for trace in traces if trace.case.observer is observer and trace.case.delay == delay]
+
+        def marks(
+            label: str,
+            colour: str,
+            style: str,
+            size: float,
+            of: Callable[[StepTrace], bool],
+            here: Sequence[StepTrace] = here,
+        ) -> Curve:
+            shown = [trace.case for trace in here if of(trace)]
+            x, y = [1e3 * case.period for case in shown], [case.gain for case in shown]
+            return Curve(x, y, colour, label, style, size, is_hollow=True)
+
+        curves = [
+            marks("stable", BLUE, "o", 1.5, lambda trace: trace.is_stable),
+            marks("unstable", RED, "x", 1.8, lambda trace: not trace.is_stable),
+            marks("stopped by the guard", INK, "s", 3.0, lambda trace: trace.stopped_at is not None),
+            marks(
+                "softened by it",
+                INK,
+                "D",
+                3.0,
+                lambda trace: trace.stopped_at is None and trace.softened_at is not None,
+            ),
+        ]
+        if not observer:
+            line = sorted((1e3 * b.period, b.gain) for b in theory if (b.kind, b.delay) == (kind, delay))
+            x, y = [period for period, _ in line], [gain for _, gain in line]
+            curves.append(Curve(x, y, GREEN, "boundary of theory, the arm's own inertia"))
+        if delay == 0:
+            own = [each for each in shipped if each.kind == kind]
+            curves.append(
+                Curve([1e3 * each.period for each in own], [each.gain for each in own], INK, "shipped gains", "*", 3.0)
+            )
+        name = "observer on: only theta is as old as the frame" if observer else "observer off: the error is held"
+        labels = "period of the skin (ms)", f"gain in {kind} ({UNITS[kind]})"
+        limits = (periods[0] / 1.4, periods[-1] * 1.4)
+        found.append(
+            Panel(f"{name}\nframes used {delay} periods late", *labels, curves, "xy", periods, x_limits=limits)
+        )
+    return found
+
+
+def run(args: argparse.Namespace) -> StudyReport:
+    """Measure the map, compare it with theory, write every case, draw the charts."""
+    config, folder, grid = config_of(args), out_folder(args.out), QUICK if args.quick else WHOLE
+    cases = sum(2 * len(grid.periods) * len(grid.delays) * len(grid.gains[kind]) for kind in HELD)
+    with advancing("cases", cases) as done:
+        traces, inertia = measure(config, grid, args.workers, done)
+    theory, shipped = boundaries(config.params(INSERT).gains, inertia, grid), shipped_margins(config)
+    arm, guard = compare(traces, theory), caught(traces)
+    result = {
+        "cases": len(traces),
+        "against_theory": arm,
+        "guard": guard,
+        "margin_needed": MARGIN,
+        "shipped": [asdict(line) for line in shipped],
+        "torque_path": {key: largest(gains, config.place()) for key, gains in config.followed().items()}
+        | {"halted": largest_hold(config.place())},
+        "theory": [asdict(line) for line in theory],
+    }
+    rows = []
+    for trace in traces:
+        facts = asdict(trace)
+        rows.append({**facts.pop("case"), "theory": limit_of(trace.case, theory), **facts})
+    files = [write_rows(rows, folder / "stability.csv")]
+    for kind in HELD:
+        drawn = panels(kind, traces, theory, shipped)
+        title = f"Stability in {kind} on the whole simulated arm, {len(traces)} cases, one run a point"
+        files.append(draw_panels(drawn, title, folder / f"stability_{kind}.png", len(drawn) // 2, legend=3))
+    shown = table(
+        "Gains that the skin steers, against the boundary of theory",
+        {"skill": lambda line: line.skill, "gain": lambda line: line.kind},
+        {
+            "value": lambda line: f"{line.gain:g} {UNITS[line.kind]}",
+            "unstable from": lambda line: f"{line.limit:.4g} {UNITS[line.kind]}",
+            "margin": lambda line: f"{line.margin:.2f} times",
+        },
+        shipped,
+        f"margin needed {MARGIN:g}; n = {len(traces)}. Observer off: {arm['stable_below']} stable below the boundary"
+        f" and {arm['unstable_below']} not, {arm['unstable_above']} unstable above it and {arm['stable_above']} not."
+        f" Observer on: {guard['unstable_with_observer']} unstable. Guard: stops {guard['unstable_stopped']} of"
+        f" {guard['unstable']} unstable, {guard['stable_stopped']} of {guard['stable']} stable.",
+    )
+    return StudyReport([shown], finite(result), files)

@@ -1,1 +1,0 @@
-"""Study of the stability limits of the loop through the skin."""

@@ -1,1 +1,0 @@
-"""Study of the estimation of the peg's angle from the taxels."""

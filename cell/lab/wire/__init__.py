@@ -1,1 +1,0 @@
-"""Study of the wires of skin and switch."""

@@ -1,0 +1,203 @@
+"""Plan of an insertion: every speed, push, time and threshold in force, from the config, the part, the grip and the attempt; pure.
+
+Skills take their figures from the plan as they are; only `plan_insertion` derives figures from others.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, Generic, TypeVar
+
+from drivers.config_model import ConfigModel
+from drivers.part.contract import Part
+from drivers.parts import Hole, Peg
+from skills.corner import CornerParams
+from skills.entry import SkillSet
+from skills.grasp_from_rack import GraspFromRackParams
+from skills.grip import Grip, grip_of
+from skills.motion import Gains
+from skills.pace import scaled, within
+from skills.paper.params import PaperParams
+from skills.play import allowed_depth
+from skills.search.params import SpraySearchParams
+from skills.search.size import fastest, firm, shallow
+from skills.spiral_params import SpiralAdjustParams
+from skills.tactile_insert import TactileInsertParams
+
+P = TypeVar("P", bound=ConfigModel)
+
+FIRST_STALL = 0.4
+"""Share of `adjust.stall_timeout` in the first of several attempts, fraction: a new search takes 2.5 s and frees most jammed pegs.
+Source: docs/tried/adjustment.md.
+"""
+AT_BOTTOM = 2.0
+"""Stall timeout of a peg at the bottom, multiple of that of a peg above it: the last millimetre is short of `adjust.jammed`."""
+GRIP, ARM, ATTEMPT = "grasp.force", "arm.model", "attempt"
+"""Reasons of figures that differ from the config: the load that the pads bear, the arm's limits, the number of the attempt."""
+
+
+@dataclass(frozen=True, slots=True)
+class InsertionPlan:
+    """Figures in force in one attempt of an insertion."""
+
+    search: SpraySearchParams
+    insert: TactileInsertParams | None
+    """None for a peg with corners."""
+    adjust: SpiralAdjustParams
+    corner: CornerParams | None
+    """Figures of the skills for a peg with corners; None for a round peg."""
+    paper: PaperParams | None
+    """Figures of the printed skills of [gibbons]; None if none is used."""
+    others: Mapping[str, ConfigModel]
+    """Figures of the other skills, by section."""
+    retries: int
+    """Number of further searches if the peg turns out not to be in the hole."""
+    reasons: Mapping[str, tuple[str, ...]]
+    """What changed a figure of the config, by the figure's name with its sections: keys, the arm, or the attempt."""
+
+    @property
+    def sections(self) -> dict[str, ConfigModel]:
+        """Figures of all sections in use, by name."""
+        named = {"search": self.search, "insert": self.insert, "corner": self.corner}
+        found = {**self.others, **named, "adjust": self.adjust, "paper": self.paper}
+        return {name: params for name, params in found.items() if params is not None}
+
+    @property
+    def capped(self) -> tuple[str, ...]:
+        """Names of the speeds that the arm's limits reduce."""
+        return tuple(name for name, reasons in self.reasons.items() if ARM in reasons)
+
+    @property
+    def steered(self) -> dict[str, Gains]:
+        """Gains in loops over the skin's measurements, by config key, in addition to those of the catalogue of skills."""
+        gains: dict[str, Gains] = {}
+        if self.corner is not None:
+            gains |= {"corner.insert.gains": self.corner.insert.gains, "corner.adjust.gains": self.corner.adjust.gains}
+        if self.paper is not None:
+            gains |= {f"paper.{name}.gains": getattr(self.paper, name).gains for name in self.paper.skills}
+        return gains
+
+
+@dataclass(slots=True)
+class _Stage(Generic[P]):
+    """Figures of one section while they are derived, and what changed each of them."""
+
+    name: str
+    params: P
+    reasons: dict[str, tuple[str, ...]] = field(default_factory=dict)
+
+    def become(self, why: str, params: P) -> None:
+        """Take new figures, and note the reason of those that differ."""
+        if params is self.params:
+            return
+        before = figures(self.params, self.name)
+        for name, value in figures(params, self.name).items():
+            if before[name] != value:
+                self.reasons[name] = (*self.reasons.get(name, ()), why)
+        self.params = params
+
+
+_CORNERED: Mapping[str, bool] = {"round": False, "rectangular": True}
+"""Whether a part of this kind is inserted over a corner; the printed skills insert the other parts."""
+
+
+def is_cornered(part: Part) -> bool:
+    """Return True if a part of this kind searches with a corner and needs the section [corner]."""
+    return _CORNERED[part.kind]
+
+
+def figures(params: ConfigModel, place: str) -> dict[str, object]:
+    """Return all figures of a section, by name with sections."""
+    found: dict[str, object] = {}
+    for name in type(params).model_fields:
+        value = getattr(params, name)
+        found |= figures(value, f"{place}.{name}") if isinstance(value, ConfigModel) else {f"{place}.{name}": value}
+    return found
+
+
+def plan_insertion(skills: SkillSet, peg: Peg, hole: Hole, grip_share: float = 1.0, attempt: int = 0) -> InsertionPlan:
+    """Return the figures in force.
+
+    Args:
+        skills: Parameters of the config.
+        peg: The part.
+        hole: Its hole.
+        grip_share: Assumed share of the grip after slips, fraction.
+        attempt: Number of the attempt, from 0.
+    """
+    grip = grip_of(_section(skills, "grasp", GraspFromRackParams), grip_share)
+    search = _Stage("search", _section(skills, "search", SpraySearchParams))
+    insert = _Stage("insert", _section(skills, "insert", TactileInsertParams))
+    adjust = _Stage("adjust", _section(skills, "adjust", SpiralAdjustParams))
+    corner = _Stage("corner", skills.corner) if is_cornered(peg.part) and skills.corner is not None else None
+    paper = None if skills.paper is None else _Stage("paper", skills.paper)
+    if corner is None:
+        _over_the_edge(search, insert, grip, peg, hole, attempt)
+        retries = skills.retries
+    else:
+        _over_a_corner(search, corner, grip, peg, attempt)
+        retries = corner.params.retries
+    most = fastest(search.params.dip_threshold, hole.part.inscribed)
+    if search.params.speed > most:
+        search.become("hole", _but(search.params, speed=most))
+    adjust.become(GRIP, grip.adjusting(adjust.params, peg.length))
+    if corner is None and attempt == 0 < retries:
+        adjust.become(ATTEMPT, _but(adjust.params, stall_timeout=FIRST_STALL * adjust.params.stall_timeout))
+    adjust.become("adjust.stall_timeout", _but(adjust.params, stall_at_bottom=AT_BOTTOM * adjust.params.stall_timeout))
+    known = (search.name, insert.name, adjust.name)
+    others = [_Stage(name, params) for name, params in skills.sections.items() if name not in known]
+    stages: list[_Stage[Any]] = [each for each in (*others, search, insert, adjust, corner, paper) if each is not None]
+    for stage in stages:
+        stage.become("speed_scale", scaled(stage.params, skills.pace.scale))
+        stage.become(ARM, within(stage.params, skills.pace))
+    return InsertionPlan(
+        search=search.params,
+        insert=insert.params if corner is None else None,
+        adjust=adjust.params,
+        corner=None if corner is None else corner.params,
+        paper=None if paper is None else paper.params,
+        others={stage.name: stage.params for stage in others},
+        retries=retries,
+        reasons={name: why for stage in stages for name, why in stage.reasons.items()},
+    )
+
+
+def _over_the_edge(
+    search: _Stage[SpraySearchParams],
+    insert: _Stage[TactileInsertParams],
+    grip: Grip,
+    peg: Peg,
+    hole: Hole,
+    attempt: int,
+) -> None:
+    """Derive the figures of a round peg, which falls into the hole over its edge."""
+    search.become("peg.diameter", firm(search.params, peg.part.thickness))
+    search.become(GRIP, grip.searching(search.params))
+    search.become("peg.diameter", shallow(search.params, peg.part.thickness))
+    insert.become(GRIP, grip.inserting(insert.params))
+    # A depth that errs, because plate, peg or arm are not as stated, errs again: later attempts leave the judgement to the adjustment.
+    if attempt == 0:
+        most = min(allowed_depth(insert.params.aligned, peg.part.thickness, hole.part.thickness), hole.depth)
+        insert.become("insert.least_share", _but(insert.params, least_depth=insert.params.least_share * most))
+
+
+def _over_a_corner(
+    search: _Stage[SpraySearchParams], corner: _Stage[CornerParams], grip: Grip, peg: Peg, attempt: int
+) -> None:
+    """Derive the figures of a peg that searches with a corner and is turned until it drops in."""
+    given = corner.params
+    search.become("corner", given.searching(search.params))
+    search.become(GRIP, grip.searching(search.params))
+    centre = given.insert.centres[attempt % len(given.insert.centres)]
+    corner.become(ATTEMPT, _but(given, insert=_but(given.insert, centre=centre)))
+    raising = grip.raising(corner.params.insert, given.tilt, peg)
+    corner.become(GRIP, _but(given, insert=raising, adjust=grip.entering(given.adjust, given.insert.tilt, peg)))
+
+
+def _but(params: P, **changes: object) -> P:
+    return params.model_copy(update=changes)
+
+
+def _section(skills: SkillSet, name: str, of: type[P]) -> P:
+    params = skills.sections[name]
+    assert isinstance(params, of)
+    return params

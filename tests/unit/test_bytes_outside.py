@@ -1,0 +1,190 @@
+"""A hundred thousand pieces of bytes at each wire: none ends the program, and what is right after them is understood."""
+
+import random
+from collections.abc import Callable
+from contextlib import suppress
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+from cell.config.load import load
+from cell.run.learning import FILE, read_learned
+from drivers.arm.calibration import read_arm_calibration
+from drivers.errors import ConfigError
+from drivers.skin.calibration import read_calibration
+from drivers.skin.cyskin_wire import (
+    CanAssembler,
+    Channels,
+    Message,
+    Module,
+    ScanAssembler,
+    SkinWireConfig,
+    WireError,
+    decode,
+    decode_module,
+    encode,
+    to_can,
+)
+from drivers.skin.icub_wire import TriangleAssembler, TriangleReading, encode_triangle
+from drivers.switch.wire import Contacts, Decoder, SwitchReport
+from drivers.switch.wire import encode as switch_packet
+from drivers.transport.cobs import Deframer, frame
+from drivers.transport.wires import CanFrame
+from plc_bridge.pdu import respond
+from plc_bridge.rtu_frames import Receiver, with_check_sum
+from tests.hostile import request
+from tests.pages import ROOT
+from tests.unit.cell.page.test_outside import changed
+from tests.unit.plc_bridge.test_pdu import FakeStation
+
+INPUTS, FILES = 100_000, 300
+READ = bytes.fromhex("01 03 0000 000A")
+WIRE = SkinWireConfig()
+SCAN = Message(0xF1, bytes([0, 0, *range(24)]))
+Wire = tuple[Callable[[random.Random], object], Callable[[], bool]]
+"""Function that takes one random input, and one that returns True if a right one is understood."""
+
+
+def spoiled(data: bytes, rng: random.Random) -> bytes:
+    """Return random bytes, or these with a few of them changed."""
+    if rng.random() < 0.3:
+        return rng.randbytes(rng.randrange(12))
+    wrong = bytearray(data)
+    for _ in range(rng.randrange(3)):
+        wrong[rng.randrange(len(wrong))] = rng.randrange(256)
+    return bytes(wrong[rng.randrange(3) :][: rng.choice([3, 8, 40])])
+
+
+def modbus() -> Wire:
+    station = FakeStation()
+
+    def take(rng: random.Random) -> None:
+        assert 1 <= len(respond(request(rng), station)) <= 253
+
+    return take, lambda: respond(READ[1:], station)[:2] == b"\x03\x14"
+
+
+def modbus_serial() -> Wire:
+    receiver, whole = Receiver(1), with_check_sum(READ)
+
+    def take(rng: random.Random) -> None:
+        receiver.feed(spoiled(whole, rng))
+        receiver.take()
+        if rng.random() < 0.3:
+            receiver.give_up()
+
+    def is_understood() -> bool:
+        receiver.give_up()
+        receiver.feed(whole)
+        return receiver.take() == [READ]
+
+    return take, is_understood
+
+
+def cyskin_messages(data: bytes | None, channels: Channels, scans: ScanAssembler) -> bool:
+    """Decode a message in every way that its reader has; return True if it completes a scan."""
+    if data is None:
+        return False
+    message = decode(data, WIRE)
+    for read in (decode_module, channels.decode):
+        try:
+            part = read(message.payload, WIRE)
+        except WireError:
+            continue
+        if isinstance(part, tuple):
+            return scans.add(part, 0.0) is not None
+    return False
+
+
+def cyskin_can() -> Wire:
+    assembler, channels, whole = CanAssembler(), Channels([Module(0, 1, channels=12)]), to_can(encode(SCAN, WIRE), 1)
+    scans = ScanAssembler(12, 0.01)
+
+    def feed(frames: list[CanFrame]) -> bool:
+        return sum(cyskin_messages(assembler.feed(each), channels, scans) for each in frames) > 0
+
+    def take(rng: random.Random) -> None:
+        original = rng.choice(whole)
+        number = original.id if rng.random() < 0.7 else rng.randrange(0x800)
+        with suppress(WireError):
+            feed([CanFrame(number, spoiled(original.data, rng)[:8])])
+
+    return take, lambda: feed(whole) or feed(whole)
+
+
+def cyskin_serial() -> Wire:
+    deframer, channels, scans = Deframer(60), Channels([Module(0, 1, channels=12)]), ScanAssembler(12, 0.01)
+    whole = frame(encode(SCAN, WIRE))
+
+    def feed(data: bytes) -> bool:
+        return sum(cyskin_messages(each, channels, scans) for each in deframer.feed(data)) > 0
+
+    def take(rng: random.Random) -> None:
+        with suppress(WireError):
+            feed(spoiled(whole, rng))
+
+    def is_understood() -> bool:
+        deframer.reset()
+        return feed(whole) or feed(whole)
+
+    return take, is_understood
+
+
+def icub_can() -> Wire:
+    assembler, reading = TriangleAssembler(3), TriangleReading(tuple(range(12)))
+    whole = encode_triangle(3, 5, reading)
+
+    def take(rng: random.Random) -> None:
+        original = rng.choice(whole)
+        number = original.id if rng.random() < 0.5 else 0x430 | rng.randrange(16)
+        assembler.feed(CanFrame(number, spoiled(original.data, rng)[:8]))
+
+    return take, lambda: [assembler.feed(each) for each in whole][-1] == (5, reading)
+
+
+def switch_serial() -> Wire:
+    decoder, report = Decoder(), SwitchReport(1, Contacts.CLOSED, 1234, normally_open=True)
+    whole = switch_packet(report)
+    return lambda rng: decoder.feed(spoiled(whole, rng)), lambda: decoder.feed(whole) == [report]
+
+
+@pytest.mark.parametrize("wire", [modbus, modbus_serial, cyskin_can, cyskin_serial, icub_can, switch_serial])
+def test_random_bytes_on_a_wire_do_no_harm(wire):
+    rng = random.Random(20261126)
+    take, is_understood = wire()
+    for _ in range(INPUTS):
+        take(rng)
+    assert is_understood()
+
+
+LEARNED = b'{"version":1,"places":{"1":{"job":"0a","mean":[0.5,0.0],"variance":[1e-6,1e-6],"scatter":0.001,"parts":3,"stray":null,"updated":"2026-01-01T00:00:00Z"}}}'
+ARM = b'date = 2026-01-01\narm = "fr3"\nunit = "1"\nspeeds = [0.1, 0.2]\nfriction = [[1, 2, 3, 4, 5, 6, 7]]\n'
+SKIN = b'date = 2026-01-01\nlayout = "parallelogram"\nbaseline = [[0.0, 1.0]]\nsensitivity = [[1.0]]\n'
+
+
+@cache
+def arm_model():
+    return load().cell.arm_model()
+
+
+@pytest.mark.parametrize(
+    ("name", "whole", "read"),
+    [
+        ("sim.toml", (ROOT / "config/sim.toml").read_bytes(), load),
+        ("cell_01.toml", (ROOT / "config/cell_01.toml").read_bytes(), load),
+        (FILE, LEARNED, lambda path: read_learned(path.parent)),
+        ("arm.toml", ARM, lambda path: read_arm_calibration(path, arm_model(), "1")),
+        ("skin.toml", SKIN, lambda path: read_calibration(path, "parallelogram")),
+    ],
+)
+def test_a_damaged_file_is_read_or_refused_in_one_line(tmp_path: Path, name, whole, read):
+    rng, path, told = random.Random(7), tmp_path / name, list[str]()
+    for _ in range(FILES):
+        path.write_bytes(changed(whole, rng))
+        try:
+            read(path)
+        except ConfigError as error:
+            told.append(str(error))
+    assert len(told) > FILES // 2
+    assert all(name in text and len(text.splitlines()) == 1 for text in told)
