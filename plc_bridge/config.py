@@ -128,3 +128,5 @@ class PlcConfig(ConfigModel):
     """The Modbus RTU server on a serial line; off without this section."""
     can: CanConfig | None = None
     """The CANopen node; off without this section."""
+    opcua_anonymous: bool = False
+    """True if clients without a certificate may read over OPC UA; they never command. Source: set for each cell."""

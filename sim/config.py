@@ -257,8 +257,7 @@ class PlateConfig(ConfigModel):
     """
 
     tilt: Annotated[float, Field(ge=0.0, le=0.2), Quantity("rad")] = 0.0
-    """Angle between the plate's normal and the vertical, rad; `place.plate_tilt` is added, and `hole.tilt` sets it
-    too."""
+    """Angle between the plate's normal and the vertical, rad; `place.plate_tilt` is added."""
     shallow: Annotated[float, Field(ge=0.0, le=0.02), Quantity("m")] = 0.0
     """Height of the hole's bottom above the stated `hole.depth`, m; for example a chip in the hole."""
     present: bool = True

@@ -1,4 +1,4 @@
-"""Parameters of the adjustment: spiral, dither, tilt sweep and timeouts."""
+"""Parameters of the adjustment: dither, tilt sweep and timeouts."""
 
 import math
 from typing import Annotated
@@ -11,17 +11,11 @@ from skills.motion import Gains
 
 
 class SpiralAdjustParams(SkillParams):
-    """Parameters of tilting the peg about its tip along a spiral of the finger centre. The skill uses no tactile measurements.
+    """Parameters of tilting the peg about its tip on small circles of the finger centre, and on sweeps if it jams.
 
     Source: chosen, not measured.
     """
 
-    growth: Annotated[PositiveFloat, Quantity("m/s", Tempo.SPEED)]
-    """Growth of the spiral's radius at the finger centre, m/s. Source: derived from [gibbons], Sec. VI, 25 mm in 20 s."""
-    turn_rate: Annotated[PositiveFloat, Quantity("rad/s", Tempo.SPEED, "radius")]
-    """Turning rate of the spiral, rad/s."""
-    radius: Annotated[PositiveFloat, Quantity("m")]
-    """Largest radius of the spiral, m; `stall_timeout` can end the spiral earlier. Source: [gibbons], Sec. VI."""
     stall_timeout: Annotated[float, Field(gt=0.0, le=120.0), Quantity("s", Tempo.WAIT)]
     """Stall timeout: longest time without a depth gain of `jammed`, s; such a peg is not in the hole, or cannot enter it in
     this attempt. The first of several attempts of `insert_peg` has 0.4 of it (docs/tried/adjustment.md). Close to the bottom the time is
@@ -30,7 +24,7 @@ class SpiralAdjustParams(SkillParams):
     stall_at_bottom: Annotated[float, Figure("s", Tempo.WAIT), Field(exclude=True)] = math.inf
     """Stall timeout close to the bottom, s."""
     timeout: Annotated[PositiveFloat, Quantity("s", Tempo.LIMIT)]
-    """Longest adjustment, s; if the radius reaches its largest value earlier, the spiral restarts."""
+    """Longest adjustment, s."""
     gains: Gains
     """Stiffness and damping ratio along x and y and in rotation. Source: chosen within the margin that `cell check` prints."""
     push_stiffness: Annotated[PositiveFloat, Quantity("N/m")]
@@ -39,12 +33,8 @@ class SpiralAdjustParams(SkillParams):
     """Damping ratio along z, multiple of the critical damping; a larger value slows the peg's arrival at the bottom."""
     push_offset: Annotated[NonNegativeFloat, Quantity("m")]
     """Depth of the tip's setpoint below the tip, m."""
-    guided_depth: Annotated[PositiveFloat, Quantity("m")]
-    """Depth of the tip above which the hole guides the peg, m; then a growing spiral would only load the hole's walls.
-    Source: chosen, not measured; reason in docs/tried/adjustment.md.
-    """
     dither_radius: Annotated[NonNegativeFloat, Quantity("m")]
-    """Largest radius of the dither of the finger centre with a guided peg, m; it fades within each period, because torque
+    """Largest radius of the dither of the finger centre, m; it fades within each period, because torque
     held by friction jams the peg. Source: chosen, not measured; reason in docs/tried/adjustment.md.
     """
     dither_rate: Annotated[PositiveFloat, Quantity("rad/s", Tempo.SPEED, "dither_radius")]

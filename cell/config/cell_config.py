@@ -192,18 +192,6 @@ class CellConfig(Catalogued):
     calibration: CalibrationConfig = CalibrationConfig()
     """Files of measured values."""
 
-    @model_validator(mode="before")
-    @classmethod
-    def _tilt_of_the_plate(cls, tree: Any) -> Any:
-        """Move `hole.tilt` of a simulated cell to `sim.plate.tilt`: it is a true value, which skills must not read."""
-        if not isinstance(tree, dict) or not isinstance(hole := tree.get("hole"), dict) or "tilt" not in hole:
-            return tree
-        if not isinstance(sim := tree.get("sim"), dict):
-            return tree
-        plate = {**sim.get("plate", {}), "tilt": hole["tilt"]}
-        kept = {key: value for key, value in hole.items() if key != "tilt"}
-        return {**tree, "hole": kept, "sim": {**sim, "plate": plate}}
-
     @model_validator(mode="after")
     def _fits(self) -> Self:
         peg, hole, rack = self.peg, self.hole, self.rack

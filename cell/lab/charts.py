@@ -4,6 +4,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from textwrap import fill
 from typing import Self
 
 import numpy as np
@@ -18,6 +19,8 @@ from cell.records.statistics import wilson
 CHART = "speed_accuracy.png"
 INK, GREY, BLUE, RED, GREEN, PURPLE = "#222222", "#888888", "#4477aa", "#ee6677", "#228833", "#aa3377"
 """Palette of the charts, with `COLOURS`; colour-blind readers can distinguish it."""
+LETTERS_PER_INCH = 13.0
+"""Length of a line of a title."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,6 +102,8 @@ class Panel:
     y_limits: tuple[float | None, float | None] = (None, None)
     marks: Sequence[float] = ()
     """Positions of vertical dashed lines."""
+    x_names: Sequence[str] = ()
+    """Names of the ticks instead of their values."""
 
 
 def draw_panels(panels: Sequence[Panel], title: str, path: Path, across: int = 0, legend: int = 0) -> Path:
@@ -113,7 +118,8 @@ def draw_panels(panels: Sequence[Panel], title: str, path: Path, across: int = 0
     """
     across = across or len(panels)
     down = math.ceil(len(panels) / across)
-    figure = Figure(figsize=(1.0 + 4.6 * across, 1.2 + 3.9 * down), layout="constrained")
+    width = 1.0 + 4.6 * across
+    figure = Figure(figsize=(width, 1.2 + 3.9 * down), layout="constrained")
     grid = figure.subplots(down, across, squeeze=False).ravel()
     for axes, panel in zip(grid, panels, strict=False):
         for curve in panel.curves:
@@ -136,7 +142,7 @@ def draw_panels(panels: Sequence[Panel], title: str, path: Path, across: int = 0
             for handle, label in zip(*axes.get_legend_handles_labels(), strict=True)
         }
         figure.legend(found.values(), found.keys(), loc="outside lower center", ncols=legend, fontsize=8, frameon=False)
-    figure.suptitle(title, fontsize=10)
+    figure.suptitle("\n".join(fill(line, round(LETTERS_PER_INCH * width)) for line in title.splitlines()), fontsize=10)
     figure.savefig(path, dpi=110)
     return path
 
@@ -161,13 +167,18 @@ def _draw_curve(axes: Axes, curve: Curve) -> None:
 
 
 def _scale(axes: Axes, panel: Panel) -> None:
-    axes.set_xlim(*panel.x_limits)
-    axes.set_ylim(*panel.y_limits)
-    for name, axis, ticks in (("x", axes.xaxis, panel.x_ticks), ("y", axes.yaxis, panel.y_ticks)):
+    for name, axis, ticks, names, limits in (
+        ("x", axes.xaxis, panel.x_ticks, panel.x_names, panel.x_limits),
+        ("y", axes.yaxis, panel.y_ticks, (), panel.y_limits),
+    ):
         if name in panel.log:
             getattr(axes, f"set_{name}scale")("log")
+        if limits != (None, None):
+            getattr(axes, f"set_{name}lim")(*limits)
         if len(ticks):
-            axis.set_ticks(ticks, [f"{tick:g}" for tick in ticks])
+            low, high = getattr(axes, f"get_{name}lim")()
+            shown = [tick for tick in ticks if low <= tick <= high]
+            axis.set_ticks(shown, names or [f"{tick:g}" for tick in shown])
             axis.set_ticks([], minor=True)
 
 

@@ -91,10 +91,6 @@ class SpraySearchParams(SkillParams):
     """Depth below the surface at which the resting tip is in the hole, m. For a round peg of 5 mm or less it is less in
     proportion to 8 mm. Source: chosen, not measured; reason in docs/tried/search.md.
     """
-    slip_drop: Annotated[float, Figure("m"), Field(exclude=True)] = 0.0
-    """Drop of the tip that a turn of the peg in the hand by one radian explains, because the peg then slips along the fingers, m; it adds to
-    `fall`. The grip's own figure is taken where it is larger. Source: docs/tried/search.md.
-    """
     rest: Annotated[PositiveFloat, Quantity("s", Tempo.WAIT)]
     """Time for which the hand rests before the tip's depth is judged, by a frame of its end, s. Source: chosen, not
     measured; reason in docs/tried/search.md.

@@ -1,7 +1,7 @@
 """Theta and offset from the tactile image of [gibbons], Sec. III: one image of both fingers, and its ellipse."""
 
 import math
-from typing import Annotated, Literal
+from typing import Annotated
 
 import numpy as np
 from pydantic import Field
@@ -23,8 +23,6 @@ class ImageParams(ConfigModel):
     Source: chosen on simulated pads, its effect measured by `cell study tactile`.
     """
 
-    kind: Annotated[Literal["image"], Figure(""), Field(exclude=True)] = "image"
-    """The estimator of [gibbons]: the ellipse of an image of the taxels."""
     pixel: Annotated[float, Figure("m"), Field(exclude=True)] = 1e-3
     """Side of a pixel, m."""
     full_scale: Annotated[float, Figure("counts"), Field(exclude=True)] = 20e3

@@ -115,6 +115,7 @@ PACKAGES = (
     "speed",
     "frontier",
     "faults",
+    "ablation",
 )
 """Studies that are a package with a module `study`. An installed program lacks `faults`, which attacks cells."""
 STUDIES = (*PACKAGES, *PLANS)
