@@ -187,14 +187,8 @@ class ModelConfig(ConfigModel):
     long_steps: bool = True
     """True to double the step while nothing can touch the hole. Source: decision 0004; measured by `cell study
     contact`."""
-    arm: Literal["full", "inertia"] = "full"
-    """Model of the arm; `full` is the whole arm, `inertia` an inertia at the tool, moved by the law without joint
-    friction. Source: measured by `cell study contact`."""
     wrist_backlash: Annotated[float, Field(ge=0.0, le=0.02), Quantity("rad")] = 0.0
     """Backlash between encoder and link of the joints 5 to 7, rad; the reading lags by half of it. Source: set for each trial."""
-    grip: Literal["hinge", "pads"] = "hinge"
-    """Model of the grip: a hinge with the pads' friction, or rigid pads in contact. Source: measured by `cell study
-    contact`."""
 
     def has_hole_for(self, part: Part) -> bool:
         """Return True if this model of the hole supports such parts; facets have no chamfers."""

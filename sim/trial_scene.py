@@ -12,7 +12,7 @@ from drivers.errors import ConfigError
 from drivers.parts import Job
 from drivers.quantities import Pose, Vector
 from sim import contact, engine, joint_drive, latch, scene
-from sim.arm_truth import ArmTruth, JointFriction
+from sim.arm_truth import ArmTruth
 from sim.config import PlateConfig, SimConfig
 from sim.decoys import with_decoys
 from sim.disturb import Draw
@@ -75,8 +75,7 @@ class TrialScene:
                 decoys.
         """
         self.job = job
-        self.arm = drawn.arm if sim.model.arm == "full" else replace(drawn.arm, friction=JointFriction())
-        self.arm = replace(self.arm, reading=replace(self.arm.reading, backlash=sim.model.wrist_backlash))
+        self.arm = replace(drawn.arm, reading=replace(drawn.arm.reading, backlash=sim.model.wrist_backlash))
         """The true arm."""
         has_twins = has_twins and _can_step(self.arm, sim.timestep)
         true = sim.plate
