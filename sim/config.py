@@ -6,7 +6,6 @@ from pydantic import Field, NonNegativeInt
 
 from drivers.arm.model import ArmName
 from drivers.config_model import ConfigModel, FilePath, Quantity
-from drivers.part.contract import Part
 from drivers.parts import Fraction
 from drivers.quantities import FINGERS, TAXELS
 from drivers.skin.health import SkinHealthConfig
@@ -160,39 +159,13 @@ class GripConfig(ConfigModel):
     assumed."""
 
 
-CLOSED = {"exact", "unpredicted"}
-"""Models of the hole in closed form."""
-HOLES = {"round": CLOSED | {"flats", "boxes"}, "rectangular": CLOSED}
-"""Models of the hole by kind of part; flats and a ring of boxes need a round hole."""
-
-
 class ModelConfig(ConfigModel):
-    """Choice of physical models; the source of the defaults is `cell study contact`."""
+    """Level of detail of the physics."""
 
-    hole: Literal["exact", "unpredicted", "flats", "boxes"] = "exact"
-    """Model of the hole; `exact` is in closed form, `unpredicted` omits contacts with a gap, `flats` rotate with the
-    peg, `boxes` form a ring. Source: measured by `cell study contact`."""
-    facets: Annotated[int, Field(ge=3, le=256)] = 64
-    """Number of facets of the ring of boxes. Source: measured by `cell study contact`."""
-    native_ccd: bool = False
-    """True to collide facets with MuJoCo's newer path, which makes ghost contacts at seams. Source: decision 0002."""
-    time_constant: Annotated[float, Field(ge=0.1, le=1e3), Quantity("multiple")] = 2.0
-    """Time constant of the contacts, multiple of the time step. Source: measured by `cell study contact`."""
-    contact_time: Annotated[float, Field(ge=0.0, le=0.1), Quantity("s")] = 1e-3
-    """Lower bound of the contacts' time constant, s; equal to that of the default step, so that contact forces stay the
-    same if the step is shorter. Source: decision 0002."""
-    stiffness: Annotated[Annotated[float, Field(ge=1e2, le=1e10)] | None, Quantity("1/s²")] = None
-    """Stiffness of the contacts, 1/s²; force per penetration and effective mass, with critical damping. It replaces the
-    time constant. Source: set for each trial."""
     long_steps: bool = True
-    """True to double the step while nothing can touch the hole. Source: decision 0004; measured by `cell study
-    contact`."""
+    """True to double the step while nothing can touch the hole. Source: decision 0004."""
     wrist_backlash: Annotated[float, Field(ge=0.0, le=0.02), Quantity("rad")] = 0.0
     """Backlash between encoder and link of the joints 5 to 7, rad; the reading lags by half of it. Source: set for each trial."""
-
-    def has_hole_for(self, part: Part) -> bool:
-        """Return True if this model of the hole supports such parts; facets have no chamfers."""
-        return self.hole in (CLOSED if part.chamfer > 0.0 else HOLES[part.kind])
 
 
 class FixtureConfig(ConfigModel):

@@ -48,7 +48,7 @@ class Stepper:
 
     def __init__(self, arm: ArmModel, sim: SimConfig, grip: GripConfig, pad: tuple[float, float], pace: Pace) -> None:
         """Place the arm at its waiting pose; `pad` is length and width of a pad, m."""
-        self._arm, self._model_of, self._grip, self._pad, self._pace = arm, sim.model, grip, pad, pace
+        self._arm, self._long_steps, self._grip, self._pad, self._pace = arm, sim.model.long_steps, grip, pad, pace
         self.law_every = round(arm.control_period / sim.timestep)
         """Number of ticks in a control period."""
         self.control = engine.Drives(
@@ -76,7 +76,7 @@ class Stepper:
     @property
     def has_twins(self) -> bool:
         """True if longer steps are possible."""
-        return self._model_of.long_steps and self.law_every % engine.COARSE == 0
+        return self._long_steps and self.law_every % engine.COARSE == 0
 
     @property
     def running(self) -> Mechanism:

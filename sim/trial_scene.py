@@ -87,13 +87,13 @@ class TrialScene:
         """Latch near the bottom, see `sim.latch`."""
         self.shear_stiffness = drawn.shear_stiffness
         """Stiffness of both pads in their plane, N/m."""
-        dt, how = sim.timestep, sim.model
-        held = scene.held_model(self.arm, job, self.plate, drawn.friction, dt, how)
+        dt = sim.timestep
+        held = scene.held_model(self.arm, job, self.plate, drawn.friction, dt)
         free = scene.free_model(self.arm, job, self.plate, self.rack, drawn.friction, drawn.pad_friction, pad, dt)
         twins: tuple[mujoco.MjModel | None, mujoco.MjModel | None] = (None, None)
         if has_twins:
             twins = (
-                scene.held_model(self.arm, job, self.plate, drawn.friction, engine.COARSE * dt, how),
+                scene.held_model(self.arm, job, self.plate, drawn.friction, engine.COARSE * dt),
                 scene.without_peg(free, engine.COARSE),
             )
         self.held = Mechanism(held, twins[0], (scene.GRIP, scene.GRIP), int(held.geom("peg").id))
