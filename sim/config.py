@@ -32,11 +32,6 @@ class PadConfig(ConfigModel):
     taxel_diameter: Annotated[float, Field(ge=1e-3, le=7e-3), Quantity("m")] = 4e-3
     """Diameter of the round area that one taxel averages over, m; assumed, about half the pitch of [gibbons], Sec. VI.
     """
-    hold: Literal["force", "width"] = "width"
-    """Quantity that the hand keeps constant while the peg is pushed across the pads. With `width` it is the fingers'
-    distance, as in a hand with self-locking gears: the pads stiffen, and both together carry more than twice the grip
-    force. With `force` it is the mean of the two loads: the taxel average is then independent of a push, and the hole
-    event of [gibbons], Sec. IV, cannot occur."""
 
 
 class SkinModel(ConfigModel):
