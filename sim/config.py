@@ -149,9 +149,6 @@ class GripConfig(ConfigModel):
     """Stiffness of both pads in their plane under the closed grip, as the cell assumes, N/m; assumed: rubber of 60 kPa
     shear modulus, 180 mm² a pad under an 8 mm peg, 0.4 mm of it left. Each trial draws a lower true value, see
     `grip.shear_stiffness` of config/reality.toml."""
-    slip: Annotated[float, Field(ge=0.0, le=0.01), Quantity("m")] = 0.0
-    """Distance by which the peg slides into the hand at the first push, not measured by the cell, m. Source:
-    assumed."""
 
 
 class ModelConfig(ConfigModel):

@@ -21,7 +21,7 @@ from sim import (
     slip,
 )
 from sim.arm_truth import ArmTruth
-from sim.config import GripConfig, SimConfig
+from sim.config import SimConfig
 from sim.pace import Pace
 from sim.pads import GripLimits, grip_limits
 from sim.situation import PegSituation
@@ -46,9 +46,9 @@ NO_NOISE: Vector = np.zeros((1, arm_senses.NOISES))
 class Stepper:
     """Moves arm, hand and peg through successive trials; the arm keeps its pose between trials."""
 
-    def __init__(self, arm: ArmModel, sim: SimConfig, grip: GripConfig, pad: tuple[float, float], pace: Pace) -> None:
+    def __init__(self, arm: ArmModel, sim: SimConfig, pad: tuple[float, float], pace: Pace) -> None:
         """Place the arm at its waiting pose; `pad` is length and width of a pad, m."""
-        self._arm, self._long_steps, self._grip, self._pad, self._pace = arm, sim.model.long_steps, grip, pad, pace
+        self._arm, self._long_steps, self._pad, self._pace = arm, sim.model.long_steps, pad, pace
         self.law_every = round(arm.control_period / sim.timestep)
         """Number of ticks in a control period."""
         self.control = engine.Drives(
@@ -126,9 +126,8 @@ class Stepper:
         tcp, pose = self.tcp(), self.peg_pose()
         axis = tcp.rotation.T @ pose.rotation[:, 2]
         # The pads hold the peg at the point of its axis nearest to the finger centre.
-        reach = float((tcp.position - pose.position) @ pose.rotation[:, 2]) + self.scene.size.half
+        self.peg_length = float((tcp.position - pose.position) @ pose.rotation[:, 2]) + self.scene.size.half
         self._run(PegSituation.HELD, self.scene.held)
-        self.peg_length = reach - self._grip.slip
         for model in self._steppers:
             model.geom("peg").pos[2] = model.body("peg").ipos[2] = self.scene.size.half - self.peg_length
         theta = math.atan2(-axis[1], -axis[0])

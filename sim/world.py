@@ -52,7 +52,7 @@ class World:
         self.pad = pad_size(layout)
         """Length and width of a pad, m."""
         self._pace = Pace(sim.timestep, sim.pace)
-        self.stepper = Stepper(arm, sim, grip, self.pad, self._pace)
+        self.stepper = Stepper(arm, sim, self.pad, self._pace)
         native.log_warnings()
         self.restock(job, sim.seed)
 
