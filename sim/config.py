@@ -6,7 +6,6 @@ from pydantic import Field, NonNegativeInt
 
 from drivers.arm.model import ArmName
 from drivers.config_model import ConfigModel, FilePath, Quantity
-from drivers.part.contract import Part
 from drivers.parts import Fraction
 from drivers.quantities import FINGERS, TAXELS
 from drivers.skin.health import SkinHealthConfig
@@ -33,11 +32,6 @@ class PadConfig(ConfigModel):
     taxel_diameter: Annotated[float, Field(ge=1e-3, le=7e-3), Quantity("m")] = 4e-3
     """Diameter of the round area that one taxel averages over, m; assumed, about half the pitch of [gibbons], Sec. VI.
     """
-    hold: Literal["force", "width"] = "width"
-    """Quantity that the hand keeps constant while the peg is pushed across the pads. With `width` it is the fingers'
-    distance, as in a hand with self-locking gears: the pads stiffen, and both together carry more than twice the grip
-    force. With `force` it is the mean of the two loads: the taxel average is then independent of a push, and the hole
-    event of [gibbons], Sec. IV, cannot occur."""
 
 
 class SkinModel(ConfigModel):
@@ -155,50 +149,15 @@ class GripConfig(ConfigModel):
     """Stiffness of both pads in their plane under the closed grip, as the cell assumes, N/m; assumed: rubber of 60 kPa
     shear modulus, 180 mm² a pad under an 8 mm peg, 0.4 mm of it left. Each trial draws a lower true value, see
     `grip.shear_stiffness` of config/reality.toml."""
-    slip: Annotated[float, Field(ge=0.0, le=0.01), Quantity("m")] = 0.0
-    """Distance by which the peg slides into the hand at the first push, not measured by the cell, m. Source:
-    assumed."""
-
-
-CLOSED = {"exact", "unpredicted"}
-"""Models of the hole in closed form."""
-HOLES = {"round": CLOSED | {"flats", "boxes"}, "rectangular": CLOSED}
-"""Models of the hole by kind of part; flats and a ring of boxes need a round hole."""
 
 
 class ModelConfig(ConfigModel):
-    """Choice of physical models; the source of the defaults is `cell study contact`."""
+    """Level of detail of the physics."""
 
-    hole: Literal["exact", "unpredicted", "flats", "boxes"] = "exact"
-    """Model of the hole; `exact` is in closed form, `unpredicted` omits contacts with a gap, `flats` rotate with the
-    peg, `boxes` form a ring. Source: measured by `cell study contact`."""
-    facets: Annotated[int, Field(ge=3, le=256)] = 64
-    """Number of facets of the ring of boxes. Source: measured by `cell study contact`."""
-    native_ccd: bool = False
-    """True to collide facets with MuJoCo's newer path, which makes ghost contacts at seams. Source: decision 0002."""
-    time_constant: Annotated[float, Field(ge=0.1, le=1e3), Quantity("multiple")] = 2.0
-    """Time constant of the contacts, multiple of the time step. Source: measured by `cell study contact`."""
-    contact_time: Annotated[float, Field(ge=0.0, le=0.1), Quantity("s")] = 1e-3
-    """Lower bound of the contacts' time constant, s; equal to that of the default step, so that contact forces stay the
-    same if the step is shorter. Source: decision 0002."""
-    stiffness: Annotated[Annotated[float, Field(ge=1e2, le=1e10)] | None, Quantity("1/s²")] = None
-    """Stiffness of the contacts, 1/s²; force per penetration and effective mass, with critical damping. It replaces the
-    time constant. Source: set for each trial."""
     long_steps: bool = True
-    """True to double the step while nothing can touch the hole. Source: decision 0004; measured by `cell study
-    contact`."""
-    arm: Literal["full", "inertia"] = "full"
-    """Model of the arm; `full` is the whole arm, `inertia` an inertia at the tool, moved by the law without joint
-    friction. Source: measured by `cell study contact`."""
+    """True to double the step while nothing can touch the hole. Source: decision 0004."""
     wrist_backlash: Annotated[float, Field(ge=0.0, le=0.02), Quantity("rad")] = 0.0
     """Backlash between encoder and link of the joints 5 to 7, rad; the reading lags by half of it. Source: set for each trial."""
-    grip: Literal["hinge", "pads"] = "hinge"
-    """Model of the grip: a hinge with the pads' friction, or rigid pads in contact. Source: measured by `cell study
-    contact`."""
-
-    def has_hole_for(self, part: Part) -> bool:
-        """Return True if this model of the hole supports such parts; facets have no chamfers."""
-        return self.hole in (CLOSED if part.chamfer > 0.0 else HOLES[part.kind])
 
 
 class FixtureConfig(ConfigModel):

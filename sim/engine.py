@@ -69,11 +69,9 @@ class Watch(NamedTuple):
     plates: int
     """Number of plates; their geoms come first."""
     hinge: int
-    """Index of the peg's hinge among the positions, or -1."""
+    """Index of the peg's hinge among the positions, or -1 if no hand holds it; the arm then feels no plate."""
     lost: float
     """Angle of the hinge at which the peg is lost, rad."""
-    is_felt: bool
-    """True if the arm feels the forces of the plates on the peg."""
     mass_centre: Vector
     """View of the peg's centre of mass, shape (3,), m, base frame."""
     load: Vector
@@ -143,7 +141,7 @@ def advance(
     while tick < span.ticks:
         if (span.phase + tick) % span.law_every == 0:
             now, period = span.start + tick * span.timestep, span.law_every * span.timestep
-            felt = meters[metering.FORCE : metering.TORQUE + 3] if watch.is_felt else nothing
+            felt = meters[metering.FORCE : metering.TORQUE + 3] if watch.hinge >= 0 else nothing
             q, dq = arm_senses.measure(control.senses, qpos[:7], qvel[:7], felt, span.noise[cycle])
             tau = impedance.torque(control.arm, control.words, control.law, q, dq, now, period)
             joint_drive.command(control.joints, control.arm, qpos[:7], tau, qfrc)
@@ -181,7 +179,7 @@ def compile_ahead() -> None:
     """Compile `advance`, or load it from the cache, for the argument types of the stepper."""
     row, rows = np.zeros(1), np.zeros((1, 1))
     models, bodies = Models(0, 0, row), Bodies(0, row, row, row, row)
-    watch = Watch(PegView(row, row, rows), row, 0, 0, 0.0, False, row, row, metering.HandView(row, row, row, row))
+    watch = Watch(PegView(row, row, rows), row, 0, 0, 0.0, row, row, metering.HandView(row, row, row, row))
     arguments = (
         models,
         bodies,

@@ -243,8 +243,9 @@ class Pads:
     def press(self, load: PadLoad) -> Pressing:
         """Return position and depth of the peg under `load`.
 
-        Newton's method minimises the potential energy of the pads. The energy is convex, so that the solution is
-        unique.
+        A push across the pads leaves the fingers' distance as it is, as in a hand with self-locking gears: the pads
+        stiffen, and both together carry more than twice the grip force. Newton's method minimises the potential energy
+        of the pads. The energy is convex, so that the solution is unique.
         """
         low, high = contact_span(load, self.length, self.width)
         if high - low < CELL or load.grip_force <= 0.0:
@@ -260,12 +261,9 @@ class Pads:
             delta0 = float(lie(one, np.array([mean]), np.array([delta0]), 0.0, pad.thickness, pad.exponent)[0])
         across, tilting = _bearable(load, low, high)
         one = np.ones_like(s)
-        motions = np.concatenate([[one, one, s], [one, -one, -s]], axis=1)
-        wanted = np.array([2.0 * load.grip_force, across, tilting]) / (step * self._foundation)
-        if pad.hold == "width":
-            u, phi = lie(motions[1:], wanted[1:], np.zeros(2), delta0, pad.thickness, pad.exponent)
-        else:
-            delta0, u, phi = lie(motions, wanted, np.array([delta0, 0.0, 0.0]), 0.0, pad.thickness, pad.exponent)
+        motions = np.concatenate([[one, s], [-one, -s]], axis=1)
+        wanted = np.array([across, tilting]) / (step * self._foundation)
+        u, phi = lie(motions, wanted, np.zeros(2), delta0, pad.thickness, pad.exponent)
         return Pressing(low, high, float(delta0), float(u), float(phi))
 
     def pressure(self, load: PadLoad) -> Vector:

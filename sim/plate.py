@@ -1,9 +1,4 @@
-"""A plate with its hole, and its models: closed form, or facets for MuJoCo's own collision detection.
-
-A ring of boxes tangent to the hole leaves a gap at every corner, R (1/cos(pi/N) - 1); flats that rotate with the peg
-leave none. Facets use MuJoCo's contact of box and cylinder. The closed form can run in parallel as a probe, which makes
-no contacts and only meters the penetration.
-"""
+"""A plate with its hole in closed form, as MuJoCo's geoms; `sim.hole_models` has the other models of a hole."""
 
 import math
 from dataclasses import dataclass
@@ -12,16 +7,13 @@ import mujoco
 import numpy as np
 
 from drivers.quantities import Vector
-from sim import contact, flats
-from sim.config import ModelConfig
+from sim import contact
 
-SIMP = "0.9999 0.9999 0.00001"
-"""Parameter `solimp` of facets: MuJoCo's stiffest, within 10 um."""
-RING_WIDTH = 0.05
-"""Half the width of a box of the ring, radially, m."""
-FLOOR = 0.01
-"""Half the thickness of the floor of a faceted hole, m."""
-EXACT = ModelConfig()
+CONTACT_STEPS = 2.0
+"""Time constant of the contacts, multiple of the time step: the stiffest of MuJoCo's standard form."""
+CONTACT_TIME = 1e-3
+"""Lower bound of the contacts' time constant, s; equal to that of the default step, so that contact forces stay the
+same if the step is shorter (decision 0002)."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -70,87 +62,45 @@ def outline_of(
     return float(x), float(y), float(half_x), float(half_y)
 
 
-def geoms(
-    name: str, plate: Plate, friction: float, timestep: float, model: ModelConfig = EXACT, is_judged: bool = True
-) -> list[str]:
-    """Return the plate as geoms in MuJoCo's XML, the closed form first.
+def geoms(name: str, plate: Plate, friction: float, timestep: float) -> list[str]:
+    """Return the plate as geoms in MuJoCo's XML, one for each tile.
 
     Args:
         name: Name of the first geom.
         plate: Pose of the plate, and its hole.
         friction: Coulomb coefficient against the peg.
         timestep: Time step of the physics, s.
-        model: Model of the hole.
-        is_judged: True to meter the penetration even if facets make the contacts.
     """
-    if plate.tiles:
-        tiles = ((name if i == 0 else f"{name} {i}", tile) for i, tile in enumerate(plate.tiles))
-        return [geom for each, tile in tiles for geom in geoms(each, tile, friction, timestep, model, is_judged)]
-    solref = stiffness(model, timestep)
-    has_facets = model.hole in ("flats", "boxes")
-    has_flats = model.hole == "flats"
-    mode = contact.UNPREDICTED if model.hole == "unpredicted" else contact.EXACT
-    if has_facets:
-        mode = contact.PROBE if is_judged else contact.NONE
+    solref = max(CONTACT_STEPS * timestep, CONTACT_TIME), 1.0
+    return [
+        closed_form(name if i == 0 else f"{name} {i}", tile, friction, timestep, solref)
+        for i, tile in enumerate(plate.tiles or (plate,))
+    ]
+
+
+def closed_form(
+    name: str,
+    plate: Plate,
+    friction: float,
+    timestep: float,
+    solref: tuple[float, float],
+    mode: int = contact.EXACT,
+    has_flats: bool = False,
+) -> str:
+    """Return the geom of a plate with one hole; `solref`, `mode` and `has_flats` as in `contact.plate_user`."""
     how = (timestep, solref, mode, has_flats)
     user = contact.plate_user(plate.half, plate.depth, friction, *how, plate.outline, plate.chamfer, plate.rubbing)
     x, y, half_x, half_y = plate.outline
     # The ellipsoid bounds the volume in which MuJoCo calls the closed form.
     around = math.hypot(abs(x) + half_x, abs(y) + half_y)
-    shapes = [
-        f'<geom name="{name}" type="ellipsoid" size="{words((around, around, around))}" {_pose(plate, np.zeros(3), 0.0)} '
-        f'contype="1" conaffinity="0" user="{words(user)}"/>'
-    ]
-    if not has_facets:
-        return shapes
-    boxes = [(flats.FLAT_SIZE, flats.SECTOR * k) for k in range(flats.FLATS)]
-    if not has_flats:
-        side = (plate.half[0] + 2.0 * RING_WIDTH) * math.tan(math.pi / model.facets)
-        angles = 2.0 * math.pi / model.facets * np.arange(model.facets)
-        boxes = [((RING_WIDTH, side, plate.depth / 2), float(angle)) for angle in angles]
-    for size, angle in boxes:
-        reach = plate.half[0] + size[0]
-        at = np.array([reach * math.cos(angle), reach * math.sin(angle), -size[2]])
-        shapes.append(_box(size, _pose(plate, at, angle), solref, friction))
-    shapes.append(
-        _box((0.02, 0.02, FLOOR), _pose(plate, np.array([0.0, 0.0, -plate.depth - FLOOR]), 0.0), solref, friction)
+    quat = np.empty(4)
+    mujoco.mju_mat2Quat(quat, plate.rotation.flatten())
+    return (
+        f'<geom name="{name}" type="ellipsoid" size="{words((around, around, around))}" '
+        f'pos="{words(plate.position)}" quat="{words(quat)}" contype="1" conaffinity="0" user="{words(user)}"/>'
     )
-    return shapes
-
-
-def stiffness(model: ModelConfig, timestep: float) -> tuple[float, float]:
-    """Return the contacts' `solref`: a time constant, s, and a damping ratio, or -k and -b if k is given."""
-    if model.stiffness is not None:
-        return -model.stiffness, -2.0 * math.sqrt(model.stiffness)
-    return max(model.time_constant * timestep, model.contact_time), 1.0
-
-
-def flags(model: ModelConfig) -> str:
-    """Return MuJoCo's flags for this model of the hole."""
-    if model.hole in ("exact", "unpredicted"):
-        return ""
-    # Without the mid-phase, MuJoCo processes the first geom before the flats that it rotates.
-    path = "enable" if model.native_ccd else "disable"
-    return f'nativeccd="{path}" multiccd="disable" midphase="disable"'
 
 
 def words(values: object) -> str:
     """Return numbers in XML form, to the last digit."""
     return " ".join(repr(float(v)) for v in np.asarray(values).ravel())
-
-
-def _pose(plate: Plate, at: Vector, angle: float) -> str:
-    turned = plate.rotation @ np.array(
-        [[math.cos(angle), -math.sin(angle), 0.0], [math.sin(angle), math.cos(angle), 0.0], [0.0, 0.0, 1.0]]
-    )
-    quat = np.empty(4)
-    mujoco.mju_mat2Quat(quat, turned.flatten())
-    return f'pos="{words(plate.position + plate.rotation @ at)}" quat="{words(quat)}"'
-
-
-def _box(size: tuple[float, float, float], pose: str, solref: tuple[float, float], friction: float) -> str:
-    friction = max(friction, contact.FRICTION_FLOOR)
-    return (
-        f'<geom type="box" size="{words(size)}" {pose} friction="{friction} 0.001 0.00001" priority="1" '
-        f'solref="{words(solref)}" solimp="{SIMP}" contype="1" conaffinity="0"/>'
-    )

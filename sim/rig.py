@@ -14,9 +14,10 @@ from drivers.frames import rotation_about
 from drivers.part.contract import Part
 from drivers.quantities import Vector
 from sim import contact, engine, metering, native, shapes
-from sim.config import ModelConfig
-from sim.plate import EXACT, Plate, flags, geoms, words
+from sim.hole_models import HoleModel, geoms
+from sim.plate import Plate, words
 
+SHIPPED = HoleModel()
 HOLE_DEPTH = 0.03
 MASS = 0.5
 """Mass of the peg and its carrier, kg."""
@@ -33,7 +34,7 @@ def tilted_peg(
     azimuth: float,
     friction: float,
     timestep: float,
-    model: ModelConfig = EXACT,
+    model: HoleModel = SHIPPED,
     is_judged: bool = True,
 ) -> mujoco.MjModel:
     """Return the model of a peg over a hole, tilted by `tilt` towards `azimuth`; its end's centre is the slides'
@@ -56,9 +57,9 @@ def tilted_peg(
     mujoco.mju_mat2Quat(turn, axes.flatten())
     return mujoco.MjModel.from_xml_string(
         f"""<mujoco><option timestep="{timestep}" gravity="0 0 0" cone="elliptic" impratio="10" tolerance="1e-14" iterations="60">
-        <flag autoreset="disable" {flags(model)}/></option>
+        <flag autoreset="disable" {model.flags()}/></option>
         <size nuser_geom="{contact.USER}" nuserdata="{native.NUSERDATA}"/>
-        <worldbody>{"".join(geoms("plate", plate, friction, timestep, model, is_judged))}
+        <worldbody>{"".join(geoms(plate, friction, timestep, model, is_judged))}
         <body><joint type="slide" axis="1 0 0"/><joint type="slide" axis="0 1 0"/><joint type="slide" axis="0 0 1"/>
         <geom name="peg" {shapes.peg_geom(peg, length / 2)} pos="{words(axes[:, 2] * length / 2)}"
         quat="{words(turn)}" mass="{MASS}" contype="0" conaffinity="1"/></body></worldbody></mujoco>"""

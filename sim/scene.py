@@ -18,8 +18,7 @@ from drivers.parts import Job
 from drivers.quantities import Vector
 from sim import contact, described_arm, native, shapes, slip
 from sim.arm_truth import ArmTruth
-from sim.config import ModelConfig
-from sim.plate import EXACT, Plate, flags, geoms, words
+from sim.plate import Plate, geoms, words
 
 GRIP = "grip"
 """Body at the finger centre that rotates with the held peg."""
@@ -40,9 +39,7 @@ incomplete and it hops; at 1e-12 its acceleration errs by less than 1e-3 rad/s²
 before Newton's next step."""
 
 
-def held_model(
-    arm: ArmTruth, job: Job, plate: Plate, friction: float, timestep: float, how: ModelConfig = EXACT
-) -> mujoco.MjModel:
+def held_model(arm: ArmTruth, job: Job, plate: Plate, friction: float, timestep: float) -> mujoco.MjModel:
     """Return the model of the arm with the peg on its hinge and slides, above one plate."""
     axis, hand = -job.peg.length / 2 + job.peg.overhang / 2, arm.model.hand
     # The peg's frame is that of `drivers.frames.peg_in_finger(0)`: x the closing axis, z from the tip to the finger.
@@ -55,8 +52,8 @@ def held_model(
         <joint name="beside" type="slide" axis="0 1 0" armature="{slip.MASS}"/>
         {_peg_geom(job, axis)}</body></body>"""
     hand_mass = hand.body.mass + 2 * hand.finger.mass
-    plates = "".join(geoms("plate", plate, friction, timestep, how))
-    return _compile(plates, arm, _arm(arm, timestep, hand_mass, peg), "", f'island="disable" {flags(how)}', timestep)
+    plates = "".join(geoms("plate", plate, friction, timestep))
+    return _compile(plates, arm, _arm(arm, timestep, hand_mass, peg), "", 'island="disable"', timestep)
 
 
 def free_model(

@@ -21,7 +21,7 @@ from sim import (
     slip,
 )
 from sim.arm_truth import ArmTruth
-from sim.config import GripConfig, SimConfig
+from sim.config import SimConfig
 from sim.pace import Pace
 from sim.pads import GripLimits, grip_limits
 from sim.situation import PegSituation
@@ -46,9 +46,9 @@ NO_NOISE: Vector = np.zeros((1, arm_senses.NOISES))
 class Stepper:
     """Moves arm, hand and peg through successive trials; the arm keeps its pose between trials."""
 
-    def __init__(self, arm: ArmModel, sim: SimConfig, grip: GripConfig, pad: tuple[float, float], pace: Pace) -> None:
+    def __init__(self, arm: ArmModel, sim: SimConfig, pad: tuple[float, float], pace: Pace) -> None:
         """Place the arm at its waiting pose; `pad` is length and width of a pad, m."""
-        self._arm, self._model_of, self._grip, self._pad, self._pace = arm, sim.model, grip, pad, pace
+        self._arm, self._long_steps, self._pad, self._pace = arm, sim.model.long_steps, pad, pace
         self.law_every = round(arm.control_period / sim.timestep)
         """Number of ticks in a control period."""
         self.control = engine.Drives(
@@ -76,7 +76,7 @@ class Stepper:
     @property
     def has_twins(self) -> bool:
         """True if longer steps are possible."""
-        return self._model_of.long_steps and self.law_every % engine.COARSE == 0
+        return self._long_steps and self.law_every % engine.COARSE == 0
 
     @property
     def running(self) -> Mechanism:
@@ -126,9 +126,8 @@ class Stepper:
         tcp, pose = self.tcp(), self.peg_pose()
         axis = tcp.rotation.T @ pose.rotation[:, 2]
         # The pads hold the peg at the point of its axis nearest to the finger centre.
-        reach = float((tcp.position - pose.position) @ pose.rotation[:, 2]) + self.scene.size.half
+        self.peg_length = float((tcp.position - pose.position) @ pose.rotation[:, 2]) + self.scene.size.half
         self._run(PegSituation.HELD, self.scene.held)
-        self.peg_length = reach - self._grip.slip
         for model in self._steppers:
             model.geom("peg").pos[2] = model.body("peg").ipos[2] = self.scene.size.half - self.peg_length
         theta = math.atan2(-axis[1], -axis[0])
@@ -143,12 +142,11 @@ class Stepper:
         self._begin(weight=self.scene.size.weight)
 
     def hold(self, theta: float) -> None:
-        """Put the peg into the hand at this in-hand angle, rad, as after a grasp; pads in contact must still close."""
+        """Put the peg into the hand at this in-hand angle, rad, as after a grasp."""
         reach = frames.compose(self.tcp(), frames.peg_in_finger(theta, self.scene.job.peg.length))
         middle = Pose(reach.position + self.scene.size.half * reach.rotation[:, 2], reach.rotation)
         self.enter_free(self.scene.job.peg.part.thickness, middle)
-        if self._model_of.grip == "hinge":
-            self.enter_held()
+        self.enter_held()
 
     def fall(self) -> None:
         """Place a lost peg flat on the surface below it, or leave it standing in its hole.
@@ -227,7 +225,6 @@ class Stepper:
             mechanism.plates,
             HINGE if is_held else -1,
             situation.LOST_TURN,
-            self.feels_plates(),
             data.xipos[mechanism.peg_body],
             data.xfrc_applied[mechanism.peg_body],
             metering.HandView(
@@ -322,7 +319,7 @@ class Stepper:
             height = lowest - self.scene.rack.position[2]
             if not situation.is_in_grip(self.pad_force(), grip_force, height):
                 self._in_grip_since = self._pace.now()
-            elif self._model_of.grip == "hinge" and self._pace.now() - self._in_grip_since > situation.SETTLED_GRIP:
+            elif self._pace.now() - self._in_grip_since > situation.SETTLED_GRIP:
                 self.enter_held()
 
     # Present positions.
@@ -341,7 +338,8 @@ class Stepper:
         """Return the arm's readings for a scan."""
         control = self.control
         if control.senses[arm_senses.IS_IDEAL] > 0.0:
-            felt = self.meters[metering.FORCE : metering.TORQUE + 3].copy() if self.feels_plates() else np.zeros(6)
+            is_held = self.peg is PegSituation.HELD
+            felt = self.meters[metering.FORCE : metering.TORQUE + 3].copy() if is_held else np.zeros(6)
             position, rotation, _, _ = impedance.forward(control.arm, self.q)
             return arm_senses.Reading(self.q, self.dq, felt, position, rotation)
         felt = joint_drive.unmodelled(control.joints)
@@ -403,10 +401,6 @@ class Stepper:
             return 0.0
         squeezed: float = metering.pad_force(self.running.data._address, *self.scene.pads)
         return squeezed
-
-    def feels_plates(self) -> bool:
-        """True if the peg is in the hand, so that the arm feels forces on it."""
-        return self.peg is PegSituation.HELD or (self.peg is PegSituation.FREE and self._model_of.grip == "pads")
 
     def grip_limits(self) -> GripLimits:
         """Return the largest loads from friction of the pads on the held peg in its present pose."""

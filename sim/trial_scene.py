@@ -12,7 +12,7 @@ from drivers.errors import ConfigError
 from drivers.parts import Job
 from drivers.quantities import Pose, Vector
 from sim import contact, engine, joint_drive, latch, scene
-from sim.arm_truth import ArmTruth, JointFriction
+from sim.arm_truth import ArmTruth
 from sim.config import PlateConfig, SimConfig
 from sim.decoys import with_decoys
 from sim.disturb import Draw
@@ -75,8 +75,7 @@ class TrialScene:
                 decoys.
         """
         self.job = job
-        self.arm = drawn.arm if sim.model.arm == "full" else replace(drawn.arm, friction=JointFriction())
-        self.arm = replace(self.arm, reading=replace(self.arm.reading, backlash=sim.model.wrist_backlash))
+        self.arm = replace(drawn.arm, reading=replace(drawn.arm.reading, backlash=sim.model.wrist_backlash))
         """The true arm."""
         has_twins = has_twins and _can_step(self.arm, sim.timestep)
         true = sim.plate
@@ -88,13 +87,13 @@ class TrialScene:
         """Latch near the bottom, see `sim.latch`."""
         self.shear_stiffness = drawn.shear_stiffness
         """Stiffness of both pads in their plane, N/m."""
-        dt, how = sim.timestep, sim.model
-        held = scene.held_model(self.arm, job, self.plate, drawn.friction, dt, how)
+        dt = sim.timestep
+        held = scene.held_model(self.arm, job, self.plate, drawn.friction, dt)
         free = scene.free_model(self.arm, job, self.plate, self.rack, drawn.friction, drawn.pad_friction, pad, dt)
         twins: tuple[mujoco.MjModel | None, mujoco.MjModel | None] = (None, None)
         if has_twins:
             twins = (
-                scene.held_model(self.arm, job, self.plate, drawn.friction, engine.COARSE * dt, how),
+                scene.held_model(self.arm, job, self.plate, drawn.friction, engine.COARSE * dt),
                 scene.without_peg(free, engine.COARSE),
             )
         self.held = Mechanism(held, twins[0], (scene.GRIP, scene.GRIP), int(held.geom("peg").id))

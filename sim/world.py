@@ -52,7 +52,7 @@ class World:
         self.pad = pad_size(layout)
         """Length and width of a pad, m."""
         self._pace = Pace(sim.timestep, sim.pace)
-        self.stepper = Stepper(arm, sim, grip, self.pad, self._pace)
+        self.stepper = Stepper(arm, sim, self.pad, self._pace)
         native.log_warnings()
         self.restock(job, sim.seed)
 
@@ -174,7 +174,7 @@ class World:
         return self._felt(metering.TORQUE)
 
     def _felt(self, first: int) -> Vector:
-        return self.meters[first : first + 3].copy() if self.stepper.feels_plates() else np.zeros(3)
+        return self.meters[first : first + 3].copy() if self.stepper.peg is PegSituation.HELD else np.zeros(3)
 
     def peg_pose(self) -> Pose:
         """Return the true pose of the peg's centre, z from its end upward."""

@@ -32,8 +32,6 @@ from drivers.switch.absent import NoSwitchConfig
 from drivers.switch.board_config import SerialSwitchConfig
 from plc_bridge.config import PlcConfig
 from sim.config import (
-    CLOSED,
-    HOLES,
     BoardsConfig,
     ContactConfig,
     GripConfig,
@@ -284,29 +282,10 @@ class CellConfig(Catalogued):
             raise ValueError(
                 f"sim.timestep = {self.sim.timestep}: does not divide the arm's control period of {period} s; a part of it allowed"
             )
-        if self.sim.model.hole not in HOLES[self.peg.part.kind]:
-            raise ValueError(
-                f'sim.model.hole = "{self.sim.model.hole}": facets round a hole, and peg.shape = "{self.peg.shape}";'
-                ' "exact" allowed'
-            )
-        for name, section in (("peg", self.peg), ("hole", self.hole)):
-            if not self.sim.model.has_hole_for(section.part):
-                raise ValueError(
-                    f'sim.model.hole = "{self.sim.model.hole}": facets have no chamfer, and {name}.chamfer = {section.chamfer};'
-                    ' "exact" allowed'
-                )
-        if not self.sim.plate.present and self.sim.model.hole not in CLOSED:
-            raise ValueError(
-                f'sim.model.hole = "{self.sim.model.hole}": facets round a hole, and sim.plate.present = false; "exact" allowed'
-            )
         number = self.sim.plate.decoys.number
         if number[0] > number[1]:
             raise ValueError(
                 f"sim.plate.decoys.number = {list(number)}: least above largest; at most {number[1]} for the first allowed"
-            )
-        if number[1] > 0 and self.sim.model.hole not in CLOSED:
-            raise ValueError(
-                f'sim.model.hole = "{self.sim.model.hole}": one hole alone, and sim.plate.decoys.number = {list(number)}; "exact" allowed'
             )
         if self.sim.plate.shallow >= self.hole.depth:
             raise ValueError(

@@ -26,7 +26,7 @@ from cell.lab.tables import table
 from cell.lab.workers import each_of
 from drivers.part.contract import Part
 from sim import native, rig
-from sim.config import ModelConfig
+from sim.hole_models import HoleModel
 from sim.shapes import exact_depth
 from sim.truth import VOID_PENETRATION, VOID_SHARE
 
@@ -59,14 +59,14 @@ class Rung:
 
     name: str
     family: str
-    model: ModelConfig
+    model: HoleModel
     timestep: float
     """Time step of the physics, s."""
 
 
-def model(**changes: Any) -> ModelConfig:
+def model(**changes: Any) -> HoleModel:
     """Return a model other than the default, with contacts as stiff as its time step allows."""
-    return ModelConfig(contact_time=0.0, **changes)
+    return HoleModel(contact_time=0.0, **changes)
 
 
 def ladder(timesteps: Sequence[float], facets: Sequence[int]) -> tuple[Rung, ...]:

@@ -21,7 +21,7 @@ from cell.lab.report import StudyReport, finite
 from cell.lab.rows import quantile, write_rows
 from cell.lab.tables import share, table
 from cell.lab.workers import each_of
-from drivers.errors import CellError, ConfigError
+from drivers.errors import CellError
 from drivers.frames import end_point
 from drivers.quantities import ImpedanceSetpoint, Vector
 from skills import spray_search
@@ -248,15 +248,9 @@ def line_of(rows: Sequence[EventRow]) -> EventLine:
 
 
 def run(args: argparse.Namespace) -> StudyReport:
-    """Search with and without a hole, and write the table.
-
-    Raises:
-        ConfigError: The plate of the config must have a hole.
-    """
+    """Search with and without a hole, and write the table."""
     config, folder = config_of(args), out_folder(args.out)
     assert config.sim is not None
-    if config.sim.model.hole not in ("exact", "unpredicted"):
-        raise ConfigError('study events: needs a simulated cell with sim.model.hole = "exact"')
     if args.quick:
         config = config.with_params(SEARCH, timeout=min(config.params(SEARCH).timeout, QUICK_TIMEOUT))
     seeds = seeds_of(args, 1000, 4)

@@ -147,7 +147,6 @@ def test_a_plate_without_decoys_has_one_geom():
     ("sets", "said"),
     [
         (("sim.plate.decoys.number=[3,1]",), "sim.plate.decoys.number = .3, 1.: least above largest"),
-        (("sim.plate.decoys.number=[1,1]", "sim.model.hole=flats"), "one hole alone"),
         (("sim.plate.decoys.number=[5,5]", "hole.area=[0.01,0.01]"), "no room beside the hole in hole.area"),
     ],
 )

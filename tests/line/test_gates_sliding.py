@@ -7,7 +7,7 @@ import pytest
 
 from cell.config.load import load
 from drivers.quantities import ImpedanceSetpoint, InHandTip, Twist, Vector
-from sim import engine
+from sim import contact, engine
 from sim.arm import SimArm
 from sim.world import World
 
@@ -122,7 +122,13 @@ def test_a_lane_has_long_and_short_steps() -> None:
 
 def test_what_a_plate_is_penetrated_by_is_told() -> None:
     """A peg pressed onto the plate, whose contacts are taken for softer than they are, sinks in, and the meter says so."""
-    slider = Slider(0.0105, "contact.friction=0.2", "sim.model.stiffness=1e4")
+    slider = Slider(0.0105, "contact.friction=0.2")
+    plate, held = slider.world.plate, slider.world.stepper.scene.held
+    for model in (held.model, held.twin):
+        assert model is not None
+        model.geom("plate").user[:] = contact.plate_user(
+            plate.half, plate.depth, 0.2, model.opt.timestep, (-1e4, -200.0), outline=plate.outline
+        )
     slider.drag(0.1)
     told = slider.world.truth()
     assert told.plate_penetration > 1e-6

@@ -5,12 +5,10 @@ import math
 
 import pytest
 
-from cell.config.load import load
 from cell.lab import contact
 from cell.lab.charts import draw_panels
 from cell.lab.contact import HOLES, SHIPPED, Rung, boundary_bouncing, boundary_bound, model, plan, verdict
 from cell.lab.rows import write_rows
-from cell.lab.trials import run_trial
 from drivers.part.rectangular import Rectangular
 from drivers.part.round import Round
 
@@ -88,11 +86,3 @@ def test_tables_and_pictures_are_written(rungs, points, tmp_path):
         assert len(list(csv.DictReader(file))) == len(rungs)
     panels = [contact.ladder_panel(rungs, "8 mm in 8.1 mm"), *contact.map_panels(points)]
     assert draw_panels(panels, "title", tmp_path / "contact.png").stat().st_size > 10_000
-
-
-@pytest.mark.parametrize("hole", ["unpredicted", "flats", "boxes"])
-def test_whole_trials_run_on_other_models(hole):
-    config = load(sets=["search.timeout=1.0", f"sim.model={{hole={hole!r}, facets=16}}"]).cell
-    row = run_trial(config, 1)
-    assert row.stage == "spray_search"
-    assert row.peak_contact_force > 1.0

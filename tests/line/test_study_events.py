@@ -6,12 +6,9 @@ import json
 import math
 from contextlib import redirect_stdout
 
-import pytest
-
 from cell.commands.cli import main
 from cell.config.load import load
 from cell.lab.events import EventRow, line_of, watch
-from drivers.errors import ConfigError
 
 SEED = 101
 """Seed of a search that slides over the hole within four seconds."""
@@ -29,11 +26,6 @@ def test_the_peg_falls_only_if_there_is_a_hole_and_the_fall_is_detected():
     assert not solid.fell
     assert solid.slid > hollow.slid
     assert math.isnan(solid.falsely)
-
-
-def test_a_plate_of_facets_has_a_hole():
-    with pytest.raises(ConfigError, match=r"sim\.plate\.present = false"):
-        config("sim.plate.present=false", "sim.model.hole=boxes")
 
 
 def test_a_fall_after_a_false_event_does_not_count():

@@ -13,7 +13,6 @@ from sim.pads import PadLoad, Pads, breakaway_torque, contact_span, taxel_weight
 LENGTH, WIDTH = 0.040, 0.026
 AT_REST = PadLoad(0.0, 0.0, 30.0, 0.0, 0.0, 0.05, 0.02, 0.008)
 PUSHED = replace(AT_REST, across=5.7, tilting=0.285)
-HOLDS = ("force", "width")
 
 
 def _sums(pads, load):
@@ -25,32 +24,23 @@ def _sums(pads, load):
 
 
 @pytest.mark.parametrize("exponent", [0.5, 1.0, 1.5])
-@pytest.mark.parametrize("hold", HOLDS)
 @pytest.mark.parametrize("theta", [-1.2, 0.0, 0.7])
 @pytest.mark.parametrize("sign", [-1.0, 1.0])
-def test_pads_balance_the_push(exponent, hold, theta, sign):
+def test_pads_balance_the_push(exponent, theta, sign):
     load = replace(PUSHED, theta=theta, across=sign * PUSHED.across, tilting=sign * PUSHED.tilting)
-    (left, right), (left_moment, right_moment) = _sums(
-        Pads(PadConfig(hold=hold, exponent=exponent), "parallelogram"), load
-    )
+    (left, right), (left_moment, right_moment) = _sums(Pads(PadConfig(exponent=exponent), "parallelogram"), load)
     assert left - right == pytest.approx(load.across, abs=0.03)
     assert left_moment - right_moment == pytest.approx(load.tilting, rel=0.01)
 
 
 @pytest.mark.parametrize("exponent", [0.5, 1.0, 1.5])
-@pytest.mark.parametrize("hold", HOLDS)
-def test_each_pad_bears_the_grip_force_when_nothing_pushes(exponent, hold):
-    sums, _ = _sums(Pads(PadConfig(hold=hold, exponent=exponent), "parallelogram"), AT_REST)
+def test_each_pad_bears_the_grip_force_when_nothing_pushes(exponent):
+    sums, _ = _sums(Pads(PadConfig(exponent=exponent), "parallelogram"), AT_REST)
     assert sums == pytest.approx([30.0, 30.0], rel=1e-3)
 
 
-def test_fingers_held_by_force_bear_the_same_together_under_a_push():
-    sums, _ = _sums(Pads(PadConfig(hold="force"), "parallelogram"), PUSHED)
-    assert sum(sums) == pytest.approx(60.0, rel=2e-3)
-
-
 def test_fingers_held_at_their_width_bear_more_together_under_a_push():
-    sums, _ = _sums(Pads(PadConfig(hold="width"), "parallelogram"), PUSHED)
+    sums, _ = _sums(Pads(PadConfig(), "parallelogram"), PUSHED)
     assert sum(sums) > 63.0
 
 
@@ -144,15 +134,14 @@ COMPILED = """
 from sim.config import PadConfig
 from sim.pad_solver import lie, spread
 from sim.pads import PadLoad, Pads
-pads = Pads(PadConfig(hold={hold!r}), "parallelogram")
+pads = Pads(PadConfig(), "parallelogram")
 before = len(lie.signatures), len(spread.signatures)
 pads.pressure(PadLoad(0.3, 1e-3, 30.0, 5.7, 0.285, 0.05, 0.02, 0.008, is_flat=True))
 print(before == (len(lie.signatures), len(spread.signatures)) and min(before) > 0)
 """
 
 
-@pytest.mark.parametrize("hold", HOLDS)
-def test_pads_are_compiled_before_they_are_touched(hold):
+def test_pads_are_compiled_before_they_are_touched():
     """Otherwise a cell stands still for seconds in the middle of its first run, and takes its PLC for lost."""
-    command = [sys.executable, "-c", COMPILED.format(hold=hold)]
+    command = [sys.executable, "-c", COMPILED]
     assert subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip() == "True"

@@ -49,13 +49,6 @@ def test_a_chamfer_typed_in_millimetres_is_refused():
     assert "hole.chamfer" in refused("hole.chamfer=0.5")
 
 
-@pytest.mark.parametrize("key", ["peg.chamfer", "hole.chamfer"])
-@pytest.mark.parametrize("model", ["flats", "boxes"])
-def test_facets_have_no_chamfer(key, model):
-    said = refused(f"{key}=0.0005", f'sim.model.hole="{model}"')
-    assert f'sim.model.hole = "{model}": facets have no chamfer, and {key} = 0.0005; "exact" allowed' in said
-
-
 def test_what_was_learnt_holds_for_the_same_chamfers():
     plain, chamfered = load().cell.job(), load(sets=("hole.chamfer=0.0005",)).cell.job()
     assert digest(chamfered) != digest(plain)

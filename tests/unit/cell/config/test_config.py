@@ -374,11 +374,6 @@ def test_a_parameter_of_a_command_is_held_against_the_shape_of_the_cell():
         with_parameters(square, [("peg.diameter", 0.0079)])
 
 
-def test_facets_are_refused_for_a_square_hole():
-    line = line_about("peg.shape=square", "sim.model.hole=boxes")
-    assert all(word in line for word in ("sim.model.hole", "boxes", "square", '"exact" allowed'))
-
-
 def test_a_square_peg_without_its_section_is_refused(tmp_path):
     shutil.copytree(SHIPPED, tmp_path / "config")
     path = tmp_path / "config" / "sim.toml"
