@@ -5,7 +5,7 @@ import math
 import mujoco
 import numpy as np
 
-from drivers import frames, impedance
+from drivers import frames, impedance, setpoint_words
 from drivers.arm.model import JOINTS, ArmModel
 from drivers.errors import SimulationUnstableError
 from drivers.quantities import Pose, Vector
@@ -53,7 +53,7 @@ class Stepper:
         """Number of ticks in a control period."""
         self.control = engine.Drives(
             impedance.figures(arm),
-            np.zeros(impedance.WORDS),
+            np.zeros(setpoint_words.WORDS),
             impedance.new_state(arm),
             engine.new_drive(arm.hand),
             np.zeros(joint_drive.WORDS),
