@@ -89,6 +89,7 @@ def end_point(T_base_tcp: Pose, theta: float, length: float) -> tuple[Vector, Ve
     """Return the peg's end point x_p, m, and its axis v, both shape (3,) in the base frame, [gibbons], Eq. (3)."""
     c, s = math.cos(theta), math.sin(theta)
     # Plain floats take half the time of arrays of three.
-    v = [-c * x - s * y for x, y, _ in T_base_tcp.rotation.tolist()]
-    tip = [at - length * along for at, along in zip(T_base_tcp.position.tolist(), v, strict=True)]
-    return np.array(tip), np.array(v)
+    (xx, yx, _), (xy, yy, _), (xz, yz, _) = T_base_tcp.rotation.tolist()
+    vx, vy, vz = -c * xx - s * yx, -c * xy - s * yy, -c * xz - s * yz
+    x, y, z = T_base_tcp.position.tolist()
+    return np.array([x - length * vx, y - length * vy, z - length * vz]), np.array([vx, vy, vz])

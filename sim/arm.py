@@ -29,9 +29,9 @@ class SimArm:
 
     def follow(self, setpoint: ImpedanceSetpoint) -> None:
         """Track `setpoint` until the next one arrives or its validity ends."""
-        words = self._world.control.words
-        words[:] = setpoint_words.pack(setpoint, self._world.now())
-        self._world.control.law[impedance.IS_HOLDING] = 0.0
+        control = self._world.control
+        control.words[:] = setpoint_words.pack(setpoint, self._world.now())
+        control.law[impedance.IS_HOLDING] = 0.0
 
     def halt(self) -> None:
         """Hold the present pose, compliant."""

@@ -46,6 +46,9 @@ NO_NOISE: Vector = np.zeros((1, arm_senses.NOISES))
 class Stepper:
     """Moves arm, hand and peg through successive trials; the arm keeps its pose between trials."""
 
+    running: Mechanism
+    """Mechanism that is stepped; set by the first trial."""
+
     def __init__(self, arm: ArmModel, sim: SimConfig, grip: GripConfig, pad: tuple[float, float], pace: Pace) -> None:
         """Place the arm at its waiting pose; `pad` is length and width of a pad, m."""
         self._arm, self._model_of, self._grip, self._pad, self._pace = arm, sim.model, grip, pad, pace
@@ -63,7 +66,7 @@ class Stepper:
         )
         self.meters = metering.new_meters()
         self.peg, self.peg_length = PegSituation.FREE, math.nan
-        self._running: Mechanism | None = None
+        self._is_begun = False
         self._q, self._dq = np.array(arm.home), np.zeros(JOINTS)
         self._in_grip_since = self._loose_since = 0.0
         self._load: Vector = np.zeros(6)
@@ -77,12 +80,6 @@ class Stepper:
     def has_twins(self) -> bool:
         """True if longer steps are possible."""
         return self._model_of.long_steps and self.law_every % engine.COARSE == 0
-
-    @property
-    def running(self) -> Mechanism:
-        """Mechanism that is stepped."""
-        assert self._running is not None
-        return self._running
 
     def restock(self, scene: TrialScene, pad_friction: float, noise: np.random.Generator) -> None:
         """Begin a trial with a fresh peg in the rack.
@@ -104,7 +101,7 @@ class Stepper:
         joints = joint_drive.words_of(truth, period, (timestep, engine.COARSE * timestep))
         joint_drive.fill(joints, law[impedance.TORQUE : impedance.TORQUE + JOINTS])
         senses = arm_senses.words_of(truth, period)
-        arm_senses.fill(senses, self.q if self._running else self._q, self.dq if self._running else self._dq)
+        arm_senses.fill(senses, self.q if self._is_begun else self._q, self.dq if self._is_begun else self._dq)
         self.control = self.control._replace(joints=joints, senses=senses)
         self._real = impedance.figures(truth.model)
 
@@ -193,9 +190,9 @@ class Stepper:
 
     def _run(self, peg: PegSituation, mechanism: Mechanism) -> None:
         """Continue with a mechanism from the arm's present state."""
-        if self._running is not None:
+        if self._is_begun:
             self._q, self._dq = self.q, self.dq
-        self.peg, self._running = peg, mechanism
+        self.peg, self.running, self._is_begun = peg, mechanism, True
         is_held = peg is PegSituation.HELD
         described = self.scene.arm.described
         is_weighed = described is not None and "gravity" in described.takes
