@@ -42,6 +42,12 @@ def angle_between(a: Sequence[float] | Vector, b: Sequence[float] | Vector) -> f
     return math.atan2(cross, float(a[0] * b[0] + a[1] * b[1] + a[2] * b[2]))
 
 
+def cross(a: Vector, b: Vector) -> Vector:
+    """Return the cross product of two vectors, shape (3,); `numpy.cross` takes ten times as long for a single pair."""
+    (ax, ay, az), (bx, by, bz) = a.tolist(), b.tolist()
+    return np.array([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx])
+
+
 def rotation_about(axis: Vector, angle: float) -> Vector:
     """Return the rotation by `angle`, rad, about the unit vector `axis`, shape (3, 3) (Rodrigues)."""
     x, y, z = axis

@@ -143,7 +143,7 @@ class Stepper:
         """Put the peg into the hand at this in-hand angle, rad, as after a grasp; pads in contact must still close."""
         reach = frames.compose(self.tcp(), frames.peg_in_finger(theta, self.scene.job.peg.length))
         middle = Pose(reach.position + self.scene.size.half * reach.rotation[:, 2], reach.rotation)
-        self.enter_free(self.scene.job.peg.part.thickness, middle)
+        self.enter_free(self.scene.size.thickness, middle)
         if self._model_of.grip == "hinge":
             self.enter_held()
 
@@ -157,14 +157,14 @@ class Stepper:
         if is_in_hole:
             up = plate.rotation[:, 2]
             standing = Pose(plate.position + up * (self.scene.size.half - depth), plate.rotation)
-            self.enter_free(self.scene.job.peg.part.thickness, standing)
+            self.enter_free(self.scene.size.thickness, standing)
             return
         middle = self.peg_pose().position
         place, ground = np.zeros(3), np.eye(3)
         for below in (plate, self.scene.rack):
             if below.is_below(middle):
                 place, ground = below.position, below.rotation
-        self._lay(self.scene.job.peg.part.thickness, place, ground)
+        self._lay(self.scene.size.thickness, place, ground)
 
     def _lay(self, width: float, place: Vector, ground: Vector) -> None:
         """Place the peg flat on the ground below it, between fingers `width` m apart.
@@ -184,7 +184,7 @@ class Stepper:
 
     def lose(self) -> None:
         """Take the peg out of play."""
-        self.enter_free(self.scene.job.peg.part.thickness, Pose(np.array([0.0, 0.0, -1.0]), np.eye(3)))
+        self.enter_free(self.scene.size.thickness, Pose(np.array([0.0, 0.0, -1.0]), np.eye(3)))
         self.running.data.xfrc_applied[self.running.peg_body, 2] = 0.0
         self.peg = PegSituation.GONE
 
@@ -312,7 +312,7 @@ class Stepper:
             if situation.has_fallen_out(self.theta(), self.grip_limits().length):
                 self.fall()
             elif grip_force <= 0.0:
-                self.enter_free(self.scene.job.peg.part.thickness, self.peg_pose())
+                self.enter_free(self.scene.size.thickness, self.peg_pose())
         elif self.peg is PegSituation.FREE and (lowest := self.lowest()) < TABLE:
             self._lay(float(self.running.data.qpos[FINGERS].sum()), np.zeros(3), np.eye(3))
         elif self.peg is PegSituation.FREE:
@@ -420,7 +420,7 @@ class Stepper:
                     reach=(reach_tip, 2 * self.scene.size.half - reach_tip),
                     half=(length / 2, width / 2),
                     friction=self._pad_friction,
-                    flat=self.scene.job.peg.part.face.flat_width,
+                    flat=self.scene.size.flat,
                 ),
             )
         return self._limits
