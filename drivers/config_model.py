@@ -67,8 +67,8 @@ def _unknown(value: object) -> NoReturn:
 class ConfigModel(BaseModel):
     """Base of every config model: frozen, unknown keys are errors, no infinities; a key's docstring is its help.
 
-    The first clause of a docstring gives the key's meaning and ends in its unit, as in "Peak speed of the tip, m/s;".
-    It becomes the description in the JSON schema, and is read only when a schema is requested. Pydantic's own
+    `Quantity` in a key's annotation gives its unit. The first clause of a docstring gives the key's meaning. A docstring
+    becomes the description in the JSON schema, and is read only when a schema is requested. Pydantic's own
     `use_attribute_docstrings` parses every source file at every start, which would double the time of `cell map`.
     """
 

@@ -5,7 +5,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from drivers.config_model import ConfigModel
+from drivers.config_model import ConfigModel, Quantity
 from drivers.part.contract import Part
 from drivers.part.shapes import WORDS, Shape, part_of, section_of
 
@@ -26,19 +26,19 @@ class Peg(ConfigModel):
 
     shape: Shape = "round"
     """Shape of the peg's cross-section, and of the hole's; a square is a rectangle with equal sides. Source: set for each part."""
-    diameter: Annotated[float, Field(ge=0.002, le=0.03)] | None = None
+    diameter: Annotated[Annotated[float, Field(ge=0.002, le=0.03)] | None, Quantity("m")] = None
     """Diameter of a round peg, m; for other shapes see `sides`. Source: [gibbons], Sec. VI."""
-    sides: tuple[PegSide, PegSide] | None = None
+    sides: Annotated[tuple[PegSide, PegSide] | None, Quantity("m")] = None
     """Sides of a square or rectangular peg, between the pads of the hand and across them, m. Source: set for each part."""
-    chamfer: Chamfer = 0.0
+    chamfer: Annotated[Chamfer, Quantity("m")] = 0.0
     """Width and height of a chamfer of 45 degrees round the end of a round peg, m; at least 1 mm less than the radius. The simulation
     and the lowest point of a leaning peg use it. Source: set for each part.
     """
-    length: Annotated[float, Field(ge=0.02, le=0.15)]
+    length: Annotated[float, Field(ge=0.02, le=0.15), Quantity("m")]
     """Length from the finger centre to the end point, m; L of [gibbons], Eq. (2). Source: [gibbons], Sec. VI."""
-    overhang: Annotated[float, Field(ge=0.005, le=0.05)]
+    overhang: Annotated[float, Field(ge=0.005, le=0.05), Quantity("m")]
     """Length of the peg beyond the finger centre, inside the hand, m. Source: assumed."""
-    mass: Annotated[float, Field(gt=0.0, le=1.0)]
+    mass: Annotated[float, Field(gt=0.0, le=1.0), Quantity("kg")]
     """Mass of the peg, kg. Source: derived for a steel cylinder of 8 mm diameter and 65 mm length."""
 
     @property
@@ -62,9 +62,9 @@ class HolePrior(ConfigModel):
     Source: set for each part, or learnt as decision 0025 says.
     """
 
-    mean: tuple[Coordinate, Coordinate]
+    mean: Annotated[tuple[Coordinate, Coordinate], Quantity("m")]
     """Most likely place of the hole's middle along x and y, m, base frame; within `hole.area` about `hole.centre`."""
-    deviation: tuple[Deviation, Deviation]
+    deviation: Annotated[tuple[Deviation, Deviation], Quantity("m")]
     """Standard deviations of the hole's middle along x and y, m; they include the variation between parts and the uncertainty of the mean."""
 
 
@@ -76,11 +76,11 @@ class Latch(ConfigModel):
 
     kind: Literal["detent", "press"]
     """Kind of the latch: a detent returns its energy behind the crest, a press fit dissipates it."""
-    force: Annotated[float, Field(ge=1.0, le=40.0)]
+    force: Annotated[float, Field(ge=1.0, le=40.0), Quantity("N")]
     """Largest resisting force along the hole, N: a detent at its crest, a press fit at the bottom. Source: the part's
     drawing, or [bayer], mating force.
     """
-    height: Annotated[float, Field(ge=0.0015, le=0.01)]
+    height: Annotated[float, Field(ge=0.0015, le=0.01), Quantity("m")]
     """Height of the peg's end above the bottom where the resistance begins, m; a detent's crest lies a quarter of it
     deeper, and beyond half of it the detent pulls the part in.
     """
@@ -95,23 +95,25 @@ PLATE_BORDER = 0.04
 class Hole(ConfigModel):
     """The hole for the peg, and the area that contains it."""
 
-    diameter: Annotated[float, Field(ge=0.002, le=0.031)] | None = None
+    diameter: Annotated[Annotated[float, Field(ge=0.002, le=0.031)] | None, Quantity("m")] = None
     """Diameter of a round hole, m; for other shapes see `sides`. Source: [gibbons], Sec. VI."""
-    sides: tuple[HoleSide, HoleSide] | None = None
+    sides: Annotated[tuple[HoleSide, HoleSide] | None, Quantity("m")] = None
     """Sides of the hole of a square or rectangular peg, in the order of `peg.sides`, m. Source: set for each part."""
-    chamfer: Chamfer = 0.0
+    chamfer: Annotated[Chamfer, Quantity("m")] = 0.0
     """Width and depth of a chamfer of 45 degrees round the mouth of a round hole (countersink), m, less than `depth`. The simulation
     uses it, and the search, which starts outside it. Source: set for each part.
     """
-    centre: Point
+    centre: Annotated[Point, Quantity("m")]
     """Middle of the area that contains the hole, on the plate's surface, m, base frame. Source: set for each cell."""
-    area: tuple[Annotated[float, Field(ge=0.0, le=0.2)], Annotated[float, Field(ge=0.0, le=0.2)]]
+    area: Annotated[
+        tuple[Annotated[float, Field(ge=0.0, le=0.2)], Annotated[float, Field(ge=0.0, le=0.2)]], Quantity("m")
+    ]
     """Extent along x and y of the area that contains the hole, m; the hole is anywhere in it. Source: [gibbons], Sec. VI;
     set for each cell.
     """
-    depth: Annotated[float, Field(ge=0.002, le=0.1)]
+    depth: Annotated[float, Field(ge=0.002, le=0.1), Quantity("m")]
     """Depth of the tip below the surface at which the peg is seated and the switch closes, m. Source: set for each part."""
-    yaw: Annotated[float, Field(ge=0.0, le=math.pi / 4)] = math.radians(10.0)
+    yaw: Annotated[float, Field(ge=0.0, le=math.pi / 4), Quantity("rad")] = math.radians(10.0)
     """Largest angle between the hole's sides and the base frame's x and y, rad; a round hole has none.
     Source: assumed; docs/tried/corners.md.
     """
@@ -168,13 +170,13 @@ class Rack(ConfigModel):
     Source: set for each cell.
     """
 
-    first: Point
+    first: Annotated[Point, Quantity("m")]
     """Place of the first slot on the rack's surface, m, base frame."""
-    pitch: Length
+    pitch: Annotated[Length, Quantity("m")]
     """Distance between slots along y, m."""
     slots: Annotated[int, Field(ge=1, le=100)]
     """Number of slots."""
-    depth: Annotated[float, Field(ge=0.002, le=0.1)]
+    depth: Annotated[float, Field(ge=0.002, le=0.1), Quantity("m")]
     """Depth of a slot, m."""
     refill: Literal["feeder", "asked"] = "feeder"
     """Method of refilling slots: a feeder before the next turn, or a person, whom the command REFILLED reports."""

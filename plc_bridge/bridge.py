@@ -6,7 +6,7 @@ from copy import deepcopy
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from drivers.errors import CellError
+from drivers.errors import CellError, ConfigError
 from drivers.transport.serial_line import SerialLine
 from plc_bridge.config import CanConfig, PlcConfig
 from plc_bridge.images import Diagnostics
@@ -20,6 +20,7 @@ from plc_bridge.rtu import RtuServer
 
 if TYPE_CHECKING:
     from plc_bridge.canopen import CanopenServer
+    from plc_bridge.opcua.server import OpcUaServer
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,6 +45,7 @@ class Bridge(Mailbox):
         programs: Name of each program and skill by its command code, from 100 on.
         parameters: Meaning of the numbered parameters, at most eight.
         now: Monotonic time, s.
+        opcua: Host and port of the OPC UA server; None if it is off.
     """
 
     def __init__(
@@ -52,10 +54,11 @@ class Bridge(Mailbox):
         programs: Mapping[int, str],
         parameters: Sequence[Parameter] = (),
         now: Callable[[], float] = time.monotonic,
+        opcua: tuple[str, int] | None = None,
     ) -> None:
         super().__init__(config, programs, parameters, now)
         self._server = ModbusServer(config.modbus, self)
-        self._servers: list[ModbusServer | RtuServer | CanopenServer] = [self._server]
+        self._servers: list[ModbusServer | RtuServer | CanopenServer | OpcUaServer] = [self._server]
         self._secure: SecureModbusServer | None = None
         if config.tls is not None:
             self._secure = SecureModbusServer(config.tls, self)
@@ -65,6 +68,10 @@ class Bridge(Mailbox):
             self._servers.append(RtuServer(config.rtu, line, self))
         if config.can is not None:
             self._servers.append(_canopen_server(config.can, table(programs, parameters), self))
+        self._opcua: OpcUaServer | None = None
+        if opcua is not None:
+            self._opcua = _opcua_server(opcua, config, table(programs, parameters), parameters, self)
+            self._servers.append(self._opcua)
 
     def start(self) -> None:
         """Listen for the PLC.
@@ -95,6 +102,11 @@ class Bridge(Mailbox):
         return self._secure.address if self._secure is not None else None
 
     @property
+    def opcua_address(self) -> tuple[str, int] | None:
+        """Host and port of the OPC UA server; None if it is off."""
+        return self._opcua.address if self._opcua is not None else None
+
+    @property
     def figures(self) -> Figures:
         """Present counts and times since the start."""
         counts = self.diagnostics
@@ -117,3 +129,18 @@ def _canopen_server(config: CanConfig, registers: Sequence[Register], bridge: Br
     from plc_bridge.canopen import CanopenServer
 
     return CanopenServer(config, registers, CanBus(config.interface, config.channel, config.bitrate), bridge)
+
+
+def _opcua_server(
+    address: tuple[str, int],
+    config: PlcConfig,
+    registers: Sequence[Register],
+    parameters: Sequence[Parameter],
+    bridge: Bridge,
+) -> "OpcUaServer":
+    # Imported here: the library is an extra of the package, and takes a second to import.
+    try:
+        from plc_bridge.opcua.server import OpcUaServer
+    except ModuleNotFoundError as error:
+        raise ConfigError(f"--opcua: {error}: install the extra, as by uv pip install -e '.[opcua]'") from error
+    return OpcUaServer(address, config, bridge, registers, parameters)

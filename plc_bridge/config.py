@@ -5,7 +5,7 @@ from typing import Annotated, Literal, Self, get_args
 
 from pydantic import Field, model_validator
 
-from drivers.config_model import ConfigModel, FilePath
+from drivers.config_model import ConfigModel, FilePath, Quantity
 from drivers.transport.wires import Interface, Parity
 
 Bitrate = Literal[10_000, 20_000, 50_000, 125_000, 250_000, 500_000, 800_000, 1_000_000]
@@ -32,7 +32,7 @@ class ModbusConfig(ConfigModel):
     """
     connections_per_host: Annotated[int, Field(ge=1, le=500)] = 32
     """Largest number of connections at once from one address; above it, a newcomer replaces one of its own host."""
-    idle_timeout: Seconds = 60.0
+    idle_timeout: Annotated[Seconds, Quantity("s")] = 60.0
     """Time without a request after which a connection is closed, s."""
     allow: tuple[IPv4Network | IPv6Network, ...] = ()
     """Networks or addresses that may connect; if empty, every address that can reach the port. Source: set for each cell."""
@@ -70,7 +70,7 @@ class RtuConfig(ConfigModel):
     """Name of the serial port, as in /dev/ttyUSB0."""
     unit: Annotated[int, Field(ge=1, le=247)] = 1
     """Unit identifier of the cell; the cell does not answer requests to other units."""
-    baud_rate: Annotated[int, Field(ge=1200, le=4_000_000)] = 19200
+    baud_rate: Annotated[int, Field(ge=1200, le=4_000_000), Quantity("bits/s")] = 19200
     """Bit rate of the line, bits/s. Source: Modbus over Serial Line V1.02, 3.2."""
     parity: Parity = "even"
     """Parity of the line. Source: Modbus over Serial Line V1.02, 2.5.1."""
@@ -78,7 +78,7 @@ class RtuConfig(ConfigModel):
     """Number of stop bits; the standard requires 2 without parity, but many devices use 1. Source: Modbus over
     Serial Line V1.02, 2.5.1; set for each cell.
     """
-    idle_timeout: Seconds = 60.0
+    idle_timeout: Annotated[Seconds, Quantity("s")] = 60.0
     """Silence after which the next request begins a new conversation, whose first number is adopted, s. Source: chosen, not measured."""
 
 
@@ -92,15 +92,15 @@ class CanConfig(ConfigModel):
     """Interface to the bus."""
     channel: Annotated[str, Field(min_length=1)]
     """Channel of the interface, as in "can0", "/dev/ttyACM0", "HOST:PORT/can0" or "239.74.163.2"."""
-    bitrate: Bitrate = 250_000
+    bitrate: Annotated[Bitrate, Quantity("bits/s")] = 250_000
     """Bit rate of the bus, bits/s; used for `slcan`, other interfaces get theirs at their setup."""
     node_id: Annotated[int, Field(ge=1, le=127)] = 16
     """Node-ID of the cell."""
     plc_node: Annotated[int, Field(ge=1, le=127)] = 1
     """Node-ID of the PLC; the cell watches its heartbeat and obeys its commands."""
-    heartbeat: Annotated[float, Field(ge=0.01, le=60.0)] = 0.1
+    heartbeat: Annotated[float, Field(ge=0.01, le=60.0), Quantity("s")] = 0.1
     """Period of the cell's own heartbeat, s. Source: chosen, not measured."""
-    plc_timeout: Annotated[float, Field(ge=0.0, le=60.0)] = 1.0
+    plc_timeout: Annotated[float, Field(ge=0.0, le=60.0), Quantity("s")] = 1.0
     """Longest time without the PLC's heartbeat, after its first one, before a run stops, s; 0 disables the watch. Source: chosen, not measured."""
 
     @model_validator(mode="after")
@@ -116,9 +116,9 @@ class PlcConfig(ConfigModel):
     Source: chosen, not measured.
     """
 
-    life_timeout: Seconds = 1.0
+    life_timeout: Annotated[Seconds, Quantity("s")] = 1.0
     """Longest time without a change of the life counter of the link that started a run, s; the run then stops."""
-    lease_timeout: Seconds = 5.0
+    lease_timeout: Annotated[Seconds, Quantity("s")] = 5.0
     """Time without a request of the holder after which the lease is free again, s."""
     modbus: ModbusConfig = ModbusConfig()
     """The Modbus TCP server."""
@@ -128,3 +128,5 @@ class PlcConfig(ConfigModel):
     """The Modbus RTU server on a serial line; off without this section."""
     can: CanConfig | None = None
     """The CANopen node; off without this section."""
+    opcua_anonymous: bool = False
+    """True if clients without a certificate may read over OPC UA; they never command. Source: set for each cell."""

@@ -152,6 +152,15 @@ class Handshake:
         link.has_spoken, link.image = True, image
         return self.orders.command(link, link.numbers.count_up(), image, now).refusal
 
+    def control(self, source: str, code: int, now: float) -> Order:
+        """Take a control of `source` without a number; its order holds the answer, and no result in view changes."""
+        self._expire(now)
+        return self.orders.control(self._links[source], code)
+
+    def acknowledge(self, source: str, sequence: int) -> None:
+        """Take an acknowledgement of `source` that is an event, not a register."""
+        self._acknowledge(self._links[source], sequence)
+
     def take(self, source: str) -> bool:
         """Give `source` the lease if it is free; return True if it holds the lease now."""
         return self._lease.take(self._links[source])

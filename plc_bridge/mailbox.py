@@ -14,6 +14,7 @@ from plc_bridge.config import PlcConfig
 from plc_bridge.handshake import Handshake
 from plc_bridge.images import CommandImage, Diagnostics, diagnostics_words, report_words
 from plc_bridge.intervals import Intervals
+from plc_bridge.links import Order
 from plc_bridge.messages import Command, Refusal, Report
 from plc_bridge.peer_log import PeerLog
 from plc_bridge.registers import DISCRETE_INPUTS, Parameter
@@ -105,6 +106,11 @@ class Mailbox:
         return self._handshake.orders.report.run
 
     @property
+    def obstacle(self) -> Refusal:
+        """Refusal that a program with a fresh peg would get now, from the state of peg, hole and rack."""
+        return self._handshake.orders.report.obstacle
+
+    @property
     def diagnostics(self) -> Diagnostics:
         """Counts since the start, without those of the servers."""
         with self._lock:
@@ -149,6 +155,24 @@ class Mailbox:
         """Take the coils just written, for a server."""
         with self._lock:
             self._handshake.switched(source, coils, self._now(), by)
+
+    def control(self, source: str, code: int) -> Order:
+        """Take a control without a number, for a server; return its order."""
+        with self._lock:
+            return self._handshake.control(source, code, self._now())
+
+    def acknowledge(self, source: str, sequence: int) -> None:
+        """Take an acknowledgement, for a server."""
+        with self._lock:
+            self._handshake.acknowledge(source, sequence)
+
+    def ended(self) -> list[Order]:
+        """Return the programs that have ended since the last call; for one reader."""
+        with self._lock:
+            ended = self._handshake.orders.ended
+            orders = list(ended)
+            ended.clear()
+            return orders
 
     def heard(self, source: str) -> None:
         """Record a request, for a server."""

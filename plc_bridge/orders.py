@@ -24,6 +24,8 @@ logger = logging.getLogger(__name__)
 
 MOST_WAITING = 8
 """Largest number of orders that wait for the scan thread, without stops."""
+MOST_ENDED = 16
+"""Largest number of ended programs that are kept for their reader."""
 
 
 @dataclass(slots=True)
@@ -52,6 +54,8 @@ class Orders:
     """Order of any link that was decided last."""
     report: Report = field(default_factory=Report)
     """Report that the scan thread published last."""
+    ended: deque[Order] = field(default_factory=lambda: deque(maxlen=MOST_ENDED))
+    """Programs that have ended, for a reader that takes them from here."""
     _waiting: deque[Order] = field(default_factory=deque)
     _stops: dict[int, list[Order]] = field(default_factory=dict)
     _given: Sequence[Order] = ()
@@ -130,12 +134,13 @@ class Orders:
             self.latest = order
         if order is self.run and result is not Result.NONE:
             self.run = None
+            self.ended.append(order)
             self.lease.end_run()
 
     def turn_down(self, order: Order, refusal: Refusal) -> None:
         """Answer an order with a refusal; equal refusals in a row give one line in the log."""
         self.counts.refusals += 1
-        what = "stop" if order.sequence == UNNUMBERED else f"command {order.sequence}"
+        what = "control" if order.sequence == UNNUMBERED else f"command {order.sequence}"
         link = order.link
         if link is None or link.told is not refusal:
             host = link.host if link is not None else order.command.source
@@ -274,6 +279,19 @@ class Orders:
         return before
 
     # Commands.
+
+    def control(self, link: Link, code: int) -> Order:
+        """Answer a control without a number, or pass it on; the order alone holds its answer."""
+        image = CommandImage(code=code)
+        if code in STOPS:
+            return self._stop_for(link, image)
+        order, refusal = Order(_command(link, UNNUMBERED, image)), self._why_not(link, image)
+        if refusal is not Refusal.NONE:
+            self.turn_down(order, refusal)
+            return order
+        self.lease.take(link)
+        self.add(order)
+        return order
 
     def command(self, link: Link, sequence: int, image: CommandImage, now: float) -> Order:
         """Answer a new number, or pass its command on to the scan thread."""

@@ -5,7 +5,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, NonNegativeInt
 
 from drivers.arm.model import ArmName
-from drivers.config_model import ConfigModel, FilePath
+from drivers.config_model import ConfigModel, FilePath, Quantity
 from drivers.part.contract import Part
 from drivers.parts import Fraction
 from drivers.quantities import FINGERS, TAXELS
@@ -19,18 +19,18 @@ class PadConfig(ConfigModel):
     Sources: [gibbons] for the elastomer; `assumed` values are the developer's choice; studies vary them.
     """
 
-    stiffness: Annotated[float, Field(ge=1e3, le=1e6)] = 10e3
+    stiffness: Annotated[float, Field(ge=1e3, le=1e6), Quantity("N/m")] = 10e3
     """Stiffness of one pad at small depth, under a contact as long as the pad, N/m; assumed, studies vary it by 0.5 to
     2."""
-    thickness: Annotated[float, Field(ge=2e-4, le=1e-2)] = 1.1e-3
+    thickness: Annotated[float, Field(ge=2e-4, le=1e-2), Quantity("m")] = 1.1e-3
     """Depth at which the pad is fully compressed, m; 1 mm of elastomer ([gibbons], Sec. VI) and part of the cover
     (assumed)."""
-    exponent: Annotated[float, Field(ge=0.3, le=3.0)] = 1.0
+    exponent: Annotated[float, Field(ge=0.3, le=3.0), Quantity("number")] = 1.0
     """Exponent of force over depth at small depth, number; 1 is a bed of springs, 1.5 a Hertz contact, 0.5 the plateau
     of a foam. Source: set for each trial."""
-    blur: Annotated[float, Field(ge=1e-4, le=1e-2)] = 1.2e-3
+    blur: Annotated[float, Field(ge=1e-4, le=1e-2), Quantity("m")] = 1.2e-3
     """Standard deviation of the point spread through 1 mm of elastomer, m; assumed, close to the thickness."""
-    taxel_diameter: Annotated[float, Field(ge=1e-3, le=7e-3)] = 4e-3
+    taxel_diameter: Annotated[float, Field(ge=1e-3, le=7e-3), Quantity("m")] = 4e-3
     """Diameter of the round area that one taxel averages over, m; assumed, about half the pitch of [gibbons], Sec. VI.
     """
     hold: Literal["force", "width"] = "width"
@@ -47,22 +47,22 @@ class SkinModel(ConfigModel):
     the developer's choice, none of them better than the recordings.
     """
 
-    noise: Annotated[float, Field(ge=0.0, le=0.2)] = 0.0094
+    noise: Annotated[float, Field(ge=0.0, le=0.2), Quantity("fraction")] = 0.0094
     """Standard deviation of the white noise, fraction of full scale; 188 counts, the median of the modules of [cyskin],
     see `skin.module_noise` of config/reality.toml."""
-    gain_spread: Annotated[float, Field(ge=0.0, le=0.3)] = 0.05
+    gain_spread: Annotated[float, Field(ge=0.0, le=0.3), Quantity("fraction")] = 0.05
     """Standard deviation of a taxel's gain about 1, fraction; assumed, the remainder after calibration."""
-    drift: Annotated[float, Field(ge=0.0, le=0.01)] = 1.0e-3
+    drift: Annotated[float, Field(ge=0.0, le=0.01), Quantity("fraction")] = 1.0e-3
     """Random walk of a taxel's offset in one second, fraction of full scale; 0.11 of the noise, as in [cyskin]."""
-    creep: Fraction = 0.05
+    creep: Annotated[Fraction, Quantity("fraction")] = 0.05
     """Delayed part of the response to a step, fraction; assumed, usual for silicone."""
-    creep_time: Annotated[float, Field(ge=0.01, le=1e3)] = 5.0
+    creep_time: Annotated[float, Field(ge=0.01, le=1e3), Quantity("s")] = 5.0
     """Time constant of the delayed part of the response, s; assumed."""
-    sensitivity: Annotated[float, Field(ge=1e-4, le=10.0)] = 0.05
+    sensitivity: Annotated[float, Field(ge=1e-4, le=10.0), Quantity("counts/Pa")] = 0.05
     """Sensitivity of a taxel, counts/Pa; set so that touch peaks equal those of [cyskin], see `full_scale`."""
-    full_scale: Annotated[float, Field(ge=1e3, le=43e3)] = 20e3
+    full_scale: Annotated[float, Field(ge=1e3, le=43e3), Quantity("counts")] = 20e3
     """Reading to which the fractions of noise and drift refer, counts; the highest published touch peak of [cyskin]."""
-    offset: Annotated[float, Field(ge=0.0, le=43e3)] = 5000.0
+    offset: Annotated[float, Field(ge=0.0, le=43e3), Quantity("counts")] = 5000.0
     """Mean raw reading of an unloaded taxel, counts; assumed, [cyskin] publishes readings without it."""
     dead_taxels: Annotated[NonNegativeInt, Field(le=FINGERS * TAXELS)] = 0
     """Number of taxels, drawn at random, that read zero. Source: set for each trial."""
@@ -77,11 +77,11 @@ class SimSkinConfig(SkinModel):
 
     kind: Literal["sim"]
     """Kind of the skin: the simulated one. Source: set for each cell."""
-    rate: Annotated[float, Field(ge=1.0, le=1000.0)] = 10.0
+    rate: Annotated[float, Field(ge=1.0, le=1000.0), Quantity("Hz")] = 10.0
     """Rate of the frames, Hz; [gibbons], Sec. VI."""
     layout: Layout = "parallelogram"
     """Arrangement of the two modules of a finger; [gibbons] does not state it. Source: assumed."""
-    silent_frames: Annotated[float, Field(ge=1.5, le=100.0)] = 3.5
+    silent_frames: Annotated[float, Field(ge=1.5, le=100.0), Quantity("multiple")] = 3.5
     """Time without a frame before the skin times out, multiple of the period. Source: chosen, not measured."""
     health: SkinHealthConfig = SkinHealthConfig()
     """Conditions under which a taxel is excluded."""
@@ -96,15 +96,15 @@ class WireFaults(ConfigModel):
     Source: set for each trial.
     """
 
-    drop: Fraction = 0.0
+    drop: Annotated[Fraction, Quantity("fraction")] = 0.0
     """Probability of the loss of a CAN frame or byte, fraction."""
-    corrupt: Fraction = 0.0
+    corrupt: Annotated[Fraction, Quantity("fraction")] = 0.0
     """Probability of one flipped bit in a CAN frame or byte, fraction."""
-    delay: Annotated[float, Field(ge=0.0, le=60.0)] = 0.0
+    delay: Annotated[float, Field(ge=0.0, le=60.0), Quantity("s")] = 0.0
     """Delay of everything on the wire, s."""
-    resets: tuple[Instant, ...] = ()
+    resets: Annotated[tuple[Instant, ...], Quantity("s")] = ()
     """Restart times of the board, s."""
-    unplugged: tuple[tuple[Instant, Instant], ...] = ()
+    unplugged: Annotated[tuple[tuple[Instant, Instant], ...], Quantity("s")] = ()
     """Spans (start, end) without power and connection of the board, s."""
 
 
@@ -139,23 +139,23 @@ Spread = Coefficient | tuple[Coefficient, Coefficient]
 class ContactConfig(ConfigModel):
     """Friction of peg against plate."""
 
-    friction: Spread
+    friction: Annotated[Spread, Quantity("ratio")]
     """Coulomb coefficient of peg against plate, ratio; 0.1 to 0.4 covers dry to greased metal on metal. Source: assumed."""
 
 
 class GripConfig(ConfigModel):
     """Friction and position of the peg between the pads."""
 
-    friction: Spread
+    friction: Annotated[Spread, Quantity("ratio")]
     """Coulomb coefficient of the rubber cover, ratio; together with grip force and contact length it sets the
     pivot's break-away torque. Source: assumed."""
-    angle: Annotated[float, Field(ge=0.0, le=0.3)]
+    angle: Annotated[float, Field(ge=0.0, le=0.3), Quantity("rad")]
     """Largest in-hand angle of a peg in the rack, rad. Source: assumed."""
-    shear_stiffness: Annotated[float, Field(ge=5e3, le=5e4)] = 5e4
+    shear_stiffness: Annotated[float, Field(ge=5e3, le=5e4), Quantity("N/m")] = 5e4
     """Stiffness of both pads in their plane under the closed grip, as the cell assumes, N/m; assumed: rubber of 60 kPa
     shear modulus, 180 mm² a pad under an 8 mm peg, 0.4 mm of it left. Each trial draws a lower true value, see
     `grip.shear_stiffness` of config/reality.toml."""
-    slip: Annotated[float, Field(ge=0.0, le=0.01)] = 0.0
+    slip: Annotated[float, Field(ge=0.0, le=0.01), Quantity("m")] = 0.0
     """Distance by which the peg slides into the hand at the first push, not measured by the cell, m. Source:
     assumed."""
 
@@ -176,12 +176,12 @@ class ModelConfig(ConfigModel):
     """Number of facets of the ring of boxes. Source: measured by `cell study contact`."""
     native_ccd: bool = False
     """True to collide facets with MuJoCo's newer path, which makes ghost contacts at seams. Source: decision 0002."""
-    time_constant: Annotated[float, Field(ge=0.1, le=1e3)] = 2.0
+    time_constant: Annotated[float, Field(ge=0.1, le=1e3), Quantity("multiple")] = 2.0
     """Time constant of the contacts, multiple of the time step. Source: measured by `cell study contact`."""
-    contact_time: Annotated[float, Field(ge=0.0, le=0.1)] = 1e-3
+    contact_time: Annotated[float, Field(ge=0.0, le=0.1), Quantity("s")] = 1e-3
     """Lower bound of the contacts' time constant, s; equal to that of the default step, so that contact forces stay the
     same if the step is shorter. Source: decision 0002."""
-    stiffness: Annotated[float, Field(ge=1e2, le=1e10)] | None = None
+    stiffness: Annotated[Annotated[float, Field(ge=1e2, le=1e10)] | None, Quantity("1/s²")] = None
     """Stiffness of the contacts, 1/s²; force per penetration and effective mass, with critical damping. It replaces the
     time constant. Source: set for each trial."""
     long_steps: bool = True
@@ -190,7 +190,7 @@ class ModelConfig(ConfigModel):
     arm: Literal["full", "inertia"] = "full"
     """Model of the arm; `full` is the whole arm, `inertia` an inertia at the tool, moved by the law without joint
     friction. Source: measured by `cell study contact`."""
-    wrist_backlash: Annotated[float, Field(ge=0.0, le=0.02)] = 0.0
+    wrist_backlash: Annotated[float, Field(ge=0.0, le=0.02), Quantity("rad")] = 0.0
     """Backlash between encoder and link of the joints 5 to 7, rad; the reading lags by half of it. Source: set for each trial."""
     grip: Literal["hinge", "pads"] = "hinge"
     """Model of the grip: a hinge with the pads' friction, or rigid pads in contact. Source: measured by `cell study
@@ -207,10 +207,10 @@ class FixtureConfig(ConfigModel):
     Source: set for each trial.
     """
 
-    mean: tuple[float, float] | None = None
+    mean: Annotated[tuple[float, float] | None, Quantity("m")] = None
     """Mean position of the hole's centre over the parts, m, base frame. If none, it is drawn once per cell, uniformly
     over the area of the hole."""
-    deviation: Annotated[float, Field(ge=0.0, le=0.02)] = 0.0005
+    deviation: Annotated[float, Field(ge=0.0, le=0.02), Quantity("m")] = 0.0005
     """Standard deviation of the hole's position between parts, along x and along y, m; every hole lies inside its
     area."""
 
@@ -224,9 +224,11 @@ class DecoyKind(ConfigModel):
     Source: chosen, not measured.
     """
 
-    size: tuple[Times, Times]
+    size: Annotated[tuple[Times, Times], Quantity("ratio")]
     """Size of the decoy relative to the hole, ratio."""
-    depth: tuple[Annotated[float, Field(ge=1e-4, le=0.1)], Annotated[float, Field(ge=1e-4, le=0.1)]]
+    depth: Annotated[
+        tuple[Annotated[float, Field(ge=1e-4, le=0.1)], Annotated[float, Field(ge=1e-4, le=0.1)]], Quantity("m")
+    ]
     """Depth of the decoy's floor, m."""
 
 
@@ -236,7 +238,9 @@ class DecoyConfig(ConfigModel):
     Source: chosen, not measured.
     """
 
-    number: tuple[Annotated[int, Field(ge=0, le=5)], Annotated[int, Field(ge=0, le=5)]] = (0, 0)
+    number: Annotated[
+        tuple[Annotated[int, Field(ge=0, le=5)], Annotated[int, Field(ge=0, le=5)]], Quantity("count")
+    ] = (0, 0)
     """Smallest and largest number of decoys on a plate, count."""
     blind: DecoyKind = DecoyKind(size=(0.8, 1.3), depth=(0.001, 0.005))
     """A blind hole, as for a screw or a pin."""
@@ -252,22 +256,21 @@ class PlateConfig(ConfigModel):
     Source: set for each trial.
     """
 
-    tilt: Annotated[float, Field(ge=0.0, le=0.2)] = 0.0
-    """Angle between the plate's normal and the vertical, rad; `place.plate_tilt` is added, and `hole.tilt` sets it
-    too."""
-    shallow: Annotated[float, Field(ge=0.0, le=0.02)] = 0.0
+    tilt: Annotated[float, Field(ge=0.0, le=0.2), Quantity("rad")] = 0.0
+    """Angle between the plate's normal and the vertical, rad; `place.plate_tilt` is added."""
+    shallow: Annotated[float, Field(ge=0.0, le=0.02), Quantity("m")] = 0.0
     """Height of the hole's bottom above the stated `hole.depth`, m; for example a chip in the hole."""
     present: bool = True
     """True if the plate has the hole; without it every detection is false."""
-    latch_wear: Fraction = 0.0
+    latch_wear: Annotated[Fraction, Quantity("fraction")] = 0.0
     """Force loss of the hole's worn latch, fraction."""
-    stick: Annotated[float, Field(ge=0.0, le=3.0)] = 0.0
+    stick: Annotated[float, Field(ge=0.0, le=3.0), Quantity("ratio")] = 0.0
     """Friction at rest divided by friction of fast sliding, minus 1, ratio; Stribeck's law, 0 is Coulomb's law."""
-    stick_speed: Annotated[float, Field(ge=1e-4, le=1.0)] = 0.01
+    stick_speed: Annotated[float, Field(ge=1e-4, le=1.0), Quantity("m/s")] = 0.01
     """Sliding speed at which `stick` has fallen to 1/e, m/s. Source: assumed."""
-    ripple: Annotated[float, Field(ge=0.0, le=0.9)] = 0.0
+    ripple: Annotated[float, Field(ge=0.0, le=0.9), Quantity("fraction")] = 0.0
     """Amplitude of the friction's variation over the surface, fraction."""
-    ripple_length: Annotated[float, Field(ge=1e-3, le=0.1)] = 0.01
+    ripple_length: Annotated[float, Field(ge=1e-3, le=0.1), Quantity("m")] = 0.01
     """Period of `ripple` along x and along y, m. Source: assumed."""
     decoys: DecoyConfig = DecoyConfig()
     """Other holes of the plate."""
@@ -299,9 +302,9 @@ class DescribedArmConfig(ConfigModel):
 class SimConfig(ConfigModel):
     """The simulated world."""
 
-    timestep: Annotated[float, Field(ge=5e-5, le=1e-3)]
+    timestep: Annotated[float, Field(ge=5e-5, le=1e-3), Quantity("s")]
     """Time step of the physics, s; the arm's control period must be a multiple of it. Source: decision 0002; measured by `cell study contact`."""
-    pace: Annotated[float, Field(gt=0.0, le=100.0)] | Literal["max"] = 1.0
+    pace: Annotated[Annotated[float, Field(gt=0.0, le=100.0)] | Literal["max"], Quantity("multiple")] = 1.0
     """Pace of the cell's clock, multiple of real time; "max" is as fast as possible. Source: set for each command."""
     seed: Annotated[int, Field(ge=0)] = 0
     """Seed of the first run; each further run of a session uses the next one. Source: set for each trial."""
@@ -322,7 +325,7 @@ class RealityConfig(ConfigModel):
     Source: set for each trial; the errors and their sources in config/reality.toml.
     """
 
-    scale: Annotated[float, Field(ge=0.0, le=10.0)] = 1.0
+    scale: Annotated[float, Field(ge=0.0, le=10.0), Quantity("ratio")] = 1.0
     """Scale of the drawn errors, ratio; 0 is an ideal cell, 1 realistic and 2 careless."""
     alone: str = ""
     """Name of the only error to draw, such as `arm.gravity`; the others are ideal, and empty draws all. Late scans are

@@ -5,7 +5,7 @@ from typing import Annotated
 
 from pydantic import Field, PositiveFloat
 
-from drivers.config_model import ConfigModel
+from drivers.config_model import ConfigModel, Quantity
 from skills.corner_adjust import CornerAdjustParams
 from skills.corner_insert import CornerInsertParams
 from skills.search.params import SpraySearchParams
@@ -17,25 +17,25 @@ class CornerParams(ConfigModel):
     Source: chosen, not measured; reason in docs/tried/corners.md.
     """
 
-    tilt: Annotated[float, Field(gt=0.0, lt=1.4)]
+    tilt: Annotated[float, Field(gt=0.0, lt=1.4), Quantity("rad")]
     """Tilt of the peg in the search, rad; the closing axis is not in the plane of the tilt, so an error of theta changes
     the measured height.
     """
-    speed: Annotated[float, Field(gt=0.0, le=0.5)]
+    speed: Annotated[float, Field(gt=0.0, le=0.5), Quantity("m/s")]
     """Peak speed of the tip along the path, m/s; after a drop the corner hits the hole's wall at this speed."""
-    pitch: Annotated[float, Field(gt=0.0, le=2.0)]
+    pitch: Annotated[float, Field(gt=0.0, le=2.0), Quantity("multiple")]
     """Largest distance between neighbouring passes, multiple of the hole's shorter side."""
-    dip_threshold: PositiveFloat
+    dip_threshold: Annotated[PositiveFloat, Quantity("m")]
     """Dip threshold: depth of the corner below the surface estimate that is evidence of an edge, m; larger than a round
     peg's because an error of theta changes the measured height. Source: docs/tried/corners.md.
     """
-    lag: PositiveFloat
+    lag: Annotated[PositiveFloat, Quantity("m")]
     """Lag of the corner behind its setpoint along a pass that is also evidence of an edge, m. Source: docs/tried/corners.md."""
-    fall: PositiveFloat
+    fall: Annotated[PositiveFloat, Quantity("m")]
     """Depth below the surface at which the resting corner is in the hole, m; it allows for the error of theta. Source:
     docs/tried/corners.md.
     """
-    blend: Annotated[float, Field(gt=0.0, le=1.0)]
+    blend: Annotated[float, Field(gt=0.0, le=1.0), Quantity("fraction")]
     """Weight of a new frame in the running estimate of theta, fraction; it replaces `smoothing.blend` because an error
     of theta changes the measured height.
     """

@@ -39,39 +39,39 @@ class CornerAdjustParams(SkillParams):
 
     gains: Gains
     """Stiffness and damping ratio along x and y and in rotation. Source: chosen within the margin that `cell check` prints."""
-    push_stiffness: PositiveFloat
+    push_stiffness: Annotated[PositiveFloat, Quantity("N/m")]
     """Stiffness along z, which makes the push, N/m."""
-    push_damping_ratio: PositiveFloat
+    push_damping_ratio: Annotated[PositiveFloat, Quantity("multiple")]
     """Damping ratio along z, multiple of the critical damping."""
-    push_offset: NonNegativeFloat
+    push_offset: Annotated[NonNegativeFloat, Quantity("m")]
     """Depth of the tip's setpoint below the tip, m."""
-    lead: tuple[NonNegativeFloat, NonNegativeFloat]
+    lead: Annotated[tuple[NonNegativeFloat, NonNegativeFloat], Quantity("m")]
     """Lead of the tip's setpoint over the tip, along the closing axis and across it, m; it keeps the corner in the hole's corner."""
     raise_rate: Annotated[PositiveFloat, Quantity("rad/s", Tempo.SPEED)]
     """Rate at which the setpoint of the axis moves to the normal, rad/s."""
-    tilt: Annotated[float, Field(ge=0.0, lt=0.2)]
+    tilt: Annotated[float, Field(ge=0.0, lt=0.2), Quantity("rad")]
     """Tilt to keep until the tip has sunk by `caught`, rad; if the peg is upright earlier, the corner is no deeper than the others and
     leaves the hole.
     """
-    caught: PositiveFloat
+    caught: Annotated[PositiveFloat, Quantity("m")]
     """Depth gained at which the hole's walls guide the peg, m."""
-    strayed: PositiveFloat
+    strayed: Annotated[PositiveFloat, Quantity("m")]
     """Distance of the tip from its start, in the plate, at which the corner has left the hole, m."""
-    dither_radius: NonNegativeFloat
+    dither_radius: Annotated[NonNegativeFloat, Quantity("m")]
     """Largest radius of the dither of the finger centre, m; it fades within each period."""
     dither_rate: Annotated[PositiveFloat, Quantity("rad/s", Tempo.SPEED, "dither_radius")]
     """Turning rate of the dither, rad/s."""
     dither_period: Annotated[PositiveFloat, Quantity("s", Tempo.WAIT)]
     """Period of the dither, s; the radius fades to zero within it."""
-    turn: PositiveFloat
+    turn: Annotated[PositiveFloat, Quantity("rad")]
     """Largest difference between the setpoint and the measured yaw, rad; times the stiffness it bounds the torque on the walls."""
     turn_rate: Annotated[PositiveFloat, Quantity("rad/s", Tempo.SPEED)]
     """Rate of the yaw sweep's setpoint about the normal, rad/s."""
-    growth: PositiveFloat
+    growth: Annotated[PositiveFloat, Quantity("rad")]
     """Increase of the yaw sweep's amplitude from one swing to the next, rad."""
-    reach: Annotated[float, Field(gt=0.0, le=0.4)]
+    reach: Annotated[float, Field(gt=0.0, le=0.4), Quantity("rad")]
     """Largest angle of the sweep to either side, rad; it exceeds the play of the peg at its insertion's tilt."""
-    entered: PositiveFloat
+    entered: Annotated[PositiveFloat, Quantity("m")]
     """Depth gained at which the peg is between the walls, m; it exceeds the slip along the fingers."""
     timeout: Annotated[PositiveFloat, Quantity("s", Tempo.LIMIT)]
     """Longest time until the peg is between the walls, s; then the cell searches again and sweeps about another yaw."""

@@ -30,27 +30,27 @@ class CornerInsertParams(SkillParams):
 
     gains: Gains
     """Stiffness and damping ratio along x and y and in rotation. Source: chosen within the margin that `cell check` prints."""
-    push_stiffness: PositiveFloat
+    push_stiffness: Annotated[PositiveFloat, Quantity("N/m")]
     """Stiffness along z, which makes the push, N/m."""
-    push_back: Annotated[float, Field(gt=0.0, le=1.0)]
+    push_back: Annotated[float, Field(gt=0.0, le=1.0), Quantity("fraction")]
     """Share of the push while the peg is raised, fraction. Under the full push, the peg turns in the hand. Under too small a push,
     the lead lifts the corner over the edge. Source: docs/tried/corners.md.
     """
-    push_offset: NonNegativeFloat
+    push_offset: Annotated[NonNegativeFloat, Quantity("m")]
     """Depth of the tip's setpoint below the tip, m."""
-    lead: tuple[NonNegativeFloat, NonNegativeFloat]
+    lead: Annotated[tuple[NonNegativeFloat, NonNegativeFloat], Quantity("m")]
     """Lead of the tip's setpoint over the tip, along the closing axis and across it, m; it keeps the corner in the
     hole's corner. A push across the closing axis turns the peg in the hand.
     """
-    tilt: Annotated[float, Field(gt=0.0, lt=0.4)]
+    tilt: Annotated[float, Field(gt=0.0, lt=0.4), Quantity("rad")]
     """Tilt to which the peg is raised, rad. Source: docs/tried/corners.md."""
-    follow_rate: PositiveFloat = 2.0
+    follow_rate: Annotated[float, Figure("1/s"), Field(exclude=True)] = 2.0
     """Rate at which the hand follows a rotation of the peg in the hand, 1/s; if walls hold the tip and the hand follows at once, the peg
     only turns further in the pads. Source: docs/tried/search.md.
     """
-    integral_gain: NonNegativeFloat
+    integral_gain: Annotated[NonNegativeFloat, Quantity("N·m/(rad·s)")]
     """Integral gain on orientation, N·m/(rad·s); K_I of [gibbons], Eq. (6)."""
-    integral_limit: NonNegativeFloat
+    integral_limit: Annotated[NonNegativeFloat, Quantity("N·m")]
     """Saturation of the integral, N·m."""
     settle: Annotated[NonNegativeFloat, Quantity("s", Tempo.WAIT)]
     """Time to settle after the setpoint is raised, s."""
@@ -60,7 +60,7 @@ class CornerInsertParams(SkillParams):
     """Stopping time of the setpoint of the raised axis, s; if it stops at once, the hand's inertia moves the corner back along the
     closing axis by 2 mm. Source: docs/tried/corners.md.
     """
-    press: NonNegativeFloat = 0.003
+    press: Annotated[NonNegativeFloat, Quantity("m")] = 0.003
     """Lead of the tip's setpoint over the tip along the closing axis once the peg is raised, m; it must overcome the friction of joints and
     plate. The pads are perpendicular to it. Source: docs/tried/corners.md.
     """
@@ -68,19 +68,19 @@ class CornerInsertParams(SkillParams):
     """Rate of the yaw sweep's setpoint about the normal, rad/s; slow enough for the peg to sink while its yaw matches
     the hole's.
     """
-    centres: Annotated[tuple[Annotated[float, Field(ge=-1.0, le=1.0)], ...], Field(min_length=1)]
+    centres: Annotated[tuple[Annotated[float, Field(ge=-1.0, le=1.0)], ...], Field(min_length=1), Quantity("fraction")]
     """Middle of the yaw sweep in each successive attempt, fraction of the hole's largest yaw; if the sweep goes far
     beyond the hole's yaw, the corner climbs out of the hole.
     """
     centre: Annotated[float, Figure("fraction"), Field(exclude=True)] = 0.0
     """Middle of the yaw sweep in this attempt, fraction of the hole's largest yaw."""
-    yaw_sweep: Annotated[float, Field(ge=0.0, le=1.0)]
+    yaw_sweep: Annotated[float, Field(ge=0.0, le=1.0), Quantity("fraction")]
     """Reach of the yaw sweep to either side, fraction of the hole's largest yaw; the sweep must reach `felt`, otherwise
     the lag of the hand cannot detect a wall.
     """
-    margin: NonNegativeFloat
+    margin: Annotated[NonNegativeFloat, Quantity("rad")]
     """Addition to the reach of the yaw sweep, rad."""
-    dither_radius: NonNegativeFloat
+    dither_radius: Annotated[NonNegativeFloat, Quantity("m")]
     """Largest radius of the dither of the finger centre, m; it fades within each period and releases static friction
     of the peg.
     """
@@ -88,19 +88,19 @@ class CornerInsertParams(SkillParams):
     """Turning rate of the dither, rad/s."""
     dither_period: Annotated[PositiveFloat, Quantity("s", Tempo.WAIT)]
     """Period of the dither, s; the radius fades to zero within it."""
-    growth: PositiveFloat
+    growth: Annotated[PositiveFloat, Quantity("rad")]
     """Increase of the yaw sweep's amplitude from one swing to the next, rad; small yaws of the hole are the likeliest
     and are tried first.
     """
-    felt: PositiveFloat
+    felt: Annotated[PositiveFloat, Quantity("rad")]
     """Lag of the hand behind its setpoint about the normal at which walls hold the peg, rad; many times the lag caused
     by the joints' friction. Source: docs/tried/corners.md.
     """
-    sunk: PositiveFloat
+    sunk: Annotated[PositiveFloat, Quantity("m")]
     """Depth gained at which the peg has dropped in without contact with a wall, m."""
-    strayed: PositiveFloat
+    strayed: Annotated[PositiveFloat, Quantity("m")]
     """Distance of the tip from the start of the sweep at which it has left the hole, m."""
-    lost_height: PositiveFloat
+    lost_height: Annotated[PositiveFloat, Quantity("m")]
     """Height of the corner above the surface at which it has left the hole, m."""
     timeout: Annotated[PositiveFloat, Quantity("s", Tempo.LIMIT)]
     """Longest insertion, s."""

@@ -24,12 +24,6 @@ CONTACT = 0.036
 """Contact length l of the peg in the pads, m: the pads are 41 mm long, and the peg ends 15 mm behind their middle. A
 longer contact bears more moment, and a rotation then causes more slip.
 """
-MOST_SHARE = 0.9
-"""Cap on load over friction limit, fraction; the computed slip of a rotation diverges at 1."""
-MOST_PATIENT = 3.0
-"""Largest factor by which a weaker push lengthens the timeouts of an adjustment; without it, a peg next to its hole would
-be pushed for minutes. Source: docs/tried/adjustment.md.
-"""
 
 P = TypeVar("P", bound=ConfigModel)
 
@@ -68,15 +62,7 @@ class Grip:
         share = _share(
             search.push_stiffness * search.push_offset, self.bears_over_plate(search.tilt, search.dip_threshold)
         )
-        axial = share * search.push_stiffness * search.push_offset * math.cos(search.tilt) / self.bears
-        drop = math.cos(search.tilt) * slip_of_turn(axial)
-        return search.model_copy(
-            update={
-                "push_stiffness": search.push_stiffness * share,
-                "speed": search.speed * share,
-                "slip_drop": max(search.slip_drop, drop),
-            }
-        )
+        return _softer(search, share, push_stiffness=search.push_stiffness * share, speed=search.speed * share)
 
     def inserting(self, insert: TactileInsertParams) -> TactileInsertParams:
         """Return the insertion parameters with the push limited to the load that the pads bear."""
@@ -99,22 +85,12 @@ class Grip:
         return per_turn / math.hypot(per_turn, 1.0) * self.bears
 
     def adjusting(self, adjust: SpiralAdjustParams, length: float) -> SpiralAdjustParams:
-        """Return the adjustment parameters with the push limited to the load that the pads bear, for a peg of this length, m.
-
-        A weaker push lengthens the timeouts.
-        """
+        """Return the adjustment parameters with the push limited to the load that the pads bear, for a peg of this length, m."""
         push = adjust.push_stiffness * adjust.push_offset
         if push <= self.bears:
             return adjust
         share = _share(push, self.bears_dithered(adjust, length))
-        longer = min(1.0 / share, MOST_PATIENT)
-        return _softer(
-            adjust,
-            share,
-            push_stiffness=adjust.push_stiffness * share,
-            timeout=longer * adjust.timeout,
-            stall_timeout=longer * adjust.stall_timeout,
-        )
+        return _softer(adjust, share, push_stiffness=adjust.push_stiffness * share)
 
     def load(self, force: float, moment: float) -> float:
         """Return the load relative to the limit surface of the pads, ratio: 1 on the surface, less inside.
@@ -170,13 +146,6 @@ class Grip:
         share = _share(self.load_over_corner(down, across, tilt, peg), 1.0)
         lead = adjust.lead[0], share * adjust.lead[1]
         return _softer(adjust, share, push_stiffness=adjust.push_stiffness * share, lead=lead)
-
-
-def slip_of_turn(share: float) -> float:
-    """Return the slip along the fingers, m, per radian of rotation; `share` is the axial load over its friction limit."""
-    # (l/4) s / sqrt(1 - s²)
-    share = min(share, MOST_SHARE)
-    return CONTACT / 4.0 * share / math.sqrt(1.0 - share * share)
 
 
 def grip_of(grasp: GraspFromRackParams, share: float = 1.0) -> Grip:

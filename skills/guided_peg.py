@@ -8,7 +8,7 @@ import numpy as np
 from drivers.frames import end_point
 from drivers.quantities import InHandTip, Pose, Vector
 from skills.motion import tilted_by
-from skills.paths import dither, spiral
+from skills.paths import dither
 from skills.spiral_params import SpiralAdjustParams
 
 SLIDING = 0.03
@@ -149,10 +149,10 @@ class TiltSweep:
 
 @dataclass(frozen=True, slots=True)
 class Guide:
-    """State of guidance by the hole, and the depth gained in each period of the dither; pure."""
+    """Depth gained in each period of the dither; pure."""
 
-    began: float = math.inf
-    """Running time at which the peg was first deep enough to be guided, s; infinite before."""
+    began: float = 0.0
+    """Running time at which the dither began, s."""
     periods: int = 0
     """Number of completed periods of the dither."""
     reached: float = 0.0
@@ -160,28 +160,19 @@ class Guide:
     is_jammed: bool = False
     """True if a period ended in this scan and the peg stood still or crept during it."""
 
-    @property
-    def is_on(self) -> bool:
-        """True if the hole guides the peg."""
-        return math.isfinite(self.began)
-
     def after(self, depth: float, elapsed: float, params: SpiralAdjustParams) -> "Guide":
         """Return the guide after a scan at `depth`, m, `elapsed` seconds after the start of the adjustment."""
-        if not self.is_on and depth <= params.guided_depth:
-            return self
-        began = min(self.began, elapsed)
-        if int((elapsed - began) / params.dither_period) <= self.periods:
-            return Guide(began, self.periods, self.reached)
-        return Guide(began, self.periods + 1, depth, is_jammed=depth - self.reached < CREEP * params.jammed)
+        if int((elapsed - self.began) / params.dither_period) <= self.periods:
+            return replace(self, is_jammed=False)
+        is_jammed = depth - self.reached < CREEP * params.jammed
+        return Guide(self.began, self.periods + 1, depth, is_jammed)
 
     def offset(self, elapsed: float, params: SpiralAdjustParams, share: float) -> Vector:
         """Return the offset of the finger centre from the line of the aim, shape (2,), m.
 
         Args:
             elapsed: Running time, s.
-            params: Sizes and rates of spiral and dither.
+            params: Sizes and rates of the dither.
             share: Factor on the dither's radius: 0 if the peg slides, 1 if it rests.
         """
-        if not self.is_on:
-            return spiral(elapsed % (params.radius / params.growth), params.growth, params.turn_rate)
         return dither(elapsed - self.began, share * params.dither_radius, params.dither_rate, params.dither_period)

@@ -35,11 +35,11 @@ edge has dropped in, the tip of a broader peg moves further while the peg is rai
 class Gains(ConfigModel):
     """Stiffness and damping ratio of the arm's impedance law."""
 
-    translation: PositiveFloat
+    translation: Annotated[PositiveFloat, Quantity("N/m")]
     """Translational stiffness, N/m."""
-    rotation: PositiveFloat
+    rotation: Annotated[PositiveFloat, Quantity("N·m/rad")]
     """Rotational stiffness, N·m/rad."""
-    damping_ratio: PositiveFloat = 1.0
+    damping_ratio: Annotated[PositiveFloat, Quantity("multiple")] = 1.0
     """Damping ratio of every mode, multiple of the critical damping at the arm's own inertia. Source: decision 0011."""
 
     def stiffness(self) -> Vector:
@@ -63,9 +63,9 @@ class Transfer(ConfigModel):
     """Largest speed of the tip, m/s."""
     turn_speed: Annotated[PositiveFloat, Quantity("rad/s", Tempo.SPEED)]
     """Largest turning rate, rad/s."""
-    elbow: Annotated[float, Field(ge=-math.pi, le=math.pi)]
+    elbow: Annotated[float, Field(ge=-math.pi, le=math.pi), Quantity("rad")]
     """Goal of the elbow's joint in the null space, rad; without it the elbow would drift from run to run."""
-    clearance: Annotated[float, Field(ge=0.0, le=0.05)] = 0.002
+    clearance: Annotated[float, Figure("m"), Field(exclude=True)] = 0.002
     """Least distance of hand and peg from plate and rack during a move, m; a move that starts or ends nearer may come as near. Source: decision 0013."""
 
     settle: Annotated[float, Figure("s", Tempo.WAIT), Field(exclude=True)] = 0.3

@@ -10,7 +10,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from drivers.config_model import ConfigModel
+from drivers.config_model import ConfigModel, Figure, Quantity
 from drivers.parts import HolePrior
 from skills.search.tour import Point
 
@@ -30,13 +30,13 @@ class LearningConfig(ConfigModel):
 
     place: bool = True
     """True if the cell learns the position of the hole for each recipe and searches there first. Source: decision 0025."""
-    scatter: Annotated[float, Field(ge=1e-4, le=0.01)] = 0.001
+    scatter: Annotated[float, Figure("m"), Field(exclude=True)] = 0.001
     """Initial standard deviation of the hole's position between parts of one fixture, m. Source: assumed."""
-    drift: Annotated[float, Field(ge=0.0, le=0.01)] = 0.0001
+    drift: Annotated[float, Figure("m"), Field(exclude=True)] = 0.0001
     """Standard deviation of the fixture's motion from one part to the next, m."""
-    gate: Annotated[float, Field(ge=2.0, le=10.0)] = 4.0
+    gate: Annotated[float, Figure("standard deviations"), Field(exclude=True)] = 4.0
     """Distance from the expected position beyond which a hole belongs to another fixture, standard deviations."""
-    longest_age: Annotated[float, Field(gt=0.0, le=3.2e7)] = 2592000.0
+    longest_age: Annotated[float, Field(gt=0.0, le=3.2e7), Quantity("s")] = 2592000.0
     """Longest time for which a learnt position is used, s; the default is 30 days."""
 
 

@@ -21,7 +21,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from drivers.config_model import Figure
+from drivers.config_model import Figure, Quantity
 from drivers.frames import UP
 from drivers.parts import Point
 from drivers.quantities import SwitchState, Vector
@@ -45,13 +45,13 @@ class RecoverParams(SkillParams):
 
     transfer: Transfer
     """Motion of the hand to the bin."""
-    height: Annotated[float, Field(gt=0.0, le=0.3)]
+    height: Annotated[float, Field(gt=0.0, le=0.3), Quantity("m")]
     """Distance to rise first, m."""
-    bin: Point
+    bin: Annotated[Point, Quantity("m")]
     """Position above the reject bin for releasing the peg, m, base frame. Source: set for each cell."""
-    opening: Annotated[float, Field(gt=0.0, le=0.08)]
+    opening: Annotated[float, Field(gt=0.0, le=0.08), Quantity("m")]
     """Distance between the pads that releases the peg, m."""
-    opening_time: Annotated[float, Field(gt=0.0, le=10.0)]
+    opening_time: Annotated[float, Field(gt=0.0, le=10.0), Quantity("s")]
     """Longest time for the fingers to open, s."""
     first: bool = False
     """True if a start with a peg in the hand first removes the peg; otherwise such a start is refused. Source: decision 0021."""

@@ -5,6 +5,7 @@ from typing import Annotated
 
 from pydantic import Field
 
+from drivers.config_model import Quantity
 from drivers.frames import UP
 from drivers.quantities import SwitchState
 from skills.contract import Observation, Outcome, Reason, SkillContext, SkillParams, SkillResult
@@ -22,11 +23,11 @@ class ReleaseAndRetractParams(SkillParams):
 
     transfer: Transfer
     """Motion of the hand while it retracts."""
-    opening: Annotated[float, Field(gt=0.0, le=0.08)]
+    opening: Annotated[float, Field(gt=0.0, le=0.08), Quantity("m")]
     """Distance between the pads that releases the peg, m."""
-    opening_time: Annotated[float, Field(gt=0.0, le=10.0)]
+    opening_time: Annotated[float, Field(gt=0.0, le=10.0), Quantity("s")]
     """Longest time for the fingers to open, s."""
-    height: Annotated[float, Field(gt=0.0, le=0.3)]
+    height: Annotated[float, Field(gt=0.0, le=0.3), Quantity("m")]
     """Distance to retract, m."""
 
 

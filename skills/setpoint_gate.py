@@ -12,7 +12,7 @@ import numpy as np
 from pydantic import Field
 
 from drivers import setpoint_words
-from drivers.config_model import ConfigModel
+from drivers.config_model import ConfigModel, Quantity
 from drivers.errors import ArmSilentError, NotFiniteError, SetpointError, TrackingError
 from drivers.parts import Point
 from drivers.protocols import Arm
@@ -38,11 +38,11 @@ class Limits(ConfigModel):
     Source: set for each cell.
     """
 
-    force: Annotated[float, Field(gt=0.0, le=500.0)]
+    force: Annotated[float, Field(gt=0.0, le=500.0), Quantity("N")]
     """Largest estimated external force at the TCP, N."""
-    low: Point
+    low: Annotated[Point, Quantity("m")]
     """Lower corner of the permitted workspace of the TCP, m, base frame."""
-    high: Point
+    high: Annotated[Point, Quantity("m")]
     """Upper corner of the permitted workspace of the TCP, m, base frame."""
 
 

@@ -1,4 +1,4 @@
-"""Keep the tip still and tilt the peg along a growing spiral, then dither it down the hole, pushing, until it is seated."""
+"""Dither the peg down the hole, pushing, and sweep it if it jams, until it is seated."""
 
 import math
 from dataclasses import dataclass, replace
@@ -95,7 +95,7 @@ class Swing:
 def run(
     params: SpiralAdjustParams, ctx: SkillContext, plane: Plane | None = None, turns_freely: bool = False
 ) -> SpiralAdjustResult:
-    """Tilt the peg along a growing spiral about its tip until it is seated.
+    """Push the peg down the hole and tilt it about its tip, on small circles or on a sweep, until it is seated.
 
     Args:
         params: Parameters of the adjustment.
@@ -147,7 +147,7 @@ def run(
         ctx.follow(
             ImpedanceSetpoint(
                 id=identity,
-                tip=_target(tip, first.tip, looks.pull, guide),
+                tip=_target(tip, first.tip, looks.pull),
                 axis=aim.axis(offset),
                 twist=_spin(aim.axis(offset), aim.axis(next_offset), ctx.scan_period),
                 roll=(seen if turns_freely else first).arm.tcp.rotation[:, 2],
@@ -162,9 +162,9 @@ def run(
     return _result(Outcome.FAILURE, Reason.NOT_SEATED, running, offset, depth_of(tip, hole))
 
 
-def _target(tip: Vector, found: Vector, pull: float, guide: Guide) -> Vector:
-    """Return the setpoint of the tip, shape (3,), m, which stands off the tip's height by a pull, m; beside it is where the hole was `found`."""
-    beside = anchored(tip, found) if guide.is_on else found
+def _target(tip: Vector, found: Vector, pull: float) -> Vector:
+    """Return the setpoint of the tip, shape (3,), m: off the tip's height by a pull, m, and no further than a hole can be from where it was `found`."""
+    beside = anchored(tip, found)
     return np.array([beside[0], beside[1], tip[2] + pull])
 
 

@@ -1,4 +1,4 @@
-"""Parameters of the adjustment: spiral, dither, tilt sweep and timeouts."""
+"""Parameters of the adjustment: dither, tilt sweep and timeouts."""
 
 import math
 from typing import Annotated
@@ -11,17 +11,11 @@ from skills.motion import Gains
 
 
 class SpiralAdjustParams(SkillParams):
-    """Parameters of tilting the peg about its tip along a spiral of the finger centre. The skill uses no tactile measurements.
+    """Parameters of tilting the peg about its tip on small circles of the finger centre, and on sweeps if it jams.
 
     Source: chosen, not measured.
     """
 
-    growth: Annotated[PositiveFloat, Quantity("m/s", Tempo.SPEED)]
-    """Growth of the spiral's radius at the finger centre, m/s. Source: derived from [gibbons], Sec. VI, 25 mm in 20 s."""
-    turn_rate: Annotated[PositiveFloat, Quantity("rad/s", Tempo.SPEED, "radius")]
-    """Turning rate of the spiral, rad/s."""
-    radius: PositiveFloat
-    """Largest radius of the spiral, m; `stall_timeout` can end the spiral earlier. Source: [gibbons], Sec. VI."""
     stall_timeout: Annotated[float, Field(gt=0.0, le=120.0), Quantity("s", Tempo.WAIT)]
     """Stall timeout: longest time without a depth gain of `jammed`, s; such a peg is not in the hole, or cannot enter it in
     this attempt. The first of several attempts of `insert_peg` has 0.4 of it (docs/tried/adjustment.md). Close to the bottom the time is
@@ -30,41 +24,37 @@ class SpiralAdjustParams(SkillParams):
     stall_at_bottom: Annotated[float, Figure("s", Tempo.WAIT), Field(exclude=True)] = math.inf
     """Stall timeout close to the bottom, s."""
     timeout: Annotated[PositiveFloat, Quantity("s", Tempo.LIMIT)]
-    """Longest adjustment, s; if the radius reaches its largest value earlier, the spiral restarts."""
+    """Longest adjustment, s."""
     gains: Gains
     """Stiffness and damping ratio along x and y and in rotation. Source: chosen within the margin that `cell check` prints."""
-    push_stiffness: PositiveFloat
+    push_stiffness: Annotated[PositiveFloat, Quantity("N/m")]
     """Stiffness along z, which makes the push, N/m."""
-    push_damping_ratio: PositiveFloat
+    push_damping_ratio: Annotated[PositiveFloat, Quantity("multiple")]
     """Damping ratio along z, multiple of the critical damping; a larger value slows the peg's arrival at the bottom."""
-    push_offset: NonNegativeFloat
+    push_offset: Annotated[NonNegativeFloat, Quantity("m")]
     """Depth of the tip's setpoint below the tip, m."""
-    guided_depth: PositiveFloat
-    """Depth of the tip above which the hole guides the peg, m; then a growing spiral would only load the hole's walls.
-    Source: chosen, not measured; reason in docs/tried/adjustment.md.
-    """
-    dither_radius: NonNegativeFloat
-    """Largest radius of the dither of the finger centre with a guided peg, m; it fades within each period, because torque
+    dither_radius: Annotated[NonNegativeFloat, Quantity("m")]
+    """Largest radius of the dither of the finger centre, m; it fades within each period, because torque
     held by friction jams the peg. Source: chosen, not measured; reason in docs/tried/adjustment.md.
     """
     dither_rate: Annotated[PositiveFloat, Quantity("rad/s", Tempo.SPEED, "dither_radius")]
     """Turning rate of the dither, rad/s."""
     dither_period: Annotated[PositiveFloat, Quantity("s", Tempo.WAIT)]
     """Period of the dither, s; the radius fades to zero within it."""
-    jammed: NonNegativeFloat
+    jammed: Annotated[NonNegativeFloat, Quantity("m")]
     """Least depth gain in one period of the dither, m; with less, the peg stands still. Below ten times this gain, the skill measures
     theta again. Every other time it aims along the resting peg, so that only the torque of the dither remains.
     Source: docs/tried/adjustment.md; a creeping peg docs/tried/adjustment.md.
     """
-    arrival: PositiveFloat
+    arrival: Annotated[PositiveFloat, Quantity("m")]
     """Distance from the bottom within which the damping is larger, m; it prevents an impact on the bottom. Source:
     docs/tried/adjustment.md.
     """
-    swing_time: Annotated[PositiveFloat, Quantity("s", Tempo.WAIT)] = 0.6
+    swing_time: Annotated[float, Figure("s", Tempo.WAIT), Field(exclude=True)] = 0.6
     """Time of a gentle descent while the hand still turns from the insertion, s; later turns come from this skill's own
     setpoints. Source: docs/tried/adjustment.md.
     """
-    sweep_time: Annotated[float, Field(gt=0.0, le=5.0), Quantity("s", Tempo.WAIT)] = 0.5
+    sweep_time: Annotated[float, Figure("s", Tempo.WAIT), Field(exclude=True)] = 0.5
     """Time of one tilt sweep to both sides, s; it follows if the peg stands still or creeps. It turns the hand about its closing axis;
     a dither follows. Source: docs/tried/adjustment.md.
     """

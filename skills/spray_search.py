@@ -53,7 +53,7 @@ def run(
 ) -> SpraySearchResult:
     """Search the area from a random corner or point of it until the peg's edge falls into the hole.
 
-    A surface estimate that turns out to have been learnt in the wrong place is replaced by a fresh one.
+    If the peg is lifted on the way, the surface is estimated anew.
 
     Args:
         params: Parameters of the search.

@@ -26,13 +26,13 @@ class TactileInsertParams(SkillParams):
 
     gains: Gains
     """Stiffness and damping ratio along x and y and in rotation. Source: chosen within the margin that `cell check` prints."""
-    integral_gain: NonNegativeFloat
+    integral_gain: Annotated[NonNegativeFloat, Quantity("N·m/(rad·s)")]
     """Integral gain on orientation, N·m/(rad·s); K_I of [gibbons], Eq. (6). Source: chosen, not measured; method of [gibbons], Eq. (6)."""
-    integral_limit: NonNegativeFloat
+    integral_limit: Annotated[NonNegativeFloat, Quantity("N·m")]
     """Saturation of the integral, N·m."""
-    push_offset: NonNegativeFloat
+    push_offset: Annotated[NonNegativeFloat, Quantity("m")]
     """Depth of the tip's setpoint below the surface, m; 0.01 in [gibbons]. Source: [gibbons], Sec. V."""
-    push_stiffness: tuple[PositiveFloat, PositiveFloat]
+    push_stiffness: Annotated[tuple[PositiveFloat, PositiveFloat], Quantity("N/m")]
     """Least and largest stiffness along z, N/m; K_min and K_max of [gibbons], Eq. (7). Source: chosen, not measured;
     method of [gibbons], Eq. (7).
     """
@@ -42,26 +42,26 @@ class TactileInsertParams(SkillParams):
     """Time in which the setpoint of the axis gets to its rate, s; the hole's wall bears what sets the arm in motion.
     Source: chosen, not measured; reason in docs/tried/insertion.md.
     """
-    follow_rate: PositiveFloat = 2.0
+    follow_rate: Annotated[float, Figure("1/s"), Field(exclude=True)] = 2.0
     """Rate at which the hand turns after a peg that has turned in it, 1/s. Source: docs/tried/search.md."""
-    aligned: Annotated[float, Field(gt=0.0, lt=0.8)]
+    aligned: Annotated[float, Field(gt=0.0, lt=0.8), Quantity("rad")]
     """Tilt phi below which the adjustment takes over, rad; 15 degrees in [gibbons]. It also takes over when the setpoint is
     upright: a hand that turned on would wind the peg up in soft pads. Source: docs/tried/insertion.md.
     """
-    compliance_rate: PositiveFloat
+    compliance_rate: Annotated[PositiveFloat, Quantity("1/s")]
     """Rate at which the tip's setpoint along x and y gives way to where the hole keeps the tip, 1/s. Source: docs/tried/insertion.md."""
-    forward: PositiveFloat
+    forward: Annotated[PositiveFloat, Quantity("m")]
     """Distance of the tip's setpoint ahead of the tip, towards the side that the peg leans to, m; raising then cannot lift
     the peg out. Source: chosen, not measured; reason in docs/tried/insertion.md.
     """
     timeout: Annotated[PositiveFloat, Quantity("s", Tempo.LIMIT)]
     """Longest insertion, s."""
-    least_share: Annotated[float, Field(gt=0.0, lt=1.0)]
+    least_share: Annotated[float, Field(gt=0.0, lt=1.0), Quantity("fraction")]
     """Least depth of an aligned peg that is in the hole, fraction of the depth that the tilt allows; only a first attempt
     asks for it. Source: docs/tried/insertion.md; only once docs/tried/insertion.md."""
     least_depth: Annotated[float, Figure("m"), Field(exclude=True)] = -math.inf
     """Least depth of the lowest point of an aligned peg that is in the hole, m."""
-    lost_height: PositiveFloat
+    lost_height: Annotated[PositiveFloat, Quantity("m")]
     """Height of the tip above the surface at which it is out of the hole, m."""
     estimator: EstimatorName = "image"
     """Estimator that turns taxels into the pose of the peg, in every skill. Source: measured by `cell study tactile`."""

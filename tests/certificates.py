@@ -7,7 +7,7 @@ from pathlib import Path
 
 from cryptography import x509
 from cryptography.hazmat.primitives import hashes, serialization
-from cryptography.hazmat.primitives.asymmetric import ec
+from cryptography.hazmat.primitives.asymmetric import ec, rsa
 
 from plc_bridge.tls import ROLE_EXTENSION
 
@@ -32,12 +32,16 @@ class Authority:
         self.certificate = folder / f"{name}.pem"
         self._write(self.certificate, builder.sign(self._key, hashes.SHA256()))
 
-    def sign(self, name: str, *roles: bytes, lifetime: datetime.timedelta = DAY) -> tuple[Path, Path]:
-        """Return the paths of a certificate, with one role extension for each value given, and of its key."""
-        key = ec.generate_private_key(ec.SECP256R1())
+    def sign(self, name: str, *roles: bytes, lifetime: datetime.timedelta = DAY, uri: str = "") -> tuple[Path, Path]:
+        """Return the paths of a certificate, with one role extension for each value given, and of its key.
+
+        With an application URI it is one for OPC UA, whose keys are RSA.
+        """
+        key = rsa.generate_private_key(65537, 2048) if uri else ec.generate_private_key(ec.SECP256R1())
         builder = self._builder(x509.Name([x509.NameAttribute(x509.NameOID.COMMON_NAME, name)]), key, lifetime)
-        local = x509.SubjectAlternativeName([x509.IPAddress(ip_address("127.0.0.1"))])
-        builder = builder.add_extension(local, critical=False)
+        names: list[x509.GeneralName] = [x509.IPAddress(ip_address("127.0.0.1"))]
+        names += [x509.UniformResourceIdentifier(uri)] if uri else []
+        builder = builder.add_extension(x509.SubjectAlternativeName(names), critical=False)
         for role in roles:
             builder = builder.add_extension(x509.UnrecognizedExtension(ROLE_EXTENSION, role), critical=False)
         certificate, key_path = self._folder / f"{name}.pem", self._folder / f"{name}.key"
@@ -67,7 +71,7 @@ class Authority:
         return context
 
     def _builder(
-        self, name: x509.Name, key: ec.EllipticCurvePrivateKey, lifetime: datetime.timedelta
+        self, name: x509.Name, key: ec.EllipticCurvePrivateKey | rsa.RSAPrivateKey, lifetime: datetime.timedelta
     ) -> x509.CertificateBuilder:
         now = datetime.datetime.now(datetime.UTC)
         builder = x509.CertificateBuilder(self._name, name, key.public_key(), x509.random_serial_number())

@@ -21,9 +21,12 @@ from pathlib import Path
 from cell.records.journal import Journal
 from skills.contract import Outcome
 from tests.can_hubs import SocketcandHub
+from tests.certificates import Authority, utf8
 
 ROOT = Path(__file__).parents[1]
 CLIENTS, EXAMPLE = ROOT / "tests" / "clients", ROOT / "docs" / "examples" / "line"
+NODE_CLIENT = CLIENTS / "node"
+"""Where `npm ci` puts node-opcua."""
 MATIEC = ROOT / "build" / "matiec"
 """Where `.ci/run` builds it."""
 SETTINGS = ('sim.pace="max"', "reality.scale=0", "plc.life_timeout=20", "plc.lease_timeout=20", "plc.modbus.port=0")
@@ -75,6 +78,11 @@ def has_go() -> bool:
     return bool(shutil.which("go")) and not subprocess.call(
         command, cwd=CLIENTS / "go", env=offline, stdout=quiet, stderr=quiet
     )
+
+
+def has_node() -> bool:
+    """Tell whether Node is installed, and its client of OPC UA in tests/clients/node."""
+    return bool(shutil.which("node")) and (NODE_CLIENT / "node_modules" / "node-opcua-client").is_dir()
 
 
 def has_matiec() -> bool:
@@ -145,23 +153,45 @@ def by_matiec(folder: Path, place: Place, hub: Place, pegs: int) -> str:
     return call(soft_plc(folder), *place, pegs, round(LONGEST * pegs), longest=LONGEST * pegs)
 
 
+def by_node(folder: Path, place: Place, hub: Place, pegs: int) -> str:
+    """Insert pegs by node-opcua over OPC UA; it loses its session in the middle one's run."""
+    keys = folder / "plc.pem", folder / "plc.key"
+    words = [f"opc.tcp://{place[0]}:{place[1]}/", pegs, pegs // 2, *keys, folder / "store"]
+    said = call("node", NODE_CLIENT / "client.js", *words, longest=LONGEST * pegs)
+    return next(line for line in said.splitlines() if line.startswith("triggered"))  # between warnings of the library
+
+
 WAYS: dict[str, tuple[Callable[[], bool], Callable[[Path, Place, Place, int], str]]] = {
     "matiec": (has_matiec, by_matiec),
     "libmodbus": (has_libmodbus, by_libmodbus),
     "go": (has_go, by_go),
     "canopen": (lambda: True, by_canopen),
+    "node": (has_node, by_node),
 }
 
 
+def secured(folder: Path) -> list[str]:
+    """Return the settings of a cell over OPC UA, and write its keys and those of `by_node` into the folder."""
+    authority = Authority(folder)
+    certificate, key = authority.sign("cell", uri="urn:test:cell")
+    authority.sign("plc", utf8("Operator"), uri="urn:test:plc")
+    files = {"certificate": certificate, "key": key, "authority": authority.certificate}
+    roles = 'plc.tls.roles={"Operator"=["read", "command"]}'
+    return ['plc.tls.host="127.0.0.1"', "plc.tls.port=0", roles, *(f'plc.tls.{k}="{v}"' for k, v in files.items())]
+
+
 @contextmanager
-def served(folder: Path, sets: Sequence[str]) -> Iterator[Place]:
-    """Yield where a cell of its own process listens, with its records in `folder`."""
+def served(folder: Path, sets: Sequence[str], is_opcua: bool = False) -> Iterator[Place]:
+    """Yield where a cell of its own process listens for Modbus or for OPC UA, with its records in `folder`."""
     command = [sys.executable, "-m", "cell", "serve", "--config", str(EXAMPLE / "cell.toml"), "--journal", str(folder)]
     command += [word for each in sets for word in ("--set", each)]
+    command += ["--opcua", "127.0.0.1:0"] if is_opcua else []
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True) as process:
         try:
             assert process.stdout is not None
             found = re.match(r"serving on (.*):(\d+)", process.stdout.readline())
+            if is_opcua:
+                found = re.match(r"OPC UA on opc.tcp://(.*):(\d+)/", process.stdout.readline())
             assert found is not None, "the cell does not start"
             yield found[1], int(found[2])
         finally:
@@ -184,7 +214,8 @@ def insert(name: str, pegs: int, sets: Sequence[str]) -> bool:
                 f'plc.can.channel="127.0.0.1:{hub.port}/can0"',
                 "plc.can.plc_timeout=20",
             )
-            with served(folder / "runs", [*SETTINGS, *bus, *sets]) as place:
+            keys = secured(folder) if name == "node" else []
+            with served(folder / "runs", [*SETTINGS, *bus, *keys, *sets], name == "node") as place:
                 began = time.monotonic()
                 said = run(folder, place, ("127.0.0.1", hub.port), pegs)
                 seconds = time.monotonic() - began

@@ -77,6 +77,7 @@ def quick_cell(
     folder: Path,
     code: int = CODE,
     watched: Callable[[Bridge], CommandLine] | None = None,
+    opcua: tuple[str, int] | None = None,
 ) -> Iterator[QuickCell]:
     """Yield a cell that is served until the end; the quick program has `code`, and `watched` may stand before its line."""
     config = loaded.cell
@@ -84,7 +85,7 @@ def quick_cell(
     hand = FakeGripper(config.peg.part.thickness)
     devices = FakeArm(clock), hand, FakeSkin(clock, hand), FakeSwitch()
     made = Cell(config, clock, *devices, lambda *job: None, cables={"skin": devices[2]})
-    bridge, program, stop = Bridge(plc, PROGRAMS, PARAMETERS), QuickProgram(), threading.Event()
+    bridge, program, stop = Bridge(plc, PROGRAMS, PARAMETERS, opcua=opcua), QuickProgram(), threading.Event()
 
     journal, live = Journal(folder), Live()
     line = watched(bridge) if watched is not None else bridge

@@ -23,6 +23,16 @@ GATE, TLS, PARTS = (
 
 THREATS = (
     Threat(
+        "a client of OPC UA with a foreign, a revoked or somebody else's certificate",
+        "plc_bridge.opcua.session.Trust",
+        "tests/line/test_opcua.py::test_client_with_a_wrong_certificate_is_refused",
+    ),
+    Threat(
+        "a request of OPC UA that passes by the secure channel",
+        "plc_bridge.opcua.session.CellSession",
+        "tests/line/test_opcua.py::test_request_without_a_channel_reads_nothing",
+    ),
+    Threat(
         "a foreign page or a rebound name reads a route",
         "cell.page.front.Front",
         f"{FRONT}::test_a_foreign_name_or_page_gets_421_on_every_route",

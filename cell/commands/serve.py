@@ -22,6 +22,8 @@ logger = logging.getLogger(__name__)
 SUMMARY = "obey the PLC until SIGINT or SIGTERM"
 PAGE = "127.0.0.1:8080"
 """Default address of the page; only this computer can connect to it."""
+OPCUA = "127.0.0.1:4840"
+"""Default address of OPC UA; the port is the registered one."""
 METRICS = "127.0.0.1:9464"
 """Default address of the metrics; the port is the default of Prometheus exporters."""
 
@@ -37,6 +39,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=listening,
         metavar="HOST:PORT",
         help=f"also serve a page for browsers, by default at {PAGE}",
+    )
+    parser.add_argument(
+        "--opcua",
+        nargs="?",
+        const=OPCUA,
+        type=listening,
+        metavar="HOST:PORT",
+        help=f"also serve the cell as a PackML unit over OPC UA, by default at {OPCUA}",
     )
     parser.add_argument(
         "--metrics",
@@ -77,7 +87,7 @@ def _serve(args: argparse.Namespace) -> None:
     loaded, why = in_force(load_config(args), calibration_folder(args) / FILE)
     _warn(loaded.cell.plc, args)
     warm_up(loaded)
-    bridge, live = Bridge(loaded.cell.plc, PROGRAMS, PARAMETERS), Live()
+    bridge, live = Bridge(loaded.cell.plc, PROGRAMS, PARAMETERS, opcua=args.opcua), Live()
     with (
         open_journal(args, loaded.cell.journal) as journal,
         opened(replace(assemble(loaded.cell), commissioning=why)) as cell,
@@ -88,6 +98,8 @@ def _serve(args: argparse.Namespace) -> None:
         servers.callback(bridge.close)
         bridge.start()
         say(f"serving on {bridge.address[0]}:{bridge.address[1]}")
+        if bridge.opcua_address is not None:
+            say(f"OPC UA on opc.tcp://{bridge.opcua_address[0]}:{bridge.opcua_address[1]}/")
         if args.page is not None:
             servers.enter_context(_page(args.page, bridge, live, loaded, journal.folder, tuple(cell.cables)))
         if args.metrics is not None:
@@ -103,7 +115,7 @@ def _warn(plc: "PlcConfig", args: argparse.Namespace) -> None:
     from cell.devices.checks import OK
     from cell.run.exposure import exposures, key_days, key_verdict
 
-    for line in exposures(plc, args.page, args.metrics):
+    for line in exposures(plc, args.page, args.metrics, args.opcua):
         logger.warning("%s", line)
     for name, days in key_days(plc.tls).items():
         verdict = key_verdict(days)

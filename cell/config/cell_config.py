@@ -23,7 +23,7 @@ from cell.config.files import ARMS, arm_file
 from cell.config.margins import Place
 from drivers.arm.franka_config import FrankaArmConfig
 from drivers.arm.model import ArmModel, read_arm
-from drivers.config_model import ConfigModel, FilePath
+from drivers.config_model import ConfigModel, FilePath, Quantity
 from drivers.errors import ConfigError
 from drivers.gripper.franka_config import FrankaGripperConfig
 from drivers.parts import HandShape, Hole, Job, Peg, Rack, require_fit
@@ -101,7 +101,7 @@ class CalibrationConfig(ConfigModel):
     """File of the skin's measured gains and point spread, written by `cell calibrate skin`."""
     arm: FilePath | None = None
     """File of the measured friction and gravity remainder of the arm's joints, written by `cell calibrate arm`; the start of learning."""
-    longest_age: Annotated[float, Field(gt=0.0, le=3.2e8)] = 31536000.0
+    longest_age: Annotated[float, Field(gt=0.0, le=3.2e8), Quantity("s")] = 31536000.0
     """Age above which a file of measured values is refused, s; the default is 365 days. Source: chosen, not measured."""
 
 
@@ -139,11 +139,11 @@ class CellConfig(Catalogued):
     world: str = ""
     """Name of a file of `worlds/`, another simulated world or scene, to lay over this one, below the preset; empty is none.
     Source: set for each cell."""
-    scan_rate: Annotated[float, Field(ge=10.0, le=1000.0)]
+    scan_rate: Annotated[float, Field(ge=10.0, le=1000.0), Quantity("Hz")]
     """Rate of the scan, Hz; a skill senses and decides once per scan. Source: chosen, not measured."""
     retries: Annotated[int, Field(ge=0, le=10)]
     """Number of new searches by `insert_peg` if the peg is not in the hole. Source: docs/tried/insertion.md."""
-    speed_scale: Annotated[float, Field(ge=0.05, le=20.0)] = 1.0
+    speed_scale: Annotated[float, Field(ge=0.05, le=20.0), Quantity("ratio")] = 1.0
     """Factor on every speed of the method, and divisor of its waiting times, ratio; the arm's limits cap the speeds. Source: set for each cell."""
     scan: ScanLimits = ScanLimits()
     """Limits of late scans. Source: decision 0015."""
@@ -191,18 +191,6 @@ class CellConfig(Catalogued):
     """Emulated boards behind the wires of skin and switch."""
     calibration: CalibrationConfig = CalibrationConfig()
     """Files of measured values."""
-
-    @model_validator(mode="before")
-    @classmethod
-    def _tilt_of_the_plate(cls, tree: Any) -> Any:
-        """Move `hole.tilt` of a simulated cell to `sim.plate.tilt`: it is a true value, which skills must not read."""
-        if not isinstance(tree, dict) or not isinstance(hole := tree.get("hole"), dict) or "tilt" not in hole:
-            return tree
-        if not isinstance(sim := tree.get("sim"), dict):
-            return tree
-        plate = {**sim.get("plate", {}), "tilt": hole["tilt"]}
-        kept = {key: value for key, value in hole.items() if key != "tilt"}
-        return {**tree, "hole": kept, "sim": {**sim, "plate": plate}}
 
     @model_validator(mode="after")
     def _fits(self) -> Self:

@@ -1,7 +1,7 @@
 """Every key of the config: its meaning, unit, range, default, source and reader; pure.
 
-The models are the only source: the docstring of a key is its meaning, and its first clause ends in the unit, as in
-"Peak speed of the tip, m/s; 0.1 in [gibbons].". For a pure number, a word replaces the unit: "fraction", "ratio", "count".
+The models are the only source: the docstring of a key is its meaning, and `Quantity` in its annotation gives the unit. For a pure number, a word
+replaces the unit: "fraction", "ratio", "count".
 The last sentence gives the source of the figure, as in "Source: docs/tried/search.md; measured by `cell trials`.". If a
 key has none, the source in the docstring of its section or of its model applies.
 """
@@ -24,16 +24,6 @@ from cell.config.parameters import PARAMETERS
 from drivers.config_model import Quantity
 from skills.plan import figures
 
-UNITS = (
-    *("m", "m/s", "1/s", "1/s²", "rad", "rad/s", "s", "Hz", "kg", "N", "N/m", "N·s/m", "N·m", "N·m/rad", "N·m·s/rad"),
-    *("N·m/(rad·s)", "rad/(N·m)", "Pa", "counts", "counts/Pa", "bits/s"),
-)
-"""Units of keys: SI, counts of the skin's converter, and bits per second."""
-PURE = ("fraction", "ratio", "standard deviations", "multiple", "count", "percent", "number")
-"""Words that replace the unit of a pure number."""
-_UNIT = re.compile(
-    r", (" + "|".join(re.escape(word) for word in sorted((*UNITS, *PURE), key=len, reverse=True)) + r")(?![\w·/²(])"
-)
 _SENTENCE = re.compile(r"(?<!Sec\.)(?<!Eq\.)(?<!Fig\.)(?<=[.!?])\s+(?=[A-Z0-9`\"\[])")
 _SOURCE = re.compile(r"\s*\bSource: (.+)\.$")
 _CITED = re.compile(r"\[[a-z]+\](?:, (?:Sec|Eq|Table|Fig)\. (?:\(\d+\)|[^ ;:,.()]+))?")
@@ -147,7 +137,7 @@ def _unit_of_figure(params: BaseModel, name: str) -> str:
     *above, last = name.split(".")[1:]
     for step in above:
         params = getattr(params, step)
-    return next((mark.unit for mark in type(params).model_fields[last].metadata if isinstance(mark, Quantity)), "")
+    return unit_of(type(params).model_fields[last])
 
 
 def _leaves(model: BaseModel, place: str) -> Iterator[tuple[str, str, Any]]:
@@ -264,7 +254,7 @@ def _key(name: str, kind: str, field: FieldInfo, schema: Mapping[str, Any], mode
         name=name,
         kind=kind,
         meaning=meaning,
-        unit=unit_of(meaning),
+        unit=unit_of(field),
         allowed=allowed(schema),
         default=None if field.is_required() else toml(field.get_default(call_default_factory=True)),
         sources=sources,
@@ -284,10 +274,9 @@ def _has_float(annotation: Any) -> bool:
     return annotation is float or any(_has_float(part) for part in get_args(annotation))
 
 
-def unit_of(meaning: str) -> str:
-    """Return the unit after a comma in a docstring's first sentence, or the word that replaces it; empty without one."""
-    found = _UNIT.search(first_clause(meaning))
-    return found.group(1) if found else ""
+def unit_of(field: FieldInfo) -> str:
+    """Return the unit of a key or figure, or the word that replaces it; empty without one."""
+    return next((mark.unit for mark in field.metadata if isinstance(mark, Quantity)), "")
 
 
 def toml(value: Any) -> str:

@@ -41,7 +41,7 @@ COVER, TURN, DOWN, DAMPED, WALLS = (
     "turn in the hole",
     "way down",
     "way down, damped",
-    "way down, damped and between the walls",
+    "way down, damped, walls",
 )
 """Phases: a bound for each; the last two add the law's damping, and walls that wait until the hand is upright."""
 
@@ -219,10 +219,19 @@ def panel(lines: Sequence[LimitsLine]) -> Panel:
         x = [phases.index(line.phase) + 1 + 0.15 * number for line in of]
         low, high = [line.p5 for line in of], [line.p95 for line in of]
         reached = [line.reached for line in of]
-        curves.append(Curve(x, reached, colour, f"{name}, 5 to 95 %", "o", low=low, high=high))
-        curves.append(Curve(x, [line.bound for line in of], colour, f"bound of {name}", "_", 3.5))
-    names = "\n".join(f"{number}: {phase}" for number, phase in enumerate(phases, 1))
-    return Panel(names, "phase", "time (s)", curves, "y", range(1, len(phases) + 1), (0.1, 0.2, 0.5, 1, 2, 5, 10, 20))
+        curves.append(Curve(x, reached, colour, f"{name}", "o", low=low, high=high))
+        curves.append(Curve(x, [line.bound for line in of], colour, f"bound of {name}", "_", 4.5))
+    return Panel(
+        "symbol: reached, 5 to 95 %; bar: bound",
+        "",
+        "time (s)",
+        curves,
+        "y",
+        x_ticks=range(1, len(phases) + 1),
+        x_names=[phase.replace(" ", "\n") for phase in phases],
+        y_ticks=(0.1, 0.2, 0.5, 1, 2, 5, 10, 20),
+        x_limits=(0.5, len(phases) + 0.7),
+    )
 
 
 def run(args: argparse.Namespace) -> StudyReport:
@@ -233,7 +242,7 @@ def run(args: argparse.Namespace) -> StudyReport:
     lines = [each for line, rows in zip(found.lines, found.rows, strict=True) for each in lines_of(line.family, rows)]
     files = [
         write_rows(lines, found.folder / "limits.csv"),
-        draw_panels([panel(lines)], "What limits each phase, and what trials reach", found.folder / "limits.png"),
+        draw_panels([panel(lines)], f"What limits each phase\n{found.title}", found.folder / "limits.png"),
     ]
     shown = table(
         found.title,

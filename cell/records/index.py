@@ -11,16 +11,15 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from cell.records.schema import (
-    LAYOUT,
     LOST,
     TABLES,
     ConfigRow,
     EventRow,
     RunRow,
     StageRow,
-    migrate,
+    create,
+    is_present,
     names,
-    require_known_layout,
 )
 from cell.records.told import told_row
 from cell.records.wall_clock import now_text
@@ -86,12 +85,12 @@ class Index:
     def __init__(self, folder: Path, *, is_read_only: bool) -> None:
         """Open the index.
 
-        To write, create a missing index and migrate an earlier layout. To read, write nothing; a folder without an index
+        To write, create a missing index. To read, write nothing; a folder without an index
         has no runs.
 
         Raises:
             DamagedIndexError: The index is not an SQLite file, or is damaged.
-            JournalError: The index cannot be used, or a newer version of the program has written it.
+            JournalError: The index cannot be used, or another version of the program has written it.
         """
         self.path = folder / INDEX
         with self._told():
@@ -226,7 +225,7 @@ def _opened_to_write(path: Path) -> sqlite3.Connection:
     try:
         index.execute("PRAGMA synchronous=NORMAL")
         index.execute("PRAGMA journal_mode=WAL")
-        migrate(index, _tell_all)
+        create(index)
         # With FULL, a committed record survives a power failure.
         index.execute("PRAGMA synchronous=FULL")
     except (JournalError, sqlite3.Error):
@@ -235,33 +234,16 @@ def _opened_to_write(path: Path) -> sqlite3.Connection:
     return index
 
 
-def _tell_all(index: sqlite3.Connection) -> None:
-    """Fill the table `told` for every ended run that lacks a row there, as in an earlier layout.
-
-    Raises:
-        sqlite3.Error: The index cannot be written.
-    """
-    wanted = "FROM runs WHERE outcome != 'running' AND run NOT IN (SELECT run FROM told)"
-    for values in index.execute(f"SELECT {', '.join(names(RunRow))} {wanted}").fetchall():
-        row = RunRow(*values)
-        tries = index.execute(
-            f"SELECT {', '.join(names(StageRow))} FROM stages WHERE run = ? ORDER BY place", [row.run]
-        )
-        told = told_row(row, [StageRow(*found) for found in tries])
-        index.execute("INSERT INTO told VALUES (?, ?, ?)", [told.run, told.kind, told.figures])
-
-
 def _opened_to_read(path: Path) -> sqlite3.Connection:
-    """Return the index; if its layout is earlier or it is missing, return a copy in memory in the present layout."""
-    copy = sqlite3.connect(":memory:", isolation_level=None, check_same_thread=False)
+    """Return the index; if it is missing, return an empty one in memory."""
     if path.exists():
         index = _read_only(path)
-        if require_known_layout(index) == LAYOUT:
+        if is_present(index):
             return index
-        index.backup(copy)
         index.close()
-    migrate(copy, _tell_all)
-    return copy
+    empty = sqlite3.connect(":memory:", isolation_level=None, check_same_thread=False)
+    create(empty)
+    return empty
 
 
 def _read_only(path: Path) -> sqlite3.Connection:

@@ -42,7 +42,7 @@ class Journal:
 
         Args:
             folder: Folder of the index and the samples.
-            is_read_only: True to create, migrate and write nothing; a folder without an index then has no runs.
+            is_read_only: True to create and write nothing; a folder without an index then has no runs.
             keep: Limits of age and size of the records; None keeps everything.
         """
         self.folder = folder
@@ -53,11 +53,11 @@ class Journal:
     def open(self) -> None:
         """Open the index.
 
-        When opened to write, the journal creates a missing index and migrates an earlier layout. It closes the runs that
+        When opened to write, the journal creates a missing index. It closes the runs that
         a killed program left open. If the index is damaged, the journal sets it aside and rebuilds it from the samples.
 
         Raises:
-            JournalError: The folder or the index cannot be used, or a newer version of the program has written it.
+            JournalError: The folder or the index cannot be used, or another version of the program has written it.
         """
         if not self._is_read_only:
             # Imported here because a reader of runs needs neither Arrow nor the writing thread.

@@ -1,4 +1,4 @@
-"""The tables of the journal as values, and the migration of an index from an earlier layout.
+"""The tables of the journal as values, and the creation of an index.
 
 | table     | one row for each                                                                         |
 | --------- | ---------------------------------------------------------------------------------------- |
@@ -8,12 +8,10 @@
 | `configs` | config of runs, whole, under the digest that runs hold in `config_hash`                   |
 | `told`    | run that has ended: its figures for reports, packed; see `journal_told`                   |
 
-The number of the layout is the index's `PRAGMA user_version`; `LAYOUT` is the present one. Layout 1, of version 0.1,
-has only the table `runs`, and its `user_version` is 0.
+The number of the layout is the index's `PRAGMA user_version`; `LAYOUT` is the present one.
 """
 
 import sqlite3
-from collections.abc import Callable
 from dataclasses import MISSING, Field, dataclass, fields
 from enum import StrEnum
 from typing import Any
@@ -211,12 +209,11 @@ TABLES: dict[type, str] = {
 }
 """Name of the table of each row."""
 _INDICES = (
-    "DROP INDEX IF EXISTS runs_started",
     # The index covers all columns that queries and reports need, so that neither reads the long rows.
-    "CREATE INDEX IF NOT EXISTS runs_asked ON runs (started, program, outcome, fault, serial, recipe, stage, reason)",
-    "CREATE UNIQUE INDEX IF NOT EXISTS stages_run ON stages (run, place)",
-    "CREATE INDEX IF NOT EXISTS events_time ON events (time)",
-    "CREATE INDEX IF NOT EXISTS events_run ON events (run)",
+    "CREATE INDEX runs_asked ON runs (started, program, outcome, fault, serial, recipe, stage, reason)",
+    "CREATE UNIQUE INDEX stages_run ON stages (run, place)",
+    "CREATE INDEX events_time ON events (time)",
+    "CREATE INDEX events_run ON events (run)",
 )
 
 
@@ -225,22 +222,21 @@ def names(row: type) -> tuple[str, ...]:
     return tuple(field.name for field in fields(row))
 
 
-def migrate(index: sqlite3.Connection, fill: Callable[[sqlite3.Connection], None]) -> None:
-    """Add the missing tables and columns of the present layout, and call `fill` to fill them; existing rows stay.
+def create(index: sqlite3.Connection) -> None:
+    """Create the tables of a new index; one of the present layout stays.
 
     Raises:
-        JournalError: A newer version of the program has written the index.
+        JournalError: The index has another layout.
         sqlite3.Error: The index cannot be written.
     """
-    if require_known_layout(index) == LAYOUT:
+    if is_present(index):
         return
     index.execute("BEGIN IMMEDIATE")
     try:
-        for row in TABLES:
-            _bring_up(index, row)
+        for row, table in TABLES.items():
+            index.execute(f"CREATE TABLE {table} ({', '.join(_declared(row, field) for field in fields(row))})")
         for statement in _INDICES:
             index.execute(statement)
-        fill(index)
         index.execute(f"PRAGMA user_version = {LAYOUT}")
         index.execute("COMMIT")
     except sqlite3.Error:
@@ -248,35 +244,19 @@ def migrate(index: sqlite3.Connection, fill: Callable[[sqlite3.Connection], None
         raise
 
 
-def require_known_layout(index: sqlite3.Connection) -> int:
-    """Return the number of the index's layout, 0 for a new file and for layout 1.
+def is_present(index: sqlite3.Connection) -> bool:
+    """Return True if the index has the present layout, False for a new file.
 
     Raises:
-        JournalError: A newer version of the program has written the index.
+        JournalError: Another version of the program has written the index.
     """
     layout = int(index.execute("PRAGMA user_version").fetchone()[0])
-    if layout > LAYOUT:
+    is_new = layout == 0 and index.execute("SELECT count(*) FROM sqlite_master").fetchone()[0] == 0
+    if layout != LAYOUT and not is_new:
         raise JournalError(
-            f"layout {layout} of a newer version; 1 to {LAYOUT} allowed: start that version, or name another folder"
+            f"layout {layout} of another version; {LAYOUT} allowed: start that version, or name another folder"
         )
-    return layout
-
-
-def present(index: sqlite3.Connection, row: type) -> set[str]:
-    """Return the existing columns of a table; an empty set if the table is missing."""
-    return {str(column[1]) for column in index.execute(f"PRAGMA table_info({TABLES[row]})")}
-
-
-def _bring_up(index: sqlite3.Connection, row: type) -> None:
-    """Create the table of a row, or add its missing columns."""
-    has = present(index, row)
-    if not has:
-        declared = [_declared(row, field) for field in fields(row)]
-        index.execute(f"CREATE TABLE {TABLES[row]} ({', '.join(declared)})")
-        return
-    for field in fields(row):
-        if field.name not in has:
-            index.execute(f"ALTER TABLE {TABLES[row]} ADD COLUMN {_declared(row, field)}")
+    return not is_new
 
 
 def _declared(row: type, field: "Field[Any]") -> str:

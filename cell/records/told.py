@@ -17,8 +17,7 @@ from cell.records.schema import RunRow, StageRow, ToldRow
 RUN_FIGURES = ("started", "cycle_time", "peak_force")
 """Figures of a run: its start, s since 1970, UTC; its cycle time, s; its peak force, N."""
 STAGE_FIGURES = ("counted", "whole", "residual")
-"""Figures of a stage: sum of the skill's own times, s; sum of the times with transfers, s, unknown in journals of layout 1;
-largest residual of theta, 0 to 1.
+"""Figures of a stage: sum of the skill's own times, s; sum of the times with transfers, s; largest residual of theta, 0 to 1.
 """
 
 
@@ -51,10 +50,7 @@ class _StageSum:
 
 
 def told_row(row: RunRow, stages: Sequence[StageRow]) -> ToldRow:
-    """Return the report figures of a run that has ended with these tries of its stages.
-
-    Without tries, as in journals of layout 1, use the times in the run's row.
-    """
+    """Return the report figures of a run that has ended with these tries of its stages."""
     sums: dict[str, _StageSum] = {}
     for stage in stages:
         found = sums.setdefault(stage.name, _StageSum(whole=0.0))
@@ -63,21 +59,11 @@ def told_row(row: RunRow, stages: Sequence[StageRow]) -> ToldRow:
             found.counted = stage.counted + (0.0 if math.isnan(found.counted) else found.counted)
         if stage.residual is not None:
             found.residual = stage.residual if math.isnan(found.residual) else max(found.residual, stage.residual)
-    if not stages:
-        for name, time in _stage_times(row.stage_times):
-            sums[name] = _StageSum(time)
     kind = json.dumps(Kind(row.outcome, row.stage, row.reason, row.fault, [*sums]), separators=(",", ":"))
     values = [_seconds(row.started), *(math.nan if it is None else it for it in (row.cycle_time, row.peak_force))]
     for found in sums.values():
         values += [found.counted, found.whole, found.residual]
     return ToldRow(row.run, kind, pack(f"<{len(values)}d", *values))
-
-
-def _stage_times(text: str) -> list[tuple[str, float]]:
-    try:
-        return [(str(name), float(time)) for name, time in json.loads(text)]
-    except (ValueError, TypeError):
-        return []  # the record is damaged
 
 
 def _seconds(moment: str) -> float:

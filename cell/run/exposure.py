@@ -20,7 +20,9 @@ def is_local(host: str) -> bool:
         return host == "localhost"
 
 
-def exposures(plc: PlcConfig, page: Address | None = None, metrics: Address | None = None) -> list[str]:
+def exposures(
+    plc: PlcConfig, page: Address | None = None, metrics: Address | None = None, opcua: Address | None = None
+) -> list[str]:
     """Return one line for each open port: what unknown computers can do there."""
     found = []
     if not is_local(plc.modbus.host) and not plc.modbus.allow:
@@ -28,6 +30,8 @@ def exposures(plc: PlcConfig, page: Address | None = None, metrics: Address | No
             f"plc.modbus {plc.modbus.host}:{plc.modbus.port}: open to every computer that reaches it, to read, command and stop;"
             " plc.modbus.allow names those that may"
         )
+    if opcua is not None and not is_local(opcua[0]) and plc.opcua_anonymous:
+        found.append(f"--opcua {opcua[0]}:{opcua[1]}: open to every computer that reaches it, to read")
     if page is not None and not is_local(page[0]):
         may = (
             "anybody who has it may show the token"

@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from drivers.arm.model import ArmName
-from drivers.config_model import ConfigModel
+from drivers.config_model import ConfigModel, Quantity
 
 
 class FrankaArmConfig(ConfigModel):
@@ -20,9 +20,9 @@ class FrankaArmConfig(ConfigModel):
     """Name of an arm that ships with the program, or a file of figures beside the config."""
     host: Annotated[str, Field(min_length=1)]
     """Network address of the arm's control interface."""
-    collision_torque: Annotated[float, Field(ge=5.0, le=100.0)]
+    collision_torque: Annotated[float, Field(ge=5.0, le=100.0), Quantity("N·m")]
     """Estimated external torque on a joint at which the arm's reflex stops it, N·m; no default."""
-    collision_force: Annotated[float, Field(ge=5.0, le=100.0)]
+    collision_force: Annotated[float, Field(ge=5.0, le=100.0), Quantity("N")]
     """Estimated external force at the hand at which the reflex stops the arm, N; the same number limits the torque
     there, N·m; no default."""
     realtime: Literal["enforce", "ignore"] = "enforce"

@@ -4,7 +4,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from drivers.config_model import ConfigModel
+from drivers.config_model import ConfigModel, Quantity
 from drivers.quantities import FINGERS
 from drivers.skin.cyskin_wire import SkinWireConfig
 from drivers.skin.health import SkinHealthConfig
@@ -74,13 +74,13 @@ class BoardSkinConfig(ConfigModel):
     Source: chosen, not measured.
     """
 
-    rate: Annotated[float, Field(ge=1.0, le=100.0)] = 10.0
+    rate: Annotated[float, Field(ge=1.0, le=100.0), Quantity("Hz")] = 10.0
     """Scan rate that the board is set to, Hz; boards make 10 to 100. Source: [gibbons], Sec. VI."""
     layout: Layout = "parallelogram"
     """Arrangement of the two modules of a finger. Source: set for each cell."""
-    silent_frames: Annotated[float, Field(ge=1.5, le=100.0)] = 3.5
+    silent_frames: Annotated[float, Field(ge=1.5, le=100.0), Quantity("multiple")] = 3.5
     """Time without a scan after which the skin is silent, multiple of the period."""
-    open_timeout: Annotated[float, Field(ge=0.1, le=60.0)] = 3.0
+    open_timeout: Annotated[float, Field(ge=0.1, le=60.0), Quantity("s")] = 3.0
     """Longest wait for the board's first scan, s."""
     health: SkinHealthConfig = SkinHealthConfig()
     """Conditions under which a taxel is not trusted."""
@@ -122,7 +122,7 @@ class CanSkinConfig(WiredSkinConfig):
     """Interface to the bus."""
     channel: Annotated[str, Field(min_length=1)] = EMULATED
     """Channel of the interface, as in "can0"; "emulated" is an emulated board in a simulated cell."""
-    bitrate: Annotated[int, Field(ge=10_000, le=1_000_000)] = 1_000_000
+    bitrate: Annotated[int, Field(ge=10_000, le=1_000_000), Quantity("bits/s")] = 1_000_000
     """Bit rate of the bus, bits/s."""
     board: Annotated[HubConfig | IcubConfig, Field(discriminator="kind")] = HubConfig()
     """The board on the bus."""
@@ -140,7 +140,7 @@ class SerialSkinConfig(WiredSkinConfig):
     """Name of the serial port, preferably a permanent one as in /dev/serial/by-id; "emulated" is an emulated board
     in a simulated cell.
     """
-    baud_rate: Annotated[int, Field(ge=1200, le=4_000_000)] = 115_200
+    baud_rate: Annotated[int, Field(ge=1200, le=4_000_000), Quantity("bits/s")] = 115_200
     """Bit rate of the line, bits/s."""
     board: HubConfig = HubConfig()
     """The board on the line."""

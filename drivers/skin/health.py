@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from drivers.config_model import ConfigModel
+from drivers.config_model import ConfigModel, Quantity
 from drivers.errors import SkinUntrustedError
 from drivers.quantities import FINGER_NAMES, FINGERS, Mask, TaxelFrame, Vector
 from drivers.skin.layout import MODULE_OF, MODULE_TAXELS, MODULES
@@ -37,7 +37,7 @@ class SkinHealthConfig(ConfigModel):
 
     baseline_frames: Annotated[int, Field(ge=BASELINE_FRAMES, le=10_000)] = BASELINE_FRAMES
     """Number of frames without a load whose mean is the baseline."""
-    saturation: Annotated[int, Field(ge=1000, le=ERROR_COUNT)] = 42_900
+    saturation: Annotated[int, Field(ge=1000, le=ERROR_COUNT), Quantity("counts")] = 42_900
     """Reading at which the converter saturates, counts; the pressure is then at least this reading. Source: chosen just below
     the error codes of [cyskin].
     """
@@ -45,13 +45,13 @@ class SkinHealthConfig(ConfigModel):
     """Number of equal readings in a row that mark a taxel as stuck, because noise changes a live taxel."""
     frozen_frames: Annotated[int, Field(ge=2, le=100_000)] = 5
     """Number of identical frames in a row that mark the board as frozen."""
-    drift_time: Annotated[float, Field(ge=1.0, le=1e5)] = 3.0
+    drift_time: Annotated[float, Field(ge=1.0, le=1e5), Quantity("s")] = 3.0
     """Time constant with which the baseline follows the untouched skin, s; derived from the noise and drift of [cyskin].
     Source: docs/tried/angle.md.
     """
-    touch: Annotated[float, Field(ge=3.0, le=20.0)] = 5.0
+    touch: Annotated[float, Field(ge=3.0, le=20.0), Quantity("standard deviations")] = 5.0
     """Height above the baseline at which a taxel counts as touched, standard deviations of its noise."""
-    least_touch: Annotated[float, Field(ge=1.0, le=5000.0)] = 50.0
+    least_touch: Annotated[float, Field(ge=1.0, le=5000.0), Quantity("counts")] = 50.0
     """Smallest change that counts as a touch, counts, independent of the noise."""
 
 

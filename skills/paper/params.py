@@ -17,13 +17,13 @@ class PaperSearchParams(SkillParams):
 
     speed: Annotated[float, Field(gt=0.0, le=0.5), Quantity("m/s", Tempo.SPEED)]
     """Peak speed of the end point along the path, m/s."""
-    pitch: Annotated[float, Field(gt=0.0, le=2.0)]
+    pitch: Annotated[float, Field(gt=0.0, le=2.0), Quantity("multiple")]
     """Largest distance between neighbouring passes, multiple of the hole's diameter."""
-    push_stiffness: PositiveFloat
+    push_stiffness: Annotated[PositiveFloat, Quantity("N/m")]
     """Stiffness along z, N/m."""
     gains: Gains
     """Stiffness and damping ratio along the path and in rotation. Source: measured by `cell study paper`."""
-    threshold: Annotated[float, Field(gt=0.0, lt=1.0)]
+    threshold: Annotated[float, Field(gt=0.0, lt=1.0), Quantity("fraction")]
     """Change of the average response between frames that indicates the hole, fraction of the running average."""
 
 
@@ -35,9 +35,9 @@ class PaperInsertParams(SkillParams):
 
     gains: Gains
     """Stiffness K along x and y and in rotation, and damping ratio. Source: measured by `cell study paper`."""
-    integral_gain: PositiveFloat
+    integral_gain: Annotated[PositiveFloat, Quantity("N·m/(rad·s)")]
     """Integral gain K_I on orientation, N·m/(rad·s); [gibbons], Eq. (6)."""
-    push_stiffness: tuple[PositiveFloat, PositiveFloat]
+    push_stiffness: Annotated[tuple[PositiveFloat, PositiveFloat], Quantity("N/m")]
     """K_min and K_max of [gibbons], Eq. (7), N/m. Source: chosen, not measured."""
     timeout: Annotated[PositiveFloat, Quantity("s", Tempo.LIMIT)] = 60.0
     """Longest insertion, s. Source: chosen, not measured."""
@@ -51,7 +51,7 @@ class PaperAdjustParams(SkillParams):
 
     gains: Gains
     """Stiffness and damping ratio along x and y and in rotation. Source: measured by `cell study paper`."""
-    push_stiffness: PositiveFloat
+    push_stiffness: Annotated[PositiveFloat, Quantity("N/m")]
     """Stiffness along z, N/m."""
     turn_rate: Annotated[PositiveFloat, Quantity("rad/s", Tempo.SPEED, "radius")]
     """Turning rate of the spiral, rad/s."""

@@ -36,13 +36,10 @@ lets a light wrist swing where torques act late."""
 TRIMMED_BELOW = 5e-3
 """Height of the setpoint over the plate, m, from which on the way down the trim works: in the air it would wind up against joints at rest."""
 
-USUAL_TIME = 0.5
-"""Time constant of the smoothed in-hand angle, s; about the time of a lane, in which the surface estimate learns the plate anew."""
-
 STUCK_WITHIN = 1e-3
 """Largest distance between two rests of a peg that has not got away in between, m."""
 STUCK_AFTER = 3
-"""Number of rests in one place from which on a peg as deep as in a hole is in it: one that only slipped in the hand would slide on."""
+"""Number of rests in one place from which on the place is passed over."""
 FAR_OFF: tuple[Vector, int] = np.full(2, math.inf), 0
 """Rest of a peg that has not rested yet."""
 
@@ -56,8 +53,6 @@ class Sweep:
         self._identity = ctx.new_id()
         self._theta = ctx.in_hand().theta
         """In-hand angle with which the hand began, rad."""
-        self._usual = self._theta
-        """Smoothed in-hand angle, rad; a turn of the peg away from it may have made the tip drop."""
         self._push = Push(params.push_stiffness, self._theta)
         self._bearing = Bearing(ctx.zero, ctx.scan_period)
         self._trim = Trim(params.trim_rate, params.trim_limit)
@@ -87,7 +82,7 @@ class Sweep:
         edge = self._edge = self._ctx.job.peg.part.lowest(seen.tip, seen.axis, seen.arm.tcp.rotation[:, 2])
         felt = self._felt(seen, *self._evidence.update(seen, edge, sense, self._along < course.likely_until))
         before = self._phase
-        self._enter(next_phase(before, felt, params, course, point), felt)
+        self._enter(next_phase(before, felt, params, course, point))
         if isinstance(before, ComingDown) and isinstance(self._phase, Sliding):
             if self._has_come_down_in_decoy(felt, edge):
                 self._pass_over()
@@ -97,16 +92,12 @@ class Sweep:
                 self._bearing.require_sense(self._push.stiffness * params.push_offset)
         if isinstance(before, Sliding) and self._phase is before:
             self._evidence.learn(edge, sense)
-            self._usual += min(seen.step / USUAL_TIME, 1.0) * (seen.peg.theta - self._usual)
         if isinstance(self._phase, Resting) and self._phase.is_over(felt, params):
-            slipped = params.slip_drop * abs(seen.peg.theta - self._usual)
-            is_stuck = self._is_stuck(felt)
-            if felt.below >= params.fall + (0.0 if is_stuck else slipped):
+            if felt.below >= params.fall:
                 return True
-            if is_stuck:
+            if self._is_stuck(felt):
                 self._pass_over()
-            self._evidence.doubt()
-            self._enter(after_rest(self._phase, felt, params, course, point), felt)
+            self._enter(after_rest(self._phase, felt, params, course, point))
         return False
 
     def _has_come_down_in_decoy(self, felt: Felt, edge: Vector) -> bool:
@@ -150,13 +141,12 @@ class Sweep:
 
     def hold_anew(self) -> None:
         """Come down again with the peg as it now lies in the hand; the plate is felt anew, for the peg may have slipped."""
-        self._theta = self._usual = self._ctx.in_hand().theta
+        self._theta = self._ctx.in_hand().theta
         self._identity, self._push = self._ctx.new_id(), replace(self._push, theta=self._theta)
         self._bearing, self._phase = Bearing(self._ctx.zero, self._ctx.scan_period), first_phase(self._course)
         self._trim = Trim(self._params.trim_rate, self._params.trim_limit)
         self._rested = FAR_OFF
-        self._evidence.restart()
-        self._evidence.forget(math.inf)
+        self._evidence.begin_anew()
 
     @property
     def edge(self) -> tuple[float, float]:
@@ -225,7 +215,7 @@ class Sweep:
         self._ctx.peg = replace(self._ctx.peg, measured=self._ctx.peg.excess + (excess or 0.0))
         self.touched = edge - (excess or 0.0) * float(felt.axis[2]) * UP
 
-    def _enter(self, phase: Phase, felt: Felt) -> None:
+    def _enter(self, phase: Phase) -> None:
         """Go on with `phase`; the only place where the phase changes."""
         before, self._phase = self._phase, phase
         if type(phase) is type(before):
@@ -236,8 +226,6 @@ class Sweep:
             self._resting = self._still(phase)
             return
         self._evidence.restart()
-        if isinstance(before, Probing):
-            self._evidence.forget(felt.below)
 
     def _felt(self, seen: Observation, below: float, is_edge: bool) -> Felt:
         push = self._push.stiffness * self._params.push_offset

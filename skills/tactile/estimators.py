@@ -15,12 +15,11 @@ from drivers.errors import ConfigError
 from drivers.parts import Peg
 from drivers.skin.layout import Layout
 from skills.tactile.image import ImageEstimator, ImageParams
-from skills.tactile.likelihood import LikelihoodEstimator, LikelihoodParams
+from skills.tactile.likelihood import RobustParams
 from skills.tactile.pose import Estimator
-from skills.tactile.robust import RobustEstimator, RobustParams
+from skills.tactile.robust import RobustEstimator
 
 P = TypeVar("P", bound=ConfigModel)
-Templated = TypeVar("Templated", LikelihoodParams, RobustParams)
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,7 +58,7 @@ def estimators(*entries: EstimatorEntry[Any]) -> dict[str, EstimatorEntry[Any]]:
     return table
 
 
-def _as_measured(params: Templated, setup: TouchSetup) -> Templated:
+def _as_measured(params: RobustParams, setup: TouchSetup) -> RobustParams:
     """Return the parameters with the calibrated point spread, if there is a calibration."""
     if setup.point_spread is None:
         return params
@@ -69,11 +68,6 @@ def _as_measured(params: Templated, setup: TouchSetup) -> Templated:
 
 ESTIMATORS = estimators(
     EstimatorEntry("image", ImageParams, lambda params, setup: ImageEstimator(params, setup.layout)),
-    EstimatorEntry(
-        "ml",
-        LikelihoodParams,
-        lambda params, setup: LikelihoodEstimator(_as_measured(params, setup), setup.layout, setup.peg),
-    ),
     EstimatorEntry(
         "robust",
         RobustParams,

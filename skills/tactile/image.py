@@ -1,12 +1,12 @@
 """Theta and offset from the tactile image of [gibbons], Sec. III: one image of both fingers, and its ellipse."""
 
 import math
-from typing import Annotated, Literal
+from typing import Annotated
 
 import numpy as np
 from pydantic import Field
 
-from drivers.config_model import ConfigModel
+from drivers.config_model import ConfigModel, Figure, Quantity
 from drivers.parts import Fraction
 from drivers.quantities import FINGERS, TAXELS, TaxelFrame, Vector
 from drivers.skin.layout import PITCH, Layout, finger_positions
@@ -23,25 +23,23 @@ class ImageParams(ConfigModel):
     Source: chosen on simulated pads, its effect measured by `cell study tactile`.
     """
 
-    kind: Literal["image"] = "image"
-    """The estimator of [gibbons]: the ellipse of an image of the taxels."""
-    pixel: Annotated[float, Field(ge=1e-4, le=5e-3)] = 1e-3
+    pixel: Annotated[float, Figure("m"), Field(exclude=True)] = 1e-3
     """Side of a pixel, m."""
-    full_scale: Annotated[float, Field(ge=100.0, le=1e6)] = 20e3
+    full_scale: Annotated[float, Figure("counts"), Field(exclude=True)] = 20e3
     """Reading at which a pixel saturates, counts; [gibbons], Eq. (1). Source: [cyskin], highest touch peak; method of
     [gibbons], Eq. (1).
     """
-    threshold: Fraction = 0.5
+    threshold: Annotated[Fraction, Quantity("fraction")] = 0.5
     """Brightness below which a pixel is background, fraction of the brightest."""
-    least_peak: Annotated[float, Field(ge=0.0, le=43e3)] = 2000.0
+    least_peak: Annotated[float, Figure("counts"), Field(exclude=True)] = 2000.0
     """Least brightness of the brightest pixel if the frame shows a peg, counts."""
-    least_elongation: Annotated[float, Field(ge=1.0, le=100.0)] = 1.5
+    least_elongation: Annotated[float, Figure("ratio"), Field(exclude=True)] = 1.5
     """Least ratio of the ellipse's axes for its direction to be used, ratio."""
-    most_width: Annotated[float, Field(ge=5e-4, le=2e-2)] = 4e-3
+    most_width: Annotated[float, Figure("m"), Field(exclude=True)] = 4e-3
     """Largest standard deviation along the minor axis of a peg's ellipse, m; 2.4 mm for a diameter of 8 mm."""
-    most_residual: Fraction = 0.4
+    most_residual: Annotated[float, Figure("fraction"), Field(exclude=True)] = 0.4
     """Largest share of the image away from the peg's axis if the frame shows a peg, fraction."""
-    least_trusted: Annotated[int, Field(ge=3, le=FINGERS * TAXELS)] = 20
+    least_trusted: Annotated[int, Figure("count"), Field(exclude=True)] = 20
     """Least number of trusted taxels for an estimate."""
 
 

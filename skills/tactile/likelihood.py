@@ -1,4 +1,4 @@
-"""Maximum likelihood over templates: estimate angle and offset by comparing a frame with predicted frames.
+"""Maximum likelihood over templates: comparison of a frame with predicted frames of all angles and offsets.
 
 Each finger's load is a constant plus a part that rises along the peg. The four load amounts enter a frame linearly.
 Their priors are Gaussian: equal mean loads on both fingers, opposite rises. The loads are therefore integrated out
@@ -6,80 +6,63 @@ exactly for every angle and offset. The estimate is the mean and spread of the r
 """
 
 import math
-from typing import Annotated, Literal, NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from pydantic import Field
 
-from drivers.config_model import ConfigModel
-from drivers.parts import Fraction, Peg
+from drivers.config_model import ConfigModel, Figure
 from drivers.quantities import FINGERS, TAXELS, Mask, TaxelFrame, Vector
-from drivers.skin.layout import Layout
 from skills.tactile.pose import PegPose
-from skills.tactile.templates import TemplateParams, Templates, make_templates
+from skills.tactile.templates import TemplateParams, Templates
 
 
-class LikelihoodParams(ConfigModel):
-    """Model of an expected frame, and limits beyond which a frame shows no peg.
+class RobustParams(ConfigModel):
+    """Model of an expected frame, prior of its faults, and limits beyond which a frame shows no peg.
 
     Source: chosen on simulated pads, its effect measured by `cell study tactile`.
     """
 
-    kind: Literal["ml", "robust"] = "ml"
-    """The estimator by maximum likelihood over templates. Source: docs/tried/angle.md."""
     templates: TemplateParams = TemplateParams()
     """Model of the pad, from the maker's data."""
-    noise: Annotated[float, Field(ge=1.0, le=5000.0)] = 300.0
+    noise: Annotated[float, Figure("counts"), Field(exclude=True)] = 300.0
     """Standard deviation of a taxel's reading, counts."""
-    gain_spread: Annotated[float, Field(ge=0.0, le=0.5)] = 0.08
+    gain_spread: Annotated[float, Figure("fraction"), Field(exclude=True)] = 0.08
     """Standard deviation of a taxel's gain and of the template error, fraction of the reading."""
-    offset_spread: Annotated[float, Field(ge=1e-5, le=1e-2)] = 7e-4
+    offset_spread: Annotated[float, Figure("m"), Field(exclude=True)] = 7e-4
     """Standard deviation of the peg's offset from the finger centre, m."""
-    off_centre: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.05
+    off_centre: Annotated[float, Figure("fraction"), Field(exclude=True)] = 0.05
     """Prior probability of an offset uniform over the templates' reach, fraction."""
-    imbalance: Annotated[float, Field(ge=0.01, le=2.0)] = 0.3
+    imbalance: Annotated[float, Figure("fraction"), Field(exclude=True)] = 0.3
     """Standard deviation of half the difference of the fingers' loads, fraction of their mean."""
-    rise: Annotated[float, Field(ge=0.01, le=5.0)] = 0.6
+    rise: Annotated[float, Figure("fraction"), Field(exclude=True)] = 0.6
     """Standard deviation of the loads' opposite rise over 20 mm, fraction of their mean."""
-    common_rise: Annotated[float, Field(ge=0.01, le=5.0)] = 0.1
+    common_rise: Annotated[float, Figure("fraction"), Field(exclude=True)] = 0.1
     """Standard deviation of the rise over 20 mm that both loads share, fraction of their mean."""
-    wide_misfit: Annotated[float, Field(ge=1.0, le=100.0)] = 3.0
+    wide_misfit: Annotated[float, Figure("ratio"), Field(exclude=True)] = 3.0
     """Misfit above which all offsets are searched, ratio of squared residuals to those expected."""
-    least_load: Annotated[float, Field(ge=0.0, le=43e3)] = 1500.0
+    least_load: Annotated[float, Figure("counts"), Field(exclude=True)] = 1500.0
     """Least mean load of a held peg, as the reading directly under the peg, counts; five times the noise."""
-    most_sigma: Annotated[float, Field(gt=0.0, le=1.6)] = 0.1
+    most_sigma: Annotated[float, Figure("rad"), Field(exclude=True)] = 0.1
     """Standard deviation of theta above which it is not reported, rad."""
-    most_misfit: Annotated[float, Field(ge=1.0, le=1000.0)] = 12.0
+    most_misfit: Annotated[float, Figure("ratio"), Field(exclude=True)] = 12.0
     """Misfit above which the frame does not show a peg, ratio of squared residuals to those expected."""
-    most_residual: Fraction = 0.3
+    most_residual: Annotated[float, Figure("fraction"), Field(exclude=True)] = 0.3
     """Largest share of a frame's squares that a peg leaves unexplained, fraction; a larger share is accepted if the misfit is at most
     `wide_misfit`, because noise then explains it, for example under a weak grip.
     """
-    least_trusted: Annotated[int, Field(ge=3, le=FINGERS * TAXELS)] = 20
+    least_trusted: Annotated[int, Figure("count"), Field(exclude=True)] = 20
     """Least number of trusted taxels for an estimate."""
-
-
-class LikelihoodEstimator:
-    """Estimator by the posterior over templates: a coarse grid over all angles, a fine grid near the likely angles.
-
-    Theta is the mean of the posterior and sigma its standard deviation. If the misfit exceeds the value expected from
-    noise and gains, it widens sigma.
-    """
-
-    def __init__(self, params: LikelihoodParams, layout: Layout, peg: Peg) -> None:
-        """Make the templates of `peg` on `layout`."""
-        self._params = params
-        self._bank = Bank(params, make_templates(layout, peg, params.templates))
-
-    def estimate(self, frame: TaxelFrame) -> PegPose:
-        """Return the pose of the peg in `frame`; see `skills.tactile.pose.Estimator`."""
-        params = self._params
-        values, trusted = frame.values.ravel(), frame.trusted.ravel()
-        weights = weights_of(params, values, trusted)
-        found = self._bank.compare(values, weights)
-        if found.misfit > params.wide_misfit:
-            found = self._bank.compare(values, weights, is_wide=True)
-        return pose_of(params, found, frame)
+    doubt: Annotated[float, Figure("ratio"), Field(exclude=True)] = 2.2
+    """Misfit above which faults of a frame are considered, ratio of squared residuals to those expected."""
+    rarity: Annotated[float, Figure("ratio"), Field(exclude=True)] = 5.0
+    """Natural logarithm of the odds against each fault of a frame, ratio."""
+    outlier: Annotated[float, Figure("standard deviations"), Field(exclude=True)] = 4.0
+    """Residual at which a reading is left out as an outlier, standard deviations."""
+    most_outliers: Annotated[int, Figure("count"), Field(exclude=True)] = 4
+    """Largest number of readings to leave out."""
+    reach_spread: Annotated[float, Figure("m"), Field(exclude=True)] = 1e-3
+    """Standard deviation of the peg's reach out of the hand, about its stated length, m. Source: docs/tried/angle.md."""
 
 
 class Found(NamedTuple):
@@ -114,7 +97,7 @@ UNKNOWN_LOAD = (0.0, 0.0)
 class Bank:
     """Templates of one peg, for one print or several, prepared for comparison with frames."""
 
-    def __init__(self, params: LikelihoodParams, templates: Templates) -> None:
+    def __init__(self, params: RobustParams, templates: Templates) -> None:
         """Prepare the tables of a comparison for one print, or for at least three prints at even steps."""
         # Prior of the offset d: p(d) = (1 - q) N(d; 0, offset_spread) + q / (2 offset_reach), q = off_centre,
         # times a constant; `prior` is -ln(p / max p).
@@ -156,7 +139,7 @@ class Bank:
         return Found(*posterior(is_wide, *expected, values, weights, *arguments))
 
 
-def weights_of(params: LikelihoodParams, values: Vector, trusted: Mask) -> Vector:
+def weights_of(params: RobustParams, values: Vector, trusted: Mask) -> Vector:
     """Return the inverse of each reading's expected variance, shape (40,), 0 if the taxel is not trusted."""
     # w = 1 / (noise² + (gain_spread · max(y, 0))²)
     expected = params.gain_spread * np.maximum(values, 0.0)
@@ -164,7 +147,7 @@ def weights_of(params: LikelihoodParams, values: Vector, trusted: Mask) -> Vecto
     return weights
 
 
-def pose_of(params: LikelihoodParams, found: Found, frame: TaxelFrame) -> PegPose:
+def pose_of(params: RobustParams, found: Found, frame: TaxelFrame) -> PegPose:
     """Return the result of a comparison as a pose; `healthy` is True if it meets all limits of `params`."""
     healthy = (
         found.load >= params.least_load

@@ -12,15 +12,14 @@ print. The estimator therefore also compares pegs of longer and shorter reach.
 
 import math
 from copy import copy
-from typing import Annotated, Literal, NamedTuple, Self
+from typing import NamedTuple, Self
 
 import numpy as np
-from pydantic import Field
 
 from drivers.parts import Peg
 from drivers.quantities import Mask, TaxelFrame, Vector
 from drivers.skin.layout import MODULE_EXCHANGES, MODULE_OF, Layout
-from skills.tactile.likelihood import UNKNOWN_LOAD, Bank, Found, LikelihoodParams, pose_of, weights_of
+from skills.tactile.likelihood import UNKNOWN_LOAD, Bank, Found, RobustParams, pose_of, weights_of
 from skills.tactile.pose import PegPose
 from skills.tactile.templates import Templates, broad_templates, reaching_templates
 
@@ -54,26 +53,6 @@ REACHES = tuple(REACH_STEP * k for k in range(-2, 3))
 """Differences from the stated length of the peg beyond the finger centre, compared in every frame, m."""
 _MODULE = MODULE_OF.ravel()
 MODULES = 4
-
-
-class RobustParams(LikelihoodParams):
-    """Parameters of maximum likelihood, and the prior of faults of a frame.
-
-    Source: chosen on simulated pads, its effect measured by `cell study tactile`.
-    """
-
-    kind: Literal["ml", "robust"] = "robust"
-    """The estimator by maximum likelihood that also considers faults of a frame. Source: docs/tried/angle.md."""
-    doubt: Annotated[float, Field(ge=1.0, le=100.0)] = 2.2
-    """Misfit above which faults of a frame are considered, ratio of squared residuals to those expected."""
-    rarity: Annotated[float, Field(ge=0.0, le=30.0)] = 5.0
-    """Natural logarithm of the odds against each fault of a frame, ratio."""
-    outlier: Annotated[float, Field(ge=2.0, le=20.0)] = 4.0
-    """Residual at which a reading is left out as an outlier, standard deviations."""
-    most_outliers: Annotated[int, Field(ge=0, le=20)] = 4
-    """Largest number of readings to leave out."""
-    reach_spread: Annotated[float, Field(ge=1e-4, le=0.01)] = 1e-3
-    """Standard deviation of the peg's reach out of the hand, about its stated length, m. Source: docs/tried/angle.md."""
 
 
 class UsualPrints:

@@ -84,7 +84,7 @@ def fit_gains(
 def _fit(
     angles: Vector, readings: Vector, trusted: Mask, rod: Peg, layout: Layout, spread: float
 ) -> tuple[Vector, Mask, float]:
-    params = TemplateParams(blur=spread, offset_step=2e-3, offset_reach=4e-3)
+    params = TemplateParams().model_copy(update={"blur": spread, "offset_step": 2e-3, "offset_reach": 4e-3})
     templates = make_templates(layout, rod, params)
     centre = int(np.abs(templates.offset).argmin())
     step = float(templates.theta[1] - templates.theta[0])

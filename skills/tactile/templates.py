@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from drivers.config_model import ConfigModel
+from drivers.config_model import ConfigModel, Figure
 from drivers.parts import Peg
 from drivers.quantities import FINGERS, TAXELS, Vector
 from drivers.skin.layout import Layout, finger_positions, pad_size
@@ -32,17 +32,17 @@ class TemplateParams(ConfigModel):
     Source: chosen on simulated pads, its effect measured by `cell study tactile`.
     """
 
-    blur: Annotated[float, Field(ge=1e-4, le=1e-2)] = 1.2e-3
+    blur: Annotated[float, Figure("m"), Field(exclude=True)] = 1.2e-3
     """Standard deviation of the point spread of 1 mm of elastomer, m; assumed, about the thickness."""
-    taxel_diameter: Annotated[float, Field(ge=1e-3, le=7e-3)] = 4e-3
+    taxel_diameter: Annotated[float, Figure("m"), Field(exclude=True)] = 4e-3
     """Diameter of the sensitive disc of one taxel, m; assumed, about half the pitch."""
-    indentation: Annotated[float, Field(ge=1e-5, le=3e-3)] = 8.5e-4
+    indentation: Annotated[float, Figure("m"), Field(exclude=True)] = 8.5e-4
     """Depth of the groove under a usual grip, m; half the groove is then 2.6 mm wide under a diameter of 8 mm."""
-    theta_step: Annotated[float, Field(ge=2e-3, le=0.1)] = math.pi / 360
+    theta_step: Annotated[float, Figure("rad"), Field(exclude=True)] = math.pi / 360
     """Angle between neighbouring templates, rad."""
-    offset_step: Annotated[float, Field(ge=5e-5, le=2e-3)] = 2.5e-4
+    offset_step: Annotated[float, Figure("m"), Field(exclude=True)] = 2.5e-4
     """Offset between neighbouring templates, m."""
-    offset_reach: Annotated[float, Field(ge=1e-3, le=1e-2)] = 1e-2
+    offset_reach: Annotated[float, Figure("m"), Field(exclude=True)] = 1e-2
     """Largest distance of the peg's axis from the finger centre, m; beyond it the print of 8 mm leaves the pad. Source: docs/tried/angle.md."""
 
     def broader(self, factor: float) -> Self:

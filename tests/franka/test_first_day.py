@@ -1,7 +1,6 @@
 """The commands of docs/first-day.md that move nothing, one after the other, on the desk with a person beside it."""
 
 import json
-import re
 import shutil
 import time
 
@@ -12,21 +11,10 @@ pytest.importorskip(
 )
 
 from cell.calibrate.proven import FACTS
-from cell.commands.check import LAST_STEP, STEPS
 from tests.emulation import emulated_or_skip
 from tests.franka.desk import FILE, desk
-from tests.pages import ROOT
 
 pytestmark = pytest.mark.alone
-PAGE = (ROOT / "docs/first-day.md").read_text(encoding="utf-8")
-
-
-def test_every_step_that_a_line_of_the_check_names_is_on_the_page():
-    steps = [int(number) for number in re.findall(r"^## (\d+)\. ", PAGE, re.M)]
-    assert steps == list(range(1, LAST_STEP + 1))
-    for name, step in STEPS.items():
-        section = PAGE.split(f"## {step}. ")[1].split("\n## ")[0]
-        assert f"`{name}`" in section or name in ("arm", "system", "thresholds"), name
 
 
 def test_a_new_cell_is_proven_by_the_commands_of_the_first_day(tmp_path):

@@ -321,7 +321,7 @@ def test_a_whole_insertion_runs_through_the_clients(sets):
 @pytest.mark.by_hand
 def test_plate_and_rack_are_touched_off_through_the_clients():
     emulated_or_skip()
-    config = load(sets=["sim.pace=max", "reality.scale=0.0", "insert.estimator=ml"]).cell
+    config = load(sets=["sim.pace=max", "reality.scale=0.0"]).cell
     with opened(config, address(4)) as wired:
         found = measured_places(wired.cell, date.today(), lambda done, of: None, pegs=2)
     assert found.height == pytest.approx(config.hole.centre[2], abs=5e-4)

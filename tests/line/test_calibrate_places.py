@@ -16,7 +16,7 @@ from drivers.errors import NotCalibratedError
 from tests.reality_files import reality_of
 
 RACK = (0.0015, -0.001, 0.0)
-FAST = ["--pegs", "2", "--set", "insert.estimator=ml"]
+FAST = ["--pegs", "2"]
 
 
 def errors(folder, **figures):

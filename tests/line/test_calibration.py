@@ -40,8 +40,5 @@ def error(*sets):
     return math.sqrt(np.mean(np.square(errors)))
 
 
-@pytest.mark.parametrize(("name", "share"), [("ml", 0.6), ("robust", 1.0)])
-def test_a_calibrated_point_spread_makes_the_angle_more_exact(file, name, share):
-    """What has learnt the pads itself gains least."""
-    assumed = error(f"insert.estimator={name}")
-    assert error(f"insert.estimator={name}", f"calibration.skin={file}") < share * assumed
+def test_a_calibrated_point_spread_makes_the_angle_more_exact(file):
+    assert error(f"calibration.skin={file}") < error()

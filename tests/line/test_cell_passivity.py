@@ -8,6 +8,7 @@ from cell.config.load import load
 from cell.devices.assembly import assemble, opened
 from cell.lab.trials import run_trial
 from drivers.quantities import ImpedanceSetpoint
+from skills.catalogue import INSERT
 from skills.motion import VALIDITY, Gains, stay
 from skills.passivity import SOFTENED, PassivityGuard, PassivityVerdict
 from skills.search.sweep import Sweep
@@ -51,7 +52,7 @@ def test_a_gain_beyond_the_boundary_ends_the_run_mostly_by_the_guard_before_the_
     name, stiff_arm, monkeypatch
 ):
     monkeypatch.setattr(Sweep, "_turned", lambda self, sense, seen, axis: axis)  # the hand turns after the peg at once
-    config = load(sets=["reality.scale=0.0", stiff_arm, "insert.follow_rate=100.0"]).cell
+    config = load(sets=["reality.scale=0.0", stiff_arm]).cell.with_params(INSERT, follow_rate=100.0)
     reasons = [run_trial(with_gains(config, *PUMPING[name]), seed).reason for seed in range(9001, 9005)]
     ended = [reason for reason in reasons if reason]
     assert len(ended) >= 2

@@ -7,7 +7,6 @@ import pytest
 
 from cell.commands.cli import main
 from cell.lab.tactile import CONDITIONS, ESTIMATORS, ON_LAYER
-from drivers.skin.layout import LAYOUTS
 
 
 @pytest.fixture(scope="module")
@@ -48,10 +47,3 @@ def test_robust_estimator_reaches_the_goals_on_the_parallelogram(study):
     assert nominal["worst"] < 5.0
     for condition in ("module dead, known", "module dead, unknown"):
         assert _line(found, "parallelogram", condition, "robust")["rmse"] < 1.2
-
-
-@pytest.mark.parametrize("layout", LAYOUTS)
-def test_pads_that_the_templates_were_not_made_for_are_learnt(study, layout):
-    found, _ = study
-    robust, plain = (_line(found, layout, "nominal", name, "layer")["rmse"] for name in ("robust", "ml"))
-    assert robust < 0.8 * plain

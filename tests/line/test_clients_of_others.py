@@ -13,7 +13,7 @@ from plc_bridge.config import CanConfig, ModbusConfig, PlcConfig, RtuConfig, Tls
 from tests.cable import Cable
 from tests.can_hubs import SocketcandHub
 from tests.certificates import Authority, utf8
-from tests.foreign import by_canopen, call, go_client, has_go, has_libmodbus, libmodbus_client
+from tests.foreign import by_canopen, by_node, call, go_client, has_go, has_libmodbus, has_node, libmodbus_client
 from tests.quick_cell import quick_cell
 
 CLIENTS = Path(__file__).parents[1] / "clients"
@@ -22,6 +22,8 @@ AWLSIM = Path(__file__).parents[2] / "build" / "awlsim"
 COUNT = 100
 FEWER = 50
 """Number of commands on other lines, and of the program in AWL."""
+PEGS = 20
+"""Number of commands over OPC UA."""
 PATIENT = {"life_timeout": 60.0, "lease_timeout": 60.0, "modbus": ModbusConfig(port=0)}
 
 
@@ -76,6 +78,27 @@ def test_go_over_tls(loaded, tmp_path, go):
         said = call(go, f"tcp+tls://{host}:{port}", FEWER, go.parent / "cell_map.h", *client, authority.certificate)
         assert is_all_done(served, said, FEWER)
         assert served.record(FEWER).source.startswith("Operator@127.0.0.1:")
+
+
+@pytest.mark.skipif(not has_node(), reason="Node is not installed, or `npm ci` was not run in tests/clients/node")
+def test_node_over_opcua_loses_its_session_and_finds_its_result(loaded, tmp_path):
+    pytest.importorskip("asyncua", reason="the extra opcua is not installed")
+    authority = Authority(tmp_path / "certificates")
+    certificate, key = authority.sign("cell", uri="urn:test:cell")
+    tls = TlsConfig(
+        host="127.0.0.1",
+        port=0,
+        certificate=certificate,
+        key=key,
+        authority=authority.certificate,
+        roles={"Operator": ("read", "command")},
+    )
+    plc, opcua = PlcConfig(**PATIENT, tls=tls), ("127.0.0.1", 0)
+    authority.sign("plc", utf8("Operator"), uri="urn:test:plc")
+    with quick_cell(loaded, plc, tmp_path / "journal", opcua=opcua) as served:
+        assert is_all_done(
+            served, by_node(authority.certificate.parent, served.bridge.opcua_address, opcua, PEGS), PEGS
+        )
 
 
 def test_canopen_by_its_eds(loaded, tmp_path):

@@ -91,7 +91,9 @@ def test_touched_recording_gives_finite_poses(name, layout, method):
 
 
 def test_touch_is_seen_in_the_touched_recordings_and_not_in_the_untouched():
-    estimator = ImageEstimator(ImageParams(least_elongation=1.0, most_residual=1.0), "parallelogram")
+    estimator = ImageEstimator(
+        ImageParams().model_copy(update={"least_elongation": 1.0, "most_residual": 1.0}), "parallelogram"
+    )
 
     def brightest(name):
         module, frames = _recording(name)

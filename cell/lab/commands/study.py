@@ -2,6 +2,7 @@
 
 import argparse
 from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol, cast
 
@@ -114,15 +115,16 @@ PACKAGES = (
     "speed",
     "frontier",
     "faults",
+    "ablation",
 )
-"""Studies that are a package with a module `study`."""
+"""Studies that are a package with a module `study`. An installed program lacks `faults`, which attacks cells."""
 STUDIES = (*PACKAGES, *PLANS)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the studies, each with its own arguments."""
     studies = parser.add_subparsers(dest="name", required=True, metavar="NAME", parser_class=Parser)
-    for name in STUDIES:
+    for name in (name for name in STUDIES if name in PLANS or find_spec(f"cell.lab.{name}")):
         study = load_study(name)
         own = studies.add_parser(name, help=study.SUMMARY, description=study.SUMMARY)
         add_shared(own)

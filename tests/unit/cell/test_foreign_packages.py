@@ -40,10 +40,20 @@ def test_no_package_named_config_is_installed(site):
     assert not (site / "config").exists()
 
 
-def test_each_package_of_the_tree_is_installed():
+def test_each_package_of_the_tree_is_installed_but_what_attacks_a_cell():
     names = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["setuptools"]["packages"]
     folders = [each.parent.relative_to(ROOT) for name in PACKAGES for each in (ROOT / name).rglob("__init__.py")]
-    assert set(names) == {".".join(folder.parts) for folder in folders} | {"cell.shipped"}
+    assert {*names, "cell.lab.faults"} == {".".join(folder.parts) for folder in folders} | {"cell.shipped"}
+    assert "cell.lab.faults" not in names
+
+
+def test_an_installed_program_has_every_study_but_that_of_faults(site, tmp_path):
+    whole = cell(site, tmp_path, "study", "--help").stdout
+    shutil.move(site / "cell" / "lab" / "faults", tmp_path / "faults")
+    assert "faults" in whole
+    assert "faults" not in cell(site, tmp_path, "study", "--help").stdout
+    assert cell(site, tmp_path, "study", "faults").returncode == 2
+    shutil.move(tmp_path / "faults", site / "cell" / "lab" / "faults")
 
 
 def test_a_foreign_config_changes_nothing(site, tmp_path):

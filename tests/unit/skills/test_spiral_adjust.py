@@ -1,7 +1,6 @@
 """The decisions of the adjustment, each by itself."""
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -18,7 +17,7 @@ from skills.guided_peg import CREEP, MOST_SWEPT, SLIDING, SWEPT_BEYOND, Aim, Des
 from skills.held_peg import HeldPeg
 from skills.latch_likelihood import SHEAR, resistance
 from skills.motion import VALIDITY, anchored, tilted_by
-from skills.paths import dither, spiral
+from skills.paths import dither
 from skills.play import allowed_tilt
 from skills.seating import BORNE_FOR, CLOSED_TOLERANCE, OPEN_TOLERANCE
 from skills.spiral_adjust import ARRIVING, MOST_SWING_DAMPING, RAISED, Swing, given_up_after, run
@@ -29,7 +28,6 @@ from tests.unit.skills.test_latch_likelihood import way_down
 
 PARAMS = load().cell.params(ADJUST)
 PERIOD, LEAST = PARAMS.dither_period, PARAMS.jammed
-DEEP = PARAMS.guided_depth + 1e-6
 ABOUT = np.array([0.0, 1.0, 0.0])
 
 
@@ -44,22 +42,15 @@ def test_another_theta_is_no_gain_in_depth():
     assert (stall.deepest, stall.since) == (pytest.approx(2.6e-3), 1.0)
 
 
-def test_the_hole_guides_from_its_depth_on_and_for_good():
-    shallow = Guide().after(PARAMS.guided_depth, 1.0, PARAMS)
-    guided = shallow.after(DEEP, 2.0, PARAMS)
-    assert (shallow.is_on, guided.is_on, guided.began) == (False, True, 2.0)
-    assert guided.after(0.0, 2.1, PARAMS).began == 2.0
-
-
 @pytest.mark.parametrize(("gain", "is_jammed"), [(0.0, True), (0.99 * CREEP, True), (1.01 * CREEP, False)])
 def test_a_period_in_which_the_peg_creeps_is_a_jam(gain, is_jammed):
-    guide = replace(Guide().after(DEEP, 1.0, PARAMS), reached=5e-3)
+    guide = Guide(began=1.0, reached=5e-3)
     assert not guide.after(5e-3, 1.0 + 0.99 * PERIOD, PARAMS).is_jammed
     assert guide.after(5e-3 + gain * LEAST, 1.0 + 1.01 * PERIOD, PARAMS).is_jammed is is_jammed
 
 
 def test_each_period_is_judged_once_by_what_it_brought_alone():
-    guide = replace(Guide().after(DEEP, 1.0, PARAMS), reached=5e-3)
+    guide = Guide(began=1.0, reached=5e-3)
     jams, depth = [], 5e-3
     for scan in range(1, round(4 * PERIOD / 0.01) + 2):
         depth += 2.0 * CREEP * LEAST * 0.01 / PERIOD if scan * 0.01 < 2 * PERIOD else 0.0
@@ -69,11 +60,9 @@ def test_each_period_is_judged_once_by_what_it_brought_alone():
     assert jams == pytest.approx([3.0, 4.0], abs=0.03)
 
 
-def test_the_spiral_grows_and_the_guided_circles_fade():
-    free = [np.linalg.norm(Guide().offset(time, PARAMS, 1.0)) for time in (1.0, 2.0)]
-    guided = [np.linalg.norm(Guide(began=1.0).offset(1.0 + share * PERIOD, PARAMS, 1.0)) for share in (0.1, 0.9)]
-    assert free == pytest.approx([PARAMS.growth, 2 * PARAMS.growth])
-    assert guided[1] < guided[0] <= PARAMS.dither_radius
+def test_the_circles_fade_within_a_period():
+    sizes = [np.linalg.norm(Guide(began=1.0).offset(1.0 + share * PERIOD, PARAMS, 1.0)) for share in (0.1, 0.9)]
+    assert sizes[1] < sizes[0] <= PARAMS.dither_radius
 
 
 def test_a_peg_that_slides_is_not_dithered_and_one_that_rests_is():
@@ -178,8 +167,8 @@ def test_a_peg_that_hangs_above_the_plate_is_given_up_at_once(tmp_path, above, g
     assert (ended.elapsed > 0.4) == goes_on
 
 
-def test_the_spiral_is_fed_forward(tmp_path):
-    """The hand of the fakes rests at the surface, so that the spiral goes on."""
+def test_the_dither_is_fed_forward(tmp_path):
+    """The hand of the fakes rests at the surface, so that the dither goes on."""
     rig = Rig(load(), tmp_path)
     ctx = rig.cell.context(1)
     rig.gripper.grip(30.0)
@@ -257,21 +246,7 @@ def at_depth(depth):
     return lambda time: hand(HOLE - depth * UP)
 
 
-def test_before_the_hole_guides_the_finger_centre_follows_the_spiral_about_where_the_hole_was_found(bench):
-    beside = np.array([3e-3, 0.0, 0.0])
-    bench.way = lambda time: hand(HOLE + (beside if time > 1e-9 else 0.0))
-    ended = bench.adjust()
-    for scan, (seen, setpoint) in enumerate(zip(bench.seen, bench.commanded, strict=True)):
-        np.testing.assert_allclose(setpoint.tip, [*HOLE[:2], seen.tip[2] - PARAMS.push_offset], atol=1e-12)
-        offset = spiral(scan * 0.01, PARAMS.growth, PARAMS.turn_rate)
-        np.testing.assert_allclose(setpoint.axis, tilted_by(offset, CELL.peg.length), atol=1e-12)
-        after = tilted_by(spiral((scan + 1) * 0.01, PARAMS.growth, PARAMS.turn_rate), CELL.peg.length)
-        np.testing.assert_allclose(setpoint.twist.angular, np.cross(setpoint.axis, after) / 0.01, atol=1e-9)
-        np.testing.assert_array_equal(setpoint.twist.linear, np.zeros(3))
-    assert (ended.radius, ended.depth) == pytest.approx((0.49 * PARAMS.growth, 0.0), abs=1e-9)
-
-
-def test_the_spiral_leans_with_a_plate_that_is_felt_not_to_be_level(bench):
+def test_the_push_leans_with_a_plate_that_is_felt_not_to_be_level(bench):
     normal = rotation_about(SIDE, 0.04) @ UP
     bench.adjust(Plane(HOLE, normal), timeout=0.015)
     np.testing.assert_allclose(bench.commanded[0].axis, normal, atol=1e-9)
@@ -290,7 +265,7 @@ def test_the_hole_guides_a_peg_whose_setpoint_then_follows_its_tip_as_far_as_a_h
 def test_one_adjustment_is_one_motion_with_the_gains_of_its_recipe_and_theta_as_it_was(bench):
     bench.skin.theta = 0.02
     bench.rig.clock.at.append((0.1, lambda: setattr(bench.skin, "theta", 0.05)))
-    bench.adjust()
+    bench.adjust(timeout=0.35)
     first = bench.seen[0]
     assert len({setpoint.id for setpoint in bench.commanded}) == 1
     for seen, setpoint in zip(bench.seen, bench.commanded, strict=True):
@@ -304,7 +279,7 @@ def test_one_adjustment_is_one_motion_with_the_gains_of_its_recipe_and_theta_as_
         np.testing.assert_array_equal(
             setpoint.damping_ratio, [gains.damping_ratio] * 2 + [push[1]] + [gains.damping_ratio] * 3
         )
-    assert bench.progress == pytest.approx([seen.running / 0.5 for seen in bench.seen])
+    assert bench.progress == pytest.approx([seen.running / 0.35 for seen in bench.seen])
 
 
 @pytest.mark.parametrize("turns_freely", [False, True])

@@ -37,8 +37,8 @@ def test_a_study_has_its_parts_and_a_help_of_its_own(name, capsys):
 
 
 def test_an_option_of_one_study_is_refused_by_another(capsys):
-    assert main(["study", "contact", "--attacks"]) == WRONG_USE
-    assert "--attacks" in capsys.readouterr().err
+    assert main(["study", "contact", "--soak", "1"]) == WRONG_USE
+    assert "--soak" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
@@ -50,7 +50,7 @@ def test_an_option_of_one_study_is_refused_by_another(capsys):
         (["map", "--format", "jsn"], "json"),
         (["faults", "skin_slient"], "SKIN_SILENT"),
         (["trials", "--trails", "3"], "--trials"),
-        (["study", "page", "--hors", "1"], "--hours"),
+        (["study", "faults", "--knid", "disk"], "--kind"),
         (["runs", "--journal", "nowhere", "--program", "insert_pg"], "insert_peg"),
         (["report", "--journal", "nowhere", "--program", "insert_pg"], "insert_peg"),
     ],

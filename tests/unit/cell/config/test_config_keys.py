@@ -9,7 +9,7 @@ import pytest
 from cell.commands.cli import main
 from cell.config.cell_config import CellConfig
 from cell.config.files import DEFAULT, SHIPPED
-from cell.config.keys import find, first_sentence, in_force, keys, planned, section_summary, split_source, toml, unit_of
+from cell.config.keys import find, first_sentence, in_force, keys, planned, section_summary, split_source, toml
 from cell.config.load import load
 from cell.config.text import as_toml, commented, file_schema
 from drivers.errors import ConfigError
@@ -23,15 +23,11 @@ def _texts():
 
 
 @pytest.mark.parametrize(
-    "text", ["Peak speed of the tip, m/s.", "Peak speed, m/s; 0.1 in [gibbons].", "Speed, m/s: fast."]
+    ("name", "unit"),
+    [("search.speed", "m/s"), ("hole.diameter", "m"), ("sim.pace", "multiple"), ("search.fast_axis", "")],
 )
-def test_a_unit_ends_the_first_clause(text):
-    assert unit_of(text) == "m/s"
-
-
-@pytest.mark.parametrize("text", ["A word, mass of it.", "What it is. Its length, m.", "m"])
-def test_what_only_looks_like_a_unit_is_none(text):
-    assert unit_of(text) == ""
+def test_a_unit_stands_beside_the_type_of_its_key(name, unit):
+    assert {key.unit for key in find(name)} == {unit}
 
 
 def test_the_first_sentence_ends_where_the_next_begins():

@@ -37,6 +37,13 @@ def test_each_open_port_is_named_with_what_it_lets_everybody_do(authority):
     assert "show the token" in page
 
 
+def test_opc_ua_is_named_if_everybody_may_read():
+    address = ("0.0.0.0", 4840)
+    assert exposures(PlcConfig(), opcua=address) == []
+    (line,) = exposures(PlcConfig(opcua_anonymous=True), opcua=address)
+    assert line.startswith("--opcua 0.0.0.0:4840: open to every computer")
+
+
 def test_the_age_of_every_key_is_told(authority, tmp_path):
     days = key_days(keys(authority, 100.0, revoked=authority.revoke()))
     assert days["plc.tls.certificate"] == pytest.approx(100.0, abs=0.01)

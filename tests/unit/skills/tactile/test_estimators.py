@@ -10,7 +10,7 @@ from cell.devices.assembly import make_estimator
 from drivers.skin.layout import LAYOUTS
 from tests.pegs import ALL, LOAD, NONSENSE, folded, framed, nonsense, readings, shipped
 
-NAMES = ("image", "ml", "robust")
+NAMES = ("image", "robust")
 
 
 @lru_cache

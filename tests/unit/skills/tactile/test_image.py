@@ -143,7 +143,10 @@ def test_a_threshold_at_the_brightest_pixel_keeps_it():
 
 def test_sum_of_the_images_is_saturated():
     frame = _frame("parallelogram", replace(LOAD, grip_force=70.0))
-    assert ImageEstimator(ImageParams(full_scale=9000.0), "parallelogram").image(frame).max() == 9000.0
+    assert (
+        ImageEstimator(ImageParams().model_copy(update={"full_scale": 9000.0}), "parallelogram").image(frame).max()
+        == 9000.0
+    )
 
 
 @pytest.mark.parametrize("layout", LAYOUTS)

@@ -1,0 +1,123 @@
+"""Replacement of functions and constants of the method in this process, and detection of the trials in which a rule acts."""
+
+import time
+from collections import defaultdict
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, field
+from importlib import import_module
+from inspect import getattr_static
+from typing import Any
+
+Function = Callable[..., Any]
+
+
+@dataclass(frozen=True, slots=True)
+class Rule:
+    """One rule of the method, and its simplest replacement."""
+
+    name: str
+    says: str
+    """What the rule does, in one sentence."""
+    target: str = ""
+    """Function that carries the rule, `module:qualified.name`; empty for a rule of the config."""
+    off: Function | None = None
+    """Replacement of the target; its first argument is the original function. None leaves the target as it is."""
+    acts: Function | None = None
+    """Function of the target's result and arguments, True if the rule changed a decision; None compares with the replacement."""
+    always: bool = False
+    """True if the rule acts in every trial."""
+    values: Mapping[str, Any] = field(default_factory=dict)
+    """Values of attributes, by `module:qualified.name`, instead of the target's replacement or with it."""
+    keys: Sequence[str] = ()
+    """Keys of the config, `KEY=VALUE`, without the rule."""
+    scenes: Sequence[str] = ()
+    """Scenes in which the rule is judged; none means all."""
+
+
+@dataclass(slots=True)
+class Watch:
+    """Rules that acted in a trial, and the time that they took."""
+
+    acted: set[str] = field(default_factory=set)
+    spent: dict[str, float] = field(default_factory=lambda: defaultdict(float))
+    """Time in each rule's target, s."""
+
+
+def _owner(target: str) -> tuple[Any, str]:
+    """Return the object that has the attribute of a target, and the attribute's name."""
+    module, path = target.split(":")
+    owner: Any = import_module(module)
+    *outer, name = path.split(".")
+    for each in outer:
+        owner = getattr(owner, each)
+    return owner, name
+
+
+@contextmanager
+def _set(target: str, value: Any) -> Iterator[None]:
+    owner, name = _owner(target)
+    before = getattr_static(owner, name)
+    setattr(owner, name, value)
+    try:
+        yield
+    finally:
+        setattr(owner, name, before)
+
+
+def _wrapped(rule: Rule, make: Callable[..., Function], *given: Any) -> Any:
+    """Return the attribute that replaces the rule's target: a function, or a property if the target is one."""
+    real = getattr_static(*_owner(rule.target))
+    if isinstance(real, property):
+        return property(make(*given, real.fget))
+    return make(*given, real)
+
+
+def _watched(rule: Rule, watch: Watch, real: Function) -> Function:
+    def call(*args: Any, **kwargs: Any) -> Any:
+        began = time.perf_counter()
+        result = real(*args, **kwargs)
+        watch.spent[rule.name] += time.perf_counter() - began
+        if rule.name not in watch.acted and _acts(rule, real, result, args, kwargs):
+            watch.acted.add(rule.name)
+        return result
+
+    return call
+
+
+def _acts(rule: Rule, real: Function, result: Any, args: tuple[Any, ...], kwargs: dict[str, Any]) -> bool:
+    if rule.always:
+        return True
+    if rule.acts is not None:
+        return bool(rule.acts(result, *args, **kwargs))
+    if rule.off is None:
+        return False
+    other = rule.off(real, *args, **kwargs)
+    return result is not other and bool(result != other)
+
+
+def _replaced(off: Function, real: Function) -> Function:
+    return lambda *args, **kwargs: off(real, *args, **kwargs)
+
+
+@contextmanager
+def watching(rules: Sequence[Rule]) -> Iterator[Watch]:
+    """Note which of the rules act while the block runs; the method stays as it is."""
+    watch = Watch({rule.name for rule in rules if rule.always})
+    with ExitStack() as stack:
+        for rule in rules:
+            if rule.target:
+                stack.enter_context(_set(rule.target, _wrapped(rule, _watched, rule, watch)))
+        yield watch
+
+
+@contextmanager
+def without(rules: Sequence[Rule]) -> Iterator[None]:
+    """Run the block without these rules."""
+    with ExitStack() as stack:
+        for rule in rules:
+            for target, value in rule.values.items():
+                stack.enter_context(_set(target, value))
+            if rule.off is not None:
+                stack.enter_context(_set(rule.target, _wrapped(rule, _replaced, rule.off)))
+        yield

@@ -1,0 +1,57 @@
+"""The study of rules replaces what it names, notices the trials in which a rule acts, and pairs them."""
+
+import pytest
+
+from cell.config.load import load
+from cell.lab.ablation.measure import Trial, effects
+from cell.lab.ablation.rules import RULES, SCENES
+from cell.lab.ablation.switch import watching, without
+from skills.catalogue import SEARCH
+from skills.search.feel import Push
+
+PUSH = RULES["push-back"]
+PARAMS = load().cell.skill_set()[SEARCH]
+BEFORE = Push(PARAMS.push_stiffness, 0.0)
+
+
+@pytest.mark.parametrize("name", RULES)
+def test_a_rule_names_what_exists(name):
+    with watching([RULES[name]]), without([RULES[name]]):
+        load(sets=RULES[name].keys)
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_a_scene_is_a_config(name):
+    assert load(sets=SCENES[name]).cell.is_simulated
+
+
+def test_a_rule_is_off_only_within_the_block():
+    with without([PUSH]):
+        assert BEFORE.after(0.5, PARAMS) is BEFORE
+    assert BEFORE.after(0.5, PARAMS).stiffness < BEFORE.stiffness
+
+
+@pytest.mark.parametrize(("turn", "acted"), [(0.05, set()), (0.5, {"push-back"})])
+def test_a_rule_acts_if_its_replacement_decides_otherwise(turn, acted):
+    with watching([PUSH]) as watch:
+        BEFORE.after(turn, PARAMS)
+    assert watch.acted == acted
+
+
+def trial(off: str, seed: int, time: float, acted: tuple[str, ...] = (), outcome: str = "success") -> Trial:
+    """Return a trial of the honest scene."""
+    return Trial("honest", off, seed, outcome, "", time, 10.0, 0, acted)
+
+
+def test_a_seed_on_which_a_rule_did_not_act_is_a_pair_without_difference():
+    rows = [trial("", 1, 4.0), trial("", 2, 6.0, ("push-back",)), trial("push-back", 2, 7.0)]
+    found = next(effect for effect in effects(rows) if effect.rule == "push-back")
+    assert (found.trials, found.acted, found.lost) == (2, 1, 0)
+    assert found.time == pytest.approx(0.1)
+
+
+def test_a_seed_that_fails_without_the_rule_is_lost():
+    rows = [trial("", 1, 4.0), trial("", 2, 6.0, ("push-back",)), trial("push-back", 2, 7.0, outcome="failure")]
+    found = next(effect for effect in effects(rows) if effect.rule == "push-back")
+    assert (found.lost, found.gained) == (1, 0)
+    assert found.most_lost > 0.5
