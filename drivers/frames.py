@@ -42,6 +42,12 @@ def angle_between(a: Sequence[float] | Vector, b: Sequence[float] | Vector) -> f
     return math.atan2(cross, float(a[0] * b[0] + a[1] * b[1] + a[2] * b[2]))
 
 
+def cross(a: Vector, b: Vector) -> Vector:
+    """Return the cross product of two vectors, shape (3,); `numpy.cross` takes ten times as long for a single pair."""
+    (ax, ay, az), (bx, by, bz) = a.tolist(), b.tolist()
+    return np.array([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx])
+
+
 def rotation_about(axis: Vector, angle: float) -> Vector:
     """Return the rotation by `angle`, rad, about the unit vector `axis`, shape (3, 3) (Rodrigues)."""
     x, y, z = axis
@@ -89,6 +95,7 @@ def end_point(T_base_tcp: Pose, theta: float, length: float) -> tuple[Vector, Ve
     """Return the peg's end point x_p, m, and its axis v, both shape (3,) in the base frame, [gibbons], Eq. (3)."""
     c, s = math.cos(theta), math.sin(theta)
     # Plain floats take half the time of arrays of three.
-    v = [-c * x - s * y for x, y, _ in T_base_tcp.rotation.tolist()]
-    tip = [at - length * along for at, along in zip(T_base_tcp.position.tolist(), v, strict=True)]
-    return np.array(tip), np.array(v)
+    (xx, yx, _), (xy, yy, _), (xz, yz, _) = T_base_tcp.rotation.tolist()
+    vx, vy, vz = -c * xx - s * yx, -c * xy - s * yy, -c * xz - s * yz
+    x, y, z = T_base_tcp.position.tolist()
+    return np.array([x - length * vx, y - length * vy, z - length * vz]), np.array([vx, vy, vz])

@@ -1,7 +1,7 @@
 """The impedance law at the peg's tip, [gibbons], Eq. (5)-(6): one law for hardware and simulation; pure and compiled.
 
 It runs at 1 kHz with x_p, v and J_p from the current joint positions and the held in-hand angle. Only theta is as
-old as the last tactile frame. `pack` writes a setpoint as a fixed block of words, which a real-time process can read.
+old as the last tactile frame. It reads the setpoint as the words of `drivers.setpoint_words`.
 
 Four places differ from the printed equations:
 - the orientation error e is (v* x v)·phi / |v* x v|: with the printed order, -K e would turn the peg away from v*;
@@ -17,14 +17,26 @@ import numpy as np
 from drivers.arm import dynamics, learning
 from drivers.arm.model import JOINTS, ArmModel
 from drivers.compiled import njit
-from drivers.quantities import ImpedanceSetpoint, Vector
-
-WORDS = 45
-ID, TIP, AXIS, STIFFNESS, DAMPING_RATIO, VALID_UNTIL = 0, 1, 4, 7, 13, 19
-HAS_HAND, THETA, LENGTH = 20, 21, 22
-HAS_ROLL, ROLL, TWIST, INTEGRAL_GAIN, INTEGRAL_LIMIT = 23, 24, 27, 33, 34
-HAS_POSTURE, POSTURE = 35, 36
-STAMP, IS_FREE = 43, 44
+from drivers.quantities import Vector
+from drivers.setpoint_words import (
+    AXIS,
+    DAMPING_RATIO,
+    HAS_HAND,
+    HAS_POSTURE,
+    HAS_ROLL,
+    ID,
+    INTEGRAL_GAIN,
+    INTEGRAL_LIMIT,
+    IS_FREE,
+    LENGTH,
+    POSTURE,
+    ROLL,
+    STIFFNESS,
+    THETA,
+    TIP,
+    TWIST,
+    VALID_UNTIL,
+)
 
 INTEGRAL, SEEN_ID, TORQUE, IS_HOLDING, DAMPED_SINCE, DAMPING = 0, 3, 4, 11, 12, 13
 HELD = DAMPING + 36
@@ -84,40 +96,6 @@ def most_learnt(arm: ArmModel) -> Vector:
     """Return the upper bound on each rotor's learnt inertia beyond the model's while the arm holds still, shape (7,), kg·m²."""
     most: Vector = max(ROTOR_RANGE * arm.torque_path.rotor_share - 1.0, 0.0) * np.array(arm.joints.rotor_inertia)
     return most
-
-
-def pack(setpoint: ImpedanceSetpoint, stamp: float) -> Vector:
-    """Return a setpoint as the words of the torque loop, shape (WORDS,).
-
-    Args:
-        setpoint: Setpoint for the arm.
-        stamp: Time of its handover, s.
-    """
-    words = np.zeros(WORDS)
-    words[ID] = setpoint.id
-    words[TIP : TIP + 3] = setpoint.tip
-    words[AXIS : AXIS + 3] = setpoint.axis
-    words[STIFFNESS : STIFFNESS + 6] = setpoint.stiffness
-    words[DAMPING_RATIO : DAMPING_RATIO + 6] = setpoint.damping_ratio
-    words[VALID_UNTIL] = setpoint.valid_until
-    if setpoint.in_hand is not None:
-        words[HAS_HAND] = 1.0
-        words[THETA] = setpoint.in_hand.theta
-        words[LENGTH] = setpoint.in_hand.length
-    if setpoint.roll is not None:
-        words[HAS_ROLL] = 1.0
-        words[ROLL : ROLL + 3] = setpoint.roll
-    if setpoint.twist is not None:
-        words[TWIST : TWIST + 3] = setpoint.twist.linear
-        words[TWIST + 3 : TWIST + 6] = setpoint.twist.angular
-    words[INTEGRAL_GAIN] = setpoint.integral_gain
-    words[INTEGRAL_LIMIT] = setpoint.integral_limit
-    if setpoint.posture is not None:
-        words[HAS_POSTURE] = 1.0
-        words[POSTURE : POSTURE + JOINTS] = setpoint.posture
-    words[STAMP] = stamp
-    words[IS_FREE] = float(setpoint.is_free)
-    return words
 
 
 def new_state(arm: ArmModel, believed: tuple[Vector, Vector] | None = None) -> Vector:

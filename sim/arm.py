@@ -2,7 +2,7 @@
 
 import math
 
-from drivers import impedance
+from drivers import impedance, setpoint_words
 from drivers.quantities import ArmState, ImpedanceSetpoint, Pose, Vector, Wrench
 from sim.world import World
 
@@ -29,13 +29,13 @@ class SimArm:
 
     def follow(self, setpoint: ImpedanceSetpoint) -> None:
         """Track `setpoint` until the next one arrives or its validity ends."""
-        words = self._world.control.words
-        words[:] = impedance.pack(setpoint, self._world.now())
-        self._world.control.law[impedance.IS_HOLDING] = 0.0
+        control = self._world.control
+        control.words[:] = setpoint_words.pack(setpoint, self._world.now())
+        control.law[impedance.IS_HOLDING] = 0.0
 
     def halt(self) -> None:
         """Hold the present pose, compliant."""
-        self._world.control.words[impedance.VALID_UNTIL] = -math.inf
+        self._world.control.words[setpoint_words.VALID_UNTIL] = -math.inf
         self._world.control.law[impedance.IS_HOLDING] = 0.0
 
     def reset(self) -> None:
@@ -58,7 +58,7 @@ class SimArm:
             tcp=Pose(position, rotation),
             elbow=self._elbow,
             wrench=Wrench(wrench[:3], wrench[3:]),
-            setpoint_age=now - words[impedance.STAMP] if words[impedance.VALID_UNTIL] >= now else math.inf,
+            setpoint_age=now - words[setpoint_words.STAMP] if words[setpoint_words.VALID_UNTIL] >= now else math.inf,
             commanded=impedance.commanded(law),
             unexplained=impedance.unexplained(law),
         )

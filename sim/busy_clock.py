@@ -12,11 +12,9 @@ class BusyClock:
     def __init__(self, clock: Clock, drawn: Drawn, rng: np.random.Generator) -> None:
         """Store the clock, and the probability and mean of the delay; `rng` draws both."""
         self._clock, self._rng = clock, rng
+        self.now = clock.now
+        """Returns the simulated time, s."""
         self._probability, self._delay = float(drawn["scan.late"]), float(drawn["scan.delay"])
-
-    def now(self) -> float:
-        """Return the simulated time, s."""
-        return self._clock.now()
 
     def wait_until(self, stamp: float) -> None:
         """Wait until `stamp`, sometimes longer; return at once if it has passed."""

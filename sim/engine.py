@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 from numba import typeof
 
-from drivers import impedance
+from drivers import impedance, setpoint_words
 from drivers.arm.model import Hand
 from drivers.compiled import njit
 from drivers.quantities import Vector
@@ -164,7 +164,7 @@ def advance(
         if is_latched:
             latch.add_felt(control.latch, peg, watch.pivot, force, torque)
         metering.take(meters, force, torque, stride * span.timestep, watch.hinge, qpos)
-        metering.take_jerk(meters, watch.hand, stride * span.timestep, control.words[impedance.IS_FREE] > 0.0)
+        metering.take_jerk(meters, watch.hand, stride * span.timestep, control.words[setpoint_words.IS_FREE] > 0.0)
         for _ in range(stride):
             metering.judge(meters, state.userdata, lasting)
         if watch.hinge >= 0 and abs(qpos[watch.hinge]) > watch.lost:

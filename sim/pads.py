@@ -102,13 +102,14 @@ def _span(
     c, s = math.cos(theta), math.sin(theta)
     low, high = -reach_back, reach_tip
     for start, step, half in ((-offset * s, c, half_length), (offset * c, s, half_width)):
-        if abs(step) > 1e-9:
-            reach = abs(half / step)
+        if step > 1e-9 or step < -1e-9:
+            reach = half / step if step > 0.0 else -half / step
             middle = -start / step
-            low, high = max(low, middle - reach), min(high, middle + reach)
-        elif abs(start) > half:
+            low = middle - reach if middle - reach > low else low
+            high = middle + reach if middle + reach < high else high
+        elif start > half or start < -half:
             high = low
-    return low, max(low, high)
+    return low, high if high > low else low
 
 
 class GripLimits(NamedTuple):
@@ -170,11 +171,13 @@ def grip_limits(
     """
     lines = [(flat / 2 * place, weight) for place, weight in GAUSS] if flat > 0.0 else [(0.0, 1.0)]
     spans = [(beside, weight, *_span(theta, offset + beside, *reach, *half)) for beside, weight in lines]
-    length = sum([weight * (high - low) for _, weight, low, high in spans])
+    length = moment = lever = 0.0
+    for _, weight, low, high in spans:
+        length += weight * (high - low)
+        moment += weight * (high**2 - low**2) / 2
     if length <= 0.0:
         return GripLimits(0.0, 0.0, 0.0, 0.0)
-    middle = sum([weight * (high**2 - low**2) / 2 for _, weight, low, high in spans]) / length
-    lever = 0.0
+    middle = moment / length
     for beside, weight, low, high in spans:
         lever += weight * (_lever(high - middle, beside) - _lever(low - middle, beside))
     force = 2.0 * friction * grip_force
@@ -183,8 +186,8 @@ def grip_limits(
 
 def _lever(s: float, offset: float) -> float:
     """Return the integral of sqrt(s² + offset²) from 0 to s."""
-    if abs(offset) < 1e-9:
-        return s * abs(s) / 2
+    if -1e-9 < offset < 1e-9:
+        return s * s / 2 if s > 0.0 else -s * s / 2
     return (s * math.hypot(s, offset) + offset**2 * math.asinh(s / abs(offset))) / 2
 
 

@@ -5,7 +5,7 @@ import math
 import mujoco
 import numpy as np
 
-from drivers import frames, impedance
+from drivers import frames, impedance, setpoint_words
 from drivers.arm.model import JOINTS, ArmModel
 from drivers.errors import SimulationUnstableError
 from drivers.quantities import Pose, Vector
@@ -46,6 +46,9 @@ NO_NOISE: Vector = np.zeros((1, arm_senses.NOISES))
 class Stepper:
     """Moves arm, hand and peg through successive trials; the arm keeps its pose between trials."""
 
+    running: Mechanism
+    """Mechanism that is stepped; set by the first trial."""
+
     def __init__(self, arm: ArmModel, sim: SimConfig, pad: tuple[float, float], pace: Pace) -> None:
         """Place the arm at its waiting pose; `pad` is length and width of a pad, m."""
         self._arm, self._long_steps, self._pad, self._pace = arm, sim.model.long_steps, pad, pace
@@ -53,7 +56,7 @@ class Stepper:
         """Number of ticks in a control period."""
         self.control = engine.Drives(
             impedance.figures(arm),
-            np.zeros(impedance.WORDS),
+            np.zeros(setpoint_words.WORDS),
             impedance.new_state(arm),
             engine.new_drive(arm.hand),
             np.zeros(joint_drive.WORDS),
@@ -63,7 +66,7 @@ class Stepper:
         )
         self.meters = metering.new_meters()
         self.peg, self.peg_length = PegSituation.FREE, math.nan
-        self._running: Mechanism | None = None
+        self._is_begun = False
         self._q, self._dq = np.array(arm.home), np.zeros(JOINTS)
         self._in_grip_since = self._loose_since = 0.0
         self._load: Vector = np.zeros(6)
@@ -77,12 +80,6 @@ class Stepper:
     def has_twins(self) -> bool:
         """True if longer steps are possible."""
         return self._long_steps and self.law_every % engine.COARSE == 0
-
-    @property
-    def running(self) -> Mechanism:
-        """Mechanism that is stepped."""
-        assert self._running is not None
-        return self._running
 
     def restock(self, scene: TrialScene, pad_friction: float, noise: np.random.Generator) -> None:
         """Begin a trial with a fresh peg in the rack.
@@ -104,7 +101,7 @@ class Stepper:
         joints = joint_drive.words_of(truth, period, (timestep, engine.COARSE * timestep))
         joint_drive.fill(joints, law[impedance.TORQUE : impedance.TORQUE + JOINTS])
         senses = arm_senses.words_of(truth, period)
-        arm_senses.fill(senses, self.q if self._running else self._q, self.dq if self._running else self._dq)
+        arm_senses.fill(senses, self.q if self._is_begun else self._q, self.dq if self._is_begun else self._dq)
         self.control = self.control._replace(joints=joints, senses=senses)
         self._real = impedance.figures(truth.model)
 
@@ -145,7 +142,7 @@ class Stepper:
         """Put the peg into the hand at this in-hand angle, rad, as after a grasp."""
         reach = frames.compose(self.tcp(), frames.peg_in_finger(theta, self.scene.job.peg.length))
         middle = Pose(reach.position + self.scene.size.half * reach.rotation[:, 2], reach.rotation)
-        self.enter_free(self.scene.job.peg.part.thickness, middle)
+        self.enter_free(self.scene.size.thickness, middle)
         self.enter_held()
 
     def fall(self) -> None:
@@ -158,14 +155,14 @@ class Stepper:
         if is_in_hole:
             up = plate.rotation[:, 2]
             standing = Pose(plate.position + up * (self.scene.size.half - depth), plate.rotation)
-            self.enter_free(self.scene.job.peg.part.thickness, standing)
+            self.enter_free(self.scene.size.thickness, standing)
             return
         middle = self.peg_pose().position
         place, ground = np.zeros(3), np.eye(3)
         for below in (plate, self.scene.rack):
             if below.is_below(middle):
                 place, ground = below.position, below.rotation
-        self._lay(self.scene.job.peg.part.thickness, place, ground)
+        self._lay(self.scene.size.thickness, place, ground)
 
     def _lay(self, width: float, place: Vector, ground: Vector) -> None:
         """Place the peg flat on the ground below it, between fingers `width` m apart.
@@ -185,15 +182,15 @@ class Stepper:
 
     def lose(self) -> None:
         """Take the peg out of play."""
-        self.enter_free(self.scene.job.peg.part.thickness, Pose(np.array([0.0, 0.0, -1.0]), np.eye(3)))
+        self.enter_free(self.scene.size.thickness, Pose(np.array([0.0, 0.0, -1.0]), np.eye(3)))
         self.running.data.xfrc_applied[self.running.peg_body, 2] = 0.0
         self.peg = PegSituation.GONE
 
     def _run(self, peg: PegSituation, mechanism: Mechanism) -> None:
         """Continue with a mechanism from the arm's present state."""
-        if self._running is not None:
+        if self._is_begun:
             self._q, self._dq = self.q, self.dq
-        self.peg, self._running = peg, mechanism
+        self.peg, self.running, self._is_begun = peg, mechanism, True
         is_held = peg is PegSituation.HELD
         described = self.scene.arm.described
         is_weighed = described is not None and "gravity" in described.takes
@@ -312,7 +309,7 @@ class Stepper:
             if situation.has_fallen_out(self.theta(), self.grip_limits().length):
                 self.fall()
             elif grip_force <= 0.0:
-                self.enter_free(self.scene.job.peg.part.thickness, self.peg_pose())
+                self.enter_free(self.scene.size.thickness, self.peg_pose())
         elif self.peg is PegSituation.FREE and (lowest := self.lowest()) < TABLE:
             self._lay(float(self.running.data.qpos[FINGERS].sum()), np.zeros(3), np.eye(3))
         elif self.peg is PegSituation.FREE:
@@ -417,7 +414,7 @@ class Stepper:
                     reach=(reach_tip, 2 * self.scene.size.half - reach_tip),
                     half=(length / 2, width / 2),
                     friction=self._pad_friction,
-                    flat=self.scene.job.peg.part.face.flat_width,
+                    flat=self.scene.size.flat,
                 ),
             )
         return self._limits

@@ -55,6 +55,10 @@ class PegSize:
     """Half the length, overhang included, m."""
     weight: float
     """Weight of the peg, N."""
+    thickness: float
+    """Thickness of the peg between the pads, m."""
+    flat: float
+    """Width of the flat face in a pad, m; 0 for a round peg."""
 
 
 class TrialScene:
@@ -106,6 +110,8 @@ class TrialScene:
             chamfer=job.peg.chamfer,
             half=(job.peg.length + job.peg.overhang) / 2,
             weight=float(held.body("peg").mass[0] * GRAVITY),
+            thickness=job.peg.part.thickness,
+            flat=job.peg.part.face.flat_width,
         )
         reach = job.hole.part.reach + job.hole.chamfer if true.present else contact.SOLID
         if self.plate.tiles:

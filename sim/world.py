@@ -52,6 +52,8 @@ class World:
         self.pad = pad_size(layout)
         """Length and width of a pad, m."""
         self._pace = Pace(sim.timestep, sim.pace)
+        self.now = self._pace.now
+        """Returns the simulated time, s."""
         self.stepper = Stepper(arm, sim, self.pad, self._pace)
         native.log_warnings()
         self.restock(job, sim.seed)
@@ -76,10 +78,6 @@ class World:
     def take_away(self) -> None:
         """Take the peg out of play, wherever it is."""
         self.stepper.lose()
-
-    def now(self) -> float:
-        """Return the simulated time, s."""
-        return self._pace.now()
 
     def wait_until(self, stamp: float) -> None:
         """Advance the physics to `stamp`; at a set pace also wait for the wall clock.
@@ -151,7 +149,8 @@ class World:
 
     def finger_gap(self) -> float:
         """Return the distance between the pads, m."""
-        return self.job.peg.part.thickness if self.is_held else float(self.stepper.running.data.qpos[7:9].sum())
+        is_held = self.stepper.peg is PegSituation.HELD
+        return self.stepper.scene.size.thickness if is_held else float(self.stepper.running.data.qpos[7:9].sum())
 
     def pad_force(self) -> float:
         """Return the smaller of the forces between the pads and the peg, N."""

@@ -1,12 +1,13 @@
 """Clearance of hand and peg from plate and rack, checked along a free-space path before it starts; pure."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from drivers.errors import SetpointError
-from drivers.frames import peg_in_finger
+from drivers.frames import cross, peg_in_finger
 from drivers.parts import Job
 from drivers.quantities import InHandTip, Vector
 
@@ -20,6 +21,10 @@ DEEP = 1.0
 """Depth of the boxes below their upper faces, m; it excludes paths below plate or rack."""
 TOLERANCE = 1e-4
 """Tolerance on the clearance, m, so that rounding does not reject a path exactly at the limit."""
+_BALLS = np.linspace(-1.0, 1.0, BALLS)[:, None]
+_ANGLES = np.linspace(0.0, 2.0 * np.pi, AROUND, endpoint=False)
+_RING = np.column_stack([np.cos(_ANGLES), np.sin(_ANGLES)])
+_HEIGHTS = np.linspace(0.0, 1.0, RINGS)[:, None, None]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -36,7 +41,7 @@ class Box:
         """Return the distance of each point, shape (n, 3), m, base frame, from the box; negative inside, shape (n,), m."""
         # d = max(low - p, p - high) per axis; distance = |max(d, 0)| + min(max over axes of d, 0)
         beyond = np.maximum(self.low - points, points - self.high)
-        outside = np.linalg.norm(np.maximum(beyond, 0.0), axis=1)
+        outside = np.sqrt(np.add.reduce(np.maximum(beyond, 0.0) ** 2, axis=1))
         return np.asarray(outside + np.minimum(beyond.max(axis=1), 0.0))
 
 
@@ -66,8 +71,8 @@ def nearest(at: Attitude, job: Job, in_hand: InHandTip | None, boxes: Sequence[B
     """Return the least distance of hand and peg from the boxes, m, the name of the part ("hand" or "peg"), and that of the box."""
     theta, length = (0.0, 0.0) if in_hand is None else (in_hand.theta, in_hand.length)
     closing = at.roll - (at.roll @ at.axis) * at.axis
-    closing /= np.linalg.norm(closing)
-    peg = np.column_stack([closing, np.cross(at.axis, closing), at.axis])
+    closing /= math.sqrt(float(closing @ closing))
+    peg = np.array([closing, cross(at.axis, closing), at.axis]).T
     finger_peg = peg_in_finger(theta, length)
     rotation = peg @ finger_peg.rotation.T
     centre = at.tip - rotation @ finger_peg.position
@@ -78,15 +83,14 @@ def nearest(at: Attitude, job: Job, in_hand: InHandTip | None, boxes: Sequence[B
         (hand.body_offset, hand.body_radius, hand.half_span),
         (hand.finger_offset, hand.finger_radius, hand.half_span - closed / 2),
     )
-    gaps = []
-    for box in boxes:
-        for place, radius, half in capsules:
-            along = np.linspace(-half, half, BALLS)
-            balls = centre + place * rotation[:, 0] + along[:, None] * rotation[:, 2]
-            gaps.append((float(box.gaps(balls).min()) - radius, "hand", box.name))
-        if in_hand is not None:
-            gaps.append((float(box.gaps(_surface(at.tip, peg, job, length)).min()), "peg", box.name))
-    return min(gaps)
+    bodies = []
+    for place, radius, half in capsules:
+        bodies.append((centre + place * rotation[:, 0] + half * _BALLS * rotation[:, 2], radius, "hand"))
+    if in_hand is not None:
+        bodies.append((_surface(at.tip, peg, job, length), 0.0, "peg"))
+    return min(
+        [(min(box.gaps(points).tolist()) - radius, what, box.name) for points, radius, what in bodies for box in boxes]
+    )
 
 
 def require_clear(way: Sequence[Attitude], job: Job, in_hand: InHandTip | None, clearance: float) -> None:
@@ -118,7 +122,6 @@ def require_clear(way: Sequence[Attitude], job: Job, in_hand: InHandTip | None, 
 
 def _surface(tip: Vector, peg: Vector, job: Job, length: float) -> Vector:
     """Return points on the peg, shape (n, 3), m, base frame; the columns of `peg` are its axes."""
-    angles = np.linspace(0.0, 2.0 * np.pi, AROUND, endpoint=False)
-    ring = job.peg.part.reach * (np.cos(angles)[:, None] * peg[:, 0] + np.sin(angles)[:, None] * peg[:, 1])
-    heights = np.linspace(0.0, length + job.peg.overhang, RINGS)
-    return np.asarray((tip + heights[:, None, None] * peg[:, 2] + ring).reshape(-1, 3))
+    ring = job.peg.part.reach * (_RING[:, :1] * peg[:, 0] + _RING[:, 1:] * peg[:, 1])
+    heights = (length + job.peg.overhang) * _HEIGHTS
+    return np.asarray((tip + heights * peg[:, 2] + ring).reshape(-1, 3))

@@ -283,7 +283,7 @@ class SkillContext:
         moment = 0.0 if is_free else float(arm.tcp.rotation[:, 2] @ arm.wrench.torque)
         known = self.tracker.follow(pose, arm.stamp, moment)
         if known.healthy and known is not self.peg.pose:
-            self.peg = replace(self.peg, pose=known)
+            self.peg = self.peg.seen(known)
         tip, axis = end_point(arm.tcp, self.peg.pose.theta, self.length)
         return Observation(
             stamp=arm.stamp,

@@ -35,6 +35,10 @@ class HeldPeg:
         """True if the peg has touched the plate."""
         return self.measured is not None
 
+    def seen(self, pose: PegPose) -> "HeldPeg":
+        """Return the knowledge with a newer pose."""
+        return HeldPeg(pose, self.measured, self.grip_share, self.surface, self.ways)
+
     def grasped_anew(self) -> "HeldPeg":
         """Return the knowledge before a new grasp: only the pose is kept."""
         return HeldPeg(self.pose)

@@ -189,7 +189,7 @@ def tilted_by(offset: Vector, length: float) -> Vector:
     """Return the axis of a peg, unit, with its finger centre `length` from its tip and `offset`, m, from the vertical."""
     # v = [o_x, o_y, sqrt(length² - |o|²)] / length
     axis = np.array([offset[0], offset[1], 0.0]) + math.sqrt(max(length**2 - float(offset @ offset), 1e-12)) * UP
-    return axis / np.linalg.norm(axis)
+    return axis / math.sqrt(float(axis @ axis))
 
 
 def stay(ctx: SkillContext, stamp: float) -> None:

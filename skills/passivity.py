@@ -65,7 +65,7 @@ def share_of_limit(setpoint: ImpedanceSetpoint, before: Pose, after: Pose, perio
         # Planned velocity at the wrist, with l from the tip to the wrist: v - (v_tip + omega_plan x l), omega - omega_plan
         theta, length = (0.0, 0.0) if setpoint.in_hand is None else (setpoint.in_hand.theta, setpoint.in_hand.length)
         c, s = length * math.cos(theta), length * math.sin(theta)
-        lx, ly, lz = (-WRIST * x - c * x - s * y for x, y in ((dx, dy), (ex, ey), (fx, fy)))
+        lx, ly, lz = -WRIST * dx - c * dx - s * dy, -WRIST * ex - c * ex - s * ey, -WRIST * fx - c * fx - s * fy
         (tx, ty, tz), (ox, oy, oz) = setpoint.twist.linear.tolist(), setpoint.twist.angular.tolist()
         vx, vy, vz = vx - tx - oy * lz + oz * ly, vy - ty - oz * lx + ox * lz, vz - tz - ox * ly + oy * lx
         wx, wy, wz = wx - ox, wy - oy, wz - oz

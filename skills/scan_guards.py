@@ -60,23 +60,18 @@ class ScanTiming:
         self._before: float | None = None
         self.passed = scan_period
         """Time since the previous scan, s, on the cell's clock; one period at the first scan."""
-
-    @property
-    def step(self) -> float:
+        self.step = scan_period
         """Advance of the path time in this scan, s: the time since the previous scan, at most `LONGEST_STEP` periods."""
-        return min(self.passed, LONGEST_STEP * self._period)
-
-    @property
-    def due(self) -> float:
+        self.due = scan_period
         """Time of the next scan, s, on the cell's clock: one period after this scan, so late scans are not caught up."""
-        return (self._before or 0.0) + self._period
 
     def take(self, stamp: float) -> None:
         """Record the start of a scan on the cell's clock, s."""
         if self._before is not None:
             # Ticks of a simulated clock are not exact binary fractions; rounding makes punctual scans whole periods.
             self.passed = round(stamp - self._before, 9)
-        self._before = stamp
+            self.step = min(self.passed, LONGEST_STEP * self._period)
+        self._before, self.due = stamp, stamp + self._period
         self._late.append(self.passed > 2.0 * self._period)
 
     def require_kept(self) -> None:

@@ -5,44 +5,21 @@ bounds its own contact forces.
 """
 
 import math
-from dataclasses import dataclass
+from collections.abc import Sequence
 from typing import Annotated
 
 import numpy as np
 from pydantic import Field
 
+from drivers import setpoint_words
 from drivers.config_model import ConfigModel, Quantity
 from drivers.errors import ArmSilentError, NotFiniteError, SetpointError, TrackingError
-from drivers.frames import angle_between
 from drivers.parts import Point
 from drivers.protocols import Arm
-from drivers.quantities import ArmState, ImpedanceSetpoint
-from skills.setpoint_bounds import (
-    AGE_SLACK,
-    ArmBounds,
-    Numbers,
-    numbers_of,
-    require_numbers,
-    require_permitted,
-    require_values,
-)
+from drivers.quantities import ArmState, ImpedanceSetpoint, Vector
+from skills import setpoint_rules as rules
+from skills.setpoint_bounds import AGE_SLACK, LEAD, LONGEST_VALIDITY, MOST_ASKEW, ArmBounds, require_numbers
 
-MOST_ASKEW = 1.0
-"""Largest angle between the axis of a setpoint and that of the peg or hand, rad; a correct skill stays below 0.6."""
-LONGEST_STEP_TIME = 0.1
-"""Largest time used to compute the permitted step, s; a longer pause does not permit a larger step."""
-STEP_SLACK = 1e-3
-"""Addition to the longest step, m: an integral or a new frame of the skin can move a setpoint at rest."""
-LEAD = 0.02
-"""Largest distance from the arm at which a motion may start, m; a correct skill starts a push at most 13 mm ahead."""
-POSTURE_SLACK = 0.02
-"""Addition to the longest step of a posture, rad."""
-POSTURE_LEAD = 0.2
-"""Largest distance from a joint at which the posture of a motion may start, rad: the null-space torque is then 2 N·m, a sixth of a wrist's
-limit. After a halt, a correct posture is 0.1 rad from the joints. The elbow's joint has its own goal and no such limit.
-"""
-OUTWARD_SLACK = 1e-3
-"""Tolerance for setpoints outside the workspace while the hand returns, m."""
 LONGEST_UNTAKEN = 0.2
 """Longest time for which the arm may report an older setpoint than the last one sent, or none, s; its control loop takes milliseconds.
 Source: chosen, not measured; reason in decision 0013.
@@ -53,8 +30,6 @@ LONGEST_UNCHANGED = 0.15
 """Longest time for which all readings of an arm may be identical to the last digit while it follows a setpoint, s: 15 scans at 100 Hz, and
 a fault within 0.2 s.
 """
-MOST_LOAD = 1e4
-"""Largest force, N, or torque, N·m, that a sensor of an arm can report; more than ten times the load of arms of this size."""
 
 
 class Limits(ConfigModel):
@@ -71,193 +46,100 @@ class Limits(ConfigModel):
     """Upper corner of the permitted workspace of the TCP, m, base frame."""
 
 
-@dataclass(frozen=True, slots=True)
-class Handed:
-    """A setpoint sent to the arm, with its time."""
+NOTHING = np.full(setpoint_words.WORDS, math.nan)
+"""Words of the previous setpoint if there is none."""
+_NUMBERS = (
+    ("tip", setpoint_words.TIP, 3),
+    ("axis", setpoint_words.AXIS, 3),
+    ("stiffness", setpoint_words.STIFFNESS, 6),
+    ("damping ratio", setpoint_words.DAMPING_RATIO, 6),
+    ("integral", setpoint_words.INTEGRAL_GAIN, 2),
+    ("theta and length in the hand", setpoint_words.THETA, 2),
+    ("roll", setpoint_words.ROLL, 3),
+    ("twist", setpoint_words.TWIST, 6),
+    ("posture", setpoint_words.POSTURE, 7),
+)
+"""Name, index and number of the values of a packed setpoint that must be finite."""
 
-    setpoint: ImpedanceSetpoint
-    stamp: float
-    """Time of the arm's state used to check the setpoint, s."""
+
+def pack_bounds(bounds: ArmBounds, limits: Limits) -> Vector:
+    """Return the bounds of an arm's setpoints and the limits of force and workspace as words, shape (BOUND_WORDS,)."""
+    single = bounds.speed, bounds.turn_speed, bounds.stiffness, bounds.turn_stiffness
+    torques = max(bounds.torques), min(bounds.torques), bounds.torque_rate
+    joints = *bounds.q_min, *bounds.q_max, *bounds.joint_speeds
+    return np.array([*single, *torques, limits.force, *limits.low, *limits.high, *joints])
 
 
-def require_readings(arm: ArmState) -> None:
-    """Check that every reading of an arm is a plausible number.
+def require_readings(state: Vector) -> None:
+    """Check that every reading of an arm is a plausible number; `state` is packed by `pack_state`.
 
     Raises:
         NotFiniteError: A reading is not plausible; the message names it.
     """
-    require_numbers("arm", "stamp", (arm.stamp,), NotFiniteError)
-    for name, values, most in (
-        ("joint position", arm.q, 100.0),
-        ("joint velocity", arm.dq, 1000.0),
-        ("TCP position", arm.tcp.position, 100.0),
-        ("TCP orientation", arm.tcp.rotation, 2.0),
-        ("force", arm.wrench.force, MOST_LOAD),
-        ("torque", arm.wrench.torque, MOST_LOAD),
-        ("commanded torque", arm.commanded, MOST_LOAD),
-        ("unexplained torque", arm.unexplained, MOST_LOAD),
-    ):
-        # If the sum of squares is within most², every value is within the bound. Otherwise each value is checked.
-        if values is not None and not np.vdot(values, values) <= most * most:
-            require_numbers("arm", name, values.ravel().tolist(), NotFiniteError, most)
+    if not rules.is_plausible(state):
+        for name, first, count, most in rules.READINGS:
+            require_numbers("arm", name, state[first : first + count].tolist(), NotFiniteError, most)
 
 
-def require_sound(
-    setpoint: ImpedanceSetpoint, arm: ArmState, before: Handed | None, limits: Limits, bounds: ArmBounds
-) -> None:
+def require_sound(asked: Vector, state: Vector, before: Vector, bounds: Vector) -> None:
     """Check that a setpoint may be sent to the arm.
 
     Args:
-        setpoint: Setpoint of a skill.
-        arm: The newest state of the arm.
-        before: The previous setpoint, if any.
-        limits: Limits of force and workspace.
-        bounds: Bounds of the arm's setpoints.
+        asked: Setpoint of a skill, packed by `drivers.setpoint_words.pack` with the stamp of the arm's state.
+        state: The newest state of the arm, packed by `pack_state`.
+        before: The previous setpoint, packed at its time; `NOTHING` if there is none.
+        bounds: Bounds of the arm's setpoints, packed by `pack_bounds`.
 
     Raises:
         SetpointError: The setpoint is not finite, outside the workspace, too far, too fast or out of the arm's bounds.
         TrackingError: The arm lags so far behind that the spring would exceed the force limit.
     """
-    asked, here, rotation = numbers_of(setpoint), arm.tcp.position.tolist(), arm.tcp.rotation.tolist()
-    require_values(setpoint, asked, arm.stamp, bounds)
-    _require_inside(asked, here, limits)
-    # v = -(cos t·x + sin t·y) and x_p = x - length·v, as in `drivers.frames.end_point`.
-    c, s = math.cos(asked.theta), math.sin(asked.theta)
-    axis = [-c * x - s * y for x, y, _ in rotation]
-    away = [there - (at - asked.length * v) for there, at, v in zip(asked.tip, here, axis, strict=True)]
-    _require_aligned(asked, axis, [z for _, _, z in rotation], bounds)
-    _require_posture(asked, setpoint.id, arm, before, bounds)
-    goes_on = before is not None and _has_same_point(setpoint, before.setpoint)
-    if before is not None and goes_on:
-        _require_step(asked, before, arm.stamp, bounds.speed)
-    _require_force(asked, away, goes_on, limits)
-    if not goes_on:
-        _require_beginning(asked, math.hypot(*away), before, arm.stamp, bounds.speed)
+    found = np.empty(rules.FOUND)
+    if rule := rules.broken_rule(asked, state, before, bounds, found):
+        if rule == rules.NUMBER:
+            _require_numbers(asked)
+        message = _message(rule, asked, bounds, found.tolist())
+        if rule == rules.BLOCKED:
+            raise TrackingError(f"arm: blocked, or its setpoint cannot be reached: a setpoint {message}")
+        raise SetpointError(f"setpoint: {message}")
 
 
-def _require_aligned(asked: Numbers, axis: list[float], closing: list[float], bounds: ArmBounds) -> None:
-    """Check the angles from the hand to the setpoint's axis and roll, and that their torque is within the joints' limits."""
-    if (askew := angle_between(axis, asked.axis)) > MOST_ASKEW:
-        raise SetpointError(f"setpoint: axis {askew:.2f} rad from where it points; at most {MOST_ASKEW} rad allowed")
-    rolled = _angle_about(axis, closing, asked.roll) if asked.roll else 0.0
-    if abs(rolled) > MOST_ASKEW:
-        raise SetpointError(
-            f"setpoint: roll {abs(rolled):.2f} rad from the closing axis; at most {MOST_ASKEW} rad allowed"
-        )
-    torque = max(asked.turning) * math.hypot(askew, rolled)
-    if torque > (most := max(bounds.torques)):
-        raise SetpointError(
-            f"setpoint: {math.hypot(askew, rolled):.2f} rad askew turns with {torque:.0f} N·m; at most {most:g} N·m allowed"
-        )
+def _require_numbers(asked: Vector) -> None:
+    for name, first, count in _NUMBERS:
+        require_numbers("setpoint", name, asked[first : first + count].tolist(), SetpointError)
 
 
-def _angle_about(axis: list[float], start: list[float], goal: list[float]) -> float:
-    """Return the angle about `axis` v, unit, from direction a to b, rad: atan2(v·(a × b), a·b - (v·a)(v·b))."""
-    (x, y, z), (ax, ay, az), (bx, by, bz) = axis, start, goal
-    across = x * (ay * bz - az * by) + y * (az * bx - ax * bz) + z * (ax * by - ay * bx)
-    along = ax * bx + ay * by + az * bz - (x * ax + y * ay + z * az) * (x * bx + y * by + z * bz)
-    return math.atan2(across, along)
-
-
-def _require_force(asked: Numbers, away: list[float], goes_on: bool, limits: Limits) -> None:
-    """Check that stiffness times error is within the force limit; if a motion that goes on exceeds it, the arm is blocked."""
-    # F = |(K_x e_x, K_y e_y, K_z e_z)|
-    (kx, ky, kz), (x, y, z) = asked.pushing, away
-    force = math.hypot(kx * x, ky * y, kz * z)
-    if force > limits.force:
-        found = f"{1e3 * math.hypot(x, y, z):.0f} mm away presses with {force:.0f} N; limits.force = {limits.force:g} N allowed"
-        if not goes_on:
-            raise SetpointError(f"setpoint: {found}")
-        raise TrackingError(f"arm: blocked, or its setpoint cannot be reached: a setpoint {found}")
-
-
-def _require_beginning(asked: Numbers, away: float, before: Handed | None, stamp: float, most: float) -> None:
-    """Check that a new motion starts near the arm, or near the previous setpoint."""
-    if away <= LEAD:
-        return
-    found = f"setpoint: a motion that begins {1e3 * away:.0f} mm from where the arm is"
-    if before is None:
-        raise SetpointError(f"{found}; at most {1e3 * LEAD:g} mm allowed")
-    step, allowed = math.dist(asked.hand, numbers_of(before.setpoint).hand), _longest_step(before, stamp, most)
-    if step > allowed:
-        raise SetpointError(
-            f"{found}, and a step of {1e3 * step:.0f} mm; at most {1e3 * LEAD:g} mm or {1e3 * allowed:.0f} mm allowed"
-        )
-
-
-def _require_posture(asked: Numbers, number: int, arm: ArmState, before: Handed | None, bounds: ArmBounds) -> None:
-    """Check that a posture is in the joints' ranges, and that it starts near the joints or continues within their speed limits."""
-    if not asked.posture:
-        return
-    q, last = arm.q.tolist(), None if before is None else before.setpoint.posture
-    require_permitted(asked.posture, q, bounds)
-    near = [there if k == arm.elbow else at for k, (there, at) in enumerate(zip(asked.posture, q, strict=True))]
-    found = _furthest(asked.posture, near, [POSTURE_LEAD] * len(near))
-    if before is not None and last is not None and (number == before.setpoint.id or found is not None):
-        passed = _time_since(before, arm.stamp)
-        allowed = [speed * passed + POSTURE_SLACK for speed in bounds.joint_speeds]
-        found = _furthest(asked.posture, last.tolist(), allowed)
-    if found is not None:
-        joint, step, most = found
-        raise SetpointError(
-            f"setpoint: posture of joint {joint + 1} moves by {step:.3f} rad; at most {most:.3f} rad allowed"
-        )
-
-
-def _is_same(state: ArmState, other: ArmState) -> bool:
-    """Return True if all readings of two states are equal to the last digit."""
-    if state.q.tolist() != other.q.tolist() or state.dq.tolist() != other.dq.tolist():
-        return False
-    same: bool = state.tcp.position.tolist() == other.tcp.position.tolist()
-    return same and bool((state.wrench.force == other.wrench.force).all())
-
-
-def _furthest(posture: list[float], start: list[float], allowed: list[float]) -> tuple[int, float, float] | None:
-    """Return the joint that exceeds its permitted step most, its step and its permitted step, rad; None if no joint does."""
-    worst, found = 0.0, None
-    for joint, (there, was, most) in enumerate(zip(posture, start, allowed, strict=True)):
-        step = there - was if there > was else was - there
-        if step - most > worst:
-            worst, found = step - most, (joint, step, most)
-    return found
-
-
-def _has_same_point(setpoint: ImpedanceSetpoint, before: ImpedanceSetpoint) -> bool:
-    """Return True if a setpoint continues the previous motion: same id, and both with a peg or both without."""
-    return setpoint.id == before.id and (setpoint.in_hand is None) == (before.in_hand is None)
-
-
-def _time_since(before: Handed, stamp: float) -> float:
-    return min(max(stamp - before.stamp, 0.0), LONGEST_STEP_TIME)
-
-
-def _longest_step(before: Handed, stamp: float, most: float) -> float:
-    """Return the longest permitted step from a setpoint to one at `stamp`, m, for the speed limit `most`, m/s."""
-    return most * _time_since(before, stamp) + STEP_SLACK
-
-
-def _require_inside(asked: Numbers, here: list[float], limits: Limits) -> None:
-    """Check that the setpoint of the hand is inside the workspace, or no further outside than the hand is."""
-    hand = asked.hand
-    worst, axis = 0.0, 0
-    for k, (there, low, high) in enumerate(zip(hand, limits.low, limits.high, strict=True)):
-        if low <= there <= high:
-            continue
-        outside = max(low - here[k], here[k] - high, 0.0)
-        beyond = max(low - there, there - high) - outside - OUTWARD_SLACK
-        if beyond > worst:
-            worst, axis = beyond, k
-    if worst > 0.0:
-        raise SetpointError(
-            f"setpoint: hand at {'xyz'[axis]} = {hand[axis]:.3f} m;"
-            f" limits: {limits.low[axis]:g} to {limits.high[axis]:g} m allowed"
-        )
-
-
-def _require_step(asked: Numbers, before: Handed, stamp: float, most: float) -> None:
-    step, allowed = math.dist(asked.tip, before.setpoint.tip.tolist()), _longest_step(before, stamp, most)
-    if step > allowed:
-        raise SetpointError(f"setpoint: step of {1e3 * step:.0f} mm; at most {1e3 * allowed:.0f} mm allowed")
+def _message(rule: int, asked: Vector, bounds: Vector, found: Sequence[float]) -> str:
+    """Return what a setpoint asks for and what is allowed."""
+    if rule >= rules.RANGE:
+        (name, unit), (value, least, most) = rules.RANGES[rule - rules.RANGE], found
+        return f"{name} {value:.4g} {unit}".rstrip() + f"; {least:.4g} to {most:.4g} allowed"
+    a, b, c = found
+    force, strongest = bounds[rules.MOST_FORCE], bounds[rules.STRONGEST]
+    pressing = f"{1e3 * a:.0f} mm away presses with {b:.0f} N; limits.force = {force:g} N allowed"
+    begins = f"a motion that begins {1e3 * a:.0f} mm from where the arm is"
+    # Places of a number that is not one of the figures: an axis or a joint.
+    k = int(a) if rule in (rules.WORKSPACE, rules.JOINT_RANGE, rules.POSTURE_STEP) else 0
+    low, high = bounds[rules.LOW + k % 3], bounds[rules.HIGH + k % 3]
+    least, most = bounds[rules.Q_MIN + k], bounds[rules.Q_MAX + k]
+    messages: dict[int, str] = {
+        rules.NUMBER: "valid_until nan; a number allowed",
+        rules.UNIT_AXIS: f"axis of length {a:.3f}; 1 allowed",
+        rules.NEGATIVE: "negative stiffness or damping ratio; at least 0 allowed",
+        rules.VALIDITY: f"valid_until {a:.2f} s ahead; at most {LONGEST_VALIDITY:g} s allowed",
+        rules.WORKSPACE: f"hand at {'xyz'[k % 3]} = {b:.3f} m; limits: {low:g} to {high:g} m allowed",
+        rules.ASKEW: f"axis {a:.2f} rad from where it points; at most {MOST_ASKEW} rad allowed",
+        rules.ROLLED: f"roll {a:.2f} rad from the closing axis; at most {MOST_ASKEW} rad allowed",
+        rules.TURNING: f"{a:.2f} rad askew turns with {b:.0f} N·m; at most {strongest:g} N·m allowed",
+        rules.JOINT_RANGE: f"posture of joint {k + 1} = {asked[setpoint_words.POSTURE + k]:.3f} rad; {least:g} to {most:g} allowed",
+        rules.POSTURE_STEP: f"posture of joint {k + 1} moves by {b:.3f} rad; at most {c:.3f} rad allowed",
+        rules.TIP_STEP: f"step of {1e3 * a:.0f} mm; at most {1e3 * b:.0f} mm allowed",
+        rules.PRESSING: pressing,
+        rules.BLOCKED: pressing,
+        rules.FIRST_BEGINNING: f"{begins}; at most {1e3 * LEAD:g} mm allowed",
+        rules.BEGINNING: f"{begins}, and a step of {1e3 * b:.0f} mm; at most {1e3 * LEAD:g} mm or {1e3 * c:.0f} mm allowed",
+    }
+    return messages[rule]
 
 
 class GatedArm:
@@ -265,13 +147,18 @@ class GatedArm:
 
     def __init__(self, arm: Arm, bounds: ArmBounds, limits: Limits) -> None:
         """Store the arm, the bounds of its setpoints, and the limits of force and workspace."""
-        self._arm, self._bounds, self._limits = arm, bounds, limits
-        self._state: ArmState | None = None
-        self._before: Handed | None = None
+        self._arm, self._bounds = arm, pack_bounds(bounds, limits)
+        self._state: Vector | None = None
+        """Words of the newest state; None before the first."""
+        self._before = NOTHING
+        """Words of the last setpoint sent, with the time of the arm's state used to check it."""
         self._untaken_since: float | None = None
         """Time of the first setpoint that the arm has not adopted, s; None if it follows the last one sent."""
-        self._unchanged: ArmState | None = None
-        """First of the newest identical states; None if no setpoint is held."""
+        self._unchanged: tuple[list[float], float] | None = None
+        """Readings and time, s, of the first of the newest identical states; None if no setpoint is held."""
+        # The first calls of a process compile code, which must not happen while the arm moves.
+        rules.is_plausible(np.zeros(rules.STATE_WORDS))
+        rules.broken_rule(NOTHING, np.zeros(rules.STATE_WORDS), NOTHING, self._bounds, np.empty(rules.FOUND))
 
     def open(self) -> None:
         """Open the arm."""
@@ -288,13 +175,16 @@ class GatedArm:
             SetpointError: The setpoint is not finite, outside the workspace, too far, too fast or out of the arm's bounds.
             TrackingError: The arm lags so far behind that the spring would exceed the force limit.
         """
-        state = self._state if self._state is not None else self.read()
+        state = self._state
+        if state is None:
+            state = rules.pack_state(self.read())
+        asked = setpoint_words.pack(setpoint, state[rules.STATE_STAMP])
         try:
-            require_sound(setpoint, state, self._before, self._limits, self._bounds)
+            require_sound(asked, state, self._before, self._bounds)
         except (SetpointError, TrackingError):
             self.halt()
             raise
-        self._before = Handed(setpoint, state.stamp)
+        self._before = asked
         self._arm.follow(setpoint)
 
     def read(self) -> ArmState:
@@ -308,15 +198,16 @@ class GatedArm:
             CellError: The arm's own `read` raised it.
         """
         state = self._arm.read()
+        words = rules.pack_state(state)
         try:
-            require_readings(state)
+            require_readings(words)
         except NotFiniteError:
-            if self._before is not None:
+            if self._before is not NOTHING:
                 self.halt()
             raise
-        self._state = state
+        self._state = words
         self._require_taken(state)
-        self._require_live(state)
+        self._require_live(words, state.stamp)
         return state
 
     def _require_taken(self, state: ArmState) -> None:
@@ -324,26 +215,30 @@ class GatedArm:
 
         The lag of the hand is not checked here: a compliant or loaded arm lags although it adopts every setpoint.
         """
-        before = self._before
-        if before is None or before.setpoint.valid_until < state.stamp:
+        before, handed = self._before, self._before[setpoint_words.STAMP]
+        if before is NOTHING or before[setpoint_words.VALID_UNTIL] < state.stamp:
             self._untaken_since = None
             return
-        if state.setpoint_age <= state.stamp - before.stamp + AGE_SLACK:
+        if state.setpoint_age <= state.stamp - handed + AGE_SLACK:
             self._untaken_since = None
             return
         if self._untaken_since is None:
-            self._untaken_since = before.stamp
+            self._untaken_since = handed
         untaken = state.stamp - self._untaken_since
         if untaken > LONGEST_UNTAKEN:
             self.halt()
             raise TrackingError(f"arm: takes no setpoint for {untaken:.2f} s; {LONGEST_UNTAKEN:g} s allowed")
 
-    def _require_live(self, state: ArmState) -> None:
+    def _require_live(self, words: Vector, stamp: float) -> None:
         """Check that the readings change while the arm follows a setpoint, at rest too; noise changes at least the last digits."""
-        if self._before is None or self._unchanged is None or not _is_same(state, self._unchanged):
-            self._unchanged = None if self._before is None else state
+        if self._before is NOTHING:
+            self._unchanged = None
             return
-        if (time := state.stamp - self._unchanged.stamp) > LONGEST_UNCHANGED:
+        readings = words[: rules.TORQUE].tolist()
+        if self._unchanged is None or readings != self._unchanged[0]:
+            self._unchanged = readings, stamp
+            return
+        if (time := stamp - self._unchanged[1]) > LONGEST_UNCHANGED:
             self.halt()
             raise ArmSilentError(
                 f"arm: readings unchanged to the last digit for {time:.2f} s, while it followed a setpoint"
@@ -351,10 +246,10 @@ class GatedArm:
 
     def halt(self) -> None:
         """Hold the arm still at its present pose, compliant; the next setpoint is checked as the start of a motion."""
-        self._before = self._untaken_since = None
+        self._before, self._untaken_since = NOTHING, None
         self._arm.halt()
 
     def reset(self) -> None:
         """Leave a reflex or a released stop."""
-        self._before = self._untaken_since = None
+        self._before, self._untaken_since = NOTHING, None
         self._arm.reset()

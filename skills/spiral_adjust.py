@@ -6,7 +6,7 @@ from functools import partial
 
 import numpy as np
 
-from drivers.frames import angle_between
+from drivers.frames import angle_between, cross
 from drivers.quantities import ArmState, ImpedanceSetpoint, Twist, Vector
 from skills.contract import Outcome, Reason, SkillContext, SkillResult
 from skills.guided_peg import LET_GO, Aim, Descent, Guide, Stall, TiltSweep
@@ -170,7 +170,7 @@ def _target(tip: Vector, found: Vector, pull: float) -> Vector:
 
 def _spin(axis: Vector, after: Vector, period: float) -> Twist:
     """Return the twist that takes an axis to where it is one `period` later, s."""
-    return Twist(np.zeros(3), np.cross(axis, after) / period)
+    return Twist(np.zeros(3), cross(axis, after) / period)
 
 
 def given_up_after(depth: float, bottom: float, params: SpiralAdjustParams) -> float:

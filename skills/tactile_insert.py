@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import Field, NonNegativeFloat, PositiveFloat
 
 from drivers.config_model import Figure, Quantity, Tempo
-from drivers.frames import angle_between, rotation_about
+from drivers.frames import angle_between, cross, rotation_about
 from drivers.quantities import ImpedanceSetpoint, Twist, Vector
 from skills.contract import Outcome, Reason, SkillContext, SkillParams, SkillResult
 from skills.motion import VALIDITY, Gains, anchored
@@ -150,6 +150,6 @@ def _ahead(axis: Vector) -> Vector:
 
 def _on_the_way(start: Vector, goal: Vector, turned: float, rate: float) -> tuple[Vector, Vector]:
     """Return the setpoint of the axis after turning by `turned` from `start` towards `goal`, and its spin, rad/s."""
-    about = np.cross(start, goal)
-    about /= np.linalg.norm(about)
+    about = cross(start, goal)
+    about /= math.sqrt(float(about @ about))
     return rotation_about(about, turned) @ start, rate * about

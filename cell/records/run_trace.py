@@ -25,22 +25,22 @@ class Visit:
     ended: float
     peak_force: float | None = None
     deepest: float | None = None
-    theta: float | None = None
-    sigma: float | None = None
-    residual: float | None = None
-    length: float | None = None
+    newest: Observation | None = None
+    """Last scan with a healthy pose of the peg."""
 
     def see(self, seen: Observation, hole: Hole) -> None:
         """Add one scan."""
-        self.ended = seen.stamp
-        force = float(np.linalg.norm(seen.arm.wrench.force))
-        self.peak_force = max(self.peak_force or 0.0, force)
-        if seen.peg.healthy:
-            self.theta, self.sigma, self.residual = seen.peg.theta, seen.peg.sigma, seen.peg.residual
-            self.length = float(np.linalg.norm(seen.tip - seen.arm.tcp.position))
-        if seen.gripper.is_gripping and seen.peg.healthy and _is_over(seen, hole):
+        self.ended, force = seen.stamp, seen.arm.wrench.force
+        size = math.sqrt(float(force @ force))
+        if self.peak_force is None or size > self.peak_force:
+            self.peak_force = size
+        if not seen.peg.healthy:
+            return
+        self.newest = seen
+        if seen.gripper.is_gripping and _is_over(seen, hole):
             depth = depth_of(seen.tip, hole)
-            self.deepest = depth if self.deepest is None else max(self.deepest, depth)
+            if self.deepest is None or depth > self.deepest:
+                self.deepest = depth
 
 
 @dataclass(slots=True)
@@ -60,14 +60,14 @@ class RunTrace:
 
     def figures(self, row: RunRow) -> RunRow:
         """Return a run's row, completed with the figures from its scans."""
-        last = next((visit for visit in reversed(self.visits) if visit.theta is not None), None)
+        last = next((visit.newest for visit in reversed(self.visits) if visit.newest is not None), None)
         return replace(
             row,
             peak_force=max((visit.peak_force for visit in self.visits if visit.peak_force is not None), default=None),
             deepest=max((visit.deepest for visit in self.visits if visit.deepest is not None), default=None),
-            theta=last.theta if last is not None else None,
-            sigma=last.sigma if last is not None else None,
-            length=last.length if last is not None else None,
+            theta=last.peg.theta if last is not None else None,
+            sigma=last.peg.sigma if last is not None else None,
+            length=float(np.linalg.norm(last.tip - last.arm.tcp.position)) if last is not None else None,
         )
 
     def stages(self, run: int, records: Sequence[StageRecord], fault: CellError | None) -> list[StageRow]:
@@ -83,15 +83,16 @@ class RunTrace:
         return rows
 
     def _seen(self, run: int, place: int, visit: Visit) -> StageRow:
+        peg = None if visit.newest is None else visit.newest.peg
         return StageRow(
             run=run,
             place=place,
             name=visit.name,
             began=visit.began - self.began,
             ended=visit.ended - self.began,
-            theta=visit.theta,
-            sigma=_finite(visit.sigma),
-            residual=visit.residual,
+            theta=peg.theta if peg is not None else None,
+            sigma=_finite(peg.sigma) if peg is not None else None,
+            residual=peg.residual if peg is not None else None,
             peak_force=visit.peak_force,
             deepest=visit.deepest,
         )

@@ -13,7 +13,7 @@ import sys
 import time
 from importlib.util import find_spec
 
-from drivers import impedance
+from drivers import impedance, setpoint_words
 from drivers.arm.franka_config import FrankaArmConfig
 from drivers.arm.link import CYCLES_KEPT, SIZE, LoopLink, LoopPhase, compile_law, holding_words
 from drivers.arm.loop_figures import LoopFigures, Times
@@ -132,8 +132,8 @@ class FrankaArm:
     def follow(self, setpoint: ImpedanceSetpoint) -> None:
         """Hold `setpoint` until the next one or until its validity ends."""
         now = self._clock.now()
-        words = impedance.pack(setpoint, now)
-        words[impedance.VALID_UNTIL] = setpoint.valid_until - now
+        words = setpoint_words.pack(setpoint, now)
+        words[setpoint_words.VALID_UNTIL] = setpoint.valid_until - now
         self._handed, self._valid_until = now, setpoint.valid_until
         self._hand_over(words)
 

@@ -7,7 +7,7 @@ from enum import IntEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers import impedance
+from drivers import impedance, setpoint_words
 from drivers.quantities import Vector
 
 CYCLES_KEPT = 600_000
@@ -18,7 +18,7 @@ TEXT = 400
 _LAYOUT = np.dtype(
     [
         ("setpoint_sequence", np.int64),
-        ("words", np.float64, impedance.WORDS),
+        ("words", np.float64, setpoint_words.WORDS),
         ("resets", np.int64),
         ("start_by", np.float64),
         ("state_sequence", np.int64),
@@ -62,8 +62,8 @@ class LoopPhase(IntEnum):
 
 def holding_words() -> Vector:
     """Return the words of "hold still at the present pose, compliant", shape (WORDS,): a setpoint that is never valid."""
-    words = np.zeros(impedance.WORDS)
-    words[impedance.VALID_UNTIL] = -math.inf
+    words = np.zeros(setpoint_words.WORDS)
+    words[setpoint_words.VALID_UNTIL] = -math.inf
     return words
 
 

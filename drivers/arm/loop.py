@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 import pylibfranka
 
-from drivers import impedance
+from drivers import impedance, setpoint_words
 from drivers.arm.franka_wire import wrench_on_hand
 from drivers.arm.link import CYCLES_KEPT, TEXT, LoopLink, LoopPhase, compile_law, holding_words
 from drivers.arm.loop_figures import PRIORITY
@@ -177,7 +177,7 @@ class TorqueLoop:
             return
         self._taken = count
         # The setpoint carries its remaining validity, so the two clocks need not agree.
-        words[impedance.VALID_UNTIL] += self._time
+        words[setpoint_words.VALID_UNTIL] += self._time
         self._words[:] = words
         self._law[impedance.IS_HOLDING] = 0.0
 

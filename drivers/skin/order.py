@@ -56,7 +56,8 @@ class TaxelOrder:
         def misfit(order: NDArray[np.intp]) -> tuple[float, float]:
             known = is_known & was_known[order]
             squares = ((now - before[order]) ** 2 / variance[order])[known]
-            return 0.5 * float(squares.sum()), float(squares.mean()) if squares.size else np.inf
+            total = float(np.add.reduce(squares))
+            return 0.5 * total, total / squares.size if squares.size else np.inf
 
         as_before, mean = misfit(AS_TOLD)
         is_steady = mean <= AGREES

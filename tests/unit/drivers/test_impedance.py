@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cell.config.files import arm_file
-from drivers import impedance
+from drivers import impedance, setpoint_words
 from drivers.arm import dynamics, learning
 from drivers.arm.inertia import joint_inertia
 from drivers.arm.link import holding_words
@@ -60,14 +60,14 @@ def settled(words: Vector, q: Vector, dq: Vector, now: float = 0.0) -> Vector:
 
 def test_at_its_setpoint_and_at_rest_the_arm_is_left_alone() -> None:
     tip, axis = tip_of(Q, 0.3, 0.05)
-    words = impedance.pack(setpoint(tip, axis, in_hand=InHandTip(0.3, 0.05, 0.0)), 0.0)
+    words = setpoint_words.pack(setpoint(tip, axis, in_hand=InHandTip(0.3, 0.05, 0.0)), 0.0)
     np.testing.assert_allclose(settled(words, Q, np.zeros(7)), 0.0, atol=1e-6)
 
 
 def test_a_displaced_tip_is_pulled_by_the_spring_at_the_tip() -> None:
     tip, axis = tip_of(Q, 0.3, 0.05)
     pull = np.array([0.004, -0.002, 0.003])
-    words = impedance.pack(setpoint(tip + pull, axis, in_hand=InHandTip(0.3, 0.05, 0.0)), 0.0)
+    words = setpoint_words.pack(setpoint(tip + pull, axis, in_hand=InHandTip(0.3, 0.05, 0.0)), 0.0)
     expected = jacobian(Q, 0.3, 0.05).T @ np.array([*(500.0 * pull), 0.0, 0.0, 0.0])
     np.testing.assert_allclose(settled(words, Q, np.zeros(7)), expected, atol=1e-3)
 
@@ -78,14 +78,14 @@ def test_the_torque_turns_the_axis_towards_its_setpoint() -> None:
     normal = np.cross(axis, [0.0, 1.0, 0.0])
     normal /= np.linalg.norm(normal)
     wanted = axis * math.cos(0.1) + np.cross(normal, axis) * math.sin(0.1)
-    words = impedance.pack(setpoint(tip, wanted, in_hand=InHandTip(0.0, 0.05, 0.0)), 0.0)
+    words = setpoint_words.pack(setpoint(tip, wanted, in_hand=InHandTip(0.0, 0.05, 0.0)), 0.0)
     expected = jacobian(Q, 0.0, 0.05).T @ np.array([0.0, 0.0, 0.0, *(20.0 * 0.1 * normal)])
     np.testing.assert_allclose(settled(words, Q, np.zeros(7)), expected, atol=1e-3)
 
 
 def test_no_step_changes_a_torque_by_more_than_the_arm_allows() -> None:
     tip, axis = tip_of(Q, 0.0, 0.05)
-    words = impedance.pack(setpoint(tip + 0.5, axis), 0.0)
+    words = setpoint_words.pack(setpoint(tip + 0.5, axis), 0.0)
     tau = impedance.torque(ARM, words, np.zeros(impedance.STATE_WORDS), Q, np.zeros(7), 0.0, PERIOD)
     assert np.abs(tau).max() <= PANDA.joints.torque_rate[0] * PERIOD * (1.0 + 1e-12)
     assert (np.abs(settled(words, Q, np.zeros(7))) <= np.array(PANDA.joints.torque)).all()
@@ -93,7 +93,7 @@ def test_no_step_changes_a_torque_by_more_than_the_arm_allows() -> None:
 
 def test_a_setpoint_past_its_validity_is_replaced_by_holding_still() -> None:
     tip, axis = tip_of(Q, 0.0, 0.05)
-    words = impedance.pack(setpoint(tip + 0.1, axis, in_hand=InHandTip(0.0, 0.05, 0.0)), 0.0)
+    words = setpoint_words.pack(setpoint(tip + 0.1, axis, in_hand=InHandTip(0.0, 0.05, 0.0)), 0.0)
     np.testing.assert_allclose(settled(words, Q, np.zeros(7), now=11.0), 0.0, atol=1e-3)
 
 
@@ -150,12 +150,12 @@ def test_the_integral_is_saturated_and_a_new_id_empties_it() -> None:
     tip, axis = tip_of(Q, 0.0, 0.05)
     leaning = axis + np.array([0.2, 0.0, 0.0])
     given = setpoint(tip, leaning / np.linalg.norm(leaning), integral_gain=100.0, integral_limit=0.5)
-    words, state = impedance.pack(given, 0.0), np.zeros(impedance.STATE_WORDS)
+    words, state = setpoint_words.pack(given, 0.0), np.zeros(impedance.STATE_WORDS)
     for _ in range(2000):
         impedance.torque(ARM, words, state, Q, np.zeros(7), 0.0, PERIOD)
     assert np.abs(state[impedance.INTEGRAL : impedance.INTEGRAL + 3]).max() == pytest.approx(0.5)
-    words[impedance.ID] = 2
-    words[impedance.INTEGRAL_GAIN] = 0.0
+    words[setpoint_words.ID] = 2
+    words[setpoint_words.INTEGRAL_GAIN] = 0.0
     impedance.torque(ARM, words, state, Q, np.zeros(7), 0.0, PERIOD)
     np.testing.assert_array_equal(state[impedance.INTEGRAL : impedance.INTEGRAL + 3], 0.0)
 
@@ -172,7 +172,7 @@ def test_every_part_of_a_setpoint_reaches_the_torque_loop_in_its_own_words():
         is_free=True,
         posture=np.arange(30.0, 37.0),
     )
-    words = impedance.pack(given, 18.0)
+    words = setpoint_words.pack(given, 18.0)
     gains = [500.0] * 3 + [20.0] * 3
     assert words.tolist() == [
         *(1, 1, 2, 3, 4, 5, 6, *gains, *[1.0] * 6, 10.0),
@@ -182,10 +182,10 @@ def test_every_part_of_a_setpoint_reaches_the_torque_loop_in_its_own_words():
 
 
 def test_what_a_setpoint_leaves_out_is_marked_as_left_out():
-    words = impedance.pack(setpoint(np.ones(3), np.ones(3)), 0.5)
-    flags = [impedance.HAS_HAND, impedance.HAS_ROLL, impedance.HAS_POSTURE, impedance.IS_FREE]
+    words = setpoint_words.pack(setpoint(np.ones(3), np.ones(3)), 0.5)
+    flags = [setpoint_words.HAS_HAND, setpoint_words.HAS_ROLL, setpoint_words.HAS_POSTURE, setpoint_words.IS_FREE]
     assert words[flags].tolist() == [0.0] * 4
-    assert words[impedance.TWIST : impedance.TWIST + 6].tolist() == [0.0] * 6
+    assert words[setpoint_words.TWIST : setpoint_words.TWIST + 6].tolist() == [0.0] * 6
 
 
 def test_the_hand_hangs_where_the_arm_s_tables_put_it():

@@ -6,30 +6,33 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from drivers import setpoint_words
 from drivers.errors import ArmSilentError, NotFiniteError, SetpointError, TrackingError
 from drivers.frames import end_point
 from drivers.quantities import ArmState, ImpedanceSetpoint, InHandTip, Pose, TaxelFrame, Twist, Wrench
 from skills.scan_guards import require_finite_skin, require_finite_theta
 from skills.setpoint_bounds import (
     AGE_SLACK,
+    LEAD,
     LONGEST_VALIDITY,
+    MOST_ASKEW,
     MOST_DAMPING_RATIO,
     MOST_LENGTH,
     MOST_THETA,
-    ArmBounds,
-)
-from skills.setpoint_gate import (
-    LEAD,
-    MOST_ASKEW,
     POSTURE_LEAD,
     POSTURE_SLACK,
     STEP_SLACK,
+    ArmBounds,
+)
+from skills.setpoint_gate import (
+    NOTHING,
     GatedArm,
-    Handed,
     Limits,
+    pack_bounds,
     require_readings,
     require_sound,
 )
+from skills.setpoint_rules import pack_state
 from skills.tactile.pose import NO_PEG
 from tests.fakes import HAND_DOWN, FakeArm, FakeClock
 
@@ -61,8 +64,9 @@ def setpoint(tip=HERE, **changes):
     return replace(made, **changes)
 
 
-def judge(asked, arm=None, before=None):
-    require_sound(asked, arm or arm_at(), before, LIMITS, BOUNDS)
+def judge(asked, arm=None, before=None, bounds=BOUNDS):
+    arm, last = arm or arm_at(), NOTHING if before is None else setpoint_words.pack(*before)
+    require_sound(setpoint_words.pack(asked, arm.stamp), pack_state(arm), last, pack_bounds(bounds, LIMITS))
 
 
 def off(size):
@@ -76,7 +80,7 @@ def test_where_the_arm_is_it_may_stay():
 @pytest.mark.parametrize("share", [0.999, -0.999])
 def test_a_setpoint_may_press_up_to_the_force_limit(share):
     asked = setpoint(off(share * LIMITS.force / STIFF))
-    judge(asked, before=Handed(asked, 0.0))
+    judge(asked, before=(asked, 0.0))
 
 
 def test_a_step_of_90_mm_is_refused_with_the_force_that_it_would_press_with():
@@ -92,7 +96,7 @@ def test_the_force_is_that_at_the_end_of_the_peg_in_the_hand():
 
 
 def test_an_arm_that_stays_behind_its_setpoint_is_blocked():
-    before = Handed(setpoint(off(0.039)), 0.0)
+    before = (setpoint(off(0.039)), 0.0)
     with pytest.raises(TrackingError, match="blocked"):
         judge(setpoint(off(0.041)), arm_at(stamp=PERIOD), before)
 
@@ -101,7 +105,7 @@ def test_an_arm_that_stays_behind_its_setpoint_is_blocked():
 def test_a_setpoint_moves_no_faster_than_the_arm_s_tool(beyond, is_sound):
     step = SPEED * PERIOD + STEP_SLACK + beyond
     soft = np.array([100.0] * 3 + [40.0] * 3)
-    before = Handed(setpoint(HERE, stiffness=soft), 0.0)
+    before = (setpoint(HERE, stiffness=soft), 0.0)
     asked = setpoint(off(step), stiffness=soft)
     if is_sound:
         judge(asked, arm_at(stamp=PERIOD), before)
@@ -208,7 +212,7 @@ def test_what_is_no_number_or_no_setpoint_is_named(named):
 )
 def test_a_reading_of_the_arm_that_no_sensor_can_give_is_named(named, changes):
     with pytest.raises(NotFiniteError, match=f"arm: {named}"):
-        require_readings(replace(arm_at(), **changes))
+        require_readings(pack_state(replace(arm_at(), **changes)))
 
 
 def test_a_trusted_taxel_that_is_no_number_is_named_and_an_untrusted_one_is_borne():
@@ -348,12 +352,12 @@ SOFT = np.array([100.0] * 3 + [40.0] * 3)
 
 def test_a_setpoint_may_press_with_exactly_the_force_limit():
     asked = setpoint(off(0.25), stiffness=np.full(6, LIMITS.force / 0.25))
-    judge(asked, before=Handed(asked, 0.0))
+    judge(asked, before=(asked, 0.0))
 
 
 def test_a_setpoint_may_step_by_exactly_what_the_time_since_the_last_one_allows():
     aside = HERE + np.array([0.0, STEP_SLACK, 0.0])
-    judge(setpoint(aside), before=Handed(setpoint(), 0.0))
+    judge(setpoint(aside), before=(setpoint(), 0.0))
 
 
 def test_a_setpoint_may_be_without_stiffness_along_an_axis():
@@ -364,18 +368,18 @@ def test_a_setpoint_may_be_without_stiffness_along_an_axis():
 
 
 def test_a_step_is_judged_by_the_time_since_the_last_setpoint_however_long_the_cell_runs():
-    before = Handed(setpoint(stiffness=SOFT), 3600.0)
+    before = (setpoint(stiffness=SOFT), 3600.0)
     with pytest.raises(SetpointError, match="step of 100 mm; at most 31 mm allowed"):
         judge(setpoint(off(0.1), stiffness=SOFT), arm_at(stamp=3600.0 + PERIOD), before)
 
 
 def test_a_new_motion_begins_where_the_arm_is_and_not_where_the_last_one_was():
-    judge(setpoint(id=2), arm_at(stamp=PERIOD), Handed(setpoint(off(0.2)), 0.0))
+    judge(setpoint(id=2), arm_at(stamp=PERIOD), (setpoint(off(0.2)), 0.0))
 
 
 def test_a_motion_that_takes_the_peg_for_its_point_makes_no_step():
     in_hand = InHandTip(0.0, 0.05, 0.0)
-    judge(setpoint(HERE - 0.05 * UP, in_hand=in_hand), arm_at(stamp=PERIOD), Handed(setpoint(), 0.0))
+    judge(setpoint(HERE - 0.05 * UP, in_hand=in_hand), arm_at(stamp=PERIOD), (setpoint(), 0.0))
 
 
 @pytest.mark.parametrize("side", [-1.0, 1.0])
@@ -407,9 +411,9 @@ def test_lengths_are_told_to_a_millimetre():
     far, near = np.array([0.5, 0.4, 0.3]), np.array([0.5, -0.45, 0.3])
     with pytest.raises(SetpointError, match="850 mm away presses with 85 N"):
         judge(setpoint(far, stiffness=SOFT), arm_at(near))
-    before = Handed(setpoint(near, stiffness=SOFT), 0.0)
+    before = (setpoint(near, stiffness=SOFT), 0.0)
     with pytest.raises(SetpointError, match="step of 850 mm; at most 601 mm allowed"):
-        require_sound(setpoint(far, stiffness=SOFT), arm_at(stamp=1.0), before, LIMITS, replace(BOUNDS, speed=6.0))
+        judge(setpoint(far, stiffness=SOFT), arm_at(stamp=1.0), before, replace(BOUNDS, speed=6.0))
 
 
 @pytest.mark.parametrize(
@@ -528,7 +532,7 @@ def test_no_setpoint_turns_with_more_torque_than_a_joint_has(askew, angle, stiff
 # A motion that begins.
 
 
-@pytest.mark.parametrize("before", [None, Handed(setpoint(off(-0.05), id=7), 0.0)])
+@pytest.mark.parametrize("before", [None, (setpoint(off(-0.05), id=7), 0.0)])
 def test_a_motion_begins_no_further_than_its_lead_from_where_the_arm_is(before):
     judge(setpoint(off(LEAD - 1e-6), stiffness=SOFT), arm_at(stamp=PERIOD), before)
     with pytest.raises(SetpointError, match=r"begins 21 mm from where the arm is.*; at most 20 mm "):
@@ -540,11 +544,11 @@ def test_how_far_a_motion_begins_from_the_arm_is_told_to_a_millimetre():
     with pytest.raises(SetpointError, match=r"begins 800 mm from where the arm is; at most 20 mm allowed$"):
         judge(setpoint(far, stiffness=np.ones(6)), arm_at(near))
     with pytest.raises(SetpointError, match=r"begins 800 mm .* and a step of 800 mm; at most 20 mm or 301 mm allowed$"):
-        judge(setpoint(far, stiffness=np.ones(6)), arm_at(near, stamp=1.0), Handed(setpoint(near, id=7), 0.0))
+        judge(setpoint(far, stiffness=np.ones(6)), arm_at(near, stamp=1.0), (setpoint(near, id=7), 0.0))
 
 
 def test_a_motion_with_a_new_id_may_go_on_from_the_setpoint_before_it_at_the_arm_s_speed():
-    before = Handed(setpoint(off(0.05), stiffness=SOFT, id=7), 0.0)
+    before = (setpoint(off(0.05), stiffness=SOFT, id=7), 0.0)
     judge(setpoint(off(0.05 + SPEED * PERIOD + STEP_SLACK), stiffness=SOFT), arm_at(stamp=PERIOD), before)
     with pytest.raises(
         SetpointError, match=r"begins 82 mm from where the arm is, and a step of 32 mm; at most 20 mm or 31"
@@ -553,7 +557,7 @@ def test_a_motion_with_a_new_id_may_go_on_from_the_setpoint_before_it_at_the_arm
 
 
 def test_a_motion_that_takes_the_peg_for_its_point_goes_on_where_the_hand_was_asked_to_be():
-    before = Handed(setpoint(off(0.05), stiffness=SOFT), 0.0)
+    before = (setpoint(off(0.05), stiffness=SOFT), 0.0)
     asked = setpoint(off(0.05) - 0.05 * UP, in_hand=InHandTip(0.0, 0.05, 0.0), stiffness=SOFT)
     judge(asked, arm_at(stamp=PERIOD), before)
     with pytest.raises(SetpointError, match="a step of 50 mm"):
@@ -584,7 +588,7 @@ def posed(*turned, q=0.0):
 @pytest.mark.parametrize("joint", range(7))
 def test_a_posture_lies_within_the_range_of_every_joint(joint):
     for end, sense in ((-2.0, -1.0), (2.5, 1.0)):
-        last = Handed(setpoint(posture=posed((joint, end))), 0.0)
+        last = (setpoint(posture=posed((joint, end))), 0.0)
         judge(setpoint(posture=posed((joint, end))), before=last)
         match = rf"posture of joint {joint + 1} = {end + 0.01 * sense:.3f} rad; -2 to 2\.5 allowed"
         with pytest.raises(SetpointError, match=match):
@@ -604,15 +608,13 @@ def test_a_joint_outside_its_range_is_drawn_back_and_no_further_out(end):
 @pytest.mark.parametrize(("joint", "speed"), [(0, 2.0), (2, 2.0), (6, 3.0)])
 def test_a_posture_moves_no_faster_than_the_joint_may(joint, speed, sense):
     step = speed * PERIOD + POSTURE_SLACK
-    last = Handed(setpoint(posture=posed((joint, 0.5))), 0.0)
+    last = (setpoint(posture=posed((joint, 0.5))), 0.0)
     judge(setpoint(posture=posed((joint, 0.5 + sense * (step - 1e-4)))), arm_at(stamp=PERIOD), last)
     with pytest.raises(SetpointError, match=rf"posture of joint {joint + 1} moves by {step + 1e-3:.3f} rad; at most"):
         judge(setpoint(posture=posed((joint, 0.5 + sense * (step + 1e-3)))), arm_at(stamp=PERIOD), last)
 
 
-@pytest.mark.parametrize(
-    "last", [None, Handed(setpoint(id=7), 0.0), Handed(setpoint(id=7, posture=posed((0, 1.0))), 0.0)]
-)
+@pytest.mark.parametrize("last", [None, (setpoint(id=7), 0.0), (setpoint(id=7, posture=posed((0, 1.0))), 0.0)])
 def test_the_posture_of_a_motion_begins_near_the_joints_but_for_the_elbow(last):
     judge(setpoint(posture=posed((0, POSTURE_LEAD), (2, 1.5))), arm_at(stamp=PERIOD), last)
     with pytest.raises(SetpointError, match=r"posture of joint [13] moves by"):
@@ -620,7 +622,7 @@ def test_the_posture_of_a_motion_begins_near_the_joints_but_for_the_elbow(last):
 
 
 def test_the_posture_of_a_new_motion_may_go_on_from_the_one_before():
-    last = Handed(setpoint(id=7, posture=posed((0, 1.0), (2, 0.5))), 0.0)
+    last = (setpoint(id=7, posture=posed((0, 1.0), (2, 0.5))), 0.0)
     judge(setpoint(posture=posed((0, 1.0 + 2.0 * PERIOD), (2, 0.5))), arm_at(stamp=PERIOD), last)
 
 
@@ -628,4 +630,4 @@ def test_joint_targets_that_run_away_under_new_ids_are_told():
     still, turned = (setpoint(id=scan, posture=posed((3, 10.0 * PERIOD * scan))) for scan in (2, 3))
     judge(still)
     with pytest.raises(SetpointError, match=r"posture of joint 4 moves by 0\.100 rad; at most 0\.040 rad allowed"):
-        judge(turned, arm_at(stamp=PERIOD), Handed(still, 0.0))
+        judge(turned, arm_at(stamp=PERIOD), (still, 0.0))
