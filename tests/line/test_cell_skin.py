@@ -34,7 +34,7 @@ def told(capsys, *arguments, status=GOOD):
 
 
 def complaint(capsys, *arguments):
-    """Return the one line that wrong use is told in."""
+    """Return the one-line error message after wrong use."""
     assert main(list(arguments)) == WRONG_USE
     return capsys.readouterr().err
 

@@ -46,7 +46,7 @@ def _fragments(tree: ast.AST) -> Iterator[tuple[int, str]]:
 
 
 def _begins_a_fragment(text: str) -> bool:
-    """Tell whether a text lacks its subject, or is but a unit."""
+    """Return whether a text lacks its subject, or is only a unit."""
     first = text.split()[0].strip(".,;:")
     return first.lower() in FRAGMENTS or first in UNITS
 
