@@ -65,9 +65,9 @@ def excess_of(height: float, axis: Vector, bound: float, has_touched: bool = Fal
     that is taken for a high plate seems shallower by all its excess when it is seated, and turns about a point that is off by it.
 
     Args:
-        height: Height of the peg's lowest point over the plate's stated surface where it touches, m, by the length that is believed.
+        height: Height of the peg's lowest point over the plate's stated surface where it touches, m, by the assumed length.
         axis: Axis of the peg, unit, shape (3,), base frame.
-        bound: Largest excess that is believed, m.
+        bound: Largest credible excess, m.
         has_touched: Whether the peg has touched the plate since it was grasped, so that it may have slipped by more since.
 
     Returns:

@@ -28,7 +28,7 @@ SERIAL = [*FAST, "--set", "skin.kind=serial"]
 
 
 def told(capsys, *arguments, status=GOOD):
-    """Return what a command that asks for JSON says."""
+    """Return the output of a command with --json."""
     assert main([*arguments, "--json"]) == status
     return json.loads(capsys.readouterr().out)
 
