@@ -61,7 +61,7 @@ FAULTS: dict[FaultCode, FaultText] = {
         "run `cell check`, mend the switch",
     ),
     FaultCode.ARM_SILENT: FaultText(
-        "the arm's state is too old, or its readings stand still while it should move",
+        "the arm's state is too old, or its readings stand still while it follows a setpoint",
         "network to the robot controller, or the controller itself",
         "check the cable and the controller",
     ),

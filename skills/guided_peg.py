@@ -26,7 +26,7 @@ SWEPT_BEYOND = 0.015
 MOST_SWEPT = 0.06
 """Largest angle of a tilt sweep, rad; a wider sweep turns pegs out of their holes. Source: docs/tried/adjustment.md."""
 LET_GO = 0.5
-"""Share of rest below which a swept peg slides and the sweep ends, fraction; half of `SLIDING`."""
+"""Share of rest below which a swept peg slides, fraction; the hand then keeps its present orientation."""
 SMOOTHING = 0.3
 """Weight of a new scan in the smoothed speed of the tip; the noise of theta moves the tip."""
 
@@ -90,6 +90,10 @@ class Aim:
     def axis(self, offset: Vector) -> Vector:
         """Return the axis of the peg, unit, shape (3,), with the finger centre at `offset`, shape (2,), m, from `direction`."""
         return tilted_by(offset + self.in_hand.length * self.direction[:2], self.in_hand.length)
+
+    def kept(self, tcp: Pose) -> "Aim":
+        """Return the aim along the peg's present axis, so that the hand keeps its orientation."""
+        return replace(self, direction=end_point(tcp, self.in_hand.theta, self.in_hand.length)[1])
 
     def freed(self, in_hand: InHandTip, tcp: Pose, normal: Vector) -> "Aim":
         """Return the aim after a jam, with the newly measured theta.

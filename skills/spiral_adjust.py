@@ -128,7 +128,7 @@ def run(
         if looks.is_over or is_stalled or depth < -(ctx.job.peg.part.inscribed / 2.0 + RAISED):
             break
         if sweep.is_on(elapsed, params) and descent.rest < LET_GO:
-            sweep = replace(sweep, began=-math.inf)
+            aim, sweep = aim.kept(seen.arm.tcp), replace(sweep, began=-math.inf)
         # The periods of the dither begin again after a sweep.
         guide = Guide(elapsed, reached=depth) if sweep.is_on(elapsed, params) else guide.after(depth, elapsed, params)
         if guide.is_jammed and not looks.is_lifting:

@@ -1,8 +1,10 @@
 """Sizes of the project: lines by part, words of the documents, complexity, and words that the style forbids.
 
     python -m tests.sizes [FOLDER]
+    python -m tests.sizes --budgets > tests/budgets.toml
 
-prints them for a checkout, this one by default; compare two checkouts by running it on both.
+The first prints them for a checkout, this one by default; compare two checkouts by running it on both. The second writes the
+lines of each room as its budget, which a test holds; a commit that raises one states what a user gets for it.
 """
 
 import ast
@@ -17,6 +19,8 @@ PRODUCT = ("cell", "drivers", "plc_bridge", "sim", "skills")
 LABORATORY = Path("cell/lab")
 SPEAKING = re.compile(r"\b(tells?|told|telling|says?|said|saying)\b", re.I)
 NOMINAL = re.compile(r"\bwhat (is|was|the|a|an|it|they|has|had)\b", re.I)
+STEP = 25
+"""Steps of a budget, lines."""
 BRANCHES = (ast.If, ast.For, ast.While, ast.ExceptHandler, ast.IfExp, ast.match_case)
 
 
@@ -62,6 +66,17 @@ def lines(paths: list[Path]) -> int:
     return sum(path.read_text(encoding="utf-8").count("\n") for path in paths)
 
 
+def rooms(root: Path) -> dict[str, int]:
+    """Return the lines of each folder of the product, the laboratory and the tests, its files alone."""
+    folders = {path.parent.relative_to(root) for path in files(root, *PRODUCT, "tests")}
+    return {folder.as_posix(): lines(sorted((root / folder).glob("*.py"))) for folder in sorted(folders)}
+
+
+def budgets(root: Path) -> str:
+    """Return the lines of each room, rounded up to the next step, as TOML."""
+    return "".join(f'"{room}" = {-(-count // STEP) * STEP}\n' for room, count in rooms(root).items())
+
+
 def main(root: Path) -> None:
     """Print the sizes of a checkout."""
     code = files(root, *PRODUCT)
@@ -98,4 +113,8 @@ def main(root: Path) -> None:
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]) if len(sys.argv) > 1 else Path(__file__).parents[1])
+    here = Path(__file__).parents[1]
+    if sys.argv[1:] == ["--budgets"]:
+        sys.stdout.write(budgets(here))
+    else:
+        main(Path(sys.argv[1]) if sys.argv[1:] else here)

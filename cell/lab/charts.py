@@ -1,4 +1,4 @@
-"""Charts of the laboratory: speed against accuracy, panels of curves, rows of results, and labels that do not overlap."""
+"""Charts of the laboratory: speed against accuracy, panels of curves, and rows of results."""
 
 import math
 from collections.abc import Sequence
@@ -10,7 +10,6 @@ from typing import Self
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.transforms import Bbox
 from numpy.typing import ArrayLike
 
 from cell.film.plots import COLOURS
@@ -20,16 +19,8 @@ from cell.records.statistics import wilson
 CHART = "speed_accuracy.png"
 INK, GREY, BLUE, RED, GREEN, PURPLE = "#222222", "#888888", "#4477aa", "#ee6677", "#228833", "#aa3377"
 """Palette of the charts, with `COLOURS`; colour-blind readers can distinguish it."""
-OFFSETS = (12, 26, 42, 60, 80, 102, 126, 152)
-"""Distances from its point that a label tries, points; beyond the first a thin line leads to it."""
-SIDES = ((1, 0), (-1, 0), (1, 1), (-1, 1), (1, -1), (-1, -1), (0, 1), (0, -1), (2, 1), (-2, 1), (2, -1), (-2, -1))
-"""Directions that a label tries, in order."""
-LETTERS = 9.0
-"""Size of the letters, points."""
 LETTERS_PER_INCH = 13.0
 """Length of a line of a title."""
-CLEAR = 6.0
-"""Half the side of the square around a point, pixels."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,59 +64,6 @@ def plot_speed_accuracy(points: Sequence[Point], path: Path) -> None:
     axes.grid(alpha=0.3)
     axes.legend(loc="lower right", fontsize=9)
     figure.savefig(path, dpi=110)
-
-
-@dataclass(frozen=True, slots=True)
-class Label:
-    """Label of a point, at the point's position on both axes."""
-
-    x: float
-    y: float
-    text: str
-    is_bold: bool = False
-
-
-def place_labels(figure: Figure, axes: Axes, labels: Sequence[Label]) -> None:
-    """Write every label at the first free position around its point; if none is free, at the last position tried."""
-    figure.draw_without_rendering()
-    frame = axes.get_window_extent()
-    spots = [axes.transData.transform((label.x, label.y)) for label in labels]
-    taken = [Bbox.from_extents(x - CLEAR, y - CLEAR, x + CLEAR, y + CLEAR) for x, y in spots]
-    for label in labels:
-        for step in OFFSETS:
-            if any(_written(axes, label, (across * step, up * step), taken, frame) for across, up in SIDES):
-                break
-        else:
-            _written(axes, label, (OFFSETS[0], 0), [], frame)
-
-
-def _written(axes: Axes, label: Label, offset: tuple[float, float], taken: list[Bbox], frame: Bbox) -> bool:
-    """Write a label at an offset from its point, points, if the position is free; return True if it was written."""
-    side = "left" if offset[0] > 0 else "right" if offset[0] < 0 else "center"
-    note = axes.annotate(
-        label.text,
-        (label.x, label.y),
-        xytext=offset,
-        textcoords="offset points",
-        ha=side,
-        va="center",
-        fontsize=LETTERS,
-        fontweight="bold" if label.is_bold else "normal",
-        bbox={"boxstyle": "square,pad=0.1", "fc": "white", "ec": "none", "alpha": 0.75},
-        zorder=6,
-    )
-    text = note.get_window_extent()
-    is_inside = frame.x0 <= text.x0 and text.x1 <= frame.x1 and frame.y0 <= text.y0 and text.y1 <= frame.y1
-    if not is_inside or text.count_overlaps(taken):
-        note.remove()
-        return False
-    taken.append(text)
-    if max(map(abs, offset)) > OFFSETS[0]:
-        line = {"arrowstyle": "-", "lw": 0.5, "color": "#777777", "shrinkA": 0, "shrinkB": 4}
-        axes.annotate(
-            "", (label.x, label.y), xytext=offset, textcoords="offset points", ha=side, va="center", arrowprops=line
-        )
-    return True
 
 
 @dataclass(frozen=True, slots=True)

@@ -68,6 +68,15 @@ def no_probe(cell: Cell, ctx: SkillContext) -> Probe:
     return NoProbe()
 
 
+Program = Callable[[Cell, SkillContext], list[StageRecord]]
+"""Function of a module that inserts a peg in an opened cell; a study can replace the cell's own program."""
+
+
+def insert_peg(cell: Cell, ctx: SkillContext) -> list[StageRecord]:
+    """Run the cell's own program."""
+    return CATALOGUE["insert_peg"].run(cell.config.skill_set(), ctx)
+
+
 WATCHED = frozenset({"spray_search", "tactile_insert"})
 """Stages in which the estimate in use is compared with the truth."""
 VOID = "void"
@@ -198,11 +207,11 @@ class Watcher:
         return math.sqrt(total / self.count) if self.count else None
 
 
-def run_trial(config: CellConfig, seed: int, probe: MakeProbe = no_probe) -> TrialRow:
-    """Run `insert_peg` once on a fresh cell of this seed, without sockets and without waiting for the wall clock."""
+def run_trial(config: CellConfig, seed: int, probe: MakeProbe = no_probe, program: Program = insert_peg) -> TrialRow:
+    """Run a program once on a fresh cell of this seed, without sockets and without waiting for the wall clock."""
     wall = time.perf_counter()
     with opened(assemble(seeded(config, seed))) as cell:
-        row = trial_in(cell, seed, probe=probe)
+        row = trial_in(cell, seed, probe=probe, program=program)
     return replace(row, wall_time=time.perf_counter() - wall)
 
 
@@ -212,14 +221,14 @@ def seeded(config: CellConfig, seed: int) -> CellConfig:
     return config.model_copy(update={"sim": config.sim.model_copy(update={"seed": seed, "pace": "max"})})
 
 
-def _insert(watcher: Watcher) -> tuple[list[StageRecord], Ending, Outcome, str]:
-    """Run `insert_peg`; return its stages, its ending, outcome and reason.
+def _insert(watcher: Watcher, program: Program) -> tuple[list[StageRecord], Ending, Outcome, str]:
+    """Run a program; return its stages, its ending, outcome and reason.
 
     A fault is a failure with the fault's name.
     """
     records: list[StageRecord] = []
     try:
-        records = CATALOGUE["insert_peg"].run(watcher.cell.config.skill_set(), watcher.ctx)
+        records = program(watcher.cell, watcher.ctx)
         ending = watcher.judged(ending_of(records, None, watcher.ctx.stage), records)
     except CellError as error:
         ending = ending_of(records, error, watcher.ctx.stage)
@@ -227,8 +236,14 @@ def _insert(watcher: Watcher) -> tuple[list[StageRecord], Ending, Outcome, str]:
     return records, ending, ending.outcome, ending.word
 
 
-def trial_in(cell: Cell, seed: int, each: Callable[[], None] = lambda: None, probe: MakeProbe = no_probe) -> TrialRow:
-    """Run `insert_peg` once in an opened cell, and call `each` in every scan.
+def trial_in(
+    cell: Cell,
+    seed: int,
+    each: Callable[[], None] = lambda: None,
+    probe: MakeProbe = no_probe,
+    program: Program = insert_peg,
+) -> TrialRow:
+    """Run a program once in an opened cell, and call `each` in every scan.
 
     A fault ends the trial as a failure, with the fault's name as the reason. The whole time of its stage is included.
     """
@@ -244,7 +259,7 @@ def trial_in(cell: Cell, seed: int, each: Callable[[], None] = lambda: None, pro
         each()
 
     ctx.record = record
-    records, ending, outcome, reason = _insert(watcher)
+    records, ending, outcome, reason = _insert(watcher, program)
     truth = watcher.ending or cell.truth()
     sim_time = cell.clock.now()
     watcher.clock.leave(sim_time)
@@ -295,6 +310,7 @@ def run_trials(
     scheduler: str | None = None,
     is_enough: Callable[[Sequence[TrialRow]], bool] | None = None,
     probe: MakeProbe = no_probe,
+    program: Program = insert_peg,
 ) -> list[TrialRow]:
     """Run a trial of every seed on `workers` processes, or on a cluster, and return the rows, sorted by seed.
 
@@ -311,6 +327,7 @@ def run_trials(
             ends the call, and only those rows are returned, independent of the number of processes. None runs every
             seed.
         probe: Function that prepares each trial and returns its probe.
+        program: Program of every trial.
 
     Raises:
         ConfigError: The folder is not writable, or the packages for a cluster are missing.
@@ -327,7 +344,7 @@ def run_trials(
             done(row)
         order = sorted(seeds)
         missing = [seed for seed in seeds if seed not in rows]
-        task = partial(run_trial, config, probe=probe)
+        task = partial(run_trial, config, probe=probe, program=program)
         results = on_cluster(task, missing, scheduler) if scheduler else on_processes(task, missing, workers)
         began, taken_up = time.perf_counter(), len(rows)
         with closing(results):
@@ -341,7 +358,6 @@ def run_trials(
     write_table(ordered, folder / TABLE)
     summary = summarise(ordered, config) | {"trials_per_minute": (len(rows) - taken_up) / minutes}
     (folder / SUMMARY).write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
-    (folder / PARTIAL).unlink()
     return ordered
 
 

@@ -180,6 +180,12 @@ SEATING: Sequence[Rule] = (
         acts=lambda aim, *_: not aim.is_by_plate,
     ),
     Rule(
+        "kept sweep",
+        "A swept peg that slides keeps the present orientation of the hand.",
+        "skills.guided_peg:Aim.kept",
+        off=_same,
+    ),
+    Rule(
         "fading dither",
         "The circles fade with the speed of the peg.",
         "skills.guided_peg:Descent.rest",

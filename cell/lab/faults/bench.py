@@ -14,7 +14,6 @@ from cell.config.load import LoadedConfig
 from cell.config.parameters import PARAMETERS
 from cell.devices.assembly import Cell, assemble, opened
 from cell.lab.faults.cases import LONGEST
-from cell.lab.faults.devices import FaultyDevice
 from cell.records.journal import Journal
 from cell.run.line import PROGRAMS
 from cell.run.states import State
@@ -27,6 +26,7 @@ from plc_bridge.images import CommandImage
 from plc_bridge.messages import Report
 from plc_bridge.peer import CellSilentError, Peer
 from sim.board_links import EmulatedCan
+from sim.faulty import FaultyDevice
 from sim.switch_board import EmulatedSwitchBoard
 from skills.catalogue import CATALOGUE, RECOVER
 from skills.rest import REST_SPEED

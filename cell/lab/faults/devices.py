@@ -3,7 +3,7 @@
 import math
 from collections import deque
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -13,32 +13,14 @@ from drivers.errors import ArmReflexError, ArmSilentError, ArmStoppedError, Cell
 from drivers.quantities import ArmState, Pose, SwitchState, Wrench
 from drivers.skin.health import Counts
 from sim.config import WireFaults
+from sim.faulty import Change, kept
 
-Change = Callable[[Any], Any]
-"""Function from a reading to the changed one."""
 AGES = 1e6
 """End of a fault of a wire that lasts, s."""
 FULL_SCALE = 42_000
 """Reading of a saturated taxel, counts."""
 LOOSE = tuple((0.4 * number, 0.4 * number + 0.2) for number in range(100))
 """Spans without contact of a loose plug, s."""
-
-
-@dataclass(slots=True)
-class FaultyDevice:
-    """A device with changed readings, which loses some commands."""
-
-    device: Any
-    change: Change = lambda reading: reading
-    obeys: Callable[[str], bool] = lambda command: True
-    """Function that returns False if a command of this name is lost."""
-
-    def read(self) -> Any:
-        """Return the newest reading after the change."""
-        return self.change(self.device.read())
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self.device, name) if self.obeys(name) else lambda *given: None
 
 
 def raises(error: CellError) -> Change:
@@ -53,17 +35,6 @@ def raises(error: CellError) -> Change:
 def edited(**edits: Change) -> Change:
     """Change single fields of each reading."""
     return lambda reading: replace(reading, **{name: edit(getattr(reading, name)) for name, edit in edits.items()})
-
-
-def kept(*names: str) -> Change:
-    """Return the first reading forever: all of it, or these fields of it."""
-    first: list[Any] = []
-
-    def change(reading: Any) -> Any:
-        first.append(reading)
-        return replace(reading, **{name: getattr(first[0], name) for name in names}) if names else first[0]
-
-    return change
 
 
 def behind(number: int) -> Change:

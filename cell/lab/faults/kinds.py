@@ -13,6 +13,7 @@ from cell.lab.faults.plc_kinds import PLC_KINDS
 from cell.lab.faults.skill_kinds import SKILL_KINDS
 from drivers.quantities import SwitchState
 from sim.config import WireFaults
+from sim.faulty import Change
 from skills.catalogue import GRASP
 
 SLOW = {
@@ -37,14 +38,14 @@ def _wire(what: str, faults: WireFaults, bench: FaultBench) -> Undo:
     return lambda: setattr(wire, "faults", WireFaults())
 
 
-def _taxels(make: Callable[[], devices.Change], bench: FaultBench) -> Undo:
+def _taxels(make: Callable[[], Change], bench: FaultBench) -> Undo:
     hub, change = bench.wire.board.hub, make()  # type: ignore[attr-defined]
     measure = hub.measure
     hub.measure = lambda: change(measure())
     return lambda: setattr(hub, "measure", measure)
 
 
-def _told(what: str, make: Callable[[], devices.Change], bench: FaultBench) -> Undo:
+def _told(what: str, make: Callable[[], Change], bench: FaultBench) -> Undo:
     device = getattr(bench, what)
     before, device.change = device.change, make()
     return lambda: setattr(device, "change", before)

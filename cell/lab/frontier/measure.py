@@ -15,7 +15,18 @@ import numpy as np
 from cell.config.cell_config import CellConfig
 from cell.config.load import load
 from cell.lab.rows import quantile, write_rows
-from cell.lab.trials import SUMMARY, TABLE, VOID, MakeProbe, TrialRow, no_probe, read_table, run_trials
+from cell.lab.trials import (
+    SUMMARY,
+    TABLE,
+    VOID,
+    MakeProbe,
+    Program,
+    TrialRow,
+    insert_peg,
+    no_probe,
+    read_table,
+    run_trials,
+)
 from cell.records.provenance import config_hash, versions
 from cell.records.statistics import Z95, RateTest, Verdict, mean, wilson
 from drivers.errors import CellError, FaultCode
@@ -42,6 +53,8 @@ class Variant:
     """Single keys, `KEY=VALUE`, on top of the preset."""
     probe: MakeProbe = no_probe
     """Function that prepares each trial and returns its probe."""
+    program: Program = insert_peg
+    """Program of its trials."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,6 +92,10 @@ class FrontierLine:
     """Number of trials whose largest contact force is at most `OVER_FORCE`."""
     over_longest: float
     """Longest time of a trial above that force, s."""
+    theta: float
+    """Median over all trials of the root mean square error of theta, rad."""
+    tip: float
+    """Median over all trials of the root mean square error of the tip's place, m."""
     jerk_free: float
     """95th percentile of the trials' largest jerk in free space, m/s³; the next field is the jerk elsewhere."""
     jerk_contact: float
@@ -150,22 +167,23 @@ def measure(
         ConfigError: The base config of the variants is invalid.
     """
     base = _fingerprint(load_variant(path, None, sets))
-    ran: dict[str, tuple[str, list[TrialRow], str, RateTest | None]] = {}
+    ran: dict[object, tuple[str, list[TrialRow], str, RateTest | None]] = {}
     lines: list[FrontierLine] = []
     for variant in tried:
         rows: list[TrialRow] = []
-        place, trouble, mark, verdict = "", "", "", ""
+        place, trouble, verdict = "", "", ""
+        mark: object = None
         try:
             config = load_variant(path, variant.preset, [*sets, *variant.sets])
         except CellError as error:
             trouble = str(error)
             done(len(seeds))
         else:
-            mark = _fingerprint(config, variant.probe)
+            mark = _fingerprint(config, variant.probe, variant.program)
             if mark not in ran:
                 place = re.sub(r"\W+", "-", f"{variant.family} {variant.name}").strip("-")
                 test = tests.get(variant.family) if tests else None
-                task = Task(config, seeds, test, folder / place, workers, scheduler, variant.probe)
+                task = Task(config, seeds, test, folder / place, workers, scheduler, variant.probe, variant.program)
                 ran[mark] = (place, *_run(task, done), test)
             else:
                 done(len(seeds))
@@ -176,9 +194,9 @@ def measure(
     return lines
 
 
-def _fingerprint(config: CellConfig, probe: MakeProbe = no_probe) -> str:
-    """Return a text that is equal for configs with the same values, whatever their origin, and the same probe."""
-    return f"{config_hash(config.model_copy(update={'preset': '', 'world': ''}))} {probe.__name__}"
+def _fingerprint(config: CellConfig, probe: MakeProbe = no_probe, program: Program = insert_peg) -> object:
+    """Return a value that is equal for configs with the same values, whatever their origin, and the same probe and program."""
+    return config_hash(config.model_copy(update={"preset": "", "world": ""})), probe, program
 
 
 @dataclass(frozen=True, slots=True)
@@ -193,6 +211,7 @@ class Task:
     workers: int
     scheduler: str | None
     probe: MakeProbe
+    program: Program
 
     def is_enough(self, rows: Sequence[TrialRow]) -> bool:
         """Return True if the rows of the first seeds decide the test, or all seeds have run."""
@@ -224,6 +243,7 @@ def _run(task: Task, done: Callable[[int], None]) -> tuple[list[TrialRow], str]:
                 task.scheduler,
                 task.is_enough,
                 task.probe,
+                task.program,
             )
     except Exception as error:  # any error: the results of the other variants are still useful
         logger.exception("%s", task.folder)
@@ -282,6 +302,8 @@ def _line(variant: Variant, place: str, rows: Sequence[TrialRow], trouble: str, 
         force_p95=quantile(forces, 0.95),
         within=int(np.count_nonzero(forces <= OVER_FORCE)),
         over_longest=max((row.time_over_20N for row in rows), default=math.nan),
+        theta=quantile([row.theta_rmse for row in rows if row.theta_rmse is not None], 0.5),
+        tip=quantile([row.tip_rmse for row in rows if row.tip_rmse is not None], 0.5),
         jerk_free=quantile([row.jerk_free for row in rows], 0.95),
         jerk_contact=quantile([row.jerk_contact for row in rows], 0.95),
         voids=sum(row.outcome == VOID for row in rows),

@@ -67,9 +67,9 @@ def test_the_arms_limits_cap_speeds(speed, turn_speed):
 
 
 def test_the_speed_on_its_circle_caps_a_rate():
-    spiral = CELL.params(ADJUST)
-    paced = at_pace(spiral, Pace(10.0, speed=1.0, turn_speed=0.1))
-    assert paced.turn_rate * spiral.radius == pytest.approx(1.0)
+    dithered = CELL.params(ADJUST)
+    paced = at_pace(dithered, Pace(10.0, speed=0.01, turn_speed=0.1))
+    assert paced.dither_rate * dithered.dither_radius == pytest.approx(0.01)
 
 
 def test_a_figure_without_a_key_is_unknown_to_a_config():

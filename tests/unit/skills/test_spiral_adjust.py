@@ -218,6 +218,12 @@ def test_a_tilt_sweep_lasts_as_long_as_the_recipe_says():
     )
 
 
+def test_an_aim_that_is_kept_leaves_the_hand_as_it_is_turned():
+    aim, tcp = Aim(InHandTip(0.1, 0.05, 0.0), np.array([0.0, 0.0, 1.0])), Pose(np.zeros(3), HAND_DOWN)
+    _, axis = end_point(tcp, 0.1, 0.05)
+    np.testing.assert_allclose(aim.kept(tcp).axis(np.zeros(2)), axis, atol=1e-12)
+
+
 class Bench(ScriptedHand):
     """The adjustment over a hand whose peg stands upright at the hole's mouth by default."""
 

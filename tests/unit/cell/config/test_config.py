@@ -52,7 +52,7 @@ NEARER = ["hole.centre=[0.40, 0.0, 0.1]"]
         ("scan_rate=5", ["scan_rate = 5", "10 to 1000"]),
         ("contact.friction=[0.1, 3]", ["contact.friction", "[0.1, 3]", "0 to 2"]),
         ("arm.kind=serial", ["arm.kind", "'serial'", '"sim"']),
-        ("arm.model=ur5", ["--set", 'arm.model = "ur5": no such arm; "fr3", "panda" or a file']),
+        ("arm.model=ur5", ["--set", 'arm.model = "ur5": no such arm; "fr3", "fr3v2", "panda" or a file']),
         ("arm.model=none.toml", ["arm.model", "none.toml", "no such arm"]),
         ("sim.timestep=0.0007", ["sim", "0.0007", "does not divide"]),
         ("plc.modbus.port=70000", ["plc.modbus.port = 70000", "65535"]),

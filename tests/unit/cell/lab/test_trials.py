@@ -123,7 +123,12 @@ def test_a_killed_call_is_taken_up_where_it_was(loaded, ran, tmp_path):
     done = []
     rows = run_trials(loaded.cell, [1, 2, 3], 2, tmp_path, done.append)
     assert (ran, len(rows), len(done)) == ([2], 3, 3)
-    assert not (tmp_path / PARTIAL).exists()
+
+
+def test_a_longer_call_runs_only_the_missing_seeds(loaded, ran, tmp_path):
+    run_trials(loaded.cell, [1, 2], 2, tmp_path, lambda row: None)
+    rows = run_trials(loaded.cell, [1, 2, 3], 2, tmp_path, lambda row: None)
+    assert (ran, len(rows)) == ([1, 2, 3], 3)
 
 
 def test_a_call_killed_while_it_takes_up_loses_nothing(loaded, monkeypatch, tmp_path):
