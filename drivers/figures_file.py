@@ -13,7 +13,7 @@ M = TypeVar("M", bound=BaseModel)
 
 
 def read_figures(path: Path, kind: type[M], what: str = "") -> M:
-    """Return the figures in a TOML file; what it does not state is as in the file that its `base` names, beside it.
+    """Return the figures in a TOML file; those that it does not state come from the file beside it that `base` names.
 
     Args:
         path: The file.
@@ -34,7 +34,7 @@ def read_figures(path: Path, kind: type[M], what: str = "") -> M:
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         raise ConfigError(f"{path}: {'.'.join(map(str, first['loc']))}: {first['msg']}") from None
-    except (ValueError, RecursionError) as error:  # the parser raises these for numbers too long and lists too deep
+    except (ValueError, RecursionError) as error:  # too long a number, too deep a list
         raise ConfigError(f"{path}: not TOML: {error}".replace("\n", " ")) from None
 
 

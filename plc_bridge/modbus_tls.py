@@ -32,7 +32,7 @@ class _Door(asyncio.Protocol):
 class SecureModbusServer(ModbusServer):
     """Listens for TLS; a client's identity is its role and its address.
 
-    A client has its place from its arrival on. Until its handshake ends it counts as a connection without any request.
+    A client counts as a connection from its arrival on, and as one without requests until its handshake ends.
     """
 
     section = "plc.tls"
@@ -59,7 +59,7 @@ class SecureModbusServer(ModbusServer):
         return _Door(self)
 
     def knock(self, transport: asyncio.Transport) -> None:
-        """Give a client a place, and begin its handshake in turn."""
+        """Count a client as a connection, and queue it for its handshake."""
         connection = Connection(self)
         if not connection.arrive(transport) or not self.reserve(connection):
             return

@@ -82,8 +82,8 @@ FRICTION_LAG = 4.0
 approach. A larger value makes a sliding peg hover less (see `put`), and sink less where its speed changes within a
 step."""
 SOLID = -1.0
-"""Half the extents that mark a plate without a hole, m: the plane is then nearer than a wall to every point of the
-peg's end."""
+"""Half extent that marks a plate without a hole, m. It is negative, so that the plane is nearer than a wall to every
+point of the peg's end."""
 FRICTION_FLOOR = 1e-5
 """Lower bound of a contact's friction, ratio; a contact with friction 0 vanishes in MuJoCo's elliptic cone."""
 

@@ -126,7 +126,7 @@ def _above(course: Course) -> Goal:
 
 
 def _with_prior(belief: Belief, ctx: SkillContext) -> Belief:
-    """Return the belief of a first attempt as the job's prior has it; later attempts know better."""
+    """Return the distribution of the hole's place for a first attempt, from the job's prior; later attempts have their own."""
     prior = ctx.job.hole.prior
     if prior is None or belief.failed:
         return belief

@@ -45,7 +45,7 @@ class Board:
         return self.dents[-1][0]
 
     def at(self, time: float, theta: float) -> None:
-        """Let the skin tell another in-hand angle, rad, from a time on, s."""
+        """Let the skin measure another in-hand angle, rad, from a time on, s."""
         self.rig.clock.at.append((time - 1e-9, lambda: setattr(self.skin, "theta", theta)))
 
     def _followed(self, setpoint: ImpedanceSetpoint) -> None:

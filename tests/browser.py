@@ -71,7 +71,7 @@ class PageView:
         element.click()
 
     def is_enabled(self, ask: str) -> bool:
-        """Tell whether a control can be pressed."""
+        """Return whether a control can be pressed."""
         button = self.front().find_element("css selector", f"[data-ask={ask}]")
         return button.get_attribute("aria-disabled") == "false"
 

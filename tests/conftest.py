@@ -49,7 +49,7 @@ def pytest_runtest_protocol(item: pytest.Item, nextitem: pytest.Item | None) -> 
 
 @pytest.fixture(scope="session")
 def loaded() -> LoadedConfig:
-    """Return the cell that ships with the program, exactly as the software believes: a test of what an error does says so."""
+    """Return the cell that ships with the program, without errors; a test of an error adds it."""
     return load(sets=["reality.scale=0.0"])
 
 

@@ -1,4 +1,4 @@
-"""What the makers' host program and a CySkin hub with two fingers say to each other, from power-on to the first scan.
+"""Messages between the makers' host program and a CySkin hub with two fingers, from power-on to the first scan.
 
 Source: ladylou899/ros2_ws_cyskin_project at 269ebfa, the library libcynetworklib.a (7_4) of src/cyskin_acquisition,
 linked to a CAN driver that records and answers, and called as its main.cpp does, with a period of 100 ms. ">" are the

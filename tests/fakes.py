@@ -1,4 +1,4 @@
-"""Instant, scripted stand-ins without physics: devices that do at once what they are told, and a PLC that acts on cue."""
+"""Instant, scripted stand-ins without physics: devices that execute commands at once, and a PLC that acts on cue."""
 
 import math
 from collections.abc import Callable
@@ -174,7 +174,7 @@ class FakeSkin:
 
 
 class FakeSwitch:
-    """Says what it is told to say."""
+    """Estimator that returns the pose it was given."""
 
     def __init__(self) -> None:
         self.state = SwitchState.OPEN
@@ -188,7 +188,7 @@ class FakeSwitch:
 
 
 class ToldEstimator:
-    """Says of each frame what the test has told it, and counts the frames."""
+    """Estimator that returns for each frame the pose that the test has set, and counts the frames."""
 
     def __init__(self) -> None:
         self.theta, self.is_healthy, self.frames = 0.0, True, 0
@@ -252,7 +252,7 @@ class FakePlc:
 
     @property
     def report(self) -> Report:
-        """What the PLC reads now."""
+        """Report that the PLC reads now."""
         return self._bridge.report_for("plc")
 
     def _write(self, **changes: object) -> None:

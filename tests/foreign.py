@@ -3,7 +3,7 @@
     python -m tests.foreign [--pegs 100] [--client NAME]... [--set KEY=VALUE]...
 
 serves the simulated cell of docs/examples/line for each of them in turn, lets it insert so many pegs, and compares what it
-was told with the records. It ends with status 0 where every peg was inserted and said to be.
+read with the records. It ends with status 0 if every peg was inserted and reported as inserted.
 """
 
 import argparse
@@ -30,11 +30,11 @@ NODE_CLIENT = CLIENTS / "node"
 MATIEC = ROOT / "build" / "matiec"
 """Where `.ci/run` builds it."""
 SETTINGS = ('sim.pace="max"', "reality.scale=0", "plc.life_timeout=20", "plc.lease_timeout=20", "plc.modbus.port=0")
-"""Settings for a cell that is judged by what its PLC is told: the ideal one, as fast as it goes, patient on a busy computer."""
+"""Settings for a cell that is judged by the answers to its PLC: the ideal one, as fast as it goes, patient on a busy computer."""
 LONGEST = 120.0
 """Longest time for one peg, s."""
 NODE = 16
-"""Node-ID of a cell whose config says nothing else."""
+"""Node-ID of a cell whose config has no other."""
 INSERT_PEG = re.compile(r"^#define CELL_CODE_INSERT_PEG (\d+)$", re.MULTILINE)
 
 
@@ -65,13 +65,13 @@ def exported(kind: str, folder: Path) -> Path:
 
 
 def has_libmodbus() -> bool:
-    """Tell whether libmodbus and a C compiler are installed."""
+    """Return whether libmodbus and a C compiler are installed."""
     tools = shutil.which("cc") and shutil.which("pkg-config")
     return bool(tools) and subprocess.run(["pkg-config", "--exists", "libmodbus"], check=False).returncode == 0
 
 
 def has_go() -> bool:
-    """Tell whether Go and what the client there needs is on this computer."""
+    """Return whether Go and the packages of its client are on this computer."""
     offline = {**os.environ, "GOPROXY": "off"}
     quiet = subprocess.DEVNULL
     command = ["go", "mod", "download"]
@@ -81,12 +81,12 @@ def has_go() -> bool:
 
 
 def has_node() -> bool:
-    """Tell whether Node is installed, and its client of OPC UA in tests/clients/node."""
+    """Return whether Node is installed, and its client of OPC UA in tests/clients/node."""
     return bool(shutil.which("node")) and (NODE_CLIENT / "node_modules" / "node-opcua-client").is_dir()
 
 
 def has_matiec() -> bool:
-    """Tell whether MATIEC was built, and what its program links with is installed."""
+    """Return whether MATIEC was built and the libraries that its program links are installed."""
     return (MATIEC / "iec2c").is_file() and has_libmodbus()
 
 
@@ -200,7 +200,7 @@ def served(folder: Path, sets: Sequence[str], is_opcua: bool = False) -> Iterato
 
 
 def insert(name: str, pegs: int, sets: Sequence[str]) -> bool:
-    """Let one of them insert pegs, print what came of it, and tell whether all is as it should be."""
+    """Let one of them insert pegs, print the outcome, and return whether it is correct."""
     has, run = WAYS[name]
     if not has():
         sys.stdout.write(f"{name}: not on this computer\n")

@@ -24,7 +24,7 @@ from skills.catalogue import CATALOGUE
 CYCLE, PATIENCE = 0.02, 60.0
 """Cycle time of the recorded PLC, and longest wait for an answer, s."""
 MOTION, UNKNOWN = CATALOGUE["recover"].code, 77
-"""Command code of a motion that needs no part, and one that no cell knows."""
+"""Command code of a motion that needs no part, and one that does not exist."""
 WRITTEN, READ = "#0b5394", "#38761d"
 WORDS = {"report_result": Result, "report_state": State, "report_refusal": Refusal}
 BITS = ("execute", "stop", "reset", "busy", "done", "error", "command_aborted", "ready")

@@ -104,7 +104,7 @@ def request(rng: random.Random) -> bytes:
 
 
 def is_harmless(pdu: bytes) -> bool:
-    """Tell whether a PDU leaves one connection one connection: it does not ask to share the block of its host."""
+    """Return whether a PDU keeps its connection apart: it does not request to share the block of its host."""
     oracle = Oracle()
     oracle.answer(pdu)
     return oracle.words[LEASE] != 2

@@ -1,4 +1,4 @@
-"""What the specification says that a cell answers: written from the documents, not from the server that it judges.
+"""Answers that the Modbus specification requires: written from the documents, not from the server that they check.
 
 Modbus Application Protocol V1.1b3, 6 and 7: a wrong function code is exception 01, a wrong quantity, value or length
 03, a wrong address 02, in this order; what is refused changes nothing.
@@ -85,7 +85,7 @@ class Oracle:
 
     @staticmethod
     def _tell(function: int, pdu: bytes) -> tuple[bytes, int] | int:
-        """Return what the device says of itself: 6.8 echo, 6.13 server ID, 6.21 identification."""
+        """Return the answer about the device itself: 6.8 echo, 6.13 server ID, 6.21 identification."""
         if function == 17:
             return (SERVER_ID, len(SERVER_ID)) if len(pdu) == 1 else 3
         if function == 8:

@@ -1,4 +1,4 @@
-"""What a client of OPC UA costs the scan: intervals between scans with and without one that polls, in turns.
+"""Cost of an OPC UA client for the scan: intervals between scans with and without one that polls, in turns.
 
     python -m tests.opcua_load [--pairs 8] [--seconds 20] [--rate 10]
 

@@ -15,7 +15,7 @@ REASONS = {
     "serves": "goes on until somebody stops it",
     "after-the-edit": "works once the edit above it is made",
 }
-"""Why a block of commands is not run by itself, as its info string says."""
+"""Reason why a block of commands is not run by itself: its info string."""
 RENDERING = "rendering"
 """A block of commands with this word is run where pictures can be rendered, and skipped elsewhere."""
 REASONS[RENDERING] = "needs OpenGL"

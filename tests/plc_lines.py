@@ -38,7 +38,7 @@ def _patient(**buses: object) -> PlcConfig:
 
 
 def at_once(seconds: float) -> None:
-    """Wait for nothing: a PLC that asks flat out, in the same process, must not keep the cell from its work."""
+    """Do not wait: a PLC that reads at full speed in the same process must not slow down the cell."""
 
 
 @contextmanager

@@ -1,4 +1,4 @@
-"""A PLC's words and bits on Modbus TCP, as a test wants them: single writes, torn blocks, several requests in one segment."""
+"""A PLC's words and bits on Modbus TCP, in any order: single writes, torn blocks, several requests in one segment."""
 
 import socket
 import struct
@@ -15,7 +15,7 @@ HEADER = struct.Struct(">HHHB")
 
 
 class Wire:
-    """A Modbus TCP connection that says what a test wants it to, several requests in one segment too."""
+    """A Modbus TCP connection that sends any bytes, also several requests in one segment."""
 
     def __init__(self, address):
         self.socket = socket.create_connection(address, timeout=PATIENCE)
@@ -49,7 +49,7 @@ class Wire:
         return report_image(struct.unpack(f">{REPORT.words}H", answer[2:]))
 
     def bits(self):
-        """Return the names of the discrete inputs that are 1, but for `ready`, which tells of the cell."""
+        """Return the names of the discrete inputs that are 1, without `ready`, which belongs to the cell."""
         (answer,) = self.ask(struct.pack(">BHH", 2, 0, len(DISCRETE_INPUTS)))
         return {name for name, place in DISCRETE_INPUTS.items() if answer[2] >> place & 1} - {"ready"}
 

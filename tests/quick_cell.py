@@ -59,7 +59,7 @@ class QuickProgram:
 
 
 class QuickCell:
-    """What a test holds of the cell that it talks to."""
+    """Handles of a test on the cell that it commands."""
 
     def __init__(self, bridge: Bridge, program: QuickProgram, live: Live, journal: Journal) -> None:
         self.bridge, self.program, self.live, self.journal = bridge, program, live, journal

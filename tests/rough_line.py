@@ -2,9 +2,9 @@
 
 A step is a name, the number of a client and a random number, so that a list of steps can be repeated, shortened and printed.
 
-What must hold after every step:
+These must hold after every step:
 
-1. A result belongs to the run that this number started: the run began after the program asked, and ended like this.
+1. A result belongs to the run that this number started: the run began after the program requested it, and ended like this.
 2. An answer does not change once it is given: a number keeps its result until it is acknowledged, one that was refused
    never runs, and one that ran is not refused.
 3. While anybody holds a stop nothing begins, and after a stop, whoever sent it under whatever number, nothing runs.
@@ -39,7 +39,7 @@ LATE_IN_A_ROW = 2
 
 @dataclass
 class Program:
-    """What one program knows, from its start to its restart."""
+    """Memory of one program, from its start to its restart."""
 
     number: int
     life: int
@@ -68,7 +68,7 @@ class Plc:
         else:
             self.write(program.number, program.code)
 
-    # What it sends.
+    # Requests.
 
     def begin(self, number: int, life: int) -> None:
         """Begin a program: its first number comes with code 0."""
@@ -192,7 +192,7 @@ class Plc:
         self.client.ask(coil(1, False) if n % 2 else bytes.fromhex("0F 0000 0003 01 00"))
         self.line.stops.discard(self.name)
 
-    # What it reads.
+    # Answers.
 
     @property
     def is_up(self) -> bool:
@@ -216,7 +216,7 @@ class Plc:
             self.program.refused.add(answered)
 
     def judge(self, number: int, result: Result) -> None:
-        """Hold a result under a number that the program asked for against the runs."""
+        """Compare a result under a number that the program requested with the runs."""
         if result is Result.NONE or number not in self.program.asked:
             return
         step, code = self.program.asked[number]
@@ -535,7 +535,7 @@ class Line:
         self.judged = 0
         self.connect(self.plcs[0].program)
 
-    # What must hold.
+    # Conditions.
 
     def owner_of(self, run: Run) -> Plc:
         """Return the client whose run it is."""
@@ -543,7 +543,7 @@ class Line:
         return next(plc for plc in self.plcs if source.startswith(plc.name))
 
     def run_of(self, plc: Plc, number: int) -> Run | None:
-        """Return the run of a number since this program asked for it."""
+        """Return the run of a number since this program requested it."""
         since = plc.program.asked[number][0]
         return next(
             (

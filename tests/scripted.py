@@ -1,4 +1,4 @@
-"""A skill over a hand that is where the test puts it at each time, with a skin that says what it is told: for what a skill commands at each scan."""
+"""A skill over a hand that is where the test puts it at each time, with a skin that reports scripted poses: to test the setpoints of a skill at each scan."""
 
 from collections.abc import Callable
 
@@ -14,7 +14,7 @@ from tests.fakes import HAND_DOWN, Rig, ToldEstimator
 
 CELL = load().cell
 LIGHT = "insert.estimator=image"
-"""Setting with which a rig is made at once: the skin says what it is told, and its own estimator is not asked."""
+"""Setting with which a rig is made at once: the skin reports scripted poses, and its own estimator is not used."""
 SQUARE = load(sets=["peg.shape=square", LIGHT])
 """The cell with a square peg."""
 HOLE = np.array(CELL.hole.centre)

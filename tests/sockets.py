@@ -1,4 +1,4 @@
-"""Bytes from a socket, as tests of servers want them."""
+"""Bytes from a socket, for tests of servers."""
 
 import socket
 

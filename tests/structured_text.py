@@ -23,7 +23,7 @@ _ARRAY = re.compile(r"ARRAY\[\d+\.\.(\d+)\] OF (\w+)", re.IGNORECASE)
 
 
 class Time:
-    """What has passed since the last cycle, s."""
+    """Time since the last cycle, s."""
 
     def __init__(self, cycle: float) -> None:
         self.cycle = cycle

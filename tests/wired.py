@@ -138,7 +138,7 @@ class Rehearsal:
         self._report = report
 
     def accept(self, command: Command) -> None:
-        """The reports tell."""
+        """Do nothing: the reports show the acceptance."""
 
     def refuse(self, command: Command, refusal: Refusal) -> None:
         self._refused = refusal

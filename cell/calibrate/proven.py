@@ -1,4 +1,4 @@
-"""What is proven of a physical cell, kept beside its calibration; until all of it is proven, the cell is in commissioning."""
+"""Proven steps of a physical cell's commissioning, kept beside its calibration; until all of it is proven, the cell is in commissioning."""
 
 import hashlib
 import json

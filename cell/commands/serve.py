@@ -66,7 +66,7 @@ def run(args: argparse.Namespace) -> int:
     """
     try:
         _serve(args)
-    except KeyboardInterrupt:  # else a signal before the cell is served
+    except KeyboardInterrupt:  # without `stop`, the signal came before the cell was served
         if args.stop.is_set():
             raise
     return GOOD

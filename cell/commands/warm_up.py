@@ -1,4 +1,4 @@
-"""Compilation for this computer: most of it once, on two cores. If the scan keeps wall time, all of it before an arm moves."""
+"""Compilation for this computer, once, on two cores; for a scan on wall time every function, before an arm moves."""
 
 import json
 import logging
@@ -43,7 +43,7 @@ def compile_ahead(config: CellConfig) -> None:
 
 
 def warm_up(loaded: LoadedConfig) -> None:
-    """If the scan keeps wall time, insert one simulated peg of every recipe of a kind new to this computer.
+    """If the scan keeps wall time, insert a simulated peg by every recipe with functions not compiled yet.
 
     Compilation during a program would delay its scan by seconds, and the watchdog would halt the arm.
     """
@@ -65,7 +65,7 @@ def warm_up(loaded: LoadedConfig) -> None:
 
 
 def _kind(config: CellConfig) -> str:
-    """Return the values that decide which functions an insertion calls, and with which types."""
+    """Return the values that determine the functions that an insertion calls, and their types."""
     sections = {name: getattr(config, name).model_dump(mode="json") for name in ("peg", "hole", "smoothing")}
     return json.dumps([sections, config.params(INSERT).estimator, config.skin.layout], sort_keys=True, default=str)
 

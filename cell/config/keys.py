@@ -107,7 +107,7 @@ class Planned:
     origin: str
     """File or option of the config's value; `default` if none states it, `fixed` if no config can."""
     reasons: tuple[str, ...]
-    """What changed the config's value; empty if it is in force as it is."""
+    """Reason why the value in force differs from the config's; empty if they are equal."""
     is_capped: bool
     """True if the arm's limits reduce it."""
 

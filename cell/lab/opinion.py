@@ -1,4 +1,4 @@
-"""A second opinion: whole trials on an arm that other people described, beside the cell's own, and what differs."""
+"""A second opinion: whole trials on an arm from a description by others, compared with the cell's own arm."""
 
 import argparse
 import json
@@ -46,7 +46,7 @@ class Part(NamedTuple):
     """Part of a description that is tested alone."""
 
     figures: str
-    """Figures that must differ, of `Comparison.differs`."""
+    """Name in `Comparison.differs` of the figures; the part is tested only if they differ."""
     takes: tuple[str, ...]
     """Properties taken from the description, see `sim.described.takes`."""
 
@@ -60,7 +60,7 @@ PARTS = {
 }
 """Parts by name; links with weight leave a residual torque that the controller does not compensate."""
 LINKS = "its links alone"
-"""Name of kinematics and weighted links together, tested if neither differs; the result must then be the same."""
+"""Name of kinematics and weighted links together; they are tested as a control if neither differs."""
 EVERYTHING = ("kinematics", "inertia", "gravity", "friction", "rotors")
 
 

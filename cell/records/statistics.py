@@ -13,11 +13,11 @@ Z95 = 1.959963984540054
 
 
 FEW = {1: 12.706, 2: 4.303, 3: 3.182, 4: 2.776}
-"""Student's two-sided 95 % quantiles by degrees of freedom, for which the expansion is too coarse."""
+"""Student's two-sided 95 % quantiles for few degrees of freedom, where the expansion of `student` is too coarse."""
 
 
 def student(freedom: int) -> float:
-    """Return Student's two-sided 95 % quantile within 1 %; from 5 degrees of freedom on, by an expansion in their inverse."""
+    """Return Student's two-sided 95 % quantile within 1 %; from 5 degrees on by an expansion in 1/`freedom`."""
     z = Z95
     return FEW.get(freedom) or z + (z**3 + z) / (4 * freedom) + (5 * z**5 + 16 * z**3 + 3 * z) / (96 * freedom**2)
 

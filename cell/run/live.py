@@ -1,4 +1,4 @@
-"""The view of the scan for the page, and its requests for cable faults: frozen values in bounded queues that never wait."""
+"""Exchange between scan and page: frozen views of the scan one way, cable requests the other, in bounded queues."""
 
 from collections import deque
 from dataclasses import dataclass

@@ -26,7 +26,7 @@ EMPTY_WIDTH = 0.001
 
 
 class FrankaGripper:
-    """Sends a command if it differs from the last one; a grasp that closes on nothing reports no grip."""
+    """Sends a command if it differs from the last one; a grasp that closes on nothing is not reported as a grip."""
 
     def __init__(self, config: FrankaGripperConfig, stroke: float) -> None:
         """Describe the hand; `stroke` is the largest distance between its pads, m."""
@@ -89,11 +89,11 @@ class FrankaGripper:
         self._command(f"move {width} {self._config.speed}")
 
     def read(self) -> GripperState:
-        """Return the newest state; restart a process that has ended, which moves nothing.
+        """Return the newest state; restart a process that has ended, without a motion of the fingers.
 
         Raises:
             GripperSilentError: The newest state is too old, or a command takes too long.
-                If the hand refused a command or did not open, one call raises this.
+                After a refused command, or fingers that did not open, one call raises this.
         """
         self._listen()
         self._revive()

@@ -19,7 +19,7 @@ class Face:
     width: float
     """Width of a flat face, or diameter of a cylinder, m."""
     is_flat: bool
-    """True if the pads touch a plane, False if they touch the line of a cylinder."""
+    """True if the pads touch a plane, False if they touch a cylinder along a line."""
 
     @property
     def flat_width(self) -> float:

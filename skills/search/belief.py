@@ -1,4 +1,4 @@
-"""What a search begins with: where the hole is likely, and what earlier attempts of the same run have left to look at; pure."""
+"""Start of a search: distribution of the hole's place, and the area that earlier attempts of the run left unsearched; pure."""
 
 import math
 from dataclasses import dataclass, replace

@@ -20,7 +20,7 @@ SURE = 2.0
 """Standard deviations that one stroke has to cover to either side for the search to go on from its end, and not to sweep
 the same length once more on the area's own lanes."""
 ANYWHERE = Belief()
-"""Belief of a search that knows no more than the area."""
+"""Distribution of the hole's place if only the area is known."""
 OUTSIDE = (2e-3, 4e-3)
 """Least and largest distance at which the peg comes down from the rim of a hole at the border of the area, m; drawn
 evenly between the two.

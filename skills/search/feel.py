@@ -25,7 +25,7 @@ SUDDEN = 0.08
 """Time within which the hand drops with a peg that falls into the hole, s: it is caught after 0.02 to 0.05 s."""
 
 LIKELY = 0.5
-"""Share of the dip threshold that is evidence of an edge where the hole is likely: a rest in vain there costs less than the whole area, which
+"""Share of the dip threshold that is evidence of an edge where the hole is likely: a stop that finds no hole there costs less than the whole area, which
 follows on a fall that was missed."""
 
 
@@ -60,14 +60,14 @@ shorter that has touched before."""
 def excess_of(height: float, axis: Vector, bound: float, has_touched: bool = False) -> float | None:
     """Return by how much further than believed the peg reaches from the hand that touched the plate, m.
 
-    One touch cannot tell a long peg from a high plate. The peg is taken for it: with a plate that is higher by h, the seated peg then
+    One touch cannot separate a long peg from a high plate. The peg is taken for it: with a plate that is higher by h, the seated peg then
     seems deeper by (1/cos(tilt) - 1) h, 0.4 h at 45 degrees, and turns about a point that is off by as much as 1.4 h. A long peg
     that is taken for a high plate seems shallower by all its excess when it is seated, and turns about a point that is off by it.
 
     Args:
-        height: Height of the peg's lowest point over the plate's stated surface where it touches, m, by the length that is believed.
+        height: Height of the peg's lowest point over the plate's stated surface where it touches, m, by the assumed length.
         axis: Axis of the peg, unit, shape (3,), base frame.
-        bound: Largest excess that is believed, m.
+        bound: Largest credible excess, m.
         has_touched: Whether the peg has touched the plate since it was grasped, so that it may have slipped by more since.
 
     Returns:
@@ -98,7 +98,7 @@ class Evidence:
             sense: Sense of the pass along its lane, -1 or 1.
             is_likely: Whether the peg comes by where the hole is likely.
         """
-        # Where a corner leads, half of it is no more than a turn of the peg in the hand makes, which the skin tells late.
+        # If a corner leads, half of it can come from a turn of the peg in the hand, which the skin measures late.
         halved = is_likely and self._params.lag is None
         threshold = self._params.dip_threshold * (LIKELY if halved else 1.0)
         below = self._surface.below(edge, sense)

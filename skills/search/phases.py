@@ -95,7 +95,7 @@ class Probing:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Resting:
-    """The hand rests, pushing, until a frame taken at rest tells the depth of the tip."""
+    """Rest and push until a frame taken at rest gives the depth of the tip."""
 
     place: Vector
     """Place of the evidence, shape (2,), m, base frame."""
@@ -110,9 +110,9 @@ class Resting:
     """Whether the tip lagged behind its setpoint."""
 
     def is_gone(self, felt: Felt, params: SpraySearchParams) -> bool:
-        """Return whether a dip has gone at rest: the peg had turned in the hand, of which the skin told later than the arm.
+        """Return whether a dip has gone at rest: the peg had turned in the hand, and the skin measures that later than the arm.
 
-        A probe would turn the peg further. Round pegs, whose dips are told otherwise, are always probed.
+        A probe would turn the peg further. Round pegs, whose dips are detected in another way, are always probed.
         """
         return params.lag is not None and not self.was_held and felt.below < GONE * params.dip_threshold
 

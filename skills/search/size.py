@@ -1,6 +1,6 @@
 """Parameters of a search for a thin round peg; pure.
 
-A peg that leans over its edge falls into a hole by a share of its own thickness, however thick it is. The depths that tell its fall are
+A peg that leans over its edge falls into a hole by a share of its own thickness, however thick it is. The depths that detect its fall are
 stated for a peg of `STATED`; a thin one has smaller ones, and it is pushed harder, so that it falls in less time.
 """
 

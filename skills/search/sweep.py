@@ -194,7 +194,7 @@ class Sweep:
         """Return an axis turned with the peg in the hand since the search began, or back again where `sense` is -1.
 
         A setpoint that turns with the peg keeps the hand as it is. A hand that turned after a peg whose tip the plate holds would only
-        turn in its pads: it would never catch up with what the skin tells.
+        turn in its pads: it would never catch up with the measured angle.
         """
         return rotation_about(seen.arm.tcp.rotation[:, 2], sense * (seen.peg.theta - self._theta)) @ axis
 

@@ -35,7 +35,7 @@ class Smoothing(ConfigModel):
         """Return the running estimate after a new healthy frame.
 
         A peg looks the same turned by 180 degrees, so the angle that is nearest to the held one is meant, unless no peg turns so far: a
-        frame of fingers that were still closing told another angle then.
+        frame taken while the fingers were still closing gave the other angle.
         """
         if not held.healthy:
             return new

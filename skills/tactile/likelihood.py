@@ -129,7 +129,7 @@ class Bank:
             values: Readings, counts, shape (40,).
             weights: Inverse of the readings' expected variance, 0 if not trusted, shape (40,).
             is_wide: True to try all offsets, False to try those near the finger centre.
-            believed: Expected print, as place and surety of `Found`; None if unknown.
+            believed: Expected print, as place and precision of `Found`; None if unknown.
             load: Expected load, as `Found.whole` and its precision 1/variance.
         """
         from skills.tactile.posterior import posterior  # imports the compiler, which only a comparison needs

@@ -102,7 +102,7 @@ class UsualPrints:
         if abs(math.remainder(found.theta - self._taught, math.pi)) < TURNED:
             return
         share = LEARNING / max(found.misfit, 1.0)
-        # `found` includes the prior, so the frame adds the precision share · (found.surety - surety).
+        # `found` includes the prior: the frame adds only the difference of the two precisions, times `share`.
         told = share * (found.surety - surety)
         if told > 0.0:
             place += share * found.surety / (surety + told) * (found.place - place)

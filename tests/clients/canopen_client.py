@@ -17,7 +17,7 @@ SUCCESS = 1
 
 
 class Plc:
-    """The PLC's node: its heartbeat, its RPDOs, and what the cell told by its TPDOs."""
+    """The PLC's node: its heartbeat, its RPDOs, and the cell's answers in its TPDOs."""
 
     def __init__(self, eds: str, node: int, **bus: object) -> None:
         self.network = canopen.Network()
@@ -56,7 +56,7 @@ class Plc:
         self.has_news.clear()
 
     def run(self, code: int) -> bool:
-        """Run a program; tell whether it succeeded and its result was held until it was acknowledged."""
+        """Run a program; return whether it succeeded and its result was held until it was acknowledged."""
         number = (self.values["sequence"] + 1) % 0x10000
         self.cycle(sequence=number, code=code)
         deadline = time.monotonic() + PATIENCE
@@ -74,7 +74,7 @@ class Plc:
 
 
 def main() -> None:
-    """Connect, run, tell."""
+    """Connect, run, print the outcome."""
     interface, channel, eds, node, code, count = sys.argv[1:]
     bus: dict[str, object] = {"interface": interface, "channel": channel}
     if interface == "socketcand":

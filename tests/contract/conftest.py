@@ -1,4 +1,4 @@
-"""What can stand behind each protocol: the fake, the stand-in, the emulated board, and, when asked for, hardware."""
+"""Implementations of each protocol: the fake, the stand-in, the emulated board, and hardware on request."""
 
 import math
 from collections.abc import Callable, Iterator

@@ -1,4 +1,4 @@
-"""What holds for every arm; the one on the bench stands still in free space."""
+"""Contract of every arm; the one on the bench stands still in free space."""
 
 import math
 

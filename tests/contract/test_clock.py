@@ -1,4 +1,4 @@
-"""What holds for every clock."""
+"""Contract of every clock."""
 
 import pytest
 

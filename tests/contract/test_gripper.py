@@ -1,4 +1,4 @@
-"""What holds for every gripper; nothing is between the fingers of the one on the bench."""
+"""Contract of every gripper; nothing is between the fingers of the one on the bench."""
 
 import pytest
 
@@ -14,7 +14,7 @@ def wait_for_rest(bench, longest=5.0):
 
 @pytest.fixture
 def released(gripper_bench):
-    """Yield the bench with its gripper open and told to open its fingers."""
+    """Yield the bench after its gripper was opened and commanded to open its fingers."""
     gripper_bench.device.open()
     gripper_bench.device.release(WIDTH)
     wait_for_rest(gripper_bench)

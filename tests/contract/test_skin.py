@@ -1,4 +1,4 @@
-"""What holds for every skin; the bench is an untouched one."""
+"""Contract of every skin; nothing touches the one on the bench."""
 
 from itertools import pairwise
 

@@ -1,4 +1,4 @@
-"""What holds for every success switch; nothing presses the one on the bench at first."""
+"""Contract of every success switch; nothing presses the one on the bench at first."""
 
 import pytest
 

@@ -24,7 +24,7 @@ class _Standing:
 
 
 class Bench:
-    """What stands behind the wires of one cell; the cell's process calls every method."""
+    """Simulated devices behind the wires of one cell; the cell's process calls every method."""
 
     def __init__(self, config: CellConfig, host: str) -> None:
         """Serve arm and hand on `host`, an address of the loopback."""

@@ -115,7 +115,7 @@ class Desk:
 
 @contextmanager
 def desk(number: int) -> Iterator[Desk]:
-    """Yield the boards; `number` tells this process's desks apart."""
+    """Yield the boards; `number` distinguishes this process's desks."""
     host, bus = address(number), f"239.74.163.2:{_free_port()}"
     config = load(sets=["reality.scale=0.0"]).cell
     described = CanSkinConfig(kind="can", rate=config.skin.rate)

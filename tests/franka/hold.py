@@ -56,7 +56,7 @@ def held(seconds: float) -> dict[str, Any]:
             )
         )
         server.is_patient = False
-        time.sleep(seconds)  # What is measured is how the loop keeps wall time; nothing here waits for an event.
+        time.sleep(seconds)  # The loop is measured against wall time; nothing here waits for an event.
         found = {"simulated": world.now(), **asdict(arm.figures())}
         arm.close()
     return found

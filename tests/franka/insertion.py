@@ -31,7 +31,7 @@ from tests.franka import apart
 from tests.wired import Wires
 
 CLEARING = 0.5
-"""Time that a person takes with a peg, s: the fingers have met, and the hand says so, when it is said to be gone."""
+"""Time that a person takes with a peg, s: the fingers have met, and the hand reports it, before it is reported as removed."""
 ACT_STEP = EXCHANGE_TIME / EXCHANGE_STEPS
 """Time between two looks of the boards meanwhile, s."""
 

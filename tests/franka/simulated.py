@@ -43,7 +43,7 @@ PAUSE = 0.05
 """Longest time without a state for the client, s of wall time: it would take the arm for lost."""
 
 STILL = 0.1
-"""The hand says that it has arrived when its fingers have been still for so long, s."""
+"""Time for which the fingers stand still before the hand reports arrival, s."""
 
 
 class TorqueWorld(World):

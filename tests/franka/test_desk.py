@@ -20,7 +20,7 @@ def test_a_cell_is_found_whole_by_its_file_and_a_board_that_is_pulled_is_named()
         found = {line["device"]: line["found"] for line in json.loads(boards.run("check", "--json").stdout)}
         boards.pull_switch()
         then = {line["device"]: line["found"] for line in json.loads(boards.run("check", "--json").stdout)}
-    # How late scans start is the affair of the machine that this runs on.
+    # The lateness of scans depends on the machine.
     assert {name: text for name, text in found.items() if name not in ("clock", "network", "proven")} == {
         **dict.fromkeys(("arm", "end effector", "load", "gripper", "skin", "switch", "plc"), "ok"),
         "system": "ok, with the interface that pylibfranka needs",

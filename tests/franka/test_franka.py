@@ -220,7 +220,7 @@ def test_a_killed_cell_ends_the_motion_of_an_arm_that_stands_still(simulated, ar
     moved(world, arm, 0.05)
     assert until(world, lambda: np.abs(arm.read().dq).max() > 0.1)
     world.speed_at_end = math.inf
-    arm.close()  # What the loop sees is its standard input, which ends with the cell.
+    arm.close()  # The loop notices the end of its standard input, which closes with the cell.
     assert world.speed_at_end < 0.02
 
 

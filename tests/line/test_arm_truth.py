@@ -1,4 +1,4 @@
-"""An arm that is not as the cell believes, in the whole physics: what each departure from the ideal does to it."""
+"""An arm that differs from the cell's model, in the whole physics: the effect of each departure from the ideal."""
 
 import math
 from dataclasses import replace
@@ -28,7 +28,7 @@ CURVE = JointFriction.published_curve(load().cell.arm_model().joints)
 
 
 def world_of(timestep=5e-4, **departure):
-    """Return a world whose arm departs from what the cell believes, at rest where it waits."""
+    """Return a world whose arm differs from the cell's model, at rest where it waits."""
     config = load(sets=["sim.pace=max", "reality.scale=0.0", f"sim.timestep={timestep}"]).cell
     world = World(config.arm_model(), config.sim, config.contact, config.grip, config.skin.layout, config.job())
     world.begin(world.job, replace(world.draw, arm=replace(world.draw.arm, **departure)))

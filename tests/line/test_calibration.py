@@ -1,4 +1,4 @@
-"""What calibration measures is what the estimators believe."""
+"""The estimators use the values that calibration measures."""
 
 import math
 from datetime import date

@@ -124,7 +124,7 @@ ESTIMATOR_ENTRY = """    EstimatorEntry("{name}", fixed.FixedParams, lambda para
 
 
 def put(file, before, text):
-    """Put a text behind the only place where the file says `before`."""
+    """Put a text behind the only `before` in the file."""
     told = file.read_text(encoding="utf-8")
     assert told.count(before) == 1
     file.write_text(told.replace(before, before + text), encoding="utf-8")
@@ -198,7 +198,7 @@ def has_multicast(config):
 
 
 def assert_read_back(house, bus, where):
-    """Run the skill by the default recipe, which expects what the estimator tells, and by recipe 2, which does not."""
+    """Run the skill by the default recipe, which expects the estimator's angle, and by recipe 2, which does not."""
     line = [sys.executable, "-c", PLC, bus, where, str(CODE), str(PATIENCE)]
     environment = {**os.environ, "PYTHONPATH": str(house)}
     done = subprocess.run(line, env=environment, cwd=house, capture_output=True, text=True, check=True)

@@ -1,4 +1,4 @@
-"""What a PLC can ask of the cell, through the bridge's mailbox, against instant fakes."""
+"""Requests of a PLC to the cell, through the bridge's mailbox, against instant fakes."""
 
 import json
 from dataclasses import replace

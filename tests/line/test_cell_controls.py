@@ -42,7 +42,7 @@ CREEP = 0.001
 
 
 class ScanClock:
-    """The cell's clock, which tells who wants to know that a scan is over."""
+    """The cell's clock, which calls its listeners after each scan."""
 
     def __init__(self, clock):
         self._clock, self.every = clock, []
@@ -57,7 +57,7 @@ class ScanClock:
 
 
 class HeardBridge(Bridge):
-    """A bridge that remembers every state it was told of."""
+    """A bridge that remembers every state that was published."""
 
     def publish(self, report):
         self.states = [*getattr(self, "states", []), State(report.state)]
@@ -66,7 +66,7 @@ class HeardBridge(Bridge):
 
 @dataclass
 class Braking:
-    """What an arm does from a command on."""
+    """Motion of an arm from a command on."""
 
     stage: int
     ages: list[float] = field(default_factory=list)
@@ -157,7 +157,7 @@ def moments(seed):
 
 
 def assert_halted(braking, state):
-    """The arm holds no setpoint from the first scan on, is at rest before `state` is told, and stays where it is."""
+    """The arm holds no setpoint from the first scan on, is at rest before `state` is reported, and stays where it is."""
     assert set(braking.ages) == {math.inf}
     rest = braking.states.index(state)
     assert rest <= BRAKING, f"stage {braking.stage}"

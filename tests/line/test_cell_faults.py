@@ -56,7 +56,7 @@ def switch_says(rig, state):
 
 
 def creep(rig):
-    """Stop half a second from now an arm that goes on moving whatever it is told."""
+    """Stop after half a second an arm that ignores commands and keeps moving."""
     rig.arm.dq[2] = 0.02
     rig.clock.every.append(lambda: rig.arm.q.__setitem__(2, 0.02 * rig.clock.time))
     rig.at(0.5, rig.plc.stop)

@@ -1,4 +1,4 @@
-"""A served cell gets quicker with every part of a fixture, keeps that over a restart, and forgets it when it is told to."""
+"""A served cell gets quicker with every part of a fixture, keeps that over a restart, and forgets it on command."""
 
 import math
 from dataclasses import dataclass, field
@@ -14,12 +14,12 @@ from skills.catalogue import CATALOGUE
 INSERT = CATALOGUE["insert_peg"].code
 SETS = ("reality.scale=0.0", "sim.pace=max", "sim.seed=42001", "sim.fixture={deviation=0.0005}")
 QUICK = 1.3
-"""Longest search of a cell that knows where the hole is, s."""
+"""Longest search of a cell that has learnt the place of the hole, s."""
 
 
 @dataclass
 class Script:
-    """A line that gives commands in turn and keeps what it is told."""
+    """A line that gives commands in turn and keeps the answers."""
 
     commands: list[Command]
     reports: list[Report] = field(default_factory=list)

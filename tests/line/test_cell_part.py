@@ -130,7 +130,7 @@ def test_a_slot_that_is_empty_although_the_cell_believes_it_full_is_a_missed_gra
     with line(tmp_path, 'rack.refill="asked"', "rack.slots=1") as made:
         made.command(GRASP)
         made.command(RECOVER)
-        made.supervisor._part._custody.refill()  # told so, and nobody has filled it
+        made.supervisor._part._custody.refill()  # reported as full while it is empty
         report = made.command(GRASP)
         assert (report.result, report.reason) == (Result.FAILURE, Reason.MISSED_GRASP)
 
@@ -148,7 +148,7 @@ def test_the_next_program_is_told_what_the_hand_of_the_last_one_held(tmp_path):
 
 
 class Says:
-    """A switch that says what it is told to say."""
+    """A switch that reports the state it was set to."""
 
     def __init__(self, state):
         self.state = state

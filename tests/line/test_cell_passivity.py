@@ -18,7 +18,7 @@ PUMPING = {
     "twisting_search": ("search", Gains(translation=1500.0, rotation=1000.0)),
     "twisting_insertion": ("insert", Gains(translation=1500.0, rotation=1500.0)),
 }
-"""Far beyond what a config may ask for: so they are put in behind the check, on an arm that says that it may be as stiff.
+"""Far beyond the bounds of a config: so they are put in behind the check, on an arm whose limits permit such stiffness.
 
 Twisting pumps where the hand turns at once after a peg that turns in it, as it did before docs/tried/search.md.
 

@@ -1,4 +1,4 @@
-"""What a run of the whole cell of fakes leaves in the journal."""
+"""Entries that a run of the whole cell of fakes leaves in the journal."""
 
 import json
 

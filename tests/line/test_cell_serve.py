@@ -41,7 +41,7 @@ sys.exit(main(sys.argv[1:]))
 
 @contextmanager
 def served(folder, program=("-m", "cell"), sets=()):
-    """Yield the process, and host and port, of a cell that is served, at the pace of the wall clock unless told otherwise."""
+    """Yield the process, and host and port, of a cell that is served, at the pace of the wall clock by default."""
     words = [word for key in ("plc.modbus.port=0", *sets) for word in ("--set", key)]
     command = [sys.executable, *program, "serve", *words, "--journal", str(folder)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True) as process:

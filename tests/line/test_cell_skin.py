@@ -28,13 +28,13 @@ SERIAL = [*FAST, "--set", "skin.kind=serial"]
 
 
 def told(capsys, *arguments, status=GOOD):
-    """Return what a command that asks for JSON says."""
+    """Return the output of a command with --json."""
     assert main([*arguments, "--json"]) == status
     return json.loads(capsys.readouterr().out)
 
 
 def complaint(capsys, *arguments):
-    """Return the one line that wrong use is told in."""
+    """Return the one-line error message after wrong use."""
     assert main(list(arguments)) == WRONG_USE
     return capsys.readouterr().err
 

@@ -59,7 +59,7 @@ class StuckHand:
 
 
 class SlackHand(StuckHand):
-    """A stuck hand that says after the command to open that it neither grips nor moves, while its width stays."""
+    """A stuck hand: after the command to open it reports that it neither grips nor moves, while its width stays."""
 
     is_asked = False
 

@@ -1,4 +1,4 @@
-"""Commissioning: a PLC goes through every step on a real socket, or does what it shall not, and the record says so."""
+"""Commissioning: a PLC goes through every step on a real socket, or makes a forbidden request, and the record shows it."""
 
 import threading
 

@@ -120,7 +120,7 @@ def inserted(folder):
 
 
 def is_all_good(told):
-    """Tell whether every peg was a good one and the stopped one was tried again; so may be a start that was refused."""
+    """Return whether every peg was good and the stopped one was tried again; a refused start may be repeated too."""
     return re.fullmatch(f"fed {WANTED} good {WANTED} bad 0 recovered [1-4]", told) is not None
 
 

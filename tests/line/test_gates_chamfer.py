@@ -86,7 +86,7 @@ def test_friction_above_the_slope_of_a_chamfer_holds_the_peg_on_it() -> None:
 @pytest.mark.parametrize(("ends", "mouths"), CHAMFERS)
 @pytest.mark.parametrize("degrees", [0, 3, 20, 45, 55])
 def test_a_peg_that_is_dragged_over_the_rim_stays_out_of_the_plate(ends: float, mouths: float, degrees: int) -> None:
-    """It is led across the hole by a spring of 15 N at the most, which the far rim stops, and back."""
+    """A spring of at most 15 N leads it across the hole until the far rim stops it, and back."""
     peg, hole, tilt = Round(0.008, ends), Round(0.0081, mouths), math.radians(degrees)
     for azimuth in (0.0, 1.3, 3.1):
         model = rig.tilted_peg(peg, hole, tilt, azimuth, 0.2, DT)

@@ -1,4 +1,4 @@
-"""A grip that is finite: each bound holds just below it and gives way just above it, and the way it slips is told."""
+"""A finite grip: the peg holds just below each bound, slips just above it, and the kind of slip is reported."""
 
 import math
 

@@ -105,7 +105,7 @@ def test_a_sliding_peg_lies_on_the_plate_near_the_hole_and_far_from_it(
 
 
 def test_a_lane_has_long_and_short_steps() -> None:
-    """What the test above relies on."""
+    """Condition of the test above."""
     slider = Slider(0.0105, "contact.friction=0.2")
     lengths = set()
     follow = slider._follow

@@ -1,4 +1,4 @@
-"""What the contact gates measure is what they measured with the pinned release: another that drifts is told at once."""
+"""The contact gates measure the same as with the pinned release of the physics, so that a drift in another is detected."""
 
 import math
 import re

@@ -30,7 +30,7 @@ def test_next_peg_is_held_where_the_cell_believes(seed: int, friction: float) ->
     def watch(seen: Observation, setpoint: ImpedanceSetpoint | None) -> None:
         if seen.gripper.is_gripping and not seen.gripper.is_moving:
             leaving[seen.stamp] = seen.arm.tcp.position[2] - grip_z
-            # What the slot does to the peg must not be taken for the joints' friction.
+            # Forces of the slot on the peg must not be taken for the joints' friction.
             assert setpoint is None or not setpoint.is_free or leaving[seen.stamp] >= config.rack.depth
 
     with opened(cell):

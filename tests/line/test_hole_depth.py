@@ -1,4 +1,4 @@
-"""A hole that is not as deep as the recipe says: within a millimetre the peg is seated all the same."""
+"""A hole whose depth differs from the recipe's: within a millimetre the peg is seated."""
 
 import pytest
 

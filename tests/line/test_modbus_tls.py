@@ -80,7 +80,7 @@ def ask(client, pdu):
 
 
 def is_refused(bridge, context):
-    """Tell whether the server lets nobody in who connects like this; TLS 1.3 tells a client only when it reads."""
+    """Return whether the server refuses this client; in TLS 1.3 a client notices it only when it reads."""
     try:
         with connect(bridge, context) as client:
             ask(client, READ)
@@ -100,7 +100,7 @@ def test_client_with_a_certificate_is_served(bridge, authority, version):
 
 def test_client_without_a_certificate_is_refused_and_counted(bridge, authority):
     assert is_refused(bridge, authority.client())
-    bridge.close()  # a client may know before it is counted
+    bridge.close()  # the client may notice before the server counts it
     assert (bridge.diagnostics.forbidden, bridge.diagnostics.accepted) == (1, 0)
 
 
@@ -295,7 +295,7 @@ def test_unusable_certificate_is_said_and_leaves_nothing_open(authority, tmp_pat
 def test_client_that_is_not_ours_reads_writes_and_is_refused(bridge, authority):
     for role, is_allowed in (("Operator", True), ("Watcher", False)):
         context = authority.client(*authority.sign(f"foreign {role}", utf8(role)))
-        context.check_hostname = False  # this client cannot say whom it expects
+        context.check_hostname = False  # this client does not check the name of the server
         client = ModbusTlsClient("127.0.0.1", port=bridge.secure_address[1], sslctx=context, retries=0)
         assert client.connect()
         assert client.read_input_registers(1, count=10).registers[0] == VERSION

@@ -1,4 +1,4 @@
-"""The commands that the pages for people name do what they are said to do."""
+"""The commands on the pages for people do what the pages state."""
 
 import os
 import shutil

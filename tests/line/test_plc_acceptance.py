@@ -1,4 +1,4 @@
-"""What a PLC may rely on, written once and held over every bus, against the real bridge and supervisor."""
+"""Guarantees to a PLC, written once and held over every bus, against the real bridge and supervisor."""
 
 import contextlib
 import time

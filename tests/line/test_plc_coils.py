@@ -1,4 +1,4 @@
-"""What the coils of a plain ladder do, and that `done` is never false: bits on a wire, against bridge and supervisor."""
+"""Effects of the coils of a plain ladder, and a `done` that is never wrong: bits on a wire, against bridge and supervisor."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""What a PLC reads is true when it reads it: numbers on a wire, against the real bridge and supervisor."""
+"""Every register is correct at the moment at which the PLC reads it: numbers on a wire, against the real bridge and supervisor."""
 
 import struct
 

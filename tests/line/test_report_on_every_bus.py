@@ -1,4 +1,4 @@
-"""What the supervisor knows of peg, hole, force, scans and states, read back by a Modbus client and by an SDO client."""
+"""The supervisor's report on peg, hole, force, scans and states, read back by a Modbus client and by an SDO client."""
 
 import struct
 from dataclasses import replace
@@ -31,7 +31,7 @@ class Buses:
         self._node.boot()
 
     def read(self, name):
-        """Return a register's value, which both buses must tell alike."""
+        """Return a register's value, which must be the same on both buses."""
         by_modbus, by_can = self._by_modbus(name), self._by_can(name)
         assert by_modbus == by_can, name
         return by_modbus

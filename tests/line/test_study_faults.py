@@ -118,7 +118,7 @@ def test_a_program_whose_disk_was_full_warns_and_goes_on(tmp_path):
 
 
 def test_an_arm_that_takes_no_setpoint_when_the_peg_is_nearly_in_is_told_within_half_a_second(tmp_path):
-    """No distance tells it: the hand stands where the setpoint is, which goes on so slowly that it is not 61 mm away for 79 s."""
+    """No distance reveals it: the hand stands where the setpoint is, which goes on so slowly that it is not 61 mm away for 79 s."""
     (case,) = found([("arm: deaf", "spiral_adjust", 0.3)], tmp_path)
     assert (case.outcome, case.fault) == ("fault", FaultCode.TRACKING)
     assert case.detection < 0.5

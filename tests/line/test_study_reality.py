@@ -1,4 +1,4 @@
-"""The study of errors, with a few short trials: each is drawn alone, and what it may be is said in its own unit."""
+"""The study of errors, with a few short trials: each is drawn alone, and its range is printed in its own unit."""
 
 import io
 import json

@@ -1,4 +1,4 @@
-"""A wish at its smallest: three presets, one insertion each, and a recipe that tells what it was judged by."""
+"""The smallest tuning: three presets, one insertion each, and a recipe that names its criteria."""
 
 import json
 

@@ -1,4 +1,4 @@
-"""Insertions by a cell that is wrong about the peg in its hand, or about the force that its arm tells, beside all honest errors."""
+"""Insertions with a wrong model of the peg in the hand, or of the arm's measured force, beside all honest errors."""
 
 from dataclasses import replace
 

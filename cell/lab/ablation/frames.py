@@ -17,7 +17,7 @@ LAWS = ("hertz", "foam")
 
 NOMINAL = CONDITIONS[0]
 OTHER_LENGTH = Condition("end 4 mm off", reach_back=(0.011, 0.019))
-"""Pegs that end up to 4 mm from where the job says, between the pads."""
+"""Pegs that end up to 4 mm from the stated place, between the pads."""
 STUCK = 8000.0
 """Reading of a single wrong taxel, counts; a peg reads up to twice as much."""
 

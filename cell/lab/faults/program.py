@@ -110,7 +110,7 @@ def _free_port() -> int:
 
 
 def _serve(words: list[str], told: Connection) -> None:
-    """Run the program: its output goes to `told`, its error output is discarded."""
+    """Run the program: collect its output in `told`, discard its error output."""
     from cell.commands.cli import main
 
     os.dup2(told.fileno(), sys.stdout.fileno())

@@ -13,7 +13,7 @@ SECTIONS = ("Context", "Decision", "Consequences", "Learnt", "Tried", "Tried and
 
 @dataclass(frozen=True)
 class Listed:
-    """What a record, or its line in the index, says of the decision."""
+    """Number, title and state of a decision, in its record or in its line of the index."""
 
     file: str
     title: str

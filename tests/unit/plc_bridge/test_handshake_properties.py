@@ -61,7 +61,7 @@ class Plc:
 
 
 class RoughLine:
-    """Two PLCs and a supervisor; the serial number of every command tells which intent it came from."""
+    """Two PLCs and a supervisor; the serial number of every command identifies its intent."""
 
     def __init__(self) -> None:
         self.now = 0.0

@@ -1,4 +1,4 @@
-"""What a PLC's programming system imports: named types, names for numbers, and XML as its published schema has it."""
+"""Imports of a PLC's programming system: named types, names for numbers, and XML as its published schema has it."""
 
 import importlib
 import re

@@ -60,7 +60,7 @@ class Cell:
         self.send(host)
 
     def is_open_to(self, host):
-        """Tell whether a host's connection may have it: a closed one of its own passes it on, but not during its run."""
+        """Return whether a host's connection may take the lease: the host's closed connection passes it on, except during a run."""
         if self.holder in ("", self.sources[host]):
             return True
         return self.holder.partition("#")[0] == host and (not self.is_runner or self.is_given_back)

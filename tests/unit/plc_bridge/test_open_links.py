@@ -1,4 +1,4 @@
-"""What a number means on a link that stays open: restarts, freezes, late and repeated blocks, joined links; as bytes."""
+"""Meaning of a number on a link that stays open: restarts, freezes, late and repeated blocks, joined links; as bytes."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""What an integrator reads is true, however roughly the line is treated; see `tests.rough_line` for what must hold."""
+"""Answers to a PLC stay correct on a disturbed line; `tests.rough_line` lists the conditions."""
 
 import logging
 

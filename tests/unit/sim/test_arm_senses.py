@@ -45,7 +45,7 @@ def test_a_wrong_zero_shifts_what_law_and_scan_read_alike():
 def test_noise_is_as_strong_as_it_is_said_to_be():
     rates = (1e-3, 0.0, 2e-3, 1e-3, 1e-3, 1e-3, 5e-3)
     words, rng = senses(reading=StateReading(noise=2e-5, rate_noise=rates)), np.random.default_rng(3)
-    # What is returned is a view of the ring.
+    # The returned array is a view of the ring.
     told = np.array([np.concatenate(read(words, noise=rng.standard_normal(arm_senses.NOISES))) for _ in range(4000)])
     np.testing.assert_allclose(told[:, :7].std(axis=0), 2e-5, rtol=0.05)
     np.testing.assert_allclose(told[:, 7:].std(axis=0), rates, rtol=0.05, atol=1e-9)
@@ -84,7 +84,7 @@ def test_joint_torques_that_a_wrench_would_explain_are_told_as_that_wrench():
     words = senses(wrench=WrenchReading(joint_torque=tuple(J.T @ push)))
     read(words)
     np.testing.assert_allclose(arm_senses.scanned(words, FIGURES, NO_TORQUE)[2], push, atol=1e-5)
-    # What moves the arm unknown to its model is told just so.
+    # Torques that are not in the arm's model are measured exactly.
     words = senses(reading=StateReading(delay=1))
     np.testing.assert_allclose(arm_senses.scanned(words, FIGURES, J.T @ push)[2], push, atol=1e-5)
 

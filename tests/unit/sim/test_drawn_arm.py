@@ -1,4 +1,4 @@
-"""What was drawn of the arm's errors becomes the arm that moves."""
+"""The simulated arm moves with its drawn errors."""
 
 import math
 

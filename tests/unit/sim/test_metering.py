@@ -1,4 +1,4 @@
-"""What the meters keep: a penetration that lasts, the largest force on a held peg, the time above a bound, and the jerk of the hand."""
+"""Values that the meters keep: a penetration that lasts, the largest force on a held peg, the time above a bound, and the jerk of the hand."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""What a trial's cell differs in is drawn from its seed, by name, as the file says."""
+"""The errors of a trial's cell are drawn from its seed, by name, with the distributions in the file."""
 
 from pathlib import Path
 

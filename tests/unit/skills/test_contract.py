@@ -1,4 +1,4 @@
-"""What one scan of a skill reads, makes sure of and ends by; every limit at it and one beyond it."""
+"""Readings, guards and endings of one scan of a skill; every limit at it and one beyond it."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -66,7 +66,7 @@ def at(ctx, scan, act):
     ctx.clock.at.append((ctx.clock.now() + (scan - 0.5) * PERIOD, act))
 
 
-# What one scan reads.
+# Readings of one scan.
 
 
 def test_no_two_motions_have_the_same_number_and_none_that_of_an_arm_before_its_first(ctx):
@@ -169,7 +169,7 @@ def test_a_look_outside_a_scan_counts_no_time(ctx):
     assert (seen.elapsed, seen.step, seen.running) == (0.0, 0.0, 0.0)
 
 
-# What a scan ends by.
+# Endings of a scan.
 
 
 def test_a_scan_counts_its_time_from_nothing_in_steps_of_its_period(ctx):

@@ -1,4 +1,4 @@
-"""What the adjustment of a peg with corners commands, scan by scan, and how it ends; the hand is where the test puts it."""
+"""Setpoints of the adjustment of a peg with corners, scan by scan, and its endings; the hand is where the test puts it."""
 
 import math
 
@@ -31,7 +31,7 @@ def hand(tip=HOLE, tilt=TILT, **turns):
 
 
 class Bench(ScriptedHand):
-    """The adjustment over a hand whose peg leans over its corner in the hole's mouth unless the test says otherwise."""
+    """The adjustment over a hand whose peg leans over its corner in the hole's mouth by default."""
 
     def __init__(self, rig):
         super().__init__(rig, lambda time: hand())
@@ -46,7 +46,7 @@ class Bench(ScriptedHand):
         return zip(self.seen, self.commanded, strict=True)
 
     def turn(self, time, theta):
-        """Let the skin tell another in-hand angle, rad, from a time on, s."""
+        """Let the skin measure another in-hand angle, rad, from a time on, s."""
         self.rig.clock.at.append((time - 1e-9, lambda: setattr(self.skin, "theta", theta)))
 
 

@@ -1,4 +1,4 @@
-"""What the insertion of a peg with corners commands, scan by scan, and how it ends; the hand is where the test puts it."""
+"""Setpoints of the insertion of a peg with corners, scan by scan, and its endings; the hand is where the test puts it."""
 
 import math
 
@@ -50,7 +50,7 @@ def left_at(time):
 
 
 class Bench(ScriptedHand):
-    """The insertion over a hand whose peg leans over its corner in the hole's mouth unless the test says otherwise."""
+    """The insertion over a hand whose peg leans over its corner in the hole's mouth by default."""
 
     def __init__(self, rig):
         super().__init__(rig, lambda time: hand())

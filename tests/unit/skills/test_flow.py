@@ -1,4 +1,4 @@
-"""What is on record of skills that follow one another."""
+"""Records of skills that follow one another."""
 
 import pytest
 

@@ -22,7 +22,7 @@ START = np.array([0.45, 0.0, 0.35])
 
 
 class Watched(FakeArm):
-    """An arm that keeps what it was told."""
+    """An arm that keeps its commands."""
 
     def __init__(self, clock: FakeClock) -> None:
         super().__init__(clock)
@@ -112,7 +112,7 @@ def test_a_peg_that_stays_in_its_slot_is_a_lost_grasp(ctx):
     ("off", "aslant", "closes"), [(0.9, 0, True), (1.1, 0, False), (0, 0.9, True), (0, 1.1, False)]
 )
 def test_a_hand_that_does_not_get_to_the_slot_does_not_close(ctx, off, aslant, closes):
-    """Over the slot something holds the hand, whatever it is told."""
+    """Over the slot something holds the hand, whatever the command."""
     beside = Pose(
         grip_at(0) + np.array([off * NEAR[0], 0.0, 0.0]), rotation_about(ACROSS_RACK, aslant * NEAR[1]) @ HAND_DOWN
     )

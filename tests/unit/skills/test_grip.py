@@ -1,4 +1,4 @@
-"""What a peg may be pushed with, by what is believed of the grip."""
+"""Permitted push on a peg, from the model of the grip."""
 
 import math
 

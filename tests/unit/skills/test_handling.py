@@ -1,4 +1,4 @@
-"""What each kind of part is searched with, aligned and seated with, and what differs between the attempts of one insertion."""
+"""Skills that search, align and seat each kind of part, and differences between the attempts of one insertion."""
 
 import math
 from dataclasses import replace
@@ -83,7 +83,7 @@ def test_a_peg_with_corners_is_searched_again_and_steered_as_its_own_section_say
 
 
 class Bench(ScriptedHand):
-    """A round peg that leans in the hole's mouth unless the test says otherwise."""
+    """A round peg that leans in the hole's mouth by default."""
 
     def __init__(self, rig):
         super().__init__(rig, lambda time: hand(HOLE - 1e-3 * UP, 0.5))

@@ -1,4 +1,4 @@
-"""The likelihood of a latch over several ways down: told from noise, from walls that hold a peg back, and from a bottom that is another."""
+"""Likelihood of a latch over several strokes: against noise, walls that hold a peg back, and another bottom."""
 
 import numpy as np
 import pytest
@@ -20,7 +20,7 @@ from skills.latch_likelihood import (
 
 LATCH = Latch(kind="detent", force=5.0, height=0.003)
 BIAS = 3.0
-"""What the arm reports where nothing resists, N."""
+"""Force that the arm reports if nothing resists, N."""
 
 
 def way_down(*, shallow=0.0, wear=0.0, rubs=(), noise=0.0, rest=0.0, rng=None):

@@ -65,7 +65,7 @@ def test_a_peg_whose_latch_was_hidden_is_drawn_up_through_it_and_looked_at_again
 
 
 def given_up_after(seen, **way):
-    """Return the number of equal ways down after which a peg is given up, and whether it was told."""
+    """Return the number of equal strokes after which a peg is given up, and whether its latch was detected."""
     looks, stamp = Looks(), 0.0
     for count in range(1, MOST_LOOKS + 1):
         looks, stamp = lowered(looks, seen, stamp, **way)

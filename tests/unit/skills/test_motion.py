@@ -1,4 +1,4 @@
-"""What the setpoints of several skills have in common."""
+"""Properties that the setpoints of several skills share."""
 
 import math
 
@@ -77,7 +77,7 @@ def test_a_move_gets_to_its_goal_within_the_speeds_of_its_transfer_fed_forward_b
     assert last.roll == pytest.approx(goal.roll)
     assert max(np.linalg.norm(each.twist.linear) for _, each in told) <= TRANSFER.speed + 1e-9
     assert max(np.linalg.norm(each.twist.angular) for _, each in told) <= TRANSFER.turn_speed + 1e-9
-    # What is fed forward is the rate at which the setpoint goes on.
+    # The rate of the setpoint is fed forward.
     for k in range(1, len(told) - 1):
         assert told[k][1].twist.linear == pytest.approx((tips[k + 1] - tips[k - 1]) / 0.02, abs=3e-3)
         turning = float(UP @ np.cross(rolls[k - 1], rolls[k + 1])) / 0.02

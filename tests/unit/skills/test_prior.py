@@ -1,4 +1,4 @@
-"""What a fixture teaches from part to part: it is found, it drifts, it is exchanged, and a single stray changes nothing."""
+"""Learning the place of a fixture from part to part: found, drifting, exchanged; a single outlier changes nothing."""
 
 import math
 

@@ -93,7 +93,7 @@ def test_where_the_plate_was_felt_is_forgotten_with_the_next_grasp(ctx):
 
 @pytest.fixture
 def free(ctx):
-    """Return the same context with an arm that goes where it is told, and the places at which the hand was told to open."""
+    """Return the same context with an arm that reaches each setpoint at once, and the places at which the hand was commanded to open."""
     ctx.arm.is_blocked = False
     opened, release = [], ctx.gripper.release
     ctx.gripper.release = lambda width: (opened.append((width, ctx.arm.tcp.position.copy())), release(width))

@@ -20,7 +20,7 @@ THICKNESS = CELL.peg.part.thickness
 
 
 class SlowHand(FakeGripper):
-    """A hand whose fingers move for so long after it was told to let go, s, and then stand this far apart, m."""
+    """A hand whose fingers move for a set time after the command to open, s, and then stand this far apart, m."""
 
     def __init__(self, clock: FakeClock, opens_for: float = 0.0, opens_to: float | None = None) -> None:
         super().__init__(THICKNESS)

@@ -1,4 +1,4 @@
-"""The way to rest: braked for a moment, then held, and told once all joints have been slow for a while."""
+"""The way to rest: braked for a moment, then held; rest is reported after all joints have been slow for a while."""
 
 from dataclasses import replace
 
@@ -27,7 +27,7 @@ def arm():
 
 
 def taken(rest, arm, speeds):
-    """Return what is told after each scan with these speeds of the fastest joint, rad/s."""
+    """Return the state after each scan with these speeds of the fastest joint, rad/s."""
     state = arm.read()
     return [
         rest.take(replace(state, dq=np.array([0.0, -speed, 0.0, 0.0, 0.0, 0.0, 0.0])), PERIOD * scan)
@@ -99,7 +99,7 @@ def test_an_arm_whose_speed_never_reads_zero_is_at_rest_in_time(arm):
 
 
 def creeping(rest, arm, speed, scans):
-    """Return what is told after each scan of an arm that moves on at this speed, rad/s, and reads twice as much."""
+    """Return the state after each scan of an arm that moves on at this speed, rad/s, and reads twice as much."""
     told = []
     for scan in range(1, scans + 1):
         arm.clock.time, arm.q[2] = PERIOD * scan, speed * PERIOD * scan

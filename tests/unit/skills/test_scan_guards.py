@@ -1,4 +1,4 @@
-"""What a scan makes sure of, at the limit and one beyond it."""
+"""Guards of a scan, at the limit and one beyond it."""
 
 import math
 from dataclasses import replace

@@ -62,7 +62,7 @@ def test_a_level_plate_is_no_evidence_where_the_hole_is_likely():
 
 
 def test_a_fall_under_way_does_not_take_the_estimate_with_it():
-    """What is left below the full dip is the doubt about slopes that were never felt."""
+    """The rest below the full dip is the uncertainty of slopes that were never touched."""
     evidence = Evidence(PARAMS, SurfaceEstimate(), PERIOD)
     for k in range(40):
         evidence.learn(np.array([0.0, 1e-3 * k, 0.0]), 1)

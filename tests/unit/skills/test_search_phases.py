@@ -1,4 +1,4 @@
-"""What makes a search do something else."""
+"""Transitions between the phases of a search."""
 
 from dataclasses import replace
 
@@ -89,7 +89,7 @@ def test_a_place_is_looked_round_once_and_then_left():
 
 
 def test_a_corner_whose_dip_has_gone_at_rest_is_not_led_round_the_place():
-    """A turn of the peg in the hand lets the tip seem to dip until the skin tells it; a probe would turn the peg further."""
+    """If the peg turns in the hand, the tip seems to dip until the skin measures the turn; a probe would turn it further."""
     corner = CONFIG.corner.searching(PARAMS)
     gone = replace(FELT, below=0.1 * corner.dip_threshold)
     dip = next_phase(Sliding(BACK), replace(FELT, is_edge=True), corner, COURSE, np.zeros(2))

@@ -1,4 +1,4 @@
-"""A thin peg falls less deep, and its search tells a shallower fall."""
+"""A thin peg falls less deep, and its search detects a shallower fall."""
 
 from types import SimpleNamespace
 

@@ -60,7 +60,7 @@ def test_no_place_of_the_area_is_left_out(deviation, place):
 @pytest.mark.parametrize("deviation", [5e-4, 1e-2, 0.2])
 @pytest.mark.parametrize("place", [(0.0, 0.0), (0.03, -0.03), (-0.06, 0.01)])
 def test_no_search_comes_down_beside_the_plate(place, deviation):
-    """A place that is told as wider than the area: the peg would come down beyond the border that is taken for granted round it."""
+    """A prior wider than the area: the peg would come down beyond the assumed border."""
     (least_x, least_y), (most_x, most_y) = JOB.hole.plate_bounds
     for seed in range(8):
         course = make_course(PARAMS, JOB, np.random.default_rng(seed), likely(np.array(place), deviation))

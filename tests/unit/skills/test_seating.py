@@ -1,4 +1,4 @@
-"""When something bears a peg that is pushed down, and when a closed switch needs that to be believed."""
+"""Detection of a support under a peg that is pushed down, and when a closed switch needs it as evidence."""
 
 import math
 from dataclasses import replace

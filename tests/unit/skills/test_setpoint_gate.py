@@ -404,7 +404,7 @@ def test_the_gate_of_an_arm_remembers_the_last_setpoint_until_it_is_reset():
     assert not arm.is_halted
 
 
-# What is said.
+# Messages.
 
 
 def test_lengths_are_told_to_a_millimetre():
@@ -428,7 +428,7 @@ def test_what_is_wrong_is_told_with_what_is_allowed(changes, words):
         judge(setpoint(**changes))
 
 
-# What the arm may be asked for, at each bound and beyond it.
+# Permitted setpoints, at each bound and beyond it.
 
 
 def turning(rate):

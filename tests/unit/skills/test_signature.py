@@ -1,4 +1,4 @@
-"""The force of a latch against depth: told from noise, from a bottom that is another, and from a peg that is not held."""
+"""The force of a latch against depth: distinguished from noise, another bottom and a peg that is not held."""
 
 from dataclasses import replace
 
@@ -47,7 +47,7 @@ def lowered(seen, latch=LATCH, *, shallow=0.0, wear=0.0, noise=0.0, above=0.006,
     for height in way:
         felt = (1.0 - wear) * float(resistance(np.array(height + shallow), latch)) if height > 0.0 else 8.0
         force = felt + BIAS + noise * float(rng.standard_normal())
-        # What the pads give way the hand goes further down.
+        # The hand goes further down by the deflection of the pads.
         now = scan(seen, height - SHEAR * force, force, stamp, hand)
         curve, stamp = curve.after(now, pushing(now), latch), stamp + PERIOD
     return curve, stamp - PERIOD

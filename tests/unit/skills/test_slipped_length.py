@@ -1,4 +1,4 @@
-"""What a peg has slipped along the fingers on the plate, by how far the plate seems to have sunk."""
+"""Slip of a peg along the fingers on the plate, from the apparent sinking of the plate."""
 
 import math
 from types import SimpleNamespace

@@ -143,7 +143,7 @@ def test_a_peg_at_the_bottom_is_given_twice_the_time_of_one_that_stalls_above_it
 
 
 def test_fingers_that_slide_down_the_peg_are_noticed_below_the_bottom(tmp_path):
-    """The hand of the fakes sinks as it is told, as fingers do that slide; the switch stays open."""
+    """The fake hand follows its setpoint down, as sliding fingers do; the switch stays open."""
     rig = Rig(load(), tmp_path)
     ctx = rig.cell.context(1)
     hole = ctx.job.hole
@@ -225,7 +225,7 @@ def test_an_aim_that_is_kept_leaves_the_hand_as_it_is_turned():
 
 
 class Bench(ScriptedHand):
-    """The adjustment over a hand whose peg stands upright at the hole's mouth unless the test says otherwise."""
+    """The adjustment over a hand whose peg stands upright at the hole's mouth by default."""
 
     def __init__(self, rig):
         super().__init__(rig, lambda time: hand())

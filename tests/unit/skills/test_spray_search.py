@@ -29,7 +29,7 @@ HOLE, RADIUS = np.array(CELL.hole.centre), CELL.hole.part.inscribed / 2
 
 
 class Bench(Board):
-    """A search over a level plate, without a hole unless the test says otherwise, by a hand that is there already."""
+    """A search over a level plate, by default without a hole, by a hand that is there already."""
 
     def __init__(self, rig):
         super().__init__(rig)

@@ -1,4 +1,4 @@
-"""What the insertion commands, scan by scan, and how it ends; the hand is where the test puts it, and the skin says what it is told."""
+"""Setpoints of the insertion, scan by scan, and its endings; the test sets the pose of the hand and of the peg."""
 
 import math
 
@@ -34,7 +34,7 @@ def hand(tilt: float = TILT, tip: Vector = HOLE - DIP * UP, about: Vector = SIDE
 
 
 class Bench(ScriptedHand):
-    """The insertion over a hand whose peg stands in the hole's mouth unless the test says otherwise."""
+    """The insertion over a hand whose peg stands in the hole's mouth by default."""
 
     def __init__(self, rig: Rig) -> None:
         super().__init__(rig, lambda time: hand())

@@ -1,4 +1,4 @@
-"""The first touch-down tells how far the peg reaches from the hand."""
+"""The first touch-down measures how far the peg reaches from the hand."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""How a peg is brought down on a surface to tell its height, and what it presses with."""
+"""Lowering a peg on a surface to measure its height, and the force of the touch."""
 
 import numpy as np
 import pytest

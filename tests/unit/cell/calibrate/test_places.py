@@ -18,7 +18,7 @@ TODAY = date(2026, 11, 22)
 
 
 def touches(longer=0.0, height=0.0, slopes=(0.0, 0.0), slot=(0.0, 0.0)):
-    """Return what a peg tells that reaches further by `longer`, m, of a plate that is so much higher and leans."""
+    """Return the touched heights of a plate that is higher and leans, by a peg that is longer by `longer`, m."""
     middle = np.array(CONFIG.hole.centre)
     points = [
         np.add(place, [0.0, 0.0, height + longer + float(np.dot(slopes, (place - middle)[:2]))])

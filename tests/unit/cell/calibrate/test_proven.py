@@ -1,4 +1,4 @@
-"""What is proven of a cell, what asks for the proof again, and what a cell in commissioning may do."""
+"""Proofs of a cell, changes that make a new proof necessary, and actions permitted in commissioning."""
 
 from dataclasses import replace
 from datetime import date

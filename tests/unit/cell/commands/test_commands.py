@@ -1,4 +1,4 @@
-"""Every command and every study has the same parts, and what does not exist is told with what may have been meant."""
+"""Every command and every study has the same parts, and the error on an unknown name suggests the nearest one."""
 
 import json
 import tomllib

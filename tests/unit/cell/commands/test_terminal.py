@@ -1,4 +1,4 @@
-"""What is printed fits a narrow terminal, is cut nowhere, and is never taken for markup."""
+"""Printed text fits a narrow terminal, is cut nowhere, and is never taken for markup."""
 
 import json
 import subprocess

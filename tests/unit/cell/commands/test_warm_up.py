@@ -1,4 +1,4 @@
-"""What a cell compiles before it serves, so that no scan of a program waits for a compiler."""
+"""Functions that a cell compiles before it serves, so that no scan of a program waits for a compiler."""
 
 import logging
 from pathlib import Path

@@ -15,7 +15,7 @@ from skills.catalogue import SEARCH
 
 
 def line_about(*sets, path=None):
-    """Return what a wrong config is told."""
+    """Return the error message on a wrong config."""
     with pytest.raises(ConfigError) as caught:
         load(path, sets=sets)
     assert "\n" not in str(caught.value)

@@ -1,4 +1,4 @@
-"""Tables are laid over each other key by key, and each key knows where it came from."""
+"""Tables are laid over each other key by key, and each key keeps its origin."""
 
 import pytest
 

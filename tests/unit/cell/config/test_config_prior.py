@@ -1,4 +1,4 @@
-"""What a config may say of where the hole is likely, and how a fixture is drawn for a simulated cell."""
+"""Prior of the hole's place in a config, and how a fixture is drawn for a simulated cell."""
 
 import numpy as np
 import pytest

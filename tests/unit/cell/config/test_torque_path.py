@@ -29,7 +29,7 @@ def arm_with(rotors=(0.05,) * 7, **path):
 
 
 def swing(arm, damping_ratio, factor=1.0):
-    """Return how fast a swing about the stiffness of free motion grows in one control cycle, with a law that believes its figures."""
+    """Return how fast a swing about the stiffness of free motion grows in one control cycle, if the law's figures are correct."""
     gains = Gains(translation=1500.0, rotation=60.0, damping_ratio=damping_ratio)
     return radius(one_cycle(arm, np.array(arm.home), 0.0, gains, factor))
 

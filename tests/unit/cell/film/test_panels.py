@@ -1,4 +1,4 @@
-"""The panels beside the pictures of the scene show what they are told."""
+"""The panels beside the pictures of the scene show the values that they are given."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""What a picture is told of a run on record."""
+"""Values that a picture takes from a run on record."""
 
 from dataclasses import replace
 from functools import partial

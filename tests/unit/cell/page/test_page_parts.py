@@ -1,4 +1,4 @@
-"""What the page shows and takes, without a browser and without a cell."""
+"""Content and inputs of the page, without a browser and without a cell."""
 
 import math
 from dataclasses import replace

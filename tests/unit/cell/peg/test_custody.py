@@ -1,4 +1,4 @@
-"""What is kept of the peg and the rack from one program to the next."""
+"""State of peg and rack that is kept from one program to the next."""
 
 import json
 import os

@@ -1,4 +1,4 @@
-"""What proves a success in a hole without a switch, each negative by itself; the curve is told in tests/unit/skills/test_signature.py."""
+"""Proof of a success in a hole without a switch, each negative by itself; tests/unit/skills/test_signature.py tests the curve."""
 
 from dataclasses import replace
 

@@ -180,7 +180,7 @@ def test_a_seated_peg_whose_switch_falls_silent_is_where_the_switch_says_once_it
     assert not silent.basis & PartEvidence.SWITCH_CLOSED
     now = after(silent, replace(gone, switch=answer), places, is_running=False)
     assert now.place is place
-    # Whoever takes a peg away opens a switch that has told since that it is seated, and no other.
+    # Taking a peg away opens the switch that has reported it as seated since, and no other.
     later = after(now, replace(gone, switch=OPEN), places, is_running=False)
     assert later.place is (PartPlace.RACK if answer is CLOSED else PartPlace.UNKNOWN)
 
@@ -377,7 +377,7 @@ def test_a_held_peg_is_seated_exactly_as_far_off_the_hole_s_depth_as_the_switch_
     assert after(EMPTY, closed, at_origin, is_running=True).place is PartPlace.SEATED
 
 
-# What becomes of a peg as the hand lets go, and what is said of it.
+# Place of a peg after the hand lets go, and its report.
 
 
 @pytest.mark.parametrize(
@@ -477,7 +477,7 @@ def test_the_bits_in_words_name_each_of_them_and_the_width():
 
 
 def alone(before, places, *, gripping, moving=False, width=None, switch=OPEN, is_running=True):
-    """Return where the peg is after a look at the hand while the arm does not tell."""
+    """Return where the peg is after a reading of the hand while the arm reports nothing."""
     wide = places.thickness if gripping else 0.04
     return by_hand_alone(
         before, GripperState(wide if width is None else width, gripping, moving), switch, places, is_running
@@ -519,7 +519,7 @@ def test_a_hand_that_holds_nothing_and_goes_on_holding_nothing_is_no_news(places
 
 
 BEARS = 12.5
-"""What the pads surely bear in these tests, N."""
+"""Force that the pads bear in these tests, N."""
 
 
 def pressed(places, depths, push):

@@ -265,7 +265,7 @@ def test_a_hand_that_is_open_by_no_more_than_its_width_errs_may_hold_the_peg(job
         judge(job, look=away(proven(job), hand=hand))
 
 
-# What is said.
+# Messages.
 
 
 def test_depths_are_told_to_a_tenth_of_a_millimetre(at_origin):

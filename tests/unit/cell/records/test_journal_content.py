@@ -1,4 +1,4 @@
-"""What lies in a journal's folder is input: no row and no byte of it stops a start, and nothing else is lost with it."""
+"""The content of a journal's folder is input: no row or byte of it prevents a start or loses anything else."""
 
 import json
 import math

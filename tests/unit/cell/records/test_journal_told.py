@@ -1,4 +1,4 @@
-"""What reports are told of runs is what the rows say: in random journals, also after all that happens to a journal."""
+"""Reports on runs agree with the rows: in random journals, also after all that happens to a journal."""
 
 import json
 import math

@@ -1,4 +1,4 @@
-"""A run's samples have a file under the run's own number; a run whose file fails goes on without, and that is told."""
+"""A run's samples have a file under the run's own number; a run whose file fails goes on without it and reports that."""
 
 from dataclasses import replace
 

@@ -22,7 +22,7 @@ NSEC = 1_735_689_600_000_000_000  # the same start
 @pytest.fixture
 def samples(rig: Rig):
     number = record(rig, rig.journal, knows_truth=True)
-    assert rig.journal.find(number).outcome == "running"  # whoever asks finds all of it on the disk
+    assert rig.journal.find(number).outcome == "running"  # a reader finds all of it on the disk
     return read_samples(rig.journal.samples_path(number))
 
 

@@ -14,7 +14,7 @@ ARM = read_arm(arm_file("panda"))
 
 
 def watched(friction=0.4, offset=0.2, scans=200, is_free=True):
-    """Return what is told of an arm that moves to and fro with this friction and offset, and 0.05 N·m that grows with velocity."""
+    """Return the warnings on an arm that swings with this friction, this offset and a viscous torque of 0.05 N·m."""
     watch = ArmWatch(calibration(), ARM)
     for scan in range(scans):
         dq = np.full(7, 0.3 if scan % 100 < 50 else -0.3)

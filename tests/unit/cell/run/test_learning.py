@@ -1,4 +1,4 @@
-"""What a cell keeps from part to part: written whole, read with a guard, forgotten on demand."""
+"""Memory of a cell from part to part: written whole, read with a guard, forgotten on demand."""
 
 import json
 import logging

@@ -1,4 +1,4 @@
-"""What a PLC reads of a cell that it commands: states, results, refusals, and what becomes of the arm."""
+"""Answers of a cell to a PLC's commands: states, results, refusals, and the motion of the arm."""
 
 import json
 import threading
@@ -34,7 +34,7 @@ UNKNOWN_CODE, UNKNOWN_RECIPE = 999, 4711
 
 @pytest.fixture
 def program(rig, monkeypatch):
-    """Return a program that ends when and how the test says, in the place of the grasp."""
+    """Return a program that replaces the grasp and ends when and how the test prescribes."""
     made = QuickProgram()
     entry = Program(name=STAGE, code=CODE, run=made, stages=(STAGE,), starts_empty=False)
     monkeypatch.setitem(CATALOGUE.by_code, CODE, entry)

@@ -74,7 +74,7 @@ def test_late_scans_that_ended_a_run_do_not_end_the_next():
 
 
 class Looked:
-    """A watchdog whose looks come when the test says, with a wall clock that goes on meanwhile."""
+    """A watchdog that looks at times that the test sets, with a wall clock that goes on meanwhile."""
 
     def __init__(self, monkeypatch, is_simulated=False):
         self.time, self.stop = 50.0, threading.Event()

@@ -1,4 +1,4 @@
-"""What is learnt of joints that move as a hand does on its way to the rack."""
+"""Learnt figures of joints that move as on the way to the rack."""
 
 import math
 

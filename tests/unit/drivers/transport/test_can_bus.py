@@ -12,7 +12,7 @@ from drivers.transport.wires import CanFrame, CanLostError
 
 
 class FakeBus:
-    """What python-can would open; gives what it is told to."""
+    """Bus that python-can would open; receives scripted frames."""
 
     def __init__(self, **settings):
         self.settings = settings

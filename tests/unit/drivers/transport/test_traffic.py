@@ -65,7 +65,7 @@ def told(frame):
 
 
 def fresh(frames):
-    """Return what is told of every new frame; while a port is gone nobody looks at it, and looks are not counted."""
+    """Return the report on every new frame; a port that is gone is not read, and readings are not counted."""
     return list(dict.fromkeys(told(frame) for frame in frames if frame is not None))
 
 

@@ -84,7 +84,7 @@ def test_the_hand_keeps_its_attitude_if_the_plate_turns_the_peg(board):
 
 
 class Bench(ScriptedHand):
-    """A hand whose peg leans in the hole's mouth unless the test says otherwise."""
+    """A hand whose peg leans in the hole's mouth by default."""
 
     def __init__(self, rig):
         super().__init__(rig, lambda time: scripted.hand(HOLE - 1e-3 * UP, TILT))

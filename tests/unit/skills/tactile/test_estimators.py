@@ -1,4 +1,4 @@
-"""What every estimator must do, whatever its method."""
+"""Contract of every estimator, whatever its method."""
 
 from dataclasses import replace
 from functools import lru_cache

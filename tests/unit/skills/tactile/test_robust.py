@@ -143,7 +143,7 @@ def test_pads_of_another_kind_are_learnt():
 
 
 def test_peg_that_is_held_still_teaches_little():
-    """Frames of one grasp err alike, by the same taxels' gains, and along the rows breadth and angle are told apart worst."""
+    """Frames of one grasp err alike, by the same taxels' gains; breadth and angle are hardest to separate along the rows."""
     rng, rows = np.random.default_rng(3), []
     for theta in rng.uniform(0.02, 0.06, 30):
         gains, offset = rng.normal(1.0, 0.05, (2, 20)), rng.normal(0.0, 0.7e-3)

@@ -25,7 +25,7 @@ def at_random(module):
 
 
 def judged(told, prints=None):
-    """Return the judge of frames until it has judged; `prints` tells in which of them the estimator finds a peg."""
+    """Return the judge of frames after its verdict; `prints` lists the frames in which the estimator finds a peg."""
     shown = GraspPrint()
     for values, is_print in zip(told, prints or [True] * len(told), strict=False):
         if not shown.is_judged:

@@ -80,7 +80,7 @@ def test_peg_that_stands_still_is_known_no_worse_than_a_frame_tells(make: Make) 
 
 
 def test_a_wrong_first_frame_does_not_turn_the_peg_about_for_good():
-    """Fingers that still close tell any angle; from 80 degrees on, -30 would be nearest as 150."""
+    """While fingers close, any angle can be measured; from 80 degrees on, -30 would be nearest as 150."""
     wrong, right = frame(math.radians(80.0), 0.0), frame(math.radians(-30.0), 0.1)
     assert Smoothing().take(wrong, right).theta == right.theta
     assert Smoothing().take(frame(1.5, 0.0), frame(-1.5, 0.1)).theta == pytest.approx(math.pi - 1.5)
