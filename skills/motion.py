@@ -194,8 +194,8 @@ def tilted_by(offset: Vector, length: float) -> Vector:
 
 def stay(ctx: SkillContext, stamp: float) -> None:
     """Extend the validity of the held setpoint, with zero twist."""
-    if ctx.held is not None:
-        ctx.follow(replace(ctx.held, valid_until=stamp + VALIDITY, twist=None))
+    if ctx.lead.held is not None:
+        ctx.follow(replace(ctx.lead.held, valid_until=stamp + VALIDITY, twist=None))
 
 
 def between(goal: Vector, start: Vector, share: float) -> Vector:

@@ -104,8 +104,8 @@ def _pull(params: RecoverParams, ctx: SkillContext) -> Vector | None:
 
 def _relax(ctx: SkillContext) -> None:
     """Hold the arm still at its present pose, because an arm that pulls would jump when the hand opens."""
-    ctx.arm.halt()
-    ctx.held = None
+    ctx.devices.arm.halt()
+    ctx.lead.held = None
 
 
 def _draw_up(params: RecoverParams, ctx: SkillContext) -> None:
@@ -119,4 +119,4 @@ def _draw_up(params: RecoverParams, ctx: SkillContext) -> None:
 
 
 def _result(outcome: Outcome, reason: Reason, ctx: SkillContext, first: Observation, dropped: bool) -> RecoverResult:
-    return RecoverResult(outcome, reason, ctx.clock.now() - first.stamp, dropped)
+    return RecoverResult(outcome, reason, ctx.devices.clock.now() - first.stamp, dropped)

@@ -78,7 +78,7 @@ def let_go(opening: float, longest: float, ctx: SkillContext) -> bool:
         longest: Longest time for the fingers to open, s.
         ctx: The skill's context.
     """
-    ctx.gripper.release(opening)
+    ctx.devices.gripper.release(opening)
     for seen in ctx.scan(longest, limited=False):
         if not seen.gripper.is_moving:
             break
