@@ -45,7 +45,7 @@ class GraspFromRackParams(SkillParams):
     Source: chosen, not measured.
     """
 
-    transfer: Transfer
+    transfer: Transfer = Transfer()
     """Motion of the hand to the slot and away from it."""
     force: Annotated[float, Field(gt=0.0, le=70.0), Quantity("N")]
     """Grip force, N."""

@@ -43,7 +43,7 @@ class RecoverParams(SkillParams):
     Source: chosen, not measured.
     """
 
-    transfer: Transfer
+    transfer: Transfer = Transfer()
     """Motion of the hand to the bin."""
     height: Annotated[float, Field(gt=0.0, le=0.3), Quantity("m")]
     """Distance to rise first, m."""

@@ -21,7 +21,7 @@ class ReleaseAndRetractParams(SkillParams):
     Source: chosen, not measured.
     """
 
-    transfer: Transfer
+    transfer: Transfer = Transfer()
     """Motion of the hand while it retracts."""
     opening: Annotated[float, Field(gt=0.0, le=0.08), Quantity("m")]
     """Distance between the pads that releases the peg, m."""

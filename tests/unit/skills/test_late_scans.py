@@ -25,10 +25,7 @@ def moved(ctx):
     goal = Goal(
         ctx.devices.arm.tcp.position + np.array([0.0, 0.06, 0.0]), np.array([0.0, 0.0, 1.0]), np.array([0.0, -1.0, 0.0])
     )
-    transfer = Transfer.model_validate(
-        {"gains": {"translation": 1500.0, "rotation": 60.0}, "speed": 0.25, "turn_speed": 1.0, "elbow": 0.05}
-    )
-    return [(seen, ctx.lead.held.tip.copy()) for seen in move(goal, transfer, ctx, None)], goal
+    return [(seen, ctx.lead.held.tip.copy()) for seen in move(goal, Transfer(), ctx, None)], goal
 
 
 @pytest.mark.parametrize("mean", [0.003, 0.01])
