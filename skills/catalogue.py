@@ -35,7 +35,7 @@ def insert_peg(skills: SkillSet, ctx: SkillContext) -> list[StageRecord]:
     If the peg turns out not to be in the hole, search again. A decoy spends no retry within the time that a search may take. After a
     failure, recover. The run's outcome is that of the first stage that failed and was not retried; without such a stage it is success.
     """
-    records, belief, attempt, began = GRASP.run(skills, ctx), ANYWHERE, 0, ctx.clock.now()
+    records, belief, attempt, began = GRASP.run(skills, ctx), ANYWHERE, 0, ctx.devices.clock.now()
     plan = plan_of(skills, ctx)
     while records[-1].result.outcome is Outcome.SUCCESS or records[-1].retried:
         tried = find_and_seat(skills, ctx, attempt, belief)
@@ -44,7 +44,7 @@ def insert_peg(skills: SkillSet, ctx: SkillContext) -> list[StageRecord]:
         if last.outcome is Outcome.SUCCESS:
             records += RELEASE.run(skills, ctx)
             break
-        is_in_time = ctx.clock.now() - began < plan.search.timeout
+        is_in_time = ctx.devices.clock.now() - began < plan.search.timeout
         decoy = _decoy(found, last, ctx) if plan.retries and is_in_time else None
         if decoy is None and (attempt == plan.retries or last.reason not in RETRIED):
             break

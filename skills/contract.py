@@ -1,7 +1,6 @@
 """Contract of a skill: typed parameters and a context in, a typed result out."""
 
 import logging
-from collections import deque
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from enum import Enum, IntEnum, StrEnum
@@ -22,15 +21,13 @@ from drivers.quantities import (
     SwitchState,
     TaxelFrame,
     Vector,
-    Wrench,
 )
 from skills.held_peg import HeldPeg
-from skills.passivity import SOFTENED, STOP, PassivityGuard, PassivityVerdict
-from skills.rest import Rest
+from skills.lead import Lead
+from skills.passivity import STOP, PassivityGuard, PassivityVerdict
 from skills.scan_guards import (
-    ScanLimits,
+    ScanSchedule,
     ScanTiming,
-    new_window,
     require_finite_hand,
     require_finite_skin,
     require_finite_theta,
@@ -39,9 +36,8 @@ from skills.scan_guards import (
     way_back,
 )
 from skills.setpoint_gate import Limits
-from skills.tactile.blend import Blend, Smoothing
 from skills.tactile.pose import Estimator, PegPose, Tracker
-from skills.wrench_zero import SCANS, WrenchConfig, WrenchZero, zero_of
+from skills.wrench_zero import ZeroedWrench
 
 logger = logging.getLogger(__name__)
 
@@ -150,26 +146,29 @@ LEAST_TRUSTED = 20
 Recorder = Callable[[Observation, ImpedanceSetpoint | None], None]
 
 
-@dataclass(slots=True)
-class SkillContext:
-    """Context of a skill: devices, job, limits and scan."""
+@dataclass(frozen=True, slots=True)
+class Devices:
+    """Devices of the cell, and its clock; the assembly makes them once."""
 
     clock: Clock
     arm: Arm
     gripper: Gripper
     skin: Skin
     switch: SuccessSwitch
+
+
+@dataclass(frozen=True, slots=True)
+class Perception:
+    """Steps from a frame of the skin to the peg's pose; made anew for each run, because peg and method can change."""
+
     estimator: Estimator
-    job: Job
-    limits: Limits
-    scan_period: float
-    rng: np.random.Generator
-    """Random generator of a skill's choices, such as the start of a search."""
-    scan_limits: ScanLimits = field(default_factory=ScanLimits)
-    """Limits on the lateness of scans."""
-    wrench: WrenchConfig = field(default_factory=WrenchConfig)
-    """Limits on the offset and noise of the external wrench."""
-    tracker: Tracker = field(default_factory=lambda: Blend(Smoothing()))
+    tracker: Tracker
+
+
+@dataclass(frozen=True, slots=True)
+class Callbacks:
+    """Functions of the program that runs the skills."""
+
     poll: Callable[[], Request] = lambda: Request.RUN
     """Function that returns the supervisor's request, called once a scan."""
     progress: Callable[[float], None] = lambda fraction: None
@@ -178,45 +177,42 @@ class SkillContext:
     """Function called with the name and the duration, s, of each stage that has ended."""
     record: Recorder = lambda seen, setpoint: None
     """Function called with every observation and the setpoint held during it."""
+
+
+@dataclass(slots=True)
+class SkillContext:
+    """Context of a skill: devices, job, limits and scan."""
+
+    devices: Devices
+    perception: Perception
+    job: Job
+    limits: Limits
+    """Limits of force and workspace."""
+    schedule: ScanSchedule
+    rng: np.random.Generator
+    """Random generator of a skill's choices, such as the start of a search."""
+    wrench: ZeroedWrench = field(default_factory=ZeroedWrench)
+    callbacks: Callbacks = field(default_factory=Callbacks)
     stage: str = ""
     """Name of the running skill."""
-    held: ImpedanceSetpoint | None = field(default=None, init=False)
-    rest: Rest = field(init=False)
-    """Brake that brings the arm to rest."""
-    zero: WrenchZero = field(default_factory=WrenchZero, init=False)
-    """Offset of the wrench in free air; it is subtracted from every observation."""
+    lead: Lead = field(init=False)
+    """Setpoints sent to the arm, and its brake."""
     peg: HeldPeg = field(default_factory=HeldPeg, init=False)
     """Knowledge about the peg in the hand."""
-    _unseen_since: float | None = field(default=None, init=False)
-    """Time since which the hand has held a peg without a healthy pose, s; None if there is no such peg."""
     _sequence: int = field(default=-1, init=False)
-    _next_id: int = field(default=0, init=False)
-    _late: deque[bool] = field(default_factory=new_window, init=False)
-    """Lateness of the last scans: True if late."""
-    _wrenches: deque[Wrench] = field(default_factory=lambda: deque(maxlen=SCANS), init=False)
-    """Wrenches reported by the arm in the last scans."""
-    _soft: tuple[int, Vector] | None = field(default=None, init=False)
-    """Id of the motion softened by the passivity guard, and its largest permitted stiffness, shape (6,)."""
+    """Number of the newest frame of the skin."""
 
     def __post_init__(self) -> None:
-        """Make the brake, which halts the arm through the setpoint gate."""
-        self.rest = Rest(self.arm)
+        """Take the lead of the arm."""
+        self.lead = Lead(self.devices.arm)
 
     def new_id(self) -> int:
         """Return an unused setpoint id; a new id resets the arm's integral."""
-        self._next_id += 1
-        return self._next_id
+        return self.lead.new_id()
 
     def follow(self, setpoint: ImpedanceSetpoint) -> None:
-        """Send `setpoint` to the arm and keep it for the record.
-
-        If the passivity guard has softened this motion, the stiffness is reduced first.
-        """
-        if self._soft is not None and setpoint.id == self._soft[0]:
-            setpoint = replace(setpoint, stiffness=np.minimum(setpoint.stiffness, self._soft[1]))
-        self.held = setpoint
-        self.rest.leave()
-        self.arm.follow(setpoint)
+        """Send `setpoint` to the arm and keep it for the record; see `Lead`."""
+        self.lead.follow(setpoint)
 
     def note_slip(self) -> None:
         """Record a slip of the peg along the fingers; from now on the skills assume less grip and push less."""
@@ -233,16 +229,6 @@ class SkillContext:
         """Return the estimated pose of the end point in the hand."""
         return InHandTip(self.peg.pose.theta, self.length, self.peg.pose.stamp)
 
-    def zero_wrench(self) -> None:
-        """Set the wrench's offset to its mean over the last scans; the hand must have rested in free air.
-
-        Raises:
-            WrenchOffsetError: The wrenches are implausible for free air.
-        """
-        self.zero = zero_of(self._wrenches, self.wrench)
-        x, y, z = self.zero.force
-        logger.info("wrench zeroed: %.1f, %.1f, %.1f N in free air, noise %.1f N", x, y, z, self.zero.noise)
-
     def read_hand(self) -> GripperState:
         """Return the newest state of the hand.
 
@@ -250,7 +236,7 @@ class SkillContext:
             NotFiniteError: The width is not a plausible number.
             CellError: The hand's own `read` raised it.
         """
-        return require_finite_hand(self.gripper.read())
+        return require_finite_hand(self.devices.gripper.read())
 
     def observe(self, elapsed: float = 0.0, step: float = 0.0, running: float = 0.0) -> Observation:
         """Read every sensor once; the three times, s, are copied into the observation.
@@ -258,13 +244,12 @@ class SkillContext:
         Raises:
             CellError: A device has timed out or stopped, or its readings are implausible.
         """
-        arm = self.arm.read()
-        self._wrenches.append(arm.wrench)
-        arm = self.zero.taken_from(arm)
-        age = self.clock.now() - arm.stamp
+        devices = self.devices
+        arm = self.wrench.taken_from(devices.arm.read())
+        age = devices.clock.now() - arm.stamp
         if age > LATEST_STATE:
             raise ArmSilentError(f"arm: newest state {age:.2f} s old > {LATEST_STATE} s limit")
-        frame = self.skin.read()
+        frame = devices.skin.read()
         is_new_frame = frame.sequence != self._sequence
         pose: PegPose | None = None
         if is_new_frame:
@@ -275,13 +260,14 @@ class SkillContext:
                 raise SkinUntrustedError(
                     f"skin: {trusted} of {frame.trusted.size} taxels trusted; {LEAST_TRUSTED} needed"
                 )
-            estimate = self.estimator.estimate(frame)
+            estimate = self.perception.estimator.estimate(frame)
             require_finite_theta(estimate)
             pose = estimate if estimate.healthy else None
         # Nothing touches the peg on the way through free air; what the arm reports there is its own inertia and friction.
-        is_free = self.held is None or self.held.is_free
+        held = self.lead.held
+        is_free = held is None or held.is_free
         moment = 0.0 if is_free else float(arm.tcp.rotation[:, 2] @ arm.wrench.torque)
-        known = self.tracker.follow(pose, arm.stamp, moment)
+        known = self.perception.tracker.follow(pose, arm.stamp, moment)
         if known.healthy and known is not self.peg.pose:
             self.peg = self.peg.seen(known)
         tip, axis = end_point(arm.tcp, self.peg.pose.theta, self.length)
@@ -297,14 +283,14 @@ class SkillContext:
             peg=self.peg.pose,
             tip=tip,
             axis=axis,
-            switch=self.switch.read(),
+            switch=devices.switch.read(),
         )
 
     def scan(self, timeout: float, holding: bool = False, limited: bool = True) -> Iterator[Observation]:
         """Yield one observation a scan until `timeout` seconds have passed on the cell's clock; the only loop of a skill.
 
         A hold request halts the arm and stops the timeout until the arm is back at its setpoint. A late scan slows the
-        path time `Observation.elapsed`. If a scan exceeds `scan_limits`, it raises a fault.
+        path time `Observation.elapsed`. If a scan exceeds the limits of `schedule`, it raises a fault.
 
         Args:
             timeout: Longest running time, s; time on hold does not count.
@@ -317,52 +303,51 @@ class SkillContext:
             CellError: A device has timed out or stopped, or its readings are implausible.
         """
         elapsed = running = 0.0
-        paused, timing, guard = (
-            None,
-            ScanTiming(self.scan_period, self.scan_limits, self._late),
-            PassivityGuard(self.limits.force),
-        )
-        timing.take(self.clock.now())
+        clock, lead = self.devices.clock, self.lead
+        paused, timing, guard = None, ScanTiming(self.schedule), PassivityGuard(self.limits.force)
+        timing.take(clock.now())
         while running < timeout:
-            request = self.poll()
+            request = self.callbacks.poll()
             timing.require_kept()
             if request is Request.STOP:
                 self._interrupt(Reason.STOPPED)
             self._hold_or_leave(request)
             seen = self.observe(elapsed, timing.step, running)
-            self.rest.take(seen.arm, seen.stamp)
+            lead.rest.take(seen.arm, seen.stamp)
             paused = seen.arm if request is Request.HOLD else paused
             self._keep_to_setpoint(seen, request, paused)
-            self.record(seen, self.held)
+            self.callbacks.record(seen, lead.held)
             if limited:
                 self._check(seen)
                 self._keep_passive(guard, seen, request)
             if holding:
                 self._require_peg(seen)
-            else:
-                self._unseen_since = None
+            elif self.peg.unseen_since is not None:
+                self.peg = replace(self.peg, unseen_since=None)
             if request is Request.RUN:
                 yield seen
-            self.clock.wait_until(timing.due)
-            timing.take(self.clock.now())
+            clock.wait_until(timing.due)
+            timing.take(clock.now())
             if request is Request.RUN:
                 elapsed, running = elapsed + timing.step, running + timing.passed
 
     def _hold_or_leave(self, request: Request) -> None:
         """Bring the arm to rest during a hold, otherwise release it."""
+        rest = self.lead.rest
         if request is not Request.HOLD:
-            self.rest.leave()
-        elif not self.rest.is_sought:
-            self.rest.seek(self.clock.now())
+            rest.leave()
+        elif not rest.is_sought:
+            rest.seek(self.devices.clock.now())
 
     def _keep_to_setpoint(self, seen: Observation, request: Request, paused: ArmState | None) -> None:
         """Check that the arm is close to its setpoint; after a hold, move it back there from where it `paused`."""
-        if self.held is None:
+        held = self.lead.held
+        if held is None:
             return
         if request is Request.RUN:
-            require_tracking(seen.arm, self.held)
+            require_tracking(seen.arm, held)
         elif request is Request.RESUME and paused is not None:
-            self.arm.follow(way_back(paused, self.held, seen.stamp, self.scan_period))
+            self.devices.arm.follow(way_back(paused, held, seen.stamp, self.schedule.period))
 
     def _require_peg(self, seen: Observation) -> None:
         """Check that the hand holds the peg and that the skin has measured its pose recently."""
@@ -371,8 +356,11 @@ class SkillContext:
         if seen.peg.healthy:
             blind = seen.stamp - seen.peg.stamp
         else:
-            self._unseen_since = seen.stamp if self._unseen_since is None else self._unseen_since
-            blind = seen.stamp - self._unseen_since
+            since = self.peg.unseen_since
+            if since is None:
+                since = seen.stamp
+                self.peg = replace(self.peg, unseen_since=since)
+            blind = seen.stamp - since
         if blind > LONGEST_BLIND:
             raise SkinUntrustedError(f"skin: no angle of the peg for {blind:.2f} s > {LONGEST_BLIND} s limit")
 
@@ -388,19 +376,18 @@ class SkillContext:
             require_level_skin(seen.frame)
 
     def _keep_passive(self, guard: PassivityGuard, seen: Observation, request: Request) -> None:
-        held = self.held if request is Request.RUN else None
+        held = self.lead.held if request is Request.RUN else None
         verdict = guard.update(held, seen.arm.tcp, seen.stamp)
         if held is None or verdict is PassivityVerdict.PASSIVE:
             return
         if verdict is PassivityVerdict.STOP:
-            self.arm.halt()
+            self.devices.arm.halt()
             raise NotPassiveError(
                 f"{self.stage or 'skill'}: {guard.share:.1f} times the energy that presses with {self.limits.force:g} N,"
                 f" at {held.stiffness[:3].max():g} N/m and {held.stiffness[3:].max():g} N·m/rad; less than {STOP:g} allowed"
             )
-        if self._soft is None or held.id != self._soft[0]:
-            self._soft = held.id, SOFTENED * held.stiffness
+        self.lead.soften(held)
 
     def _interrupt(self, reason: Reason) -> NoReturn:
-        self.arm.halt()
+        self.devices.arm.halt()
         raise Interrupted(reason)

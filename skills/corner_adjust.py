@@ -220,7 +220,7 @@ def run(params: CornerAdjustParams, ctx: SkillContext, plane: Plane | None = Non
         is_between = sunk > params.entered or watch.is_caught(seen.elapsed, params)
         if is_seated(seen.switch, tip, hole) or is_between:
             return CornerAdjustResult(Outcome.SUCCESS, Reason.NONE, running, depth_of(tip, hole))
-        ctx.progress(seen.elapsed / params.timeout)
+        ctx.callbacks.progress(seen.elapsed / params.timeout)
         before, left = left, entry.raised(left, sunk, seen.step)
-        ctx.follow(entry.setpoint(seen, (before, left), ctx.scan_period, identity))
+        ctx.follow(entry.setpoint(seen, (before, left), ctx.schedule.period, identity))
     return CornerAdjustResult(Outcome.FAILURE, Reason.NOT_SEATED, running, depth_of(tip, hole))

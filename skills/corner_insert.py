@@ -200,7 +200,7 @@ def run(params: CornerInsertParams, ctx: SkillContext, plane: Plane | None = Non
             turn = turned_by(seen.arm.tcp.rotation[:, 2], raised.roll, plane.normal)
             if abs(yaw - turn) > params.felt or sweep.highest + depth > params.sunk:
                 return CornerInsertResult(Outcome.SUCCESS, Reason.NONE, seen.running, yaw, phi)
-        ctx.progress(elapsed / params.timeout)
+        ctx.callbacks.progress(elapsed / params.timeout)
         theta += min(params.follow_rate * seen.step, 1.0) * (seen.peg.theta - theta)
         ctx.follow(_setpoint(params, ctx, seen, raised, sweep, identity, theta))
     return CornerInsertResult(Outcome.FAILURE, Reason.NOT_ALIGNED, params.timeout, yaw, phi)
@@ -276,7 +276,7 @@ def _setpoint(
     """Return the setpoint of one scan; `theta` is the in-hand angle that the hand has followed so far, rad."""
     stiffness, length = params.gains.stiffness(), ctx.length
     stiffness[2] = params.push_stiffness * (1.0 if seen.elapsed >= raised.settled else params.push_back)
-    now, soon = (attitude(params, raised, sweep, seen.elapsed + later, length) for later in (0.0, ctx.scan_period))
+    now, soon = (attitude(params, raised, sweep, seen.elapsed + later, length) for later in (0.0, ctx.schedule.period))
     yawed = rotation_about(raised.normal, sweep.yaw(seen.elapsed, raised.settled, params))
     left = rotation_about(seen.arm.tcp.rotation[:, 2], seen.peg.theta - theta)
     return ImpedanceSetpoint(
@@ -290,7 +290,7 @@ def _setpoint(
         in_hand=ctx.in_hand(),
         integral_gain=params.integral_gain,
         integral_limit=params.integral_limit,
-        twist=Twist(np.zeros(3), spin_between(now, soon, ctx.scan_period)),
+        twist=Twist(np.zeros(3), spin_between(now, soon, ctx.schedule.period)),
     )
 
 

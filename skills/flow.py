@@ -30,17 +30,17 @@ def run_stage(name: str, step: Step, ctx: SkillContext) -> StageRecord:
         CellError: The step did not return a `SkillResult`, or the step raised a fault.
     """
     ctx.stage = name
-    ctx.progress(0.0)
-    started = ctx.clock.now()
+    ctx.callbacks.progress(0.0)
+    started = ctx.devices.clock.now()
     try:
         result = step(ctx)
     except Interrupted as interruption:
         outcome = Outcome.ABORTED if interruption.reason is Reason.STOPPED else Outcome.FAILURE
-        result = SkillResult(outcome, interruption.reason, ctx.clock.now() - started)
+        result = SkillResult(outcome, interruption.reason, ctx.devices.clock.now() - started)
     if not isinstance(result, SkillResult):
         raise CellError(f"{name}: run returned {type(result).__name__}; a SkillResult allowed")
-    ctx.ended(name, result.elapsed)
-    return StageRecord(name, result, started, ctx.clock.now())
+    ctx.callbacks.ended(name, result.elapsed)
+    return StageRecord(name, result, started, ctx.devices.clock.now())
 
 
 def in_order(steps: Sequence[tuple[str, Step]], ctx: SkillContext) -> list[StageRecord]:

@@ -45,7 +45,7 @@ class GraspFromRackParams(SkillParams):
     Source: chosen, not measured.
     """
 
-    transfer: Transfer
+    transfer: Transfer = Transfer()
     """Motion of the hand to the slot and away from it."""
     force: Annotated[float, Field(gt=0.0, le=70.0), Quantity("N")]
     """Grip force, N."""
@@ -82,13 +82,13 @@ class GraspFromRackResult(SkillResult):
 
 def run(params: GraspFromRackParams, ctx: SkillContext) -> GraspFromRackResult:
     """Take the peg from the job's slot and check that the hand holds it."""
-    started = ctx.clock.now()
+    started = ctx.devices.clock.now()
     job = ctx.job
     slot = np.array(job.rack.first) + np.array([0.0, job.rack.pitch * (job.slot % job.rack.slots), 0.0])
     # The peg stands on the slot's floor, so the finger centre goes to the height `length` above that floor.
     grip_at = slot + UP * (job.peg.length - job.rack.depth)
 
-    ctx.gripper.release(params.opening)
+    ctx.devices.gripper.release(params.opening)
     ctx.peg = ctx.peg.grasped_anew()
     above = Goal(grip_at + UP * params.clearance, UP, ACROSS_RACK)
     _rise(above.tip[2], params, ctx)
@@ -108,10 +108,10 @@ def run(params: GraspFromRackParams, ctx: SkillContext) -> GraspFromRackResult:
         pass
     if not _holds_peg(params, ctx):
         return _missed(params, ctx, started, Reason.LOST_GRASP)
-    ctx.zero_wrench()
+    ctx.wrench.set_zero()
     seen = ctx.observe()
     return GraspFromRackResult(
-        Outcome.SUCCESS, Reason.NONE, ctx.clock.now() - started, seen.gripper.width, seen.peg.theta
+        Outcome.SUCCESS, Reason.NONE, ctx.devices.clock.now() - started, seen.gripper.width, seen.peg.theta
     )
 
 
@@ -133,10 +133,10 @@ class Centring:
 
     def __init__(self, grip_at: Vector, ctx: SkillContext) -> None:
         """Start from the held setpoint, with the goal `grip_at`, shape (3,), m, base frame."""
-        assert ctx.held is not None
+        assert ctx.lead.held is not None
         self._ctx, self._grip_at, self._trims = ctx, grip_at, [TRIM] * 3
         self._held = replace(
-            ctx.held,
+            ctx.lead.held,
             id=ctx.new_id(),
             twist=None,
             is_free=False,  # from here to the end of the slot, peg and rack may touch
@@ -168,7 +168,7 @@ class Centring:
 
 def _close(params: GraspFromRackParams, centring: Centring, ctx: SkillContext) -> bool:
     """Close the hand while `centring` continues; return True if it holds a peg."""
-    ctx.gripper.grip(params.force)
+    ctx.devices.gripper.grip(params.force)
     for seen in ctx.scan(params.closing_time):
         if seen.gripper.is_gripping or not seen.gripper.is_moving:
             break
@@ -185,7 +185,7 @@ def _require_print(params: GraspFromRackParams, ctx: SkillContext) -> None:
     Raises:
         SkinUntrustedError: The skin does not show the print, or the print fits exchanged modules better.
     """
-    shown, order = GraspPrint(), PrintOrder(ctx.estimator)
+    shown, order = GraspPrint(), PrintOrder(ctx.perception.estimator)
     for seen in ctx.scan(PRINT_TIME):
         stay(ctx, seen.stamp)
         if seen.is_new_frame:
@@ -197,13 +197,13 @@ def _require_print(params: GraspFromRackParams, ctx: SkillContext) -> None:
         shown.require()
         order.require()
     except SkinUntrustedError:
-        ctx.gripper.release(params.opening)
+        ctx.devices.gripper.release(params.opening)
         raise
 
 
 def _draw_out(height: float, params: GraspFromRackParams, ctx: SkillContext) -> None:
     """Rise until the finger centre is at `height`, m, base frame, at which the peg's end has left the slot."""
-    held = ctx.held
+    held = ctx.lead.held
     assert held is not None
     twist = Twist(UP * params.drawing_speed, np.zeros(3))
     for seen in ctx.scan(DRAWING_TIME * (height - held.tip[2]) / params.drawing_speed):
@@ -220,5 +220,7 @@ def _holds_peg(params: GraspFromRackParams, ctx: SkillContext) -> bool:
 
 def _missed(params: GraspFromRackParams, ctx: SkillContext, started: float, reason: Reason) -> GraspFromRackResult:
     seen = ctx.observe()
-    ctx.gripper.release(params.opening)
-    return GraspFromRackResult(Outcome.FAILURE, reason, ctx.clock.now() - started, seen.gripper.width, seen.peg.theta)
+    ctx.devices.gripper.release(params.opening)
+    return GraspFromRackResult(
+        Outcome.FAILURE, reason, ctx.devices.clock.now() - started, seen.gripper.width, seen.peg.theta
+    )

@@ -24,6 +24,8 @@ class HeldPeg:
     """Surface estimate of the last search that found the hole; None before."""
     ways: tuple[Way, ...] = ()
     """Insertion strokes that ended in a rest, over all attempts."""
+    unseen_since: float | None = None
+    """Time since which the hand has held the peg without a healthy pose, s; None if the pose is healthy or no peg is held."""
 
     @property
     def excess(self) -> float:

@@ -51,19 +51,31 @@ class Gains(ConfigModel):
         return np.full(6, self.damping_ratio)
 
 
+class TransferGains(Gains):
+    """Stiffness and damping ratio of a move through free space.
+
+    Source: chosen, not measured.
+    """
+
+    translation: Annotated[PositiveFloat, Quantity("N/m")] = 1500.0
+    """Translational stiffness, N/m."""
+    rotation: Annotated[PositiveFloat, Quantity("N·m/rad")] = 60.0
+    """Rotational stiffness, N·m/rad."""
+
+
 class Transfer(ConfigModel):
     """Parameters of a move through free space.
 
     Source: chosen, not measured.
     """
 
-    gains: Gains
+    gains: TransferGains = TransferGains()
     """Stiffness and damping ratio during the move."""
-    speed: Annotated[PositiveFloat, Quantity("m/s", Tempo.SPEED)]
+    speed: Annotated[PositiveFloat, Quantity("m/s", Tempo.SPEED)] = 0.25
     """Largest speed of the tip, m/s."""
-    turn_speed: Annotated[PositiveFloat, Quantity("rad/s", Tempo.SPEED)]
+    turn_speed: Annotated[PositiveFloat, Quantity("rad/s", Tempo.SPEED)] = 1.0
     """Largest turning rate, rad/s."""
-    elbow: Annotated[float, Field(ge=-math.pi, le=math.pi), Quantity("rad")]
+    elbow: Annotated[float, Field(ge=-math.pi, le=math.pi), Quantity("rad")] = 0.05
     """Goal of the elbow's joint in the null space, rad; without it the elbow would drift from run to run."""
     clearance: Annotated[float, Figure("m"), Field(exclude=True)] = 0.002
     """Least distance of hand and peg from plate and rack during a move, m; a move that starts or ends nearer may come as near. Source: decision 0013."""
@@ -194,8 +206,8 @@ def tilted_by(offset: Vector, length: float) -> Vector:
 
 def stay(ctx: SkillContext, stamp: float) -> None:
     """Extend the validity of the held setpoint, with zero twist."""
-    if ctx.held is not None:
-        ctx.follow(replace(ctx.held, valid_until=stamp + VALIDITY, twist=None))
+    if ctx.lead.held is not None:
+        ctx.follow(replace(ctx.lead.held, valid_until=stamp + VALIDITY, twist=None))
 
 
 def between(goal: Vector, start: Vector, share: float) -> Vector:

@@ -85,5 +85,5 @@ def approach(goal: Goal, transfer: Transfer, pull: Pull, ctx: SkillContext) -> V
             return stuck
     for _ in move(goal, transfer, ctx, ctx.in_hand()):
         pass
-    ctx.zero_wrench()
+    ctx.wrench.set_zero()
     return None

@@ -43,7 +43,7 @@ class RecoverParams(SkillParams):
     Source: chosen, not measured.
     """
 
-    transfer: Transfer
+    transfer: Transfer = Transfer()
     """Motion of the hand to the bin."""
     height: Annotated[float, Field(gt=0.0, le=0.3), Quantity("m")]
     """Distance to rise first, m."""
@@ -104,8 +104,8 @@ def _pull(params: RecoverParams, ctx: SkillContext) -> Vector | None:
 
 def _relax(ctx: SkillContext) -> None:
     """Hold the arm still at its present pose, because an arm that pulls would jump when the hand opens."""
-    ctx.arm.halt()
-    ctx.held = None
+    ctx.devices.arm.halt()
+    ctx.lead.held = None
 
 
 def _draw_up(params: RecoverParams, ctx: SkillContext) -> None:
@@ -119,4 +119,4 @@ def _draw_up(params: RecoverParams, ctx: SkillContext) -> None:
 
 
 def _result(outcome: Outcome, reason: Reason, ctx: SkillContext, first: Observation, dropped: bool) -> RecoverResult:
-    return RecoverResult(outcome, reason, ctx.clock.now() - first.stamp, dropped)
+    return RecoverResult(outcome, reason, ctx.devices.clock.now() - first.stamp, dropped)

@@ -21,7 +21,7 @@ class ReleaseAndRetractParams(SkillParams):
     Source: chosen, not measured.
     """
 
-    transfer: Transfer
+    transfer: Transfer = Transfer()
     """Motion of the hand while it retracts."""
     opening: Annotated[float, Field(gt=0.0, le=0.08), Quantity("m")]
     """Distance between the pads that releases the peg, m."""
@@ -78,7 +78,7 @@ def let_go(opening: float, longest: float, ctx: SkillContext) -> bool:
         longest: Longest time for the fingers to open, s.
         ctx: The skill's context.
     """
-    ctx.gripper.release(opening)
+    ctx.devices.gripper.release(opening)
     for seen in ctx.scan(longest, limited=False):
         if not seen.gripper.is_moving:
             break

@@ -2,7 +2,7 @@
 
 import math
 from collections import deque
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from typing import Annotated
 
 import numpy as np
@@ -46,19 +46,25 @@ class ScanLimits(ConfigModel):
     """Longest time from one scan to the next, s; if it is exceeded, the arm is halted and the run ends with a fault. Source: decision 0015."""
 
 
-def new_window() -> deque[bool]:
-    """Return an empty record of the lateness of the last scans."""
-    return deque(maxlen=OVERRUN_WINDOW)
+@dataclass(frozen=True, slots=True)
+class ScanSchedule:
+    """Period of the scan, limits on its lateness, and a record of the late scans."""
+
+    period: float
+    """Period of the scan, s."""
+    limits: ScanLimits = field(default_factory=ScanLimits)
+    late: deque[bool] = field(default_factory=lambda: deque(maxlen=OVERRUN_WINDOW))
+    """Lateness of the last scans: True if late."""
 
 
 class ScanTiming:
     """Lateness of the scans and advance of the path in each; one object serves one call of a skill's scan."""
 
-    def __init__(self, scan_period: float, limits: ScanLimits, late: deque[bool]) -> None:
-        """Start before the first scan; the period is in s, and `late` records the lateness of earlier scans."""
-        self._period, self._limits, self._late = scan_period, limits, late
+    def __init__(self, schedule: ScanSchedule) -> None:
+        """Start before the first scan."""
+        self._period, self._limits, self._late = schedule.period, schedule.limits, schedule.late
         self._before: float | None = None
-        self.passed = scan_period
+        self.passed = schedule.period
         """Time since the previous scan, s, on the cell's clock; one period at the first scan."""
         self.step = scan_period
         """Advance of the path time in this scan, s: the time since the previous scan, at most `LONGEST_STEP` periods."""

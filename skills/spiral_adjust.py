@@ -113,10 +113,10 @@ def run(
     for seen in ctx.scan(params.timeout, holding=True):
         elapsed, running, tip, is_done = seen.elapsed, seen.running, aim.tip(seen.arm.tcp), False
         if hole.latch is not None and hole.evidence == "force":
-            looks = looks.after(seen, ctx.held, hole.latch, plane.depth(seen.tip) - hole.depth)
+            looks = looks.after(seen, ctx.lead.held, hole.latch, plane.depth(seen.tip) - hole.depth)
             is_done, ctx.peg = looks.is_shown, replace(ctx.peg, ways=looks.curve.ways)
         elif is_seated(seen.switch, tip, hole):
-            arrival = arrival.after(seen, ctx.held, hole.depth - plane.depth(seen.tip) if is_felt else 0.0)
+            arrival = arrival.after(seen, ctx.lead.held, hole.depth - plane.depth(seen.tip) if is_felt else 0.0)
             is_done = arrival.is_over(seen.stamp)
         if is_done:
             return _result(Outcome.SUCCESS, Reason.NONE, running, offset, depth_of(tip, hole))
@@ -137,19 +137,19 @@ def run(
             guide, descent = replace(guide, reached=plane.depth(tip)), Descent(plane.depth(tip))
             stall = stall.measured_anew(guide.reached, depth)
             sweep = sweep.next(elapsed, seen.arm.tcp, allowed_tilt(guide.reached, *across), aim.in_hand.length)
-        descent = descent.after(plane.depth(tip), ctx.scan_period)
+        descent = descent.after(plane.depth(tip), ctx.schedule.period)
         moves = sweep.offset if sweep.is_on(elapsed, params) else partial(guide.offset, share=descent.rest)
-        offset, next_offset = (moves(elapsed + ahead, params) for ahead in (0.0, ctx.scan_period))
-        ctx.progress(elapsed / params.timeout)
+        offset, next_offset = (moves(elapsed + ahead, params) for ahead in (0.0, ctx.schedule.period))
+        ctx.callbacks.progress(elapsed / params.timeout)
         swing = swing.after(seen.arm) if running < params.swing_time else at_rest
         stiffness, damping_ratio = _compliance(params, swing, depth_of(tip, hole) > hole.depth - params.arrival)
-        looks = looks.pulling(swing.push * params.push_offset, ctx.scan_period)
+        looks = looks.pulling(swing.push * params.push_offset, ctx.schedule.period)
         ctx.follow(
             ImpedanceSetpoint(
                 id=identity,
                 tip=_target(tip, first.tip, looks.pull),
                 axis=aim.axis(offset),
-                twist=_spin(aim.axis(offset), aim.axis(next_offset), ctx.scan_period),
+                twist=_spin(aim.axis(offset), aim.axis(next_offset), ctx.schedule.period),
                 roll=(seen if turns_freely else first).arm.tcp.rotation[:, 2],
                 stiffness=stiffness,
                 damping_ratio=damping_ratio,

@@ -68,16 +68,16 @@ def run(
     start = (course.first[0], course.first[1])
     if (stuck := approach(_above(course), params.transfer, params.pull, ctx)) is not None:
         return SpraySearchResult(Outcome.FAILURE, Reason.NOT_SEATED, LONGEST, _point(stuck), start, 0, None)
-    evidence = Evidence(params, surface or SurfaceEstimate(), ctx.scan_period)
+    evidence = Evidence(params, surface or SurfaceEstimate(), ctx.schedule.period)
     sweep, spent = Sweep(params, ctx, course, evidence), 0.0
     found, spent = _slide(params, ctx, sweep, spent)
     while found is None and spent < params.timeout:
-        lifted = ctx.clock.now()
+        lifted = ctx.devices.clock.now()
         if (stuck := approach(_above(sweep.begin_anew()), params.transfer, params.pull, ctx)) is not None:
-            spent += ctx.clock.now() - lifted
+            spent += ctx.devices.clock.now() - lifted
             return SpraySearchResult(Outcome.FAILURE, Reason.NOT_SEATED, spent, _point(stuck), start, sweep.rests, None)
         sweep.hold_anew()
-        found, spent = _slide(params, ctx, sweep, spent + ctx.clock.now() - lifted)
+        found, spent = _slide(params, ctx, sweep, spent + ctx.devices.clock.now() - lifted)
     if found is None:
         tip = ctx.observe().tip
         return SpraySearchResult(Outcome.FAILURE, Reason.NO_HOLE, params.timeout, _point(tip), start, sweep.rests, None)
@@ -92,8 +92,8 @@ def run(
         edge=sweep.edge,
         left=sweep.left,
         excess=ctx.peg.excess,
-        offset=_point(ctx.zero.force),
-        noise=ctx.zero.noise,
+        offset=_point(ctx.wrench.zero.force),
+        noise=ctx.wrench.zero.noise,
     )
 
 
@@ -116,7 +116,7 @@ def _slide(
             return seen, spent + seen.running
         if sweep.is_to_lift(seen):
             return None, spent + seen.running
-        ctx.progress((spent + seen.running) / params.timeout)
+        ctx.callbacks.progress((spent + seen.running) / params.timeout)
         ctx.follow(sweep.setpoint(seen))
     return None, params.timeout
 

@@ -108,7 +108,7 @@ def run(params: TactileInsertParams, ctx: SkillContext, plane: Plane | None = No
             return TactileInsertResult(Outcome.SUCCESS, Reason.NONE, elapsed, first_phi, phi)
         if plane.depth(seen.tip) < -params.lost_height - peg.reach * math.sin(phi):
             return TactileInsertResult(Outcome.FAILURE, Reason.NOT_ALIGNED, elapsed, first_phi, phi)
-        ctx.progress(1.0 - min(phi / max(first_phi, 1e-6), 1.0))
+        ctx.callbacks.progress(1.0 - min(phi / max(first_phi, 1e-6), 1.0))
         hole[:2] += (
             min(params.compliance_rate * seen.step, 1.0) * (anchored(seen.tip, first.tip, peg.thickness) - hole)[:2]
         )

@@ -53,7 +53,7 @@ def touch_off(place: Vector, transfer: Transfer, touch: TouchOff, ctx: SkillCont
     above = Goal(place + CLEAR * UP, UP, ACROSS_RACK)
     for _ in move(above, transfer, ctx, ctx.in_hand()):
         pass
-    ctx.zero_wrench()
+    ctx.wrench.set_zero()
     touched = _come_down(place, transfer, touch, ctx)
     height = ctx.observe().tip[2]
     up = Goal(np.array([*place[:2], max(float(height), float(place[2])) + CLEAR]), UP, ACROSS_RACK)
@@ -67,7 +67,7 @@ def _come_down(place: Vector, transfer: Transfer, touch: TouchOff, ctx: SkillCon
     identity, in_hand = ctx.new_id(), ctx.in_hand()
     stiffness, damping = transfer.gains.stiffness(), transfer.gains.damping_ratios()
     lead, forces = MOST / transfer.gains.translation, deque[float](maxlen=SCANS)
-    threshold = ctx.zero.guarded(TOUCH, SCANS)
+    threshold = ctx.wrench.zero.guarded(TOUCH, SCANS)
     tip, since = place + CLEAR * UP, None
     lowest: deque[Vector] = deque(maxlen=SCANS)
     for seen in ctx.scan((CLEAR + DEEPEST) / touch.speed + 2.0 * touch.rest, holding=True):
@@ -96,5 +96,5 @@ def _come_down(place: Vector, transfer: Transfer, touch: TouchOff, ctx: SkillCon
                 twist=Twist(-touch.speed * UP, np.zeros(3)) if is_moving else None,
             )
         )
-    ctx.zero.require_sense(forces, TOUCH)
+    ctx.wrench.zero.require_sense(forces, TOUCH)
     return None

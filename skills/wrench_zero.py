@@ -5,7 +5,9 @@ leave an offset of some newtons, which changes with the posture. While the hand 
 is this offset. Their standard deviation is the noise, which thresholds must exceed.
 """
 
+import logging
 import math
+from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Annotated
@@ -16,6 +18,8 @@ from pydantic import Field
 from drivers.config_model import ConfigModel, Quantity
 from drivers.errors import WrenchOffsetError, WrenchReversedError
 from drivers.quantities import ArmState, Vector, Wrench
+
+logger = logging.getLogger(__name__)
 
 SCANS = 20
 """Number of scans at rest used to zero the wrench."""
@@ -112,3 +116,30 @@ def zero_of(wrenches: Sequence[Wrench], config: WrenchConfig) -> WrenchZero:
             f"arm: force changes by {drift:.1f} N in free air while the hand rests: something touches it"
         )
     return WrenchZero(mean, np.mean([wrench.torque for wrench in wrenches], axis=0), noise)
+
+
+class ZeroedWrench:
+    """External wrench without its offset in free air."""
+
+    def __init__(self, config: WrenchConfig | None = None) -> None:
+        """Start without an offset; `config` limits it, and its noise."""
+        self._config = config or WrenchConfig()
+        self._reported: deque[Wrench] = deque(maxlen=SCANS)
+        """Wrenches reported by the arm in the last scans."""
+        self.zero = WrenchZero()
+        """Offset of the wrench in free air; it is subtracted from every observation."""
+
+    def taken_from(self, arm: ArmState) -> ArmState:
+        """Record the reported wrench of one scan, and return the state without the offset."""
+        self._reported.append(arm.wrench)
+        return self.zero.taken_from(arm)
+
+    def set_zero(self) -> None:
+        """Set the offset to the mean over the last scans; the hand must have rested in free air.
+
+        Raises:
+            WrenchOffsetError: The wrenches are implausible for free air.
+        """
+        self.zero = zero_of(self._reported, self._config)
+        x, y, z = self.zero.force
+        logger.info("wrench zeroed: %.1f, %.1f, %.1f N in free air, noise %.1f N", x, y, z, self.zero.noise)

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from drivers.quantities import ImpedanceSetpoint, Vector
-from skills.contract import Observation
+from skills.contract import Callbacks, Observation, Perception
 from skills.tactile.blend import Blend, Smoothing
 from tests.fakes import Rig, ToldEstimator
 
@@ -35,8 +35,8 @@ class Board:
         self.progress: list[float] = []
         self._inside: Dent | None = None
         rig.gripper.grip(30.0)
-        self.ctx.estimator, self.ctx.tracker = self.skin, Blend(Smoothing(jump=3.0))
-        self.ctx.progress, self.ctx.record = self.progress.append, lambda seen, held: self.seen.append(seen)
+        self.ctx.perception = Perception(self.skin, Blend(Smoothing(jump=3.0)))
+        self.ctx.callbacks = Callbacks(progress=self.progress.append, record=lambda seen, held: self.seen.append(seen))
         self._follow, rig.arm.follow = rig.arm.follow, self._followed
 
     def dig(self, x: float, y: float, radius: float = 4e-3, depth: float = 2e-3) -> Vector:

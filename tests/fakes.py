@@ -33,8 +33,9 @@ from plc_bridge.bridge import Bridge
 from plc_bridge.images import CommandImage
 from plc_bridge.messages import Report
 from skills.catalogue import RECOVER
-from skills.contract import SkillContext
-from skills.scan_guards import ScanLimits
+from skills.contract import Devices, Perception, SkillContext
+from skills.scan_guards import ScanLimits, ScanSchedule
+from skills.tactile.blend import Blend, Smoothing
 from skills.tactile.pose import PegPose
 from tests.pegs import LOAD, readings
 
@@ -207,17 +208,12 @@ def context_of(
 ) -> SkillContext:
     """Return what a skill runs in, of an arm and a hand that share the arm's clock."""
     return SkillContext(
-        clock=arm.clock,
-        arm=arm,
-        gripper=hand,
-        skin=FakeSkin(arm.clock, hand),
-        switch=FakeSwitch(),
-        estimator=ToldEstimator(),
+        devices=Devices(arm.clock, arm, hand, FakeSkin(arm.clock, hand), FakeSwitch()),
+        perception=Perception(ToldEstimator(), Blend(Smoothing())),
         job=config.job(),
         limits=config.limits,
-        scan_period=PERIOD,
+        schedule=ScanSchedule(PERIOD, scan_limits or ScanLimits()),
         rng=np.random.default_rng(1),
-        scan_limits=scan_limits or ScanLimits(),
     )
 
 

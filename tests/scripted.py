@@ -8,7 +8,7 @@ import pytest
 from cell.config.load import load
 from drivers.frames import UP, rotation_about
 from drivers.quantities import ImpedanceSetpoint, Pose, Vector
-from skills.contract import Interrupted, Observation, Reason
+from skills.contract import Callbacks, Interrupted, Observation, Perception, Reason
 from skills.tactile.blend import Blend, Smoothing
 from tests.fakes import HAND_DOWN, Rig, ToldEstimator
 
@@ -64,8 +64,8 @@ class ScriptedHand:
         rig.gripper.grip(30.0)
         rig.arm.is_blocked = True
         rig.clock.every.append(self.move)
-        self.ctx.estimator, self.ctx.tracker = self.skin, Blend(Smoothing(jump=3.0))
-        self.ctx.progress, self.ctx.record = self.progress.append, lambda seen, held: self.seen.append(seen)
+        self.ctx.perception = Perception(self.skin, Blend(Smoothing(jump=3.0)))
+        self.ctx.callbacks = Callbacks(progress=self.progress.append, record=lambda seen, held: self.seen.append(seen))
         self._follow, rig.arm.follow = rig.arm.follow, self._followed
 
     def move(self) -> None:

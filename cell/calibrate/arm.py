@@ -108,7 +108,7 @@ def calibrate_arm(
             ) from None
         finally:
             with suppress(CellError):
-                ctx.rest.wait(ctx.clock, ctx.scan_period)
+                ctx.lead.rest.wait(ctx.devices.clock, ctx.schedule.period)
     fits = [fit([each for each in passes if each.joint == joint], sweep.speeds) for joint in range(JOINTS)]
     found = _calibration(fits, together, sweep.speeds, arm, config.arm_unit(), today)
     if (why := implausible(found, arm)) is not None:
@@ -145,7 +145,7 @@ def _go_to_middle(config: CellConfig, ctx: SkillContext) -> Vector:
     for goal in (Goal(risen, -hand.rotation[:, 0], hand.rotation[:, 2]), Goal(place, UP, ACROSS_RACK)):
         for _ in move(goal, transfer, ctx, None, settle=0.5):
             pass
-    ctx.zero_wrench()
+    ctx.wrench.set_zero()
     return ctx.observe().arm.q
 
 

@@ -8,7 +8,7 @@ and the differences to the pegs.
 import math
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import date
 from pathlib import Path
 
@@ -154,7 +154,7 @@ def measured_places(cell: Cell, today: date, done: Callable[[int, int], None], p
         ) from None
     finally:
         with suppress(CellError):
-            ctx.rest.wait(ctx.clock, ctx.scan_period)
+            ctx.lead.rest.wait(ctx.devices.clock, ctx.schedule.period)
     found = places_of(touched, config, today)
     if (why := implausible(found, config)) is not None:
         raise NotCalibratedError(f"calibrate places: {why}")
@@ -179,9 +179,9 @@ def _touches(cell: Cell, ctx: SkillContext, slot: int, pegs: int, done: Callable
         if seen.gripper.is_gripping and (not closed or seen.arm.tcp.position[2] < closed[0].position[2] + STILL):
             closed.append(seen.arm.tcp)
 
-    ctx.record = watch
+    ctx.callbacks = replace(ctx.callbacks, record=watch)
     (grasped,) = GRASP.run(config.skill_set(), ctx)
-    ctx.record = lambda seen, setpoint: None
+    ctx.callbacks = replace(ctx.callbacks, record=lambda seen, setpoint: None)
     if grasped.result.outcome is not Outcome.SUCCESS or not closed:
         raise NotCalibratedError(
             f"calibrate places: no peg from slot {slot % config.rack.slots + 1}: {grasped.result.reason.name}"

@@ -46,12 +46,14 @@ from drivers.transport.serial_line import SerialLine
 from drivers.transport.traffic import PlaybackCan, PlaybackLine, RecordedCan, RecordedLine, Recorder, is_traffic
 from drivers.transport.wires import ByteLink, CanLink
 from skills.catalogue import INSERT, RECOVER
-from skills.contract import SkillContext
+from skills.contract import Devices, Perception, SkillContext
+from skills.scan_guards import ScanSchedule
 from skills.setpoint_bounds import ArmBounds
 from skills.setpoint_gate import GatedArm
 from skills.tactile.blend import Blend
 from skills.tactile.estimators import ESTIMATORS, TouchSetup
 from skills.tactile.pose import Estimator, Tracker
+from skills.wrench_zero import ZeroedWrench
 
 if TYPE_CHECKING:
     from sim.bench import CalibrationBench
@@ -127,19 +129,19 @@ class Cell:
         """Return a skill's context; `seed` is the seed of the skills' random choices."""
         config = self.config
         return SkillContext(
-            clock=self.clock,
-            arm=GatedArm(self.arm, bounds_of(config.arm_model()), config.limits),
-            gripper=self.gripper,
-            skin=self.skin,
-            switch=self.switch,
-            estimator=make_estimator(config),
+            devices=Devices(
+                self.clock,
+                GatedArm(self.arm, bounds_of(config.arm_model()), config.limits),
+                self.gripper,
+                self.skin,
+                self.switch,
+            ),
+            perception=make_perception(config),
             job=config.job(),
             limits=config.limits,
-            scan_period=1.0 / config.scan_rate,
+            schedule=ScanSchedule(1.0 / config.scan_rate, config.scan),
             rng=choices(seed),
-            scan_limits=config.scan,
-            wrench=config.wrench,
-            tracker=make_tracker(config),
+            wrench=ZeroedWrench(config.wrench),
         )
 
 
@@ -183,6 +185,11 @@ def make_tracker(config: CellConfig) -> Tracker:
     if (corner := config.plan().corner) is not None:
         smoothing = smoothing.model_copy(update={"blend": corner.blend})
     return Blend(smoothing)
+
+
+def make_perception(config: CellConfig) -> Perception:
+    """Return the estimator and the tracker of a run."""
+    return Perception(make_estimator(config), make_tracker(config))
 
 
 def assemble(config: CellConfig) -> Cell:

@@ -188,7 +188,7 @@ def _search(
     """Grasp and search; a fault ends the search."""
     records = GRASP.run(cell.config.skill_set(), ctx)
     if seer is not None:
-        ctx.record, ctx.poll = seer.record, seer.poll
+        ctx.callbacks = replace(ctx.callbacks, record=seer.record, poll=seer.poll)
     try:
         if records[-1].result.outcome is Outcome.SUCCESS:
             run_stage("spray_search", run, ctx)

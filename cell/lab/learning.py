@@ -12,7 +12,7 @@ import numpy as np
 
 from cell.commands.arguments import out_folder
 from cell.config.cell_config import CellConfig
-from cell.devices.assembly import assemble, choices, make_estimator, make_tracker, opened
+from cell.devices.assembly import assemble, choices, make_perception, opened
 from cell.film.plots import COLOURS
 from cell.lab.arguments import advancing, seeds_of
 from cell.lab.charts import Curve, Panel, draw_panels
@@ -113,8 +113,8 @@ def _run_parts(
         for number in range(count):
             seed = config.sim.seed + number
             ctx.job = learning.prepared(config.job(slot=number % config.rack.slots), 0)
-            ctx.rng, ctx.estimator, ctx.tracker = choices(seed), make_estimator(config), make_tracker(config)
-            ctx.stage, ctx.held = "", None
+            ctx.rng, ctx.perception = choices(seed), make_perception(config)
+            ctx.stage, ctx.lead.held = "", None
             cell.clear()
             cell.restock(ctx.job, seed)
             outcome, times = Outcome.FAULT, dict.fromkeys(CATALOGUE.counted, 0.0)

@@ -262,14 +262,14 @@ class HeldPeg:
             elif case.observer and case.delay == 0:
                 # An observer can update theta at every scan.
                 commanded = replace(plain, in_hand=ctx.in_hand())
-            ctx.arm.follow(commanded)
+            ctx.devices.arm.follow(commanded)
             away.append(_distance(case.kind, end_point(seen.arm.tcp, theta, self.length), truth))
             verdicts.setdefault(guard.update(plain, seen.arm.tcp, seen.stamp), elapsed)
             if away[-1] > LOST * limit:
                 break
             try:
                 if case.observer:
-                    world.wait_until(seen.stamp + ctx.scan_period)
+                    world.wait_until(seen.stamp + ctx.schedule.period)
                 else:
                     self._hold_error(case, plain, commanded, frames)
             except SimulationUnstableError:
@@ -295,17 +295,17 @@ class HeldPeg:
         assert commanded.in_hand is not None
         used = _used(case, frames)
         error = np.concatenate([plain.tip - used.tip, _turn(used, plain)]) * (len(frames) > case.delay)
-        end = world.now() + ctx.scan_period
+        end = world.now() + ctx.schedule.period
         while world.now() < end - 1e-9:
-            tcp = ctx.arm.read().tcp
+            tcp = ctx.devices.arm.read().tcp
             tip, axis = end_point(tcp, commanded.in_hand.theta, commanded.in_hand.length)
             if case.kind == "translation":
-                ctx.arm.follow(replace(commanded, tip=tip + error[:3]))
+                ctx.devices.arm.follow(replace(commanded, tip=tip + error[:3]))
             else:
                 roll = float(error[3:] @ axis)
                 swing, closing = error[3:] - roll * axis, tcp.rotation[:, 2]
                 turned = (rotation_by(swing) @ axis, rotation_by(roll * axis) @ closing)
-                ctx.arm.follow(replace(commanded, axis=turned[0], roll=turned[1]))
+                ctx.devices.arm.follow(replace(commanded, axis=turned[0], roll=turned[1]))
             world.wait_until(world.now() + world.arm.control_period)
 
     def _set_down(self) -> None:
@@ -313,7 +313,7 @@ class HeldPeg:
         _, data = self.world.physics()
         data.qpos[:], data.qvel[:] = self.q, 0.0
         self.world.control.law[:] = impedance.new_state(self.world.arm)
-        self.ctx.arm.halt()
+        self.ctx.devices.arm.halt()
         self.world.wait_until(self.world.now() + 2.0 / self.cell.config.skin.rate)
 
 
@@ -367,7 +367,8 @@ def _held_peg(config: CellConfig, case: GridCase) -> Iterator[HeldPeg]:
     config = config.model_copy(update=changed)
     with opened(assemble(config)) as cell:
         # The loop's limit is measured, so no guard limits the arm.
-        ctx, world = replace(cell.context(sim.seed), arm=cell.arm), cell.clock
+        ctx, world = cell.context(sim.seed), cell.clock
+        ctx = replace(ctx, devices=replace(ctx.devices, arm=cell.arm))
         assert isinstance(world, World)
         if grasp_from_rack.run(config.params(GRASP), ctx).outcome is not Outcome.SUCCESS:
             raise CellError("study: the peg could not be taken from the rack")

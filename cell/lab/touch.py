@@ -48,11 +48,11 @@ class Straight:
 
 def frozen(cell: Cell, ctx: SkillContext) -> Probe:
     """Take touch from a hand after the grasp."""
-    ctx.tracker = Frozen(cell.config.smoothing)
+    ctx.perception = replace(ctx.perception, tracker=Frozen(cell.config.smoothing))
     return NoProbe()
 
 
 def straight(cell: Cell, ctx: SkillContext) -> Probe:
     """Let a hand assume theta = 0."""
-    ctx.tracker = Straight()
+    ctx.perception = replace(ctx.perception, tracker=Straight())
     return NoProbe()

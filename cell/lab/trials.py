@@ -251,14 +251,14 @@ def trial_in(
     assert cell.truth is not None
     ctx, began = cell.context(seed), cell.clock.now()
     watcher = Watcher(cell, ctx)
-    ctx.ended, probed = watcher.clock.end, probe(cell, ctx)
+    probed = probe(cell, ctx)
 
     def record(seen: Observation, setpoint: ImpedanceSetpoint | None) -> None:
         watcher.record(seen, setpoint)
         probed.record(seen, setpoint)
         each()
 
-    ctx.record = record
+    ctx.callbacks = replace(ctx.callbacks, ended=watcher.clock.end, record=record)
     records, ending, outcome, reason = _insert(watcher, program)
     truth = watcher.ending or cell.truth()
     sim_time = cell.clock.now()

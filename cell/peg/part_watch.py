@@ -86,7 +86,7 @@ class PartWatch:
         self._require_switch(seen)
         self._require_plausible(seen)
         self._was_open = self._was_open or seen.switch is SwitchState.OPEN
-        self._proof = self._proof.after(seen, self._context.held)
+        self._proof = self._proof.after(seen, self._context.lead.held)
         self._peak_force = max(self._peak_force, math.hypot(*seen.arm.wrench.force))
         part = self._custody.part
         if part.is_held and part.place in (PartPlace.IN_HOLE, PartPlace.SEATED):
@@ -232,7 +232,7 @@ class PartWatch:
         return told(self._custody.part)
 
     def _devices(self) -> tuple[ArmState, GripperState, SwitchState]:
-        return self._context.arm.read(), self._context.read_hand(), self._cell.switch.read()
+        return self._context.devices.arm.read(), self._context.read_hand(), self._cell.switch.read()
 
     def _see_hand(self) -> None:
         """Read hand and switch if the arm or the switch times out; if the hand times out too, change nothing."""
@@ -260,7 +260,7 @@ class PartWatch:
                 require_finite_skin(frame)
                 if np.count_nonzero(frame.trusted) < LEAST_TRUSTED:
                     return None
-                if self._context.estimator.estimate(frame).healthy:
+                if self._context.perception.estimator.estimate(frame).healthy:
                     self._felt_at = frame.stamp
                 self._frame = frame.sequence
         except CellError:

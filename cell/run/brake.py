@@ -35,12 +35,12 @@ class Brake:
     @property
     def is_at_rest(self) -> bool:
         """True if the arm is at rest."""
-        return self._context.rest.is_reached
+        return self._context.lead.rest.is_reached
 
     def ask(self, request: Request) -> None:
         """Request a hold or a stop from the skill, and start to check whether the arm has come to rest."""
         self.request = request
-        self._context.rest.seek(self._cell.clock.now())
+        self._context.lead.rest.seek(self._cell.clock.now())
 
     def resume(self) -> None:
         """Request the skill to lead the arm back from a hold."""
@@ -63,7 +63,7 @@ class Brake:
         """Wait until the arm is at rest, calling `meanwhile` at each scan; after a fault, halt the arm and return the fault."""
 
         def act() -> None:
-            self._context.rest.wait(self._cell.clock, self._context.scan_period, meanwhile)
+            self._context.lead.rest.wait(self._cell.clock, self._context.schedule.period, meanwhile)
 
         fault = fault_of(act)
         if fault is not None:

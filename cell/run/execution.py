@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from cell.config.cell_config import CellConfig
-from cell.devices.assembly import Cell, choices, make_estimator, make_tracker
+from cell.devices.assembly import Cell, choices, make_perception
 from cell.peg.ending import Ending, ending_of
 from cell.peg.part_watch import PartWatch
 from cell.records.journal import Journal
@@ -22,7 +22,7 @@ from drivers.errors import CellError
 from drivers.quantities import ImpedanceSetpoint
 from plc_bridge.messages import Command, Result
 from skills.catalogue import CATALOGUE, RECOVER
-from skills.contract import Observation, Outcome, Request, SkillContext
+from skills.contract import Callbacks, Observation, Outcome, Request, SkillContext
 from skills.entry import Claim, Entry
 from skills.flow import StageRecord
 from skills.scan_guards import RESUME_TIME
@@ -62,8 +62,7 @@ class Execution:
         self._cell, self._context, self._journal = cell, context, journal
         self._desk, self._part, self._brake = desk, part, brake
         self._watch, self._beat, self._meanwhile = watch, beat, meanwhile
-        context.poll, context.progress, context.record = self._poll, self._progress, self._record
-        context.ended = self._stage_ended
+        context.callbacks = Callbacks(self._poll, self._progress, self._stage_ended, self._record)
         self._first_seed = cell.config.first_seed
         self._seed, self._stocked = self._first_seed, 0
         self.learning = Learning(journal.folder, cell.config.learning)
@@ -143,9 +142,9 @@ class Execution:
         self._arm.begin()
         ctx = self._context
         ctx.job = config.job(slot=ctx.job.slot)
-        ctx.limits, ctx.stage, ctx.held = config.limits, "", None
+        ctx.limits, ctx.stage, ctx.lead.held = config.limits, "", None
         # The recipe can change the peg, and the preset can change the method.
-        ctx.estimator, ctx.tracker = make_estimator(config), make_tracker(config)
+        ctx.perception = make_perception(config)
         self._desk.enter(Event.FINISHED)
         self._watch(True)
 

@@ -60,7 +60,7 @@ class Supervisor:
         """
         self._cell, self._loaded, self._journal = cell, loaded, journal
         self._context = cell.context(cell.config.first_seed)
-        self._late, self._is_timed = LateScans(self._context.scan_period, cell.config.scan), False
+        self._late, self._is_timed = LateScans(self._context.schedule.period, cell.config.scan), False
         self._part = PartWatch(cell, self._context, journal.folder)
         self._brake = Brake(cell, self._context)
         self._live = live or Live()
@@ -118,7 +118,7 @@ class Supervisor:
         Raises:
             CellError: The scan cannot continue, for example if the simulated physics have diverged.
         """
-        period, self._is_timed = self._context.scan_period, is_timed(self._cell.config)
+        period, self._is_timed = self._context.schedule.period, is_timed(self._cell.config)
         try:
             self._watchdog.start()
             while not self._quit.is_set():
@@ -154,7 +154,7 @@ class Supervisor:
             self._fault(fault)
             self._watchdog.watch(False)
         self._desk.publish()
-        clock.wait_until(started + self._context.scan_period)
+        clock.wait_until(started + self._context.schedule.period)
 
     def _look(self) -> None:
         """Read every device and act on the waiting commands.

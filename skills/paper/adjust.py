@@ -30,7 +30,7 @@ def run(params: PaperAdjustParams, ctx: SkillContext) -> SpiralAdjustResult:
             return _result(Outcome.SUCCESS, Reason.NONE, running, offset, depth_of(x_p, hole))
         # Offset of the finger centre from the vertical through the end: r (cos wt, sin wt), r = growth t.
         offset = spiral(seen.elapsed % params.growing_time, growth, params.turn_rate)
-        ctx.progress(seen.elapsed / params.timeout)
+        ctx.callbacks.progress(seen.elapsed / params.timeout)
         ctx.follow(
             ImpedanceSetpoint(
                 id=identity,

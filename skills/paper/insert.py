@@ -29,7 +29,7 @@ def run(params: PaperInsertParams, ctx: SkillContext) -> TactileInsertResult:
         phi = angle_between(seen.axis, v_star)
         if phi < ALIGNED or is_seated(seen.switch, seen.tip, hole):
             return TactileInsertResult(Outcome.SUCCESS, Reason.NONE, seen.running, phi_0, phi)
-        ctx.progress(1.0 - min(phi / phi_0, 1.0))
+        ctx.callbacks.progress(1.0 - min(phi / phi_0, 1.0))
         K[2] = k_33(phi, phi_0, *params.push_stiffness)
         # Eq. (5): e = [x_p - x_p*; (v x v*) phi], with the order of the cross product corrected, and
         # Eq. (6): tau = J_p^T (-K e - K_I int(e) - D J_p dq/dt), both evaluated by the arm's law at 1 kHz

@@ -47,7 +47,7 @@ def run(params: PaperSearchParams, cell: SpraySearchParams, ctx: SkillContext) -
             return _result(Outcome.SUCCESS, Reason.NONE, seen.running, x_p, start)
         else:
             along += seen.step
-        ctx.progress(seen.running / cell.timeout)
+        ctx.callbacks.progress(seen.running / cell.timeout)
         # The orientation of the hand stays constant: v* turns with the peg in the hand.
         turned = rotation_about(seen.arm.tcp.rotation[:, 2], seen.peg.theta - theta_0)
         ctx.follow(

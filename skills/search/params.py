@@ -22,7 +22,7 @@ class SpraySearchParams(SkillParams):
     Source: chosen, not measured.
     """
 
-    transfer: Transfer
+    transfer: Transfer = Transfer()
     """How the hand goes to the first point and down to the surface."""
     gains: Gains
     """Stiffness and damping ratio along the path and in rotation. Source: chosen within the margin that `cell check` prints."""

@@ -54,7 +54,7 @@ class Sweep:
         self._theta = ctx.in_hand().theta
         """In-hand angle with which the hand began, rad."""
         self._push = Push(params.push_stiffness, self._theta)
-        self._bearing = Bearing(ctx.zero, ctx.scan_period)
+        self._bearing = Bearing(ctx.wrench.zero, ctx.schedule.period)
         self._trim = Trim(params.trim_rate, params.trim_limit)
         self._phase: Phase = first_phase(course)
         self._along = course.since
@@ -143,7 +143,8 @@ class Sweep:
         """Come down again with the peg as it now lies in the hand; the plate is felt anew, for the peg may have slipped."""
         self._theta = self._ctx.in_hand().theta
         self._identity, self._push = self._ctx.new_id(), replace(self._push, theta=self._theta)
-        self._bearing, self._phase = Bearing(self._ctx.zero, self._ctx.scan_period), first_phase(self._course)
+        self._bearing = Bearing(self._ctx.wrench.zero, self._ctx.schedule.period)
+        self._phase = first_phase(self._course)
         self._trim = Trim(self._params.trim_rate, self._params.trim_limit)
         self._rested = FAR_OFF
         self._evidence.begin_anew()

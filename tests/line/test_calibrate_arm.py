@@ -105,7 +105,7 @@ def test_whoever_breaks_it_off_finds_the_arm_at_rest_and_the_old_file(monkeypatc
     assert old.read_text(encoding="utf-8") == "old\n"
     assert list(tmp_path.iterdir()) == [old]
     (ctx,) = seen
-    assert ctx.rest.is_reached
+    assert ctx.lead.rest.is_reached
 
 
 def test_an_arm_that_tells_no_torques_is_not_calibrated(monkeypatch):

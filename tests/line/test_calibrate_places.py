@@ -3,6 +3,7 @@
 import json
 import math
 import signal
+from dataclasses import replace
 from datetime import date
 
 import numpy as np
@@ -29,7 +30,9 @@ def test_plate_and_rack_are_where_they_were_drawn_and_the_force_is_bounded(tmp_p
     touch_off = module.touch_off
 
     def touched(place, transfer, touch, ctx):
-        ctx.record = lambda seen, setpoint: felt.append(np.linalg.norm(seen.arm.wrench.force))
+        ctx.callbacks = replace(
+            ctx.callbacks, record=lambda seen, setpoint: felt.append(np.linalg.norm(seen.arm.wrench.force))
+        )
         return touch_off(place, transfer, touch, ctx)
 
     monkeypatch.setattr(module, "touch_off", touched)
@@ -69,7 +72,7 @@ def test_whoever_breaks_it_off_finds_the_arm_at_rest_and_the_old_file(tmp_path, 
     assert main(["calibrate", "places", *FAST, "--set", "reality.scale=0", "--out", str(tmp_path)]) == NOT_GOOD
     assert capsys.readouterr().err == "cell: stopped\n"
     assert [file.read_text(encoding="utf-8") for file in tmp_path.iterdir()] == ["old\n"]
-    assert seen[0].rest.is_reached
+    assert seen[0].lead.rest.is_reached
 
 
 @pytest.mark.parametrize(

@@ -118,8 +118,8 @@ def test_an_arm_that_never_reads_zero_speed_counts_as_at_rest_in_time(rig):
     rig.at(2.5, lambda: rig.plc.trigger(Control.STOP))
     report = rig.command(GRASP)
     assert (report.result, report.state) == (Result.ABORTED, State.STOPPED)
-    assert REST_TIME < states.count(State.HOLDING) * rig.supervisor._context.scan_period < REST_TIME + 0.05
-    assert REST_TIME < states.count(State.STOPPING) * rig.supervisor._context.scan_period < REST_TIME + 0.05
+    assert REST_TIME < states.count(State.HOLDING) * rig.supervisor._context.schedule.period < REST_TIME + 0.05
+    assert REST_TIME < states.count(State.STOPPING) * rig.supervisor._context.schedule.period < REST_TIME + 0.05
 
 
 def test_an_arm_that_goes_on_moving_is_never_told_to_be_held(rig):

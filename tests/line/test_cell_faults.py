@@ -224,7 +224,7 @@ def test_the_skin_is_listened_to_while_a_stopped_arm_comes_to_rest(rig, monkeypa
         told.append(rig.skin.reads)
         return len(told) > 50
 
-    monkeypatch.setattr(rig.supervisor._context.rest, "take", is_at_rest)
+    monkeypatch.setattr(rig.supervisor._context.lead.rest, "take", is_at_rest)
     rig.at(0.2, rig.plc.stop)
     assert rig.command(GRASP).result == Result.ABORTED
     assert sorted(set(told)) == list(range(told[0], told[0] + 50))  # one look at the arm comes between two scans
@@ -235,7 +235,7 @@ def leaping(skills, ctx):
 
     def leap(ctx):
         for _ in move(Goal(ctx.observe().arm.tcp.position, UP, ACROSS_RACK), skills[GRASP_SKILL].transfer, ctx, None):
-            ctx.arm.follow(replace(ctx.held, tip=ctx.held.tip + np.array([0.0, 0.0, 0.09])))
+            ctx.devices.arm.follow(replace(ctx.lead.held, tip=ctx.lead.held.tip + np.array([0.0, 0.0, 0.09])))
         return SkillResult(Outcome.SUCCESS, Reason.NONE, 0.0)
 
     return [run_stage("grasp_from_rack", leap, ctx)]

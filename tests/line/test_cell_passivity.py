@@ -80,9 +80,9 @@ def test_a_motion_that_is_softened_stays_as_soft_however_often_its_setpoint_is_h
                 axis=-here.rotation[:, 0],
                 stiffness=gains.stiffness(),
                 damping_ratio=gains.damping_ratios(),
-                valid_until=ctx.clock.now() + VALIDITY,
+                valid_until=ctx.devices.clock.now() + VALIDITY,
             )
         )
         for seen in ctx.scan(0.2):
             stay(ctx, seen.stamp)
-        np.testing.assert_allclose(ctx.held.stiffness, SOFTENED * gains.stiffness())
+        np.testing.assert_allclose(ctx.lead.held.stiffness, SOFTENED * gains.stiffness())

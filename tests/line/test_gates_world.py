@@ -1,6 +1,7 @@
 """Gates of the stand-in as a whole: grip, pivot, rest, and what a finer time step changes."""
 
 import math
+from dataclasses import replace
 
 import mujoco
 import numpy as np
@@ -207,7 +208,9 @@ def test_a_peg_at_rest_is_back_before_the_pads_reach_it() -> None:
     cell, physics = cell_of(5)
     seen: list[tuple[bool, float]] = []
     ctx = cell.context(5)
-    ctx.record = lambda scan, setpoint: seen.append((physics.physics()[1].ncon > 0, physics.pad_force()))
+    ctx.callbacks = replace(
+        ctx.callbacks, record=lambda scan, setpoint: seen.append((physics.physics()[1].ncon > 0, physics.pad_force()))
+    )
     assert grasp_from_rack.run(cell.config.grasp, ctx).outcome is Outcome.SUCCESS
     asleep = [awake for awake, _ in seen].index(False)
     woken = [awake for awake, _ in seen].index(True, asleep)

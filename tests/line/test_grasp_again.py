@@ -1,6 +1,7 @@
 """The cell goes on serving: the hand comes to the rack from where it let the last peg go, not from home."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -40,9 +41,9 @@ def test_next_peg_is_held_where_the_cell_believes(seed: int, friction: float) ->
             cell.clear()
             cell.restock(ctx.job, seed + served)
             leaving.clear()
-            ctx.record = watch
+            ctx.callbacks = replace(ctx.callbacks, record=watch)
             records = GRASP.run(skills, ctx)
-            ctx.record = lambda seen, setpoint: None
+            ctx.callbacks = replace(ctx.callbacks, record=lambda seen, setpoint: None)
             assert records[-1].result.outcome is Outcome.SUCCESS
             stamps, heights = np.array([*leaving.items()]).T
             speeds = np.diff(heights) / np.diff(stamps)

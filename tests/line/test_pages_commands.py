@@ -72,15 +72,15 @@ def test_the_skill_of_the_page_on_extending_runs_after_the_edits_that_it_names(t
     for name in COPIED:
         source = ROOT / name
         (shutil.copytree if source.is_dir() else shutil.copy)(source, tmp_path / name)
-    module = tmp_path / "skills" / "dwell.py"
+    module = tmp_path / "skills" / "lift.py"
     assert not module.exists()
-    module.write_text(piece("skills/dwell.py").text, encoding="utf-8")
+    module.write_text(piece("skills/lift.py").text, encoding="utf-8")
     catalogue = tmp_path / "skills" / "catalogue.py"
-    replaced(catalogue, "    release_and_retract,\n", "    release_and_retract,\n    dwell,\n")
+    replaced(catalogue, "    release_and_retract,\n", "    release_and_retract,\n    lift,\n")
     replaced(
         catalogue,
         "CATALOGUE = Catalogue(\n",
-        f"{piece('skills/catalogue.py').text}\nCATALOGUE = Catalogue(\n    DWELL,\n",
+        f"{piece('skills/catalogue.py').text}\nCATALOGUE = Catalogue(\n    LIFT,\n",
     )
     (block,) = [block for block in blocks() if block.info == "console after-the-edit"]
 

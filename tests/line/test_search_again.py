@@ -1,6 +1,7 @@
 """A peg that did not seat: how long it is tried for, and how it leaves the hole before another search."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
@@ -32,7 +33,7 @@ def test_peg_that_stands_in_the_hole_is_pulled_out_before_it_is_led_aside():
             aside = float(np.hypot(*(np.array(truth.tip) - np.array(truth.hole))[:2]))
             (deep if truth.tip[2] < truth.hole[2] - 1e-3 else outside).append(aside)
 
-        ctx.record = watch
+        ctx.callbacks = replace(ctx.callbacks, record=watch)
         again = spray_search.run(config.search, ctx)
         peak = cell.truth().peak_contact_force
     assert again.outcome is Outcome.SUCCESS

@@ -1,6 +1,7 @@
 """A search that is held: what it was doing goes on from where it was."""
 
 import math
+from dataclasses import replace
 
 from cell.config.load import load
 from cell.devices.assembly import assemble, opened
@@ -38,7 +39,7 @@ def test_setpoint_of_a_search_that_was_held_anywhere_goes_on_without_a_step() ->
                     steps.append(math.dist(last[-1].tip[:2], setpoint.tip[:2]))
                 last[:] = [setpoint]
 
-        ctx.poll, ctx.record = ask, watch
+        ctx.callbacks = replace(ctx.callbacks, poll=ask, record=watch)
         ended = spray_search.run(config.search, ctx)
     assert ended.reason is Reason.NO_HOLE
     assert ended.rests >= 2

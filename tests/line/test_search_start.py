@@ -1,5 +1,7 @@
 """Where a search begins: beside where the hole may be, so that the plate is felt before the hole is."""
 
+from dataclasses import replace
+
 import pytest
 
 from cell.config.load import load
@@ -37,7 +39,7 @@ def test_peg_comes_down_on_the_plate_even_where_the_hole_is_known_well_and_finds
             if ctx.stage == "spray_search" and seen.arm.wrench.force[2] > 3.0:
                 touched.append(truth.hole[2] - truth.tip[2])
 
-        ctx.record = watch
+        ctx.callbacks = replace(ctx.callbacks, record=watch)
         found = SEARCH.run(skills, ctx)[-1].result
     assert found.outcome is Outcome.SUCCESS
     # The middle of the end of a peg that leans, its edge on the plate, is above the plate by more than half of its radius.

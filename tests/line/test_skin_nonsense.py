@@ -1,5 +1,7 @@
 """A skin that talks nonsense while the peg slides over the plate: the skill stops with a fault, soon, and never pushes blindly on."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -41,7 +43,7 @@ def test_nonsense_from_the_skin_stops_the_search_with_a_fault(kind):
             if ctx.stage == "spray_search" and not began and seen.tip[2] < config.hole.centre[2] + TOUCHED:
                 began.append(seen.stamp)
 
-        ctx.record = record
+        ctx.callbacks = replace(ctx.callbacks, record=record)
         with pytest.raises(SkinUntrustedError):
             CATALOGUE["insert_peg"].run(config.skill_set(), ctx)
         assert ctx.stage == "spray_search"

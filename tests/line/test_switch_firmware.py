@@ -3,6 +3,7 @@
 import random
 import shutil
 import subprocess
+from dataclasses import replace
 from itertools import groupby, pairwise
 from pathlib import Path
 from types import SimpleNamespace
@@ -178,7 +179,10 @@ def test_a_board_unplugged_while_the_peg_is_seated_is_a_fault():
     cell = assemble(config)
     with opened(cell):
         ctx = cell.context(2)
-        ctx.record = lambda seen, setpoint: cell.boards[0].close() if ctx.stage == "spiral_adjust" else None
+        ctx.callbacks = replace(
+            ctx.callbacks,
+            record=lambda seen, setpoint: cell.boards[0].close() if ctx.stage == "spiral_adjust" else None,
+        )
         with pytest.raises(SwitchUnknownError):
             CATALOGUE["insert_peg"].run(config.skill_set(), ctx)
 

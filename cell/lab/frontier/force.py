@@ -113,7 +113,7 @@ def find_by_force(params: ForceSearch, plan: InsertionPlan, ctx: SkillContext) -
         # To a stop and back to the spiral, the setpoint moves at twice the speed of the spiral at most.
         way = goal - target[:2]
         target[:2] += way * min(2.0 * params.speed * seen.step / max(math.hypot(*way), 1e-9), 1.0)
-        ctx.progress(seen.running / own.timeout)
+        ctx.callbacks.progress(seen.running / own.timeout)
         ctx.follow(
             ImpedanceSetpoint(
                 id=identity,

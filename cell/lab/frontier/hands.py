@@ -30,7 +30,10 @@ class Given:
 
 def take_for_straight(cell: Cell, ctx: SkillContext) -> None:
     """Let the hand take theta for 0."""
-    ctx.tracker = Given(make_tracker(cell.config), lambda measured: replace(measured, theta=0.0, offset=0.0))
+    ctx.perception = replace(
+        ctx.perception,
+        tracker=Given(make_tracker(cell.config), lambda measured: replace(measured, theta=0.0, offset=0.0)),
+    )
 
 
 def insert_with_frozen_theta(cell: Cell, ctx: SkillContext) -> list[StageRecord]:
@@ -42,7 +45,7 @@ def insert_with_frozen_theta(cell: Cell, ctx: SkillContext) -> list[StageRecord]
             held[:] = [measured]
         return replace(held[0], stamp=measured.stamp)
 
-    ctx.tracker = Given(make_tracker(cell.config), given)
+    ctx.perception = replace(ctx.perception, tracker=Given(make_tracker(cell.config), given))
     return insert_peg(cell, ctx)
 
 
@@ -55,5 +58,5 @@ def insert_with_exact_theta(cell: Cell, ctx: SkillContext) -> list[StageRecord]:
         theta, _ = pivot()
         return measured if math.isnan(theta) else replace(measured, theta=theta)
 
-    ctx.tracker = Given(make_tracker(cell.config), given)
+    ctx.perception = replace(ctx.perception, tracker=Given(make_tracker(cell.config), given))
     return insert_peg(cell, ctx)

@@ -1,7 +1,7 @@
 """Methods, scenes and speeds of the chart, as data."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 from cell.commands.arguments import require_known
@@ -56,8 +56,8 @@ tens of degrees, as [gibbons] reports.
 
 def timed(program: Program, cell: Cell, ctx: SkillContext) -> list[StageRecord]:
     """Run a program, and stop it after `LONGEST`."""
-    until, request = cell.clock.now() + LONGEST, ctx.poll
-    ctx.poll = lambda: Request.STOP if cell.clock.now() > until else request()
+    until, request = cell.clock.now() + LONGEST, ctx.callbacks.poll
+    ctx.callbacks = replace(ctx.callbacks, poll=lambda: Request.STOP if cell.clock.now() > until else request())
     return program(cell, ctx)
 
 

@@ -51,6 +51,15 @@ def test_what_names_one_that_is_there_is_what_the_page_says_to_touch(what, patte
     assert count == str(len(stated))
 
 
+def test_a_skill_that_moves_needs_nine_names_of_this_project():
+    (code,) = re.findall(r"```python skills/lift\.py\n(.+?)```", PAGE, re.DOTALL)
+    names = [
+        name for line in re.findall(r"^from skills\.\w+ import (.+)$", code, re.MULTILINE) for name in line.split(", ")
+    ]
+    assert "move" in names
+    assert len({*names, "Skill"}) == 9
+
+
 def test_a_study_touches_the_list_of_studies():
     count, stated = _row("a study")
     assert stated == {"cell/lab/commands/study.py"}

@@ -1,5 +1,7 @@
 """Records of skills that follow one another."""
 
+from dataclasses import replace
+
 import pytest
 
 from cell.config.load import load
@@ -23,7 +25,7 @@ def taking(seconds, result):
     """Return a step that takes so long on the cell's clock and ends so, or is interrupted for a reason."""
 
     def step(ctx):
-        ctx.clock.wait_until(ctx.clock.now() + seconds)
+        ctx.devices.clock.wait_until(ctx.devices.clock.now() + seconds)
         if isinstance(result, Reason):
             raise Interrupted(result)
         return result
@@ -32,7 +34,7 @@ def taking(seconds, result):
 
 
 def test_a_stage_is_on_record_with_its_name_its_result_and_both_its_times(ctx):
-    ctx.clock.wait_until(7.0)
+    ctx.devices.clock.wait_until(7.0)
     record = run_stage("search", taking(2.0, DONE), ctx)
     assert (record.name, record.result, record.started, record.ended) == ("search", DONE, 7.0, 9.0)
     assert not record.retried
@@ -40,8 +42,8 @@ def test_a_stage_is_on_record_with_its_name_its_result_and_both_its_times(ctx):
 
 def test_whoever_watches_is_told_the_stage_that_begins_and_the_time_that_it_counted(ctx):
     told = []
-    ctx.progress = lambda fraction: told.append((ctx.stage, fraction))
-    ctx.ended = lambda stage, elapsed: told.append((stage, elapsed))
+    ctx.callbacks = replace(ctx.callbacks, progress=lambda fraction: told.append((ctx.stage, fraction)))
+    ctx.callbacks = replace(ctx.callbacks, ended=lambda stage, elapsed: told.append((stage, elapsed)))
     run_stage("search", taking(2.0, DONE), ctx)
     assert told == [("search", 0.0), ("search", 1.5)]
 
@@ -50,14 +52,14 @@ def test_whoever_watches_is_told_the_stage_that_begins_and_the_time_that_it_coun
     ("reason", "outcome"), [(Reason.STOPPED, Outcome.ABORTED), (Reason.FORCE_LIMIT, Outcome.FAILURE)]
 )
 def test_an_interruption_is_the_result_of_its_stage_and_only_a_stop_aborts(ctx, reason, outcome):
-    ctx.clock.wait_until(7.0)
+    ctx.devices.clock.wait_until(7.0)
     result = run_stage("search", taking(2.0, reason), ctx).result
     assert (result.outcome, result.reason, result.elapsed) == (outcome, reason, 2.0)
 
 
 def test_a_step_that_returns_no_result_is_a_fault_with_its_name_and_what_it_returned(ctx):
     ended = []
-    ctx.ended = lambda stage, elapsed: ended.append(stage)
+    ctx.callbacks = replace(ctx.callbacks, ended=lambda stage, elapsed: ended.append(stage))
     with pytest.raises(CellError, match=r"^search: run returned str; a SkillResult allowed$"):
         run_stage("search", taking(0.0, "done"), ctx)
     assert not ended

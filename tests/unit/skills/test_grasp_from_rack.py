@@ -50,28 +50,30 @@ def grip_at(slot):
 @pytest.mark.parametrize("slot", [0, 1, RACK.slots + 1])
 def test_the_hand_closes_where_the_peg_of_its_slot_stands_and_lifts_it_clear(ctx, slot):
     ctx.job = ctx.job.model_copy(update={"slot": slot})
-    closed, grip = [], ctx.gripper.grip
-    ctx.gripper.grip = lambda force: (closed.append((force, ctx.arm.tcp.position)), grip(force))
+    closed, grip = [], ctx.devices.gripper.grip
+    ctx.devices.gripper.grip = lambda force: (closed.append((force, ctx.devices.arm.tcp.position)), grip(force))
     ended = run(PARAMS, ctx)
     assert (ended.outcome, ended.reason, ended.width) == (Outcome.SUCCESS, Reason.NONE, CELL.peg.part.thickness)
-    assert ended.elapsed == pytest.approx(ctx.clock.now(), abs=PERIOD)
+    assert ended.elapsed == pytest.approx(ctx.devices.clock.now(), abs=PERIOD)
     ((force, place),) = closed
     assert force == PARAMS.force
     np.testing.assert_allclose(place, grip_at(slot % RACK.slots), atol=1e-6)
-    np.testing.assert_allclose(ctx.arm.tcp.position, grip_at(slot % RACK.slots) + PARAMS.clearance * UP, atol=1e-6)
+    np.testing.assert_allclose(
+        ctx.devices.arm.tcp.position, grip_at(slot % RACK.slots) + PARAMS.clearance * UP, atol=1e-6
+    )
 
 
 def test_the_hand_is_open_on_its_way_down_and_the_skin_tells_the_angle_of_what_it_holds(ctx):
-    widths, release = [], ctx.gripper.release
-    ctx.gripper.release = lambda width: (widths.append((ctx.clock.now(), width)), release(width))
-    ctx.estimator.theta = 0.04
+    widths, release = [], ctx.devices.gripper.release
+    ctx.devices.gripper.release = lambda width: (widths.append((ctx.devices.clock.now(), width)), release(width))
+    ctx.perception.estimator.theta = 0.04
     assert run(PARAMS, ctx).theta == pytest.approx(0.04)
     assert widths == [(0.0, PARAMS.opening)]
 
 
 def test_the_peg_leaves_its_slot_straight_up_and_slowly(ctx):
     run(PARAMS, ctx)
-    drawn = [setpoint for setpoint in ctx.arm.told if setpoint.twist is not None and not setpoint.is_free]
+    drawn = [setpoint for setpoint in ctx.devices.arm.told if setpoint.twist is not None and not setpoint.is_free]
     heights = np.array([setpoint.tip[2] for setpoint in drawn])
     np.testing.assert_allclose(np.diff(heights), PARAMS.drawing_speed * PERIOD, atol=1e-9)
     assert heights[0] == pytest.approx(grip_at(0)[2], abs=1e-3)
@@ -81,16 +83,16 @@ def test_the_peg_leaves_its_slot_straight_up_and_slowly(ctx):
 
 
 def test_an_empty_slot_is_a_missed_grasp_and_the_hand_opens_again(ctx):
-    ctx.gripper.has_peg = False
+    ctx.devices.gripper.has_peg = False
     ended = run(PARAMS, ctx)
     assert (ended.outcome, ended.reason, ended.width) == (Outcome.FAILURE, Reason.MISSED_GRASP, 0.0)
-    assert ctx.gripper.width == PARAMS.opening
-    np.testing.assert_allclose(ctx.arm.tcp.position, grip_at(0), atol=1e-6)
+    assert ctx.devices.gripper.width == PARAMS.opening
+    np.testing.assert_allclose(ctx.devices.arm.tcp.position, grip_at(0), atol=1e-6)
 
 
 @pytest.mark.parametrize("wider", [0.9, -0.9, 1.1, -1.1])
 def test_only_what_is_as_wide_as_the_peg_is_the_peg(ctx, wider):
-    ctx.gripper.peg_width += wider * PARAMS.width_tolerance
+    ctx.devices.gripper.peg_width += wider * PARAMS.width_tolerance
     ended = run(PARAMS, ctx)
     assert ended.reason is (Reason.NONE if abs(wider) < 1.0 else Reason.MISSED_GRASP)
 
@@ -99,13 +101,13 @@ def test_a_peg_that_stays_in_its_slot_is_a_lost_grasp(ctx):
     half_drawn = grip_at(0)[2] + 0.5 * RACK.depth
 
     def slip(seen, held):
-        if ctx.gripper.force > 0.0 and seen.arm.tcp.position[2] > half_drawn:
-            ctx.gripper.has_peg = False
+        if ctx.devices.gripper.force > 0.0 and seen.arm.tcp.position[2] > half_drawn:
+            ctx.devices.gripper.has_peg = False
 
-    ctx.record = slip
+    ctx.callbacks = replace(ctx.callbacks, record=slip)
     ended = run(PARAMS, ctx)
     assert (ended.outcome, ended.reason) == (Outcome.FAILURE, Reason.LOST_GRASP)
-    assert ctx.gripper.width == PARAMS.opening
+    assert ctx.devices.gripper.width == PARAMS.opening
 
 
 @pytest.mark.parametrize(
@@ -116,15 +118,15 @@ def test_a_hand_that_does_not_get_to_the_slot_does_not_close(ctx, off, aslant, c
     beside = Pose(
         grip_at(0) + np.array([off * NEAR[0], 0.0, 0.0]), rotation_about(ACROSS_RACK, aslant * NEAR[1]) @ HAND_DOWN
     )
-    closed, grip, follow = [], ctx.gripper.grip, ctx.arm.follow
-    ctx.gripper.grip = lambda force: (closed.append(force), grip(force))
+    closed, grip, follow = [], ctx.devices.gripper.grip, ctx.devices.arm.follow
+    ctx.devices.gripper.grip = lambda force: (closed.append(force), grip(force))
 
     def followed(setpoint):
         follow(setpoint)
         if setpoint.integral_gain > 0.0:
-            ctx.arm.tcp = beside
+            ctx.devices.arm.tcp = beside
 
-    ctx.arm.follow = followed
+    ctx.devices.arm.follow = followed
     ended = run(PARAMS, ctx)
     assert bool(closed) == closes
     assert (ended.reason is Reason.MISSED_GRASP) != closes
@@ -132,10 +134,10 @@ def test_a_hand_that_does_not_get_to_the_slot_does_not_close(ctx, off, aslant, c
 
 def test_a_hand_below_the_way_rises_where_it_is_before_it_turns(ctx):
     low = np.array([0.5, 0.1, 0.12])
-    ctx.arm.tcp = Pose(low, rotation_about(UP, 0.5) @ HAND_DOWN)
+    ctx.devices.arm.tcp = Pose(low, rotation_about(UP, 0.5) @ HAND_DOWN)
     run(PARAMS, ctx)
     top = grip_at(0)[2] + PARAMS.clearance
-    rising = [each for each in ctx.arm.told if each.id == ctx.arm.told[0].id]
+    rising = [each for each in ctx.devices.arm.told if each.id == ctx.devices.arm.told[0].id]
     assert all(each.tip[:2] == pytest.approx(low[:2]) for each in rising)
     assert rising[-1].tip[2] == pytest.approx(top, abs=1e-6)
     assert all(each.roll == pytest.approx(rotation_about(UP, 0.5) @ HAND_DOWN[:, 2]) for each in rising)
@@ -143,22 +145,22 @@ def test_a_hand_below_the_way_rises_where_it_is_before_it_turns(ctx):
 
 def test_a_hand_above_the_way_does_not_rise(ctx):
     run(PARAMS, ctx)
-    assert max(each.tip[2] for each in ctx.arm.told) <= START[2] + 1e-9
+    assert max(each.tip[2] for each in ctx.devices.arm.told) <= START[2] + 1e-9
 
 
 def test_what_was_known_of_the_peg_before_is_forgotten_and_the_wrench_counts_from_free_air(ctx):
     ctx.peg = HeldPeg(measured=0.003)
     ctx.note_slip()
     ctx.peg = replace(ctx.peg, surface=Plane(np.zeros(3), UP))
-    ctx.arm.force = np.array([1.0, -2.0, 0.5])
+    ctx.devices.arm.force = np.array([1.0, -2.0, 0.5])
     run(PARAMS, ctx)
     assert (ctx.peg.measured, ctx.peg.grip_share, ctx.peg.surface) == (None, 1.0, None)
-    np.testing.assert_allclose(ctx.zero.force, [1.0, -2.0, 0.5])
+    np.testing.assert_allclose(ctx.wrench.zero.force, [1.0, -2.0, 0.5])
 
 
 def test_a_skin_that_shows_no_peg_lets_go_of_it_in_its_slot(ctx):
-    ctx.estimator.is_healthy = False
+    ctx.perception.estimator.is_healthy = False
     with pytest.raises(SkinUntrustedError):
         run(PARAMS, ctx)
-    assert ctx.gripper.width == PARAMS.opening
-    np.testing.assert_allclose(ctx.arm.tcp.position, grip_at(0), atol=1e-6)
+    assert ctx.devices.gripper.width == PARAMS.opening
+    np.testing.assert_allclose(ctx.devices.arm.tcp.position, grip_at(0), atol=1e-6)

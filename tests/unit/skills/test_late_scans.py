@@ -23,12 +23,9 @@ def late_cell(lateness, **limits):
 def moved(ctx):
     """Move the hand by 60 mm; return what every scan saw, and the setpoints."""
     goal = Goal(
-        ctx.arm.tcp.position + np.array([0.0, 0.06, 0.0]), np.array([0.0, 0.0, 1.0]), np.array([0.0, -1.0, 0.0])
+        ctx.devices.arm.tcp.position + np.array([0.0, 0.06, 0.0]), np.array([0.0, 0.0, 1.0]), np.array([0.0, -1.0, 0.0])
     )
-    transfer = Transfer.model_validate(
-        {"gains": {"translation": 1500.0, "rotation": 60.0}, "speed": 0.25, "turn_speed": 1.0, "elbow": 0.05}
-    )
-    return [(seen, ctx.held.tip.copy()) for seen in move(goal, transfer, ctx, None)], goal
+    return [(seen, ctx.lead.held.tip.copy()) for seen in move(goal, Transfer(), ctx, None)], goal
 
 
 @pytest.mark.parametrize("mean", [0.003, 0.01])
@@ -37,7 +34,7 @@ def test_a_path_on_a_busy_computer_ends_at_its_goal_in_about_its_time(mean):
     ctx = late_cell(lambda n: rng.exponential(mean))
     punctual, goal = moved(late_cell(lambda n: 0.0))
     seen, _ = moved(ctx)
-    np.testing.assert_allclose(ctx.held.tip, goal.tip, atol=1e-9)
+    np.testing.assert_allclose(ctx.lead.held.tip, goal.tip, atol=1e-9)
     assert seen[-1][0].running == pytest.approx(punctual[-1][0].running, rel=0.12)
 
 
@@ -49,9 +46,9 @@ def test_no_setpoint_steps_further_than_the_path_may_in_one_scan():
 
 def test_a_timeout_is_counted_on_the_cells_clock():
     ctx = late_cell(lambda n: 0.04)
-    began = ctx.clock.now()
+    began = ctx.devices.clock.now()
     seen = list(ctx.scan(1.0))
-    assert ctx.clock.now() - began == pytest.approx(1.0, abs=0.05)
+    assert ctx.devices.clock.now() - began == pytest.approx(1.0, abs=0.05)
     assert seen[-1].elapsed == pytest.approx(seen[-1].running * LONGEST_STEP / 5.0, rel=0.05)
 
 

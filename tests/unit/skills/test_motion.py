@@ -19,7 +19,7 @@ SIDE = np.array([1.0, 0.0, 0.0])
 def test_a_hand_on_its_way_is_held_half_as_firmly_about_the_vertical():
     clock, transfer = FakeClock(), CONFIG.params(GRASP).transfer
     ctx = context_of(CONFIG, FakeArm(clock), FakeGripper(0.008))
-    tcp = ctx.arm.tcp
+    tcp = ctx.devices.arm.tcp
     next(
         iter(
             move(
@@ -31,7 +31,7 @@ def test_a_hand_on_its_way_is_held_half_as_firmly_about_the_vertical():
         )
     )
     gains = transfer.gains
-    assert ctx.held.stiffness.tolist() == [gains.translation] * 3 + [gains.rotation] * 2 + [gains.rotation / 2.0]
+    assert ctx.lead.held.stiffness.tolist() == [gains.translation] * 3 + [gains.rotation] * 2 + [gains.rotation / 2.0]
 
 
 @pytest.mark.parametrize(("breadth", "stray"), [(0.004, STRAY), (0.008, STRAY), (0.02, 0.01)])
@@ -53,8 +53,8 @@ TRANSFER = CONFIG.params(GRASP).transfer
 
 def moved(ctx, goal, in_hand=None, settle=0.3, limited=True):
     """Go to a goal; return the time and the setpoint of each scan."""
-    told, follow = [], ctx.arm.follow
-    ctx.arm.follow = lambda setpoint: (told.append((ctx.clock.now(), setpoint)), follow(setpoint))
+    told, follow = [], ctx.devices.arm.follow
+    ctx.devices.arm.follow = lambda setpoint: (told.append((ctx.devices.clock.now(), setpoint)), follow(setpoint))
     for _ in move(goal, TRANSFER, ctx, in_hand, settle, limited):
         pass
     return told
@@ -62,14 +62,14 @@ def moved(ctx, goal, in_hand=None, settle=0.3, limited=True):
 
 def beside(ctx, way, turn=0.0):
     """Return the goal that lies so far from where the hand is, m, turned by so much about the vertical, rad."""
-    tcp = ctx.arm.tcp
+    tcp = ctx.devices.arm.tcp
     turned = rotation_about(UP, turn) @ tcp.rotation
     return Goal(tcp.position + np.array(way), -turned[:, 0], turned[:, 2])
 
 
 @pytest.mark.parametrize(("way", "turn"), [((0.0, 0.06, 0.1), 0.0), ((0.0, 0.02, 0.0), 1.2), ((0.0, 0.0, 0.0), -0.4)])
 def test_a_move_gets_to_its_goal_within_the_speeds_of_its_transfer_fed_forward_by_its_own_rate(ctx, way, turn):
-    goal, start = beside(ctx, way, turn), ctx.arm.tcp
+    goal, start = beside(ctx, way, turn), ctx.devices.arm.tcp
     told = moved(ctx, goal)
     last, tips = told[-1][1], np.array([each.tip for _, each in told])
     rolls = np.array([each.roll for _, each in told])
@@ -109,7 +109,7 @@ def test_the_axis_turns_about_one_line_and_back_through_any_other_from_one_end_t
 
 @pytest.mark.parametrize("limited", [True, False])
 def test_only_a_way_out_goes_without_the_limits(ctx, limited):
-    ctx.arm.force = np.array([0.0, 0.0, 1.1 * ctx.limits.force])
+    ctx.devices.arm.force = np.array([0.0, 0.0, 1.1 * ctx.limits.force])
     goal = beside(ctx, (0.0, 0.01, 0.0))
     if not limited:
         assert moved(ctx, goal, limited=False)
@@ -120,9 +120,9 @@ def test_only_a_way_out_goes_without_the_limits(ctx, limited):
 
 
 def test_a_peg_that_is_lost_on_the_way_ends_the_move_of_a_hand_that_holds_one(ctx):
-    ctx.gripper.grip(30.0)
+    ctx.devices.gripper.grip(30.0)
     goal = beside(ctx, (0.0, 0.1, 0.0))
-    ctx.clock.at.append((0.1, lambda: setattr(ctx.gripper, "has_peg", False)))
+    ctx.devices.clock.at.append((0.1, lambda: setattr(ctx.devices.gripper, "has_peg", False)))
     with pytest.raises(Interrupted) as ended:
         moved(ctx, Goal(goal.tip - CONFIG.peg.length * UP, goal.axis, goal.roll), ctx.in_hand())
     assert ended.value.reason is Reason.LOST_GRASP

@@ -46,7 +46,7 @@ def make():
         arm.tcp = Pose(PLACE.copy(), SLANT)
         hand.grip(30.0)
         ctx = context_of(CELL, arm, hand)
-        ctx.switch.state = SwitchState.CLOSED
+        ctx.devices.switch.state = SwitchState.CLOSED
         return ctx
 
     return made
@@ -54,22 +54,22 @@ def make():
 
 def test_the_hand_opens_where_it_is_and_draws_straight_back_up_without_turning(make):
     ctx = make()
-    ctx.clock.wait_until(3.0)
-    heights, release = [], ctx.gripper.release
-    ctx.gripper.release = lambda width: (heights.append(ctx.arm.tcp.position[2]), release(width))
+    ctx.devices.clock.wait_until(3.0)
+    heights, release = [], ctx.devices.gripper.release
+    ctx.devices.gripper.release = lambda width: (heights.append(ctx.devices.arm.tcp.position[2]), release(width))
     ended = run(PARAMS, ctx)
     assert (ended.outcome, ended.reason, ended.stayed) == (Outcome.SUCCESS, Reason.NONE, True)
-    assert (heights, ctx.gripper.width) == ([PLACE[2]], PARAMS.opening)
-    np.testing.assert_allclose(ctx.arm.tcp.position, PLACE + PARAMS.height * UP, atol=1e-9)
-    np.testing.assert_allclose(ctx.arm.tcp.rotation, SLANT, atol=1e-9)
-    assert ended.elapsed == pytest.approx(ctx.clock.now() - 3.0, abs=PERIOD)
+    assert (heights, ctx.devices.gripper.width) == ([PLACE[2]], PARAMS.opening)
+    np.testing.assert_allclose(ctx.devices.arm.tcp.position, PLACE + PARAMS.height * UP, atol=1e-9)
+    np.testing.assert_allclose(ctx.devices.arm.tcp.rotation, SLANT, atol=1e-9)
+    assert ended.elapsed == pytest.approx(ctx.devices.clock.now() - 3.0, abs=PERIOD)
 
 
 @pytest.mark.parametrize(("when", "reason"), [(0.05, Reason.NOT_SEATED), (None, Reason.NONE)])
 def test_a_peg_that_came_along_with_the_hand_was_not_left_seated(make, when, reason):
     ctx = make()
     if when is not None:
-        ctx.clock.at.append((when, lambda: setattr(ctx.switch, "state", SwitchState.OPEN)))
+        ctx.devices.clock.at.append((when, lambda: setattr(ctx.devices.switch, "state", SwitchState.OPEN)))
     ended = run(PARAMS, ctx)
     assert ended.reason is reason
     assert (ended.outcome, ended.stayed) == (
@@ -80,9 +80,9 @@ def test_a_peg_that_came_along_with_the_hand_was_not_left_seated(make, when, rea
 @pytest.mark.parametrize(("after", "reason"), [(0.4, Reason.NONE), (2.0, Reason.NOT_SEATED)])
 def test_a_switch_that_does_not_answer_at_the_end_is_waited_for(make, after, reason):
     ctx = make()
-    ctx.switch.state = SwitchState.UNKNOWN
+    ctx.devices.switch.state = SwitchState.UNKNOWN
     drawn_back = 1.0  # s, more than the way takes
-    ctx.clock.at.append((drawn_back + after, lambda: setattr(ctx.switch, "state", SwitchState.CLOSED)))
+    ctx.devices.clock.at.append((drawn_back + after, lambda: setattr(ctx.devices.switch, "state", SwitchState.CLOSED)))
     assert run(PARAMS, ctx).reason is reason
 
 
@@ -91,7 +91,7 @@ def test_a_hole_without_a_switch_asks_none(make):
     force = load(
         sets=["hole.evidence=force", "hole.latch.kind=detent", "hole.latch.force=5.0", "hole.latch.height=0.003"]
     )
-    ctx.job, ctx.switch.state = force.cell.job(), SwitchState.UNKNOWN
+    ctx.job, ctx.devices.switch.state = force.cell.job(), SwitchState.UNKNOWN
     assert run(PARAMS, ctx).outcome is Outcome.SUCCESS
 
 
@@ -99,21 +99,21 @@ def test_a_hand_that_does_not_open_is_not_drawn_away(make):
     ctx = make(opens_to=THICKNESS)
     ended = run(PARAMS, ctx)
     assert (ended.outcome, ended.reason, ended.stayed) == (Outcome.FAILURE, Reason.STILL_HELD, True)
-    np.testing.assert_array_equal(ctx.arm.tcp.position, PLACE)
+    np.testing.assert_array_equal(ctx.devices.arm.tcp.position, PLACE)
 
 
 @pytest.mark.parametrize(("takes", "is_open"), [(0.2, True), (PARAMS.opening_time + 1.0, False)])
 def test_a_hand_is_waited_for_as_long_as_its_fingers_may_take(make, takes, is_open):
     ctx = make(opens_for=takes)
     assert let_go(PARAMS.opening, PARAMS.opening_time, ctx) is is_open
-    assert ctx.clock.now() == pytest.approx(min(takes, PARAMS.opening_time), abs=2 * PERIOD)
+    assert ctx.devices.clock.now() == pytest.approx(min(takes, PARAMS.opening_time), abs=2 * PERIOD)
 
 
 def test_the_arm_keeps_its_setpoint_at_rest_while_the_fingers_move(make):
     ctx = make(opens_for=0.3)
     ctx.follow(ImpedanceSetpoint(5, PLACE, UP, np.full(6, 100.0), np.ones(6), 0.05, roll=SLANT[:, 2]))
-    kept, follow = [], ctx.arm.follow
-    ctx.arm.follow = lambda setpoint: (kept.append((ctx.clock.now(), setpoint)), follow(setpoint))
+    kept, follow = [], ctx.devices.arm.follow
+    ctx.devices.arm.follow = lambda setpoint: (kept.append((ctx.devices.clock.now(), setpoint)), follow(setpoint))
     let_go(PARAMS.opening, PARAMS.opening_time, ctx)
     assert len(kept) == pytest.approx(0.3 / PERIOD, abs=1)
     assert all(setpoint.valid_until == pytest.approx(now + VALIDITY) for now, setpoint in kept)
@@ -122,5 +122,5 @@ def test_the_arm_keeps_its_setpoint_at_rest_while_the_fingers_move(make):
 
 def test_letting_go_goes_without_the_limits_of_force_and_workspace(make):
     ctx = make(opens_for=0.1)
-    ctx.arm.force = np.array([0.0, 0.0, 2.0 * CELL.limits.force])
+    ctx.devices.arm.force = np.array([0.0, 0.0, 2.0 * CELL.limits.force])
     assert let_go(PARAMS.opening, PARAMS.opening_time, ctx)

@@ -16,8 +16,8 @@ from skills.scan_guards import (
     RESUME_TIME,
     TRACKING_LIMIT,
     ScanLimits,
+    ScanSchedule,
     ScanTiming,
-    new_window,
     require_level_skin,
     require_tracking,
     way_back,
@@ -31,7 +31,7 @@ LIMITS = ScanLimits(late=0.3, longest=0.1)
 
 def timed(*waits):
     """Return the timing after scans that begin so long after each other, s."""
-    timing, now = ScanTiming(PERIOD, LIMITS, new_window()), 5.0
+    timing, now = ScanTiming(ScanSchedule(PERIOD, LIMITS)), 5.0
     timing.take(now)
     for wait in waits:
         now += wait

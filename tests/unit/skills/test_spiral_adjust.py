@@ -174,8 +174,8 @@ def test_the_dither_is_fed_forward(tmp_path):
     rig.gripper.grip(30.0)
     rig.arm.tcp = Pose(np.array([*ctx.job.hole.centre[:2], ctx.job.hole.centre[2] + ctx.length]), HAND_DOWN)
     run(PARAMS.model_copy(update={"push_offset": 0.0, "timeout": 0.5}), ctx)
-    assert ctx.held is not None
-    assert ctx.held.twist is not None
+    assert ctx.lead.held is not None
+    assert ctx.lead.held.twist is not None
 
 
 def test_ways_down_of_earlier_attempts_are_handed_on_while_the_peg_is_held(tmp_path):

@@ -1,6 +1,7 @@
 """How a search goes and ends, over a plate with a hole on which the hand is at once where it shall be."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -151,14 +152,14 @@ TURN = 0.4
 
 def turned_after(bench, delay):
     """Let the peg turn in the hand once the search has slid for so long, s."""
-    start = bench.ctx.progress
+    start = bench.ctx.callbacks.progress
 
     def told(share):
         start(share)
         if len(bench.progress) == round(delay / PERIOD):
             bench.skin.theta = TURN
 
-    bench.ctx.progress = told
+    bench.ctx.callbacks = replace(bench.ctx.callbacks, progress=told)
 
 
 def test_a_peg_that_turns_far_is_lifted_off_and_comes_down_where_it_was_with_the_hand_turned_after_it(bench):
@@ -201,13 +202,13 @@ def test_a_search_whose_time_is_up_while_the_peg_is_lifted_off_ends(bench):
 
 def test_a_turned_peg_that_does_not_come_off_the_plate_ends_the_search(bench):
     turned_after(bench, 0.8)
-    start = bench.ctx.progress
+    start = bench.ctx.callbacks.progress
 
     def told(share):
         start(share)
         bench.rig.arm.is_blocked = len(bench.progress) >= round(0.8 / PERIOD)
 
-    bench.ctx.progress = told
+    bench.ctx.callbacks = replace(bench.ctx.callbacks, progress=told)
     ended = bench.search()
     assert (ended.outcome, ended.reason) == (Outcome.FAILURE, Reason.NOT_SEATED)
     assert ended.elapsed == pytest.approx(0.8 + LONGEST, abs=0.05)

@@ -39,7 +39,7 @@ def sweeping(tmp_path):
         closing, axis = course.closing, course.axis
         frame = np.column_stack([-axis, np.cross(closing, -axis), closing])
         rig.arm.tcp = replace(rig.arm.tcp, position=course.first + ctx.length * axis, rotation=frame)
-        evidence = Evidence(params, SurfaceEstimate(), ctx.scan_period)
+        evidence = Evidence(params, SurfaceEstimate(), ctx.schedule.period)
         sweep = Sweep(params, ctx, course, evidence)
         return sweep, ctx.observe(), ctx
 

@@ -1,5 +1,7 @@
 """Lowering a peg on a surface to measure its height, and the force of the touch."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -44,17 +46,17 @@ def ctx():
 
 def down(ctx):
     """Return time and setpoint of each scan of the way down and of the rest: those that are not of a way through free space."""
-    return [(now, setpoint) for now, setpoint in ctx.arm.told if not setpoint.is_free]
+    return [(now, setpoint) for now, setpoint in ctx.devices.arm.told if not setpoint.is_free]
 
 
 @pytest.mark.parametrize("height", [-0.008, 0.0, 0.005])
 def test_a_surface_is_told_where_it_is_and_not_where_it_is_stated(ctx, height):
-    ctx.arm.floor = PLACE[2] + height
+    ctx.devices.arm.floor = PLACE[2] + height
     np.testing.assert_allclose(touch_off(PLACE, TRANSFER, TOUCH_OFF, ctx), PLACE + height * UP, atol=1e-4)
 
 
 def test_the_peg_comes_down_slowly_and_is_fed_forward_until_the_surface_bears_it(ctx):
-    ctx.arm.floor = PLACE[2]
+    ctx.devices.arm.floor = PLACE[2]
     touch_off(PLACE, TRANSFER, TOUCH_OFF, ctx)
     moving = [setpoint for _, setpoint in down(ctx) if setpoint.twist is not None]
     steps = -np.diff([setpoint.tip[2] for setpoint in moving])
@@ -65,7 +67,7 @@ def test_the_peg_comes_down_slowly_and_is_fed_forward_until_the_surface_bears_it
 
 
 def test_it_rests_with_the_setpoint_where_it_was_before_the_height_is_told(ctx):
-    ctx.arm.floor = PLACE[2]
+    ctx.devices.arm.floor = PLACE[2]
     touch_off(PLACE, TRANSFER, TOUCH_OFF, ctx)
     resting = [(now, setpoint) for now, setpoint in down(ctx) if setpoint.twist is None]
     assert len({setpoint.tip[2] for _, setpoint in resting}) == 1
@@ -77,17 +79,20 @@ def test_it_rests_with_the_setpoint_where_it_was_before_the_height_is_told(ctx):
 
 def test_the_setpoint_leads_a_tip_that_friction_holds_by_no_more_than_the_bound_allows(ctx):
     """The arm does not report what it presses with, as one whose joints take the force."""
-    ctx.arm.floor = PLACE[2]
-    follow = ctx.arm.follow
-    ctx.arm.follow = lambda setpoint: (follow(setpoint), setattr(ctx.arm, "force", OFFSET * UP))
+    ctx.devices.arm.floor = PLACE[2]
+    follow = ctx.devices.arm.follow
+    ctx.devices.arm.follow = lambda setpoint: (follow(setpoint), setattr(ctx.devices.arm, "force", OFFSET * UP))
     assert touch_off(PLACE, TRANSFER, TOUCH_OFF, ctx) is None
     assert min(setpoint.tip[2] for _, setpoint in down(ctx)) == pytest.approx(PLACE[2] - MOST / STIFFNESS)
 
 
 def test_a_wrench_of_reversed_sign_ends_the_touch(ctx):
-    ctx.arm.floor = PLACE[2]
-    follow = ctx.arm.follow
-    ctx.arm.follow = lambda setpoint: (follow(setpoint), setattr(ctx.arm, "force", 2.0 * OFFSET * UP - ctx.arm.force))
+    ctx.devices.arm.floor = PLACE[2]
+    follow = ctx.devices.arm.follow
+    ctx.devices.arm.follow = lambda setpoint: (
+        follow(setpoint),
+        setattr(ctx.devices.arm, "force", 2.0 * OFFSET * UP - ctx.devices.arm.force),
+    )
     with pytest.raises(WrenchReversedError, match=r"^arm: reports \d+ N downwards while it presses down"):
         touch_off(PLACE, TRANSFER, TOUCH_OFF, ctx)
 
@@ -97,19 +102,19 @@ def test_where_there_is_no_surface_the_peg_turns_back(ctx):
     assert min(setpoint.tip[2] for _, setpoint in down(ctx)) == pytest.approx(
         PLACE[2] - DEEPEST, abs=TOUCH_OFF.speed * PERIOD
     )
-    assert ctx.arm.tcp.position - LENGTH * UP == pytest.approx(PLACE + CLEAR * UP)
+    assert ctx.devices.arm.tcp.position - LENGTH * UP == pytest.approx(PLACE + CLEAR * UP)
 
 
 def test_afterwards_the_peg_is_clear_of_what_it_touched_where_that_is_higher_than_stated(ctx):
-    ctx.arm.floor = PLACE[2] + 0.005
+    ctx.devices.arm.floor = PLACE[2] + 0.005
     touch_off(PLACE, TRANSFER, TOUCH_OFF, ctx)
-    assert ctx.arm.tcp.position - LENGTH * UP == pytest.approx(PLACE + (0.005 + CLEAR) * UP, abs=1e-6)
-    up = [setpoint for now, setpoint in ctx.arm.told if now > down(ctx)[-1][0]]
+    assert ctx.devices.arm.tcp.position - LENGTH * UP == pytest.approx(PLACE + (0.005 + CLEAR) * UP, abs=1e-6)
+    up = [setpoint for now, setpoint in ctx.devices.arm.told if now > down(ctx)[-1][0]]
     assert max(setpoint.twist.linear[2] for setpoint in up) <= TOUCH_OFF.speed + 1e-9
 
 
 def test_one_upright_motion_with_the_gains_of_the_way(ctx):
-    ctx.arm.floor = PLACE[2]
+    ctx.devices.arm.floor = PLACE[2]
     touch_off(PLACE, TRANSFER, TOUCH_OFF, ctx)
     assert len({setpoint.id for _, setpoint in down(ctx)}) == 1
     for now, setpoint in down(ctx):
@@ -126,10 +131,11 @@ def test_one_upright_motion_with_the_gains_of_the_way(ctx):
 def test_a_peg_that_is_lost_on_the_way_down_ends_it_there(ctx):
     def lose(seen, held):
         if seen.tip[2] < PLACE[2] + 0.5 * CLEAR:
-            ctx.gripper.has_peg = False
+            ctx.devices.gripper.has_peg = False
 
-    ctx.arm.floor, ctx.record = PLACE[2], lose
+    ctx.devices.arm.floor = PLACE[2]
+    ctx.callbacks = replace(ctx.callbacks, record=lose)
     with pytest.raises(Interrupted) as ended:
         touch_off(PLACE, TRANSFER, TOUCH_OFF, ctx)
     assert ended.value.reason is Reason.LOST_GRASP
-    assert ctx.arm.tcp.position[2] - LENGTH > PLACE[2] + 0.4 * CLEAR
+    assert ctx.devices.arm.tcp.position[2] - LENGTH > PLACE[2] + 0.4 * CLEAR

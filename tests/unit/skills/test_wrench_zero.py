@@ -52,7 +52,7 @@ def test_a_zeroed_cell_reads_no_force_where_nothing_touches_and_all_of_what_touc
     arm.force = np.array([3.0, -4.0, 5.0])
     for _ in ctx.scan(0.3):
         pass
-    ctx.zero_wrench()
+    ctx.wrench.set_zero()
     np.testing.assert_allclose(ctx.observe().arm.wrench.force, 0.0, atol=1e-12)
     arm.force = np.array([3.0, -4.0, 11.0])
     np.testing.assert_allclose(ctx.observe().arm.wrench.force, [0.0, 0.0, 6.0], atol=1e-12)

@@ -26,14 +26,14 @@ def scanned(rig, watch, claim, stage, scans):
     ctx.stage, rig.switch.state = stage, SwitchState.UNKNOWN
     watch.begin(rig.loaded.cell, claim)
     for _ in range(scans):
-        rig.clock.time += ctx.scan_period
+        rig.clock.time += ctx.schedule.period
         watch.see(ctx.observe())
 
 
 @pytest.mark.parametrize("claim", PROVEN_BY_SWITCH)
 def test_a_run_that_needs_the_switch_does_not_go_on_without_it(rig, tmp_path, claim):
     watch = PartWatch(rig.cell, rig.cell.context(0), tmp_path)
-    scans = round(LONGEST_UNKNOWN / watch._context.scan_period)
+    scans = round(LONGEST_UNKNOWN / watch._context.schedule.period)
     scanned(rig, watch, claim, "spray_search", scans)
     with pytest.raises(SwitchUnknownError, match=r"no valid answer for 0\.5 s"):
         scanned(rig, watch, claim, "spray_search", scans + 2)
@@ -41,7 +41,7 @@ def test_a_run_that_needs_the_switch_does_not_go_on_without_it(rig, tmp_path, cl
 
 def test_neither_a_recovery_nor_a_grasp_needs_the_switch(rig, tmp_path):
     watch = PartWatch(rig.cell, rig.cell.context(0), tmp_path)
-    scans = 3 * round(LONGEST_UNKNOWN / watch._context.scan_period)
+    scans = 3 * round(LONGEST_UNKNOWN / watch._context.schedule.period)
     scanned(rig, watch, Claim.INSERTED, "recover", scans)
     scanned(rig, watch, Claim.HELD, "grasp_from_rack", scans)
 
@@ -58,7 +58,7 @@ def closing(rig, watch, stage, depth, is_held):
     watch.begin(rig.loaded.cell, Claim.INSERTED)
     for state in (SwitchState.OPEN, SwitchState.CLOSED):
         rig.switch.state = state
-        rig.clock.time += ctx.scan_period
+        rig.clock.time += ctx.schedule.period
         watch.see(ctx.observe())
 
 

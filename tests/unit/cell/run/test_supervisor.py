@@ -424,7 +424,7 @@ def test_progress_of_a_skill_is_that_of_the_run(rig, program):
     context = []
     call = program._run
     program._run = lambda ctx: (context.append(ctx), call(ctx))[1]
-    rig.at(0.4, lambda: context[0].progress(0.5))
+    rig.at(0.4, lambda: context[0].callbacks.progress(0.5))
     told = read(rig, 0.6)
     rig.command(CODE)
     assert 0 < told[0].progress < 100
