@@ -66,9 +66,9 @@ class ScanTiming:
         self._before: float | None = None
         self.passed = schedule.period
         """Time since the previous scan, s, on the cell's clock; one period at the first scan."""
-        self.step = scan_period
+        self.step = schedule.period
         """Advance of the path time in this scan, s: the time since the previous scan, at most `LONGEST_STEP` periods."""
-        self.due = scan_period
+        self.due = schedule.period
         """Time of the next scan, s, on the cell's clock: one period after this scan, so late scans are not caught up."""
 
     def take(self, stamp: float) -> None:
