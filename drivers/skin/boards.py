@@ -48,7 +48,7 @@ class _BoardSkin:
 
     def _forget(self) -> None:
         self._health: SkinHealth | None = None
-        self._order = TaxelOrder()
+        self._order = TaxelOrder(self._config.layout)
         self._frame: TaxelFrame | None = None
         self._is_connected = False
         self._lost_line = ""
@@ -143,7 +143,7 @@ class _BoardSkin:
                 f"{self._lost} lost, {self._port.refused()} messages refused: mend the wiring, or lower skin.rate"
             )
         self._health = SkinHealth(config.health, np.array([scan.counts for scan in still]))
-        self._order = TaxelOrder(self._health.noise)
+        self._order = TaxelOrder(config.layout, self._health.noise)
         values, trusted = self._health.update(still[-1].counts, still[-1].stamp)
         self._frame = TaxelFrame(values, trusted, still[-1].stamp, 0)
 

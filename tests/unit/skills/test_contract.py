@@ -129,7 +129,7 @@ def test_an_arm_that_tells_an_old_state_counts_as_silent(ctx):
 
 
 def test_half_of_the_taxels_are_enough_and_one_less_is_not(ctx):
-    ctx.skin.trusted.flat[LEAST_TRUSTED:] = False
+    ctx.skin.trusted.flat[round(LEAST_TRUSTED * ctx.skin.trusted.size) :] = False
     ctx.observe()
     ctx.clock.time = 0.2
     ctx.skin.trusted.flat[0] = False
