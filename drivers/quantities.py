@@ -13,8 +13,6 @@ FINGERS = 2
 FINGER_NAMES = ("left", "right")
 BRIGHT = 15_000.0
 """Reading of a taxel under high pressure, counts; pictures show it in the brightest colour."""
-TAXELS = 20
-"""Number of taxels on one finger: two modules of ten."""
 WIDTH_TOLERANCE = 0.0015
 """Largest difference between the pads' distance and the peg's width if the peg is between the pads, m."""
 
@@ -54,9 +52,9 @@ class TaxelFrame:
     """Readings of all taxels of both fingers at one instant, with the baseline removed."""
 
     values: Vector
-    """Readings, signed counts, shape (2, 20), left finger first; positive is pressure."""
+    """Readings, signed counts, shape (2, n), left finger first; positive is pressure."""
     trusted: Mask
-    """False if a taxel is dead, stuck, saturated or marks an error, shape (2, 20)."""
+    """False if a taxel is dead, stuck, saturated or marks an error, shape (2, n)."""
     stamp: float
     """Time of the measurement on the cell's clock, s."""
     sequence: int

@@ -7,12 +7,11 @@ from typing import Protocol, TypeVar
 import numpy as np
 
 from drivers.protocols import Clock
-from drivers.quantities import FINGERS, TAXELS
 from drivers.skin.board_config import BOARD_MODULES, IcubConfig
 from drivers.skin.health import ERROR_COUNT, Counts
 from drivers.skin.icub_wire import COUNTS_PER_STEP, SETUP, SETUP_CLASS, TriangleReading, encode_triangle
 from drivers.skin.icub_wire import TAXELS as TRIANGLE_TAXELS
-from drivers.skin.layout import MODULE_TAXELS
+from drivers.skin.layout import MODULE_TAXELS, shape_of
 from drivers.transport.wires import CanFrame
 from sim.config import SimSkinConfig
 from sim.pads import Pads
@@ -33,14 +32,14 @@ class Fingers:
     def __init__(self, config: SimSkinConfig, source: PadSource, rng: np.random.Generator) -> None:
         """Draw one skin."""
         self._source = source
-        self._pads = Pads(config.pad, config.layout)
+        self._pads, self._shape = Pads(config.pad, config.layout), shape_of(config.layout)
         self.taxels = Taxels(config, rng)
         self._measured = source.now()
 
     def measure(self) -> Counts:
-        """Return the present readings of the converters, shape (2, 20), counts."""
+        """Return the present readings of the converters, shape (2, n), counts."""
         now, load = self._source.now(), self._source.pad_load()
-        pressure = np.zeros((FINGERS, TAXELS)) if load is None else self._pads.pressure(load)
+        pressure = np.zeros(self._shape) if load is None else self._pads.pressure(load)
         elapsed, self._measured = now - self._measured, now
         return self.taxels.measure(pressure, elapsed)
 

@@ -7,9 +7,8 @@ from pydantic import Field, NonNegativeInt
 from drivers.arm.model import ArmName
 from drivers.config_model import ConfigModel, FilePath, Quantity
 from drivers.parts import Fraction
-from drivers.quantities import FINGERS, TAXELS
 from drivers.skin.health import SkinHealthConfig
-from drivers.skin.layout import MODULE_TAXELS, Layout
+from drivers.skin.layout import Layout
 
 
 class PadConfig(ConfigModel):
@@ -58,9 +57,9 @@ class SkinModel(ConfigModel):
     """Reading to which the fractions of noise and drift refer, counts; the highest published touch peak of [cyskin]."""
     offset: Annotated[float, Field(ge=0.0, le=43e3), Quantity("counts")] = 5000.0
     """Mean raw reading of an unloaded taxel, counts; assumed, [cyskin] publishes readings without it."""
-    dead_taxels: Annotated[NonNegativeInt, Field(le=FINGERS * TAXELS)] = 0
+    dead_taxels: NonNegativeInt = 0
     """Number of taxels, drawn at random, that read zero. Source: set for each trial."""
-    dead_modules: Annotated[NonNegativeInt, Field(le=FINGERS * TAXELS // MODULE_TAXELS)] = 0
+    dead_modules: NonNegativeInt = 0
     """Number of modules, drawn at random, that read zero, as one module in [cyskin]. Source: set for each trial."""
     pad: PadConfig = PadConfig()
     """The elastomer over the taxels."""

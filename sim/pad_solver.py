@@ -155,8 +155,8 @@ def spread(
         peg: theta, offset, diameter or width of its face, and True if a face lies on the pads.
         pad: Stiffness of the pad's foundation, N/m², thickness, m, and exponent of force over depth.
         cells: Cells of the grid, shape (n, 2), m.
-        weights: Share of each cell's pressure on a taxel, shape (2, 20, n).
-        taxels: Pressures, shape (2, 20), Pa, at zero; filled in.
+        weights: Share of each cell's pressure on a taxel, shape (2, taxels, n).
+        taxels: Pressures, shape (2, taxels), Pa, at zero; filled in.
     """
     low, high = ends
     delta0, u, phi = pressing

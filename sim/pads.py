@@ -222,7 +222,7 @@ class Pads:
         Args:
             config: Elastomer and taxels.
             layout: Layout of the two modules of a finger.
-            misplaced: Offset of each taxel from its position in the layout, shape (2, 20, 2), m; None for no offsets.
+            misplaced: Offset of each taxel from its position in the layout, shape (2, taxels, 2), m; None for no offsets.
         """
         self.length, self.width = pad_size(layout)
         self._config = config
@@ -270,7 +270,7 @@ class Pads:
         return Pressing(low, high, float(delta0), float(u), float(phi))
 
     def pressure(self, load: PadLoad) -> Vector:
-        """Return the pressure on each taxel, shape (2, 20), left finger first, Pa."""
+        """Return the pressure on each taxel, shape (2, taxels), left finger first, Pa."""
         pressing = self.press(load)
         if pressing.high <= pressing.low:
             return np.zeros(self._weights.shape[:2])
@@ -306,12 +306,12 @@ def taxel_weights(layout: Layout, blur: float, diameter: float) -> tuple[Vector,
 
 
 def weights_at(places: Vector, layout: Layout, blur: float, diameter: float) -> tuple[Vector, Vector]:
-    """Return the grid's cells, shape (n, 2), m, and the share of each cell's pressure in a taxel, shape (2, 20, n).
+    """Return the grid's cells, shape (n, 2), m, and the share of each cell's pressure in a taxel, shape (2, taxels, n).
 
     The point spread is a Gaussian averaged over the taxel's disc; on an infinite pad the shares of a taxel add up to 1.
 
     Args:
-        places: Centres of the taxels in the plane of the pad, shape (2, 20, 2), m.
+        places: Centres of the taxels in the plane of the pad, shape (2, taxels, 2), m.
         layout: Layout of the taxels, which defines the pad's size.
         blur: Standard deviation of the point spread, m.
         diameter: Diameter of a taxel's averaging area, m.

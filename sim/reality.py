@@ -9,6 +9,7 @@ import tomllib
 import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple
 
@@ -19,23 +20,16 @@ from drivers.arm.model import JOINTS
 from drivers.config_model import ConfigModel
 from drivers.errors import ConfigError
 from drivers.parts import Fraction
-from drivers.quantities import FINGERS, TAXELS, Vector
-from drivers.skin.layout import MODULES
+from drivers.quantities import Vector
+from drivers.skin.layout import Layout, module_of, shape_of
 from sim.config import RealityConfig
 
 REALITY_STREAM = 4
 """Key of the random streams of errors; the trial's position, readings, skin and search use lower keys."""
 CUT_OFF = 3.0
 """Limit of normal draws, standard deviations from 0."""
-SHAPES: dict[str, tuple[int, ...]] = {
-    "trial": (),
-    "axis": (3,),
-    "joint": (JOINTS,),
-    "module": (FINGERS * MODULES,),
-    "taxel": (FINGERS, TAXELS),
-    "taxel_axis": (FINGERS, TAXELS, 2),
-}
-"""Shape of a draw by the object of one value."""
+USUAL_LAYOUT: Layout = "parallelogram"
+"""Layout of the skin where no cell states another."""
 RECORDED = ("trial", "axis", "joint", "module")
 """Kinds of draws recorded in a trial's row; values of single taxels follow from the seed."""
 
@@ -44,16 +38,23 @@ class ErrorKind(NamedTuple):
     """Rules for drawing and using one error."""
 
     each: str
-    """Object of one value, a key of `SHAPES`."""
+    """Object of one value: trial, axis, joint, module, taxel, or taxel_axis for both coordinates of a taxel."""
     ideal: float
     """Value in a cell that agrees with the software's assumptions."""
     part_of: str = ""
     """Error without which this one has no effect; if that error is drawn alone, this one is drawn too."""
 
-    @property
-    def shape(self) -> tuple[int, ...]:
-        """Shape of a draw."""
-        return SHAPES[self.each]
+    def shape(self, layout: Layout) -> tuple[int, ...]:
+        """Return the shape of a draw in a cell with this skin."""
+        taxels = shape_of(layout)
+        return {
+            "trial": (),
+            "axis": (3,),
+            "joint": (JOINTS,),
+            "module": (int(module_of(layout).max()) + 1,),
+            "taxel": taxels,
+            "taxel_axis": (*taxels, 2),
+        }[self.each]
 
 
 KINDS: dict[str, ErrorKind] = {
@@ -98,8 +99,14 @@ def _fixed(value: Vector) -> Vector:
     return value
 
 
-AS_BELIEVED: Drawn = {name: _fixed(np.full(kind.shape, kind.ideal)) for name, kind in KINDS.items()}
-"""Draw of a cell that agrees with the software's assumptions."""
+@lru_cache
+def as_believed(layout: Layout) -> Drawn:
+    """Return the draw of a cell that agrees with the software's assumptions."""
+    return {name: _fixed(np.full(kind.shape(layout), kind.ideal)) for name, kind in KINDS.items()}
+
+
+AS_BELIEVED: Drawn = as_believed(USUAL_LAYOUT)
+"""Draw of a cell that agrees with the software's assumptions and has the usual skin."""
 
 
 class ErrorModel(ConfigModel):
@@ -251,8 +258,8 @@ class Reality:
         """
         return Reality(self.errors | _errors("reality.errors", tables))
 
-    def draw(self, seed: int, reality: RealityConfig) -> Drawn:
-        """Return the draw of the trial with this seed; the values are read-only.
+    def draw(self, seed: int, reality: RealityConfig, layout: Layout = USUAL_LAYOUT) -> Drawn:
+        """Return the draw of the trial with this seed in a cell with this skin; the values are read-only.
 
         Raises:
             ConfigError: `reality.alone` or `reality.without` names no error, or `alone` names one without effect of its
@@ -266,11 +273,12 @@ class Reality:
             )
         for name in set(reality.without) - set(self.errors):
             raise ConfigError(f"reality.without = {name!r}: no such error; {', '.join(self.errors)} allowed")
-        drawn = dict(AS_BELIEVED)
+        drawn = dict(as_believed(layout))
         for name, error in self.errors.items():
             if reality.scale > 0.0 and reality.alone in ("", name, KINDS[name].part_of) and name not in reality.without:
                 stream = np.random.SeedSequence(seed, spawn_key=(REALITY_STREAM, zlib.crc32(name.encode())))
-                drawn[name] = _fixed(error.draw(np.random.default_rng(stream), reality.scale, KINDS[name].shape))
+                shape = KINDS[name].shape(layout)
+                drawn[name] = _fixed(error.draw(np.random.default_rng(stream), reality.scale, shape))
         return drawn
 
 
@@ -280,6 +288,8 @@ class Errors:
 
     reality: Reality
     config: RealityConfig
+    layout: Layout
+    """Layout of the skin."""
 
     def draw(self, seed: int) -> Drawn:
         """Return the draw of this seed.
@@ -287,10 +297,10 @@ class Errors:
         Raises:
             ConfigError: `reality.alone` names no error.
         """
-        return self.reality.draw(seed, self.config)
+        return self.reality.draw(seed, self.config, self.layout)
 
 
-NO_ERRORS = Errors(Reality({}), RealityConfig(scale=0.0))
+NO_ERRORS = Errors(Reality({}), RealityConfig(scale=0.0), USUAL_LAYOUT)
 """Errors of a cell that agrees with the software's assumptions."""
 
 
@@ -361,7 +371,7 @@ def _error(path: str, name: str, table: Any) -> AnyError:
 def _one_each(path: str, name: str, error: AnyError) -> AnyError:
     kind = KINDS[name]
     for key, figure in error.figures().items():
-        if isinstance(figure, tuple) and kind.shape != (len(figure),):
+        if isinstance(figure, tuple) and kind.shape(USUAL_LAYOUT) != (len(figure),):
             raise ConfigError(f"{path}: {name}.{key}: {len(figure)} figures; one, or one for each {kind.each}, allowed")
     return error
 

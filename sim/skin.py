@@ -9,9 +9,9 @@ from typing import Protocol
 import numpy as np
 
 from drivers.errors import DeviceNotOpenedError, SkinSilentError
-from drivers.quantities import FINGERS, TAXELS, Mask, TaxelFrame, Vector
+from drivers.quantities import Mask, TaxelFrame, Vector
 from drivers.skin.health import Counts, SkinHealth
-from drivers.skin.layout import MODULE_OF, MODULE_TAXELS
+from drivers.skin.layout import Layout, module_of, shape_of
 from drivers.skin.order import TaxelOrder
 from sim.config import SimSkinConfig
 from sim.pads import PadLoad, Pads
@@ -20,7 +20,6 @@ from sim.reality import Drawn
 Disturb = Callable[[Counts], Counts | None]
 """Function from raw counts to received counts; None is a frame lost in transmission."""
 
-_SHAPE = (FINGERS, TAXELS)
 _LARGEST = np.iinfo(np.uint16).max
 
 
@@ -29,11 +28,11 @@ class SkinTruth:
     """Errors of a skin relative to its layout and the config's noise; hidden from skills and drivers."""
 
     noise_level: Vector
-    """Noise of each taxel divided by that of the config, shape (2, 20), ratio."""
+    """Noise of each taxel divided by that of the config, shape (2, n), ratio."""
     misplaced: Vector
-    """Offset of each taxel from its position in the layout, shape (2, 20, 2), m."""
+    """Offset of each taxel from its position in the layout, shape (2, n, 2), m."""
     dead: Mask
-    """Mask of taxels that read zero, in addition to those of the config, shape (2, 20)."""
+    """Mask of taxels that read zero, in addition to those of the config, shape (2, n)."""
     age: float
     """Time from the measurement of a frame to its delivery, s."""
 
@@ -42,18 +41,20 @@ class SkinTruth:
         return Pads(config.pad, config.layout, self.misplaced if self.misplaced.any() else None)
 
 
-def skin_truth(drawn: Drawn) -> SkinTruth:
-    """Return the skin of a cell with these errors."""
+def skin_truth(drawn: Drawn, layout: Layout) -> SkinTruth:
+    """Return the skin of a cell with these errors, drawn for this layout."""
     return SkinTruth(
-        noise_level=drawn["skin.module_noise"][MODULE_OF] * drawn["skin.noise_level"],
+        noise_level=drawn["skin.module_noise"][module_of(layout)] * drawn["skin.noise_level"],
         misplaced=drawn["skin.taxel_place"],
         dead=drawn["skin.dead_taxel"] > 0.0,
         age=float(drawn["skin.age"]),
     )
 
 
-AS_BELIEVED = SkinTruth(np.ones(_SHAPE), np.zeros((*_SHAPE, 2)), np.zeros(_SHAPE, dtype=bool), 0.0)
-"""A skin that agrees with layout and config."""
+def as_believed(layout: Layout) -> SkinTruth:
+    """Return a skin that agrees with layout and config."""
+    shape = shape_of(layout)
+    return SkinTruth(np.ones(shape), np.zeros((*shape, 2)), np.zeros(shape, dtype=bool), 0.0)
 
 
 class PadSource(Protocol):
@@ -73,32 +74,34 @@ class Taxels:
     load is delayed (creep of the elastomer, first order).
     """
 
-    def __init__(self, config: SimSkinConfig, rng: np.random.Generator, truth: SkinTruth = AS_BELIEVED) -> None:
-        """Draw one skin."""
-        self._config, self._rng = config, rng
+    def __init__(self, config: SimSkinConfig, rng: np.random.Generator, truth: SkinTruth | None = None) -> None:
+        """Draw one skin; without a `truth` it agrees with layout and config."""
+        truth = truth or as_believed(config.layout)
+        self._config, self._rng, self._shape = config, rng, shape_of(config.layout)
+        number = module_of(config.layout)
         self._noise = config.noise * config.full_scale * truth.noise_level
-        self._gain = config.sensitivity * rng.normal(1.0, config.gain_spread, _SHAPE)
-        self._offset: Vector = config.offset * rng.normal(1.0, config.gain_spread, _SHAPE)
-        self._late: Vector = np.zeros(_SHAPE)
-        self.dead: Mask = np.isin(MODULE_OF, rng.permutation(FINGERS * TAXELS // MODULE_TAXELS)[: config.dead_modules])
-        """Mask of taxels that read zero, shape (2, 20)."""
+        self._gain = config.sensitivity * rng.normal(1.0, config.gain_spread, self._shape)
+        self._offset: Vector = config.offset * rng.normal(1.0, config.gain_spread, self._shape)
+        self._late: Vector = np.zeros(self._shape)
+        self.dead: Mask = np.isin(number, rng.permutation(int(number.max()) + 1)[: config.dead_modules])
+        """Mask of taxels that read zero, shape (2, n)."""
         living = rng.permutation(np.flatnonzero(~self.dead))
         self.dead.flat[living[: config.dead_taxels]] = True
         self.dead |= truth.dead
 
     def measure(self, pressure: Vector, elapsed: float) -> Counts:
-        """Return raw counts, shape (2, 20).
+        """Return raw counts, shape (2, n).
 
         Args:
-            pressure: Pressure on each taxel, shape (2, 20), Pa.
+            pressure: Pressure on each taxel, shape (2, n), Pa.
             elapsed: Time since the last measurement, s; the load is assumed constant over it.
         """
         config, rng = self._config, self._rng
         answer = self._gain * pressure
         self._late += (1.0 - math.exp(-elapsed / config.creep_time)) * (answer - self._late)
-        self._offset += config.drift * config.full_scale * math.sqrt(elapsed) * rng.standard_normal(_SHAPE)
+        self._offset += config.drift * config.full_scale * math.sqrt(elapsed) * rng.standard_normal(self._shape)
         reading = self._offset + (1.0 - config.creep) * answer + config.creep * self._late
-        reading += self._noise * rng.standard_normal(_SHAPE)
+        reading += self._noise * rng.standard_normal(self._shape)
         # The converter saturates at its rail; a higher pressure must not produce the error code.
         reading = np.clip(np.rint(reading), 0, config.health.saturation)
         return np.where(self.dead, 0, reading).astype(np.uint16)
@@ -118,16 +121,17 @@ class SimSkin:
         source: PadSource,
         rng: np.random.Generator,
         disturb: Disturb = lambda counts: counts,
-        truth: SkinTruth = AS_BELIEVED,
+        truth: SkinTruth | None = None,
     ) -> None:
         """Store the skin's properties; `disturb` can corrupt or lose frames."""
         self._config, self._source, self._rng, self._disturb = config, source, rng, disturb
-        self._truth, self._pads = truth, truth.pads(config)
+        self._truth = truth or as_believed(config.layout)
+        self._pads = self._truth.pads(config)
         self._under_way: deque[TaxelFrame] = deque()
         """Measured frames that are not delivered yet."""
         self._taxels: Taxels | None = None
         self._health: SkinHealth | None = None
-        self._order = TaxelOrder()
+        self._order = TaxelOrder(config.layout)
         self._frame: TaxelFrame | None = None
         self._start = self._measured = 0.0
         self._due = 0
@@ -145,7 +149,7 @@ class SimSkin:
         frames = self._config.health.baseline_frames
         still = np.array([self._taxels.measure(pressure, 0.0) for _ in range(frames)])
         self._health = SkinHealth(self._config.health, still)
-        self._order = TaxelOrder(self._health.noise)
+        self._order = TaxelOrder(self._config.layout, self._health.noise)
         self._start = self._measured = self._source.now()
         self._due, self._frame = 0, None
         self._under_way.clear()
@@ -183,4 +187,4 @@ class SimSkin:
 
     def _pressure(self) -> Vector:
         load = self._source.pad_load()
-        return np.zeros(_SHAPE) if load is None else self._pads.pressure(load)
+        return np.zeros(shape_of(self._config.layout)) if load is None else self._pads.pressure(load)

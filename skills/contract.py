@@ -22,6 +22,7 @@ from drivers.quantities import (
     TaxelFrame,
     Vector,
 )
+from drivers.skin.layout import Layout, layout_of
 from skills.held_peg import HeldPeg
 from skills.lead import Lead
 from skills.passivity import STOP, PassivityGuard, PassivityVerdict
@@ -139,8 +140,13 @@ within a second of the last healthy frame. Source: decision 0021.
 """
 LATEST_STATE = 0.1
 """Largest age of the arm's state, s; if a device repeats an old state, it counts as timed out."""
-LEAST_TRUSTED = 20
-"""Least number of trusted taxels of both fingers during a skill: half of all, for example one module of each finger."""
+LEAST_TRUSTED = 0.5
+"""Least share of trusted taxels of both fingers during a skill, fraction, for example one module of two on each finger."""
+
+
+def is_trusted(frame: TaxelFrame) -> bool:
+    """Return True if enough taxels are trusted for a skill."""
+    return bool(np.count_nonzero(frame.trusted) >= LEAST_TRUSTED * frame.trusted.size)
 
 
 Recorder = Callable[[Observation, ImpedanceSetpoint | None], None]
@@ -154,6 +160,8 @@ class Devices:
     arm: Arm
     gripper: Gripper
     skin: Skin
+    layout: Layout
+    """Layout of the skin's taxels."""
     switch: SuccessSwitch
 
 
@@ -255,11 +263,9 @@ class SkillContext:
         if is_new_frame:
             self._sequence = frame.sequence
             require_finite_skin(frame)
-            trusted = int(np.count_nonzero(frame.trusted))
-            if trusted < LEAST_TRUSTED:
-                raise SkinUntrustedError(
-                    f"skin: {trusted} of {frame.trusted.size} taxels trusted; {LEAST_TRUSTED} needed"
-                )
+            if not is_trusted(frame):
+                trusted, size = np.count_nonzero(frame.trusted), frame.trusted.size
+                raise SkinUntrustedError(f"skin: {trusted} of {size} taxels trusted; {LEAST_TRUSTED * size:.0f} needed")
             estimate = self.perception.estimator.estimate(frame)
             require_finite_theta(estimate)
             pose = estimate if estimate.healthy else None
@@ -373,7 +379,7 @@ class SkillContext:
         if not (low[0] <= x <= high[0] and low[1] <= y <= high[1] and low[2] <= z <= high[2]):
             self._interrupt(Reason.WORKSPACE)
         if seen.is_new_frame:
-            require_level_skin(seen.frame)
+            require_level_skin(seen.frame, layout_of(self.devices.layout).beside)
 
     def _keep_passive(self, guard: PassivityGuard, seen: Observation, request: Request) -> None:
         held = self.lead.held if request is Request.RUN else None

@@ -185,7 +185,7 @@ def _require_print(params: GraspFromRackParams, ctx: SkillContext) -> None:
     Raises:
         SkinUntrustedError: The skin does not show the print, or the print fits exchanged modules better.
     """
-    shown, order = GraspPrint(), PrintOrder(ctx.perception.estimator)
+    shown, order = GraspPrint(ctx.devices.layout), PrintOrder(ctx.perception.estimator, ctx.devices.layout)
     for seen in ctx.scan(PRINT_TIME):
         stay(ctx, seen.stamp)
         if seen.is_new_frame:

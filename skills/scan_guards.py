@@ -23,10 +23,6 @@ setpoint then jumps by 7.5 mm, which the arm follows with 11 N.
 """
 TRACKING_LIMIT = 0.1
 """Largest distance between the controlled point and its setpoint, m; the skills' pushes lead by less than half of it."""
-MOST_LEVEL = 1500.0
-"""Largest offset of a finger's readings, counts. At least a fifth of a finger's taxels are beside a held peg. They read below 510 with
-round and flat pegs of 8 and 12 mm at 30 and 70 N, at all angles. Source: derived from the pads of the simulation.
-"""
 FREE_SHARE = 5
 """Divisor of the number of a finger's taxels: at least this part of them is beside any peg."""
 MOST_COUNTS = 65535.0
@@ -170,8 +166,12 @@ def require_finite_theta(pose: PegPose) -> None:
         raise NotFiniteError(f"theta: {pose.theta}; a number needed from the estimator of insert.estimator")
 
 
-def require_level_skin(frame: TaxelFrame) -> None:
+def require_level_skin(frame: TaxelFrame, most: float) -> None:
     """Check that no finger has an offset on all taxels; a peg presses only some of them.
+
+    Args:
+        frame: The frame.
+        most: Largest reading beside a held peg, counts, see `SkinLayout.beside`.
 
     Raises:
         SkinUntrustedError: A finger has an offset; the message names the finger and the offset.
@@ -181,9 +181,9 @@ def require_level_skin(frame: TaxelFrame) -> None:
         if not told.size:
             continue
         lowest, middle = float(told[(told.size - 1) // FREE_SHARE]), float(told[told.size // 2])
-        offset = lowest if lowest > MOST_LEVEL else middle
-        if lowest > MOST_LEVEL or middle < -MOST_LEVEL:
+        offset = lowest if lowest > most else middle
+        if lowest > most or middle < -most:
             raise SkinUntrustedError(
-                f"skin: {name} finger: offset of {offset:.0f} counts all over; {MOST_LEVEL:.0f} allowed beside the peg: "
+                f"skin: {name} finger: offset of {offset:.0f} counts all over; {most:.0f} allowed beside the peg: "
                 "see its plug, then take a new baseline with the hand open"
             )

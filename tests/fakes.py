@@ -19,8 +19,6 @@ from drivers.errors import SkinSilentError
 from drivers.frames import peg_in_finger
 from drivers.parts import Job
 from drivers.quantities import (
-    FINGERS,
-    TAXELS,
     ArmState,
     GripperState,
     ImpedanceSetpoint,
@@ -29,6 +27,7 @@ from drivers.quantities import (
     TaxelFrame,
     Wrench,
 )
+from drivers.skin.layout import shape_of
 from plc_bridge.bridge import Bridge
 from plc_bridge.images import CommandImage
 from plc_bridge.messages import Report
@@ -155,7 +154,7 @@ class FakeSkin:
         self.shows_print = True
         self.fault: Exception | None = None
         self.is_unplugged = False
-        self.trusted = np.ones((FINGERS, TAXELS), dtype=bool)
+        self.trusted = np.ones(shape_of("parallelogram"), dtype=bool)
         self.reads = 0
 
     def open(self) -> None: ...
@@ -170,7 +169,7 @@ class FakeSkin:
             raise SkinSilentError("skin: no frame")
         number = int(self.clock.now() * 10.0 + 1e-6)
         is_held = self.hand is not None and self.shows_print and self.hand.force > 0.0 and self.hand.has_peg
-        values = readings("parallelogram", LOAD) if is_held else np.zeros((FINGERS, TAXELS))
+        values = readings("parallelogram", LOAD) if is_held else np.zeros(self.trusted.shape)
         return TaxelFrame(values, self.trusted.copy(), number / 10.0, number)
 
 
@@ -208,7 +207,7 @@ def context_of(
 ) -> SkillContext:
     """Return what a skill runs in, of an arm and a hand that share the arm's clock."""
     return SkillContext(
-        devices=Devices(arm.clock, arm, hand, FakeSkin(arm.clock, hand), FakeSwitch()),
+        devices=Devices(arm.clock, arm, hand, FakeSkin(arm.clock, hand), "parallelogram", FakeSwitch()),
         perception=Perception(ToldEstimator(), Blend(Smoothing())),
         job=config.job(),
         limits=config.limits,

@@ -13,7 +13,7 @@ from cell.devices.assembly import bench_skin, real_skin
 from drivers.errors import ConfigError
 from drivers.parts import Peg
 from drivers.protocols import Clock, Skin
-from drivers.quantities import FINGERS, TAXELS, Mask, TaxelFrame, Vector
+from drivers.quantities import Mask, TaxelFrame, Vector
 from drivers.skin.calibration import SkinCalibration
 from skills.tactile.skin_gains import fit_gains, rod_angles
 
@@ -135,16 +135,16 @@ def sweep(
         turned: Function called with the number of angles done and of all.
 
     Returns:
-        Mean readings, counts, shape (n, 2, 20), and a mask, shape (2, 20).
+        Mean readings, counts, shape (n, 2, taxels), and a mask, shape (2, taxels).
     """
-    readings, trusted = [], np.ones((FINGERS, TAXELS), dtype=bool)
+    readings, trusted = [], np.array(True)
     for number, theta in enumerate(angles, 1):
         rod.release()
         empty, is_empty_trusted = _mean(skin, clock, RECOVERY, period)
         rod.hold(float(theta))
         held, is_held_trusted = _mean(skin, clock, SETTLE, period)
         readings.append(held - empty)
-        trusted &= is_empty_trusted & is_held_trusted
+        trusted = trusted & is_empty_trusted & is_held_trusted
         turned(number, len(angles))
     return np.array(readings), trusted
 

@@ -134,6 +134,7 @@ class Cell:
                 GatedArm(self.arm, bounds_of(config.arm_model()), config.limits),
                 self.gripper,
                 self.skin,
+                config.skin.layout,
                 self.switch,
             ),
             perception=make_perception(config),
@@ -213,7 +214,7 @@ def assemble(config: CellConfig) -> Cell:
     assert config.contact is not None
     assert config.grip is not None
     reality = read_errors(config.reality.file or SHIPPED / ERRORS_FILE).changed(config.reality.errors)
-    errors = Errors(reality, config.reality)
+    errors = Errors(reality, config.reality, config.skin.layout)
     job = config.job()
     world = World(config.arm_model(), config.sim, config.contact, config.grip, config.skin.layout, job, errors)
     felt = _world_skin(config, world, world.draw.skin, world.drawn)
@@ -372,10 +373,10 @@ def _world_skin(
         return replace(_serial_skin(skin, line, BoardClock(source, (line,))), wire=line, cable=line)
     if isinstance(skin, CanSkinConfig | SerialSkinConfig | HostSkinConfig):
         return _real_skin(config, source)
-    from sim.reality import AS_BELIEVED
+    from sim.reality import as_believed
     from sim.skin import SimSkin, skin_truth
 
-    made = SimSkin(skin, source, rng, truth=skin_truth(drawn or AS_BELIEVED))
+    made = SimSkin(skin, source, rng, truth=skin_truth(drawn or as_believed(skin.layout), skin.layout))
     return SkinLine(made, source, None, cable=made)
 
 
@@ -534,7 +535,7 @@ def _check_devices(cell: Cell) -> list[tuple[str, str]]:
     for name, device in cell.devices():
         try:
             device.open()
-            told = verdict(readers[name]())
+            told = verdict(readers[name](), cell.config.skin.layout)
             if isinstance(device, FrankaArm):
                 found += _franka_facts(cell, device)
             else:

@@ -1,15 +1,13 @@
 """Verdicts on the devices' readings and on the computer's timing, for a technician."""
 
-import numpy as np
-
 from drivers.arm.loop_figures import LoopFigures
 from drivers.arm.model import Hand
 from drivers.errors import FAULTS, CellError, FaultCode, SkinUntrustedError
 from drivers.protocols import Clock
 from drivers.quantities import SwitchState, TaxelFrame
 from drivers.skin.health import dead_groups, require_trust
-from drivers.skin.layout import MODULE_OF
-from skills.contract import LEAST_TRUSTED
+from drivers.skin.layout import Layout, module_of
+from skills.contract import is_trusted
 
 OK = "ok"
 """First word of the verdict on a usable device."""
@@ -30,25 +28,25 @@ LATE_SHARE = 0.5
 """Largest permitted delay of a scan, fraction of its period."""
 
 
-def skin_verdict(frame: TaxelFrame) -> str:
+def skin_verdict(frame: TaxelFrame, layout: Layout) -> str:
     """Return "ok", followed by single untrusted taxels if the skin works without them.
 
     Raises:
         SkinUntrustedError: A whole module is dead, or too few taxels are trusted for any skill.
     """
     try:
-        require_trust(frame)
+        require_trust(frame, layout)
     except SkinUntrustedError as error:
-        if np.count_nonzero(frame.trusted) < LEAST_TRUSTED or dead_groups(~frame.trusted, MODULE_OF):
+        if not is_trusted(frame) or dead_groups(~frame.trusted, module_of(layout)):
             raise
         return f"{OK}, but {error}"
     return OK
 
 
-def verdict(reading: object) -> str:
-    """Return "ok", or the fault in the readings of a device in an idle and empty cell."""
+def verdict(reading: object, layout: Layout) -> str:
+    """Return "ok", or the fault in the readings of a device in an idle and empty cell with a skin of this layout."""
     if isinstance(reading, TaxelFrame):
-        return skin_verdict(reading)
+        return skin_verdict(reading, layout)
     if reading is SwitchState.CLOSED:
         return "closed: take the part out of the hole; if there is none, the lever is stuck or its wires are swapped"
     if reading is SwitchState.UNKNOWN:

@@ -33,7 +33,7 @@ class _Pad:
     weights: Vector
     """Weights of these taxels, shape (height, width, 3); 0 outside all triangles."""
     taxels: Vector
-    """Centres of the taxels, column and row, pixels, shape (20, 2)."""
+    """Centres of the taxels, column and row, pixels, shape (n, 2)."""
 
 
 class TouchPanel:
@@ -55,7 +55,7 @@ class TouchPanel:
         self._pads = [self._pad(places[finger], layout) for finger in range(FINGERS)]
 
     def draw(self, taxels: Vector, theta: float, age: float) -> Image:
-        """Return the panel for counts, shape (2, 20), the angle, rad, and its age, s; NaN without an angle."""
+        """Return the panel for counts, shape (2, n), the angle, rad, and its age, s; NaN without an angle."""
         image = blank(self._width, self._height)
         for finger, pad in enumerate(self._pads):
             left = 14 + finger * (self._size[0] + 22)

@@ -43,7 +43,7 @@ def plot_run(row: RunRow, samples: dict[str, Vector], path: Path) -> None:
     age.set_ylim(0.0, 500.0)
     angles.set_zorder(age.get_zorder() + 1)
     angles.set_frame_on(False)
-    taxels.plot(time, samples["taxels"].mean(axis=1), color="#222222", lw=1, label="average of 40 taxels")
+    taxels.plot(time, samples["taxels"].mean(axis=1), color="#222222", lw=1, label="average of all taxels")
     found = _hole_event(stage)
     if found is not None:
         taxels.axvline(time[found], color="#ee6677", lw=1.5, ls="--", label="hole event: the search ends")

@@ -12,7 +12,7 @@ from cell.records.schema import RunRow
 from drivers import frames
 from drivers.arm.kinematics import finger_frame
 from drivers.errors import JournalError
-from drivers.quantities import FINGERS, TAXELS, Pose, Vector
+from drivers.quantities import FINGERS, Pose, Vector
 from drivers.scene_facts import SceneFacts
 from sim.visual.scene import Moment
 from skills.catalogue import CATALOGUE
@@ -77,7 +77,7 @@ class RecordedRun:
             joints=samples["joints"][scan],
             width=float(samples["width"][scan]),
             peg=self._peg(scan),
-            taxels=samples["taxels"][scan].reshape(FINGERS, TAXELS),
+            taxels=samples["taxels"][scan].reshape(FINGERS, -1),
             is_seated=bool(samples["switch"][scan] == 1.0),
         )
 

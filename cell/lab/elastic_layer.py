@@ -11,7 +11,7 @@ from functools import lru_cache
 import numpy as np
 
 from drivers.part.contract import Face
-from drivers.quantities import FINGERS, TAXELS, Vector
+from drivers.quantities import FINGERS, Vector
 from drivers.skin.layout import Layout, finger_positions, pad_size
 
 THICKNESS = 1e-3
@@ -107,7 +107,7 @@ class LayerPads:
         reach: tuple[float, float],
         face: Face,
     ) -> tuple[Vector, Vector]:
-        """Return the stress on each taxel, shape (2, 20), left finger first, Pa, and each pad's load, shape (2,), N.
+        """Return the stress on each taxel, shape (2, n), left finger first, Pa, and each pad's load, shape (2,), N.
 
         Args:
             theta: In-hand angle, rad.
@@ -122,7 +122,7 @@ class LayerPads:
         beside = c * self._y[:, None] - s * self._x - offset
         profile = face.profile(beside)
         under = (along <= reach[0]) & (along >= -reach[1]) & np.isfinite(profile)
-        taxels, loads = np.zeros((FINGERS, TAXELS)), np.zeros(FINGERS)
+        taxels, loads = np.zeros(self._row.shape[:2]), np.zeros(FINGERS)
         for finger, (depth, rise) in enumerate(depths):
             pressure = self.pressed(np.where(under, depth + rise * along - profile, -1.0))
             taxels[finger] = self._at_taxels(pressure, finger)

@@ -28,9 +28,9 @@ from cell.lab.rows import write_rows
 from cell.lab.tables import table
 from drivers.errors import ConfigError
 from drivers.parts import Peg
-from drivers.quantities import Mask, TaxelFrame, Vector
+from drivers.quantities import TaxelFrame, Vector
 from drivers.skin.health import SkinHealth
-from drivers.skin.layout import LAYOUTS, MODULE_OF, Layout
+from drivers.skin.layout import LAYOUTS, Layout, module_of
 from sim.config import SimSkinConfig
 from sim.pads import PadLoad, Pads
 from sim.skin import Taxels
@@ -55,7 +55,6 @@ PUSH, LEVER = 7.0, 0.045
 DEPTHS = (0.45e-3, 0.6e-3)
 """Depths of the peg in the layer, m."""
 COVERED = 1.96
-ALIVE: Mask = np.ones(MODULE_OF.shape, dtype=bool)
 
 
 @dataclass(frozen=True, slots=True)
@@ -176,7 +175,7 @@ def made(
     skin: SimSkinConfig, layout: Layout, model: Model, condition: Condition, count: int, config: CellConfig
 ) -> Iterator[tuple[float, TaxelFrame]]:
     """Yield true angle, rad, and frame of each grasp, always the same ones."""
-    rng = np.random.default_rng(np.random.SeedSequence([LAYOUTS.index(layout), *condition.name.encode()]))
+    rng = np.random.default_rng(np.random.SeedSequence([list(LAYOUTS).index(layout), *condition.name.encode()]))
     skin = skin.model_copy(
         update={
             "layout": layout,
@@ -184,17 +183,17 @@ def made(
             "sensitivity": condition.sensitivity * skin.sensitivity,
         }
     )
-    pads = Pads(skin.pad, layout)
+    pads, number_of = Pads(skin.pad, layout), module_of(layout)
     angles = rng.permutation(np.linspace(-WIDEST, WIDEST, count))
     for number, theta in enumerate(angles):
         if number % FRAMES_A_SKIN == 0:
-            taxels, feels = Taxels(skin, rng), ALIVE
-            module = int(rng.integers(MODULE_OF.max() + 1))
+            taxels, feels = Taxels(skin, rng), np.ones_like(number_of, dtype=bool)
+            module = int(rng.integers(number_of.max() + 1))
             if condition.dead == "known":
-                taxels.dead = taxels.dead | (module == MODULE_OF)
+                taxels.dead = taxels.dead | (module == number_of)
             elif condition.dead == "unknown":
-                feels = np.not_equal(module, MODULE_OF)
-            rest = np.zeros(MODULE_OF.shape)
+                feels = np.not_equal(module, number_of)
+            rest = np.zeros(number_of.shape)
             health = SkinHealth(
                 skin.health, np.array([taxels.measure(rest, 0.0) for _ in range(skin.health.baseline_frames)])
             )

@@ -7,8 +7,6 @@ from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
-
 from cell.config.cell_config import CellConfig
 from cell.devices.assembly import Cell
 from cell.peg.custody import Custody
@@ -20,7 +18,7 @@ from drivers.frames import end_point
 from drivers.quantities import ArmState, GripperState, SwitchState
 from plc_bridge.messages import PartPlace, Refusal, Report
 from skills.catalogue import GRASP, RECOVER, SEARCH
-from skills.contract import LEAST_TRUSTED, Observation, Outcome, SkillContext
+from skills.contract import Observation, Outcome, SkillContext, is_trusted
 from skills.entry import Claim, Entry
 from skills.flow import StageRecord
 from skills.grip import grip_of
@@ -258,7 +256,7 @@ class PartWatch:
             frame = self._cell.skin.read()
             if frame.sequence != self._frame:
                 require_finite_skin(frame)
-                if np.count_nonzero(frame.trusted) < LEAST_TRUSTED:
+                if not is_trusted(frame):
                     return None
                 if self._context.perception.estimator.estimate(frame).healthy:
                     self._felt_at = frame.stamp

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from drivers import frames
-from drivers.quantities import FINGERS, TAXELS, ImpedanceSetpoint, Pose, SwitchState, Vector
+from drivers.quantities import FINGER_NAMES, ImpedanceSetpoint, Pose, SwitchState, Vector
 from drivers.scene_facts import Sight
 from skills.contract import Observation
 
@@ -55,8 +55,6 @@ No sensor measures the columns that begin with `true_`: a simulated cell records
 they are NaN. The origin of the peg's frame is its centre, with z from its end upward. The origin of the hole's frame is
 the centre of its mouth, with z outward.
 """
-TAXEL_COLUMNS = tuple(f"taxel_{finger}_{taxel}" for finger in ("left", "right") for taxel in range(TAXELS))
-"""Columns of `taxels` in CSV, counts, one per taxel."""
 JOINT_COLUMNS = {"joints": "joint", "velocities": "joint_velocity", "torques": "joint_torque"}
 """Lists with one value per joint, rad, rad/s and commanded N·m; each maps to the prefix of the columns of single joints."""
 BATCH = 100
@@ -72,8 +70,8 @@ class SampleBlock:
 
     values: Vector = field(default_factory=lambda: np.empty((len(COLUMNS), BATCH)))
     """Values of `COLUMNS`, shape (columns, BATCH)."""
-    taxels: Vector = field(default_factory=lambda: np.empty((BATCH, FINGERS * TAXELS)))
-    """Readings of the taxels, counts, shape (BATCH, 40)."""
+    taxels: list[Vector] = field(default_factory=list)
+    """Readings of the taxels at each scan, counts, shape (2 n,)."""
     joints: dict[str, list[list[float]]] = field(default_factory=lambda: {name: [] for name in JOINT_COLUMNS})
     """Values of all joints at each scan, by names of `JOINT_COLUMNS`."""
     used: int = 0
@@ -94,7 +92,7 @@ class SampleBlock:
         row[16:19] = _NO_SETPOINT if setpoint is None else setpoint.tip
         row[19], row[20], row[21] = seen.gripper.width, _SWITCH[seen.switch], seen.frame.sequence
         row[_TRUTH : _TRUTH + 14] = _NO_SIGHT if sight is None else (*_seven(sight.peg), *_seven(sight.hole))
-        self.taxels[self.used] = seen.frame.values.reshape(-1)
+        self.taxels.append(seen.frame.values.reshape(-1))
         arm = seen.arm
         torque = np.full_like(arm.q, np.nan) if arm.commanded is None else arm.commanded
         for name, values in zip(JOINT_COLUMNS, (arm.q, arm.dq, torque), strict=True):
@@ -122,6 +120,11 @@ class SampleStream:
         """Return the partly filled block, and start another."""
         block, self._block = self._block, SampleBlock()
         return block
+
+
+def taxel_columns(taxels: int) -> list[str]:
+    """Return the names of the columns of `taxels` taxels of both fingers in CSV, counts, one per taxel."""
+    return [f"taxel_{finger}_{taxel}" for finger in FINGER_NAMES for taxel in range(taxels // len(FINGER_NAMES))]
 
 
 def _seven(pose: Pose) -> tuple[float, ...]:

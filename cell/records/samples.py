@@ -11,15 +11,15 @@ import numpy as np
 import pyarrow as pa
 from pydantic import ValidationError
 
-from cell.records.sample_blocks import COLUMNS, JOINT_COLUMNS, TAXEL_COLUMNS, SampleBlock
+from cell.records.sample_blocks import COLUMNS, JOINT_COLUMNS, SampleBlock, taxel_columns
 from drivers.errors import JournalError
-from drivers.quantities import FINGERS, TAXELS, Vector
+from drivers.quantities import Vector
 from drivers.scene_facts import SceneFacts
 
 _SCHEMA = pa.schema(
     [
         *((name, pa.float64()) for name in COLUMNS),
-        ("taxels", pa.list_(pa.float64(), FINGERS * TAXELS)),
+        ("taxels", pa.list_(pa.float64())),
         *((name, pa.list_(pa.float64())) for name in JOINT_COLUMNS),
     ]
 )
@@ -60,9 +60,10 @@ class SampleFile:
         Raises:
             JournalError: The file cannot be written.
         """
-        taxels = pa.array(block.taxels[: block.used].reshape(-1))
+        taxels = np.array(block.taxels).reshape(block.used, -1) if block.used else np.empty((0, 0))
+        ends = np.arange(block.used + 1, dtype=np.int32) * taxels.shape[1]
         columns = [pa.array(column[: block.used]) for column in block.values]
-        columns.append(pa.FixedSizeListArray.from_arrays(taxels, FINGERS * TAXELS))
+        columns.append(pa.ListArray.from_arrays(ends, taxels.reshape(-1)))
         columns += [pa.array(block.joints[name], type=_SCHEMA.field(name).type) for name in JOINT_COLUMNS]
         batch = pa.record_batch(columns, schema=_SCHEMA)
         with self._told():
@@ -112,7 +113,7 @@ def prepare() -> None:
 def read_samples(path: Path) -> dict[str, Vector]:
     """Return the columns of a run, as far as they reached the disk.
 
-    In addition to `COLUMNS`, `taxels` has shape (n, 40), counts, and each of `JOINT_COLUMNS` shape (n, joints). If an
+    In addition to `COLUMNS`, `taxels` has shape (n, taxels of both fingers), counts, and each of `JOINT_COLUMNS` shape (n, joints). If an
     earlier version did not record a column, it is NaN; a list of joints then has no columns.
 
     Raises:
@@ -186,8 +187,8 @@ def _read(path: Path) -> tuple[pa.Schema, list[pa.RecordBatch], bytes]:
 def columns_of(samples: dict[str, Vector]) -> dict[str, Vector]:
     """Return samples with one flat column for each taxel and each joint."""
     flat = {name: samples[name] for name in COLUMNS}
-    taxels = samples["taxels"].reshape(-1, len(TAXEL_COLUMNS))  # without scans, the array has no columns
-    flat |= {name: taxels[:, place] for place, name in enumerate(TAXEL_COLUMNS)}
+    taxels = samples["taxels"]
+    flat |= {name: taxels[:, place] for place, name in enumerate(taxel_columns(taxels.shape[1]))}
     for name, beginning in JOINT_COLUMNS.items():
         flat |= {f"{beginning}_{place + 1}": samples[name][:, place] for place in range(samples[name].shape[1])}
     return flat

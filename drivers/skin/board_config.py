@@ -8,12 +8,12 @@ from drivers.config_model import ConfigModel, Quantity
 from drivers.quantities import FINGERS
 from drivers.skin.cyskin_wire import SkinWireConfig
 from drivers.skin.health import SkinHealthConfig
-from drivers.skin.layout import MODULE_TAXELS, MODULES, Layout
+from drivers.skin.layout import MODULE_TAXELS, Layout
 from drivers.transport.wires import Interface
 
 EMULATED = "emulated"
 """Channel or port name of an emulated board, which is connected to the simulation."""
-BOARD_MODULES = FINGERS * MODULES
+BOARD_MODULES = 2 * FINGERS
 """Number of modules of both fingers."""
 TEMPERATURE = 0
 """Name of the channel with a module's temperature."""

@@ -21,6 +21,7 @@ from drivers.skin.dialogue import RETRY, RawScan
 from drivers.skin.figures import SkinFigures
 from drivers.skin.health import SkinHealth
 from drivers.skin.host_file import HostFile
+from drivers.skin.layout import shape_of
 from drivers.skin.order import TaxelOrder
 from drivers.skin.port import HubOnCan, HubOnSerial, IcubOnCan, SkinPort
 from drivers.transport.wires import ByteLink, CanLink
@@ -48,7 +49,7 @@ class _BoardSkin:
 
     def _forget(self) -> None:
         self._health: SkinHealth | None = None
-        self._order = TaxelOrder()
+        self._order = TaxelOrder(self._config.layout)
         self._frame: TaxelFrame | None = None
         self._is_connected = False
         self._lost_line = ""
@@ -142,8 +143,13 @@ class _BoardSkin:
                 f"skin: {rate:.1f} scans/s < {LEAST_RATE * config.rate:.1f} scans/s, {LEAST_RATE:.0%} of skin.rate, "
                 f"{self._lost} lost, {self._port.refused()} messages refused: mend the wiring, or lower skin.rate"
             )
+        if still[0].counts.shape != (wanted_shape := shape_of(config.layout)):
+            raise DeviceNotOpenedError(
+                f"skin: {still[0].counts.size} taxels read; {wanted_shape[0] * wanted_shape[1]} in skin.layout = "
+                f'"{config.layout}": name the layout of this skin'
+            )
         self._health = SkinHealth(config.health, np.array([scan.counts for scan in still]))
-        self._order = TaxelOrder(self._health.noise)
+        self._order = TaxelOrder(config.layout, self._health.noise)
         values, trusted = self._health.update(still[-1].counts, still[-1].stamp)
         self._frame = TaxelFrame(values, trusted, still[-1].stamp, 0)
 

@@ -11,11 +11,10 @@ from drivers.config_model import ConfigModel
 from drivers.errors import ConfigError
 from drivers.figures_file import read_figures, write_whole
 from drivers.protocols import Skin
-from drivers.quantities import TAXELS, TaxelFrame
-from drivers.skin.layout import Layout
+from drivers.quantities import TaxelFrame
+from drivers.skin.layout import Layout, shape_of
 
 Gain = Annotated[float, Field(ge=0.1, le=10.0)]
-FingerGains = Annotated[tuple[Gain, ...], Field(min_length=TAXELS, max_length=TAXELS)]
 
 
 class SkinCalibration(ConfigModel):
@@ -29,9 +28,9 @@ class SkinCalibration(ConfigModel):
     """Root mean square of the readings that gains and point spread leave unexplained, fraction."""
     unmeasured: tuple[tuple[int, ...], tuple[int, ...]]
     """Numbers of the left and the right finger's taxels without a measured gain; their gain is given as 1."""
-    left: FingerGains
+    left: tuple[Gain, ...]
     """Gains of the left finger's taxels; their mean is 1."""
-    right: FingerGains
+    right: tuple[Gain, ...]
     """Gains of the right finger's taxels; their mean is 1."""
 
     def write(self, path: Path) -> None:
@@ -60,6 +59,10 @@ def read_calibration(path: Path, layout: Layout) -> SkinCalibration:
     found = read_figures(path, SkinCalibration, "calibration")
     if found.layout != layout:
         raise ConfigError(f'{path}: layout = "{found.layout}": skin.layout = "{layout}" wanted')
+    taxels = shape_of(layout)[1]
+    for name, gains in (("left", found.left), ("right", found.right)):
+        if len(gains) != taxels:
+            raise ConfigError(f"{path}: {name}: {len(gains)} gains; {taxels} wanted")
     return found
 
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drivers.quantities import FINGERS, TAXELS, Vector
+from drivers.quantities import FINGERS, Vector
 from drivers.skin.board_config import BOARD_MODULES, TEMPERATURE, HubConfig, IcubConfig
 from drivers.skin.cyskin_wire import (
     ALL_MODULES,
@@ -58,7 +58,7 @@ class RawScan:
     """One scan of both fingers, as measured by the board."""
 
     counts: Counts
-    """Readings, counts, shape (2, 20), left finger first; 0 without such a channel."""
+    """Readings, counts, shape (2, n), left finger first; 0 without such a channel."""
     temperature: Vector
     """Raw reading of each module, shape (4,), counts; NaN without one."""
     stamp: float
@@ -80,7 +80,7 @@ class TaxelPlaces:
         place = np.full((BOARD_MODULES, len(names)), nowhere)
         for row, sui in enumerate(wanted):
             place[row] = [at.get(sui << 4 | name, nowhere) for name in names]
-        self._taxels = place[:, :-1].reshape(FINGERS, TAXELS)
+        self._taxels = place[:, :-1].reshape(FINGERS, -1)
         self._temperatures = place[:, -1]
 
     def scan(self, counts: Counts, stamp: float, missed: int) -> RawScan:
@@ -343,7 +343,7 @@ class IcubDialogue:
         for triangle_number, row in self._row.items():
             counts[row] = self._begun[triangle_number].counts()[self._channels]
         self._begun.clear()
-        return RawScan(counts.reshape(FINGERS, TAXELS), np.full(BOARD_MODULES, np.nan), self._stamp, 0)
+        return RawScan(counts.reshape(FINGERS, -1), np.full(BOARD_MODULES, np.nan), self._stamp, 0)
 
     def trouble(self) -> str:
         """Return what is still missing before scans arrive, in one line."""

@@ -13,7 +13,7 @@ from pydantic import Field
 from drivers.config_model import ConfigModel, Quantity
 from drivers.errors import SkinUntrustedError
 from drivers.quantities import FINGER_NAMES, FINGERS, Mask, TaxelFrame, Vector
-from drivers.skin.layout import MODULE_OF, MODULE_TAXELS, MODULES
+from drivers.skin.layout import Layout, layout_of, module_of
 
 Counts = NDArray[np.uint16]
 
@@ -141,22 +141,24 @@ def dead_groups(dead: Mask, group: NDArray[np.int64]) -> list[int]:
     return [int(number) for number in np.unique(group) if dead[group == number].all()]
 
 
-def require_trust(frame: TaxelFrame) -> TaxelFrame:
-    """Return `frame` if all its taxels can be trusted.
+def require_trust(frame: TaxelFrame, layout: Layout) -> TaxelFrame:
+    """Return `frame`, of a skin with this layout, if all its taxels can be trusted.
 
     Raises:
         SkinUntrustedError: A taxel is not trusted; the message names dead modules and single taxels.
     """
     wrong = []
-    dead = dead_groups(~frame.trusted, MODULE_OF)
+    modules, number = layout_of(layout).modules, module_of(layout)
+    size = frame.trusted.shape[1] // modules
+    dead = dead_groups(~frame.trusted, number)
     for group in dead:
-        finger, module = divmod(group, MODULES)
-        first = module * MODULE_TAXELS
+        finger, module = divmod(group, modules)
+        first = module * size
         wrong.append(
-            f"{FINGER_NAMES[finger]} finger, module {module} (taxels {first} to {first + MODULE_TAXELS - 1}): dead; "
+            f"{FINGER_NAMES[finger]} finger, module {module} (taxels {first} to {first + size - 1}): dead; "
             "see its plug, or change the finger"
         )
-    single = ~frame.trusted & ~np.isin(MODULE_OF, dead)
+    single = ~frame.trusted & ~np.isin(number, dead)
     for finger in range(FINGERS):
         if single[finger].any():
             numbers = ", ".join(map(str, np.flatnonzero(single[finger])))

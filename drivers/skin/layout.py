@@ -1,60 +1,164 @@
 """Positions of the taxels of a finger: geometry as data, shared by skills and simulation.
 
-A finger has two modules, triangles of 4-3-2-1 taxels at 7.5 mm ([gibbons], Sec. VI). The arrangement of the two in the
-finger is not published, so there are two layouts. Both fingers are the same part, one of them turned half a turn
+Number, places and modules of the taxels belong to the skin. Two layouts ship; any other is a file of figures, `SkinLayout`.
+In the shipped ones a finger has two modules, triangles of 4-3-2-1 taxels at 7.5 mm ([gibbons], Sec. VI). The arrangement of the
+two in the finger is not published, so there are two layouts. Both fingers are the same part, one of them turned half a turn
 about x. In the finger frame the left one is therefore the mirror image of the right one about the x axis; the flip of
 [gibbons], Eq. (1), removes the mirroring.
 """
 
 from functools import lru_cache
 from itertools import combinations
-from typing import Literal
+from pathlib import Path
+from typing import Annotated, Self
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import AfterValidator, Field, ValidationInfo, model_validator
+from pydantic_core import PydanticKnownError
 
-from drivers.quantities import FINGERS, TAXELS, Vector
-
-Layout = Literal["parallelogram", "base_to_base"]
-LAYOUTS: tuple[Layout, ...] = ("parallelogram", "base_to_base")
+from drivers.config_model import ConfigModel, beside_config
+from drivers.figures_file import read_figures
+from drivers.quantities import FINGERS, Vector
 
 PITCH = 7.5e-3
-"""Distance between neighbouring taxels, m; [gibbons], Sec. VI."""
+"""Distance between neighbouring taxels of the shipped layouts, m; [gibbons], Sec. VI."""
 ROW = PITCH * 0.75**0.5
 """Distance between neighbouring rows of a triangle, m."""
 GAP = 7.6e-3
 """Distance between the facing rows of the layout `base_to_base`, m."""
 MODULE_TAXELS = 10
-"""Number of taxels of one module."""
-MODULES = TAXELS // MODULE_TAXELS
-"""Number of modules of one finger."""
-MODULE_OF = np.repeat(np.arange(FINGERS * MODULES), MODULE_TAXELS).reshape(FINGERS, TAXELS)
-"""Module number of each taxel, left finger first, shape (2, 20)."""
-MODULE_OF.flags.writeable = False
+"""Number of taxels of one module of the shipped layouts."""
+
+Coordinate = Annotated[float, Field(ge=-0.1, le=0.1)]
+PadSide = Annotated[float, Field(gt=0.0, le=0.2)]
 
 
-def _exchanged(*, left: bool, right: bool, fingers: bool) -> NDArray[np.intp]:
-    """Return the source taxel of each reading, shape (40,), after exchanges of a finger's modules and then of the fingers."""
-    told = np.arange(FINGERS * TAXELS).reshape(FINGERS, TAXELS)
+class SkinLayout(ConfigModel):
+    """Taxels of one finger; both fingers are the same part."""
+
+    places: Annotated[tuple[tuple[Coordinate, Coordinate], ...], Field(min_length=3)]
+    """Places of the right finger's taxels in the order of their readings, m. The finger's centre is the origin, x points along
+    the finger to its end, y across it. The left finger is the mirror image about the x axis.
+    """
+    pad: tuple[PadSide, PadSide]
+    """Length (along x) and width (along y) of the rubber that can touch a peg, m."""
+    beside: Annotated[float, Field(gt=0.0, le=65_535.0)]
+    """Largest reading of the least pressed fifth of a finger's taxels while the hand holds a peg, counts; if it is exceeded, the finger
+    has an offset.
+    """
+    modules: Annotated[int, Field(ge=1)] = 1
+    """Number of modules of a finger: equal parts of `places` in their order, each with a plug of its own. If there are two, the second
+    must be the image of the first by half a turn about the centre.
+    """
+
+    @model_validator(mode="after")
+    def _is_whole(self) -> Self:
+        if len(self.places) % self.modules:
+            raise ValueError(f"places: {len(self.places)}; a multiple of modules = {self.modules} allowed")
+        return self
+
+
+def _shipped(module: Vector) -> SkinLayout:
+    """Return the layout of a module and its image by half a turn about the centre.
+
+    The rubber ends at the outermost taxels along the finger and half a lattice spacing beyond them across it:
+    41 x 26 mm for the parallelogram, 47 x 26 mm base to base.
+    """
+    both = np.concatenate([module, -module])
+    x, y = both.T
+    spacing = np.diff(np.unique(y.round(9))).min()
+    return SkinLayout(
+        places=tuple((float(x), float(y)) for x, y in both),
+        pad=(float(np.ptp(x)), float(np.ptp(y) + spacing)),
+        beside=1500.0,  # below 510 with round and flat pegs of 8 and 12 mm at 30 and 70 N, on the pads of the simulation
+        modules=2,
+    )
+
+
+_PLACE, _ROW = np.array([(place, row) for row in range(4) for place in range(4 - row)], dtype=float).T
+LAYOUTS: dict[str, SkinLayout] = {
+    "parallelogram": _shipped(np.column_stack([(_PLACE - 2.0) * PITCH + (_ROW - 1.5) * PITCH / 2, (_ROW - 1.5) * ROW])),
+    "base_to_base": _shipped(np.column_stack([GAP / 2 + _ROW * ROW, (_PLACE - (3.0 - _ROW) / 2) * PITCH])),
+}
+"""Layouts that ship with the program, by name."""
+
+
+def _known(name: str, info: ValidationInfo) -> str:
+    if name.endswith(".toml"):
+        return str(beside_config(Path(name), info))
+    if name not in LAYOUTS:
+        raise PydanticKnownError("literal_error", {"expected": " or ".join(f"'{known}'" for known in LAYOUTS)})
+    return name
+
+
+Layout = Annotated[str, AfterValidator(_known)]
+"""Name of a layout that ships with the program, or a file of a `SkinLayout`, `*.toml`, relative to the folder of the config file."""
+
+
+@lru_cache
+def layout_of(layout: Layout) -> SkinLayout:
+    """Return the layout of this name or file.
+
+    Raises:
+        ConfigError: The file cannot be read, or its figures violate the model.
+    """
+    return LAYOUTS.get(layout) or read_figures(Path(layout), SkinLayout, "layout")
+
+
+def shape_of(layout: Layout) -> tuple[int, int]:
+    """Return the shape (2, n) of a frame: fingers and taxels of each."""
+    return FINGERS, len(layout_of(layout).places)
+
+
+@lru_cache
+def module_of(layout: Layout) -> NDArray[np.intp]:
+    """Return the module number of each taxel, counted over both fingers, left finger first, shape (2, n)."""
+    fingers, taxels = shape_of(layout)
+    modules = fingers * layout_of(layout).modules
+    number = np.repeat(np.arange(modules), fingers * taxels // modules).reshape(fingers, taxels)
+    number.flags.writeable = False
+    return number
+
+
+def _exchanged(layout: Layout, *, left: bool, right: bool, fingers: bool) -> NDArray[np.intp]:
+    """Return the source taxel of each reading, shape (2 n,), after exchanges of a finger's modules and then of the fingers."""
+    shape = shape_of(layout)
+    told = np.arange(shape[0] * shape[1]).reshape(shape)
     for finger, is_exchanged in enumerate((left, right)):
         if is_exchanged:
-            told[finger] = np.roll(told[finger], MODULE_TAXELS)
+            told[finger] = np.roll(told[finger], shape[1] // 2)
     order: NDArray[np.intp] = told[::-1].ravel() if fingers else told.ravel()
     order.flags.writeable = False
     return order
 
 
-MODULE_EXCHANGES = {
-    "the two modules of the left finger": _exchanged(left=True, right=False, fingers=False),
-    "the two modules of the right finger": _exchanged(left=False, right=True, fingers=False),
-    "the two modules of each finger": _exchanged(left=True, right=True, fingers=False),
-}
-"""Possible exchanges of modules, by name: the source taxel of each reading, shape (40,)."""
-EXCHANGES = MODULE_EXCHANGES | {
-    "the two fingers": _exchanged(left=False, right=False, fingers=True),
-    "the two fingers and the modules of each": _exchanged(left=True, right=True, fingers=True),
-}
-"""Possible exchanges of modules and fingers. If the fingers are exchanged, a print is mirrored; the print alone cannot show it."""
+@lru_cache
+def module_exchanges(layout: Layout) -> dict[str, NDArray[np.intp]]:
+    """Return the possible exchanges of modules, by name: the source taxel of each reading, shape (2 n,).
+
+    There are some only if a finger has two modules.
+    """
+    if layout_of(layout).modules != 2:
+        return {}
+    return {
+        "the two modules of the left finger": _exchanged(layout, left=True, right=False, fingers=False),
+        "the two modules of the right finger": _exchanged(layout, left=False, right=True, fingers=False),
+        "the two modules of each finger": _exchanged(layout, left=True, right=True, fingers=False),
+    }
+
+
+@lru_cache
+def exchanges(layout: Layout) -> dict[str, NDArray[np.intp]]:
+    """Return the possible exchanges of modules and fingers, as `module_exchanges` does.
+
+    If the fingers are exchanged, a print is mirrored; the print alone cannot show it.
+    """
+    found = module_exchanges(layout) | {"the two fingers": _exchanged(layout, left=False, right=False, fingers=True)}
+    if layout_of(layout).modules == 2:
+        found["the two fingers and the modules of each"] = _exchanged(layout, left=True, right=True, fingers=True)
+    return found
+
 
 _SHEAR = 1e-6
 _FLAT = 1e-3
@@ -62,25 +166,15 @@ _FLAT = 1e-3
 
 @lru_cache
 def positions(layout: Layout) -> Vector:
-    """Return the places of the right finger's taxels, shape (20, 2), m, x and y of the finger frame.
-
-    The finger's centre is the origin, x points along the finger to its end, y across it. Module 0 comes
-    first; module 1 is its image by half a turn about the centre.
-    """
-    rows = [(place, row) for row in range(4) for place in range(4 - row)]
-    place, row = np.array(rows, dtype=float).T
-    if layout == "parallelogram":
-        module = np.column_stack([(place - 2.0) * PITCH + (row - 1.5) * PITCH / 2, (row - 1.5) * ROW])
-    else:
-        module = np.column_stack([GAP / 2 + row * ROW, (place - (3.0 - row) / 2) * PITCH])
-    both = np.concatenate([module, -module])
-    both.flags.writeable = False
-    return both
+    """Return the places of the right finger's taxels, shape (n, 2), m, x and y of the finger frame."""
+    places = np.array(layout_of(layout).places)
+    places.flags.writeable = False
+    return places
 
 
 @lru_cache
 def finger_positions(layout: Layout) -> Vector:
-    """Return the places of all taxels, left finger first, shape (2, 20, 2), m, x and y of the finger frame."""
+    """Return the places of all taxels, left finger first, shape (2, n, 2), m, x and y of the finger frame."""
     right = positions(layout)
     both = np.stack([right * [1.0, -1.0], right])
     both.flags.writeable = False
@@ -96,7 +190,7 @@ def triangles(layout: Layout) -> NDArray[np.intp]:
     """
     x, y = positions(layout).T / PITCH
     x = x + _SHEAR * y
-    corner = np.array(list(combinations(range(TAXELS), 3)))
+    corner = np.array(list(combinations(range(len(x)), 3)))
     a, b, c = corner.T
     doubled_area = (x[b] - x[a]) * (y[c] - y[a]) - (x[c] - x[a]) * (y[b] - y[a])
     wide = np.abs(doubled_area) > _FLAT
@@ -116,11 +210,5 @@ def triangles(layout: Layout) -> NDArray[np.intp]:
 
 
 def pad_size(layout: Layout) -> tuple[float, float]:
-    """Return length (along x) and width (along y) of the rubber that can touch a peg, m.
-
-    It ends at the outermost taxels along the finger and half a lattice spacing beyond them across it:
-    41 x 26 mm for the parallelogram, 47 x 26 mm base to base.
-    """
-    x, y = positions(layout).T
-    spacing = np.diff(np.unique(y.round(9))).min()
-    return float(np.ptp(x)), float(np.ptp(y) + spacing)
+    """Return length (along x) and width (along y) of the rubber that can touch a peg, m."""
+    return layout_of(layout).pad

@@ -9,11 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.errors import SkinUntrustedError
-from drivers.quantities import FINGERS, TAXELS, Mask, Vector
+from drivers.quantities import Mask, Vector
 from drivers.skin.health import Counts
-from drivers.skin.layout import EXCHANGES
-
-AS_TOLD: NDArray[np.intp] = np.arange(FINGERS * TAXELS)
+from drivers.skin.layout import Layout, exchanges, shape_of
 
 CHANGE = 0.05
 """Usual change of a pressed taxel from frame to frame, fraction of its reading."""
@@ -31,16 +29,17 @@ TOLD = 1
 class TaxelOrder:
     """Tracks the order of the taxels of one skin from frame to frame."""
 
-    def __init__(self, noise: Vector | None = None) -> None:
-        """Begin with the order of the baseline; `noise` is the standard deviation of each reading, shape (2, 20), counts, if available."""
-        known = np.ones(FINGERS * TAXELS) if noise is None else np.maximum(noise.ravel(), 1.0)
-        self._variance: Vector = 2.0 * known**2
+    def __init__(self, layout: Layout, noise: Vector | None = None) -> None:
+        """Begin with the order of the baseline; `noise` is the standard deviation of each reading, shape (2, n), counts, if available."""
+        known = np.ones(shape_of(layout)) if noise is None else np.maximum(noise, 1.0)
+        self._variance: Vector = 2.0 * known.ravel() ** 2
+        self._exchanges, self._as_told = exchanges(layout), np.arange(known.size)
         self._before: tuple[Vector, Vector, Mask] | None = None
         self._was_steady, self._suspected = False, ""
         self._exchange, self._told = "", 0
 
     def take(self, raw: Counts, values: Vector, trusted: Mask) -> None:
-        """Take one frame: raw readings, counts, those above the baseline, counts, and the mask of trusted ones, each shape (2, 20)."""
+        """Take one frame: raw readings, counts, those above the baseline, counts, and the mask of trusted ones, each shape (2, n)."""
         now, is_known = raw.astype(float).ravel(), trusted.ravel()
         found = "" if self._before is None else self._confirmed(now, is_known, *self._before)
         self._before = now, values.ravel(), is_known
@@ -59,10 +58,10 @@ class TaxelOrder:
             total = float(np.add.reduce(squares))
             return 0.5 * total, total / squares.size if squares.size else np.inf
 
-        as_before, mean = misfit(AS_TOLD)
+        as_before, mean = misfit(self._as_told)
         is_steady = mean <= AGREES
         found = self._suspected if is_steady else ""
-        (exchanged, mean), name = min((misfit(order), name) for name, order in EXCHANGES.items())
+        (exchanged, mean), name = min((misfit(order), name) for name, order in self._exchanges.items())
         is_jump = self._was_steady and mean <= EXPLAINS and as_before - exchanged > GAIN
         self._was_steady, self._suspected = is_steady, name if is_jump else ""
         return found

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from drivers.errors import ConfigError, DeviceNotOpenedError, SkinSilentError
 from drivers.protocols import Clock
-from drivers.quantities import FINGERS, TAXELS, TaxelFrame, Vector
+from drivers.quantities import FINGERS, TaxelFrame, Vector
 from drivers.skin.board_config import BOARD_MODULES
 from drivers.skin.health import ERROR_COUNT, Counts
 from drivers.skin.layout import MODULE_TAXELS
@@ -79,7 +79,7 @@ class RecordedSkin:
         places = [np.flatnonzero(recording.module == sui)[:MODULE_TAXELS] for sui in chosen]
         if len(places) != BOARD_MODULES or any(len(place) < MODULE_TAXELS for place in places):
             raise ConfigError(f"{self._path}: {BOARD_MODULES} modules with {MODULE_TAXELS} taxels needed, not {chosen}")
-        self._taxels = np.concatenate(places).reshape(FINGERS, TAXELS)
+        self._taxels = np.concatenate(places).reshape(FINGERS, -1)
         self._is_alive = recording.counts[:, self._taxels].any(axis=0)
         self._recording, self._start = recording, self._clock.now()
 

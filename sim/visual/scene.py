@@ -16,9 +16,9 @@ import mujoco
 import numpy as np
 
 from drivers.parts import Job
-from drivers.quantities import FINGER_NAMES, TAXELS, Pose, Vector
+from drivers.quantities import FINGER_NAMES, Pose, Vector
 from drivers.scene_facts import SceneFacts
-from drivers.skin.layout import finger_positions, pad_size
+from drivers.skin.layout import finger_positions, pad_size, shape_of
 from sim.visual import shapes
 
 WHOLE, OPENED, BESIDE = 1, 2, 3
@@ -67,7 +67,7 @@ class Moment:
     peg: Pose | None
     """Pose of the peg's centre, z from its end upward, base frame; None if it is unknown."""
     taxels: Vector
-    """Readings of the taxels, counts, left finger first, shape (2, 20)."""
+    """Readings of the taxels, counts, left finger first, shape (2, n)."""
     is_seated: bool = False
     """True if the switch under the hole is closed."""
 
@@ -87,7 +87,8 @@ class Stage:
         self.data = mujoco.MjData(self.model)
         self._joints = len(facts.arm.kinematics.a)
         self._peg = int(self.model.body("peg").mocapid[0])
-        self._taxels = np.array([[self.model.geom(f"{f}_{k}").id for k in range(TAXELS)] for f in FINGER_NAMES])
+        taxels = shape_of(facts.layout)[1]
+        self._taxels = np.array([[self.model.geom(f"{f}_{k}").id for k in range(taxels)] for f in FINGER_NAMES])
         self._lamp = int(self.model.geom("lamp").id)
         self._hatch()
 

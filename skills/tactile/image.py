@@ -7,8 +7,9 @@ import numpy as np
 from pydantic import Field
 
 from drivers.config_model import ConfigModel, Figure, Quantity
+from drivers.errors import ConfigError
 from drivers.parts import Fraction
-from drivers.quantities import FINGERS, TAXELS, TaxelFrame, Vector
+from drivers.quantities import TaxelFrame, Vector
 from drivers.skin.layout import PITCH, Layout, finger_positions
 from skills.tactile.plausible import is_print
 from skills.tactile.pose import PegPose
@@ -39,8 +40,8 @@ class ImageParams(ConfigModel):
     """Largest standard deviation along the minor axis of a peg's ellipse, m; 2.4 mm for a diameter of 8 mm."""
     most_residual: Annotated[float, Figure("fraction"), Field(exclude=True)] = 0.4
     """Largest share of the image away from the peg's axis if the frame shows a peg, fraction."""
-    least_trusted: Annotated[int, Figure("count"), Field(exclude=True)] = 20
-    """Least number of trusted taxels for an estimate."""
+    least_trusted: Annotated[float, Figure("fraction"), Field(exclude=True)] = 0.5
+    """Least share of trusted taxels for an estimate, fraction."""
 
 
 class ImageEstimator:
@@ -56,10 +57,18 @@ class ImageEstimator:
     """
 
     def __init__(self, params: ImageParams, layout: Layout) -> None:
-        """Prepare the pixel grid over the taxels of `layout`."""
+        """Prepare the pixel grid over the taxels of `layout`.
+
+        Raises:
+            ConfigError: The error of this lattice is not known.
+        """
         from skills.tactile.picture import Projector  # OpenCV takes 0.2 s to import
 
         self._params = params
+        if layout not in LATTICE_ERROR:
+            raise ConfigError(
+                f'skin.layout = "{layout}": not for the estimator image; insert.estimator = "robust" allowed'
+            )
         self._lattice_error = LATTICE_ERROR[layout]
         self._taxels: Vector = finger_positions(layout).reshape(-1, 2)
         self._projector = Projector(layout, params.pixel, params.full_scale)
@@ -75,7 +84,7 @@ class ImageEstimator:
         image = self._projector.image(frame.values, frame.trusted)
         peak = float(image.max())
         trusted = int(np.count_nonzero(frame.trusted))
-        if peak < params.least_peak or peak <= 0.0 or trusted < params.least_trusted:
+        if peak < params.least_peak or peak <= 0.0 or trusted < params.least_trusted * frame.trusted.size:
             return PegPose(0.0, 0.0, math.pi / 2, 1.0, False, frame.stamp)
         ellipse = self._projector.ellipse(image, params.threshold * peak)
         # Signed distance of the axis from the finger centre: offset = y cos(theta) - x sin(theta)
@@ -101,5 +110,5 @@ class ImageEstimator:
     def _sigma(self, split: float, trusted: int) -> float:
         """Return the standard deviation of theta, rad, at most pi/2 (theta unknown)."""
         # sigma = e / (l1 - l2), e = LATTICE_ERROR · all / trusted
-        error = self._lattice_error * FINGERS * TAXELS / trusted
+        error = self._lattice_error * len(self._taxels) / trusted
         return min(error / split, math.pi / 2) if split > 0.0 else math.pi / 2

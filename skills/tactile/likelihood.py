@@ -12,7 +12,7 @@ import numpy as np
 from pydantic import Field
 
 from drivers.config_model import ConfigModel, Figure
-from drivers.quantities import FINGERS, TAXELS, Mask, TaxelFrame, Vector
+from drivers.quantities import Mask, TaxelFrame, Vector
 from skills.tactile.pose import PegPose
 from skills.tactile.templates import TemplateParams, Templates
 
@@ -51,8 +51,8 @@ class RobustParams(ConfigModel):
     """Largest share of a frame's squares that a peg leaves unexplained, fraction; a larger share is accepted if the misfit is at most
     `wide_misfit`, because noise then explains it, for example under a weak grip.
     """
-    least_trusted: Annotated[int, Figure("count"), Field(exclude=True)] = 20
-    """Least number of trusted taxels for an estimate."""
+    least_trusted: Annotated[float, Figure("fraction"), Field(exclude=True)] = 0.5
+    """Least share of trusted taxels for an estimate, fraction."""
     doubt: Annotated[float, Figure("ratio"), Field(exclude=True)] = 2.2
     """Misfit above which faults of a frame are considered, ratio of squared residuals to those expected."""
     rarity: Annotated[float, Figure("ratio"), Field(exclude=True)] = 5.0
@@ -110,10 +110,10 @@ class Bank:
         self._arguments = (prior, tightness, templates.theta, templates.offset, templates.even, templates.rising)
         self._places = (templates.along, templates.borne)
         self._coarse = templates.coarse
-        self.left: Vector = np.zeros(FINGERS * TAXELS)
-        """Residuals of the last comparison over their standard deviations, shape (40,)."""
+        self.left: Vector = np.zeros(templates.along.shape[1])
+        """Residuals of the last comparison over their standard deviations, shape (2 n,)."""
         # The first call compiles the comparison or loads it from the cache; it must not happen during a scan.
-        self.compare(np.ones(FINGERS * TAXELS), np.ones(FINGERS * TAXELS))
+        self.compare(np.ones(self.left.size), np.ones(self.left.size))
 
     def compare(
         self,
@@ -126,8 +126,8 @@ class Bank:
         """Compare a frame with the templates of all angles.
 
         Args:
-            values: Readings, counts, shape (40,).
-            weights: Inverse of the readings' expected variance, 0 if not trusted, shape (40,).
+            values: Readings, counts, shape (2 n,).
+            weights: Inverse of the readings' expected variance, 0 if not trusted, shape (2 n,).
             is_wide: True to try all offsets, False to try those near the finger centre.
             believed: Expected print, as place and precision of `Found`; None if unknown.
             load: Expected load, as `Found.whole` and its precision 1/variance.
@@ -140,7 +140,7 @@ class Bank:
 
 
 def weights_of(params: RobustParams, values: Vector, trusted: Mask) -> Vector:
-    """Return the inverse of each reading's expected variance, shape (40,), 0 if the taxel is not trusted."""
+    """Return the inverse of each reading's expected variance, shape (2 n,), 0 if the taxel is not trusted."""
     # w = 1 / (noise² + (gain_spread · max(y, 0))²)
     expected = params.gain_spread * np.maximum(values, 0.0)
     weights: Vector = trusted / (params.noise**2 + expected * expected)
@@ -154,7 +154,7 @@ def pose_of(params: RobustParams, found: Found, frame: TaxelFrame) -> PegPose:
         and found.sigma <= params.most_sigma
         and found.misfit <= params.most_misfit
         and (found.residual <= params.most_residual or found.misfit <= params.wide_misfit)
-        and np.count_nonzero(frame.trusted) >= params.least_trusted
+        and np.count_nonzero(frame.trusted) >= params.least_trusted * frame.trusted.size
     )
     sigma = min(found.sigma, math.pi / 2)
     return PegPose(found.theta, found.offset, sigma, found.residual, bool(healthy), frame.stamp)

@@ -12,7 +12,7 @@ import numpy as np
 
 from drivers.errors import SkinUntrustedError
 from drivers.quantities import TaxelFrame, Vector
-from drivers.skin.layout import MODULE_EXCHANGES
+from drivers.skin.layout import Layout, module_exchanges
 
 EXCHANGED = math.log(1000.0)
 """Mean log odds per frame above which modules count as exchanged; the prior is one exchange in 1000 grasps."""
@@ -25,15 +25,16 @@ class TellsOrder(Protocol):
     """Estimator that can detect exchanged modules from a print; it needs templates."""
 
     def order_odds(self, frame: TaxelFrame) -> Vector:
-        """Return the log odds of each of `MODULE_EXCHANGES` against the configured order, shape (3,); 0 without a print."""
+        """Return the log odds of each of `module_exchanges` against the configured order; 0 without a print."""
 
 
 class PrintOrder:
     """Evidence of exchanged modules, collected over the frames of one grasp."""
 
-    def __init__(self, estimator: object) -> None:
-        """Start without a frame; if `estimator` has no `order_odds`, the check is disabled."""
-        self._estimator = estimator if isinstance(estimator, TellsOrder) else None
+    def __init__(self, estimator: object, layout: Layout) -> None:
+        """Start without a frame; if `estimator` has no `order_odds` or the layout no exchanges, the check is disabled."""
+        self._names = list(module_exchanges(layout))
+        self._estimator = estimator if self._names and isinstance(estimator, TellsOrder) else None
         self._odds: list[Vector] = []
 
     def take(self, frame: TaxelFrame) -> None:
@@ -51,7 +52,7 @@ class PrintOrder:
             return
         odds = np.mean(self._odds, axis=0)
         if odds.max() > EXCHANGED:
-            which = list(MODULE_EXCHANGES)[int(odds.argmax())]
+            which = self._names[int(odds.argmax())]
             raise SkinUntrustedError(
                 f"skin: the print of the peg is turned by half a turn, as with {which} exchanged: see their plugs"
             )

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.quantities import FINGERS, TAXELS, Mask, Vector
+from drivers.quantities import FINGERS, Mask, Vector
 from drivers.skin.layout import Layout, finger_positions, triangles
 
 Image = NDArray[np.integer[Any] | np.floating[Any]]
@@ -53,8 +53,8 @@ class Projector:
         """Centres of the pixels, shape (rows, columns, 2), m, finger frame."""
         self._pixel, self._middle, self._full_scale = pixel, (columns, rows), full_scale
         # Both fingers share one source and one destination image, the right below the left.
-        a, b, c = np.eye(FINGERS * TAXELS, dtype=np.float32)[
-            np.concatenate([corners + TAXELS * finger for finger in range(FINGERS)]).T
+        a, b, c = np.eye(taxels[..., 0].size, dtype=np.float32)[
+            np.concatenate([corners + taxels.shape[1] * finger for finger in range(FINGERS)]).T
         ]
         self._squares = np.stack([np.stack([a, b], axis=1), np.stack([c, b + c - a], axis=1)]).reshape(-1, a.shape[1])
         across, along = np.full((2, FINGERS, *x.shape), -2.0, dtype=np.float32)
@@ -75,8 +75,8 @@ class Projector:
         If a corner of a pixel is not trusted, the remaining corners in both images are scaled up to replace it.
 
         Args:
-            values: Readings, counts, shape (2, 20).
-            trusted: Mask of the readings to use, shape (2, 20).
+            values: Readings, counts, shape (2, n).
+            trusted: Mask of the readings to use, shape (2, n).
         """
         if trusted.all():
             total = cv2.add(*self._drawn(values))

@@ -9,7 +9,6 @@ import math
 import numpy as np
 
 from drivers.compiled import njit
-from drivers.quantities import TAXELS
 from skills.tactile.templates import COARSE_OFFSET, COARSE_THETA
 
 COARSE_PRINT = 2
@@ -50,7 +49,7 @@ NEVER = -1e30
 def _sums(weights, weighed, even, rising, first):  # type: ignore[no-untyped-def]
     """Return the weighted sums of even², even·rising, rising², values·even and values·rising of one finger."""
     ee = er = rr = ye = yr = np.float32(0.0)
-    for k in range(first, first + TAXELS):
+    for k in range(first, first + weights.size // 2):
         we = weights[k] * even[k]
         ee += we * even[k]
         er += we * rising[k]
@@ -121,7 +120,7 @@ def _bent(weights, weighed, even, rising, along, first, middle, mean, rise):  # 
     """Return the weighted sums bend·even and bend·rising of one finger, and the log likelihood gained by subtracting bend."""
     by_even = by_rising = gain = 0.0
     at_middle = mean + rise * middle
-    for k in range(first, first + TAXELS):
+    for k in range(first, first + weights.size // 2):
         if even[k] > FAINT:
             more = even[k] * _bend(at_middle, rise, along[k] - middle)
             weighted = weights[k] * more
@@ -139,7 +138,7 @@ def _evidence(weights, weighed, even, rising, along, middle, tightness, solution
     selects linear loads.
     """
     lee, ler, lrr, lye, lyr = _sums(weights, weighed, even, rising, 0)
-    ree, rer, rrr, rye, ryr = _sums(weights, weighed, even, rising, TAXELS)
+    ree, rer, rrr, rye, ryr = _sums(weights, weighed, even, rising, weights.size // 2)
     # The following differences of nearly equal sums need double precision.
     left = (float(lee), float(ler), float(lrr), float(lye), float(lyr))
     right = (float(ree), float(rer), float(rrr), float(rye), float(ryr))
@@ -148,7 +147,7 @@ def _evidence(weights, weighed, even, rising, along, middle, tightness, solution
         return found
     a, b, c, d = solution[0], solution[1], solution[2], solution[3]
     le, lr, lgain = _bent(weights, weighed, even, rising, along, 0, middle, a + b, c + d)
-    re, rr, rgain = _bent(weights, weighed, even, rising, along, TAXELS, middle, a - b, c - d)
+    re, rr, rgain = _bent(weights, weighed, even, rising, along, weights.size // 2, middle, a - b, c - d)
     left = (left[0], left[1], left[2], left[3] - le, left[4] - lr)
     right = (right[0], right[1], right[2], right[3] - re, right[4] - rr)
     return _solve(left, right, tightness, solution) + lgain + rgain
@@ -189,7 +188,7 @@ def _roughly_at(a, c, w, weights, weighed, against, tables, load, tightness, sol
     """
     even, rising, borne = tables
     left = _sums(weights, weighed, even[w, a, c], rising[w, a, c], 0)
-    right = _sums(weights, weighed, even[w, a, c], rising[w, a, c], TAXELS)
+    right = _sums(weights, weighed, even[w, a, c], rising[w, a, c], weights.size // 2)
     found = _solve(left, right, tightness, solution) - against
     if load[1] > 0.0 and found > NEVER:
         found += _of_load(borne[w, a, c], load, solution)
@@ -341,7 +340,7 @@ def posterior(  # type: ignore[no-untyped-def] # noqa: C901, PLR0915  compiled l
     is_bent = _is_tilted(solution) and not math.isnan(centre)
     misfit = missed = power = seen = 0.0
     for k in range(values.size):
-        side = 1.0 if k < TAXELS else -1.0
+        side = 1.0 if k < values.size // 2 else -1.0
         mean, rise = solution[0] + side * solution[1], solution[2] + side * solution[3]
         bend = _bend(mean + rise * centre, rise, along[i, k] - centre) if is_bent else 0.0
         fit = (mean + bend) * even[w, i, j, k] + rise * rising[w, i, j, k]

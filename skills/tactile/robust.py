@@ -18,7 +18,7 @@ import numpy as np
 
 from drivers.parts import Peg
 from drivers.quantities import Mask, TaxelFrame, Vector
-from drivers.skin.layout import MODULE_EXCHANGES, MODULE_OF, Layout
+from drivers.skin.layout import Layout, module_exchanges, module_of
 from skills.tactile.likelihood import UNKNOWN_LOAD, Bank, Found, RobustParams, pose_of, weights_of
 from skills.tactile.pose import PegPose
 from skills.tactile.templates import Templates, broad_templates, reaching_templates
@@ -51,8 +51,6 @@ STEEPER = 3.5
 REACH_STEP = 1.5e-3
 REACHES = tuple(REACH_STEP * k for k in range(-2, 3))
 """Differences from the stated length of the peg beyond the finger centre, compared in every frame, m."""
-_MODULE = MODULE_OF.ravel()
-MODULES = 4
 
 
 class UsualPrints:
@@ -67,7 +65,7 @@ class UsualPrints:
         self._breadths, self._reaches = Bank(params, breadths), Bank(params, reaches)
         self._as_stated = (float(REACHES.index(0.0)), (REACH_STEP / params.reach_spread) ** 2)
         self.left = self._breadths.left
-        """Residuals of the likelier family over their standard deviations, shape (40,)."""
+        """Residuals of the likelier family over their standard deviations, shape (2 n,)."""
 
     def compare(
         self, values: Vector, weights: Vector, is_wide: bool = False, load: tuple[float, float] = UNKNOWN_LOAD
@@ -159,11 +157,11 @@ class Explanation(NamedTuple):
     found: Found
     bank: Prints
     weights: Vector
-    """Weights of the readings under the explanation, shape (40,)."""
+    """Weights of the readings under the explanation, shape (2 n,)."""
     is_wide: bool
     """True if all offsets were tried."""
     left: Vector
-    """Residuals over their standard deviations, shape (40,)."""
+    """Residuals over their standard deviations, shape (2 n,)."""
 
 
 class RobustEstimator:
@@ -171,7 +169,8 @@ class RobustEstimator:
 
     def __init__(self, params: RobustParams, layout: Layout, peg: Peg) -> None:
         """Make the templates of every explanation."""
-        self._params = params
+        self._params, self._exchanges = params, module_exchanges(layout)
+        self._module = module_of(layout).ravel()
         near = tuple(max(peg.overhang + reach, 0.0) for reach in REACHES)
         short = tuple(overhang for overhang in OVERHANGS if overhang < peg.overhang)
         reaching = reaching_templates(layout, peg, params.templates, near + short)
@@ -216,8 +215,8 @@ class RobustEstimator:
         params = self._params
         values, trusted = frame.values.ravel(), frame.trusted.ravel() & (frame.values.ravel() > BELOW * params.noise)
         as_told = self._usual.compare(values, weights_of(params, values, trusted))
-        odds, found = np.zeros(len(MODULE_EXCHANGES)), [as_told]
-        for number, told in enumerate(MODULE_EXCHANGES.values()):
+        odds, found = np.zeros(len(self._exchanges)), [as_told]
+        for number, told in enumerate(self._exchanges.values()):
             moved = values[told]
             found.append(self._usual.compare(moved, weights_of(params, moved, trusted[told])))
             odds[number] = found[-1].chance - as_told.chance
@@ -228,8 +227,8 @@ class RobustEstimator:
 
     def _silent(self, is_loud: Mask, weights: Vector) -> list[int]:
         """Return the modules without any reading above the noise."""
-        loud = np.bincount(_MODULE, is_loud, MODULES)
-        present = np.bincount(_MODULE, weights > 0.0, MODULES)
+        loud = np.bincount(self._module, is_loud)
+        present = np.bincount(self._module, weights > 0.0)
         return [int(module) for module in np.flatnonzero((loud == 0) & (present > 0))]
 
     def _think_again(
@@ -246,7 +245,7 @@ class RobustEstimator:
         if usual.misfit > params.wide_misfit:
             add(0.0, self._usual, weights, is_wide=True)
         for module in silent:
-            without = np.where(module == _MODULE, 0.0, weights)
+            without = np.where(module == self._module, 0.0, weights)
             add(params.rarity, self._usual, without)
             add(params.rarity + self._against_short, self._short, without)
         add(self._against_short, self._short, weights)

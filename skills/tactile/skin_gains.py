@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from drivers.parts import Peg
-from drivers.quantities import FINGERS, TAXELS, Mask, Vector
+from drivers.quantities import Mask, Vector
 from drivers.skin.layout import Layout, positions
 from skills.tactile.templates import TemplateParams, make_templates
 
@@ -30,9 +30,9 @@ class SkinGains:
     """Result of the fit to a sweep."""
 
     gains: Vector
-    """Gain of each taxel, shape (2, 20); the measured gains have mean 1 on each finger, the others are 1."""
+    """Gain of each taxel, shape (2, taxels); the measured gains have mean 1 on each finger, the others are 1."""
     measured: Mask
-    """True for each taxel whose gain was measured, shape (2, 20)."""
+    """True for each taxel whose gain was measured, shape (2, taxels)."""
     point_spread: float
     """Standard deviation of the elastomer's point spread, m."""
     residual: float
@@ -52,8 +52,8 @@ def fit_gains(
 
     Args:
         angles: Angles of the rod in the hand, shape (n,), rad, multiples of the templates' step of half a degree.
-        readings: Mean readings at each angle, counts above the baseline, shape (n, 2, 20).
-        trusted: Mask of the taxels trusted throughout the sweep, shape (2, 20).
+        readings: Mean readings at each angle, counts above the baseline, shape (n, 2, taxels).
+        trusted: Mask of the taxels trusted throughout the sweep, shape (2, taxels).
         rod: The rod, long enough to cross the whole pad, held at its middle.
         layout: Layout of the taxels.
         spreads: Point spreads to try, evenly spaced, m.
@@ -89,16 +89,16 @@ def _fit(
     centre = int(np.abs(templates.offset).argmin())
     step = float(templates.theta[1] - templates.theta[0])
     index = np.rint((angles - templates.theta[0]) / step).astype(int) % len(templates.theta)
-    shape = (len(angles), FINGERS, TAXELS)
+    shape = readings.shape
     model = np.stack(
         [templates.even[0, index, centre].reshape(shape), templates.rising[0, index, centre].reshape(shape)]
     )
     signal = model[0].max(axis=0)
     measured = trusted & (signal > LEAST_SIGNAL * signal.max())
-    gains = np.ones((FINGERS, TAXELS))
+    gains = np.ones(shape[1:])
     predicted = np.zeros(shape)
     for _ in range(ROUNDS):
-        for finger in range(FINGERS):
+        for finger in range(shape[1]):
             use = measured[finger]
             for k in range(len(angles)):
                 # Loads at angle k: min |y - g (a even + b rising)|²

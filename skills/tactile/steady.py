@@ -7,8 +7,8 @@ shows its print and all modules repeat their readings to within noise.
 import numpy as np
 
 from drivers.errors import SkinUntrustedError
-from drivers.quantities import FINGER_NAMES, FINGERS, Mask, TaxelFrame
-from drivers.skin.layout import MODULE_OF, MODULES
+from drivers.quantities import FINGER_NAMES, Mask, TaxelFrame
+from drivers.skin.layout import Layout, layout_of, module_of
 
 JUDGED = 8
 """Largest number of frames to judge after the first one: 0.8 s at 10 Hz."""
@@ -24,11 +24,12 @@ STEADY = 3500.0
 class GraspPrint:
     """Frames of a closed hand at rest, judged until it is decided whether the skin shows the peg."""
 
-    def __init__(self) -> None:
-        """Start without a frame."""
+    def __init__(self, layout: Layout) -> None:
+        """Start without a frame of a skin with this layout."""
+        self._layout = layout
         self._before: TaxelFrame | None = None
         self._judged = self._agreed = self._spoilt = 0
-        self._restless = np.zeros(FINGERS * MODULES, dtype=int)
+        self._restless = np.zeros(int(module_of(layout).max()) + 1, dtype=int)
 
     @property
     def is_judged(self) -> bool:
@@ -45,7 +46,7 @@ class GraspPrint:
         before, self._before = self._before, frame
         if before is None:
             return
-        restless = restless_modules(before, frame)
+        restless = restless_modules(before, frame, self._layout)
         self._restless += restless
         is_spoilt = bool(restless.any())
         self._judged += 1
@@ -64,16 +65,17 @@ class GraspPrint:
         found = f"skin: no print of the peg since the hand closed on it: {self._agreed} of {frames} frames show it; {NEEDED} needed"
         worst = int(self._restless.argmax())
         if 2 * self._restless[worst] > frames:
-            finger, module = divmod(worst, MODULES)
+            finger, module = divmod(worst, layout_of(self._layout).modules)
             raise SkinUntrustedError(
                 f"{found}; {FINGER_NAMES[finger]} finger, module {module} reads at random: see its plug, or change the finger"
             )
         raise SkinUntrustedError(f"{found}; a line across both pads needed: run `cell skin`")
 
 
-def restless_modules(before: TaxelFrame, frame: TaxelFrame) -> Mask:
-    """Return a mask of the modules, shape (4,), whose median change between two frames exceeds `STEADY`."""
+def restless_modules(before: TaxelFrame, frame: TaxelFrame, layout: Layout) -> Mask:
+    """Return a mask of the modules whose median change between two frames exceeds `STEADY`."""
     known = before.trusted & frame.trusted
     change = np.abs(frame.values - before.values)
-    modules = [change[known & (module == MODULE_OF)] for module in range(FINGERS * MODULES)]
+    number = module_of(layout)
+    modules = [change[known & (module == number)] for module in range(int(number.max()) + 1)]
     return np.array([taxels.size > 0 and float(np.median(taxels)) > STEADY for taxels in modules])

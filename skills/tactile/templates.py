@@ -19,7 +19,7 @@ from pydantic import Field
 
 from drivers.config_model import ConfigModel, Figure
 from drivers.parts import Peg
-from drivers.quantities import FINGERS, TAXELS, Vector
+from drivers.quantities import FINGERS, Vector
 from drivers.skin.layout import Layout, finger_positions, pad_size
 
 MOST_THREADS = 8
@@ -64,11 +64,11 @@ class Templates:
     offset: Vector
     """Offsets, shape (m,), m, evenly spaced about 0."""
     even: NDArray[np.float32]
-    """Readings for a load of 1 along the whole peg, shape (p, n, m, 40); 1 is the reading under an endless peg."""
+    """Readings for a load of 1 along the whole peg, shape (p, n, m, 2 taxels); 1 is the reading under an endless peg."""
     rising: NDArray[np.float32]
-    """Readings for a load that rises from 0 at the finger centre to 1 at `HALF_LINE` towards the tip, shape (p, n, m, 40)."""
+    """Readings for a load that rises from 0 at the finger centre to 1 at `HALF_LINE` towards the tip, shape (p, n, m, 2 taxels)."""
     along: NDArray[np.float32]
-    """Positions of the taxels along the peg, from the finger centre towards the tip, in units of `HALF_LINE`, shape (n, 40)."""
+    """Positions of the taxels along the peg, from the finger centre towards the tip, in units of `HALF_LINE`, shape (n, 2 taxels)."""
     borne: NDArray[np.float32]
     """Total load of one pad for the loads of `even` and of `rising`, shape (p, n, m, 2), m."""
     coarse: tuple[NDArray[np.float32], ...] = ()
@@ -141,8 +141,8 @@ def _make(layout: Layout, peg: Peg, params: TemplateParams, overhangs: tuple[flo
     arguments = (disc, disc_weights, groove, groove_weights, params.blur)
     pad = (length / 2, width / 2, peg.length, backs)
     right, left = (
-        np.zeros((2, backs.size, theta.size, lines.size, TAXELS)),
-        np.zeros((2, backs.size, 1, lines.size, TAXELS)),
+        np.zeros((2, backs.size, theta.size, lines.size, taxels.shape[0])),
+        np.zeros((2, backs.size, 1, lines.size, taxels.shape[0])),
     )
     # Each angle fills its own row, so threads can share the work.
     bounds = np.linspace(0, theta.size, min(os.cpu_count() or 1, MOST_THREADS) + 1).astype(int).tolist()
@@ -158,13 +158,14 @@ def _make(layout: Layout, peg: Peg, params: TemplateParams, overhangs: tuple[flo
     middle = lines[lines.size // 2 - face.size // 2 :][: face.size]
     fill(np.zeros(1), middle, np.zeros((1, 2)), 0.1, 0.1, 0.1, np.array([0.1]), *arguments, *under, 0, 1)
     whole = float(face @ under[0, 0, 0, :, 0])
-    tables = np.empty((2, backs.size, theta.size, offset.size, FINGERS * TAXELS), np.float32)
+    tables = np.empty((2, backs.size, theta.size, offset.size, FINGERS * taxels.shape[0]), np.float32)
+    number = taxels.shape[0]
     for load in range(2):
         for place, own in enumerate(falling):
             made = _beside(right[load, place], face, whole)
-            tables[load, own, ..., TAXELS:] = made
-            tables[load, own, 1:, :, :TAXELS] = made[:0:-1, ::-1]
-            tables[load, own, 0, :, :TAXELS] = _beside(left[load, place], face, whole)[0, ::-1]
+            tables[load, own, ..., number:] = made
+            tables[load, own, 1:, :, :number] = made[:0:-1, ::-1]
+            tables[load, own, 0, :, :number] = _beside(left[load, place], face, whole)[0, ::-1]
     borne = _borne(theta, offset, (length / 2, width / 2), peg.length, overhangs)
     even, rising = tables
     return Templates(theta, offset, even, rising, _along(theta, layout), borne)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from drivers.errors import SkinSilentError
-from drivers.quantities import FINGERS, TAXELS
+from drivers.skin.layout import shape_of
 
 
 @pytest.fixture
@@ -25,7 +25,7 @@ def scanned(bench, seconds, period=0.01):
 
 def test_frame_has_two_fingers_of_finite_signed_values_and_a_mask(opened):
     frame = opened.device.read()
-    assert frame.values.shape == frame.trusted.shape == (FINGERS, TAXELS)
+    assert frame.values.shape == frame.trusted.shape == shape_of("parallelogram")
     assert (frame.values.dtype, frame.trusted.dtype) == (np.float64, np.bool_)
     assert np.isfinite(frame.values).all()
 

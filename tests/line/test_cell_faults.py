@@ -26,7 +26,7 @@ from drivers.errors import (
 )
 from drivers.frames import UP
 from drivers.quantities import Pose, SwitchState
-from drivers.skin.layout import MODULE_OF
+from drivers.skin.layout import module_of
 from plc_bridge.messages import Command, Control, PartPlace, Result
 from sim.world import World
 from skills.catalogue import CATALOGUE
@@ -287,7 +287,9 @@ def test_a_module_that_reads_at_random_is_found_while_the_peg_stands_in_its_slot
         frame = read()
         heights.append(rig.arm.tcp.position[2])
         rng = np.random.default_rng(frame.sequence)
-        return replace(frame, values=np.where(MODULE_OF == 1, rng.integers(0, 30_000, (2, 20)), frame.values))
+        return replace(
+            frame, values=np.where(module_of("parallelogram") == 1, rng.integers(0, 30_000, (2, 20)), frame.values)
+        )
 
     rig.skin.read = spoilt
     report = rig.command(GRASP)

@@ -198,7 +198,10 @@ def test_drawn_noise_of_taxels_is_that_of_the_recording(name):
     module, frames = module[third], frames[:, third]
     real = np.array([_deviation(counts) for counts in frames.T.astype(float)])
     skin, reality = SimSkinConfig(kind="sim"), read(SHIPPED / ERRORS_FILE)
-    drawn = [skin_truth(reality.draw(seed, RealityConfig())).noise_level for seed in range(100)]
+    drawn = [
+        skin_truth(reality.draw(seed, RealityConfig(), "parallelogram"), "parallelogram").noise_level
+        for seed in range(100)
+    ]
     levels = skin.noise * skin.full_scale * np.array(drawn)
     quantiles = np.nanpercentile(real, [25, 50, 75, 95])
     assert np.percentile(levels, [25, 50, 75, 95]) == pytest.approx(quantiles, rel=0.3)

@@ -5,10 +5,10 @@ import pytest
 
 from drivers.errors import DeviceNotOpenedError, SkinSilentError
 from drivers.skin.health import ERROR_COUNT, dead_groups
-from drivers.skin.layout import LAYOUTS, MODULE_OF
+from drivers.skin.layout import LAYOUTS, module_of
 from sim.config import SimSkinConfig
 from sim.pads import PadLoad, Pads
-from sim.skin import AS_BELIEVED, SimSkin, Taxels
+from sim.skin import SimSkin, Taxels, as_believed
 
 
 @dataclass
@@ -108,7 +108,7 @@ def test_dead_taxels_are_masked():
 
 def test_dead_module_is_found():
     frame = _skin(Source(), dead_modules=1).read()
-    assert len(dead_groups(~frame.trusted, MODULE_OF)) == 1
+    assert len(dead_groups(~frame.trusted, module_of("parallelogram"))) == 1
 
 
 def test_same_seed_gives_the_same_frames():
@@ -138,7 +138,7 @@ def test_overload_stops_at_the_rail():
 
 
 def _true_skin(source, seed=0, **differs):
-    truth = replace(AS_BELIEVED, **differs)
+    truth = replace(as_believed("parallelogram"), **differs)
     skin = SimSkin(SimSkinConfig(kind="sim"), source, np.random.default_rng(seed), truth=truth)
     skin.open()
     return skin
@@ -159,7 +159,9 @@ def test_a_frame_is_delivered_at_its_age_and_bears_the_time_it_was_measured_at()
 def test_each_taxel_hisses_as_loud_as_its_own_noise():
     levels = np.linspace(0.2, 4.0, 40).reshape(2, 20)
     taxels = Taxels(
-        SimSkinConfig(kind="sim", drift=0.0), np.random.default_rng(3), replace(AS_BELIEVED, noise_level=levels)
+        SimSkinConfig(kind="sim", drift=0.0),
+        np.random.default_rng(3),
+        replace(as_believed("parallelogram"), noise_level=levels),
     )
     readings = np.array([taxels.measure(np.zeros((2, 20)), 0.1) for _ in range(600)], dtype=float)
     expected = 188.0 * levels
@@ -179,7 +181,9 @@ def test_a_taxel_that_sits_elsewhere_feels_what_is_there():
 def test_a_taxel_that_died_reads_zero_like_one_that_the_config_asks_for():
     dead = np.zeros((2, 20), dtype=bool)
     dead[1, 7] = True
-    taxels = Taxels(SimSkinConfig(kind="sim"), np.random.default_rng(3), replace(AS_BELIEVED, dead=dead))
+    taxels = Taxels(
+        SimSkinConfig(kind="sim"), np.random.default_rng(3), replace(as_believed("parallelogram"), dead=dead)
+    )
     reading = taxels.measure(np.zeros((2, 20)), 0.1)
     assert reading[1, 7] == 0
     assert np.count_nonzero(reading == 0) == 1

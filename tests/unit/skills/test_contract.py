@@ -129,7 +129,7 @@ def test_an_arm_that_tells_an_old_state_counts_as_silent(ctx):
 
 
 def test_half_of_the_taxels_are_enough_and_one_less_is_not(ctx):
-    ctx.devices.skin.trusted.flat[LEAST_TRUSTED:] = False
+    ctx.devices.skin.trusted.flat[round(LEAST_TRUSTED * ctx.devices.skin.trusted.size) :] = False
     ctx.observe()
     ctx.devices.clock.time = 0.2
     ctx.devices.skin.trusted.flat[0] = False

@@ -7,7 +7,7 @@ from cell.config.load import load
 from cell.lab import reality
 from cell.lab.compare import section
 from sim.config import RealityConfig
-from sim.reality import KINDS, read
+from sim.reality import AS_BELIEVED, KINDS, read
 
 CONFIG = load(sets=["sim.pace=max"]).cell
 ROWS = section("rows")["row"]
@@ -19,7 +19,9 @@ def test_a_row_draws_its_errors_at_their_size_and_no_other(row, tmp_path):
     path.write_text(reality.errors_file(reality.errors_of(CONFIG), sizes), encoding="utf-8")
     found = read(path).draw(3, RealityConfig())
     for name, kind in KINDS.items():
-        np.testing.assert_allclose(found[name], np.broadcast_to(sizes.get(name, kind.ideal), kind.shape))
+        np.testing.assert_allclose(
+            found[name], np.broadcast_to(sizes.get(name, kind.ideal), np.shape(AS_BELIEVED[name]))
+        )
 
 
 def test_every_named_error_is_a_config_of_its_own(tmp_path):

@@ -12,7 +12,7 @@ from cell.commands.terminal import FAULT, GOOD
 from cell.records.journal import INDEX, Journal, default_folder, newest_run
 from cell.records.provenance import config_hash
 from cell.records.run_query import RunQuery
-from cell.records.sample_blocks import BATCH, COLUMNS, JOINT_COLUMNS, TAXEL_COLUMNS, SampleBlock, SampleStream
+from cell.records.sample_blocks import BATCH, COLUMNS, JOINT_COLUMNS, SampleBlock, SampleStream, taxel_columns
 from cell.records.samples import SampleFile, export_csv, read_facts, read_samples
 from cell.records.schema import LAYOUT, ConfigRow, EventKind, EventRow, RunRow, StageRow
 from cell.records.told import Kind
@@ -296,7 +296,7 @@ def test_csv_has_a_row_a_scan(tmp_path, seen):
     export_csv(read_samples(tmp_path / "a.arrows"), tmp_path / "a.csv")
     lines = (tmp_path / "a.csv").read_text().splitlines()
     joints = [f"{name}_{number}" for name in ("joint", "joint_velocity", "joint_torque") for number in range(1, 8)]
-    assert (lines[0].split(","), len(lines)) == ([*COLUMNS, *TAXEL_COLUMNS, *joints], 2)
+    assert (lines[0].split(","), len(lines)) == ([*COLUMNS, *taxel_columns(40), *joints], 2)
 
 
 def test_no_samples_are_told_by_their_file(tmp_path):

@@ -66,6 +66,7 @@ def locked(folder):
 
 KILLED = """
 import os, sys
+import numpy as np
 from pathlib import Path
 from cell.records.journal import Journal
 from cell.records.schema import RunRow
@@ -75,7 +76,7 @@ journal.open()
 for _ in range(2):
     row = journal.begin(RunRow(0, "2025-01-01", "insert_peg", 1, "A-17", "plc", 42))
     block = SampleBlock(used=2, joints={name: [[0.0], [0.0]] for name in JOINT_COLUMNS})
-    block.values[:], block.taxels[:] = 0.0, 0.0
+    block.values[:], block.taxels = 0.0, [np.zeros(40)] * 2
     block.values[0, :2], block.values[13, :2], block.values[1, :2] = (1.0, 3.5), 12.0, 2.0
     journal.write(row.run, block)
 journal.finish(row)

@@ -320,3 +320,13 @@ def test_what_was_lost_while_nobody_listened_is_no_silence_but_a_silent_board_st
     rig.unplug(5.0)
     assert rig.scan(0.3)[-1] is not None
     assert rig.scan(0.3)[-1] is None
+
+
+def test_a_board_with_other_taxels_than_the_layout_is_not_opened(tmp_path):
+    path = tmp_path / "three.toml"
+    path.write_text("places = [[0.0, 0.0], [0.0, 0.007], [0.007, 0.0]]\npad = [0.03, 0.02]\nbeside = 2000.0\n")
+    config = WIRED["can"]
+    rig = BoardRig(config)
+    skin = CanSkin(config.model_copy(update={"layout": str(path)}), rig.link, rig.clock)
+    with pytest.raises(DeviceNotOpenedError, match=r"skin: 40 taxels read; 6 in skin\.layout = .*: name the layout"):
+        skin.open()

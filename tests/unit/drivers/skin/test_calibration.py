@@ -49,7 +49,7 @@ def test_calibration_of_another_layout_is_refused(path):
     ("old", "new", "said"),
     [
         ("point_spread = 0.0012", "point_spread = 1.2", "point_spread: Input should be less"),
-        ("left = [2.0000, ", "left = [", "left: Tuple should have at least 20"),
+        ("left = [2.0000, ", "left = [", "left: 19 gains; 20 wanted"),
         ("residual", "rest", "residual: Field required"),
         ("date = ", "date ", "not TOML"),
     ],

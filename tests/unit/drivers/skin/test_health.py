@@ -146,14 +146,14 @@ def test_the_baseline_keeps_up_with_the_drift_of_a_skin_that_is_gripped_most_of_
 
 def test_a_skin_that_is_wholly_trusted_is_given_back():
     frame = TaxelFrame(np.zeros((2, 20)), np.ones((2, 20), dtype=bool), 0.0, 1)
-    assert require_trust(frame) is frame
+    assert require_trust(frame, "parallelogram") is frame
 
 
 def test_dead_modules_and_single_taxels_are_named_each_as_what_it_is():
     trusted = np.ones((2, 20), dtype=bool)
     trusted[1, 10:] = trusted[0, [3, 7]] = False
     with pytest.raises(SkinUntrustedError) as told:
-        require_trust(TaxelFrame(np.zeros((2, 20)), trusted, 0.0, 1))
+        require_trust(TaxelFrame(np.zeros((2, 20)), trusted, 0.0, 1), "parallelogram")
     assert str(told.value) == (
         "skin: right finger, module 1 (taxels 10 to 19): dead; see its plug, or change the finger; "
         "left finger, taxels 3, 7: dead, stuck, saturated or in error"

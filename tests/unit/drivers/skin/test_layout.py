@@ -1,7 +1,8 @@
 import numpy as np
 import pytest
 
-from drivers.skin.layout import LAYOUTS, PITCH, finger_positions, pad_size, positions, triangles
+from drivers.errors import ConfigError
+from drivers.skin.layout import LAYOUTS, PITCH, finger_positions, layout_of, pad_size, positions, triangles
 
 
 def _areas(layout):
@@ -48,3 +49,28 @@ def test_left_finger_mirrors_the_right_one_about_the_finger_axis(layout):
 def test_pad_reaches_as_far_as_the_taxels(layout):
     half = np.array(pad_size(layout)) / 2
     assert (np.abs(positions(layout)) <= half + 1e-9).all()
+
+
+@pytest.mark.parametrize(
+    ("figures", "said"),
+    [
+        ("places = [[0.0, 0.0]]", "places: Tuple should have at least 3"),
+        ("places = [[0.0, 0.0], [0.0, 7.0], [7.0, 0.0]]", r"places.1.1: Input should be less"),
+        (
+            "places = [[0.0, 0.0], [0.0, 0.007], [0.007, 0.0]]\nmodules = 2",
+            "places: 3; a multiple of modules = 2 allowed",
+        ),
+        ("places = ", "not TOML"),
+    ],
+)
+def test_a_file_that_is_no_layout_is_refused_in_one_line(tmp_path, figures, said):
+    path = tmp_path / "other.toml"
+    path.write_text(f"pad = [0.03, 0.02]\nbeside = 2000.0\n{figures}\n")
+    with pytest.raises(ConfigError, match=said) as caught:
+        layout_of(str(path))
+    assert "\n" not in str(caught.value)
+
+
+def test_a_layout_whose_file_is_missing_is_refused_by_its_name():
+    with pytest.raises(ConfigError, match=r"nowhere\.toml: layout cannot be read"):
+        layout_of("nowhere.toml")

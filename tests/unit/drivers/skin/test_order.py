@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from drivers.errors import SkinUntrustedError
-from drivers.skin.layout import EXCHANGES
+from drivers.skin.layout import exchanges
 from drivers.skin.order import TOLD, TaxelOrder
 from tests.pegs import LOAD, SKIN, pushed, readings
 
@@ -27,15 +27,15 @@ def taken(order, raws):
 
 
 def as_told(raw, exchange):
-    return raw.ravel()[EXCHANGES[exchange]].reshape(raw.shape)
+    return raw.ravel()[exchanges("parallelogram")[exchange]].reshape(raw.shape)
 
 
 ASLANT = pushed(np.random.default_rng(4), np.radians(6.0), 1e-3, LOAD)
 
 
-@pytest.mark.parametrize("exchange", EXCHANGES)
+@pytest.mark.parametrize("exchange", exchanges("parallelogram"))
 def test_taxels_that_change_places_between_two_frames_are_named(exchange):
-    order = TaxelOrder(NOISE)
+    order = TaxelOrder("parallelogram", NOISE)
     raws = frames(ASLANT, 4)
     taken(order, [*raws[:2], *(as_told(raw, exchange) for raw in raws[2:])])
     with pytest.raises(SkinUntrustedError, match=f"skin: {exchange} exchanged while the skin ran"):
@@ -44,7 +44,7 @@ def test_taxels_that_change_places_between_two_frames_are_named(exchange):
 
 def test_an_exchange_is_told_for_some_frames_and_then_taken_for_known():
     raws = [as_told(raw, "the two fingers") for raw in frames(ASLANT, TOLD + 3)]
-    order = taken(TaxelOrder(NOISE), [*frames(ASLANT, 2, 2), *raws[:2]])
+    order = taken(TaxelOrder("parallelogram", NOISE), [*frames(ASLANT, 2, 2), *raws[:2]])
     for raw in raws[2:]:
         with pytest.raises(SkinUntrustedError, match="the two fingers"):
             order.require()
@@ -54,15 +54,15 @@ def test_an_exchange_is_told_for_some_frames_and_then_taken_for_known():
 
 def test_an_exchange_that_nobody_has_asked_for_yet_is_not_forgotten():
     raws = [as_told(raw, "the two fingers") for raw in frames(ASLANT, 5 + TOLD)]
-    order = taken(TaxelOrder(NOISE), [*frames(ASLANT, 2, 2), *raws])
+    order = taken(TaxelOrder("parallelogram", NOISE), [*frames(ASLANT, 2, 2), *raws])
     with pytest.raises(SkinUntrustedError, match="the two fingers"):
         order.require()
 
 
 def test_a_single_frame_and_a_print_that_was_not_steady_change_no_order():
     raws, turned = frames(ASLANT, 2), [as_told(raw, "the two fingers") for raw in frames(ASLANT, 2, 2)]
-    taken(TaxelOrder(NOISE), [*raws, turned[0], *raws]).require()
-    taken(TaxelOrder(NOISE), [REST, raws[0], *turned]).require()
+    taken(TaxelOrder("parallelogram", NOISE), [*raws, turned[0], *raws]).require()
+    taken(TaxelOrder("parallelogram", NOISE), [REST, raws[0], *turned]).require()
 
 
 def test_a_hand_that_closes_and_a_peg_that_turns_change_no_order():
@@ -70,11 +70,11 @@ def test_a_hand_that_closes_and_a_peg_that_turns_change_no_order():
     angles = np.radians([0.0, 2.0, 6.0, 5.0, -3.0, -8.0, 1.0, 9.0])
     held = [REST + readings("parallelogram", pushed(rng, angle, 5e-4, LOAD), rng) for angle in angles]
     empty = [REST + rng.normal(0.0, 300.0, REST.shape) for _ in range(3)]
-    taken(TaxelOrder(NOISE), [*empty, *held, *empty]).require()
+    taken(TaxelOrder("parallelogram", NOISE), [*empty, *held, *empty]).require()
 
 
 def test_a_taxel_that_is_not_trusted_says_nothing_of_the_order():
-    raws, order = frames(ASLANT, 4), TaxelOrder(NOISE)
+    raws, order = frames(ASLANT, 4), TaxelOrder("parallelogram", NOISE)
     for raw in (*raws[:2], *(as_told(raw, "the two fingers") for raw in raws[2:])):
         order.take(raw, raw - REST, ~TRUSTED)
     order.require()
@@ -86,4 +86,4 @@ def test_a_peg_that_slips_to_about_the_mirrored_angle_changes_no_order():
     leaning = replace(LOAD, theta=np.radians(6.0), offset=1e-3, across=2.0, tilting=0.09)
     slipped = replace(LOAD, theta=np.radians(-10.0), offset=-1e-3, across=-2.0, tilting=-0.09)
     raws = [REST + readings("parallelogram", load, rng) for load in (*[leaning] * 3, *[slipped] * 3)]
-    taken(TaxelOrder(NOISE), raws).require()
+    taken(TaxelOrder("parallelogram", NOISE), raws).require()

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from drivers.quantities import TaxelFrame
-from drivers.skin.layout import LAYOUTS, MODULE_OF, finger_positions, triangles
+from drivers.skin.layout import LAYOUTS, finger_positions, module_of, triangles
 from sim.config import SimSkinConfig
 from sim.pads import PadLoad, Pads
 from skills.tactile.image import ImageEstimator, ImageParams
@@ -129,7 +129,7 @@ def test_theta_is_that_of_the_moments_in_plain_numpy_within_a_tenth_of_a_degree(
     for number, theta in enumerate(np.radians(np.linspace(-85.0, 85.0, 400))):
         across = rng.uniform(-6.0, 6.0)
         load = replace(LOAD, theta=theta, offset=rng.normal(0.0, 0.7e-3), across=across, tilting=0.05 * across)
-        dead = None if number % 2 else rng.integers(4) == MODULE_OF
+        dead = None if number % 2 else rng.integers(4) == module_of("parallelogram")
         frame = _frame(layout, load, rng, dead)
         errors.append(_turned(estimator.estimate(frame).theta - _moments_theta(params, *reference, frame)))
     assert len(errors) == 400
@@ -155,7 +155,9 @@ def test_dead_module_is_replaced_by_the_other_finger(layout):
     errors = []
     for theta in np.radians(np.linspace(-80.0, 80.0, 41)):
         for module in range(4):
-            pose = estimator.estimate(_frame(layout, replace(LOAD, theta=theta), rng, module == MODULE_OF))
+            pose = estimator.estimate(
+                _frame(layout, replace(LOAD, theta=theta), rng, module == module_of("parallelogram"))
+            )
             if pose.healthy:
                 errors.append(_turned(pose.theta - theta))
     assert len(errors) > 0.9 * 41 * 4
@@ -176,7 +178,7 @@ def test_pressure_all_over_is_no_peg(layout):
 
 
 def test_too_few_trusted_taxels_tell_nothing():
-    dead = MODULE_OF != 2
+    dead = module_of("parallelogram") != 2
     assert not ImageEstimator(ImageParams(), "parallelogram").estimate(_frame("parallelogram", LOAD, dead=dead)).healthy
 
 

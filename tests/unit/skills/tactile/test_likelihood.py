@@ -6,7 +6,7 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
-from drivers.skin.layout import LAYOUTS, MODULE_OF, finger_positions, pad_size
+from drivers.skin.layout import LAYOUTS, finger_positions, module_of, pad_size
 from sim.pads import contact_span
 from skills.tactile.likelihood import RobustParams
 from skills.tactile.robust import RobustEstimator
@@ -47,7 +47,9 @@ def test_offset_is_known_to_a_quarter_of_a_millimetre(layout):
 
 @pytest.mark.parametrize("module", range(4))
 def test_known_dead_module_costs_little(module):
-    error, _, _, healthy = swept(_estimator("parallelogram"), "parallelogram", lambda _, v: (v, module != MODULE_OF))
+    error, _, _, healthy = swept(
+        _estimator("parallelogram"), "parallelogram", lambda _, v: (v, module != module_of("parallelogram"))
+    )
     assert healthy.mean() > 0.99
     assert rms_degrees(error) < 1.2
 

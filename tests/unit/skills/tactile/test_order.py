@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from drivers.errors import SkinUntrustedError
-from drivers.skin.layout import LAYOUTS, MODULE_EXCHANGES
+from drivers.skin.layout import LAYOUTS, module_exchanges
 from skills.tactile.order import LEAST_FRAMES, PrintOrder
 from skills.tactile.robust import RobustEstimator, RobustParams
 from tests.pegs import framed, pushed, readings, shipped
@@ -23,16 +23,16 @@ def frames(layout, number, theta=0.05, offset=1e-3):
 
 
 def order_of(layout, values):
-    order = PrintOrder(estimator(layout))
+    order = PrintOrder(estimator(layout), layout)
     for each in values:
         order.take(framed(each))
     return order
 
 
 @pytest.mark.parametrize("layout", LAYOUTS)
-@pytest.mark.parametrize("exchange", MODULE_EXCHANGES)
+@pytest.mark.parametrize("exchange", module_exchanges("parallelogram"))
 def test_modules_that_have_each_others_places_are_found_by_the_print_of_the_grasp(layout, exchange):
-    told = [each.ravel()[MODULE_EXCHANGES[exchange]].reshape(2, 20) for each in frames(layout, 1)]
+    told = [each.ravel()[module_exchanges("parallelogram")[exchange]].reshape(2, 20) for each in frames(layout, 1)]
     with pytest.raises(SkinUntrustedError, match=f"as with {exchange} exchanged"):
         order_of(layout, told).require()
 
@@ -53,7 +53,7 @@ def test_fingers_that_have_each_others_places_show_the_print_of_a_peg_that_leans
 
 def test_fewer_frames_say_nothing():
     told = [
-        each.ravel()[MODULE_EXCHANGES["the two modules of each finger"]].reshape(2, 20)
+        each.ravel()[module_exchanges("parallelogram")["the two modules of each finger"]].reshape(2, 20)
         for each in frames("parallelogram", 1)
     ]
     order_of("parallelogram", told[1:]).require()
@@ -65,7 +65,7 @@ def test_a_skin_that_shows_no_print_says_nothing_of_its_order():
 
 
 def test_an_estimator_without_templates_says_nothing_of_the_order():
-    order = PrintOrder(object())
+    order = PrintOrder(object(), "parallelogram")
     for each in frames("parallelogram", 1):
         order.take(framed(each))
     order.require()

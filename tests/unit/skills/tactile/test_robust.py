@@ -7,7 +7,7 @@ import pytest
 
 from cell.lab.elastic_layer import LayerPads
 from drivers.part.round import Round
-from drivers.skin.layout import LAYOUTS, MODULE_OF
+from drivers.skin.layout import LAYOUTS, module_of
 from sim.config import PadConfig
 from sim.pads import Pads
 from skills.tactile.likelihood import UNKNOWN_LOAD, Bank, Found, RobustParams, pose_of, weights_of
@@ -60,7 +60,7 @@ def test_whole_skin_is_read_as_well_as_without_second_thoughts():
 @pytest.mark.parametrize("reading", [0.0, -5000.0])
 def test_module_that_died_unnoticed_costs_no_more_than_a_known_one(module, reading):
     def die(_, values):
-        return np.where(module == MODULE_OF, reading, values), ALL
+        return np.where(module == module_of("parallelogram"), reading, values), ALL
 
     error, _, _, healthy = swept(_estimator("parallelogram"), "parallelogram", die)
     assert healthy.mean() > 0.99
@@ -97,7 +97,7 @@ def test_a_dead_module_and_the_end_between_the_pads_are_found_at_once(module):
     """Either alone explains most of such a frame, at an angle that is off by up to 19 degrees."""
     for theta in np.radians(np.arange(-75.0, 76.0, 10.0)):
         values = readings("parallelogram", replace(LOAD, theta=theta, reach_back=4e-3))
-        pose = _estimator("parallelogram").estimate(framed(np.where(module == MODULE_OF, 0.0, values)))
+        pose = _estimator("parallelogram").estimate(framed(np.where(module == module_of("parallelogram"), 0.0, values)))
         assert pose.healthy
         assert abs(folded(pose.theta - theta)) < min(np.radians(2.0), 1.96 * pose.sigma)
 
@@ -158,7 +158,7 @@ def test_peg_that_is_held_still_teaches_little():
 @pytest.mark.parametrize("dead", [(0, 2), (1, 3)])
 def test_print_that_no_taxel_left_can_show_is_not_taken_for_a_certain_one(dead):
     estimator = _estimator("base_to_base")
-    is_alive = ~np.isin(MODULE_OF, dead)
+    is_alive = ~np.isin(module_of("parallelogram"), dead)
     error, sigma, _, healthy = swept(
         estimator, "base_to_base", lambda _, values: (np.where(is_alive, values, 0.0), is_alive)
     )
@@ -273,6 +273,6 @@ def test_load_of_another_grip_is_learnt():
 def test_prints_of_which_some_are_impossible_have_no_endless_chance():
     """A module is dead and the peg ends between the pads, so that few taxels are left and broad prints fit with no load at all."""
     values = readings("parallelogram", replace(LOAD, theta=np.radians(45.0), reach_back=4e-3)).ravel()
-    weights = np.where(MODULE_OF.ravel() == 3, 0.0, weights_of(RobustParams(), values, ALL.ravel()))
+    weights = np.where(module_of("parallelogram").ravel() == 3, 0.0, weights_of(RobustParams(), values, ALL.ravel()))
     bank = _made("parallelogram")._usual._breadths
     assert bank.compare(values, weights, believed=(3.0, 1.0)).chance < -1e-6 * NEVER

@@ -5,7 +5,7 @@ import pytest
 
 from drivers.errors import SkinUntrustedError
 from drivers.quantities import TaxelFrame
-from drivers.skin.layout import MODULE_OF
+from drivers.skin.layout import module_of
 from skills.tactile.steady import JUDGED, NEEDED, STEADY, GraspPrint, restless_modules
 from tests.pegs import framed, pushed, readings
 
@@ -21,12 +21,18 @@ def frames(number, count=JUDGED + 1, spoilt=None):
 
 
 def at_random(module):
-    return lambda values, rng: np.where(module == MODULE_OF, rng.integers(-8000, 34_000, values.shape), values)
+    return lambda values, rng: np.where(
+        module == module_of("parallelogram"), rng.integers(-8000, 34_000, values.shape), values
+    )
+
+
+def restless(before, frame):
+    return restless_modules(before, frame, "parallelogram")
 
 
 def judged(told, prints=None):
     """Return the judge of frames after its verdict; `prints` lists the frames in which the estimator finds a peg."""
-    shown = GraspPrint()
+    shown = GraspPrint("parallelogram")
     for values, is_print in zip(told, prints or [True] * len(told), strict=False):
         if not shown.is_judged:
             shown.take(framed(values), is_print)
@@ -76,7 +82,7 @@ def test_a_module_that_reads_at_random_now_and_then_is_not_named():
 
 def test_the_first_frame_after_the_hand_has_closed_may_be_anything():
     told = frames(1)
-    shown = GraspPrint()
+    shown = GraspPrint("parallelogram")
     shown.take(framed(told[0]), False)
     for values in told[1 : NEEDED + 1]:
         shown.take(framed(values), True)
@@ -85,32 +91,32 @@ def test_the_first_frame_after_the_hand_has_closed_may_be_anything():
 
 def test_without_a_frame_nothing_is_believed():
     with pytest.raises(SkinUntrustedError, match="0 of 0 frames"):
-        GraspPrint().require()
+        GraspPrint("parallelogram").require()
 
 
 @pytest.mark.parametrize(("change", "is_restless"), [(STEADY, False), (STEADY + 1.0, True)])
 def test_a_module_may_change_as_much_as_the_bound_says(change, is_restless):
     before = np.full((2, 20), 2000.0)
-    after = before + np.where(MODULE_OF == 3, change, 0.0)
+    after = before + np.where(module_of("parallelogram") == 3, change, 0.0)
     expected = [False, False, False, is_restless]
-    assert restless_modules(framed(before), framed(after)).tolist() == expected
-    assert restless_modules(framed(after), framed(before)).tolist() == expected
+    assert restless(framed(before), framed(after)).tolist() == expected
+    assert restless(framed(after), framed(before)).tolist() == expected
 
 
 def test_single_taxels_that_read_at_random_make_no_restless_module():
     before, after = np.zeros((2, 20)), np.zeros((2, 20))
     after[0, :4] = 30_000.0
-    assert not restless_modules(framed(before), framed(after)).any()
+    assert not restless(framed(before), framed(after)).any()
     after[0, :6] = 30_000.0
-    assert restless_modules(framed(before), framed(after)).tolist() == [True, False, False, False]
+    assert restless(framed(before), framed(after)).tolist() == [True, False, False, False]
 
 
 def test_taxels_that_are_not_trusted_and_modules_without_any_do_not_count():
     before, after = np.zeros((2, 20)), np.zeros((2, 20))
     after[0, :5], after[1, 10:] = 30_000.0, 30_000.0
     trusted = after == 0.0
-    assert not restless_modules(framed(before), framed(after, trusted)).any()
-    assert not restless_modules(framed(before), framed(after, np.zeros_like(trusted))).any()
+    assert not restless(framed(before), framed(after, trusted)).any()
+    assert not restless(framed(before), framed(after, np.zeros_like(trusted))).any()
 
 
 @pytest.mark.parametrize("is_first", [True, False])
@@ -118,14 +124,14 @@ def test_a_taxel_that_is_not_trusted_in_both_frames_does_not_count(is_first):
     calm, wild = (
         TaxelFrame(np.full((2, 20), value), np.ones((2, 20), dtype=bool), 0.0, 1) for value in (0.0, 30_000.0)
     )
-    untrusted = replace(calm if is_first else wild, trusted=MODULE_OF != 1)
+    untrusted = replace(calm if is_first else wild, trusted=module_of("parallelogram") != 1)
     pair = (untrusted, wild) if is_first else (calm, untrusted)
-    assert restless_modules(*pair).tolist() == [True, False, True, True]
+    assert restless(*pair).tolist() == [True, False, True, True]
 
 
 def test_a_single_trusted_taxel_speaks_for_its_module():
-    trusted = (MODULE_OF != 1) | (np.arange(20) == 10)
-    assert restless_modules(framed(np.zeros((2, 20))), framed(np.full((2, 20), 30_000.0), trusted))[1]
+    trusted = (module_of("parallelogram") != 1) | (np.arange(20) == 10)
+    assert restless(framed(np.zeros((2, 20))), framed(np.full((2, 20), 30_000.0), trusted))[1]
 
 
 def test_a_module_is_named_that_was_restless_in_more_than_half_of_the_frames():
