@@ -24,6 +24,9 @@ RING_WIDTH = 0.05
 FLOOR = 0.01
 """Half the thickness of the floor of a faceted hole, m."""
 
+_FACETED: dict[str, bool] = {"round": True, "rectangular": False}
+"""True if a part of this kind has models of facets."""
+
 
 @dataclass(frozen=True, slots=True)
 class HoleModel:
@@ -51,7 +54,7 @@ class HoleModel:
 
     def has_hole_for(self, part: Part) -> bool:
         """Return True if this model supports such parts; facets need a round hole without a chamfer."""
-        return not self.has_facets or (part.kind == "round" and part.chamfer == 0.0)
+        return not self.has_facets or (_FACETED[part.kind] and part.chamfer == 0.0)
 
     def solref(self, timestep: float) -> tuple[float, float]:
         """Return the contacts' `solref`: a time constant, s, and a damping ratio, or -k and -b if k is given."""

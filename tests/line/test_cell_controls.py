@@ -177,7 +177,7 @@ def test_every_skill_holds_and_goes_on(tmp_path, seed, drawn):
     for braking in cell.brakings:
         assert_halted(braking, State.HELD)
     holds = [State.EXECUTE, State.HOLDING, State.HELD, State.UNHOLDING] * len(LENGTHS)
-    assert cell.run.states == [State.STARTING, *holds, State.EXECUTE, State.COMPLETE]
+    assert cell.states == [State.STARTING, *holds, State.EXECUTE, State.COMPLETE]
 
 
 @pytest.mark.parametrize(
@@ -189,7 +189,7 @@ def test_every_skill_is_ended_and_after_a_reset_the_next_run_starts(tmp_path, co
         for run, (stage, scan) in enumerate(moments(13).items(), 1):
             row = cell.run(control, {stage: scan})
             assert_halted(cell.brakings[0], final)
-            assert cell.run.states == [State.STARTING, State.EXECUTE, acting, final]
+            assert cell.states == [State.STARTING, State.EXECUTE, acting, final]
             assert (row.run, row.outcome, row.reason) == (run, "aborted", "stopped")
             assert CATALOGUE.stage_number(row.stage) == cell.brakings[0].stage
             assert_complete(row, cell)

@@ -68,7 +68,7 @@ def test_the_shipped_gains_do_not_trip_it():
 def test_a_motion_that_is_softened_stays_as_soft_however_often_its_setpoint_is_handed_on(monkeypatch):
     """Waiting hands the held setpoint on; only the guard's word is put into its mouth."""
     monkeypatch.setattr(PassivityGuard, "update", lambda self, setpoint, tcp, stamp: PassivityVerdict.SOFTEN)
-    config = load(sets=["sim.pace=max", "reality.scale=0.0"]).cell
+    config = load(sets=["sim.pace=max"]).cell
     cell = assemble(config)
     with opened(cell):
         ctx = cell.context(1)

@@ -174,7 +174,10 @@ def test_wire_that_loses_data_is_named(capsys):
 
 def test_port_that_is_not_there_is_named(capsys):
     found = checked(capsys, *SERIAL, "--set", "skin.port=/dev/ttyNO7")
-    assert found == "fault 1007: serial port /dev/ttyNO7: no such port: plug it in, or name another one"
+    assert (
+        found
+        == "fault 1007: serial port /dev/ttyNO7: no such port: plug it in, or name another one; docs/first-day.md, step 5"
+    )
 
 
 def test_line_on_which_nobody_answers_is_named(capsys):

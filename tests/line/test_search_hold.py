@@ -16,7 +16,7 @@ RUNNING, HELD, RESUMED = 0.3, 1.0, 1.0
 
 def test_setpoint_of_a_search_that_was_held_anywhere_goes_on_without_a_step() -> None:
     """A plate without a hole and the smallest dip threshold: most of the time the search probes."""
-    sets = ["sim.pace=max", "reality.scale=0.0", "sim.seed=105", "sim.plate.present=false", "search.timeout=10"]
+    sets = ["sim.pace=max", "reality.scale=1.0", "sim.seed=105", "sim.plate.present=false", "search.timeout=10"]
     sets += ["search.dip_threshold=2e-5"]
     config = load(None, None, sets).cell
     cell = assemble(config)

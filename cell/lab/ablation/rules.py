@@ -20,12 +20,12 @@ SCENES: Mapping[str, Sequence[str]] = {
     "hertz": ("world=hertz",),
     "foam": ("world=foam",),
     "stribeck": ("world=stribeck",),
-    "square": ("peg.shape=square",),
+    "corners": ("peg.shape=square",),
     "wrong place": ("hole.prior={mean=[0.51,0.01],deviation=[0.0007,0.0007]}",),
     "vague place": ("hole.prior={mean=[0.5,0.0],deviation=[0.015,0.015]}",),
 }
 """Scenes by name, as keys of the config."""
-CORNERS = ("square",)
+CORNERS = ("corners",)
 PLACES = ("wrong place", "vague place")
 ROUND = tuple(name for name in SCENES if name not in CORNERS)
 PADS = ("honest", "careless", "turning", "soft", "hertz", "foam")

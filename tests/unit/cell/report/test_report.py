@@ -130,8 +130,9 @@ def test_times_tell_the_stage_alone_from_the_stage_with_its_transfer():
 
 
 def test_the_insertion_is_the_sum_that_the_published_table_counts():
-    times = json.dumps([(GRASP.name, 4.0), (SEARCH.name, 5.0), ("tactile_insert", 1.0), (ADJUST.name, 2.0)])
-    assert told([row(1, **SUCCESS, stage_times=times)]).insertion["mean"] == pytest.approx(8.0)
+    times = {GRASP.name: 4.0, SEARCH.name: 5.0, "tactile_insert": 1.0, ADJUST.name: 2.0}
+    tries = [stage(1, name, time, place=place) for place, (name, time) in enumerate(times.items(), 1)]
+    assert told([row(1)], tries).insertion["mean"] == pytest.approx(8.0)
     assert len(CATALOGUE.counted) == 3
 
 
@@ -200,9 +201,3 @@ def test_all_tries_of_a_stage_in_a_run_count_together_with_the_worst_residual(jo
         13.0,
         [(0.0, 0.3)],
     )
-
-
-def test_an_insertion_of_a_journal_without_stages_is_what_its_row_says():
-    times = json.dumps([(SEARCH.name, 5.0), (ADJUST.name, 2.0)])
-    on_record = [row(1, **SUCCESS, stage_times=times), row(2, **SUCCESS, stage_times=times)]
-    assert told(on_record, [stage(2, SEARCH.name, 4.0)]).insertion["mean"] == pytest.approx((7.0 + 4.0) / 2)
