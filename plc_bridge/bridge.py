@@ -9,17 +9,17 @@ from typing import TYPE_CHECKING
 from drivers.errors import CellError, ConfigError
 from drivers.transport.serial_line import SerialLine
 from plc_bridge.config import CanConfig, PlcConfig
-from plc_bridge.images import Diagnostics
-from plc_bridge.intervals import Intervals
-from plc_bridge.mailbox import Mailbox
-from plc_bridge.modbus import ModbusServer
-from plc_bridge.modbus_tls import SecureModbusServer
-from plc_bridge.packml import PackTags
-from plc_bridge.registers import Parameter, Register, table
-from plc_bridge.rtu import RtuServer
+from plc_bridge.modbus.rtu import RtuServer
+from plc_bridge.modbus.server import ModbusServer
+from plc_bridge.modbus.tls_server import SecureModbusServer
+from plc_bridge.protocol.images import Diagnostics
+from plc_bridge.protocol.intervals import Intervals
+from plc_bridge.protocol.mailbox import Mailbox
+from plc_bridge.protocol.packml import PackTags
+from plc_bridge.protocol.registers import Parameter, Register, table
 
 if TYPE_CHECKING:
-    from plc_bridge.canopen import CanopenServer
+    from plc_bridge.canopen.bus import CanopenServer
     from plc_bridge.opcua.server import OpcUaServer
 
 
@@ -126,7 +126,7 @@ class Bridge(Mailbox):
 def _canopen_server(config: CanConfig, registers: Sequence[Register], bridge: Bridge) -> "CanopenServer":
     # Imported here: the CAN libraries take 0.1 s, which only a cell with CANopen should spend.
     from drivers.transport.can_bus import CanBus
-    from plc_bridge.canopen import CanopenServer
+    from plc_bridge.canopen.bus import CanopenServer
 
     return CanopenServer(config, registers, CanBus(config.interface, config.channel, config.bitrate), bridge)
 

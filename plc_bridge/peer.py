@@ -12,7 +12,7 @@ from pymodbus.exceptions import ModbusException
 from pymodbus.pdu import ModbusPDU
 
 from drivers.errors import CellError, FaultCode
-from plc_bridge.images import (
+from plc_bridge.protocol.images import (
     COMMAND,
     DIAGNOSTICS,
     REPORT,
@@ -22,8 +22,8 @@ from plc_bridge.images import (
     diagnostics_image,
     report_image,
 )
-from plc_bridge.messages import Control, LeaseState, Report, Result
-from plc_bridge.registers import COILS, VERSION, Lease
+from plc_bridge.protocol.messages import Control, LeaseState, Report, Result
+from plc_bridge.protocol.registers import COILS, VERSION, Lease
 
 logging.getLogger("pymodbus.logging").setLevel(logging.CRITICAL)  # its errors are raised here
 

@@ -5,25 +5,19 @@ To add a skill, write one module with its parameters, result and `run`, and add 
 
 from dataclasses import replace
 
-from skills import (
-    grasp_from_rack,
-    handling,
-    recover,
-    release_and_retract,
-    spiral_adjust,
-    spray_search,
-    tactile_insert,
-)
+from skills import grasp_from_rack, handling, recover, release_and_retract
 from skills.contract import Outcome, Reason, SkillContext, SkillResult
 from skills.entry import Catalogue, Claim, Program, Skill, SkillSet
 from skills.flow import StageRecord, in_order, run_stage
+from skills.insert import spiral_adjust, tactile_insert
+from skills.insert.spiral_params import SpiralAdjustParams
 from skills.plan import InsertionPlan, plan_insertion
+from skills.search import spray_search
 from skills.search.belief import Belief
 from skills.search.course import ANYWHERE
 from skills.search.decoys import Decoy, decoy_at
 from skills.search.params import SpraySearchParams
-from skills.spiral_params import SpiralAdjustParams
-from skills.surface import Plane, nominal
+from skills.search.surface import Plane, nominal
 
 RETRIED = (Reason.NOT_ALIGNED, Reason.NOT_SEATED)
 """Reasons of a failure after which `insert_peg` searches again."""

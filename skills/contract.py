@@ -23,10 +23,8 @@ from drivers.quantities import (
     Vector,
 )
 from drivers.skin.layout import Layout, layout_of
-from skills.held_peg import HeldPeg
-from skills.lead import Lead
-from skills.passivity import STOP, PassivityGuard, PassivityVerdict
-from skills.scan_guards import (
+from skills.guards.passivity import STOP, PassivityGuard, PassivityVerdict
+from skills.guards.scan_guards import (
     ScanSchedule,
     ScanTiming,
     require_finite_hand,
@@ -36,9 +34,11 @@ from skills.scan_guards import (
     require_tracking,
     way_back,
 )
-from skills.setpoint_gate import Limits
+from skills.guards.setpoint_gate import Limits
+from skills.guards.wrench_zero import ZeroedWrench
+from skills.held_peg import HeldPeg
+from skills.lead import Lead
 from skills.tactile.pose import Estimator, PegPose, Tracker
-from skills.wrench_zero import ZeroedWrench
 
 logger = logging.getLogger(__name__)
 

@@ -7,7 +7,7 @@ from typing import Any, Generic, TypeVar
 
 from drivers.errors import ConfigError
 from skills.contract import Reason, SkillContext, SkillParams, SkillResult
-from skills.corner import CornerParams
+from skills.corner.params import CornerParams
 from skills.flow import StageRecord, run_stage
 from skills.motion import Gains
 from skills.pace import Pace, at_pace

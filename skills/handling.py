@@ -2,14 +2,17 @@
 
 from dataclasses import replace
 
-from skills import corner_adjust, corner_insert, spiral_adjust, spray_search, tactile_insert
 from skills.contract import Outcome, SkillContext, SkillResult
+from skills.corner import adjust as corner_adjust
+from skills.corner import insert as corner_insert
+from skills.insert import spiral_adjust, tactile_insert
 from skills.paper import adjust as paper_adjust
 from skills.paper import insert as paper_insert
 from skills.paper import search as paper_search
 from skills.plan import InsertionPlan
+from skills.search import spray_search
 from skills.search.belief import Belief
-from skills.surface import Plane
+from skills.search.surface import Plane
 
 
 def find(plan: InsertionPlan, ctx: SkillContext, belief: Belief) -> SkillResult:

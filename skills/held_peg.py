@@ -2,8 +2,8 @@
 
 from dataclasses import dataclass, replace
 
-from skills.latch_likelihood import Way
-from skills.surface import Plane
+from skills.search.surface import Plane
+from skills.seating.latch_likelihood import Way
 from skills.tactile.pose import NO_PEG, PegPose
 
 SLIPPED = 0.5

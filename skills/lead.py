@@ -6,8 +6,8 @@ import numpy as np
 
 from drivers.protocols import Arm
 from drivers.quantities import ImpedanceSetpoint, Vector
-from skills.passivity import SOFTENED
-from skills.rest import Rest
+from skills.guards.passivity import SOFTENED
+from skills.guards.rest import Rest
 
 
 class Lead:

@@ -11,8 +11,8 @@ from pydantic import Field, PositiveFloat
 from drivers.config_model import ConfigModel, Figure, Quantity, Tempo
 from drivers.frames import UP, angle_between, rotation_about
 from drivers.quantities import ImpedanceSetpoint, InHandTip, Twist, Vector
-from skills.clearance import SAMPLES, Attitude, require_clear
 from skills.contract import Observation, SkillContext
+from skills.guards.clearance import SAMPLES, Attitude, require_clear
 
 VALIDITY = 0.1
 """Validity of a setpoint, s; without a newer setpoint, the arm then holds still."""

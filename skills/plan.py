@@ -10,18 +10,18 @@ from typing import Any, Generic, TypeVar
 from drivers.config_model import ConfigModel
 from drivers.part.contract import Part
 from drivers.parts import Hole, Peg
-from skills.corner import CornerParams
+from skills.corner.params import CornerParams
 from skills.entry import SkillSet
 from skills.grasp_from_rack import GraspFromRackParams
-from skills.grip import Grip, grip_of
+from skills.insert.grip import Grip, grip_of
+from skills.insert.play import allowed_depth
+from skills.insert.spiral_params import SpiralAdjustParams
+from skills.insert.tactile_insert import TactileInsertParams
 from skills.motion import Gains
 from skills.pace import scaled, within
 from skills.paper.params import PaperParams
-from skills.play import allowed_depth
 from skills.search.params import SpraySearchParams
 from skills.search.size import fastest, firm, shallow
-from skills.spiral_params import SpiralAdjustParams
-from skills.tactile_insert import TactileInsertParams
 
 P = TypeVar("P", bound=ConfigModel)
 

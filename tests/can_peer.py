@@ -10,14 +10,14 @@ from canopen.pdo import PdoMap
 
 from drivers.transport.can_bus import CanBus
 from drivers.transport.wires import CanFrame, CanLostError
-from plc_bridge.canopen_node import NmtState
+from plc_bridge.canopen.heartbeat import HeartbeatProducer
+from plc_bridge.canopen.node import NmtState
+from plc_bridge.canopen.objects import RPDO_BASES, bytes_of, dictionary
 from plc_bridge.config import CanConfig
-from plc_bridge.heartbeat import HeartbeatProducer
-from plc_bridge.images import CommandImage, Diagnostics, Value, command_words, report_of
-from plc_bridge.messages import Report
-from plc_bridge.objects import RPDO_BASES, bytes_of, dictionary
 from plc_bridge.peer import CellSilentError, PlcPeer
-from plc_bridge.registers import RPDOS, Register, table
+from plc_bridge.protocol.images import CommandImage, Diagnostics, Value, command_words, report_of
+from plc_bridge.protocol.messages import Report
+from plc_bridge.protocol.registers import RPDOS, Register, table
 
 _NEWS = tuple(
     f"report_{name}" for name in ("run", "stage", "result", "total_time", "state", "sequence", "answered", "refusal")

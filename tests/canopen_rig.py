@@ -2,9 +2,9 @@
 
 from drivers.transport.wires import CanFrame
 from plc_bridge.bridge import Bridge
-from plc_bridge.canopen_node import CanopenNode
+from plc_bridge.canopen.node import CanopenNode
 from plc_bridge.config import CanConfig, PlcConfig
-from plc_bridge.registers import Parameter, table
+from plc_bridge.protocol.registers import Parameter, table
 from tests.scan_thread import take
 
 NODE, PLC, PROGRAM = 16, 1, 100

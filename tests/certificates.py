@@ -9,7 +9,7 @@ from cryptography import x509
 from cryptography.hazmat.primitives import hashes, serialization
 from cryptography.hazmat.primitives.asymmetric import ec, rsa
 
-from plc_bridge.tls import ROLE_EXTENSION
+from plc_bridge.modbus.tls import ROLE_EXTENSION
 
 DAY = datetime.timedelta(days=1)
 

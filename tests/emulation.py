@@ -3,7 +3,7 @@
 import pytest
 
 from drivers.errors import DeviceNotOpenedError
-from sim.switch_board import Chip
+from sim.boards.switch_board import Chip
 
 
 def emulated_or_skip() -> None:

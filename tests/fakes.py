@@ -29,11 +29,11 @@ from drivers.quantities import (
 )
 from drivers.skin.layout import shape_of
 from plc_bridge.bridge import Bridge
-from plc_bridge.images import CommandImage
-from plc_bridge.messages import Report
+from plc_bridge.protocol.images import CommandImage
+from plc_bridge.protocol.messages import Report
 from skills.catalogue import RECOVER
 from skills.contract import Devices, Perception, SkillContext
-from skills.scan_guards import ScanLimits, ScanSchedule
+from skills.guards.scan_guards import ScanLimits, ScanSchedule
 from skills.tactile.blend import Blend, Smoothing
 from skills.tactile.pose import PegPose
 from tests.pegs import LOAD, readings

@@ -16,9 +16,9 @@ from pymodbus.client import ModbusTcpClient
 
 from cell.lab.faults.program import served
 from cell.run.states import State
-from plc_bridge.images import COMMAND, REPORT, CommandImage, command_words, report_image
-from plc_bridge.messages import Refusal, Result
-from plc_bridge.registers import COILS, DISCRETE_INPUTS
+from plc_bridge.protocol.images import COMMAND, REPORT, CommandImage, command_words, report_image
+from plc_bridge.protocol.messages import Refusal, Result
+from plc_bridge.protocol.registers import COILS, DISCRETE_INPUTS
 from skills.catalogue import CATALOGUE
 
 CYCLE, PATIENCE = 0.02, 60.0

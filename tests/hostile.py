@@ -24,8 +24,8 @@ from pathlib import Path
 from drivers.transport.serial_line import SerialLine
 from plc_bridge.bridge import Bridge
 from plc_bridge.config import ModbusConfig, PlcConfig, RtuConfig, TlsConfig
-from plc_bridge.messages import Control
-from plc_bridge.rtu_frames import with_check_sum
+from plc_bridge.modbus.rtu_frames import with_check_sum
+from plc_bridge.protocol.messages import Control
 from tests.cable import Cable
 from tests.certificates import Authority, utf8
 from tests.modbus_oracle import Oracle

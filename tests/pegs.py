@@ -9,7 +9,7 @@ import numpy as np
 from cell.config.load import load
 from drivers.quantities import TaxelFrame
 from sim.config import SimSkinConfig
-from sim.pads import PadLoad, Pads
+from sim.hand.pads import PadLoad, Pads
 
 LOAD = PadLoad(0.0, 0.0, 30.0, 0.0, 0.0, 0.05, 0.015, 0.008)
 SKIN = SimSkinConfig(kind="sim")

@@ -7,15 +7,15 @@ from typing import Any
 
 from drivers.transport.wires import CanFrame
 from plc_bridge.bridge import Bridge
-from plc_bridge.canopen_node import CanopenNode
+from plc_bridge.canopen.node import CanopenNode
 from plc_bridge.config import CanConfig, ModbusConfig, PlcConfig, RtuConfig
-from plc_bridge.images import REPORT, report_image
-from plc_bridge.messages import Command, Control, Refusal, Report, Result
-from plc_bridge.modbus import ModbusServer
-from plc_bridge.modbus_connection import HEADER
-from plc_bridge.registers import table
-from plc_bridge.rtu import RtuServer
-from plc_bridge.rtu_frames import with_check_sum
+from plc_bridge.modbus.connection import HEADER
+from plc_bridge.modbus.rtu import RtuServer
+from plc_bridge.modbus.rtu_frames import with_check_sum
+from plc_bridge.modbus.server import ModbusServer
+from plc_bridge.protocol.images import REPORT, report_image
+from plc_bridge.protocol.messages import Command, Control, Refusal, Report, Result
+from plc_bridge.protocol.registers import table
 
 PROGRAMS = {100: "insert_peg", 101: "grasp_from_rack"}
 REGISTERS = table(PROGRAMS)

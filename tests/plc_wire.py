@@ -5,9 +5,9 @@ import struct
 import time
 
 from cell.run.states import State
-from plc_bridge.images import COMMAND, REPORT, CommandImage, command_words, report_image
-from plc_bridge.messages import Control
-from plc_bridge.registers import COILS, DISCRETE_INPUTS
+from plc_bridge.protocol.images import COMMAND, REPORT, CommandImage, command_words, report_image
+from plc_bridge.protocol.messages import Control
+from plc_bridge.protocol.registers import COILS, DISCRETE_INPUTS
 from tests.quick_cell import CODE
 
 PATIENCE = 10.0  # s

@@ -9,14 +9,16 @@ import numpy as np
 from drivers.frames import UP, rotation_about
 from drivers.part.rectangular import Rectangular
 from drivers.part.round import Round
-from sim import contact, metering, native, rectangular, rig
-from sim.plate import Plate, geoms, words
-from sim.rig import HOLE_DEPTH as HOLE_DEPTH
-from sim.section import section_depth as section_depth
+from sim.contact import rectangular, rig
+from sim.contact import table as contact
+from sim.contact.plate import Plate, geoms, words
+from sim.contact.rig import HOLE_DEPTH as HOLE_DEPTH
+from sim.contact.section import section_depth as section_depth
+from sim.world import metering, native
 
 
 def tilted_peg(diameter: float, hole: float, *how: Any, **more: Any) -> mujoco.MjModel:
-    """Return a round peg over a round hole; see `sim.rig.tilted_peg` for what follows their diameters, m."""
+    """Return a round peg over a round hole; see `sim.contact.rig.tilted_peg` for what follows their diameters, m."""
     return rig.tilted_peg(Round(diameter), Round(hole), *how, **more)
 
 

@@ -20,9 +20,9 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Any
 
-from plc_bridge.images import CommandImage, command_words
-from plc_bridge.messages import Refusal, Result
-from plc_bridge.registers import DISCRETE_INPUTS
+from plc_bridge.protocol.images import CommandImage, command_words
+from plc_bridge.protocol.messages import Refusal, Result
+from plc_bridge.protocol.registers import DISCRETE_INPUTS
 from tests.plc_bytes import NODE, PLC, PROGRAMS, READ_INPUTS, STOPS, Can, Cell, Client, Rtu, Run, Tcp, block, coil, word
 
 Step = tuple[str, int, int]

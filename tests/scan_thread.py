@@ -1,7 +1,7 @@
 """The scan thread's side of a bridge or a handshake, where no supervisor is at work."""
 
 from plc_bridge.bridge import Bridge
-from plc_bridge.messages import Command, Report
+from plc_bridge.protocol.messages import Command, Report
 
 
 def take(bridge: Bridge) -> Command | None:

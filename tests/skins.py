@@ -15,10 +15,10 @@ from drivers.skin.board_config import CanSkinConfig, SerialSkinConfig
 from drivers.skin.boards import CanSkin, SerialSkin
 from drivers.transport.can_bus import CanBus
 from drivers.transport.serial_line import SerialLine
-from sim.board_clock import BoardClock
-from sim.board_links import CanCable, SerialCable, emulated_can, emulated_line
+from sim.boards.board_clock import BoardClock
+from sim.boards.board_links import CanCable, SerialCable, emulated_can, emulated_line
 from sim.config import SkinBoardConfig
-from sim.pads import PadLoad
+from sim.hand.pads import PadLoad
 
 _BUSES = count()
 

@@ -16,7 +16,7 @@ class Threat(NamedTuple):
 FRONT, PAGE = "tests/line/test_front.py", "tests/line/test_page_server.py"
 CONTENT, CUSTODY = "tests/unit/cell/records/test_journal_content.py", "tests/unit/cell/peg/test_custody.py"
 GATE, TLS, PARTS = (
-    "tests/unit/skills/test_setpoint_gate.py",
+    "tests/unit/skills/guards/test_setpoint_gate.py",
     "tests/line/test_modbus_tls.py",
     "tests/unit/cell/page/test_page_parts.py",
 )
@@ -89,7 +89,7 @@ THREATS = (
     ),
     Threat(
         "bytes on a wire that no parser can read",
-        "plc_bridge.pdu.respond",
+        "plc_bridge.modbus.pdu.respond",
         "tests/unit/test_bytes_outside.py::test_random_bytes_on_a_wire_do_no_harm",
     ),
     Threat(
@@ -140,7 +140,7 @@ THREATS = (
     ),
     Threat(
         "a reading that no sensor can give",
-        "skills.setpoint_gate.require_readings",
+        "skills.guards.setpoint_gate.require_readings",
         f"{GATE}::test_a_reading_of_the_arm_that_no_sensor_can_give_is_named",
     ),
     Threat(
@@ -150,12 +150,12 @@ THREATS = (
     ),
     Threat(
         "a client without, or with a foreign certificate",
-        "plc_bridge.tls.server_context",
+        "plc_bridge.modbus.tls.server_context",
         f"{TLS}::test_client_without_a_certificate_is_refused_and_counted",
     ),
     Threat(
         "a revoked certificate",
-        "plc_bridge.tls.server_context",
+        "plc_bridge.modbus.tls.server_context",
         f"{TLS}::test_a_revoked_certificate_is_refused_and_another_one_served",
     ),
     Threat(
@@ -173,5 +173,5 @@ THREATS = (
         "cell.records.versions.installed",
         "tests/unit/docs/test_dependencies.py::test_every_dependency_has_an_upper_bound_and_its_pin_is_within",
     ),
-    Threat("hostile Modbus frames", "plc_bridge.pdu", "tests/line/test_hostile_frames.py"),
+    Threat("hostile Modbus frames", "plc_bridge.modbus.pdu", "tests/line/test_hostile_frames.py"),
 )

@@ -21,11 +21,11 @@ from drivers.skin.boards import CanSkin
 from drivers.switch.board import SerialSuccessSwitch
 from drivers.switch.board_config import SerialSwitchConfig
 from drivers.transport.can_bus import CanBus
-from plc_bridge.messages import Command, Control, PartPlace, Refusal, Report, Result
-from sim.board_clock import BoardClock
-from sim.board_links import CanCable, emulated_can
+from plc_bridge.protocol.messages import Command, Control, PartPlace, Refusal, Report, Result
+from sim.boards.board_clock import BoardClock
+from sim.boards.board_links import CanCable, emulated_can
+from sim.boards.switch_board import EmulatedSwitchBoard
 from sim.config import WireFaults
-from sim.switch_board import EmulatedSwitchBoard
 from skills.catalogue import CATALOGUE
 from tests.skins import Cabled
 

@@ -24,9 +24,9 @@ from drivers.errors import CellError, ConfigError, NotCalibratedError
 from drivers.frames import UP
 from drivers.quantities import ImpedanceSetpoint, Pose, Twist, Vector
 from skills.catalogue import GRASP
-from skills.clearance import Attitude, require_clear
 from skills.contract import Interrupted, Observation, SkillContext
 from skills.grasp_from_rack import ACROSS_RACK
+from skills.guards.clearance import Attitude, require_clear
 from skills.motion import VALIDITY, Goal, Transfer, move
 
 REACH = 0.2

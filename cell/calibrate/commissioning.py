@@ -11,9 +11,9 @@ from threading import Event
 
 from cell.run.states import State
 from plc_bridge.bridge import Bridge
-from plc_bridge.messages import FIRST_PROGRAM, Command, Control, Report, Result
-from plc_bridge.registers import VERSION_MAJOR, VERSION_MINOR
-from plc_bridge.sight import PlcSight
+from plc_bridge.protocol.messages import FIRST_PROGRAM, Command, Control, Report, Result
+from plc_bridge.protocol.registers import VERSION_MAJOR, VERSION_MINOR
+from plc_bridge.protocol.sight import PlcSight
 from skills.catalogue import CATALOGUE
 
 BEATS = 50

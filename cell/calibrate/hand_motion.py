@@ -11,8 +11,8 @@ from cell.devices.assembly import Cell, bounds_of
 from drivers.errors import TrackingError
 from drivers.frames import quaternion, rotation_by
 from drivers.quantities import ArmState, ImpedanceSetpoint, Pose, Twist, Vector
+from skills.guards.setpoint_gate import GatedArm, Limits
 from skills.motion import VALIDITY
-from skills.setpoint_gate import GatedArm, Limits
 
 DIRECTIONS = {
     sign(axis): sense * np.eye(3)[k]

@@ -7,9 +7,9 @@ from cell.config.layers import parse_set
 from cell.config.parameters import PARAMETERS
 from cell.run.line import CONTROLS
 from drivers.errors import CellError, ConfigError
-from plc_bridge.images import Diagnostics
-from plc_bridge.messages import Report
 from plc_bridge.peer import Peer
+from plc_bridge.protocol.images import Diagnostics
+from plc_bridge.protocol.messages import Report
 from skills.catalogue import CATALOGUE
 
 PERIOD = 0.1

@@ -10,7 +10,7 @@ from cell.commands.terminal import GOOD, say, show
 if TYPE_CHECKING:
     from rich.console import Group
 
-    from plc_bridge.registers import Register
+    from plc_bridge.protocol.registers import Register
 
 SUMMARY = "the register map"
 FORMATS = ("md", "csv", "json", "eds", "st", "xml", "scl", "h", "bytes")
@@ -26,7 +26,7 @@ def run(args: argparse.Namespace) -> int:
     """Print the table."""
     from cell.config.parameters import PARAMETERS
     from cell.run.line import PROGRAMS, WORDS
-    from plc_bridge.registers import table
+    from plc_bridge.protocol.registers import table
 
     registers = table(PROGRAMS, PARAMETERS, WORDS)
     form = "json" if args.json else args.format
@@ -37,11 +37,11 @@ def run(args: argparse.Namespace) -> int:
     if form in ("st", "xml", "scl", "h"):
         text = _program(form, registers)
     elif form == "eds":
-        from plc_bridge.eds import as_eds
+        from plc_bridge.exports.eds import as_eds
 
         text = as_eds(registers)
     else:
-        from plc_bridge import map_formats
+        from plc_bridge.exports import map_formats
 
         write = {
             "md": map_formats.as_markdown,
@@ -60,7 +60,7 @@ def _picture(registers: "Sequence[Register]") -> "Group":
     from rich.console import Group
     from rich.table import Table
 
-    from plc_bridge.map_formats import RULES
+    from plc_bridge.exports.map_formats import RULES
 
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
     for name in ("address", "name", "type", "meaning"):
@@ -81,21 +81,21 @@ def _picture(registers: "Sequence[Register]") -> "Group":
 def _program(form: str, registers: "Sequence[Register]") -> str:
     """Return the declarations for a PLC program, in the requested language."""
     from cell.run.line import PROGRAMS, WORDS
-    from plc_bridge.plc_names import plc_names
+    from plc_bridge.exports.plc_names import plc_names
 
     names = plc_names(PROGRAMS, WORDS)
     if form == "xml":
-        from plc_bridge.plcopen_xml import as_plcopen_xml
+        from plc_bridge.exports.plcopen_xml import as_plcopen_xml
 
         return as_plcopen_xml(registers, names)
     if form == "scl":
-        from plc_bridge.scl import as_scl
+        from plc_bridge.exports.scl import as_scl
 
         return as_scl(registers, names)
     if form == "h":
-        from plc_bridge.c_header import as_c_header
+        from plc_bridge.exports.c_header import as_c_header
 
         return as_c_header(registers, names)
-    from plc_bridge.structured_text import as_structured_text
+    from plc_bridge.exports.structured_text import as_structured_text
 
     return as_structured_text(registers, names)

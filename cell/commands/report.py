@@ -38,7 +38,7 @@ def _report(args: argparse.Namespace) -> int:
     from cell.report.facts import facts_of
     from cell.report.words import require_kind, tables
     from cell.run.line import PROGRAMS
-    from plc_bridge.messages import FIRST_PROGRAM
+    from plc_bridge.protocol.messages import FIRST_PROGRAM
 
     if args.out is not None:
         require_kind(args.out)

@@ -54,7 +54,7 @@ def run(args: argparse.Namespace) -> int:
 
 def _run_there(args: argparse.Namespace) -> int:
     from cell.commands import client, words
-    from plc_bridge.messages import REMEDIES, Refusal, Result
+    from plc_bridge.protocol.messages import REMEDIES, Refusal, Result
 
     if args.config is not None:
         raise ConfigError("--config: not together with --connect, the cell there has its own; one of the two allowed")
@@ -90,7 +90,7 @@ def _run_here(args: argparse.Namespace) -> int:
     from cell.devices.assembly import assemble, opened
     from cell.run.line import TOLD, TerminalLine
     from cell.run.supervisor import Supervisor
-    from plc_bridge.messages import REMEDIES, Command, Refusal, Report, Result
+    from plc_bridge.protocol.messages import REMEDIES, Command, Refusal, Report, Result
     from skills.catalogue import CATALOGUE
     from skills.contract import Outcome
 

@@ -19,17 +19,17 @@ from cell.run.line import TerminalLine
 from cell.run.supervisor import Supervisor, is_timed
 from drivers.compiled import is_kept, is_noted, note
 from drivers.errors import CellError
-from plc_bridge.messages import Command, Report, Result
+from plc_bridge.protocol.messages import Command, Report, Result
 from skills.catalogue import CATALOGUE, INSERT
 
 logger = logging.getLogger(__name__)
 _INSERT = CATALOGUE["insert_peg"].code
-_ENGINE = "from sim.engine import compile_ahead; compile_ahead()"
+_ENGINE = "from sim.world.engine import compile_ahead; compile_ahead()"
 
 
 def compile_ahead(config: CellConfig) -> None:
     """Compile the slowest functions of a simulated insertion, once per computer: the engine in a second process, the rest here."""
-    if is_kept("sim/engine.py"):
+    if is_kept("sim/world/engine.py"):
         return
     complain("compiling for this computer, once: the first start takes about half a minute longer")
     with progress() as bars, subprocess.Popen([sys.executable, "-c", _ENGINE], stderr=subprocess.DEVNULL) as engine:

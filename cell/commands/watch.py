@@ -10,8 +10,8 @@ from cell.commands.arguments import address
 from cell.commands.terminal import GOOD, console, say
 
 if TYPE_CHECKING:
-    from plc_bridge.images import Diagnostics
-    from plc_bridge.messages import Report
+    from plc_bridge.protocol.images import Diagnostics
+    from plc_bridge.protocol.messages import Report
 
 SUMMARY = "live state of a cell that is served"
 

@@ -12,8 +12,8 @@ from cell.records.schema import RunRow, StageRow
 from cell.records.wall_clock import local
 from cell.run.states import BEFORE_RESET, State
 from drivers.errors import FAULTS, FaultCode
-from plc_bridge.images import Diagnostics
-from plc_bridge.messages import LeaseState, PartEvidence, PartPlace, Refusal, Report, Result
+from plc_bridge.protocol.images import Diagnostics
+from plc_bridge.protocol.messages import LeaseState, PartEvidence, PartPlace, Refusal, Report, Result
 from skills.catalogue import CATALOGUE
 
 

@@ -44,18 +44,18 @@ from sim.config import (
 )
 from skills.catalogue import ADJUST, CATALOGUE, GRASP, SEARCH
 from skills.contract import SkillParams
-from skills.corner import CornerParams
+from skills.corner.params import CornerParams
 from skills.entry import Skill, SkillSet
+from skills.guards.scan_guards import ScanLimits
+from skills.guards.setpoint_gate import Limits
+from skills.guards.wrench_zero import WrenchConfig
 from skills.motion import Gains, Transfer
 from skills.pace import Pace
 from skills.paper.params import PaperParams
 from skills.plan import InsertionPlan, is_cornered, plan_insertion
-from skills.prior import LearningConfig
-from skills.scan_guards import ScanLimits
-from skills.setpoint_gate import Limits
+from skills.search.prior import LearningConfig
 from skills.tactile.blend import Smoothing
 from skills.tactile.estimators import ESTIMATORS, EstimatorEntry
-from skills.wrench_zero import WrenchConfig
 
 P = TypeVar("P", bound=SkillParams)
 E = TypeVar("E", bound=ConfigModel)
@@ -289,7 +289,7 @@ class CellConfig(Catalogued):
             )
         if self.sim.plate.shallow >= self.hole.depth:
             raise ValueError(
-                f"sim.plate.shallow = {self.sim.plate.shallow}: no hole is left; less than hole.depth = {self.hole.depth} allowed"
+                f"sim.contact.plate.shallow = {self.sim.plate.shallow}: no hole is left; less than hole.depth = {self.hole.depth} allowed"
             )
         return self
 

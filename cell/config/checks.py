@@ -12,14 +12,14 @@ from cell.config.torque_path import is_hold_steady, is_steady, largest, largest_
 from drivers.arm.model import ArmModel
 from drivers.parts import Hole, Latch, Peg, Rack
 from skills.grasp_from_rack import GraspFromRackParams
-from skills.grip import grip_of
+from skills.guards.setpoint_gate import Limits
+from skills.insert.grip import grip_of
+from skills.insert.spiral_params import SpiralAdjustParams
 from skills.motion import Gains, Transfer
 from skills.paper.params import PaperParams
 from skills.plan import is_cornered
 from skills.search.params import TOUCHED_TIME, SpraySearchParams
-from skills.seating import LEAST_PUSH
-from skills.setpoint_gate import Limits
-from skills.spiral_params import SpiralAdjustParams
+from skills.seating.decision import LEAST_PUSH
 
 LATCH_MARGIN = 1.2
 """Largest force of a real latch relative to the stated force, ratio. Source: `latch.force` of config/reality.toml."""

@@ -1,6 +1,6 @@
 """Parameters of a PLC's command: keys of the config that it may replace for its own run."""
 
-from plc_bridge.registers import Parameter
+from plc_bridge.protocol.registers import Parameter
 
 PARAMETERS: tuple[Parameter, ...] = (
     Parameter("grasp.force", "N", 0.1, 1.0, 70.0, "grip force"),

@@ -47,21 +47,21 @@ from drivers.transport.traffic import PlaybackCan, PlaybackLine, RecordedCan, Re
 from drivers.transport.wires import ByteLink, CanLink
 from skills.catalogue import INSERT, RECOVER
 from skills.contract import Devices, Perception, SkillContext
-from skills.scan_guards import ScanSchedule
-from skills.setpoint_bounds import ArmBounds
-from skills.setpoint_gate import GatedArm
+from skills.guards.scan_guards import ScanSchedule
+from skills.guards.setpoint_bounds import ArmBounds
+from skills.guards.setpoint_gate import GatedArm
+from skills.guards.wrench_zero import ZeroedWrench
 from skills.tactile.blend import Blend
 from skills.tactile.estimators import ESTIMATORS, TouchSetup
 from skills.tactile.pose import Estimator, Tracker
-from skills.wrench_zero import ZeroedWrench
 
 if TYPE_CHECKING:
-    from sim.bench import CalibrationBench
-    from sim.board_links import EmulatedCan, EmulatedLine
-    from sim.boards import SkinSource
-    from sim.reality import Drawn
-    from sim.switch import SwitchSource
-    from sim.truth import Truth
+    from sim.boards.board_links import EmulatedCan, EmulatedLine
+    from sim.boards.emulated import SkinSource
+    from sim.hand.bench import CalibrationBench
+    from sim.hand.switch import SwitchSource
+    from sim.world.reality import Drawn
+    from sim.world.truth import Truth
 
 SCAN_STREAM = 5
 """Key of the random stream for late scans."""
@@ -202,13 +202,13 @@ def assemble(config: CellConfig) -> Cell:
     calibration = _arm_calibration(config, date.today())
     if isinstance(config.arm, FrankaArmConfig):
         return _hardware(config, config.arm, calibration)
-    from sim.arm import SimArm
-    from sim.busy_clock import BusyClock
-    from sim.gripper import SimGripper
-    from sim.line import SimLine
-    from sim.reality import Errors, recorded
-    from sim.reality import read as read_errors
-    from sim.world import World
+    from sim.arm.device import SimArm
+    from sim.boards.busy_clock import BusyClock
+    from sim.hand.gripper import SimGripper
+    from sim.world.line import SimLine
+    from sim.world.physics import World
+    from sim.world.reality import Errors, recorded
+    from sim.world.reality import read as read_errors
 
     assert config.sim is not None
     assert config.contact is not None
@@ -360,21 +360,21 @@ def _world_skin(
     """Return the skin of a simulated world: a simulated one, or a driver with an emulated board behind its wire."""
     skin, model, seed = config.skin, config.boards.skin, config.first_seed
     if isinstance(skin, CanSkinConfig) and skin.channel == EMULATED:
-        from sim.board_clock import BoardClock
-        from sim.board_links import emulated_can
+        from sim.boards.board_clock import BoardClock
+        from sim.boards.board_links import emulated_can
 
         bus = emulated_can(skin, model, source, rng, seed)
         return replace(_can_skin(skin, bus, BoardClock(source, (bus,))), wire=bus, cable=bus)
     if isinstance(skin, SerialSkinConfig) and skin.port == EMULATED:
-        from sim.board_clock import BoardClock
-        from sim.board_links import emulated_line
+        from sim.boards.board_clock import BoardClock
+        from sim.boards.board_links import emulated_line
 
         line = emulated_line(skin, model, source, rng, seed)
         return replace(_serial_skin(skin, line, BoardClock(source, (line,))), wire=line, cable=line)
     if isinstance(skin, CanSkinConfig | SerialSkinConfig | HostSkinConfig):
         return _real_skin(config, source)
-    from sim.reality import as_believed
-    from sim.skin import SimSkin, skin_truth
+    from sim.hand.skin import SimSkin, skin_truth
+    from sim.world.reality import as_believed
 
     made = SimSkin(skin, source, rng, truth=skin_truth(drawn or as_believed(skin.layout), skin.layout))
     return SkinLine(made, source, None, cable=made)
@@ -413,8 +413,8 @@ def bench_skin(config: CellConfig, rod_half: float) -> "tuple[Skin, Clock, Calib
     Raises:
         ConfigError: The skin is not simulated.
     """
-    from sim.bench import CalibrationBench
-    from sim.disturb import draw
+    from sim.hand.bench import CalibrationBench
+    from sim.world.disturb import draw
 
     if (
         not config.is_simulated
@@ -438,14 +438,14 @@ def _switch(
     if isinstance(wired, NoSwitchConfig):
         return AbsentSwitch(), clock, (), None
     if not isinstance(wired, SerialSwitchConfig):
-        from sim.switch import SimSwitch
+        from sim.hand.switch import SimSwitch
 
         made = SimSwitch(source)
         return made, clock, (), made
     if wired.port != EMULATED:
         return _serial_switch(wired, clock), clock, (), None
-    from sim.board_clock import BoardClock
-    from sim.switch_board import EmulatedSwitchBoard
+    from sim.boards.board_clock import BoardClock
+    from sim.boards.switch_board import EmulatedSwitchBoard
 
     board = EmulatedSwitchBoard(source, faults=config.boards.switch.faults, seed=config.first_seed)
     clock = BoardClock(clock, (board,))

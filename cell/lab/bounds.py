@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from drivers.quantities import Vector
+from skills.insert.play import LEAST, allowed_depth
 from skills.paths import TURN_TIME
-from skills.play import LEAST, allowed_depth
 
 SPEEDS: Vector = np.arange(0.02, 0.6, 0.001)
 """Candidate speeds for the optimum, m/s."""

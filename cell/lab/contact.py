@@ -25,10 +25,11 @@ from cell.lab.rows import write_rows
 from cell.lab.tables import table
 from cell.lab.workers import each_of
 from drivers.part.contract import Part
-from sim import native, rig
-from sim.hole_models import HoleModel
-from sim.shapes import exact_depth
-from sim.truth import VOID_PENETRATION, VOID_SHARE
+from sim.contact import rig
+from sim.contact.hole_models import HoleModel
+from sim.contact.shapes import exact_depth
+from sim.world import native
+from sim.world.truth import VOID_PENETRATION, VOID_SHARE
 
 SHIPPED = "closed form, 0.5 ms"
 THICKER = 1e-5

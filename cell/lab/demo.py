@@ -20,8 +20,8 @@ from cell.run.line import PROGRAMS
 from cell.run.supervisor import Supervisor
 from drivers.errors import CellError
 from plc_bridge.bridge import Bridge
-from plc_bridge.messages import Control, PartPlace, Report, Result
 from plc_bridge.peer import Peer
+from plc_bridge.protocol.messages import Control, PartPlace, Report, Result
 from skills.catalogue import CATALOGUE
 from skills.contract import Outcome
 

@@ -24,12 +24,12 @@ from cell.lab.workers import each_of
 from drivers.errors import CellError
 from drivers.frames import end_point
 from drivers.quantities import ImpedanceSetpoint, Vector
-from skills import spray_search
 from skills.catalogue import GRASP, SEARCH
 from skills.contract import Observation, Outcome, Request, SkillContext
 from skills.flow import run_stage
-from skills.spray_search import SpraySearchResult
-from skills.surface import Plane, SurfaceEstimate
+from skills.search import spray_search
+from skills.search.spray_search import SpraySearchResult
+from skills.search.surface import Plane, SurfaceEstimate
 
 OVER = 5e-5
 """Depth of the peg's lowest point below the plate from which it is over the hole, m; the plate's contacts yield by a

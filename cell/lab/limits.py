@@ -21,14 +21,14 @@ from cell.lab.tables import table
 from cell.lab.trials import TrialRow
 from drivers.frames import angle_between
 from drivers.quantities import ImpedanceSetpoint, Vector
-from sim.metering import OVER_FORCE
-from sim.world import World
+from sim.world.metering import OVER_FORCE
+from sim.world.physics import World
 from skills.catalogue import ADJUST, INSERT, SEARCH
 from skills.contract import Observation, Outcome, SkillContext
 from skills.flow import StageRecord
+from skills.insert.spiral_adjust import ARRIVING
 from skills.paths import Lanes
-from skills.spiral_adjust import ARRIVING
-from skills.spray_search import SpraySearchResult
+from skills.search.spray_search import SpraySearchResult
 
 SETTLED = 5e-4
 """Distance from the seated depth at which a downward motion ends, m."""

@@ -25,8 +25,8 @@ from drivers.arm.kinematics import jacobian, links
 from drivers.arm.model import JOINTS, ArmModel
 from drivers.errors import ConfigError
 from drivers.quantities import Pose, Vector
+from sim.arm.described_arm import GRAVITY, DescribedArm, apart, read
 from sim.config import DescribedArmConfig
-from sim.described_arm import GRAVITY, DescribedArm, apart, read
 from skills.contract import Outcome
 
 POSTURES = 1000

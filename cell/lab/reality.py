@@ -28,7 +28,7 @@ from cell.lab.trials import TrialRow
 from cell.records.statistics import RateTest, Verdict
 from drivers.arm.kinematics import finger_frame, jacobian, links
 from drivers.quantities import Vector
-from sim.reality import KINDS, AnyError, Figure, read
+from sim.world.reality import KINDS, AnyError, Figure, read
 from skills.contract import Outcome
 
 ALL = "all together"

@@ -27,14 +27,14 @@ from cell.peg.success import Evidence, LastLook, evidence_for, judged
 from drivers.errors import CellError
 from drivers.parts import Latch
 from drivers.quantities import ImpedanceSetpoint
-from plc_bridge.messages import PartPlace
-from sim.truth import Truth
+from plc_bridge.protocol.messages import PartPlace
+from sim.world.truth import Truth
 from skills.catalogue import ADJUST
 from skills.contract import Observation, Outcome, Reason, SkillContext
 from skills.entry import Claim
 from skills.flow import StageRecord
-from skills.latch_likelihood import GRID, Signature, Way, resistance, told_by
-from skills.signature import Curve as Force
+from skills.seating.latch_likelihood import GRID, Signature, Way, resistance, told_by
+from skills.seating.signature import Curve as Force
 
 ON_BOTTOM = 3e-4
 """Largest distance of a seated peg's end from the bottom in the simulation, m."""

@@ -35,13 +35,13 @@ from drivers.arm.model import JOINTS
 from drivers.errors import CellError, SimulationUnstableError
 from drivers.frames import angle_between, end_point, rotation_about, rotation_by
 from drivers.quantities import ImpedanceSetpoint, InHandTip, Vector
-from sim.situation import PegSituation
-from sim.world import World
+from sim.world.physics import World
+from sim.world.situation import PegSituation
 from skills import grasp_from_rack
 from skills.catalogue import GRASP, INSERT, SEARCH
 from skills.contract import Observation, Outcome, SkillContext
+from skills.guards.passivity import PassivityGuard, PassivityVerdict
 from skills.motion import Gains, Goal, move
-from skills.passivity import PassivityGuard, PassivityVerdict
 from skills.tactile.blend import Smoothing
 
 HEIGHT = 0.1

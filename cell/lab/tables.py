@@ -11,7 +11,7 @@ from rich.text import Text
 from cell.lab.published import PUBLISHED, PUBLISHED_ATTEMPTS, PUBLISHED_SUCCESSES, PUBLISHED_TOTAL, StageLine
 from cell.lab.trials import LOADS, TrialRow, load
 from cell.records.statistics import mean, wilson
-from sim.metering import JERK_BANDWIDTH, OVER_FORCE
+from sim.world.metering import JERK_BANDWIDTH, OVER_FORCE
 
 LOADED = (
     ("largest contact force (N)", 1),

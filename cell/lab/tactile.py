@@ -32,8 +32,8 @@ from drivers.quantities import TaxelFrame, Vector
 from drivers.skin.health import SkinHealth
 from drivers.skin.layout import LAYOUTS, Layout, module_of
 from sim.config import SimSkinConfig
-from sim.pads import PadLoad, Pads
-from sim.skin import Taxels
+from sim.hand.pads import PadLoad, Pads
+from sim.hand.skin import Taxels
 from skills.catalogue import INSERT
 from skills.tactile.estimators import ESTIMATORS
 from skills.tactile.pose import PegPose

@@ -26,15 +26,15 @@ from cell.records.statistics import spread, wilson
 from cell.run.record import StageClock
 from drivers.errors import CellError, ConfigError, FaultCode
 from drivers.quantities import ImpedanceSetpoint
-from plc_bridge.messages import PartPlace
+from plc_bridge.protocol.messages import PartPlace
 from skills.catalogue import CATALOGUE, INSERT
 from skills.contract import Observation, Outcome, SkillContext
 from skills.entry import Claim
 from skills.flow import StageRecord
-from skills.spray_search import SpraySearchResult
+from skills.search.spray_search import SpraySearchResult
 
 if TYPE_CHECKING:
-    from sim.truth import Truth
+    from sim.world.truth import Truth
 
 
 class Probe(Protocol):

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 from pydantic_core import from_json
 
 from cell.run.line import CONTROLS
-from plc_bridge.images import CommandImage
-from plc_bridge.messages import Control
-from plc_bridge.registers import Lease, table
+from plc_bridge.protocol.images import CommandImage
+from plc_bridge.protocol.messages import Control
+from plc_bridge.protocol.registers import Lease, table
 from skills.catalogue import CATALOGUE
 
 MOST = 2048

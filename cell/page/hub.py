@@ -14,7 +14,7 @@ from cell.run.live import Live, Look, Pull
 from drivers.quantities import FINGER_NAMES
 from drivers.skin.layout import finger_positions, triangles
 from plc_bridge.bridge import Bridge
-from plc_bridge.messages import Report
+from plc_bridge.protocol.messages import Report
 from skills.catalogue import CATALOGUE
 
 SPECTATOR = "page"

@@ -13,8 +13,8 @@ from cell.run.states import State
 from drivers.errors import DeviceNotOpenedError
 from plc_bridge.bridge import Bridge, Figures
 from plc_bridge.config import TlsConfig
-from plc_bridge.intervals import BOUNDS
-from plc_bridge.registers import table
+from plc_bridge.protocol.intervals import BOUNDS
+from plc_bridge.protocol.registers import table
 
 GAUGES = frozenset({"connections", "stops_held"})
 """Names of the diagnostics that can decrease."""

@@ -17,7 +17,7 @@ from cell.records.schema import LOST, RUNNING, RunRow
 from cell.records.statistics import wilson
 from cell.run.line import PROGRAMS
 from drivers.errors import JournalError
-from plc_bridge.messages import FIRST_PROGRAM
+from plc_bridge.protocol.messages import FIRST_PROGRAM
 from skills.contract import Outcome
 
 LAST = 12

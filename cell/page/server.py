@@ -27,7 +27,7 @@ from cell.run.exposure import is_local
 from cell.run.live import Live
 from drivers.errors import FAULTS, JournalError
 from plc_bridge.bridge import Bridge
-from plc_bridge.tls import browser_context
+from plc_bridge.modbus.tls import browser_context
 
 logger = logging.getLogger(__name__)
 

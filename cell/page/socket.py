@@ -17,8 +17,8 @@ from cell.page.hub import PageHub
 from cell.page.token import is_token
 from cell.run.live import Pull
 from plc_bridge.bridge import Bridge
-from plc_bridge.images import CommandImage
-from plc_bridge.messages import FIRST_PROGRAM, Result
+from plc_bridge.protocol.images import CommandImage
+from plc_bridge.protocol.messages import FIRST_PROGRAM, Result
 
 logger = logging.getLogger(__name__)
 

@@ -7,8 +7,8 @@ from cell.peg.part_state import REMEDIES, PartState, described
 from cell.records.schema import RunRow
 from cell.run.states import ASKED, Event, State, is_permitted
 from drivers.errors import FAULTS, FaultCode
-from plc_bridge.messages import LeaseState, PartPlace, Refusal, Report, Result
-from plc_bridge.registers import Warnings
+from plc_bridge.protocol.messages import LeaseState, PartPlace, Refusal, Report, Result
+from plc_bridge.protocol.registers import Warnings
 from skills.catalogue import CATALOGUE
 
 NEXT = {

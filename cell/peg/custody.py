@@ -27,7 +27,7 @@ from drivers.config_model import ConfigModel
 from drivers.errors import JournalError
 from drivers.parts import Coordinate, Rack
 from drivers.quantities import GripperState, SwitchState
-from plc_bridge.messages import PartEvidence, PartPlace, Refusal
+from plc_bridge.protocol.messages import PartEvidence, PartPlace, Refusal
 
 logger = logging.getLogger(__name__)
 

@@ -16,8 +16,8 @@ import numpy as np
 
 from drivers.parts import Hole, Job, Point
 from drivers.quantities import WIDTH_TOLERANCE, ArmState, GripperState, SwitchState, Vector
-from plc_bridge.messages import PartEvidence, PartPlace, Refusal
-from skills.seating import CLOSED_TOLERANCE, depth_of
+from plc_bridge.protocol.messages import PartEvidence, PartPlace, Refusal
+from skills.seating.decision import CLOSED_TOLERANCE, depth_of
 
 IN_HOLE_DEPTH = 0.004
 """Depth from which the end of a held peg counts as in the hole, m; the arm measures heights with about this accuracy."""

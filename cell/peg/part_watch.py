@@ -16,14 +16,14 @@ from cell.peg.success import Evidence, LastLook, evidence_for, judged
 from drivers.errors import CellError, SwitchDisagreesError, SwitchUnknownError
 from drivers.frames import end_point
 from drivers.quantities import ArmState, GripperState, SwitchState
-from plc_bridge.messages import PartPlace, Refusal, Report
+from plc_bridge.protocol.messages import PartPlace, Refusal, Report
 from skills.catalogue import GRASP, RECOVER, SEARCH
 from skills.contract import Observation, Outcome, SkillContext, is_trusted
 from skills.entry import Claim, Entry
 from skills.flow import StageRecord
-from skills.grip import grip_of
-from skills.scan_guards import require_finite_skin
-from skills.seating import depth_of
+from skills.guards.scan_guards import require_finite_skin
+from skills.insert.grip import grip_of
+from skills.seating.decision import depth_of
 
 logger = logging.getLogger(__name__)
 

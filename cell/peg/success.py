@@ -12,14 +12,14 @@ from cell.peg.part_state import UNRESOLVED, PartState
 from drivers.errors import CellError, SuccessUnprovenError, SwitchDisagreesError
 from drivers.parts import Hole, Job, Latch
 from drivers.quantities import GripperState, ImpedanceSetpoint, SwitchState, Vector
-from plc_bridge.messages import PartPlace
+from plc_bridge.protocol.messages import PartPlace
 from skills.contract import Observation, Outcome, Reason
 from skills.entry import Claim
 from skills.flow import StageRecord
-from skills.latch_likelihood import Signature
-from skills.seating import BORNE_WITHIN, CLOSED_TOLERANCE, DOUBTED, MOST_DEEP, MOST_SHALLOW, Footing
-from skills.signature import LIFTED, Curve
-from skills.surface import Plane, nominal
+from skills.search.surface import Plane, nominal
+from skills.seating.decision import BORNE_WITHIN, CLOSED_TOLERANCE, DOUBTED, MOST_DEEP, MOST_SHALLOW, Footing
+from skills.seating.latch_likelihood import Signature
+from skills.seating.signature import LIFTED, Curve
 
 PLANE_TOLERANCE = 0.005
 """Largest distance of the measured surface from the job's plate surface, m."""

@@ -12,7 +12,7 @@ from drivers.errors import CellError
 from drivers.parts import Hole
 from skills.contract import Observation, Outcome, Reason, SkillResult
 from skills.flow import StageRecord
-from skills.seating import depth_of
+from skills.seating.decision import depth_of
 
 
 @dataclass(slots=True)

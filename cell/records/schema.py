@@ -77,7 +77,7 @@ class RunRow:
     sigma: float | None = None
     """Standard deviation of `theta`, rad."""
     part: str = ""
-    """Place of the peg at the end of the run: a name of `plc_bridge.messages.PartPlace`, lower case."""
+    """Place of the peg at the end of the run: a name of `plc_bridge.protocol.messages.PartPlace`, lower case."""
     samples: int = 0
     """Number of scans whose samples reached the disk."""
     length: float | None = None

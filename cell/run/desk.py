@@ -13,7 +13,7 @@ from cell.run.states import Event, State, after
 from cell.run.watchdog import LateScans
 from drivers.errors import CellError
 from drivers.protocols import Clock
-from plc_bridge.messages import Command, Control, Refusal, Report, Result
+from plc_bridge.protocol.messages import Command, Control, Refusal, Report, Result
 from skills.catalogue import CATALOGUE
 
 logger = logging.getLogger(__name__)

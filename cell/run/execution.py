@@ -20,12 +20,12 @@ from cell.run.record import RunRecord
 from cell.run.states import Event, State
 from drivers.errors import CellError
 from drivers.quantities import ImpedanceSetpoint
-from plc_bridge.messages import Command, Result
+from plc_bridge.protocol.messages import Command, Result
 from skills.catalogue import CATALOGUE, RECOVER
 from skills.contract import Callbacks, Observation, Outcome, Request, SkillContext
 from skills.entry import Claim, Entry
 from skills.flow import StageRecord
-from skills.scan_guards import RESUME_TIME
+from skills.guards.scan_guards import RESUME_TIME
 
 logger = logging.getLogger(__name__)
 

@@ -54,7 +54,7 @@ def key_days(tls: TlsConfig | None) -> Mapping[str, float]:
     """
     if tls is None:
         return {}
-    from plc_bridge.tls import valid_until
+    from plc_bridge.modbus.tls import valid_until
 
     now = wall_clock.now()
     return {f"plc.tls.{name}": (end - now).total_seconds() / 86400.0 for name, end in valid_until(tls).items()}

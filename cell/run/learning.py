@@ -18,8 +18,8 @@ from drivers.config_model import ConfigModel
 from drivers.errors import ConfigError
 from drivers.parts import Coordinate, Job
 from skills.flow import StageRecord
-from skills.prior import NEEDED, LearningConfig, PlaceEstimate, first_estimate, from_prior
-from skills.spray_search import SpraySearchResult
+from skills.search.prior import NEEDED, LearningConfig, PlaceEstimate, first_estimate, from_prior
+from skills.search.spray_search import SpraySearchResult
 
 logger = logging.getLogger(__name__)
 

@@ -4,8 +4,8 @@ from collections.abc import Callable
 
 from cell.run.states import ASKED, State
 from drivers.errors import ConfigError
-from plc_bridge.messages import FIRST_PROGRAM, Command, Control, Refusal, Report, Result
-from plc_bridge.registers import STAGES
+from plc_bridge.protocol.messages import FIRST_PROGRAM, Command, Control, Refusal, Report, Result
+from plc_bridge.protocol.registers import STAGES
 from skills.catalogue import CATALOGUE
 from skills.entry import Catalogue
 

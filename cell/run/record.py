@@ -17,7 +17,7 @@ from cell.records.wall_clock import now_text
 from drivers.errors import CellError, FaultCode
 from drivers.quantities import ImpedanceSetpoint
 from drivers.scene_facts import SceneFacts, Sight
-from plc_bridge.messages import Command
+from plc_bridge.protocol.messages import Command
 from skills.catalogue import CATALOGUE
 from skills.contract import Observation
 from skills.flow import StageRecord

@@ -22,7 +22,7 @@ from cell.run.live import Live
 from cell.run.states import ASKED, Event, State, is_permitted, is_reached
 from cell.run.watchdog import LateScans, ScanWatchdog
 from drivers.errors import CellError, ConfigError, FaultCode, PlcLostError, ScanOverrunError
-from plc_bridge.messages import Command, Control, Refusal, Report, Result
+from plc_bridge.protocol.messages import Command, Control, Refusal, Report, Result
 from skills.catalogue import CATALOGUE
 from skills.contract import Request
 from skills.entry import Entry

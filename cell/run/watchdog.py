@@ -7,8 +7,8 @@ from collections import deque
 from collections.abc import Callable
 
 from drivers.errors import ScanOverrunError
-from skills.scan_guards import OVERRUN_WINDOW as WINDOW
-from skills.scan_guards import ScanLimits
+from skills.guards.scan_guards import OVERRUN_WINDOW as WINDOW
+from skills.guards.scan_guards import ScanLimits
 
 GIVEN_UP = 2.0
 """Longest wait for a scan when the program is to end, s."""

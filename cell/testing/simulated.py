@@ -17,8 +17,8 @@ from cell.run.line import PROGRAMS, WORDS
 from cell.run.supervisor import Supervisor
 from drivers.errors import ConfigError
 from plc_bridge.bridge import Bridge
-from plc_bridge.registers import Register, table
-from sim.faulty import FaultyDevice, kept
+from plc_bridge.protocol.registers import Register, table
+from sim.boards.faulty import FaultyDevice, kept
 
 PATIENT = ("--set", "plc.life_timeout=10", "--set", "plc.lease_timeout=10")
 """Options that come first: simulated time passes faster than a busy computer's, so that shipped limits would end runs."""

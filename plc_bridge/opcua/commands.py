@@ -15,13 +15,13 @@ from asyncua import ua
 from asyncua.common.utils import ServiceError
 
 from plc_bridge.config import Right
-from plc_bridge.images import REPORT, CommandImage
-from plc_bridge.mailbox import Mailbox
-from plc_bridge.messages import REMEDIES, Control, Refusal, Result
 from plc_bridge.opcua.packml import BASE_MACHINE, EXECUTE, MACHINE
 from plc_bridge.opcua.session import SESSION, CellSession
 from plc_bridge.opcua.unit import PATHS, UNIT, Unit, shown, title, variant_type
-from plc_bridge.registers import PARAMETERS, Lease, Parameter, Register
+from plc_bridge.protocol.images import REPORT, CommandImage
+from plc_bridge.protocol.mailbox import Mailbox
+from plc_bridge.protocol.messages import REMEDIES, Control, Refusal, Result
+from plc_bridge.protocol.registers import PARAMETERS, Lease, Parameter, Register
 
 DECIDED_WITHIN = 0.5
 """Longest wait of a method for the scan thread, s; a later answer is read by `Answer`."""

@@ -14,13 +14,13 @@ from cryptography.hazmat.primitives.serialization import load_pem_private_key
 
 from drivers.errors import ConfigError, DeviceNotOpenedError
 from plc_bridge.config import PlcConfig, TlsConfig
-from plc_bridge.images import PACKML, REPORT, Diagnostics
-from plc_bridge.mailbox import Mailbox
+from plc_bridge.modbus.tls import server_context
 from plc_bridge.opcua.commands import Commands
 from plc_bridge.opcua.session import CellServer, Trust, application_uris
 from plc_bridge.opcua.unit import Unit
-from plc_bridge.registers import DEVICE_NAME, Parameter, Register
-from plc_bridge.tls import server_context
+from plc_bridge.protocol.images import PACKML, REPORT, Diagnostics
+from plc_bridge.protocol.mailbox import Mailbox
+from plc_bridge.protocol.registers import DEVICE_NAME, Parameter, Register
 
 logger = logging.getLogger(__name__)
 

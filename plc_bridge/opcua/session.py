@@ -19,10 +19,10 @@ from cryptography import x509
 from cryptography.x509 import verification
 
 from plc_bridge.config import Right, TlsConfig
-from plc_bridge.images import CommandImage, Diagnostics
-from plc_bridge.mailbox import Mailbox
-from plc_bridge.peer_log import PeerLog
-from plc_bridge.tls import BadRoleError, rights_of, role_of
+from plc_bridge.modbus.tls import BadRoleError, rights_of, role_of
+from plc_bridge.protocol.images import CommandImage, Diagnostics
+from plc_bridge.protocol.mailbox import Mailbox
+from plc_bridge.protocol.peer_log import PeerLog
 
 logger = logging.getLogger(__name__)
 

@@ -8,9 +8,6 @@ from asyncua import Server, ua
 from asyncua.server.event_generator import EventGenerator
 
 from drivers.errors import FAULTS, FaultCode
-from plc_bridge.images import Value
-from plc_bridge.links import Order
-from plc_bridge.messages import Control, Refusal, Result
 from plc_bridge.opcua.packml import (
     BASE_MACHINE,
     EXECUTE,
@@ -25,7 +22,10 @@ from plc_bridge.opcua.packml import (
     add_types,
     node_id,
 )
-from plc_bridge.registers import DEVICE_NAME, Register
+from plc_bridge.protocol.images import Value
+from plc_bridge.protocol.links import Order
+from plc_bridge.protocol.messages import Control, Refusal, Result
+from plc_bridge.protocol.registers import DEVICE_NAME, Register
 
 CELL_URI = "urn:tactile-insertion-cell"
 """Namespace of the unit's own nodes; their NodeIds are paths, as in "Cell.Report.TotalTime"."""

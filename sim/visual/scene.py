@@ -1,7 +1,7 @@
 """Scene of the pictures: arm, hand with its taxels, rack, plate, peg, bench, light and cameras.
 
 It is a separate MuJoCo model, posed from recorded joint positions and poses by `Stage.pose`. It has no contacts, no
-actuators and no relation to the models in `sim.scene`, so that drawing cannot change the simulation.
+actuators and no relation to the models in `sim.world.scene`, so that drawing cannot change the simulation.
 
 The arm is drawn from its Denavit-Hartenberg figures alone: a column along every offset d, a beam along every length a,
 a housing about every joint in which two axes meet. It therefore looks like the arm of the figures, not like a

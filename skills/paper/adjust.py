@@ -5,12 +5,12 @@ import numpy as np
 from drivers.frames import end_point
 from drivers.quantities import ImpedanceSetpoint
 from skills.contract import Outcome, Reason, SkillContext
+from skills.insert.spiral_adjust import SpiralAdjustResult
 from skills.motion import VALIDITY, tilted_by
 from skills.paper.equations import OFFSET
 from skills.paper.params import PaperAdjustParams
 from skills.paths import spiral
-from skills.seating import depth_of, is_seated, require_short_of_bottom
-from skills.spiral_adjust import SpiralAdjustResult
+from skills.seating.decision import depth_of, is_seated, require_short_of_bottom
 
 PUSH_DAMPING_RATIO = 1.5
 """Damping ratio along z, 1 is critical; chosen, not printed."""

@@ -5,11 +5,11 @@ import math
 from drivers.frames import UP, angle_between
 from drivers.quantities import ImpedanceSetpoint
 from skills.contract import Outcome, Reason, SkillContext
+from skills.insert.tactile_insert import TactileInsertResult
 from skills.motion import VALIDITY
 from skills.paper.equations import k_33, towards, x_star
 from skills.paper.params import PaperInsertParams
-from skills.seating import is_seated
-from skills.tactile_insert import TactileInsertResult
+from skills.seating.decision import is_seated
 
 ALIGNED = math.radians(15.0)
 """Angle phi below which the adjustment starts, rad. Source: [gibbons], Sec. VII."""

@@ -12,7 +12,7 @@ from skills.paper.params import PaperSearchParams
 from skills.paper.spray_paint import SprayPaint, spray_paint
 from skills.pull_out import LONGEST, approach
 from skills.search.params import SpraySearchParams
-from skills.spray_search import SpraySearchResult
+from skills.search.spray_search import SpraySearchResult
 
 
 def run(params: PaperSearchParams, cell: SpraySearchParams, ctx: SkillContext) -> SpraySearchResult:

@@ -9,7 +9,7 @@ import numpy as np
 from drivers.parts import Hole
 from drivers.quantities import Vector
 from skills.search.tour import Path, Point
-from skills.seating import CLOSED_TOLERANCE
+from skills.seating.decision import CLOSED_TOLERANCE
 
 SHALLOW = 0.5
 """Share of the hole's depth below which a peg that goes no deeper stands in a decoy, fraction."""

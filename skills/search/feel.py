@@ -5,9 +5,9 @@ from dataclasses import dataclass
 
 from drivers.quantities import Vector
 from skills.contract import Observation
+from skills.guards.wrench_zero import WrenchZero
 from skills.search.params import TOUCHED_TIME, SpraySearchParams
-from skills.surface import Plane, SurfaceEstimate
-from skills.wrench_zero import WrenchZero
+from skills.search.surface import Plane, SurfaceEstimate
 
 SLIP = 0.1
 """Change of theta that counts as a slip of the peg in the hand, rad."""

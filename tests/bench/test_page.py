@@ -25,7 +25,7 @@ from cell.run.live import KEPT, Live
 from cell.run.states import State
 from cell.run.supervisor import Supervisor
 from plc_bridge.bridge import Bridge
-from plc_bridge.messages import FIRST_PROGRAM, Command, Report, Result
+from plc_bridge.protocol.messages import FIRST_PROGRAM, Command, Report, Result
 from skills.catalogue import CATALOGUE
 from tests.browser import browsing, patience
 

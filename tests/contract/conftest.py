@@ -19,11 +19,11 @@ from drivers.protocols import Clock
 from drivers.quantities import SwitchState
 from drivers.switch.board import SerialSuccessSwitch
 from drivers.switch.board_config import SerialSwitchConfig
-from sim.board_clock import BoardClock
+from sim.boards.board_clock import BoardClock
+from sim.boards.switch_board import EmulatedSwitchBoard
 from sim.config import SimSkinConfig
-from sim.skin import SimSkin
-from sim.switch import SimSwitch
-from sim.switch_board import EmulatedSwitchBoard
+from sim.hand.skin import SimSkin
+from sim.hand.switch import SimSwitch
 from tests.emulation import emulated_or_skip
 from tests.fakes import FakeArm, FakeClock, FakeGripper, FakeSkin, FakeSwitch
 from tests.skins import WIRED, BoardRig, ScriptedWorld

@@ -9,7 +9,7 @@ from typing import Any
 
 from cell.config.cell_config import CellConfig
 from drivers.parts import Job
-from sim.line import SimLine
+from sim.world.line import SimLine
 from skills.catalogue import RECOVER
 from tests.franka.simulated import Seen, served
 

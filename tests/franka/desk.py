@@ -26,8 +26,8 @@ from cell.config.load import load
 from drivers.quantities import Vector
 from drivers.skin.board_config import CanSkinConfig
 from drivers.transport.can_bus import CanBus
-from sim.board_links import CanCable, emulated_can
-from sim.switch_board import EmulatedSwitchBoard
+from sim.boards.board_links import CanCable, emulated_can
+from sim.boards.switch_board import EmulatedSwitchBoard
 from tests.franka.simulated import Arm, Seen, address, served
 
 STEP = 0.002

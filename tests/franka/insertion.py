@@ -23,7 +23,7 @@ from drivers.arm.franka_config import FrankaArmConfig
 from drivers.errors import CellError
 from drivers.gripper.franka import FrankaGripper
 from drivers.gripper.franka_config import FrankaGripperConfig
-from sim.line import EXCHANGE_STEPS, EXCHANGE_TIME
+from sim.world.line import EXCHANGE_STEPS, EXCHANGE_TIME
 from skills.catalogue import CATALOGUE
 from skills.contract import Outcome
 from skills.flow import StageRecord

@@ -27,8 +27,8 @@ from franka_sim.gripper.backend import GripperBackend, GripperStateData
 from cell.config.cell_config import CellConfig
 from drivers import impedance
 from drivers.quantities import Vector
-from sim.gripper import SimGripper
-from sim.world import World
+from sim.hand.gripper import SimGripper
+from sim.world.physics import World
 
 P = ParamSpec("P")
 

@@ -15,7 +15,7 @@ pytest.importorskip(
 from cell.config.load import load
 from cell.run.states import State
 from drivers.errors import FaultCode
-from plc_bridge.messages import Result
+from plc_bridge.protocol.messages import Result
 from tests.emulation import emulated_or_skip
 from tests.franka.insertion import opened
 from tests.franka.simulated import address

@@ -10,8 +10,8 @@ from cell.config.load import load
 from cell.devices.assembly import make_estimator
 from cell.lab.trials import run_trial
 from drivers.skin.layout import module_exchanges, shape_of
-from sim.pads import PadLoad
-from sim.skin import SimSkin
+from sim.hand.pads import PadLoad
+from sim.hand.skin import SimSkin
 from tests.skins import ScriptedWorld
 
 SPREAD = 3e-3

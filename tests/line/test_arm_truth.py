@@ -12,10 +12,10 @@ from cell.devices.assembly import assemble, opened
 from drivers import impedance
 from drivers.arm import dynamics
 from drivers.quantities import ImpedanceSetpoint
-from sim import joint_drive
-from sim.arm import SimArm
-from sim.arm_truth import JointFriction, Payload, StateReading, TorquePath, WrenchReading, every, ideal
-from sim.world import World
+from sim.arm import joint_drive
+from sim.arm.arm_truth import JointFriction, Payload, StateReading, TorquePath, WrenchReading, every, ideal
+from sim.arm.device import SimArm
+from sim.world.physics import World
 from skills.catalogue import CATALOGUE
 
 SOFT = 400.0

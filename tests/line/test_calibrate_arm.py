@@ -16,9 +16,9 @@ from cell.config.files import SHIPPED as SHIPPED_FILES
 from cell.config.load import load
 from cell.records.journal import Journal
 from drivers.errors import NotCalibratedError
-from sim import joint_drive
-from sim.drawn_arm import drawn_arm
-from sim.reality import read
+from sim.arm import joint_drive
+from sim.arm.drawn_arm import drawn_arm
+from sim.world.reality import read
 
 SHORT = Sweep(speeds=(0.15, 0.35), even=0.4, together=2.0)
 SEED = ["--set", "sim.seed=80001", "--set", "sim.pace=max"]

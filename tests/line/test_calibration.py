@@ -11,7 +11,7 @@ from cell.config.load import load
 from cell.devices.assembly import make_estimator
 from drivers.quantities import TaxelFrame
 from sim.config import PadConfig
-from sim.pads import PadLoad, Pads
+from sim.hand.pads import PadLoad, Pads
 
 SOFT = 1.7e-3
 """Point spread of a pad softer than the estimators assume, m."""

@@ -15,7 +15,7 @@ from drivers.transport.can_bus import CanBus
 from drivers.transport.wires import CanFrame, CanLostError
 from plc_bridge.bridge import Bridge
 from plc_bridge.config import CanConfig, ModbusConfig, PlcConfig
-from plc_bridge.messages import Report, Result
+from plc_bridge.protocol.messages import Report, Result
 from tests.can_hubs import SlcanHub, SocketcandHub
 from tests.can_peer import CanPeer
 from tests.scan_thread import take

@@ -14,12 +14,12 @@ from cell.records.journal import Journal
 from drivers.errors import CellError, FaultCode
 from drivers.transport.can_bus import CanBus
 from plc_bridge.bridge import Bridge
-from plc_bridge.canopen_node import ANYBODY
+from plc_bridge.canopen.node import ANYBODY
+from plc_bridge.canopen.objects import dictionary
 from plc_bridge.config import CanConfig, ModbusConfig, PlcConfig
-from plc_bridge.messages import UNNUMBERED, Command, Control, LeaseState, Refusal, Report, Result
-from plc_bridge.objects import dictionary
 from plc_bridge.peer import CellSilentError
-from plc_bridge.registers import Parameter, table
+from plc_bridge.protocol.messages import UNNUMBERED, Command, Control, LeaseState, Refusal, Report, Result
+from plc_bridge.protocol.registers import Parameter, table
 from skills.catalogue import CATALOGUE
 from tests.can_peer import CanPeer, SdoRefusedError
 from tests.scan_thread import take

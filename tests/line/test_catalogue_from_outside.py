@@ -13,8 +13,8 @@ import pytest
 from drivers.errors import CellError
 from drivers.transport.can_bus import CanBus
 from plc_bridge.config import CanConfig
-from plc_bridge.messages import Result
-from plc_bridge.registers import STAGES
+from plc_bridge.protocol.messages import Result
+from plc_bridge.protocol.registers import STAGES
 from skills.catalogue import CATALOGUE
 
 HERE = Path(__file__).resolve().parents[2]
@@ -136,12 +136,12 @@ def build(folder, code=CODE, stage=STAGE, name="fixed", room=STAGE):
         shutil.copytree(HERE / package, folder / package)
     shutil.copy(HERE / "tests" / "can_peer.py", folder)
     if room > STAGES:
-        table = folder / "plc_bridge" / "registers.py"
+        table = folder / "plc_bridge" / "protocol" / "registers.py"
         told = table.read_text(encoding="utf-8")
         assert told.count(f"\nSTAGES = {STAGES}\n") == 1
         table.write_text(told.replace(f"\nSTAGES = {STAGES}\n", f"\nSTAGES = {room}\n"), encoding="utf-8")
     (folder / "skills" / "look.py").write_text(SKILL, encoding="utf-8")
-    put(folder / "skills" / "catalogue.py", "\nfrom skills import (\n", "    look,\n")
+    put(folder / "skills" / "catalogue.py", "\nfrom skills import ", "look, ")
     put(folder / "skills" / "catalogue.py", "\nCATALOGUE = Catalogue(\n", SKILL_ENTRY.format(code=code, stage=stage))
     table = folder / "skills" / "tactile" / "estimators.py"
     (folder / "skills" / "tactile" / "fixed.py").write_text(ESTIMATOR, encoding="utf-8")

@@ -12,8 +12,8 @@ from cell.commands.cli import FAULT, GOOD, NOT_GOOD, WRONG_USE, main
 from cell.config.files import DEFAULT
 from cell.lab import demo
 from drivers.errors import FAULTS
-from plc_bridge.images import Diagnostics
 from plc_bridge.peer import Peer
+from plc_bridge.protocol.images import Diagnostics
 from tests.emulation import emulated_or_skip
 from tests.fakes import Rig
 from tests.serving import serving

@@ -9,9 +9,9 @@ import pytest
 
 from cell.run.states import State
 from drivers.errors import FaultCode
-from plc_bridge.messages import Control, Refusal, Result
+from plc_bridge.protocol.messages import Control, Refusal, Result
 from skills.contract import Reason
-from skills.rest import REST_TIME
+from skills.guards.rest import REST_TIME
 
 GRASP, SEARCH, RELEASE = 101, 102, 105
 

@@ -19,9 +19,9 @@ from cell.run.line import PROGRAMS
 from cell.run.states import State
 from cell.run.supervisor import Supervisor
 from plc_bridge.bridge import Bridge
-from plc_bridge.messages import Control, PartPlace, Result
+from plc_bridge.protocol.messages import Control, PartPlace, Result
 from skills.catalogue import CATALOGUE
-from skills.rest import REST_SPEED
+from skills.guards.rest import REST_SPEED
 from tests.fakes import FakePlc
 
 INSERT = CATALOGUE["insert_peg"].code

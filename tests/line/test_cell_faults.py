@@ -27,8 +27,8 @@ from drivers.errors import (
 from drivers.frames import UP
 from drivers.quantities import Pose, SwitchState
 from drivers.skin.layout import module_of
-from plc_bridge.messages import Command, Control, PartPlace, Result
-from sim.world import World
+from plc_bridge.protocol.messages import Command, Control, PartPlace, Result
+from sim.world.physics import World
 from skills.catalogue import CATALOGUE
 from skills.catalogue import GRASP as GRASP_SKILL
 from skills.contract import Outcome, Reason, SkillResult

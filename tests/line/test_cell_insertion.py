@@ -14,10 +14,10 @@ from cell.devices.assembly import assemble, opened
 from cell.records.journal import Journal
 from cell.run.states import State
 from drivers.quantities import SwitchState
-from plc_bridge.images import COMMAND, REPORT
-from plc_bridge.messages import Result
 from plc_bridge.peer import Peer
-from plc_bridge.registers import Lease
+from plc_bridge.protocol.images import COMMAND, REPORT
+from plc_bridge.protocol.messages import Result
+from plc_bridge.protocol.registers import Lease
 from skills.catalogue import CATALOGUE
 from tests.serving import serving
 

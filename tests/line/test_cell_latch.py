@@ -12,7 +12,7 @@ from cell.lab.trials import run_trial
 from drivers.parts import Latch
 from skills.catalogue import GRASP
 from skills.held_peg import HeldPeg
-from skills.latch_likelihood import GRID, SHEAR, Way, resistance
+from skills.seating.latch_likelihood import GRID, SHEAR, Way, resistance
 
 CONFIG = load().cell
 CASES = {variant.family: variant for variant in variants_of("seating")}

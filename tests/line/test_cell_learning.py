@@ -8,7 +8,7 @@ from cell.devices.assembly import assemble, opened
 from cell.records.journal import Journal
 from cell.run.learning import read_learned
 from cell.run.supervisor import Supervisor
-from plc_bridge.messages import Command, Control, Refusal, Report, Result
+from plc_bridge.protocol.messages import Command, Control, Refusal, Report, Result
 from skills.catalogue import CATALOGUE
 
 INSERT = CATALOGUE["insert_peg"].code

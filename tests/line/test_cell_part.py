@@ -16,9 +16,9 @@ from cell.run.states import State
 from cell.run.supervisor import Supervisor
 from drivers.quantities import SwitchState
 from plc_bridge.bridge import Bridge
-from plc_bridge.messages import Control, PartPlace, Refusal, Result
-from sim.situation import PegSituation
-from sim.world import World
+from plc_bridge.protocol.messages import Control, PartPlace, Refusal, Result
+from sim.world.physics import World
+from sim.world.situation import PegSituation
 from skills.catalogue import CATALOGUE
 from skills.contract import Reason
 from tests.fakes import FakePlc

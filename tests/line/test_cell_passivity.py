@@ -9,8 +9,8 @@ from cell.devices.assembly import assemble, opened
 from cell.lab.trials import run_trial
 from drivers.quantities import ImpedanceSetpoint
 from skills.catalogue import INSERT
+from skills.guards.passivity import SOFTENED, PassivityGuard, PassivityVerdict
 from skills.motion import VALIDITY, Gains, stay
-from skills.passivity import SOFTENED, PassivityGuard, PassivityVerdict
 from skills.search.sweep import Sweep
 
 PUMPING = {

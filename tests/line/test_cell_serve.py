@@ -24,7 +24,7 @@ INSERT = CATALOGUE["insert_peg"].code
 HANGS = """
 import sys, time
 from pathlib import Path
-from sim.switch import SimSwitch
+from sim.hand.switch import SimSwitch
 method, mark = {method!r}, Path({mark!r})
 called = getattr(SimSwitch, method)
 def hang(switch):
@@ -144,7 +144,7 @@ DIVERGES = """
 import sys
 import numpy as np
 from skills import grasp_from_rack
-from sim.world import World
+from sim.world.physics import World
 worlds, made, run = [], World.__init__, grasp_from_rack.run
 def remembered(world, *given, **named):
     worlds.append(world)

@@ -18,7 +18,7 @@ from cell.commands.cli import FAULT, GOOD, WRONG_USE, main
 from cell.config.load import load
 from cell.devices.assembly import bench_skin
 from drivers.parts import Peg
-from sim.pads import PadLoad
+from sim.hand.pads import PadLoad
 from skills.tactile.skin_gains import fit_gains, rod_angles
 from tests.skins import BoardRig, can_config
 

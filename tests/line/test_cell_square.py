@@ -9,10 +9,10 @@ from cell.devices.assembly import assemble, opened
 from cell.lab.trials import run_trial
 from drivers.frames import rotation_about
 from drivers.quantities import Pose
-from sim import metering, truth
-from sim.situation import PegSituation
-from sim.truth import VOID_PENETRATION
-from sim.world import World
+from sim.world import metering, truth
+from sim.world.physics import World
+from sim.world.situation import PegSituation
+from sim.world.truth import VOID_PENETRATION
 from skills import grasp_from_rack
 from skills.contract import Outcome
 

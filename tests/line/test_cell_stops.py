@@ -13,14 +13,14 @@ from cell.run.line import TerminalLine
 from cell.run.states import State
 from cell.run.supervisor import Supervisor
 from drivers.errors import FaultCode, SimulationUnstableError
-from plc_bridge.messages import Command, Control, Result
 from plc_bridge.peer import Peer
-from sim.world import World
+from plc_bridge.protocol.messages import Command, Control, Result
+from sim.world.physics import World
 from skills.catalogue import CATALOGUE
 from skills.contract import Outcome, Reason, SkillResult
 from skills.entry import Program
 from skills.flow import run_stage
-from skills.rest import REST_SPEED
+from skills.guards.rest import REST_SPEED
 
 PATIENCE = 10.0  # s
 GRASP = CATALOGUE["grasp_from_rack"].code

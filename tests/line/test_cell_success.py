@@ -8,14 +8,16 @@ import pytest
 from cell.run.states import State
 from drivers.errors import FaultCode
 from drivers.quantities import SwitchState
-from plc_bridge.messages import Control, PartPlace, Refusal, Result
-from skills import catalogue, spiral_adjust, spray_search, tactile_insert
+from plc_bridge.protocol.messages import Control, PartPlace, Refusal, Result
+from skills import catalogue
 from skills.catalogue import RELEASE
 from skills.contract import Outcome, Reason
+from skills.insert import spiral_adjust, tactile_insert
+from skills.insert.spiral_adjust import SpiralAdjustResult
+from skills.insert.tactile_insert import TactileInsertResult
 from skills.release_and_retract import ReleaseAndRetractResult
-from skills.spiral_adjust import SpiralAdjustResult
-from skills.spray_search import SpraySearchResult
-from skills.tactile_insert import TactileInsertResult
+from skills.search import spray_search
+from skills.search.spray_search import SpraySearchResult
 from tests.line.test_cell_part import INSERT, RECOVER, Says, line
 
 ADJUST_STAGE = 4

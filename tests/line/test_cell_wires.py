@@ -8,7 +8,7 @@ from cell.config.load import load
 from cell.devices.assembly import assemble, opened
 from cell.run.states import State
 from drivers.errors import FaultCode
-from plc_bridge.messages import Result
+from plc_bridge.protocol.messages import Result
 from tests.emulation import emulated_or_skip
 from tests.wired import Rehearsal, Wires
 

@@ -17,7 +17,7 @@ PAGE = {block.info.partition(" ")[2]: block.text for block in blocks() if block.
 FAULTS = """
 import pytest
 from plc_bridge.peer import Peer
-from plc_bridge.messages import Refusal, Result
+from plc_bridge.protocol.messages import Refusal, Result
 from skills.catalogue import CATALOGUE
 
 @pytest.fixture

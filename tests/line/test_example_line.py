@@ -18,10 +18,10 @@ from cell.config.parameters import PARAMETERS
 from cell.records.journal import Journal
 from cell.run.line import PROGRAMS, WORDS
 from plc_bridge.config import ModbusConfig, PlcConfig
-from plc_bridge.images import COMMAND, REPORT
-from plc_bridge.plc_names import plc_names
-from plc_bridge.registers import table
-from plc_bridge.structured_text import as_structured_text
+from plc_bridge.exports.plc_names import plc_names
+from plc_bridge.exports.structured_text import as_structured_text
+from plc_bridge.protocol.images import COMMAND, REPORT
+from plc_bridge.protocol.registers import table
 from tests.foreign import EXAMPLE, call, has_matiec, soft_plc
 from tests.quick_cell import quick_cell
 from tests.structured_text import Instance, Time, units_of

@@ -7,9 +7,11 @@ import numpy as np
 import pytest
 
 from drivers.part.round import Round
-from sim import contact, metering, rig
-from sim.section import chamfered_depth, section_depth
-from sim.truth import VOID_PENETRATION
+from sim.contact import rig
+from sim.contact import table as contact
+from sim.contact.section import chamfered_depth, section_depth
+from sim.world import metering
+from sim.world.truth import VOID_PENETRATION
 from tests.chamfers import penetration
 
 DT = 0.0005

@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from skills.surface import SurfaceEstimate
+from skills.search.surface import SurfaceEstimate
 from tests.rigs import HOLE_DEPTH, left_after_a_drop, pushed_depth, section_depth, tilted_peg
 
 PAIRS = ((0.008, 0.0081), (0.004, 0.0041), (0.016, 0.0162))

@@ -10,12 +10,14 @@ from cell.config.load import load
 from cell.lab.trials import run_trial
 from drivers.errors import ConfigError
 from drivers.part.round import Round
-from sim import contact, metering, native, rig, shapes
-from sim.decoys import ROOM, cut
-from sim.plate import Plate, geoms, words
-from sim.section import section_depth
-from sim.truth import VOID_PENETRATION
-from sim.world import World
+from sim.contact import rig, shapes
+from sim.contact import table as contact
+from sim.contact.decoys import ROOM, cut
+from sim.contact.plate import Plate, geoms, words
+from sim.contact.section import section_depth
+from sim.world import metering, native
+from sim.world.physics import World
+from sim.world.truth import VOID_PENETRATION
 
 PEG, HOLE, DECOY = Round(0.008), Round(0.0081), Round(0.0095)
 APART, FLOOR = 0.016, 0.003

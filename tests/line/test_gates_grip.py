@@ -8,11 +8,12 @@ import pytest
 from cell.config.load import load
 from drivers.frames import compose, peg_in_finger
 from drivers.quantities import Pose, Vector
-from sim import engine, slip
-from sim.arm import SimArm
-from sim.situation import PegSituation
-from sim.stepper import HINGE
-from sim.world import World
+from sim.arm.device import SimArm
+from sim.hand import slip
+from sim.world import engine
+from sim.world.physics import World
+from sim.world.situation import PegSituation
+from sim.world.stepper import HINGE
 
 GRIP = 30.0
 """N."""

@@ -9,10 +9,10 @@ import pytest
 from cell.config.load import load
 from drivers.errors import ConfigError
 from drivers.part.round import Round
-from sim import rig
-from sim.contact import ENDLESS, PLATE
-from sim.plate import outline_of
-from sim.world import World
+from sim.contact import rig
+from sim.contact.plate import outline_of
+from sim.contact.table import ENDLESS, PLATE
+from sim.world.physics import World
 
 FIELDS = PLATE.names
 assert FIELDS is not None

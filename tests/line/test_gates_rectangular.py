@@ -8,7 +8,7 @@ import pytest
 
 from drivers.frames import UP, rotation_about
 from drivers.part.rectangular import Rectangular
-from sim import contact
+from sim.contact import table as contact
 from tests.rigs import HOLE_DEPTH, leaning, pushed_rectangle_depth, rectangular_peg, square_section_depth
 from tests.sections import below_surface, deepest, penetration
 

@@ -7,9 +7,10 @@ import pytest
 
 from cell.config.load import load
 from drivers.quantities import ImpedanceSetpoint, InHandTip, Twist, Vector
-from sim import contact, engine
-from sim.arm import SimArm
-from sim.world import World
+from sim.arm.device import SimArm
+from sim.contact import table as contact
+from sim.world import engine
+from sim.world.physics import World
 
 TILT, PUSH, LANE = math.pi / 4, 8.0, 0.05
 """Tilt of the peg, rad, push, N, and length of the lane, m: of the order of the search's."""

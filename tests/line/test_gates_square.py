@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from skills.surface import SurfaceEstimate
+from skills.search.surface import SurfaceEstimate
 from tests.rigs import (
     HOLE_DEPTH,
     leaning,

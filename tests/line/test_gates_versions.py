@@ -9,7 +9,8 @@ import mujoco
 import pytest
 
 from drivers.part.round import Round
-from sim import native, rig
+from sim.contact import rig
+from sim.world import native
 
 ROOT = Path(__file__).parents[2]
 PEG, HOLE = Round(0.008), Round(0.0081)

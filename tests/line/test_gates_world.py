@@ -14,9 +14,9 @@ from drivers import impedance
 from drivers.arm.inertia import tip_inertia
 from drivers.frames import rotation_about
 from drivers.quantities import Pose
-from sim import metering, truth
-from sim.situation import PegSituation
-from sim.world import World
+from sim.world import metering, truth
+from sim.world.physics import World
+from sim.world.situation import PegSituation
 from skills import grasp_from_rack
 from skills.catalogue import CATALOGUE
 from skills.contract import Outcome, Reason

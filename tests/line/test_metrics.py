@@ -9,8 +9,8 @@ from prometheus_client.parser import text_string_to_metric_families
 from cell.page.server import MetricsServer
 from drivers.errors import DeviceNotOpenedError
 from plc_bridge.config import TlsConfig
-from plc_bridge.intervals import Intervals
-from plc_bridge.messages import Control
+from plc_bridge.protocol.intervals import Intervals
+from plc_bridge.protocol.messages import Control
 from tests.certificates import Authority
 from tests.plc_wire import Wire, until
 from tests.quick_cell import CODE

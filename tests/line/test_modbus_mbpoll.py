@@ -7,8 +7,8 @@ import pytest
 
 from plc_bridge.bridge import Bridge
 from plc_bridge.config import ModbusConfig, PlcConfig
-from plc_bridge.messages import Command, Control, Report, Result
-from plc_bridge.registers import COILS, DISCRETE_INPUTS, VERSION, Lease, table
+from plc_bridge.protocol.messages import Command, Control, Report, Result
+from plc_bridge.protocol.registers import COILS, DISCRETE_INPUTS, VERSION, Lease, table
 from tests.scan_thread import take
 
 pytestmark = pytest.mark.skipif(shutil.which("mbpoll") is None, reason="mbpoll is not installed (Debian: mbpoll)")

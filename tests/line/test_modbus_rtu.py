@@ -9,9 +9,9 @@ from drivers.errors import DeviceNotOpenedError
 from drivers.transport.serial_line import SerialLine
 from plc_bridge.bridge import Bridge
 from plc_bridge.config import ModbusConfig, PlcConfig, RtuConfig
-from plc_bridge.messages import Command, Control, Report, Result
-from plc_bridge.registers import DISCRETE_INPUTS, VERSION, table
-from plc_bridge.rtu_frames import with_check_sum
+from plc_bridge.modbus.rtu_frames import with_check_sum
+from plc_bridge.protocol.messages import Command, Control, Report, Result
+from plc_bridge.protocol.registers import DISCRETE_INPUTS, VERSION, table
 from tests.cable import Cable
 from tests.scan_thread import take
 

@@ -12,8 +12,8 @@ from pymodbus.client import ModbusTlsClient
 from drivers.errors import DeviceNotOpenedError
 from plc_bridge.bridge import Bridge
 from plc_bridge.config import ModbusConfig, PlcConfig, TlsConfig
-from plc_bridge.messages import FIRST_PROGRAM, Control
-from plc_bridge.registers import COILS, VERSION
+from plc_bridge.protocol.messages import FIRST_PROGRAM, Control
+from plc_bridge.protocol.registers import COILS, VERSION
 from tests.certificates import Authority, utf8
 from tests.scan_thread import take
 from tests.sockets import receive

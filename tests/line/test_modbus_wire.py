@@ -13,12 +13,12 @@ from pymodbus.client import ModbusTcpClient
 from drivers.errors import DeviceNotOpenedError
 from plc_bridge.bridge import Bridge
 from plc_bridge.config import ModbusConfig, PlcConfig
-from plc_bridge.images import REPORT
-from plc_bridge.messages import FIRST_PROGRAM, Control, LeaseState, Refusal, Report, Result
-from plc_bridge.modbus import ModbusServer
+from plc_bridge.modbus.server import ModbusServer
 from plc_bridge.peer import CellSilentError, Peer
-from plc_bridge.peer_log import LINES
-from plc_bridge.registers import MIRROR, Lease
+from plc_bridge.protocol.images import REPORT
+from plc_bridge.protocol.messages import FIRST_PROGRAM, Control, LeaseState, Refusal, Report, Result
+from plc_bridge.protocol.peer_log import LINES
+from plc_bridge.protocol.registers import MIRROR, Lease
 from tests.scan_thread import take
 from tests.sockets import receive
 

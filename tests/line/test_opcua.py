@@ -11,8 +11,8 @@ import pytest
 
 from drivers.errors import ArmSilentError
 from plc_bridge.config import ModbusConfig, PlcConfig, TlsConfig
-from plc_bridge.messages import Control, Refusal, Result
-from plc_bridge.registers import Lease
+from plc_bridge.protocol.messages import Control, Refusal, Result
+from plc_bridge.protocol.registers import Lease
 from tests.certificates import Authority, utf8
 from tests.plc_wire import Wire
 from tests.quick_cell import QuickCell, quick_cell

@@ -14,8 +14,8 @@ from cell.page.server import PageServer
 from cell.records.journal import Journal
 from cell.run.states import State
 from drivers.errors import SkinSilentError
-from plc_bridge.messages import Refusal
 from plc_bridge.peer import Peer
+from plc_bridge.protocol.messages import Refusal
 from tests.browser import PageView, browsing
 from tests.filmed_runs import require_rendering
 from tests.plc_wire import Wire

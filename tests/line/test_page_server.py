@@ -18,7 +18,7 @@ from cell.records.journal import INDEX
 from cell.records.schema import ConfigRow, RunRow
 from cell.records.wall_clock import now_text
 from drivers.errors import DeviceNotOpenedError
-from plc_bridge.messages import Control
+from plc_bridge.protocol.messages import Control
 from tests.browser import patience
 from tests.plc_wire import Wire
 from tests.quick_cell import CODE, QuickCell

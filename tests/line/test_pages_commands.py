@@ -76,7 +76,7 @@ def test_the_skill_of_the_page_on_extending_runs_after_the_edits_that_it_names(t
     assert not module.exists()
     module.write_text(piece("skills/lift.py").text, encoding="utf-8")
     catalogue = tmp_path / "skills" / "catalogue.py"
-    replaced(catalogue, "    release_and_retract,\n", "    release_and_retract,\n    lift,\n")
+    replaced(catalogue, "from skills import ", "from skills import lift, ")
     replaced(
         catalogue,
         "CATALOGUE = Catalogue(\n",

@@ -8,10 +8,10 @@ import pytest
 
 from cell.run.states import State
 from drivers.errors import FaultCode, SkinSilentError
-from plc_bridge.images import CommandImage
-from plc_bridge.messages import Control, LeaseState, Refusal, Result
 from plc_bridge.peer import CellSilentError
-from plc_bridge.registers import VERSION, VERSION_MAJOR
+from plc_bridge.protocol.images import CommandImage
+from plc_bridge.protocol.messages import Control, LeaseState, Refusal, Result
+from plc_bridge.protocol.registers import VERSION, VERSION_MAJOR
 from skills.catalogue import GRASP
 from skills.contract import Outcome, Reason
 from tests.plc_lines import PLC_LINES

@@ -3,8 +3,8 @@
 import pytest
 
 from cell.run.states import State
-from plc_bridge.images import CommandImage
-from plc_bridge.messages import Control, Refusal, Result
+from plc_bridge.protocol.images import CommandImage
+from plc_bridge.protocol.messages import Control, Refusal, Result
 from tests.plc_wire import coil, ladder, stopped, until, until_bits
 from tests.quick_cell import CODE
 

@@ -15,11 +15,11 @@ from cell.config.parameters import PARAMETERS
 from cell.run.line import PROGRAMS, WORDS
 from plc_bridge.bridge import Bridge
 from plc_bridge.config import ModbusConfig, PlcConfig
-from plc_bridge.images import COMMAND, REPORT
-from plc_bridge.messages import REMEDIES, Refusal
-from plc_bridge.plc_names import plc_names
-from plc_bridge.registers import table
-from plc_bridge.structured_text import as_structured_text
+from plc_bridge.exports.plc_names import plc_names
+from plc_bridge.exports.structured_text import as_structured_text
+from plc_bridge.protocol.images import COMMAND, REPORT
+from plc_bridge.protocol.messages import REMEDIES, Refusal
+from plc_bridge.protocol.registers import table
 from tests.hostile import PATIENCE, exchange
 from tests.pages import ROOT, blocks
 from tests.structured_text import Instance, Time, units_of

@@ -5,7 +5,7 @@ import struct
 import pytest
 
 from cell.run.states import State
-from plc_bridge.messages import Control, LeaseState, Refusal, Result
+from plc_bridge.protocol.messages import Control, LeaseState, Refusal, Result
 from tests.plc_wire import block, stopped
 from tests.quick_cell import CODE
 

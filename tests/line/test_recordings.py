@@ -16,9 +16,9 @@ from drivers.skin.health import ERROR_COUNT, SkinHealth, SkinHealthConfig, dead_
 from drivers.skin.layout import LAYOUTS, MODULE_TAXELS
 from drivers.skin.recording import RecordedSkin, Recording
 from sim.config import RealityConfig, SimSkinConfig
-from sim.pads import PadLoad, Pads
-from sim.reality import read
-from sim.skin import Taxels, skin_truth
+from sim.hand.pads import PadLoad, Pads
+from sim.hand.skin import Taxels, skin_truth
+from sim.world.reality import read
 from skills.tactile.image import ImageEstimator, ImageParams
 from skills.tactile.robust import RobustEstimator, RobustParams
 from tests.skins import ScriptedWorld

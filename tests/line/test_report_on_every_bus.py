@@ -10,10 +10,10 @@ from cell.run.states import State
 from drivers.errors import ArmReflexError, FaultCode
 from drivers.quantities import Pose, SwitchState
 from drivers.transport.wires import CanFrame
-from plc_bridge.canopen_node import CanopenNode
-from plc_bridge.images import PACKML, REPORT
-from plc_bridge.messages import Control, PartEvidence, PartPlace
-from plc_bridge.registers import table
+from plc_bridge.canopen.node import CanopenNode
+from plc_bridge.protocol.images import PACKML, REPORT
+from plc_bridge.protocol.messages import Control, PartEvidence, PartPlace
+from plc_bridge.protocol.registers import table
 from tests.canopen_rig import CONFIG, NODE
 from tests.fakes import HAND_DOWN, Rig
 from tests.plc_wire import Wire

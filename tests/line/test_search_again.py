@@ -8,10 +8,11 @@ import numpy as np
 from cell.config.load import load
 from cell.devices.assembly import assemble, opened
 from cell.lab.trials import run_trial
-from skills import spiral_adjust, spray_search, tactile_insert
 from skills.catalogue import GRASP, find_and_seat
 from skills.contract import Outcome, Reason
-from skills.surface import Plane
+from skills.insert import spiral_adjust, tactile_insert
+from skills.search import spray_search
+from skills.search.surface import Plane
 from tests.reality_files import reality_of
 
 

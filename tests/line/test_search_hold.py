@@ -6,9 +6,9 @@ from dataclasses import replace
 from cell.config.load import load
 from cell.devices.assembly import assemble, opened
 from drivers.quantities import ImpedanceSetpoint
-from skills import spray_search
 from skills.catalogue import GRASP
 from skills.contract import Observation, Reason, Request
+from skills.search import spray_search
 
 RUNNING, HELD, RESUMED = 0.3, 1.0, 1.0
 """s."""

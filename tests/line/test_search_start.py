@@ -7,9 +7,9 @@ import pytest
 from cell.config.load import load
 from cell.devices.assembly import assemble, opened
 from drivers.quantities import ImpedanceSetpoint
-from skills import spray_search
 from skills.catalogue import GRASP, SEARCH
 from skills.contract import Observation, Outcome
+from skills.search import spray_search
 
 PARTS = {
     "as shipped": (),

@@ -5,7 +5,7 @@ import pytest
 import cell.peg.success
 from cell.config.load import load
 from cell.lab.trials import run_trial
-from skills.seating import DOUBTED, MOST_SHALLOW
+from skills.seating.decision import DOUBTED, MOST_SHALLOW
 from tests.reality_files import reality_of
 
 

@@ -113,6 +113,6 @@ def _line(family: str, scale: str, successes: int) -> frontier.FrontierLine:
 
 
 def _is_ideal(name: str, text: str) -> bool:
-    from sim.reality import KINDS
+    from sim.world.reality import KINDS
 
     return all(float(word) == KINDS[name.removeprefix("reality.")].ideal for word in text.split())

@@ -21,8 +21,8 @@ from drivers.switch.board_config import SerialSwitchConfig
 from drivers.switch.wire import BAUD_RATE, Contacts, Decoder, SwitchReport
 from drivers.transport.serial_line import SerialLine
 from drivers.transport.traffic import PlaybackLine, RecordedLine, Recorder, TrafficEndedError
-from sim.board_clock import BoardClock
-from sim.switch_board import FREQUENCY, Chip, EmulatedSwitchBoard
+from sim.boards.board_clock import BoardClock
+from sim.boards.switch_board import FREQUENCY, Chip, EmulatedSwitchBoard
 from skills.catalogue import CATALOGUE
 from tests.emulation import emulated_or_skip
 from tests.fakes import FakeClock

@@ -5,10 +5,10 @@ from dataclasses import replace
 import pytest
 
 import cell.devices.assembly
-import sim.disturb
+import sim.world.disturb
 from cell.config.load import load
 from cell.lab.trials import run_trial
-from sim.drawn_arm import drawn_arm
+from sim.arm.drawn_arm import drawn_arm
 from tests.reality_files import reality_of
 
 

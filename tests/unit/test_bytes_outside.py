@@ -7,6 +7,7 @@ from functools import cache
 from pathlib import Path
 
 import pytest
+from tests.unit.plc_bridge.test_pdu import FakeStation
 
 from cell.config.load import load
 from cell.run.learning import FILE, read_learned
@@ -31,12 +32,11 @@ from drivers.switch.wire import Contacts, Decoder, SwitchReport
 from drivers.switch.wire import encode as switch_packet
 from drivers.transport.cobs import Deframer, frame
 from drivers.transport.wires import CanFrame
-from plc_bridge.pdu import respond
-from plc_bridge.rtu_frames import Receiver, with_check_sum
+from plc_bridge.modbus.pdu import respond
+from plc_bridge.modbus.rtu_frames import Receiver, with_check_sum
 from tests.hostile import request
 from tests.pages import ROOT
 from tests.unit.cell.page.test_outside import changed
-from tests.unit.plc_bridge.test_pdu import FakeStation
 
 INPUTS, FILES = 100_000, 300
 READ = bytes.fromhex("01 03 0000 000A")

@@ -10,7 +10,7 @@ from cell.commands.terminal import GOOD, NOT_GOOD, progress, say, show
 from cell.lab.arguments import load_simulated
 
 if TYPE_CHECKING:
-    from plc_bridge.messages import Report
+    from plc_bridge.protocol.messages import Report
 
 SUMMARY = "the main job: a PLC peer triggers insertions over Modbus TCP"
 

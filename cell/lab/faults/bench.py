@@ -22,14 +22,14 @@ from drivers.errors import CellError
 from drivers.protocols import Clock
 from drivers.quantities import Vector
 from plc_bridge.bridge import Bridge
-from plc_bridge.images import CommandImage
-from plc_bridge.messages import Report
 from plc_bridge.peer import CellSilentError, Peer
-from sim.board_links import EmulatedCan
-from sim.faulty import FaultyDevice
-from sim.switch_board import EmulatedSwitchBoard
+from plc_bridge.protocol.images import CommandImage
+from plc_bridge.protocol.messages import Report
+from sim.boards.board_links import EmulatedCan
+from sim.boards.faulty import FaultyDevice
+from sim.boards.switch_board import EmulatedSwitchBoard
 from skills.catalogue import CATALOGUE, RECOVER
-from skills.rest import REST_SPEED
+from skills.guards.rest import REST_SPEED
 
 WAITING = (State.IDLE, State.COMPLETE, State.STOPPED, State.ABORTED, State.HELD)
 """States that wait for a command."""

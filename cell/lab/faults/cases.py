@@ -11,8 +11,8 @@ import numpy as np
 from cell.lab.faults.contract import FaultKind
 from cell.lab.rows import kept_rows
 from cell.run.states import State
-from plc_bridge.messages import Control, PartEvidence, Refusal, Report, Result
 from plc_bridge.peer import Peer
+from plc_bridge.protocol.messages import Control, PartEvidence, Refusal, Report, Result
 from skills.catalogue import CATALOGUE
 
 TABLE = "faults.csv"

@@ -12,8 +12,8 @@ import numpy as np
 from drivers.errors import ArmReflexError, ArmSilentError, ArmStoppedError, CellError, GripperSilentError
 from drivers.quantities import ArmState, Pose, SwitchState, Wrench
 from drivers.skin.health import Counts
+from sim.boards.faulty import Change, kept
 from sim.config import WireFaults
-from sim.faulty import Change, kept
 
 AGES = 1e6
 """End of a fault of a wire that lasts, s."""

@@ -27,11 +27,11 @@ from cell.records.schema import LOST, RUNNING, RunRow
 from cell.run.states import State
 from drivers.errors import CellError
 from drivers.quantities import Vector
-from plc_bridge.messages import PartPlace, Report, Result
 from plc_bridge.peer import Peer
-from plc_bridge.registers import Warnings
+from plc_bridge.protocol.messages import PartPlace, Report, Result
+from plc_bridge.protocol.registers import Warnings
 from skills.catalogue import CATALOGUE
-from skills.rest import REST_SPEED
+from skills.guards.rest import REST_SPEED
 
 CYCLE = 0.02
 """Time between two cycles of the PLC, s of wall time."""

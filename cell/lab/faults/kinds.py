@@ -12,8 +12,8 @@ from cell.lab.faults.ends import PROGRAM_KINDS
 from cell.lab.faults.plc_kinds import PLC_KINDS
 from cell.lab.faults.skill_kinds import SKILL_KINDS
 from drivers.quantities import SwitchState
+from sim.boards.faulty import Change
 from sim.config import WireFaults
-from sim.faulty import Change
 from skills.catalogue import GRASP
 
 SLOW = {

@@ -7,7 +7,7 @@ from tempfile import TemporaryDirectory
 
 from cell.commands.cli import load_command, main
 from plc_bridge.bridge import Bridge
-from plc_bridge.modbus import ModbusServer
+from plc_bridge.modbus.server import ModbusServer
 
 USED = (load_command("serve"), Bridge, ModbusServer)
 

@@ -13,9 +13,9 @@ from cell.lab.faults.contract import FaultKind
 from cell.peg.part_state import IN_HOLE_DEPTH
 from cell.run.states import State
 from drivers.errors import CellError
-from plc_bridge.messages import PartPlace, Report
-from sim.situation import PegSituation
-from sim.truth import Truth
+from plc_bridge.protocol.messages import PartPlace, Report
+from sim.world.situation import PegSituation
+from sim.world.truth import Truth
 from skills.catalogue import CATALOGUE
 
 CELL_CASES = 10

@@ -9,8 +9,8 @@ from cell.lab.faults.bench import LIFE_TIMEOUT, FaultBench
 from cell.lab.faults.cases import INSERT
 from cell.lab.faults.contract import FaultKind, Undo
 from drivers.errors import CellError
-from plc_bridge.messages import Control
 from plc_bridge.peer import CellSilentError, Peer
+from plc_bridge.protocol.messages import Control
 
 LASTING = 0.5
 """Duration of torn blocks and foreign connections, s of wall time."""

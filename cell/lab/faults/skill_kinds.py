@@ -10,11 +10,12 @@ from cell.lab.faults.bench import FaultBench
 from cell.lab.faults.contract import FaultKind, Undo
 from drivers.frames import UP
 from drivers.quantities import ImpedanceSetpoint, Vector
-from skills import spiral_adjust, spray_search, tactile_insert
 from skills.contract import Outcome, Reason, SkillContext, SkillResult
-from skills.spiral_adjust import SpiralAdjustResult
-from skills.spray_search import SpraySearchResult
-from skills.tactile_insert import TactileInsertResult
+from skills.insert import spiral_adjust, tactile_insert
+from skills.insert.spiral_adjust import SpiralAdjustResult
+from skills.insert.tactile_insert import TactileInsertResult
+from skills.search import spray_search
+from skills.search.spray_search import SpraySearchResult
 
 BLOCKED = 0.5
 """Time without a scan in a skill, s."""

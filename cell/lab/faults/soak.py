@@ -22,8 +22,8 @@ from cell.records.provenance import versions
 from cell.records.wall_clock import now_text
 from cell.run.states import State
 from drivers.errors import CellError, ConfigError
-from plc_bridge.messages import Control, Report
 from plc_bridge.peer import Peer
+from plc_bridge.protocol.messages import Control, Report
 from skills.catalogue import CATALOGUE
 
 TABLE = "soak.csv"

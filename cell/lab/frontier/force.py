@@ -22,8 +22,8 @@ from skills.motion import VALIDITY, Goal
 from skills.paths import spiral_at_speed
 from skills.plan import InsertionPlan
 from skills.pull_out import LONGEST, approach
-from skills.spray_search import SpraySearchResult
-from skills.surface import Plane, SurfaceEstimate
+from skills.search.spray_search import SpraySearchResult
+from skills.search.surface import Plane, SurfaceEstimate
 
 BORNE = 10
 """Number of scans for which the plate has to bear the push before the spiral begins."""

@@ -30,7 +30,7 @@ from cell.lab.trials import (
 from cell.records.provenance import config_hash, versions
 from cell.records.statistics import Z95, RateTest, Verdict, mean, wilson
 from drivers.errors import CellError, FaultCode
-from sim.metering import OVER_FORCE
+from sim.world.metering import OVER_FORCE
 from skills.contract import Outcome
 
 logger = logging.getLogger(__name__)

@@ -107,7 +107,7 @@ def ratio(ours: Callable[[], float], reference: Callable[[], float], pairs: int 
 
 def trial_ratio(config: CellConfig) -> float:
     """Return the time of a simulated second of a trial divided by that of the same bare steps of the stored models."""
-    from sim.reference import bare_second
+    from sim.world.reference import bare_second
 
     run_trial(config, SEED)
     return ratio(lambda: trial_time(config).whole, bare_second)
@@ -123,7 +123,7 @@ def request_ratio() -> float:
     """Return the median time of a read of ten registers from a served cell divided by that from pymodbus's own server."""
     with TemporaryDirectory() as folder:
         cell = ("cell", "serve", "--journal", folder, "--set", "plc.modbus.port=0")
-        with _serving(*cell) as ours, _serving("plc_bridge.bare") as bare:
+        with _serving(*cell) as ours, _serving("plc_bridge.modbus.bare") as bare:
             return ratio(lambda: read_time(ours), lambda: read_time(bare))
 
 
@@ -185,8 +185,8 @@ class TrialTime:
 
 def trial_time(config: CellConfig, watch: cProfile.Profile | None = None) -> TrialTime:
     """Run one trial and return its times; `watch` profiles it."""
-    from sim import native
-    from sim.world import World
+    from sim.world import native
+    from sim.world.physics import World
 
     with opened(assemble(seeded(config, SEED))) as cell:
         world = getattr(cell.truth, "__self__", None)

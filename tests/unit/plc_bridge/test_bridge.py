@@ -3,9 +3,9 @@ from pydantic import ValidationError
 
 from plc_bridge.bridge import Bridge
 from plc_bridge.config import ModbusConfig, PlcConfig
-from plc_bridge.images import CommandImage, report_image
-from plc_bridge.messages import Command, Control, Refusal, Report, Result
-from plc_bridge.registers import STAGES, Lease
+from plc_bridge.protocol.images import CommandImage, report_image
+from plc_bridge.protocol.messages import Command, Control, Refusal, Report, Result
+from plc_bridge.protocol.registers import STAGES, Lease
 from tests.scan_thread import take
 
 

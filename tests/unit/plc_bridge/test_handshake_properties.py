@@ -5,10 +5,10 @@ from dataclasses import replace
 from hypothesis import event, given, settings
 from hypothesis import strategies as st
 
-from plc_bridge.handshake import Handshake
-from plc_bridge.images import CommandImage
-from plc_bridge.messages import FIRST_PROGRAM, Command, Control, Refusal, Report, Result
-from plc_bridge.registers import Lease
+from plc_bridge.protocol.handshake import Handshake
+from plc_bridge.protocol.images import CommandImage
+from plc_bridge.protocol.messages import FIRST_PROGRAM, Command, Control, Refusal, Report, Result
+from plc_bridge.protocol.registers import Lease
 
 PROGRAMS = {100: "insert_peg", 101: "grasp"}
 CONTROLS = [control for control in Control if control < FIRST_PROGRAM]

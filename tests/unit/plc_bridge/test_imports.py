@@ -9,13 +9,13 @@ import pytest
 
 from cell.config.parameters import PARAMETERS
 from cell.run.line import PROGRAMS, WORDS
-from plc_bridge.images import COMMAND, REPORT
-from plc_bridge.messages import Control, Refusal, Result
-from plc_bridge.plc_names import plc_names
-from plc_bridge.plcopen_xml import NAMESPACE, as_plcopen_xml
-from plc_bridge.registers import table
-from plc_bridge.scl import as_scl
-from plc_bridge.structured_text import as_structured_text
+from plc_bridge.exports.plc_names import plc_names
+from plc_bridge.exports.plcopen_xml import NAMESPACE, as_plcopen_xml
+from plc_bridge.exports.scl import as_scl
+from plc_bridge.exports.structured_text import as_structured_text
+from plc_bridge.protocol.images import COMMAND, REPORT
+from plc_bridge.protocol.messages import Control, Refusal, Result
+from plc_bridge.protocol.registers import table
 
 TOOLS = Path(__file__).parents[3] / "build" / "plcopen"
 """Where `.ci/run` puts the published schema and what checks against it."""

@@ -3,10 +3,10 @@
 from hypothesis import event, given, settings
 from hypothesis import strategies as st
 
-from plc_bridge.handshake import Handshake
-from plc_bridge.images import CommandImage
-from plc_bridge.messages import Control, LeaseState, Refusal, Report, Result
-from plc_bridge.registers import Lease
+from plc_bridge.protocol.handshake import Handshake
+from plc_bridge.protocol.images import CommandImage
+from plc_bridge.protocol.messages import Control, LeaseState, Refusal, Report, Result
+from plc_bridge.protocol.registers import Lease
 
 TIMEOUT, PROGRAM = 5.0, 100
 LINKS = ("10.0.0.1:49152", "Operator@10.0.0.2:40000", "rtu:ttyS0", "node 1")

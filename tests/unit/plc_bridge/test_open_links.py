@@ -2,7 +2,7 @@
 
 import pytest
 
-from plc_bridge.messages import Control, Refusal, Result
+from plc_bridge.protocol.messages import Control, Refusal, Result
 from tests.plc_bytes import ABORTED, PLC_LOST, Can, Cell, Rtu, Tcp, block, coil, word
 
 LINKS = pytest.mark.parametrize("link", [Tcp, Rtu, Can])

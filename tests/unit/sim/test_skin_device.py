@@ -7,8 +7,8 @@ from drivers.errors import DeviceNotOpenedError, SkinSilentError
 from drivers.skin.health import ERROR_COUNT, dead_groups
 from drivers.skin.layout import LAYOUTS, module_of
 from sim.config import SimSkinConfig
-from sim.pads import PadLoad, Pads
-from sim.skin import SimSkin, Taxels, as_believed
+from sim.hand.pads import PadLoad, Pads
+from sim.hand.skin import SimSkin, Taxels, as_believed
 
 
 @dataclass

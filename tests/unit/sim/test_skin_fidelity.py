@@ -10,7 +10,7 @@ from cell.lab.elastic_layer import POISSON, THICKNESS, LayerPads, layer, layer_p
 from drivers.part.round import Round
 from drivers.skin.layout import LAYOUTS
 from sim.config import PadConfig
-from sim.pads import PadLoad, Pads
+from sim.hand.pads import PadLoad, Pads
 
 DEPTH, REACH, DIAMETER = 0.5e-3, (0.05, 0.015), 0.008
 

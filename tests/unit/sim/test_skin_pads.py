@@ -8,7 +8,7 @@ import pytest
 
 from drivers.skin.layout import LAYOUTS
 from sim.config import PadConfig
-from sim.pads import PadLoad, Pads, breakaway_torque, contact_span, taxel_weights
+from sim.hand.pads import PadLoad, Pads, breakaway_torque, contact_span, taxel_weights
 
 LENGTH, WIDTH = 0.040, 0.026
 AT_REST = PadLoad(0.0, 0.0, 30.0, 0.0, 0.0, 0.05, 0.02, 0.008)
@@ -132,8 +132,8 @@ def test_a_flat_face_turns_in_the_pads_where_friction_over_it_says(theta):
 
 COMPILED = """
 from sim.config import PadConfig
-from sim.pad_solver import lie, spread
-from sim.pads import PadLoad, Pads
+from sim.hand.pad_solver import lie, spread
+from sim.hand.pads import PadLoad, Pads
 pads = Pads(PadConfig(), "parallelogram")
 before = len(lie.signatures), len(spread.signatures)
 pads.pressure(PadLoad(0.3, 1e-3, 30.0, 5.7, 0.285, 0.05, 0.02, 0.008, is_flat=True))

@@ -19,11 +19,11 @@ from skills.contract import (
     Reason,
     Request,
 )
+from skills.guards.passivity import INERTIA, MASS, SOFTEN, STOP
+from skills.guards.scan_guards import RESUME_TIME
+from skills.guards.wrench_zero import SCANS
 from skills.held_peg import HeldPeg
 from skills.motion import Goal, move
-from skills.passivity import INERTIA, MASS, SOFTEN, STOP
-from skills.scan_guards import RESUME_TIME
-from skills.wrench_zero import SCANS
 from tests.fakes import PERIOD, FakeArm, FakeClock, FakeGripper, context_of
 
 CONFIG = load().cell

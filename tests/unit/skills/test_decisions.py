@@ -9,11 +9,11 @@ from cell.config.load import load
 from drivers.errors import SwitchDisagreesError, SwitchUnknownError
 from drivers.part.round import Round
 from drivers.quantities import SwitchState
+from skills.insert.tactile_insert import turned
 from skills.motion import minimum_jerk, tilted_by
-from skills.seating import is_seated, require_short_of_bottom
+from skills.seating.decision import is_seated, require_short_of_bottom
 from skills.tactile.blend import Smoothing
 from skills.tactile.pose import NO_PEG, PegPose
-from skills.tactile_insert import turned
 
 JOB = load().cell.job()
 HOLE = JOB.hole

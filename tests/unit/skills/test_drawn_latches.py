@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from drivers.parts import Latch
-from skills.latch_likelihood import SHEAR, Way, resistance, told_by
-from skills.latch_looks import MOST_LOOKS, is_enough
+from skills.seating.latch_likelihood import SHEAR, Way, resistance, told_by
+from skills.seating.latch_looks import MOST_LOOKS, is_enough
 
 DETENT = Latch(kind="detent", force=5.0, height=0.003)
 NOISES = ((0.3, 0.3), (1.0, 0.5), (1.0, 1.0))

@@ -13,7 +13,7 @@ from skills.catalogue import GRASP
 from skills.contract import Outcome, Reason
 from skills.grasp_from_rack import ACROSS_RACK, NEAR, run
 from skills.held_peg import HeldPeg
-from skills.surface import Plane
+from skills.search.surface import Plane
 from tests.fakes import HAND_DOWN, PERIOD, FakeArm, FakeClock, FakeGripper, context_of
 
 CELL = load().cell

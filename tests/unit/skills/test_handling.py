@@ -11,14 +11,14 @@ from drivers.frames import UP, angle_between, rotation_about
 from drivers.quantities import SwitchState
 from skills.catalogue import ADJUST, GRASP, INSERT, SEARCH
 from skills.contract import Outcome, Reason
-from skills.corner_adjust import CornerAdjustResult
-from skills.grip import grip_of
+from skills.corner.adjust import CornerAdjustResult
 from skills.handling import adjust, insert
+from skills.insert.grip import grip_of
+from skills.insert.play import allowed_depth
+from skills.insert.spiral_adjust import SpiralAdjustResult
 from skills.plan import FIRST_STALL, plan_insertion
-from skills.play import allowed_depth
 from skills.search.size import DIP, PUSH, STATED
-from skills.spiral_adjust import SpiralAdjustResult
-from skills.surface import Plane
+from skills.search.surface import Plane
 from tests.fakes import PERIOD, Rig
 from tests.scripted import CELL, HOLE, LIGHT, SIDE, SQUARE, ScriptedHand, corner_hand, hand
 

@@ -5,8 +5,8 @@ import pytest
 
 from cell.config.load import load
 from drivers.errors import ScanOverrunError
+from skills.guards.scan_guards import LONGEST_STEP, ScanLimits
 from skills.motion import Goal, Transfer, move
-from skills.scan_guards import LONGEST_STEP, ScanLimits
 from tests.fakes import PERIOD, FakeArm, FakeClock, FakeGripper, context_of
 
 CONFIG = load().cell

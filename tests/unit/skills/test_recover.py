@@ -12,7 +12,7 @@ from skills.contract import Interrupted, Outcome, Reason, Request
 from skills.held_peg import HeldPeg
 from skills.pull_out import SHARE, Pull, pull_out
 from skills.recover import CLEAR, MARGIN, run
-from skills.surface import Plane
+from skills.search.surface import Plane
 from tests.fakes import HAND_DOWN, PERIOD, FakeArm, FakeClock, FakeGripper, context_of
 
 CONFIG = load().cell

@@ -10,7 +10,7 @@ from skills.search.belief import Belief
 from skills.search.course import make_course
 from skills.search.decoys import BLIND, NOWHERE, SHALLOW, THROUGH, Decoy, decoy_at
 from skills.search.tour import Left
-from skills.seating import CLOSED_TOLERANCE
+from skills.seating.decision import CLOSED_TOLERANCE
 
 CONFIG = load().cell
 JOB, PARAMS = CONFIG.job(), CONFIG.plan().search

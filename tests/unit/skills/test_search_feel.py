@@ -10,8 +10,8 @@ from skills.catalogue import SEARCH
 from skills.search.belief import Belief
 from skills.search.course import make_course
 from skills.search.feel import LATE, LIKELY, Evidence
+from skills.search.surface import SurfaceEstimate
 from skills.search.tour import GATE, Likely
-from skills.surface import SurfaceEstimate
 
 CONFIG = load().cell
 JOB, PARAMS = CONFIG.job(), CONFIG.params(SEARCH)

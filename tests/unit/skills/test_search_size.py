@@ -7,10 +7,10 @@ import pytest
 
 from cell.config.load import load
 from skills.catalogue import GRASP, SEARCH
-from skills.grip import grip_of
+from skills.insert.grip import grip_of
 from skills.search.feel import Evidence
 from skills.search.size import DIP, PUSH, STATED, THIN, fastest, firm, shallow
-from skills.surface import SurfaceEstimate
+from skills.search.surface import SurfaceEstimate
 
 SEARCH_PARAMS = load().cell.params(SEARCH)
 SLIM = shallow(SEARCH_PARAMS, STATED / 2)

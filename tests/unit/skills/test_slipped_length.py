@@ -12,8 +12,8 @@ from skills.catalogue import SEARCH
 from skills.held_peg import HeldPeg
 from skills.search.course import make_course
 from skills.search.feel import EXPLAINED
-from skills.spray_search import _referenced
-from skills.surface import Plane
+from skills.search.spray_search import _referenced
+from skills.search.surface import Plane
 
 CONFIG = load().cell
 PARAMS = CONFIG.params(SEARCH)

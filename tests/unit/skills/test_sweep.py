@@ -16,8 +16,8 @@ from skills.motion import VALIDITY
 from skills.search.course import make_course
 from skills.search.feel import Evidence
 from skills.search.phases import Detour, Sliding
+from skills.search.surface import SurfaceEstimate
 from skills.search.sweep import REST_DAMPING, TRIMMED_BELOW, Sweep
-from skills.surface import SurfaceEstimate
 from tests.board import Board
 from tests.fakes import PERIOD, Rig
 from tests.scripted import LIGHT, SIDE

@@ -9,7 +9,7 @@ from cell.commands import warm_up
 from cell.config.load import LoadedConfig, load
 from cell.devices.assembly import assemble, opened
 from drivers import compiled
-from sim import engine
+from sim.world import engine
 
 
 @pytest.fixture

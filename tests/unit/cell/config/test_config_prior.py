@@ -6,7 +6,7 @@ import pytest
 from cell.config.load import load
 from cell.devices.assembly import assemble
 from drivers.errors import ConfigError
-from sim.world import World
+from sim.world.physics import World
 
 AREA = "hole.area=[0.2,0.2]"
 

@@ -11,7 +11,7 @@ from cell.config.load import load
 from cell.devices.assembly import assemble
 from drivers.errors import ConfigError
 from sim.config import RealityConfig
-from sim.reality import KINDS, read
+from sim.world.reality import KINDS, read
 
 FROZEN = "1fce36f04d05d46b"
 """Digest of version 2 of the world: a world that differs needs a version of its own, and the figures that were measured in it anew."""

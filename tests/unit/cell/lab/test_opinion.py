@@ -9,7 +9,7 @@ from cell.config.load import load
 from cell.lab import opinion as measure
 from cell.lab.opinion import Agreement, Comparison, JointFigure
 from cell.lab.trials import TrialRow
-from sim.described_arm import DescribedArm
+from sim.arm.described_arm import DescribedArm
 
 ARM = DescribedArm("arm.xml", "00", "link8", 0.5, None, None, ())
 

@@ -7,7 +7,7 @@ from cell.config.load import load
 from cell.lab import reality
 from cell.lab.compare import section
 from sim.config import RealityConfig
-from sim.reality import AS_BELIEVED, KINDS, read
+from sim.world.reality import AS_BELIEVED, KINDS, read
 
 CONFIG = load(sets=["sim.pace=max"]).cell
 ROWS = section("rows")["row"]

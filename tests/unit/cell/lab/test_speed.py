@@ -5,7 +5,7 @@ import pytest
 
 from cell.lab.speed import measure
 from cell.lab.speed.starts import start_of
-from sim import reference
+from sim.world import reference
 
 
 def test_every_stored_ratio_has_its_measure(loaded):

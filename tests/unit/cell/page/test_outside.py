@@ -8,7 +8,7 @@ from cell.page.commands import BadAskError, parse
 from cell.page.guard import part_of, refusal
 from cell.page.token import is_token
 from cell.peg.custody import Custody
-from plc_bridge.messages import PartPlace
+from plc_bridge.protocol.messages import PartPlace
 
 ASKS = [b'{"ask":"start","program":"insert_peg","recipe":1,"serial":"A"}', b'{"ask":"unlock","token":"abc"}', b"[]"]
 PART = b'{"place":"RACK","evidence":"","is_held":false,"depth":0.0,"tip":[0,0,0],"emptied":0}'

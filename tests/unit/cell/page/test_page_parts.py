@@ -18,8 +18,8 @@ from cell.run.live import KEPT, Live, Look, Pull
 from cell.run.states import TRANSITIONS, Event, State
 from drivers.errors import FAULTS, ConfigError, FaultCode
 from plc_bridge.bridge import Bridge
-from plc_bridge.messages import Control, PartPlace, Refusal, Report
-from plc_bridge.registers import Lease
+from plc_bridge.protocol.messages import Control, PartPlace, Refusal, Report
+from plc_bridge.protocol.registers import Lease
 from skills.catalogue import CATALOGUE
 from tests.fakes import Rig
 from tests.trouble import full_disk

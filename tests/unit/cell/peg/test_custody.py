@@ -15,7 +15,7 @@ from cell.records.index import Index
 from cell.records.journal import INDEX, Journal
 from cell.records.schema import LOST, RunRow
 from drivers.quantities import SwitchState
-from plc_bridge.messages import PartEvidence, PartPlace, Refusal
+from plc_bridge.protocol.messages import PartEvidence, PartPlace, Refusal
 from tests.trouble import full_disk, until
 
 OPEN = SwitchState.OPEN

@@ -1,9 +1,10 @@
-"""Proof of a success in a hole without a switch, each negative by itself; tests/unit/skills/test_signature.py tests the curve."""
+"""Proof of a success in a hole without a switch, each negative by itself; tests/unit/skills/seating/test_signature.py tests the curve."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from tests.unit.skills.test_signature import HELD, LATCH, lowered, pushing, scan
 
 from cell.config.load import load
 from cell.devices.assembly import assemble
@@ -13,17 +14,16 @@ from cell.peg.success import AWAY, ForceProof, LastLook, Proof, evidence_for, ju
 from drivers.errors import ConfigError, SuccessUnprovenError
 from drivers.frames import UP
 from drivers.quantities import GripperState, SwitchState
-from plc_bridge.messages import PartPlace
+from plc_bridge.protocol.messages import PartPlace
 from skills.contract import Outcome, Reason
 from skills.entry import Claim
 from skills.flow import StageRecord
-from skills.latch_likelihood import Signature
-from skills.seating import BORNE_WITHIN, DOUBTED, MOST_DEEP
-from skills.signature import LIFTED, Curve
-from skills.spray_search import SpraySearchResult
-from skills.surface import Plane
+from skills.search.spray_search import SpraySearchResult
+from skills.search.surface import Plane
+from skills.seating.decision import BORNE_WITHIN, DOUBTED, MOST_DEEP
+from skills.seating.latch_likelihood import Signature
+from skills.seating.signature import LIFTED, Curve
 from tests.fakes import Rig
-from tests.unit.skills.test_signature import HELD, LATCH, lowered, pushing, scan
 
 SETS = ("hole.latch={kind='detent',force=5.0,height=0.003}", "hole.evidence=force")
 WIDE = GripperState(0.04, False, False)

@@ -29,8 +29,8 @@ from cell.peg.part_state import (
 )
 from drivers.parts import Latch
 from drivers.quantities import WIDTH_TOLERANCE, GripperState, SwitchState, Wrench
-from plc_bridge.messages import PartEvidence, PartPlace, Refusal
-from skills.seating import CLOSED_TOLERANCE
+from plc_bridge.protocol.messages import PartEvidence, PartPlace, Refusal
+from skills.seating.decision import CLOSED_TOLERANCE
 
 OPEN, CLOSED, UNKNOWN = SwitchState.OPEN, SwitchState.CLOSED, SwitchState.UNKNOWN
 EMPTY = PartState(PartPlace.RACK, "in the rack")

@@ -7,7 +7,7 @@ import pytest
 from cell.peg.part_watch import EARLY_SHARE, LONGEST_UNKNOWN, PROVEN_BY_SWITCH, PartWatch
 from drivers.errors import ArmSilentError, CellError, SkinSilentError, SwitchDisagreesError, SwitchUnknownError
 from drivers.quantities import SwitchState
-from plc_bridge.messages import PartEvidence, PartPlace, Report
+from plc_bridge.protocol.messages import PartEvidence, PartPlace, Report
 from skills.entry import Claim
 
 HOLE = (0.5, 0.01)

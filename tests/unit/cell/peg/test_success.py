@@ -11,13 +11,13 @@ from cell.peg.success import AWAY, PLANE_TOLERANCE, LastLook, Proof, judged
 from drivers.errors import SuccessUnprovenError, SwitchDisagreesError
 from drivers.frames import UP
 from drivers.quantities import WIDTH_TOLERANCE, GripperState, ImpedanceSetpoint, SwitchState
-from plc_bridge.messages import PartPlace
+from plc_bridge.protocol.messages import PartPlace
 from skills.contract import Outcome, Reason
 from skills.entry import Claim
 from skills.flow import StageRecord
-from skills.seating import BORNE_FOR, CLOSED_TOLERANCE, DOUBTED, LEAST_PUSH, MOST_DEEP, MOST_SHALLOW
-from skills.spray_search import SpraySearchResult
-from skills.surface import Plane
+from skills.search.spray_search import SpraySearchResult
+from skills.search.surface import Plane
+from skills.seating.decision import BORNE_FOR, CLOSED_TOLERANCE, DOUBTED, LEAST_PUSH, MOST_DEEP, MOST_SHALLOW
 
 OPEN, CLOSED = SwitchState.OPEN, SwitchState.CLOSED
 WIDE, CLOSED_HAND = GripperState(0.04, False, False), GripperState(0.008, True, False)

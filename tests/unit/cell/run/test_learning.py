@@ -16,8 +16,8 @@ from cell.run.learning import FILE, Learning, forget, hole_found, read_learned
 from drivers.errors import ConfigError
 from skills.contract import Outcome, Reason
 from skills.flow import StageRecord
-from skills.prior import LearningConfig
-from skills.spray_search import SpraySearchResult
+from skills.search.prior import LearningConfig
+from skills.search.spray_search import SpraySearchResult
 
 JOB = load().cell.job()
 HOME = (0.51, 0.012)

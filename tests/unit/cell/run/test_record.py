@@ -3,7 +3,7 @@ import pytest
 from cell.peg.ending import ending_of
 from cell.run.record import StageClock
 from drivers.errors import SkinSilentError
-from plc_bridge.messages import Result
+from plc_bridge.protocol.messages import Result
 from skills.contract import Outcome, Reason, SkillResult
 from skills.flow import StageRecord
 

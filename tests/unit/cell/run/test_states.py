@@ -2,7 +2,7 @@ import pytest
 
 from cell.run.line import CONTROLS
 from cell.run.states import ASKED, TRANSITIONS, Event, State, after, is_permitted, is_reached
-from plc_bridge.messages import PACKML
+from plc_bridge.protocol.messages import PACKML
 
 WAITING = {State.STOPPED, State.IDLE, State.SUSPENDED, State.ABORTED, State.HELD, State.COMPLETE}
 

@@ -19,11 +19,11 @@ from cell.run.states import State
 from cell.run.supervisor import Supervisor
 from drivers.errors import ArmReflexError, CellError, FaultCode, SkinSilentError, SwitchUnknownError
 from drivers.quantities import SwitchState
-from plc_bridge.messages import Command, Control, PartPlace, Refusal, Result
+from plc_bridge.protocol.messages import Command, Control, PartPlace, Refusal, Result
 from skills.catalogue import CATALOGUE
 from skills.contract import Outcome, Reason
 from skills.entry import Claim, Program
-from skills.scan_guards import RESUME_TIME
+from skills.guards.scan_guards import RESUME_TIME
 from tests.quick_cell import STAGE, QuickProgram
 from tests.unit.cell.run.test_watchdog import Looked
 

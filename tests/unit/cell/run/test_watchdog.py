@@ -5,7 +5,7 @@ import pytest
 from cell.run import watchdog
 from cell.run.watchdog import GIVEN_UP, HANG, LOOK_PERIOD, WARNED, WINDOW, LateScans, ScanWatchdog, older
 from drivers.errors import ScanOverrunError
-from skills.scan_guards import ScanLimits
+from skills.guards.scan_guards import ScanLimits
 
 PERIOD = 0.01
 LIMITS = ScanLimits(late=0.5)

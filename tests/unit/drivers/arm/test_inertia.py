@@ -6,9 +6,10 @@ from cell.config.files import arm_file
 from drivers import impedance
 from drivers.arm.inertia import joint_inertia, tip_inertia
 from drivers.arm.model import read_arm
-from sim import cylinder, scene
-from sim.arm_truth import ideal
-from sim.plate import Plate
+from sim.arm.arm_truth import ideal
+from sim.contact import cylinder
+from sim.contact.plate import Plate
+from sim.world import scene
 
 
 @pytest.fixture(params=["panda", "fr3", "fr3v2"])

@@ -7,8 +7,8 @@ from drivers.errors import DeviceNotOpenedError, SkinSilentError
 from drivers.skin.boards import RECENT, CanSkin
 from drivers.skin.health import BASELINE_FRAMES, SkinHealth, SkinHealthConfig
 from drivers.transport.wires import CanFrame
+from sim.boards.cyskin_board import TEMPERATURE_COUNTS
 from sim.config import WireFaults
-from sim.cyskin_board import TEMPERATURE_COUNTS
 from tests.cyskin_makers import SENT
 from tests.skins import WIRED, BoardRig, can_config, held_peg, serial_config
 

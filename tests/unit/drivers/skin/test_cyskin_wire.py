@@ -25,7 +25,7 @@ from drivers.skin.cyskin_wire import (
 )
 from drivers.transport.crc import Crc8
 from drivers.transport.wires import CanFrame
-from sim.cyskin_board import EmulatedHub
+from sim.boards.cyskin_board import EmulatedHub
 
 same = settings(derandomize=True, deadline=None, max_examples=80)
 

@@ -7,7 +7,7 @@ from drivers.quantities import SwitchState
 from drivers.switch.board import REOPEN_PERIOD, STALE, SerialSuccessSwitch
 from drivers.switch.board_config import SerialSwitchConfig
 from drivers.switch.wire import Contacts, SwitchReport, encode
-from sim.terminal import Terminal
+from sim.boards.terminal import Terminal
 from tests.fakes import FakeClock
 
 HEARTBEAT = 0.025

@@ -8,7 +8,7 @@ import pytest
 from drivers.quantities import TaxelFrame
 from drivers.skin.layout import LAYOUTS, finger_positions, module_of, triangles
 from sim.config import SimSkinConfig
-from sim.pads import PadLoad, Pads
+from sim.hand.pads import PadLoad, Pads
 from skills.tactile.image import ImageEstimator, ImageParams
 from skills.tactile.picture import Projector
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from drivers.skin.layout import LAYOUTS, finger_positions, module_of, pad_size
-from sim.pads import contact_span
+from sim.hand.pads import contact_span
 from skills.tactile.likelihood import RobustParams
 from skills.tactile.robust import RobustEstimator
 from skills.tactile.template_fill import HALF_LINE

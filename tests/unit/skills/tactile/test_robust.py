@@ -9,7 +9,7 @@ from cell.lab.elastic_layer import LayerPads
 from drivers.part.round import Round
 from drivers.skin.layout import LAYOUTS, module_of
 from sim.config import PadConfig
-from sim.pads import Pads
+from sim.hand.pads import Pads
 from skills.tactile.likelihood import UNKNOWN_LOAD, Bank, Found, RobustParams, pose_of, weights_of
 from skills.tactile.posterior import NEVER
 from skills.tactile.robust import LOAD_SPREAD, MOST_FRAMES, Load, RobustEstimator

@@ -7,7 +7,7 @@ import pytest
 from drivers.parts import Peg
 from drivers.skin.layout import LAYOUTS
 from sim.config import PadConfig
-from sim.pads import PadLoad, Pads
+from sim.hand.pads import PadLoad, Pads
 from skills.tactile.skin_gains import fit_gains, rod_angles
 
 ROD = Peg(diameter=0.008, length=0.05, overhang=0.05, mass=0.02)

@@ -1,0 +1,1 @@
+"""The CANopen node: objects, PDOs, SDOs, heartbeats and emergencies."""

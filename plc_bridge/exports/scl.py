@@ -1,0 +1,122 @@
+"""The function block as a source of Siemens SCL, with user data types whose members have the registers' names.
+
+The words of Modbus and a data block without optimised access have the same byte order, the high byte first. MB_CLIENT
+therefore fills `UDT_CellReport` directly, and the program contains no addresses.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+
+from plc_bridge.exports.function_block import (
+    COMMAND,
+    NAME,
+    NAMES,
+    PARAMETER,
+    REPORT,
+    SERIAL,
+    STAGE_TIMES,
+    FunctionBlock,
+    Variable,
+    function_block,
+)
+from plc_bridge.exports.function_block_body import Language
+from plc_bridge.protocol.registers import PARAMETERS, STAGES, Register
+
+DATA = "DB_InsertionCell"
+_TYPES = {"u16": "UInt", "u32": "UDInt", "i16": "Int", "i32": "DInt"}
+_UDTS = {COMMAND: "UDT_CellCommand", REPORT: "UDT_CellReport", NAMES: "UDT_CellNames", "TON": "TON_TIME"}
+_GROUPED = {"parameter": PARAMETERS, "stage_time": STAGES}
+"""Numbered registers that are one array, and their number."""
+
+
+def as_scl(registers: Sequence[Register], names: Mapping[str, int]) -> str:
+    """Return the data types, the function block, and a data block for the Modbus client, for this map."""
+    block = function_block(registers, names)
+    lines = [
+        *_udt("UDT_CellCommand", _members(block.registers["Command"])),
+        *_udt("UDT_CellReport", _members(block.registers["Report"])),
+        *_udt("UDT_CellNames", (f"{name} : UInt := {number};" for name, number in names.items())),
+        *_block(block),
+        *_data(),
+    ]
+    return "\r\n".join(lines) + "\r\n"
+
+
+def _udt(name: str, members: "Iterator[str]") -> Iterator[str]:
+    yield f'TYPE "{name}"'
+    yield "VERSION : 0.1"
+    yield "    STRUCT"
+    for member in members:
+        yield f"        {member}"
+    yield "    END_STRUCT;"
+    yield "END_TYPE"
+    yield ""
+
+
+def _members(entries: Mapping[str, Register]) -> Iterator[str]:
+    """Return a member for each register in order; numbered ones are arrays."""
+    for name, entry in entries.items():
+        group, _, number = name.rpartition("_")
+        if group in _GROUPED and number.isdigit():
+            if number == "1":
+                yield f"{group} : Array[1..{_GROUPED[group]}] of {_TYPES[entry.type]};"
+            continue
+        kind = f"Array[0..{2 * entry.words - 1}] of Byte" if entry.type == "string" else _TYPES[entry.type]
+        yield f"{name} : {kind};"
+
+
+def _block(block: FunctionBlock) -> Iterator[str]:
+    yield f'FUNCTION_BLOCK "{NAME}"'
+    yield "{ S7_Optimized_Access := 'TRUE' }"
+    yield "VERSION : 0.1"
+    for line in block.about.splitlines():
+        yield f"// {line}"
+    for kind, variables in (("VAR_INPUT", block.inputs), ("VAR_OUTPUT", block.outputs), ("VAR", block.locals)):
+        yield kind
+        for variable in variables:
+            yield f"    {_declaration(variable, block)}"
+        yield "END_VAR"
+    yield "BEGIN"
+    command, report = block.registers["Command"], block.registers["Report"]
+    members = {name: f"#Report.{name}" for name in report}
+    language = Language(
+        sign="#",
+        words=members,
+        numbers=members,
+        stage_time="#Report.stage_time[#Index]",
+        sending={name: f"#Command.{name} := {{}};" for name in command},
+        arrays=(
+            f"FOR #Index := 0 TO {2 * command['serial'].words - 1} DO",
+            "    #Command.serial[#Index] := #SerialNumber[#Index];",
+            "END_FOR;",
+            f"FOR #Index := 1 TO {PARAMETERS} DO",
+            "    #Command.parameter[#Index] := #Parameters[#Index];",
+            "END_FOR;",
+        ),
+    )
+    lines = block.body(language).splitlines()
+    yield from (line for line in lines if not line.lstrip().startswith("(*"))
+    yield "END_FUNCTION_BLOCK"
+    yield ""
+
+
+def _declaration(variable: Variable, block: FunctionBlock) -> str:
+    arrays = {each.name: f"Array[{each.low}..{each.high}] of {each.of}" for each in block.arrays}
+    kind = variable.type
+    if kind in (SERIAL, PARAMETER, STAGE_TIMES):
+        kind = arrays[kind]
+    elif kind in _UDTS:
+        kind = _UDTS[kind] if kind == "TON" else f'"{_UDTS[kind]}"'
+    first = f" := {variable.initial}" if variable.initial else ""
+    return f"{variable.name} : {kind}{first};" + (f" // {variable.meaning}" if variable.meaning else "")
+
+
+def _data() -> Iterator[str]:
+    yield f'DATA_BLOCK "{DATA}"'
+    yield "{ S7_Optimized_Access := 'FALSE' }"
+    yield "VERSION : 0.1"
+    yield "    STRUCT"
+    yield '        Command : "UDT_CellCommand"; // MB_CLIENT writes it to the holding registers from 0 on'
+    yield '        Report : "UDT_CellReport"; // MB_CLIENT reads it from the input registers from 0 on'
+    yield "    END_STRUCT;"
+    yield "BEGIN"
+    yield "END_DATA_BLOCK"

@@ -1,0 +1,1 @@
+"""Modbus TCP, Modbus/TCP Security and Modbus RTU servers."""

@@ -1,0 +1,237 @@
+"""Modbus TCP server: one thread, one asyncio loop, every socket."""
+
+import asyncio
+import errno
+import logging
+import socket
+import threading
+from functools import partial
+from ipaddress import ip_address
+
+from drivers.errors import DeviceNotOpenedError
+from plc_bridge.config import ModbusConfig
+from plc_bridge.modbus.admission import NoPlaceError, who_leaves
+from plc_bridge.modbus.connection import Connection
+from plc_bridge.protocol.images import Diagnostics
+from plc_bridge.protocol.mailbox import Mailbox
+from plc_bridge.protocol.peer_log import PeerLog
+from plc_bridge.protocol.station import LinkStation, LinkWords
+
+logger = logging.getLogger(__name__)
+
+ACCEPTED_PER_TURN = 8
+"""Number of connections that are accepted before existing ones get their turn."""
+BACKLOG = 128
+"""Largest number of connections that wait for acceptance."""
+
+
+class ModbusServer:
+    """Listens, admits clients, closes idle ones; `start` and `close` may be called from any thread."""
+
+    section = "plc.modbus"
+    """Section of the config with the server's settings, for messages."""
+
+    def __init__(self, config: ModbusConfig, mailbox: Mailbox) -> None:
+        self._config = config
+        self.mailbox = mailbox
+        self.counts = Diagnostics()
+        self.log = PeerLog(logger)
+        self.crowd = 0
+        self.worked = 0.0
+        self.loop: asyncio.AbstractEventLoop
+        self._stop: asyncio.Event
+        self._socket: socket.socket | None = None
+        self._thread: threading.Thread | None = None
+        self._guests: set[Connection] = set()
+        self._connections: dict[str, Connection] = {}
+        """Connections with a link, by their source."""
+        self._shared: dict[str, LinkWords] = {}
+
+    @property
+    def address(self) -> tuple[str, int]:
+        """Host and port that clients reach; the configured ones while the server is closed."""
+        if self._socket is None:
+            return self._config.host, self._config.port
+        host, port = self._socket.getsockname()[:2]
+        return host, port
+
+    def start(self) -> None:
+        """Bind, then serve in a separate thread.
+
+        Raises:
+            DeviceNotOpenedError: The port is in use, not permitted, or the address is not this computer's.
+        """
+        self._socket = _bind(self._config.host, self._config.port, self.section)
+        is_ready = threading.Event()
+        self._thread = threading.Thread(
+            target=asyncio.run, args=(self._serve(self._socket, is_ready),), name="modbus", daemon=True
+        )
+        self._thread.start()
+        is_ready.wait()
+        logger.info("%s: listening on %s port %d", self.section, *self.address)
+
+    def close(self) -> None:
+        """Close every connection and wait for the thread to end; may be called again."""
+        if self._thread is None or self._socket is None:
+            return
+        self.loop.call_soon_threadsafe(self._stop.set)
+        self._thread.join()
+        self._socket.close()
+        self._thread = self._socket = None
+
+    async def _serve(self, listening: socket.socket, is_ready: threading.Event) -> None:
+        self.loop, self._stop = asyncio.get_running_loop(), asyncio.Event()
+        server = await self.loop.create_server(self.receive, sock=listening, backlog=ACCEPTED_PER_TURN)
+        listening.listen(BACKLOG)  # asyncio takes the same figure for both
+        is_ready.set()
+        while not self._stop.is_set():
+            try:
+                await asyncio.wait_for(self._stop.wait(), self._config.idle_timeout / 4)
+            except TimeoutError:
+                self._drop_idle()
+        # if a client is being accepted while the server closes, asyncio reports an error
+        self.loop.remove_reader(listening)
+        for _ in range(2):
+            await asyncio.sleep(0)
+        server.close()
+        while self.abort_all():
+            await asyncio.sleep(0)
+        await server.wait_closed()
+
+    def receive(self) -> asyncio.Protocol:
+        """Return the protocol for a newly connected client."""
+        return Connection(self)
+
+    def abort_all(self) -> int:
+        """Abort every connection; return the number of those that have not ended yet."""
+        for connection in self._guests:
+            if connection.transport is not None:
+                connection.transport.abort()
+        return len(self._guests)
+
+    def turn_away(self, connection: Connection, why: str) -> None:
+        """Close a connection that is not admitted."""
+        self.counts.forbidden += 1
+        self.log.warning(connection.address, "%s: refused: %s", connection.source, why)
+        if connection.transport is not None:
+            connection.transport.abort()
+
+    def reserve(self, connection: Connection) -> bool:
+        """Give a new connection a place, or reject it; another connection may be closed for it."""
+        if not self.is_allowed(connection.address):
+            self.turn_away(connection, f"not in {self.section}.allow")
+            return False
+        config = self._config
+        try:
+            leaving = who_leaves(
+                self._guests, self._kept(), connection.address, config.connections, config.connections_per_host
+            )
+        except NoPlaceError:
+            self.turn_away(connection, f"no place: see {self.section}.connections")
+            return False
+        if leaving is not None:
+            self._drop(leaving, "to make room")
+        self._guests.add(connection)
+        return True
+
+    def _kept(self) -> set[Connection]:
+        """Return the connections that are never closed for others: the last active one of each link with the lease or a run."""
+        links = self.mailbox.kept
+        kept: dict[str, Connection] = {}
+        for connection in self._connections.values():
+            source = connection.station.link.source if connection.station is not None else ""
+            if source in links and (connection.heard or 0.0) >= (kept[source].heard or 0.0 if source in kept else 0.0):
+                kept[source] = connection
+        return set(kept.values())
+
+    def admit(self, connection: Connection) -> bool:
+        """Give a connection its place and its link, or reject it."""
+        if connection not in self._guests and not self.reserve(connection):
+            return False
+        shared = self._shared_of(connection.host)
+        if shared is None:
+            link = LinkWords(connection.source)
+            self.mailbox.opened(connection.source, connection.host)
+        else:
+            link = shared
+            shared.users += 1
+        warn, share = partial(self.log.warning, connection.address), partial(self.share, connection)
+        connection.station = LinkStation(self.mailbox, link, self.counts, connection.rights, warn, share)
+        self._connections[connection.source] = connection
+        self.counts.accepted += 1
+        self.counts.connections = len(self._connections)
+        return True
+
+    def leave(self, connection: Connection) -> None:
+        """Remove a connection that has ended."""
+        self._guests.discard(connection)
+        if connection.station is None or self._connections.get(connection.source) is not connection:
+            return
+        del self._connections[connection.source]
+        self.counts.connections = len(self._connections)
+        link = connection.station.link
+        link.users -= 1
+        connection.station.leave()
+        if link.source == connection.source:
+            self.mailbox.closed(connection.source)
+        else:
+            self._shared_of(connection.host)
+
+    def share(self, connection: Connection) -> None:
+        """Move `connection` to the link shared by all connections of its host."""
+        assert connection.station is not None  # it has written something
+        link, host = connection.station.link, connection.host
+        if link.source == host:
+            return
+        self.mailbox.closed(link.source)
+        shared = self._shared_of(host)
+        if shared is None:
+            shared = self._shared[host] = LinkWords(host, list(link.words), users=0, is_numbered=link.is_numbered)
+            self.mailbox.opened(host, host)
+        shared.users += 1
+        connection.station.move(shared)
+
+    def _shared_of(self, host: str) -> LinkWords | None:
+        """Return the shared link of `host`; it ends with its lease when no connection is left."""
+        shared = self._shared.get(host)
+        if shared is not None and shared.users == 0 and self.mailbox.holder != host:
+            del self._shared[host]
+            self.mailbox.closed(host)
+            return None
+        return shared
+
+    def is_allowed(self, host: str) -> bool:
+        """Return True if the address may connect."""
+        if not self._config.allow:
+            return True
+        address = ip_address(host.partition("%")[0])
+        address = getattr(address, "ipv4_mapped", None) or address
+        return any(address in network for network in self._config.allow)
+
+    def _drop_idle(self) -> None:
+        oldest = self.loop.time() - self._config.idle_timeout
+        for connection in list(self._guests):
+            if (connection.arrived if connection.heard is None else connection.heard) < oldest:
+                self._drop(connection, "idle")
+
+    def _drop(self, connection: Connection, why: str) -> None:
+        self.counts.dropped += 1
+        self.log.info(connection.address, "%s: dropped: %s", connection.source, why)
+        if connection.transport is not None:
+            connection.transport.abort()
+        self.leave(connection)
+
+
+def _bind(host: str, port: int, section: str) -> socket.socket:
+    """Return a listening socket."""
+    family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    try:
+        return socket.create_server((host, port), family=family)
+    except OSError as error:
+        if error.errno == errno.EADDRINUSE:
+            remedy = f"in use by another program: stop it, or set {section}.port (0 takes a free one)"
+        elif error.errno == errno.EACCES:
+            remedy = f"not permitted: set {section}.port to 1024 or above"
+        else:
+            remedy = f"{error.strerror or error}: set {section}.host to an address of this computer"
+        raise DeviceNotOpenedError(f"Modbus TCP server: {host} port {port} is {remedy}") from error

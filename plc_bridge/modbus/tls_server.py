@@ -1,0 +1,124 @@
+"""Modbus/TCP Security server: the Modbus TCP server with mutual TLS, and with the rights of the client's role."""
+
+import asyncio
+import ssl
+from collections import deque
+
+from plc_bridge.config import TlsConfig
+from plc_bridge.modbus.connection import Connection
+from plc_bridge.modbus.server import ModbusServer
+from plc_bridge.modbus.tls import BadRoleError, rights_of, role_of, server_context
+from plc_bridge.protocol.mailbox import Mailbox
+
+HANDSHAKE_TIMEOUT = 10.0
+"""Longest TLS handshake, s."""
+HANDSHAKE_PERIOD = 0.01
+"""Least time between the beginnings of two handshakes, s; each blocks the open connections for milliseconds."""
+
+
+class _Door(asyncio.Protocol):
+    """A client during its TLS handshake; its bytes go to TLS."""
+
+    def __init__(self, server: "SecureModbusServer") -> None:
+        self._server = server
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        assert isinstance(transport, asyncio.Transport)
+        # Python 3.11.2 (Debian 12) starts to read after this call, paused or not, and received bytes would be lost.
+        self._server.loop.call_soon(transport.pause_reading)
+        self._server.knock(transport)
+
+
+class SecureModbusServer(ModbusServer):
+    """Listens for TLS; a client's identity is its role and its address.
+
+    A client counts as a connection from its arrival on, and as one without requests until its handshake ends.
+    """
+
+    section = "plc.tls"
+
+    def __init__(self, config: TlsConfig, mailbox: Mailbox) -> None:
+        super().__init__(config, mailbox)
+        self._tls = config
+        self._context: ssl.SSLContext
+        self._waiting: deque[Connection] = deque()
+        self._handshakes: dict[Connection, asyncio.Task[None]] = {}
+        self._is_opening = False
+
+    def start(self) -> None:
+        """Read the certificates, bind, then serve in a separate thread.
+
+        Raises:
+            DeviceNotOpenedError: A certificate or key cannot be used, or the port cannot be opened.
+        """
+        self._context = server_context(self._tls)
+        super().start()
+
+    def receive(self) -> asyncio.Protocol:
+        """Return the protocol for a newly connected client."""
+        return _Door(self)
+
+    def knock(self, transport: asyncio.Transport) -> None:
+        """Count a client as a connection, and queue it for its handshake."""
+        connection = Connection(self)
+        if not connection.arrive(transport) or not self.reserve(connection):
+            return
+        self._waiting.append(connection)
+        if not self._is_opening:
+            self._is_opening = True
+            self._open_next()
+
+    def _open_next(self) -> None:
+        """Begin the handshake of the next client that is still connected."""
+        while self._waiting:
+            connection = self._waiting.popleft()
+            if connection in self._guests:
+                self._handshakes[connection] = self.loop.create_task(self._shake_hands(connection))
+                self.loop.call_later(HANDSHAKE_PERIOD, self._open_next)
+                return
+        self._is_opening = False
+
+    def leave(self, connection: Connection) -> None:
+        """Remove a connection that has ended, during its handshake or afterwards."""
+        super().leave(connection)
+        task = self._handshakes.pop(connection, None)
+        if task is not None:
+            task.cancel()
+
+    def abort_all(self) -> int:
+        """Abort every handshake and every connection; return the number of those that have not ended yet."""
+        left = super().abort_all()
+        for connection in [*self._handshakes, *self._waiting]:
+            self.leave(connection)
+        self._waiting.clear()
+        return left
+
+    async def _shake_hands(self, connection: Connection) -> None:
+        # the protocol needs the role, which the handshake provides; TLS needs a protocol before
+        timeout = min(HANDSHAKE_TIMEOUT, self._tls.idle_timeout)
+        assert connection.transport is not None
+        try:
+            secure = await self.loop.start_tls(
+                connection.transport, connection, self._context, server_side=True, ssl_handshake_timeout=timeout
+            )
+            role = role_of(_certificate(secure))
+        except (OSError, BadRoleError) as error:  # SSLError is an OSError
+            del self._handshakes[connection]
+            self.turn_away(connection, f"TLS: {error}".replace("\n", " "))
+            self.leave(connection)
+            return
+        assert secure is not None
+        del self._handshakes[connection]
+        connection.identify(f"{role}@", rights_of(role, self._tls))
+        connection.connection_made(secure)
+
+
+def _certificate(transport: asyncio.Transport | None) -> bytes:
+    tls = transport.get_extra_info("ssl_object") if transport is not None else None
+    try:
+        certificate: bytes | None = tls.getpeercert(binary_form=True) if tls is not None else None
+    except ValueError:  # the client left during the handshake
+        certificate = None
+    if certificate is None:
+        raise BadRoleError("the client left, or has no certificate")
+    return certificate

@@ -1,0 +1,266 @@
+"""The sequence-number handshake of all buses: pure, no sockets, no threads, time passed in.
+
+Links come and go. The decision to run a command is made here, once for all buses, with the help of
+
+    | module             | decision                                                      |
+    | ------------------ | ------------------------------------------------------------- |
+    | `sequence_numbers` | a number is adopted, is a command, is late, or has no effect  |
+    | `coils`            | a write of a coil is a command or not                         |
+    | `refusals`         | refusals that do not need the scan thread                     |
+    | `orders`           | a request becomes an order, waits in the queue, and ends      |
+    | `links`            | the answer and the result that a link reads                   |
+    | `answers`          | content of the link's report and inputs                       |
+    | `lease`            | permission to start                                           |
+    | `watchdog`         | a link is alive, and its block whole                          |
+
+Answers
+    Every number gets one: `answered` with `refusal`, once the command was refused or the scan thread has decided.
+    `sequence` and `result` give the result of the link's own last command. They are held until its acknowledgement or
+    the next command, and never show another link's run. Before its first write, a link reads the run of any link.
+    An answer stays once it is given: if the same block comes again, also after a loss, nothing changes.
+Stops
+    The cell obeys STOP, ABORT and the stop coil from every link, under every number and in every state. A block
+    repeated unchanged is one stop. A coil is a level, which each connection holds for itself.
+"""
+
+import logging
+from collections.abc import Hashable, Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import count
+
+from plc_bridge.protocol.answers import Inputs, answer_for, inputs_for
+from plc_bridge.protocol.images import CommandImage, Diagnostics
+from plc_bridge.protocol.lease import CellLease
+from plc_bridge.protocol.links import Link, Order
+from plc_bridge.protocol.messages import Command, Control, Refusal, Report
+from plc_bridge.protocol.orders import Orders
+from plc_bridge.protocol.peer_log import PeerLog
+from plc_bridge.protocol.refusals import Rules
+from plc_bridge.protocol.registers import Lease, Parameter
+from plc_bridge.protocol.sight import PlcSight, sight_of
+from plc_bridge.protocol.watchdog import LinkWatchdog
+
+logger = logging.getLogger(__name__)
+
+
+@dataclass(slots=True)
+class Handshake:
+    """Takes commands from any number of links, passes on at most one run at a time, and returns to each link its own answer.
+
+    The scan thread calls `poll`, and `accept`, `refuse` and `publish` of `orders`.
+
+    Args:
+        programs: Name of each program and skill by its command code, from 100 on.
+        parameters: Meaning of the numbered parameters.
+        life_timeout: Longest time without a change of the life counter of a run's link, s; the run then counts as lost. If
+            a link never wrote its life counter, any request is a sign of life.
+        lease_timeout: Silence after which the lease is free again, s.
+        log: Logger of refusals and of the lease's holders.
+    """
+
+    programs: Mapping[int, str]
+    parameters: Sequence[Parameter] = ()
+    life_timeout: float = 1.0
+    lease_timeout: float = 5.0
+    log: PeerLog = field(default_factory=lambda: PeerLog(logger))
+    orders: Orders = field(init=False)
+    _events: "count[int]" = field(default_factory=count)
+    """Number of links opened and closed so far."""
+    _lease: CellLease = field(init=False)
+    _links: dict[str, Link] = field(init=False)
+
+    def __post_init__(self) -> None:
+        self._lease = CellLease(self.lease_timeout, self.log)
+        self.orders = Orders(self._lease, self.log, Rules(self.programs, self.parameters))
+        self._links = self.orders.links
+
+    # Links.
+
+    def opened(self, source: str, host: str, now: float, is_local: bool = False) -> None:
+        """Begin a link; a local link is never silent."""
+        self._links[source] = Link(source, host, LinkWatchdog(now), is_local, next(self._events))
+
+    def closed(self, source: str) -> None:
+        """End a link; its lease and its run stay until its host returns or the time-outs pass."""
+        link = self._links.pop(source, None)
+        if link is not None:
+            link.closed = next(self._events)
+
+    def left(self, source: str, by: Hashable) -> None:
+        """End a connection of a shared link; its stop is released."""
+        link = self._links.get(source)
+        if link is not None:
+            link.leave(by)
+
+    def lost(self, source: str) -> None:
+        """Treat `source` as lost, regardless of its life counter: its run stops, and its next number is adopted."""
+        link, run = self._links[source], self.orders.run
+        link.forget()
+        self._lease.lose(link)
+        if run is not None and run.link is link and run.is_watched:
+            self._lose(run, link, "its bus says so")
+
+    def heard(self, source: str, now: float) -> None:
+        """Record a request of any kind from `source`."""
+        self._links[source].watchdog.heard = now
+
+    # Writes of links.
+
+    def wrote(
+        self, source: str, image: CommandImage, now: float, is_numbered: bool = True, by: Hashable = None
+    ) -> None:
+        """Take the command block after a write of `source`; it counts once its number was written.
+
+        Args:
+            source: The link.
+            image: The whole block.
+            now: Monotonic time, s.
+            is_numbered: True if its number has ever been written.
+            by: Connection that has just written the number; None if none has, or if the link is not shared.
+        """
+        self._expire(now)
+        link = self._links[source]
+        link.has_spoken = True
+        before, link.image = link.image, image
+        if not link.watchdog.see(image.life, image.life_tail, now):
+            self.orders.take_torn(link, image)
+            return
+        if by is not None:
+            link.turn_to(by)
+        if is_numbered and link.numbers.must_adopt:
+            self._resume(link, image)
+        if image.lease in (Lease.TAKE, Lease.TAKE_FOR_HOST):
+            self._lease.take(link)
+        elif image.lease == Lease.RELEASE:
+            self._lease.release(link)
+        if image.acknowledge != (before.acknowledge if before else 0):
+            self._acknowledge(link, image.acknowledge)
+        if is_numbered:
+            self.orders.take_number(link, image, now, before.code if before else Control.NONE)
+
+    def switched(self, source: str, coils: Mapping[str, bool], now: float, by: Hashable = None) -> None:
+        """Take the coils that `source` has just written: execute, stop, reset; `by` names the connection if the link is shared."""
+        self._expire(now)
+        link = self._links[source]
+        link.watchdog.heard = now
+        self.orders.take_coils(link, coils, by, now)
+
+    def submit(self, source: str, image: CommandImage, now: float) -> Refusal:
+        """Submit an order of a local user under the next number of `source`; return its refusal, or NONE."""
+        self._expire(now)
+        link = self._links[source]
+        link.has_spoken, link.image = True, image
+        return self.orders.command(link, link.numbers.count_up(), image, now).refusal
+
+    def control(self, source: str, code: int, now: float) -> Order:
+        """Take a control of `source` without a number; its order holds the answer, and no result in view changes."""
+        self._expire(now)
+        return self.orders.control(self._links[source], code)
+
+    def acknowledge(self, source: str, sequence: int) -> None:
+        """Take an acknowledgement of `source` that is an event, not a register."""
+        self._acknowledge(self._links[source], sequence)
+
+    def take(self, source: str) -> bool:
+        """Give `source` the lease if it is free; return True if it holds the lease now."""
+        return self._lease.take(self._links[source])
+
+    def release(self, source: str) -> None:
+        """Free the lease if `source` holds it; during its run, free it at the end of the run."""
+        self._lease.release(self._links[source])
+
+    def poll(self, now: float) -> Command | None:
+        """Return the next command for the scan thread, each once, stops first and the rest in order of arrival."""
+        self._expire(now)
+        return self.orders.next()
+
+    # Reads of links.
+
+    @property
+    def counts(self) -> Diagnostics:
+        """Counts of errors since the start."""
+        return self.orders.counts
+
+    @property
+    def holder(self) -> str:
+        """Name of the link that holds the lease; empty if it is free."""
+        return self._lease.name
+
+    @property
+    def kept(self) -> frozenset[str]:
+        """Links that hold the lease or have a run under way; they keep their places."""
+        holder, runner = self._lease.holder, self._lease.runner
+        return frozenset(link.source for link in (holder, runner) if link is not None)
+
+    @property
+    def stops_held(self) -> int:
+        """Number of connections that hold their stop coil at 1."""
+        return self.orders.stops_held
+
+    def answer(self, source: str, life: int = 0) -> Report:
+        """Return the report that `source` reads, with the life counter of the cell."""
+        return answer_for(self._links[source], self.orders, life)
+
+    def inputs(self, source: str) -> Inputs:
+        """Return the discrete inputs of `source`."""
+        return inputs_for(self._links[source], self.orders)
+
+    def sight(self, host: str, now: float) -> PlcSight | None:
+        """Return the cell's view of the PLC at `host`, an address, node or line; None if it is not connected.
+
+        If one host has several links, the view is of the link whose life counter changed most often.
+        """
+        return sight_of(self._links.values(), host, now)
+
+    # Acknowledgements, resumed links, and silent links.
+
+    def _acknowledge(self, link: Link, sequence: int) -> None:
+        if link.shown is not None and link.shown.sequence == sequence:
+            self.orders.end(link.shown)
+
+    def _resume(self, link: Link, image: CommandImage) -> None:
+        """Let a link continue the run of a closed link of its host.
+
+        The link must write the run's own number, or the last number of the earlier link, for example after a hold.
+        """
+        link.has_resumed = False
+        for order in (self.orders.run, self.orders.seen):
+            earlier = order.link if order is not None else None
+            if order is None or earlier is None or not (link.follows(earlier) and earlier.gave(order)):
+                continue
+            if not (order.repeats(image) or _goes_on(image, earlier)):
+                continue
+            if image.code != Control.NONE and image.sequence == order.sequence:
+                order.is_acknowledged = False  # the request is repeated, so the PLC has not read the answer
+            self._lease.resume(earlier, link)
+            if order is self.orders.run:
+                link.watchdog.follow(earlier.watchdog)
+                self._lease.runner = link
+            link.resume(order)
+            return
+
+    def _expire(self, now: float) -> None:
+        """Apply the time-outs: lost runs, silent holders, permanently torn blocks."""
+        run = self.orders.run
+        link = run.link if run is not None and run.is_watched else None
+        if run is not None and link is not None and link.watchdog.is_silent(now, self.life_timeout):
+            self._lose(run, link, f"no sign of life for {self.life_timeout:g} s")
+        self._lease.expire(now)
+        for each in self._links.values():
+            if each.watchdog.is_torn(now, self.life_timeout):
+                self.orders.refuse_torn(each)
+
+    def _lose(self, run: Order, link: Link, why: str) -> None:
+        self.log.warning(link.host, "%s is lost: %s", link.source, why)
+        self.counts.lost += 1
+        run.is_lost = True
+        link.forget()
+        self._lease.lose(link)
+        self.orders.stop(Order(Command(run.sequence, Control.LOST, source=link.source), is_decided=True))
+
+
+def _goes_on(image: CommandImage, earlier: Link) -> bool:
+    """Return True if a block has the last number of an earlier link, and repeats its command or has none."""
+    stood = earlier.image
+    is_known = stood is not None and image.sequence == earlier.numbers.last == stood.sequence
+    return is_known and stood is not None and image.asked in (None, stood.asked)

@@ -1,0 +1,105 @@
+"""The lease: the permission to start. There is one for the cell, for all buses; time is passed in.
+
+    | event                                  | holder afterwards                                   |
+    | -------------------------------------- | --------------------------------------------------- |
+    | `command_lease` is TAKE, lease is free | that link                                           |
+    | a start is accepted, lease is free     | that link: a simple PLC needs no request            |
+    | any request of the holder              | the same: activity keeps the lease                  |
+    | holder closed, its host takes or starts | the new link of that host                          |
+    | holder closed, a link resumes its run  | that link, which is then also watched for the run   |
+    | release, silence for `timeout`         | none; during a run of the holder from its end on    |
+    | the holder's run was lost              | none                                                |
+    | restart of the cell                    | none                                                |
+
+Only the holder may start, reset, clear, hold or unhold. Every link may stop and abort, even with a first number.
+"""
+
+import logging
+from dataclasses import dataclass, field
+
+from plc_bridge.protocol.links import Link
+from plc_bridge.protocol.messages import LeaseState
+from plc_bridge.protocol.peer_log import PeerLog
+
+logger = logging.getLogger(__name__)
+
+
+@dataclass(slots=True)
+class CellLease:
+    """The one lease of the cell.
+
+    Args:
+        timeout: Silence of the holder after which the lease is free again, s; a local user is never silent.
+        log: Logger of changes of the holder.
+    """
+
+    timeout: float
+    log: PeerLog = field(default_factory=lambda: PeerLog(logger))
+    holder: Link | None = None
+    runner: Link | None = None
+    """Link whose run is under way; its lease passes only to a link that resumes that run."""
+    is_given_back: bool = False
+    """True if the holder has released the lease and keeps it to the end of its run."""
+
+    @property
+    def name(self) -> str:
+        """Name of the holder; empty if the lease is free."""
+        return self.holder.source if self.holder is not None else ""
+
+    def is_open_to(self, link: Link) -> bool:
+        """Return True if `link` holds the lease or can take it, also from a closed link of its host."""
+        if self.holder is None or self.holder is link:
+            return True
+        is_passed_on = self.holder is not self.runner or self.is_given_back
+        return is_passed_on and link.follows(self.holder)
+
+    def state_for(self, link: Link) -> LeaseState:
+        """Return the state of the lease as `link` reads it."""
+        if self.holder is link:
+            return LeaseState.YOURS
+        return LeaseState.FREE if self.is_open_to(link) else LeaseState.TAKEN
+
+    def take(self, link: Link) -> bool:
+        """Give the lease to `link` if it is open to it; return True if `link` holds it now."""
+        if not self.is_open_to(link):
+            return False
+        if self.holder is not link:
+            self.log.info(link.host, "%s takes the lease", link.source)
+        self.holder, self.is_given_back = link, False
+        return True
+
+    def resume(self, earlier: Link, link: Link) -> None:
+        """Give the lease of `earlier`, if it holds it, to `link`, which resumes its run."""
+        if self.holder is earlier:
+            self.holder = link
+
+    def release(self, link: Link) -> None:
+        """Free the lease if `link` holds it or can take it over; during a run the holder keeps it until the run ends."""
+        if self.holder is not None and self.holder is self.runner:
+            self.is_given_back |= self.holder is link
+        elif self.is_open_to(link):
+            self._free(link, "releases the lease")
+
+    def lose(self, link: Link) -> None:
+        """Free the lease at once if `link`, which was lost, holds it."""
+        if self.holder is link:
+            self._free(link, "loses the lease: it was lost")
+
+    def end_run(self) -> None:
+        """End the run, and free the lease if it was released meanwhile."""
+        self.runner = None
+        if self.is_given_back and self.holder is not None:
+            self._free(self.holder, "releases the lease")
+
+    def expire(self, now: float) -> None:
+        """Free the lease if its holder has been silent for too long; a run has its own watchdog."""
+        holder = self.holder
+        if holder is None or holder.is_local or holder is self.runner:
+            return
+        if now - holder.watchdog.heard > self.timeout:
+            self._free(holder, f"loses the lease: silent for {self.timeout:g} s")
+
+    def _free(self, link: Link, why: str) -> None:
+        if self.holder is not None:
+            self.log.info(link.host, "%s %s", link.source, why)
+        self.holder, self.is_given_back = None, False

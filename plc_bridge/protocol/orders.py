@@ -1,0 +1,359 @@
+"""The one queue: every order from the write of a number, a torn block or a coil to its acknowledgement; pure.
+
+An order is decided once it was refused or carried out or, if it is a program, begun; its result comes with its end.
+"""
+
+import logging
+from collections import deque
+from collections.abc import Hashable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Literal
+
+from plc_bridge.protocol.coils import Edge
+from plc_bridge.protocol.images import CommandImage, Diagnostics
+from plc_bridge.protocol.lease import CellLease
+from plc_bridge.protocol.links import Link, Order
+from plc_bridge.protocol.messages import FIRST_PROGRAM, REMEDIES, UNNUMBERED, Command, Control, Refusal, Report, Result
+from plc_bridge.protocol.packml import PackTags
+from plc_bridge.protocol.peer_log import PeerLog
+from plc_bridge.protocol.refusals import CONTROLS, STOPS, BadParameterError, Rules
+from plc_bridge.protocol.registers import AFTER_A_LOSS
+from plc_bridge.protocol.sequence_numbers import Verdict
+
+logger = logging.getLogger(__name__)
+
+MOST_WAITING = 8
+"""Largest number of orders that wait for the scan thread, without stops."""
+MOST_ENDED = 16
+"""Largest number of ended programs that are kept for their reader."""
+
+
+@dataclass(slots=True)
+class Orders:
+    """The queue: first in, first out. Stops precede all other orders and drop those that wait.
+
+    Args:
+        lease: The lease of the cell; the queue sets the link of its run.
+        log: Logger of refusals.
+        rules: Rules for accepted commands.
+    """
+
+    lease: CellLease
+    log: PeerLog = field(default_factory=lambda: PeerLog(logger))
+    rules: Rules = field(default_factory=lambda: Rules({}))
+    links: dict[str, Link] = field(default_factory=dict)
+    """Open links, by their source."""
+    counts: Diagnostics = field(default_factory=Diagnostics)
+    """Refusals, torn blocks and lost runs since the start."""
+    tags: PackTags = field(default_factory=PackTags)
+    run: Order | None = None
+    """Program that waits for the scan thread or is under way."""
+    seen: Order | None = None
+    """Program that the scan thread began last."""
+    latest: Order | None = None
+    """Order of any link that was decided last."""
+    report: Report = field(default_factory=Report)
+    """Report that the scan thread published last."""
+    ended: deque[Order] = field(default_factory=lambda: deque(maxlen=MOST_ENDED))
+    """Programs that have ended, for a reader that takes them from here."""
+    _waiting: deque[Order] = field(default_factory=deque)
+    _stops: dict[int, list[Order]] = field(default_factory=dict)
+    _given: Sequence[Order] = ()
+    """Orders given to the scan thread last, all for one command."""
+
+    # Calls of the scan thread.
+
+    def next(self) -> Command | None:
+        """Return the next command for the scan thread, each once, stops first and the rest in order of arrival.
+
+        If the scan thread has neither accepted nor refused the previous command, that command ended in a fault.
+        """
+        for order in self._given:
+            if not order.is_decided:
+                self.decide(order, Result.FAULT)
+        if self._stops:
+            self._given = self._stops.pop(max(self._stops))
+        else:
+            self._given = (self._waiting.popleft(),) if self._waiting else ()
+        return self._given[0].command if self._given else None
+
+    def accept(self, command: Command) -> None:
+        """Record that the scan thread carries out `command`, its last one: a program begins, or a control is done."""
+        for order in self._undecided(command):
+            if order.is_program:
+                self.seen = order
+            self.tags.obey(Control.START if order.is_program else order.command.code)
+            self.decide(order, Result.NONE if order.is_program else Result.SUCCESS)
+
+    def refuse(self, command: Command, refusal: Refusal) -> None:
+        """Record that the scan thread refuses `command`, its last one."""
+        for order in self._undecided(command):
+            self.turn_down(order, refusal)
+
+    def publish(self, report: Report) -> None:
+        """Take the scan thread's report; a result in it ends the run whose number it echoes."""
+        self.report = report
+        run = self.run
+        if run is None or not run.is_decided or report.sequence != run.sequence:
+            return
+        run.report = report
+        result = Result(report.result)
+        if result is not Result.NONE:
+            if run.command.code == FIRST_PROGRAM:
+                self.tags.count(result)
+            self.decide(run, result)
+
+    def _undecided(self, command: Command) -> Sequence[Order]:
+        """Return the orders of `command` that the scan thread has not decided yet."""
+        is_given = bool(self._given) and self._given[0].command is command
+        return [order for order in self._given if not order.is_decided] if is_given else []
+
+    # Decisions on orders.
+
+    def add(self, order: Order) -> None:
+        """Append an order; a program becomes the run."""
+        self._waiting.append(order)
+        if order.is_program:
+            self.run, self.lease.runner = order, order.link
+
+    def stop(self, order: Order) -> None:
+        """Put a stop in front and drop the waiting orders."""
+        dropped = tuple(self._waiting)
+        self._waiting.clear()
+        self._stops.setdefault(order.command.code, []).append(order)
+        for each in dropped:
+            if not each.is_decided:
+                self.decide(each, Result.ABORTED)
+
+    def decide(self, order: Order, result: Result = Result.NONE, refusal: Refusal = Refusal.NONE) -> None:
+        """Record the decision on an order."""
+        order.is_decided, order.result, order.refusal = True, result, refusal
+        if order.link is not None:
+            order.link.told = refusal
+        if order.sequence != UNNUMBERED and order.command.code < Control.LOST:
+            self.latest = order
+        if order is self.run and result is not Result.NONE:
+            self.run = None
+            self.ended.append(order)
+            self.lease.end_run()
+
+    def turn_down(self, order: Order, refusal: Refusal) -> None:
+        """Answer an order with a refusal; equal refusals in a row give one line in the log."""
+        self.counts.refusals += 1
+        what = "control" if order.sequence == UNNUMBERED else f"command {order.sequence}"
+        link = order.link
+        if link is None or link.told is not refusal:
+            host = link.host if link is not None else order.command.source
+            self.log.warning(
+                host, "%s: %s refused: %s: %s", order.command.source, what, refusal.name, REMEDIES[refusal]
+            )
+        self.decide(order, Result.REFUSED, refusal)
+
+    def end(self, order: Order) -> None:
+        """Mark the result of `order` as read; the cell may leave its state COMPLETE."""
+        if order.is_acknowledged or order.result is Result.NONE:
+            return
+        order.is_acknowledged = True
+        if order is self.seen:
+            told = Command(order.sequence, Control.ACKNOWLEDGE, source=order.command.source)
+            self.add(Order(told, is_decided=True))
+
+    # Numbers of links.
+
+    def take_number(self, link: Link, image: CommandImage, now: float, code_before: int) -> None:
+        """Process the number of a whole block; `code_before` is the code of the previous write."""
+        numbers = link.numbers
+        verdict = numbers.see(image.sequence, image.asked, image.life)
+        if verdict is Verdict.ANEW:
+            link.was_lost, link.executed, link.resetting = False, None, None
+            link.aside = Order(_command(link, image.sequence, image), is_decided=True)
+        if numbers.is_anew and not numbers.is_in_doubt:
+            numbers.is_anew = False
+            link.begin_anew()
+        if verdict is Verdict.LATE or (verdict is Verdict.DOUBT and image.code in STOPS):
+            self._take_late(link, image)
+        elif verdict is Verdict.SAME:
+            self._take_same(link, image, code_before)
+        elif verdict in (Verdict.FIRST, Verdict.NEW):
+            link.executed = link.resetting = None
+            if verdict is Verdict.FIRST and image.code not in STOPS:
+                self._adopt(link, image)
+            elif image.code == Control.NONE:
+                self._empty(link, image)
+            else:
+                self.command(link, image.sequence, image, now)
+
+    def _take_same(self, link: Link, image: CommandImage, code_before: int) -> None:
+        """Process a repeated number: only a stop is obeyed; a number first written without a command cannot be used again."""
+        link.was_lost = False
+        if link.aside is not None and link.aside.sequence != image.sequence:
+            link.aside = None
+        if image.code == code_before:
+            return
+        is_empty = link.came_empty(image.sequence)
+        if image.code in STOPS:
+            self._stop_for(link, image, image.sequence if is_empty else UNNUMBERED)
+        elif image.code != Control.NONE and is_empty:
+            self._refuse_new(link, image, image.sequence, Refusal.ADOPTED)
+
+    def _take_late(self, link: Link, image: CommandImage) -> None:
+        """Answer a number behind the last one without replacing the last answer: obey a stop, refuse another command."""
+        run, aside = link.shown, link.aside
+        if run is not None and run.is_program and run.repeats(image):
+            return  # the number of the present run, behind those of later controls
+        if aside is not None and aside.repeats(image) and aside.command.code == image.code:
+            return
+        link.aside = Order(_command(link, image.sequence, image))
+        if image.code in STOPS:
+            self.stop(link.aside)
+        else:
+            self.turn_down(link.aside, Refusal.LATE)
+
+    def _adopt(self, link: Link, image: CommandImage) -> None:
+        """Adopt a first number without running its command; the number of the run in view changes nothing."""
+        shown = link.shown
+        if link.has_resumed or (shown is not None and shown.is_program and shown.repeats(image)):
+            link.was_lost = False
+        elif image.code == Control.NONE:
+            self._empty(link, image)
+        else:
+            self._refuse_new(link, image, image.sequence, Refusal.ADOPTED)
+
+    def _empty(self, link: Link, image: CommandImage) -> None:
+        """Answer a number without a command."""
+        self.decide(_order(link, image.sequence, image))
+
+    def _refuse_new(self, link: Link, image: CommandImage, sequence: int, refusal: Refusal) -> Order:
+        """Answer a number with a refusal."""
+        detail = AFTER_A_LOSS if refusal is Refusal.ADOPTED and link.was_lost else 0
+        order = _order(link, sequence, image, detail=detail)
+        self.turn_down(order, refusal)
+        return order
+
+    def _stop_for(self, link: Link, image: CommandImage, sequence: int = UNNUMBERED) -> Order:
+        """Stop at once; a stop with its own number gets its own answer, one with the run's number gets the run's."""
+        shown = link.shown
+        if shown is not None and shown.is_program and shown.sequence == sequence:
+            sequence = UNNUMBERED
+        order = Order(_command(link, sequence, image)) if sequence == UNNUMBERED else _order(link, sequence, image)
+        self.stop(order)
+        return order
+
+    # Coils of links.
+
+    @property
+    def stops_held(self) -> int:
+        """Number of connections that hold their stop coil at 1."""
+        return sum(len(link.stops) for link in self.links.values())
+
+    def take_coils(self, link: Link, coils: Mapping[str, bool], by: Hashable, now: float) -> None:
+        """Process the coils that a connection of a link has just written."""
+        if coils.get("stop") is False:
+            link.stops.discard(by)
+        elif "stop" in coils and by not in link.stops:
+            link.stops.add(by)
+            self._stop_for(link, CommandImage(code=Control.STOP))
+        image = link.image or CommandImage()
+        link.has_spoken |= bool(coils.keys() & {"execute", "reset"})
+        link.executed = self._take_edge(link, "execute", coils, link.executed, image, now)
+        image = replace(image, code=Control.RESET)
+        link.resetting = self._take_edge(link, "reset", coils, link.resetting, image, now)
+
+    def _take_edge(
+        self,
+        link: Link,
+        coil: Literal["execute", "reset"],
+        coils: Mapping[str, bool],
+        before: Order | None,
+        image: CommandImage,
+        now: float,
+    ) -> Order | None:
+        """Return the request made by a write of a coil; otherwise `before`, the request of an earlier write."""
+        edge = link.coils.take(coil, coils)
+        if edge is Edge.ROSE:
+            return self.command(link, link.numbers.count_up(), image, now)
+        if edge is Edge.UNSEEN:
+            return self._refuse_new(link, image, link.numbers.count_up(), Refusal.ADOPTED)
+        if edge is Edge.LOW and before is not None and before.is_read:
+            self.end(before)
+        return before
+
+    # Commands.
+
+    def control(self, link: Link, code: int) -> Order:
+        """Answer a control without a number, or pass it on; the order alone holds its answer."""
+        image = CommandImage(code=code)
+        if code in STOPS:
+            return self._stop_for(link, image)
+        order, refusal = Order(_command(link, UNNUMBERED, image)), self._why_not(link, image)
+        if refusal is not Refusal.NONE:
+            self.turn_down(order, refusal)
+            return order
+        self.lease.take(link)
+        self.add(order)
+        return order
+
+    def command(self, link: Link, sequence: int, image: CommandImage, now: float) -> Order:
+        """Answer a new number, or pass its command on to the scan thread."""
+        if image.code in STOPS:
+            return self._stop_for(link, image, sequence)
+        refusal, detail = self._why_not(link, image), 0
+        parameters: tuple[tuple[str, float], ...] = ()
+        try:
+            parameters = self.rules.parameters_of(image)
+        except BadParameterError as error:
+            if refusal is Refusal.NONE:
+                refusal, detail = Refusal.PARAMETER, error.detail
+        order = _order(link, sequence, image, parameters, detail)
+        if refusal is not Refusal.NONE:
+            self.turn_down(order, refusal)
+            return order
+        self.lease.take(link)
+        self.add(order)
+        if order.is_program:
+            link.watchdog.revive(now)
+        return order
+
+    def _why_not(self, link: Link, image: CommandImage) -> Refusal:
+        refusal = self.rules.refuse_code(image)
+        if refusal is not Refusal.NONE:
+            return refusal
+        if image.code != Control.HOLD and self.stops_held:
+            return Refusal.STOP_HELD
+        if not self.lease.is_open_to(link):
+            return Refusal.NOT_HOLDER
+        if (self.run is not None and image.code not in CONTROLS) or len(self._waiting) >= MOST_WAITING:
+            return Refusal.BUSY
+        return Refusal.NONE
+
+    # Torn blocks of links.
+
+    def take_torn(self, link: Link, image: CommandImage) -> None:
+        """Obey the stop code of a new number at once, although the code may belong to another number.
+
+        The number is answered when the block is whole.
+        """
+        self.counts.torn += 1
+        if image.code in STOPS and image.sequence not in (link.numbers.last, link.torn_stop):
+            link.torn_stop = image.sequence
+            self._stop_for(link, image)
+
+    def refuse_torn(self, link: Link) -> None:
+        """Answer the number of a block that has been torn for too long."""
+        link.watchdog.torn_since, image = None, link.image
+        if image is not None and link.numbers.would_count(image.sequence):
+            link.numbers.see(image.sequence, image.asked, image.life)
+            self._refuse_new(link, image, image.sequence, Refusal.TORN)
+
+
+def _command(link: Link, sequence: int, image: CommandImage, parameters: tuple[tuple[str, float], ...] = ()) -> Command:
+    return Command(sequence, image.code, image.recipe, image.serial, parameters, link.source)
+
+
+def _order(
+    link: Link, sequence: int, image: CommandImage, parameters: tuple[tuple[str, float], ...] = (), detail: int = 0
+) -> Order:
+    """Return a new order of a link, whose answer the link reads."""
+    order = Order(_command(link, sequence, image, parameters), link, detail=detail)
+    link.add(order)
+    return order

@@ -1,0 +1,1 @@
+"""The simulated arm: drives, senses, errors, and arms from other descriptions."""

@@ -1,0 +1,184 @@
+"""Readings of the arm, compiled: joint states with noise and zero errors, and the estimated external wrench.
+
+The law reads the newest joint states once every control period. A ring keeps the joint states and wrenches of earlier
+cycles, and a scan reads one of them. Unmodelled joint torques add to the wrench when it is read: the least-squares
+wrench (J Jᵀ)⁻¹ J of those torques at the pose of that cycle.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from drivers import impedance
+from drivers.arm.model import JOINTS
+from drivers.compiled import njit
+from drivers.quantities import Vector
+from sim.arm.arm_truth import LONGEST_DELAY, ArmTruth
+
+NOISES = 2 * JOINTS + 6
+"""Number of random numbers in one control cycle: positions, velocities, force and torque."""
+ENTRY = 2 * JOINTS + 6
+"""Number of words of one cycle's reading: positions, velocities, force and torque."""
+
+IS_IDEAL, DELAY, AT, NOISE, FORCE_NOISE, TORQUE_NOISE, BLEND = 0, 1, 2, 3, 4, 5, 6
+"""Indices of single words: 1 if readings are exact; age of the readings of a scan, control cycles; index of the newest
+cycle in the ring; standard deviations of the noise; low-pass coefficient of the wrench per cycle, fraction."""
+FORCE_DEAD, TORQUE_DEAD, FORCE = 7, 8, 9
+"""Indices of three words each: dead zones, N and N·m, and the force that the arm reports without contact, N."""
+ZERO, RATE_NOISE, UNMODELLED, WRENCH = 12, 19, 26, 33
+"""Indices of seven words each: errors of the joints' zeros, rad; noise of the velocities, rad/s; error of the modelled
+torques, N·m; then six words of the low-passed wrench.
+"""
+PLAY, ENCODER = 39, 40
+"""Index of half the backlash of the wrist's joints, rad, and of seven words: encoder positions, rad."""
+WRIST = 4
+"""First joint of the wrist."""
+RING = 47
+WORDS = RING + ENTRY * (LONGEST_DELAY + 1)
+
+
+def words_of(truth: ArmTruth, period: float) -> Vector:
+    """Return the words of the arm's readings before the first cycle, shape (WORDS,); the control period is in s."""
+    words = np.zeros(WORDS)
+    reading, wrench = truth.reading, truth.wrench
+    words[DELAY] = reading.delay
+    words[NOISE] = reading.noise
+    words[PLAY] = reading.backlash / 2
+    words[FORCE_NOISE], words[TORQUE_NOISE] = wrench.force_noise, wrench.torque_noise
+    words[BLEND] = 1.0 - math.exp(-2.0 * math.pi * wrench.cutoff * period)
+    words[FORCE_DEAD], words[TORQUE_DEAD] = wrench.force_dead_zone, wrench.torque_dead_zone
+    words[FORCE : FORCE + 3] = wrench.force
+    words[ZERO : ZERO + JOINTS] = reading.zero
+    words[RATE_NOISE : RATE_NOISE + JOINTS] = reading.rate_noise
+    words[UNMODELLED : UNMODELLED + JOINTS] = wrench.joint_torque
+    is_felt = any(truth.gravity) or truth.payload.mass > 0.0
+    is_told = words[DELAY] > 0.0 or words[NOISE:BLEND].any() or words[FORCE_DEAD:WRENCH].any() or reading.backlash > 0.0
+    words[IS_IDEAL] = not is_felt and not is_told and math.isinf(wrench.cutoff)
+    return words
+
+
+def fill(words: Vector, q: Vector, dq: Vector) -> None:
+    """Fill the ring with one reading: joint positions and velocities, shape (7,) each, rad and rad/s; zero wrench."""
+    words[ENCODER : ENCODER + JOINTS] = q
+    entry = np.concatenate([q + words[ZERO : ZERO + JOINTS], dq, np.zeros(6)])
+    words[RING:] = np.tile(entry, LONGEST_DELAY + 1)
+    words[WRENCH : WRENCH + 6] = 0.0
+
+
+@njit(cache=True, inline="always")
+def measure(
+    words: Vector, q: Vector, dq: Vector, wrench: Vector, noise: Vector
+) -> tuple[Vector, Vector]:  # pragma: no cover
+    """Read the joints and the wrench once every control period, and store them for the scans.
+
+    Args:
+        words: State of the readings; updated.
+        q: True joint positions, shape (7,), rad.
+        dq: True joint velocities, shape (7,), rad/s.
+        wrench: Metered force, N, and torque, N·m, of the plates on the peg, shape (6,).
+        noise: Standard normal numbers, shape (NOISES,).
+
+    Returns:
+        Positions and velocities that the law reads.
+    """
+    if words[IS_IDEAL] > 0.0:
+        return q, dq
+    at = (int(words[AT]) + 1) % (LONGEST_DELAY + 1)
+    words[AT] = at
+    entry = words[RING + ENTRY * at : RING + ENTRY * (at + 1)]
+    for i in range(JOINTS):
+        # The encoder e follows its link q with play b to either side: e <- min(max(e, q - b), q + b).
+        play = words[PLAY] if i >= WRIST else 0.0
+        words[ENCODER + i] = min(max(words[ENCODER + i], q[i] - play), q[i] + play)
+        entry[i] = words[ENCODER + i] + words[ZERO + i] + words[NOISE] * noise[i]
+        entry[JOINTS + i] = dq[i] + words[RATE_NOISE + i] * noise[JOINTS + i]
+    for k in range(6):
+        sigma = words[FORCE_NOISE] if k < 3 else words[TORQUE_NOISE]
+        felt = wrench[k] + sigma * noise[2 * JOINTS + k]
+        words[WRENCH + k] += words[BLEND] * (felt - words[WRENCH + k])
+        entry[2 * JOINTS + k] = words[WRENCH + k]
+    return entry[:JOINTS], entry[JOINTS : 2 * JOINTS]
+
+
+class Reading(NamedTuple):
+    """Reading of the arm in one scan."""
+
+    q: Vector
+    """Joint positions, shape (7,), rad."""
+    dq: Vector
+    """Joint velocities, shape (7,), rad/s."""
+    wrench: Vector
+    """Wrench at the TCP, shape (6,), N and N·m, base frame."""
+    position: Vector
+    """Position of the TCP computed from the joint positions read, shape (3,), m, base frame."""
+    rotation: Vector
+    """Axes of the TCP as columns, shape (3, 3)."""
+
+
+def scanned(words: Vector, arm: Vector, felt: Vector) -> Reading:
+    """Return the reading of a scan; arguments as in `_packed`."""
+    # One array: each array that compiled code returns costs a microsecond.
+    packed = _packed(words, arm, felt)
+    q, dq, wrench = packed[:JOINTS], packed[JOINTS : 2 * JOINTS], packed[2 * JOINTS : ENTRY]
+    return Reading(q, dq, wrench, packed[ENTRY : ENTRY + 3], packed[ENTRY + 3 :].reshape(3, 3))
+
+
+@njit(cache=True)
+def _packed(words: Vector, arm: Vector, felt: Vector) -> Vector:  # pragma: no cover
+    """Return the concatenated fields of `Reading`, shape (ENTRY + 12,).
+
+    Args:
+        words: State of the readings.
+        arm: Figures of the arm that the cell assumes, see `drivers.impedance.figures`.
+        felt: Joint torques that are missing in the arm's model and act on its joints, shape (7,), N·m.
+    """
+    at = (int(words[AT]) - int(words[DELAY])) % (LONGEST_DELAY + 1)
+    packed = np.empty(ENTRY + 12)
+    for i in range(ENTRY):
+        packed[i] = words[RING + ENTRY * at + i]
+    q, wrench = packed[:JOINTS], packed[2 * JOINTS : ENTRY]
+    position, rotation, axes, origins = impedance.forward(arm, q)
+    unexplained(position, axes, origins, words[UNMODELLED : UNMODELLED + JOINTS] + felt, wrench)
+    for k in range(6):
+        wrench[k] += words[FORCE + k] if k < 3 else 0.0
+        dead = words[FORCE_DEAD] if k < 3 else words[TORQUE_DEAD]
+        wrench[k] = math.copysign(max(abs(wrench[k]) - dead, 0.0), wrench[k])
+    for i in range(3):
+        packed[ENTRY + i] = position[i]
+        for j in range(3):
+            packed[ENTRY + 3 + 3 * i + j] = rotation[i, j]
+    return packed
+
+
+@njit(cache=True, inline="always")
+def unexplained(
+    position: Vector, axes: Vector, origins: Vector, torque: Vector, wrench: Vector
+) -> None:  # pragma: no cover
+    """Add the least-squares wrench at the tool centre point for given joint torques.
+
+    Args:
+        position: Tool centre point, shape (3,), m, base frame.
+        axes: Axes of the joints, shape (7, 3), base frame.
+        origins: Points on them, shape (7, 3), m.
+        torque: Joint torques, shape (7,), N·m.
+        wrench: Force, N, and torque, N·m, shape (6,); updated.
+    """
+    J = np.empty((6, JOINTS))
+    for i in range(JOINTS):
+        rx, ry, rz = position[0] - origins[i, 0], position[1] - origins[i, 1], position[2] - origins[i, 2]
+        ax, ay, az = axes[i, 0], axes[i, 1], axes[i, 2]
+        J[0, i], J[1, i], J[2, i] = ay * rz - az * ry, az * rx - ax * rz, ax * ry - ay * rx
+        J[3, i], J[4, i], J[5, i] = ax, ay, az
+    A, b = np.empty((6, 6)), np.zeros(6)
+    for k in range(6):
+        for j in range(6):
+            A[k, j] = 0.0
+            for i in range(JOINTS):
+                A[k, j] += J[k, i] * J[j, i]
+        A[k, k] += 1e-9
+        for i in range(JOINTS):
+            b[k] += J[k, i] * torque[i]
+    impedance.solve(A, b)
+    for k in range(6):
+        wrench[k] += b[k]

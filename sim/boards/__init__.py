@@ -1,0 +1,1 @@
+"""Emulated boards with the real firmware or protocol behind a wire."""

@@ -1,0 +1,77 @@
+"""Exact contacts between a round peg and plates with one round hole, both with an optional chamfer of 45 degrees.
+
+The features of a cylinder against a half-space with a bore are found in closed form. The set of possible contacts of
+the peg's end is complete: every point of the peg's rims must stay out of the plate (`sim.contact.peg_rims`), and every point of
+the hole's edges must stay out of the peg's side and chamfer (`sim.contact.hole_edges`). A chamfered end has two rims, otherwise
+one. A chamfered mouth has one edge at the surface and one at the bore, otherwise one.
+
+Nearly conformal surfaces (a flat peg on the plate, an aligned peg in the bore, one chamfer in the other) touch along
+circles. Fixed samples of the peg's rims and of the hole's edges represent these circles; samples that move with the
+tilt would flicker.
+"""
+
+import math
+
+import mujoco
+
+from drivers.compiled import njit
+from sim.contact import flats
+from sim.contact.hole_edges import collide_edge
+from sim.contact.peg_rims import End, collide_plane, collide_rim
+from sim.contact.table import ABOVE, NEAR, NONE, PLATE_TYPE, meeting, peg_chamfer, peg_end, plate_at, plate_of
+from sim.world import native
+
+PEG_TYPE = mujoco.mjtGeom.mjGEOM_CYLINDER
+"""Geom type of the peg; against `PLATE_TYPE` no other pair in the scene uses it."""
+
+
+@njit(cache=True, inline="always")
+def collide(model, data, geom_plate, geom_peg):  # type: ignore[no-untyped-def]
+    """Find every possible contact of the peg's end with the plate, and add it."""
+    plate = plate_at(plate_of(model, geom_plate))
+    size = native.array(model + native.MODEL_GEOM_SIZE, (geom_peg + 1, 3))[geom_peg]
+    r, half, mouth = size[0], size[1], plate.hole + plate.chamfer
+    chamfer = peg_chamfer(model, geom_peg)
+    e1, e2, v, c, g = peg_end(data, geom_plate, geom_peg, half)
+    tilt = math.sqrt(v[0] * v[0] + v[1] * v[1])
+    end = End(c, e1, e2, v, r - chamfer, tilt)
+    if plate.has_flats > 0.0:
+        count = geom_plate + 1 + flats.FLATS
+        xpos = native.array(data + native.DATA_GEOM_XPOS, (count, 3))[geom_plate:]
+        xmat = native.array(data + native.DATA_GEOM_XMAT, (count, 3, 3))[geom_plate:]
+        flats.aim(end, plate.hole, xpos[0], xmat[0], xpos[1:], xmat[1:])
+    # The cylinder about the chamfered end reaches at least as low as the end.
+    lowest = c[2] - r * tilt
+    if plate.mode == NONE or lowest > ABOVE:
+        return
+    away = math.sqrt(c[0] * c[0] + c[1] * c[1] + c[2] * c[2])
+    meet = meeting(model, data, geom_plate, geom_peg, g, max(r + chamfer, away + mouth))
+    upper = end
+    if chamfer > 0.0:
+        upper = End((c[0] + chamfer * v[0], c[1] + chamfer * v[1], c[2] + chamfer * v[2]), e1, e2, v, r, tilt)
+    is_beside = math.sqrt(c[0] * c[0] + c[1] * c[1]) > mouth + r + chamfer + NEAR and lowest > -NEAR
+    _collide_rim(meet, end, is_beside)
+    if chamfer > 0.0:
+        _collide_rim(meet, upper, is_beside)
+    collide_edge(meet, upper, chamfer, mouth, 0.0)
+    if plate.chamfer > 0.0:
+        collide_edge(meet, upper, chamfer, plate.hole, -plate.chamfer)
+
+
+@njit(cache=True)
+def _collide_rim(meet, rim, is_beside):  # type: ignore[no-untyped-def]
+    """Add a rim of the peg against the plane alone if the peg is beside the hole, otherwise against all faces of the plate."""
+    if is_beside:
+        collide_plane(meet, rim)
+    else:
+        collide_rim(meet, rim)
+
+
+def _hook(model, data, buffer, geom_plate, geom_peg, margin):  # type: ignore[no-untyped-def]
+    collide(model, data, geom_plate, geom_peg)
+    return 0
+
+
+def install() -> None:
+    """Install the exact contacts in this process's collision table; repeated calls are harmless."""
+    native.collide_by(PLATE_TYPE, PEG_TYPE, _hook)

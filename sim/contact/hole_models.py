@@ -1,0 +1,116 @@
+"""Models of the hole beside the shipped one, for the ladder of `cell study contact`; no cell runs on them.
+
+A ring of boxes tangent to the hole leaves a gap at every corner, R (1/cos(pi/N) - 1); flats that rotate with the peg
+leave none. Facets use MuJoCo's contact of box and cylinder. The closed form can run in parallel as a probe, which makes
+no contacts and only meters the penetration.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+import mujoco
+import numpy as np
+
+from drivers.part.contract import Part
+from drivers.quantities import Vector
+from sim.contact import flats
+from sim.contact import table as contact
+from sim.contact.plate import CONTACT_STEPS, CONTACT_TIME, Plate, closed_form, words
+
+SIMP = "0.9999 0.9999 0.00001"
+"""Parameter `solimp` of facets: MuJoCo's stiffest, within 10 um."""
+RING_WIDTH = 0.05
+"""Half the width of a box of the ring, radially, m."""
+FLOOR = 0.01
+"""Half the thickness of the floor of a faceted hole, m."""
+
+
+@dataclass(frozen=True, slots=True)
+class HoleModel:
+    """One model of the hole."""
+
+    hole: Literal["exact", "unpredicted", "flats", "boxes"] = "exact"
+    """Kind of the model; `exact` is in closed form, `unpredicted` omits contacts with a gap, `flats` rotate with the
+    peg, `boxes` form a ring."""
+    facets: int = 64
+    """Number of facets of the ring of boxes."""
+    native_ccd: bool = False
+    """True to collide facets with MuJoCo's newer path, which makes ghost contacts at seams."""
+    time_constant: float = CONTACT_STEPS
+    """Time constant of the contacts, multiple of the time step."""
+    contact_time: float = CONTACT_TIME
+    """Lower bound of the contacts' time constant, s."""
+    stiffness: float | None = None
+    """Stiffness of the contacts, 1/s²; force per penetration and effective mass, with critical damping. It replaces the
+    time constant."""
+
+    @property
+    def has_facets(self) -> bool:
+        """True if facets make the contacts."""
+        return self.hole in ("flats", "boxes")
+
+    def has_hole_for(self, part: Part) -> bool:
+        """Return True if this model supports such parts; facets need a round hole without a chamfer."""
+        return not self.has_facets or (part.symmetry == 0.0 and part.chamfer == 0.0)
+
+    def solref(self, timestep: float) -> tuple[float, float]:
+        """Return the contacts' `solref`: a time constant, s, and a damping ratio, or -k and -b if k is given."""
+        if self.stiffness is not None:
+            return -self.stiffness, -2.0 * math.sqrt(self.stiffness)
+        return max(self.time_constant * timestep, self.contact_time), 1.0
+
+    def flags(self) -> str:
+        """Return MuJoCo's flags for this model."""
+        if not self.has_facets:
+            return ""
+        # Without the mid-phase, MuJoCo processes the first geom before the flats that it rotates.
+        path = "enable" if self.native_ccd else "disable"
+        return f'nativeccd="{path}" multiccd="disable" midphase="disable"'
+
+
+def geoms(plate: Plate, friction: float, timestep: float, model: HoleModel, is_judged: bool) -> list[str]:
+    """Return the plate with this model of its hole as geoms in MuJoCo's XML, the closed form first.
+
+    Args:
+        plate: Pose of the plate, and its hole.
+        friction: Coulomb coefficient against the peg.
+        timestep: Time step of the physics, s.
+        model: Model of the hole.
+        is_judged: True to meter the penetration even if facets make the contacts.
+    """
+    solref, has_flats = model.solref(timestep), model.hole == "flats"
+    mode = contact.UNPREDICTED if model.hole == "unpredicted" else contact.EXACT
+    if model.has_facets:
+        mode = contact.PROBE if is_judged else contact.NONE
+    shapes = [closed_form("plate", plate, friction, timestep, solref, mode, has_flats)]
+    if not model.has_facets:
+        return shapes
+    boxes = [(flats.FLAT_SIZE, flats.SECTOR * k) for k in range(flats.FLATS)]
+    if not has_flats:
+        side = (plate.half[0] + 2.0 * RING_WIDTH) * math.tan(math.pi / model.facets)
+        angles = 2.0 * math.pi / model.facets * np.arange(model.facets)
+        boxes = [((RING_WIDTH, side, plate.depth / 2), float(angle)) for angle in angles]
+    for size, angle in boxes:
+        reach = plate.half[0] + size[0]
+        at = np.array([reach * math.cos(angle), reach * math.sin(angle), -size[2]])
+        shapes.append(_box(size, _pose(plate, at, angle), solref, friction))
+    floor = _pose(plate, np.array([0.0, 0.0, -plate.depth - FLOOR]), 0.0)
+    return [*shapes, _box((0.02, 0.02, FLOOR), floor, solref, friction)]
+
+
+def _pose(plate: Plate, at: Vector, angle: float) -> str:
+    turned = plate.rotation @ np.array(
+        [[math.cos(angle), -math.sin(angle), 0.0], [math.sin(angle), math.cos(angle), 0.0], [0.0, 0.0, 1.0]]
+    )
+    quat = np.empty(4)
+    mujoco.mju_mat2Quat(quat, turned.flatten())
+    return f'pos="{words(plate.position + plate.rotation @ at)}" quat="{words(quat)}"'
+
+
+def _box(size: tuple[float, float, float], pose: str, solref: tuple[float, float], friction: float) -> str:
+    friction = max(friction, contact.FRICTION_FLOOR)
+    return (
+        f'<geom type="box" size="{words(size)}" {pose} friction="{friction} 0.001 0.00001" priority="1" '
+        f'solref="{words(solref)}" solimp="{SIMP}" contype="1" conaffinity="0"/>'
+    )

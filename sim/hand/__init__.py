@@ -1,0 +1,1 @@
+"""The simulated hand: pads, skin, grip, switch and gripper."""

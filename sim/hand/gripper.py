@@ -1,0 +1,45 @@
+"""The simulated hand as a Gripper."""
+
+from drivers.quantities import GripperState
+from sim.world import engine
+from sim.world.physics import World
+
+GRIPPING_SHARE = 0.5
+"""Share of the set force on both pads from which the hand reports a grip, fraction."""
+POSITION_TOLERANCE = 1e-3
+"""Distance from the commanded width within which the hand reports arrival, m."""
+
+
+class SimGripper:
+    """Two fingers moved by one drive."""
+
+    def __init__(self, world: World) -> None:
+        """Attach to the world that carries the hand."""
+        self._world = world
+
+    def open(self) -> None:
+        """Do nothing: there is no connection."""
+
+    def close(self) -> None:
+        """Keep the grip, because an opening hand would drop the peg."""
+
+    def grip(self, force: float) -> None:
+        """Close until the force reaches `force`, N, or the fingers meet."""
+        self._world.control.drive[engine.DRIVE_FORCE] = force * self._world.draw.grip_force
+
+    def release(self, width: float) -> None:
+        """Open to `width`, m."""
+        self._world.control.drive[engine.DRIVE_FORCE] = 0.0
+        self._world.control.drive[engine.DRIVE_WIDTH] = width
+
+    def read(self) -> GripperState:
+        """Return the newest state."""
+        world = self._world
+        drive, width = world.control.drive, world.finger_gap()
+        force = float(drive[engine.DRIVE_FORCE])
+        is_gripping = force > 0.0 and world.pad_force() > GRIPPING_SHARE * force
+        if force > 0.0:
+            is_moving = not is_gripping and width > POSITION_TOLERANCE
+        else:
+            is_moving = abs(width - float(drive[engine.DRIVE_WIDTH])) > POSITION_TOLERANCE
+        return GripperState(width=width, is_gripping=is_gripping, is_moving=is_moving)

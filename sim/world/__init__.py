@@ -1,0 +1,1 @@
+"""Physics of one cell: models, steps, drawn errors, true state."""

@@ -1,0 +1,76 @@
+"""Situation of the peg and conditions for its changes: pure decisions.
+
+The peg is always in one of three situations. `FREE`: a separate body in the rack, between the pads, in the hole, or
+dropped. `HELD`: held by the hand. `GONE`: out of play, removed with its workpiece or by a person.
+"""
+
+import math
+from enum import Enum
+
+import numpy as np
+
+from drivers.quantities import Vector
+from sim.world import scene
+
+SETTLED_GRIP = 0.05
+"""Time for which the pads must hold the peg clear of the rack before it is in the `HELD` situation, s."""
+SQUEEZED_SHARE = 0.5
+"""Share of the closing force with which both pads must press the peg, fraction."""
+CLEAR_OF_RACK = 1e-3
+"""Height of the peg's lowest point above the rack from which the peg is clear, m."""
+LOST_TURN = scene.HINGE_RANGE - math.radians(2.0)
+"""Hinge angle at which the peg meets the palm and drops out, rad."""
+LEAST_CONTACT = 2e-3
+"""Smallest length of the peg between the pads, m; below it the peg drops out."""
+SETTLING = 0.02
+"""Time for which a free peg must have settled before it is left at rest, s."""
+AT_REST = (1e-4, 1e-2)
+"""Upper limits of the speeds of a peg at rest, m/s and rad/s; a falling peg would move at 0.2 m/s by then."""
+OUT_OF_REACH = 0.01
+"""Gap between pads and peg that no hand closes in the 10 ms before the next check, m."""
+
+
+class PegSituation(Enum):
+    """Situation of the peg."""
+
+    FREE = "free"
+    HELD = "held"
+    GONE = "gone"
+
+
+def has_fallen_out(turn: float, contact: float) -> bool:
+    """Return True if the pads have lost a held peg.
+
+    Args:
+        turn: Angle of the hinge, rad.
+        contact: Length of the peg between the pads, m.
+    """
+    return abs(turn) > LOST_TURN or contact < LEAST_CONTACT
+
+
+def is_in_grip(pad_force: float, grip_force: float, height: float) -> bool:
+    """Return True if the pads carry the peg, clear of the rack.
+
+    Args:
+        pad_force: Smaller of the forces between the pads and the peg, N.
+        grip_force: Closing force commanded, N.
+        height: Height of the peg's lowest point above the rack, m.
+    """
+    return pad_force > SQUEEZED_SHARE * grip_force > 0.0 and height > CLEAR_OF_RACK
+
+
+def may_rest(is_resting: bool, gap: float, loose_for: float, speeds: Vector) -> bool:
+    """Return True if a free peg can be left out of the physics: it is at rest and no pad can reach it.
+
+    Args:
+        is_resting: True if the peg is left out already.
+        gap: Lower bound of the distance between pads and peg, m.
+        loose_for: Time since the peg was released or was last in reach, s.
+        speeds: Linear, then angular velocity of the peg, shape (6,), m/s and rad/s.
+    """
+    if gap <= OUT_OF_REACH:
+        return False
+    if is_resting or loose_for < SETTLING:
+        return is_resting
+    size = np.abs(speeds)
+    return bool(size[:3].max() < AT_REST[0] and size[3:].max() < AT_REST[1])

@@ -1,0 +1,226 @@
+"""Bring a peg with corners, one corner in its hole, upright between the walls, so that the hole guides it.
+
+At a small tilt, the peg rests at the depth of its corner. While the peg is raised, its corner is pushed into the hole's
+corner, which holds it at both walls. The yaw sweeps about the yaw found by the insertion. The depth gained by the tip
+shows when the peg is between the walls. From then on, the hole guides it like a round peg.
+"""
+
+import math
+from dataclasses import dataclass, field
+from typing import Annotated
+
+import numpy as np
+from pydantic import Field, NonNegativeFloat, PositiveFloat
+
+from drivers.config_model import Figure, Quantity, Tempo
+from drivers.frames import angle_between, end_point, rotation_about
+from drivers.quantities import ImpedanceSetpoint, InHandTip, Twist, Vector
+from skills.contract import Observation, Outcome, Reason, SkillContext, SkillParams, SkillResult
+from skills.corner.insert import lead_to, to_and_fro, turned_by
+from skills.motion import VALIDITY, Gains, tilted_by
+from skills.paths import dither
+from skills.search.surface import Plane, nominal
+from skills.seating.decision import depth_of, is_seated
+
+TURNED = 0.2
+"""Rotation in the hand above which the skill fails, because the tip no longer follows the hand, rad; several times the noise of theta."""
+
+STRAYED_FOR = 0.15
+"""Least time outside `strayed` for a loss of the hole, s: a few frames of the skin. Source: docs/tried/corners.md."""
+SINKS = 0.25
+"""Least depth gained in `stands_for` by a peg that is still sinking, fraction of `caught`. Source: docs/tried/corners.md."""
+
+
+class CornerAdjustParams(SkillParams):
+    """Parameters of bringing a peg with corners between the walls of its hole. The skill uses no tactile measurements.
+
+    Source: chosen, not measured; reason in docs/tried/corners.md.
+    """
+
+    gains: Gains
+    """Stiffness and damping ratio along x and y and in rotation. Source: chosen within the margin that `cell check` prints."""
+    push_stiffness: Annotated[PositiveFloat, Quantity("N/m")]
+    """Stiffness along z, which makes the push, N/m."""
+    push_damping_ratio: Annotated[PositiveFloat, Quantity("multiple")]
+    """Damping ratio along z, multiple of the critical damping."""
+    push_offset: Annotated[NonNegativeFloat, Quantity("m")]
+    """Depth of the tip's setpoint below the tip, m."""
+    lead: Annotated[tuple[NonNegativeFloat, NonNegativeFloat], Quantity("m")]
+    """Lead of the tip's setpoint over the tip, along the closing axis and across it, m; it keeps the corner in the hole's corner."""
+    raise_rate: Annotated[PositiveFloat, Quantity("rad/s", Tempo.SPEED)]
+    """Rate at which the setpoint of the axis moves to the normal, rad/s."""
+    tilt: Annotated[float, Field(ge=0.0, lt=0.2), Quantity("rad")]
+    """Tilt to keep until the tip has sunk by `caught`, rad; if the peg is upright earlier, the corner is no deeper than the others and
+    leaves the hole.
+    """
+    caught: Annotated[PositiveFloat, Quantity("m")]
+    """Depth gained at which the hole's walls guide the peg, m."""
+    strayed: Annotated[PositiveFloat, Quantity("m")]
+    """Distance of the tip from its start, in the plate, at which the corner has left the hole, m."""
+    dither_radius: Annotated[NonNegativeFloat, Quantity("m")]
+    """Largest radius of the dither of the finger centre, m; it fades within each period."""
+    dither_rate: Annotated[PositiveFloat, Quantity("rad/s", Tempo.SPEED, "dither_radius")]
+    """Turning rate of the dither, rad/s."""
+    dither_period: Annotated[PositiveFloat, Quantity("s", Tempo.WAIT)]
+    """Period of the dither, s; the radius fades to zero within it."""
+    turn: Annotated[PositiveFloat, Quantity("rad")]
+    """Largest difference between the setpoint and the measured yaw, rad; times the stiffness it bounds the torque on the walls."""
+    turn_rate: Annotated[PositiveFloat, Quantity("rad/s", Tempo.SPEED)]
+    """Rate of the yaw sweep's setpoint about the normal, rad/s."""
+    growth: Annotated[PositiveFloat, Quantity("rad")]
+    """Increase of the yaw sweep's amplitude from one swing to the next, rad."""
+    reach: Annotated[float, Field(gt=0.0, le=0.4), Quantity("rad")]
+    """Largest angle of the sweep to either side, rad; it exceeds the play of the peg at its insertion's tilt."""
+    entered: Annotated[PositiveFloat, Quantity("m")]
+    """Depth gained at which the peg is between the walls, m; it exceeds the slip along the fingers."""
+    timeout: Annotated[PositiveFloat, Quantity("s", Tempo.LIMIT)]
+    """Longest time until the peg is between the walls, s; then the cell searches again and sweeps about another yaw."""
+    stands_for: Annotated[float, Figure("s", Tempo.WAIT), Field(exclude=True)] = 0.8
+    """Time without depth gain after which a guided peg counts as stuck, s; the next skill frees it with a new theta.
+    Source: docs/tried/corners.md.
+    """
+
+
+@dataclass(frozen=True, slots=True)
+class CornerAdjustResult(SkillResult):
+    """Depth of the peg at the end."""
+
+    depth: float
+    """Depth of the tip below the surface by the arm, m."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Entry:
+    """Initial state of the peg, and the setpoints that follow from it; pure."""
+
+    params: CornerAdjustParams
+    in_hand: InHandTip
+    """Pose of the peg in the hand at the start, kept constant: fed back while the peg is wedged, the estimate would drift with its bias."""
+    normal: Vector
+    """Normal of the plate, unit, shape (3,), base frame."""
+    axis: Vector
+    """Axis of the peg at the start, unit, shape (3,), base frame."""
+    closing: Vector
+    """Closing axis of the hand at the start, unit, shape (3,), base frame."""
+    lean: Vector = field(init=False)
+    """Direction of the peg's lean in the plate, unit, shape (3,)."""
+    lead: Vector = field(init=False)
+    """Lead of the tip's setpoint before any yaw, shape (3,), m."""
+
+    def __post_init__(self) -> None:
+        """Derive the lean and the lead."""
+        lean = self.axis - float(self.axis @ self.normal) * self.normal
+        object.__setattr__(self, "lean", lean / max(float(np.linalg.norm(lean)), 1e-9))
+        object.__setattr__(self, "lead", lead_to(self.lean, self.closing, self.normal, self.params.lead))
+
+    def end_point(self, seen: Observation) -> tuple[Vector, Vector]:
+        """Return the end point, m, and the axis of the peg, each shape (3,), base frame."""
+        return end_point(seen.arm.tcp, self.in_hand.theta, self.in_hand.length)
+
+    def axis_at(self, left: float, elapsed: float) -> Vector:
+        """Return the setpoint of the axis, unit, shape (3,), for the tilt `left`, rad, `elapsed` seconds into the dither."""
+        params, length = self.params, self.in_hand.length
+        offset = dither(elapsed, params.dither_radius, params.dither_rate, params.dither_period)
+        return tilted_by(offset + length * (self.normal[:2] + math.sin(left) * self.lean[:2]), length)
+
+    def raised(self, left: float, sunk: float, period: float) -> float:
+        """Return the next tilt, rad.
+
+        Args:
+            left: Present tilt, rad.
+            sunk: Depth gained by the tip, m.
+            period: Time to the next tilt, s.
+        """
+        least = 0.0 if sunk > self.params.caught else self.params.tilt
+        return max(left - self.params.raise_rate * period, min(left, least))
+
+    def setpoint(
+        self, seen: Observation, tilts: tuple[float, float], period: float, identity: int
+    ) -> ImpedanceSetpoint:
+        """Return the setpoint of a scan; `tilts` are the tilts of the setpoint now and `period` seconds later, rad."""
+        params, closing = self.params, seen.arm.tcp.rotation[:, 2]
+        tip, axis = self.end_point(seen)
+        yaw = turned_by(closing, self.closing, self.normal)
+        asked = to_and_fro(seen.elapsed, params.turn_rate, params.growth, params.reach) - yaw
+        stiffness, damping_ratio = params.gains.stiffness(), params.gains.damping_ratios()
+        stiffness[2], damping_ratio[2] = params.push_stiffness, params.push_damping_ratio
+        target = tip + rotation_about(self.normal, yaw) @ self.lead
+        target[2] -= params.push_offset
+        now, soon = (self.axis_at(left, seen.elapsed + later) for left, later in zip(tilts, (0.0, period), strict=True))
+        return ImpedanceSetpoint(
+            id=identity,
+            tip=target,
+            axis=now,
+            roll=rotation_about(axis, min(max(asked, -params.turn), params.turn)) @ closing,
+            stiffness=stiffness,
+            damping_ratio=damping_ratio,
+            valid_until=seen.stamp + VALIDITY,
+            in_hand=self.in_hand,
+            twist=Twist(np.zeros(3), np.cross(now, soon) / period),
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Watch:
+    """State of the peg over the scans: corner in the hole, and guided by the walls but stuck; pure."""
+
+    deepest: float = 0.0
+    """Depth gained at the last progress, m."""
+    since: float = 0.0
+    """Time of the last progress, s."""
+    inside: float = 0.0
+    """Last time at which the tip was within `strayed`, s."""
+
+    def after(self, elapsed: float, sunk: float, strayed: float, params: CornerAdjustParams) -> "Watch":
+        """Return the state after one more scan; if the walls guide the peg, it cannot stray.
+
+        Args:
+            elapsed: Time of the scan, s.
+            sunk: Depth gained by the tip, m.
+            strayed: Distance of the tip from its start, in the plate, m.
+            params: Limits of the skill.
+        """
+        inside = elapsed if strayed <= params.strayed or sunk > params.caught else self.inside
+        if sunk > self.deepest + SINKS * params.caught:
+            return Watch(sunk, elapsed, inside)
+        return Watch(self.deepest, self.since, inside)
+
+    def has_strayed(self, elapsed: float) -> bool:
+        """Return True if the tip has strayed for longer than `STRAYED_FOR`, in which the skin measures any turn in the hand."""
+        return elapsed - self.inside > STRAYED_FOR
+
+    def is_caught(self, elapsed: float, params: CornerAdjustParams) -> bool:
+        """Return True if the walls guide the peg and it is stuck."""
+        return self.deepest > params.caught and elapsed - self.since > params.stands_for
+
+
+def run(params: CornerAdjustParams, ctx: SkillContext, plane: Plane | None = None) -> CornerAdjustResult:
+    """Bring the peg upright and turn it until it sinks between the walls.
+
+    Args:
+        params: Parameters of the skill.
+        ctx: The skill's context.
+        plane: Surface estimate of the search; None for the surface of the job.
+    """
+    plane, hole = plane or nominal(ctx.job.hole), ctx.job.hole
+    first, identity = ctx.observe(), ctx.new_id()
+    entry = Entry(params, ctx.in_hand(), plane.normal, first.axis, first.arm.tcp.rotation[:, 2])
+    tip, running, left = first.tip, 0.0, angle_between(first.axis, plane.normal)
+    watch = Watch()
+    for seen in ctx.scan(params.timeout, holding=True):
+        running = seen.running
+        tip, _ = entry.end_point(seen)
+        sunk = plane.depth(tip) - plane.depth(first.tip)
+        # If the peg turns in the hand, the tip with the frozen theta is wrong permanently, and the tip with the
+        # measured theta is wrong until the next frame. The smaller distance is used.
+        strayed = min(math.dist(place[:2], first.tip[:2]) for place in (tip, seen.tip))
+        watch = watch.after(seen.elapsed, sunk, strayed, params)
+        if abs(seen.peg.theta - entry.in_hand.theta) > TURNED or watch.has_strayed(seen.elapsed):
+            break
+        is_between = sunk > params.entered or watch.is_caught(seen.elapsed, params)
+        if is_seated(seen.switch, tip, hole) or is_between:
+            return CornerAdjustResult(Outcome.SUCCESS, Reason.NONE, running, depth_of(tip, hole))
+        ctx.callbacks.progress(seen.elapsed / params.timeout)
+        before, left = left, entry.raised(left, sunk, seen.step)
+        ctx.follow(entry.setpoint(seen, (before, left), ctx.schedule.period, identity))
+    return CornerAdjustResult(Outcome.FAILURE, Reason.NOT_SEATED, running, depth_of(tip, hole))

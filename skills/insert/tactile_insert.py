@@ -1,0 +1,155 @@
+"""Turn the peg upright with its tip in the hole, steering by touch: [gibbons], Sec. V.A, Eq. (4)-(7)."""
+
+import math
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+from pydantic import Field, NonNegativeFloat, PositiveFloat
+
+from drivers.config_model import Figure, Quantity, Tempo
+from drivers.frames import angle_between, cross, rotation_about
+from drivers.quantities import ImpedanceSetpoint, Twist, Vector
+from skills.contract import Outcome, Reason, SkillContext, SkillParams, SkillResult
+from skills.motion import VALIDITY, Gains, anchored
+from skills.paper.equations import k_33
+from skills.search.surface import Plane, nominal
+from skills.seating.decision import is_seated
+from skills.tactile.estimators import EstimatorName
+
+
+class TactileInsertParams(SkillParams):
+    """How to align the peg with the plate's normal.
+
+    Source: chosen, not measured.
+    """
+
+    gains: Gains
+    """Stiffness and damping ratio along x and y and in rotation. Source: chosen within the margin that `cell check` prints."""
+    integral_gain: Annotated[NonNegativeFloat, Quantity("N·m/(rad·s)")]
+    """Integral gain on orientation, N·m/(rad·s); K_I of [gibbons], Eq. (6). Source: chosen, not measured; method of [gibbons], Eq. (6)."""
+    integral_limit: Annotated[NonNegativeFloat, Quantity("N·m")]
+    """Saturation of the integral, N·m."""
+    push_offset: Annotated[NonNegativeFloat, Quantity("m")]
+    """Depth of the tip's setpoint below the surface, m; 0.01 in [gibbons]. Source: [gibbons], Sec. V."""
+    push_stiffness: Annotated[tuple[PositiveFloat, PositiveFloat], Quantity("N/m")]
+    """Least and largest stiffness along z, N/m; K_min and K_max of [gibbons], Eq. (7). Source: chosen, not measured;
+    method of [gibbons], Eq. (7).
+    """
+    turn_rate: Annotated[PositiveFloat, Quantity("rad/s", Tempo.SPEED)]
+    """Rate at which the setpoint of the axis goes from where the peg is to upright, rad/s."""
+    turn_run_up: Annotated[NonNegativeFloat, Quantity("s", Tempo.WAIT)]
+    """Time in which the setpoint of the axis gets to its rate, s; the hole's wall bears what sets the arm in motion.
+    Source: chosen, not measured; reason in docs/tried/insertion.md.
+    """
+    follow_rate: Annotated[float, Figure("1/s"), Field(exclude=True)] = 2.0
+    """Rate at which the hand turns after a peg that has turned in it, 1/s. Source: docs/tried/search.md."""
+    aligned: Annotated[float, Field(gt=0.0, lt=0.8), Quantity("rad")]
+    """Tilt phi below which the adjustment takes over, rad; 15 degrees in [gibbons]. It also takes over when the setpoint is
+    upright: a hand that turned on would wind the peg up in soft pads. Source: docs/tried/insertion.md.
+    """
+    compliance_rate: Annotated[PositiveFloat, Quantity("1/s")]
+    """Rate at which the tip's setpoint along x and y gives way to where the hole keeps the tip, 1/s. Source: docs/tried/insertion.md."""
+    forward: Annotated[PositiveFloat, Quantity("m")]
+    """Distance of the tip's setpoint ahead of the tip, towards the side that the peg leans to, m; raising then cannot lift
+    the peg out. Source: chosen, not measured; reason in docs/tried/insertion.md.
+    """
+    timeout: Annotated[PositiveFloat, Quantity("s", Tempo.LIMIT)]
+    """Longest insertion, s."""
+    least_share: Annotated[float, Field(gt=0.0, lt=1.0), Quantity("fraction")]
+    """Least depth of an aligned peg that is in the hole, fraction of the depth that the tilt allows; only a first attempt
+    asks for it. Source: docs/tried/insertion.md; only once docs/tried/insertion.md."""
+    least_depth: Annotated[float, Figure("m"), Field(exclude=True)] = -math.inf
+    """Least depth of the lowest point of an aligned peg that is in the hole, m."""
+    lost_height: Annotated[PositiveFloat, Quantity("m")]
+    """Height of the tip above the surface at which it is out of the hole, m."""
+    estimator: EstimatorName = "image"
+    """Estimator that turns taxels into the pose of the peg, in every skill. Source: measured by `cell study tactile`."""
+
+
+@dataclass(frozen=True, slots=True)
+class TactileInsertResult(SkillResult):
+    """Tilt of the peg at the beginning and at the end of the insertion."""
+
+    first_phi: float
+    """Angle phi_0 between the peg and the normal upon contact, rad."""
+    phi: float
+    """Angle between the peg and the normal at the end, rad, by the skin."""
+
+
+def run(params: TactileInsertParams, ctx: SkillContext, plane: Plane | None = None) -> TactileInsertResult:
+    """Align the peg, whose tip is in the hole, with the normal of the plate.
+
+    Args:
+        params: Parameters of the insertion.
+        ctx: The skill's context.
+        plane: Surface that the search estimated; None is the job's own.
+    """
+    plane = plane or nominal(ctx.job.hole)
+    normal = plane.normal
+    first = ctx.observe()
+    first_phi = angle_between(first.axis, normal)
+    hole = first.tip.copy()
+    hole[2] = ctx.job.hole.centre[2] - params.push_offset
+    identity = ctx.new_id()
+    roll = first.arm.tcp.rotation[:, 2]
+    stiffness, damping_ratio = params.gains.stiffness(), params.gains.damping_ratios()
+    phi, theta = first_phi, first.peg.theta
+    peg = ctx.job.peg.part
+    for seen in ctx.scan(params.timeout, holding=True):
+        elapsed = seen.running
+        phi = angle_between(seen.axis, normal)
+        if is_seated(seen.switch, seen.tip, ctx.job.hole):
+            return TactileInsertResult(Outcome.SUCCESS, Reason.NONE, elapsed, first_phi, phi)
+        angle, rate = turned(seen.elapsed, params.turn_rate, params.turn_run_up)
+        if phi < params.aligned or angle >= first_phi:
+            if plane.depth(seen.tip) + peg.reach * math.sin(phi) < params.least_depth:
+                return TactileInsertResult(Outcome.FAILURE, Reason.NOT_ALIGNED, elapsed, first_phi, phi)
+            return TactileInsertResult(Outcome.SUCCESS, Reason.NONE, elapsed, first_phi, phi)
+        if plane.depth(seen.tip) < -params.lost_height - peg.reach * math.sin(phi):
+            return TactileInsertResult(Outcome.FAILURE, Reason.NOT_ALIGNED, elapsed, first_phi, phi)
+        ctx.callbacks.progress(1.0 - min(phi / max(first_phi, 1e-6), 1.0))
+        hole[:2] += (
+            min(params.compliance_rate * seen.step, 1.0) * (anchored(seen.tip, first.tip, peg.thickness) - hole)[:2]
+        )
+        tip = hole + params.forward * _ahead(seen.axis)
+        stiffness[2] = k_33(phi, first_phi, *params.push_stiffness)
+        theta += min(params.follow_rate * seen.step, 1.0) * (seen.peg.theta - theta)
+        left = rotation_about(seen.arm.tcp.rotation[:, 2], seen.peg.theta - theta)
+        axis, spin = _on_the_way(first.axis, normal, angle, rate)
+        ctx.follow(
+            ImpedanceSetpoint(
+                id=identity,
+                tip=tip,
+                axis=left @ axis,
+                roll=roll,
+                stiffness=stiffness.copy(),
+                damping_ratio=damping_ratio,
+                valid_until=seen.stamp + VALIDITY,
+                in_hand=ctx.in_hand(),
+                integral_gain=params.integral_gain,
+                integral_limit=params.integral_limit,
+                twist=Twist(np.zeros(3), spin),
+            )
+        )
+    return TactileInsertResult(Outcome.FAILURE, Reason.NOT_ALIGNED, params.timeout, first_phi, phi)
+
+
+def turned(elapsed: float, rate: float, run_up: float) -> tuple[float, float]:
+    """Return angle, rad, and rate, rad/s, after `elapsed` seconds, where the rate grows to `rate` evenly within `run_up`, s."""
+    if elapsed < run_up:
+        return rate * elapsed**2 / (2.0 * run_up), rate * elapsed / run_up
+    return rate * (elapsed - run_up / 2.0), rate
+
+
+def _ahead(axis: Vector) -> Vector:
+    """Return the horizontal direction that the peg leans to, shape (3,); zero for an upright peg."""
+    size = math.hypot(axis[0], axis[1])
+    return np.array([axis[0], axis[1], 0.0]) / size if size > 1e-6 else np.zeros(3)
+
+
+def _on_the_way(start: Vector, goal: Vector, turned: float, rate: float) -> tuple[Vector, Vector]:
+    """Return the setpoint of the axis after turning by `turned` from `start` towards `goal`, and its spin, rad/s."""
+    about = cross(start, goal)
+    about /= math.sqrt(float(about @ about))
+    return rotation_about(about, turned) @ start, rate * about

@@ -1,0 +1,1 @@
+"""Evidence that the peg is seated: switch, depth, or the force of a latch."""

@@ -1,0 +1,79 @@
+"""Force against height of a held peg over its insertion strokes, each up to a rest; pure.
+
+    height of the hand, force along z                                 -->  drawn up: a new stroke starts
+    of each scan with a new largest depth -->  Curve of the stroke    -->  rest: `told_by` of this stroke and those that ended
+                                                                           at its height
+
+The hole guides the peg at a constant attitude. The height of the hand therefore measures differences of the end's height
+without theta.
+"""
+
+import math
+from dataclasses import dataclass, field, replace
+
+from drivers.parts import Latch
+from drivers.quantities import ImpedanceSetpoint
+from skills.contract import Observation
+from skills.seating.decision import Footing
+from skills.seating.latch_likelihood import BEFORE, PLACE, Signature, Way, told_by, unlikelihood
+
+STEP = 2e-5
+"""Least new depth for a scan to be added to the curve, m; it exceeds the noise of the arm's height."""
+LIFTED = 0.002
+"""Height above the deepest point at which a held peg counts as drawn up, m."""
+MOST_WAYS = 64
+"""Number of strokes to keep: ten attempts with five strokes each, and some that ended elsewhere."""
+
+
+@dataclass(frozen=True, slots=True)
+class Curve:
+    """Force against height of a held peg on its present stroke, with its rest and the earlier strokes."""
+
+    heights: tuple[float, ...] = ()
+    """Heights of the hand, decreasing, m, base frame."""
+    forces: tuple[float, ...] = ()
+    """Force on the hand along z at each height, N."""
+    footing: Footing = field(default_factory=Footing)
+    """Rest of the peg on its support."""
+    has_rested: bool = False
+    """True if the peg has rested long enough at the end of this stroke."""
+    earlier: tuple[Way, ...] = ()
+    """Earlier strokes of the same held peg that ended in a rest."""
+
+    @property
+    def ways(self) -> tuple[Way, ...]:
+        """Strokes of this held peg that have ended in a rest, including the present one."""
+        return (*self.earlier, *((Way(self.heights, self.forces),) if self.has_rested else ()))[-MOST_WAYS:]
+
+    def after(self, seen: Observation, setpoint: ImpedanceSetpoint | None, latch: Latch) -> "Curve":
+        """Return the curve after one more scan with its followed setpoint.
+
+        If the peg is not held, the curve is cleared. If the peg is drawn up, a new stroke starts. During a rest the curve is
+        unchanged, because further motion is the fingers sliding down the peg.
+        """
+        height, force = float(seen.arm.tcp.position[2]), float(seen.arm.wrench.force[2])
+        if not seen.gripper.is_gripping or not math.isfinite(height + force):
+            return Curve()
+        deepest = self.heights[-1] if self.heights else math.inf
+        is_rising = len(self.heights) == 1 and height > deepest
+        if math.isfinite(deepest) and (is_rising or height > deepest + LIFTED):
+            return Curve((height,), (force,), earlier=self.ways)
+        footing = self.footing.after(seen, setpoint)
+        if height > deepest - STEP or footing.is_firm(seen.stamp):
+            return replace(self, footing=footing, has_rested=self.has_rested or footing.is_firm(seen.stamp))
+        # Keep the heights needed for a latch up to half its height higher than the peg rests, and the force offset before it.
+        reach = height + 1.5 * latch.height + BEFORE
+        first = next((at for at, above in enumerate(self.heights) if above <= reach), len(self.heights))
+        heights, forces = (*self.heights[first:], height), (*self.forces[first:], force)
+        # If the support yields, it was not the bottom.
+        return Curve(heights, forces, footing, earlier=self.earlier)
+
+    def signature(self, latch: Latch, now: float) -> Signature | None:
+        """Return the estimate of the latch from this stroke and the earlier strokes that ended at its height.
+
+        The result is None if the peg does not rest at the time `now`, s, or if this stroke does not show the latch.
+        """
+        if not self.footing.is_firm(now) or unlikelihood(Way(self.heights, self.forces), latch) is None:
+            return None
+        near = [way for way in self.earlier if abs(way.heights[-1] - self.heights[-1]) <= PLACE]
+        return told_by([*near, Way(self.heights, self.forces)], latch)

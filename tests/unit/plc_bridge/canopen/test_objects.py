@@ -1,0 +1,72 @@
+import itertools
+
+import pytest
+from canopen.objectdictionary import datatypes
+
+from plc_bridge.canopen.objects import RPDO_BASES, TPDO_BASES, dictionary, size_of
+from plc_bridge.protocol.registers import RPDOS, TPDOS
+from tests.canopen_rig import NODE, PLACES, REGISTERS
+
+OBJECTS = dictionary(REGISTERS, NODE)
+
+
+@pytest.mark.parametrize("names", [*RPDOS, *TPDOS])
+def test_each_pdo_fits_a_frame(names):
+    assert sum(size_of(PLACES[name]) for name in names) <= 8
+
+
+def test_the_command_fills_one_frame():
+    assert sum(size_of(PLACES[name]) for name in RPDOS[0]) == 8
+
+
+@pytest.mark.parametrize("names", RPDOS)
+def test_what_one_pdo_writes_lies_side_by_side(names):
+    registers = [PLACES[name] for name in names]
+    assert all(b.address == a.address + a.words for a, b in itertools.pairwise(registers))
+
+
+def test_every_register_but_the_tails_is_an_object_of_its_own():
+    places = [(r.index, r.subindex) for r in REGISTERS if not r.name.endswith("life_tail")]
+    assert len(set(places)) == len(places)
+    for register in REGISTERS:
+        if register.index:
+            assert OBJECTS[register.index][register.subindex].name == register.name
+        else:
+            assert register.name.endswith("life_tail")
+
+
+@pytest.mark.parametrize(("kind", "bases"), [("RPDO", RPDO_BASES), ("TPDO", TPDO_BASES)])
+def test_cob_ids_are_those_of_the_predefined_connection_set(kind, bases):
+    first = {"RPDO": 0x1400, "TPDO": 0x1800}[kind]
+    for number in range(len({"RPDO": RPDOS, "TPDO": TPDOS}[kind])):
+        assert OBJECTS[first + number][1].default & 0x7FF == bases[number] + NODE
+
+
+@pytest.mark.parametrize(
+    ("name", "index", "subindex"),
+    [
+        ("command_life", 0x2000, 1),
+        ("command_sequence", 0x2000, 2),
+        ("command_serial", 0x2000, 9),
+        ("command_parameter_1", 0x2000, 10),
+        ("report_sequence", 0x2001, 3),
+        ("report_run", 0x2001, 13),
+        ("report_holder", 0x2001, 15),
+        ("diagnostics_refusals", 0x2002, 4),
+        ("stop", 0x2003, 2),
+        ("busy", 0x2004, 1),
+    ],
+)
+def test_objects_stay_where_plc_programs_expect_them(name, index, subindex):
+    assert (PLACES[name].index, PLACES[name].subindex) == (index, subindex)
+
+
+def test_limits_of_a_parameter_are_those_of_the_command():
+    found = OBJECTS[0x2000]["command_parameter_1"]
+    assert (found.min, found.max, found.factor, found.unit) == (10, 5000, 1e-4, "m/s")
+    assert found.data_type == datatypes.INTEGER32
+
+
+def test_a_reserved_parameter_takes_nothing_but_0():
+    found = OBJECTS[0x2000]["command_parameter_2"]
+    assert (found.min, found.max) == (0, 0)

@@ -1,0 +1,226 @@
+import pytest
+
+from plc_bridge.modbus.pdu import is_exception, respond
+
+
+class FakeStation:
+    """Ten words and ten bits."""
+
+    def __init__(self):
+        self.words = list(range(10))
+        self.bits = [True, False] * 5
+
+    def slice(self, values, address, count):
+        if address + count > len(values):
+            raise LookupError
+        return values[address : address + count]
+
+    def read_words(self, function, address, count):
+        return self.slice(self.words, address, count)
+
+    def read_bits(self, function, address, count):
+        return self.slice(self.bits, address, count)
+
+    def write_words(self, address, words):
+        self.slice(self.words, address, len(words))
+        self.words[address : address + len(words)] = words
+
+    def write_bits(self, address, bits):
+        self.slice(self.bits, address, len(bits))
+        self.bits[address : address + len(bits)] = bits
+
+    def mask_word(self, address, kept, added):
+        (word,) = self.slice(self.words, address, 1)
+        self.words[address] = word & kept | added & ~kept
+
+    def is_running(self):
+        return True
+
+
+@pytest.fixture
+def station():
+    return FakeStation()
+
+
+@pytest.mark.parametrize(
+    ("request_", "response"),
+    [
+        ("01 0000 000A", "01 02 55 01"),
+        ("02 0000 0003", "02 01 05"),
+        ("03 0001 0002", "03 04 0001 0002"),
+        ("04 0009 0001", "04 02 0009"),
+        ("05 0001 FF00", "05 0001 FF00"),
+        ("05 0001 0000", "05 0001 0000"),
+        ("06 0003 1234", "06 0003 1234"),
+        ("0F 0000 0003 01 02", "0F 0000 0003"),
+        ("0F 0002 0003 01 02", "0F 0002 0003"),
+        ("10 0000 0002 04 AAAA BBBB", "10 0000 0002"),
+        ("10 0003 0001 02 AAAA", "10 0003 0001"),
+        ("17 0000 0002 0001 0001 02 7777", "17 04 0000 7777"),
+        ("16 0005 00F2 0025", "16 0005 00F2 0025"),
+        ("16 0005 00F2 8025", "16 0005 00F2 8025"),
+        ("08 0000 A537", "08 0000 A537"),
+        ("08 0000 A537 0001", "08 0000 A537 0001"),
+    ],
+)
+def test_requests_are_answered_as_the_specification_says(station, request_, response):
+    assert respond(bytes.fromhex(request_), station) == bytes.fromhex(response)
+
+
+@pytest.mark.parametrize(
+    ("request_", "exception"),
+    [
+        ("03 0000 0000", "83 03"),
+        ("03 0000 007E", "83 03"),
+        ("04 0000 0000", "84 03"),
+        ("01 0000 0000", "81 03"),
+        ("01 0000 07D1", "81 03"),
+        ("02 0000 07D1", "82 03"),
+        ("05 0000 1234", "85 03"),
+        ("05 0000 0001", "85 03"),
+        ("0F 0000 0000 00", "8F 03"),
+        ("0F 0000 0003 02 0000", "8F 03"),
+        ("10 0000 0000 00", "90 03"),
+        ("10 0000 0002 02 AAAA", "90 03"),
+        ("10 0000 0002 04 AAAA", "90 03"),
+        ("10 0000 0001 02 AAAA BBBB", "90 03"),
+        ("17 0000 0000 0000 0001 02 0000", "97 03"),
+        ("17 0000 0001 0000 0000 00", "97 03"),
+        ("17 0000 0001 0000 0002 02 7777", "97 03"),
+        ("03 0000", "83 03"),
+        ("03 0000 0001 00", "83 03"),
+        ("03", "83 03"),
+        ("10", "90 03"),
+        ("03 000A 0001", "83 02"),
+        ("03 FFFF 007D", "83 02"),
+        ("06 000A 0000", "86 02"),
+        ("05 000A FF00", "85 02"),
+        ("10 0009 0002 04 AAAA BBBB", "90 02"),
+        ("17 000A 0001 0000 0001 02 7777", "97 02"),
+        ("00", "80 01"),
+        ("07", "87 01"),
+        ("16 000A FFFF 0000", "96 02"),
+        ("16 0000 FFFF", "96 03"),
+        ("08 0001 0000", "88 01"),
+        ("08 0000", "88 03"),
+        ("08 0000 00", "88 03"),
+        ("11 00", "91 03"),
+        ("2B 0D 01 00", "AB 01"),
+        ("2B 0E 00 00", "AB 03"),
+        ("2B 0E 05 00", "AB 03"),
+        ("2B 0E 04 03", "AB 02"),
+        ("2B 0E 01", "AB 03"),
+        ("83 00", "83 01"),
+        ("FF", "FF 01"),
+    ],
+)
+def test_what_cannot_be_served_gets_its_exception_and_changes_nothing(station, request_, exception):
+    assert respond(bytes.fromhex(request_), station) == bytes.fromhex(exception)
+    assert (station.words, station.bits) == (list(range(10)), [True, False] * 5)
+
+
+def test_a_masked_write_keeps_and_adds_the_bits_of_the_masks(station):
+    station.words[5] = 0x12
+    respond(bytes.fromhex("16 0005 00F2 0025"), station)
+    assert station.words[5] == 0x17  # the example of the specification, 6.16
+
+
+def test_server_id_is_the_product_and_whether_it_runs(station):
+    assert respond(b"\x11", station) == b"\x11\x17tactile-insertion-cell\xff"
+    station.is_running = lambda: False
+    assert respond(b"\x11", station)[-1] == 0
+
+
+@pytest.mark.parametrize(
+    ("code", "first", "numbers"),
+    [
+        (1, 0, [0, 1, 2]),
+        (1, 2, [2]),
+        (1, 9, [0, 1, 2]),
+        (2, 0, [0, 1, 2, 4, 5]),
+        (3, 0, [0, 1, 2, 4, 5]),
+        (4, 4, [4]),
+    ],
+)
+def test_the_device_says_who_it_is(station, code, first, numbers):
+    answer = respond(bytes([43, 14, code, first]), station)
+    assert answer[:7] == bytes([43, 14, code, 0x82, 0, 0, len(numbers)])
+    found, rest = [], answer[7:]
+    while rest:
+        assert rest[2 : 2 + rest[1]].isascii()
+        found.append(rest[0])
+        rest = rest[2 + rest[1] :]
+    assert found == numbers
+
+
+def test_largest_read_is_served():
+    station = FakeStation()
+    station.words = [0] * 125
+    assert len(respond(bytes.fromhex("03 0000 007D"), station)) == 252
+
+
+@pytest.mark.parametrize(
+    ("request_", "response"), [("0F 0000 07B0 F6", "0F 0000 07B0"), ("10 0000 007B F6", "10 0000 007B")]
+)
+def test_largest_write_is_served(station, request_, response):
+    station.words, station.bits = [0] * 123, [False] * 1968
+    assert respond(bytes.fromhex(request_) + bytes(246), station) == bytes.fromhex(response)
+
+
+def test_what_a_client_has_no_right_to_is_no_function_for_it(station):
+    def refuse(address, words):
+        raise PermissionError
+
+    station.write_words = refuse
+    assert respond(bytes.fromhex("06 0003 1234"), station) == bytes.fromhex("86 01")
+
+
+def test_exceptions_are_told_from_answers():
+    assert is_exception(b"\x80\x01")
+    assert is_exception(b"\x83\x02")
+    assert not is_exception(b"\x03\x00")
+
+
+@pytest.mark.parametrize(("request_", "asked"), [("01 0000 0001", 1), ("02 0000 0001", 2)])
+def test_coils_and_discrete_inputs_are_two_tables(station, request_, asked):
+    tables = []
+    station.read_bits = lambda function, address, count: tables.append(function) or [True]
+    respond(bytes.fromhex(request_), station)
+    assert tables == [asked]
+
+
+@pytest.mark.parametrize(
+    ("request_", "asked"), [("03 0000 0001", 3), ("04 0000 0001", 4), ("17 0 0001 0 0001 02 7", 3)]
+)
+def test_holding_and_input_registers_are_two_tables_and_an_exchange_reads_the_first(station, request_, asked):
+    tables = []
+    station.read_words = lambda function, address, count: tables.append(function) or [1]
+    words = request_.split()
+    widths = {"17": (2, 4, 4, 4, 4, 2, 4)}.get(words[0], (2, 4, 4))
+    respond(bytes.fromhex("".join(word.zfill(width) for word, width in zip(words, widths, strict=True))), station)
+    assert set(tables) == {asked}
+
+
+@pytest.mark.parametrize(
+    ("request_", "bits"),
+    [
+        ("05 0001 FF00", [True, True, True]),
+        ("05 0000 0000", [False, False, True]),
+        ("0F 0000 0003 01 02", [False, True, False]),
+    ],
+)
+def test_coils_are_written_as_they_are_asked(station, request_, bits):
+    respond(bytes.fromhex(request_), station)
+    assert station.bits[:3] == bits
+
+
+def test_eight_coils_come_in_one_byte(station):
+    assert respond(bytes.fromhex("0F 0000 0008 01 FF"), station) == bytes.fromhex("0F 0000 0008")
+    assert respond(bytes.fromhex("0F 0000 0008 02 FF00"), station) == bytes.fromhex("8F 03")
+    assert respond(bytes.fromhex("0F 0000 0009 01 FF"), station) == bytes.fromhex("8F 03")
+
+
+def test_an_exchange_of_many_words_is_refused_for_its_address_and_not_for_its_size(station):
+    words = "0001" * 64
+    assert respond(bytes.fromhex(f"17 0000 0001 0000 0040 80 {words}"), station) == bytes.fromhex("97 02")
+    assert respond(bytes.fromhex("17 8000 0001 0000 0001 02 0001"), station) == bytes.fromhex("97 02")

@@ -1,0 +1,214 @@
+import random
+import threading
+
+import pytest
+
+from drivers.transport.wires import LineLostError
+from plc_bridge.bridge import Bridge
+from plc_bridge.config import PlcConfig, RtuConfig
+from plc_bridge.modbus.rtu import PATIENCE, RtuServer
+from plc_bridge.modbus.rtu_frames import is_intact, with_check_sum
+from plc_bridge.protocol.messages import Command
+from plc_bridge.protocol.registers import VERSION
+
+PROGRAM = 100
+SILENCE = b""
+
+
+class FakeLine:
+    """Hands out what is scripted, one piece for each read; keeps what was sent and what the reads waited for."""
+
+    port, character_time = "/dev/ttyPLC0", 11 / 9600
+
+    def __init__(self):
+        self.pieces, self.sent, self.waits = [], [], []
+
+    def open(self):
+        pass
+
+    def close(self):
+        pass
+
+    def read(self, timeout):
+        self.waits.append(timeout)
+        return self.pieces.pop(0) if self.pieces else SILENCE
+
+    def write(self, data):
+        self.sent.append(data)
+
+
+class Rtu:
+    """A server on a fake line, the bridge behind it, and the time."""
+
+    def __init__(self, **settings):
+        self.now = 0.0
+        self.bridge = Bridge(PlcConfig(), {PROGRAM: "insert_peg"}, now=lambda: self.now)
+        self.line = FakeLine()
+        self.server = RtuServer(RtuConfig(port="-", **settings), self.line, self.bridge, now=lambda: self.now)
+
+    def hear(self, *pieces):
+        """Let the pieces arrive, SILENCE between them where it is given; return what was answered."""
+        self.line.pieces += pieces
+        self.line.sent.clear()
+        while self.line.pieces:
+            self.server.turn()
+        assert all(map(is_intact, self.line.sent))
+        return [answer[:-2] for answer in self.line.sent]
+
+    def ask(self, request):
+        return self.hear(with_check_sum(bytes.fromhex(request)))
+
+
+@pytest.fixture
+def rtu():
+    return Rtu()
+
+
+def test_request_is_answered_with_unit_and_check_sum(rtu):
+    assert rtu.ask("01 04 0001 0001") == [bytes.fromhex("01 04 02") + VERSION.to_bytes(2)]
+
+
+@pytest.mark.parametrize("unit", ["02", "F7", "F8", "FF"])
+def test_other_units_stay_unanswered_and_change_nothing(rtu, unit):
+    assert rtu.ask(f"{unit} 06 0003 0007") == []
+    assert rtu.ask("01 03 0003 0001") == [bytes.fromhex("01 03 02 0000")]
+
+
+def test_own_unit_is_the_configured_one():
+    assert Rtu(unit=17).ask("11 04 0001 0001") == [bytes.fromhex("11 04 02") + VERSION.to_bytes(2)]
+
+
+def test_broadcast_write_is_done_and_nobody_answers(rtu):
+    assert rtu.ask("00 06 0003 0007") == []
+    assert rtu.ask("01 03 0003 0001") == [bytes.fromhex("01 03 02 0007")]
+
+
+def test_broadcast_stop_stops(rtu):
+    rtu.ask("00 05 0001 FF00")
+    assert rtu.bridge.poll().source == "rtu:ttyPLC0"
+
+
+@pytest.mark.parametrize("request_", ["00 03 0000 0001", "00 17 0000 0001 0003 0001 02 0007", "00 2B 0E 01 00"])
+def test_broadcast_of_anything_else_is_ignored(rtu, request_):
+    assert rtu.ask(request_) == []
+    assert rtu.server.counts.requests == 0
+
+
+def test_bad_check_sum_is_counted_and_ignored(rtu):
+    assert rtu.hear(with_check_sum(bytes.fromhex("01 06 0003 0007"))[:-1] + b"\x00", SILENCE, SILENCE) == []
+    assert rtu.bridge.diagnostics.bad_frames == 0
+    assert rtu.server.counts.bad_frames == 1
+    assert rtu.ask("01 03 0003 0001") == [bytes.fromhex("01 03 02 0000")]
+
+
+@pytest.mark.parametrize(
+    ("request_", "response"),
+    [
+        ("01 03 0000 0000", "01 83 03"),
+        ("01 03 0029 0001", "01 83 02"),
+        ("01 2B 0D 01 00", "01 AB 01"),
+        ("01 05 0000 1234", "01 85 03"),
+    ],
+)
+def test_illegal_request_gets_its_exception(rtu, request_, response):
+    assert rtu.ask(request_) == [bytes.fromhex(response)]
+    assert rtu.server.counts.exceptions == 1
+
+
+def test_request_with_a_pause_in_it_is_put_together(rtu):
+    frame = with_check_sum(bytes.fromhex("01 04 0001 0001"))
+    assert len(rtu.hear(frame[:3], SILENCE, frame[3:])) == 1
+    assert PATIENCE in rtu.line.waits
+
+
+def test_request_that_stays_incomplete_is_given_up(rtu):
+    frame = with_check_sum(bytes.fromhex("01 04 0001 0001"))
+    assert rtu.hear(frame[:3], SILENCE, SILENCE, frame[3:], SILENCE, SILENCE) == []
+    assert len(rtu.hear(frame)) == 1
+
+
+def test_frame_ends_after_three_and_a_half_characters(rtu):
+    rtu.ask("01 04 0001 0001")
+    assert rtu.line.waits[-1] == pytest.approx(3.5 * 11 / 9600)
+
+
+def test_late_reader_serves_both_requests_and_answers_the_one_that_is_waited_for(rtu):
+    late = bytes.fromhex("01 06 0003 0007"), bytes.fromhex("01 03 0003 0001")
+    assert rtu.hear(b"".join(map(with_check_sum, late))) == [bytes.fromhex("01 03 02 0007")]
+
+
+def test_nothing_is_said_while_another_unit_is_asked(rtu):
+    late = bytes.fromhex("01 06 0003 0007"), bytes.fromhex("02 03 0003 0001")
+    assert rtu.hear(b"".join(map(with_check_sum, late))) == []
+
+
+def test_command_runs_and_carries_the_name_of_the_line(rtu):
+    rtu.ask("01 10 0000 0003 06 0001 0001 0000")
+    rtu.ask("01 10 0000 0003 06 0002 0002 0064")
+    assert rtu.bridge.poll() == Command(2, PROGRAM, source="rtu:ttyPLC0")
+
+
+@pytest.mark.parametrize(("silence", "is_run"), [(60.0, True), (60.1, False)])
+def test_first_number_after_a_long_silence_is_adopted(rtu, silence, is_run):
+    rtu.ask("01 10 0001 0002 04 0001 0000")
+    rtu.now = silence
+    rtu.ask("01 10 0001 0002 04 0002 0064")
+    assert (rtu.bridge.poll() is not None) is is_run
+
+
+def test_noise_never_changes_a_register_and_never_makes_the_line_deaf(rtu):
+    rng = random.Random(7)
+    for _ in range(2000):
+        noise = rng.choice([b"", b"\x01", b"\x01\x10", b"\x00\x05"]) + rng.randbytes(rng.randrange(1, 60))
+        assert rtu.hear(noise, SILENCE, SILENCE) == []
+    assert rtu.ask("01 03 0000 0029") == [bytes.fromhex("01 03 52") + bytes(82)]
+    assert rtu.server.counts.bad_frames == 2000
+
+
+class LostLine(FakeLine):
+    """Fails the first read, then asks the server to end."""
+
+    opened = 0
+
+    def open(self):
+        self.opened += 1
+
+    def read(self, timeout):
+        if self.opened < 3:
+            raise LineLostError("serial port: gone")
+        return super().read(timeout)
+
+
+def test_lost_line_is_opened_again(monkeypatch):
+    monkeypatch.setattr("plc_bridge.modbus.rtu.FIRST_PAUSE", 0.0)
+    line = LostLine()
+    line.pieces = [with_check_sum(bytes.fromhex("01 04 0001 0001"))]
+    server = RtuServer(RtuConfig(port="-"), line, Bridge(PlcConfig(), {}))
+    with_answer = []
+    line.write = lambda data: (with_answer.append(data), server._stop.set())
+    server.start()
+    server._thread.join(timeout=10.0)
+    server.close()
+    assert (line.opened, len(with_answer)) == (3, 1)
+
+
+def test_whatever_breaks_the_line_is_opened_again_and_no_thread_is_dead(caplog):
+    opened, is_served = [], threading.Event()
+
+    class BreakingLine(FakeLine):
+        def open(self):
+            opened.append(True)
+
+        def read(self, timeout):
+            if len(opened) < 3:
+                raise ZeroDivisionError("what nobody foresaw")
+            is_served.set()
+            return SILENCE
+
+    server = RtuServer(RtuConfig(port="-"), BreakingLine(), Bridge(PlcConfig(), {PROGRAM: "insert_peg"}), pause=0.0)
+    server.start()
+    assert is_served.wait(10.0)
+    server.close()
+    assert [record.getMessage() for record in caplog.records if record.levelname == "WARNING"] == [
+        "Modbus RTU: what nobody foresaw"
+    ]

@@ -1,0 +1,114 @@
+import ssl
+
+import pytest
+from pydantic import ValidationError
+
+from drivers.errors import DeviceNotOpenedError
+from plc_bridge.config import PlcConfig, TlsConfig
+from plc_bridge.modbus.tls import BadRoleError, rights_of, role_of, server_context
+from tests.certificates import Authority, utf8
+
+
+@pytest.fixture(scope="module")
+def authority(tmp_path_factory):
+    return Authority(tmp_path_factory.mktemp("certificates"))
+
+
+def der(authority, *roles):
+    return ssl.PEM_cert_to_DER_cert(authority.sign("client", *roles)[0].read_text())
+
+
+def config(authority, /, **settings):
+    certificate, key = authority.sign("cell")
+    return TlsConfig(**{"certificate": certificate, "key": key, "authority": authority.certificate, **settings})
+
+
+@pytest.mark.parametrize("role", ["Operator", "Leitstand Süd", "x" * 64])
+def test_role_is_read_from_the_extension(authority, role):
+    assert role_of(der(authority, utf8(role))) == role
+
+
+def test_certificate_without_the_extension_has_the_null_role(authority):
+    assert role_of(der(authority)) == ""
+
+
+@pytest.mark.parametrize(
+    "value",
+    [
+        b"",
+        b"Operator",
+        b"\x13\x02AB",  # PrintableString
+        utf8("AB") + utf8("CD"),
+        b"\x30\x08" + utf8("AB") + utf8("CD"),
+        b"\x0c\x02\xff\xfe",
+        b"\x0c\x09AB",
+        utf8(""),
+        utf8("a\nb"),
+        utf8("x" * 65),
+    ],
+)
+def test_anything_but_one_printable_string_is_no_role(authority, value):
+    with pytest.raises(BadRoleError, match=r"^its role [^\n]*$"):
+        role_of(der(authority, value))
+
+
+def test_what_is_no_certificate_has_no_role():
+    with pytest.raises(BadRoleError):
+        role_of(b"\x30\x00")
+
+
+def test_role_that_the_table_does_not_name_may_do_nothing(authority):
+    table = config(authority, roles={"Operator": ["read", "command"]}, without_role=["read"])
+    assert rights_of("Operator", table) == {"read", "command"}
+    assert rights_of("operator", table) == frozenset()
+    assert rights_of("", table) == {"read"}
+
+
+def test_tls_is_off_unless_asked_for_and_then_on_its_own_port(authority):
+    assert PlcConfig().tls is None
+    assert config(authority).port == 802
+
+
+@pytest.mark.parametrize("wrong", [{"roles": {"": ["read"]}}, {"roles": {"a": ["write"]}}, {"key": None}])
+def test_wrong_settings_are_rejected(authority, wrong):
+    with pytest.raises(ValidationError):
+        config(authority, **wrong)
+
+
+def test_context_asks_for_certificates_and_for_tls_1_2(authority):
+    context = server_context(config(authority))
+    assert (context.verify_mode, context.minimum_version) == (ssl.CERT_REQUIRED, ssl.TLSVersion.TLSv1_2)
+
+
+@pytest.mark.parametrize("key", ["certificate", "key", "authority"])
+def test_file_that_is_missing_is_named(authority, tmp_path, key):
+    with pytest.raises(DeviceNotOpenedError, match=rf"^plc\.tls\.{key} = [^\n]*: No such file"):
+        server_context(config(authority, **{key: tmp_path / "none.pem"}))
+
+
+@pytest.mark.parametrize("key", ["certificate", "key", "authority"])
+def test_file_that_is_something_else_is_named(authority, tmp_path, key):
+    (tmp_path / "odd.pem").touch(mode=0o600)
+    (tmp_path / "odd.pem").write_text("odd")
+    with pytest.raises(DeviceNotOpenedError, match=rf"^[^\n]*plc\.tls\.{key} = [^\n]*odd\.pem[^\n]*not a PEM"):
+        server_context(config(authority, **{key: tmp_path / "odd.pem"}))
+
+
+def test_key_of_another_certificate_is_refused(authority):
+    with pytest.raises(DeviceNotOpenedError, match="its own PEM key"):
+        server_context(config(authority, key=authority.sign("other")[1]))
+
+
+@pytest.mark.parametrize("mode", [0o600, 0o400])
+def test_key_of_its_owner_alone_is_taken(authority, mode):
+    settings = config(authority)
+    settings.key.chmod(mode)
+    assert server_context(settings)
+
+
+@pytest.mark.parametrize("mode", [0o640, 0o620, 0o604, 0o602])
+def test_key_that_is_open_to_others_is_refused_in_one_line(authority, mode):
+    settings = config(authority)
+    settings.key.chmod(mode)
+    with pytest.raises(DeviceNotOpenedError, match=rf"^plc\.tls\.key = [^\n]*: mode {mode:o}: open to others[^\n]*$"):
+        server_context(settings)

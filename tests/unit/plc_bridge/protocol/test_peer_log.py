@@ -1,0 +1,32 @@
+import logging
+
+from plc_bridge.protocol.peer_log import HOSTS, LINES, PERIOD, PeerLog
+
+LOGGER = logging.getLogger("test")
+
+
+def told(caplog, now, hosts):
+    caplog.clear()
+    caplog.set_level(logging.INFO)
+    log = PeerLog(LOGGER, lambda: now[0])
+    for host in hosts:
+        now[0] += 0.001
+        log.warning(host, "%s: bad", host)
+    return log, [record.getMessage() for record in caplog.records]
+
+
+def test_one_host_has_so_many_lines_in_a_period_and_hides_nobody_else(caplog):
+    now = [0.0]
+    log, lines = told(caplog, now, ["a"] * 1000 + ["b"])
+    assert lines == ["a: bad"] * LINES + [f"a: no more lines about it for {PERIOD:g} s", "b: bad"]
+    now[0] += PERIOD + 1.0
+    log.info("a", "%s: again", "a")
+    assert [record.getMessage() for record in caplog.records][-2:] == [
+        f"a: {1000 - LINES} more lines about it were left out",
+        "a: again",
+    ]
+
+
+def test_what_is_remembered_of_hosts_is_bounded(caplog):
+    log, _ = told(caplog, [0.0], [str(n) for n in range(3 * HOSTS)])
+    assert len(log._hosts) == HOSTS

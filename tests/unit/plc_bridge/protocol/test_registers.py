@@ -1,0 +1,169 @@
+import csv
+import io
+import json
+from dataclasses import fields
+
+import pytest
+
+from plc_bridge.exports.map_formats import as_bytes, as_csv, as_json, as_markdown
+from plc_bridge.protocol.images import (
+    COMMAND,
+    DIAGNOSTICS,
+    REPORT,
+    CommandImage,
+    Diagnostics,
+    command_image,
+    command_words,
+    diagnostics_image,
+    diagnostics_words,
+    report_image,
+    report_words,
+)
+from plc_bridge.protocol.messages import PartEvidence, Refusal, Report, Result
+from plc_bridge.protocol.registers import COILS, DISCRETE_INPUTS, MIRROR, STAGES, Parameter, table
+
+PLACES = {register.name: register for register in table()}
+
+
+def test_names_are_unique():
+    names = [register.name for register in table()]
+    assert len(names) == len(set(names))
+
+
+def test_registers_of_one_table_do_not_overlap():
+    taken = [(r.table, a) for r in table() for a in range(r.address, r.address + r.words)]
+    assert len(taken) == len(set(taken))
+
+
+def test_input_registers_end_below_their_mirror():
+    assert max(r.address + r.words for r in table() if r.table == "input") <= MIRROR
+    assert COMMAND.words <= MIRROR
+
+
+def test_each_block_fits_one_request():
+    assert COMMAND.words <= 123
+    assert REPORT.words <= 125
+    assert DIAGNOSTICS.words <= 125
+
+
+@pytest.mark.parametrize(
+    ("name", "table", "address"),
+    [
+        ("command_life", "holding", 0),
+        ("command_sequence", "holding", 1),
+        ("command_code", "holding", 2),
+        ("command_recipe", "holding", 3),
+        ("command_life_tail", "holding", 40),
+        ("report_life", "input", 0),
+        ("report_sequence", "input", 2),
+        ("report_answered", "input", 3),
+        ("report_result", "input", 5),
+        ("report_run", "input", 12),
+        ("report_life_tail", "input", 72),
+        ("report_part_evidence", "input", 73),
+        ("report_part_width", "input", 74),
+        ("packml_state", "input", 201),
+        ("diagnostics_refusals", "input", 106),
+        ("execute", "coil", 0),
+        ("stop", "coil", 1),
+        ("busy", "discrete", 0),
+    ],
+)
+def test_registers_stay_where_plc_programs_expect_them(name, table, address):
+    assert (PLACES[name].table, PLACES[name].address) == (table, address)
+
+
+def test_a_plc_of_map_2_0_reads_the_whole_block_with_its_tail_at_the_end():
+    image = Report(life=7, part=4, part_depth=0.012, life_tail=7, part_evidence=0x55, part_width=0.008)
+    words = report_words(image)
+    assert (words[0], words[72], words[73:]) == (7, 7, [0x55, 80])
+
+
+def test_the_evidence_of_the_peg_is_named_bit_by_bit():
+    bits = [f"{1 << n} {PartEvidence(1 << n).name}" for n in range(10)]
+    assert ", ".join(bits) in PLACES["report_part_evidence"].meaning
+
+
+def test_command_survives_its_words():
+    image = CommandImage(5, 65535, 101, 7, 65534, 1, 256, "PEG-0042", ((0, -70000), (7, 12)), 5)
+    assert command_image(command_words(image)) == image
+
+
+def test_report_survives_its_words():
+    times = {f"report_stage_time_{number}": 0.5 for number in range(1, STAGES + 1)}
+    numbers = {r.name: n * r.scale for n, r in enumerate(REPORT.registers) if r.type != "string"}
+    words = REPORT.pack({**numbers, **times, "report_holder": "10.0.0.5:4711"})
+    assert report_words(report_image(words)) == words
+
+
+def test_diagnostics_survive_their_words():
+    counts = Diagnostics(*range(65_530, 65_543))
+    assert diagnostics_image(diagnostics_words(counts)) == counts
+
+
+def test_wide_values_are_big_endian():
+    words = report_words(Report(run=0x00012345, holder="AB"))
+    assert words[PLACES["report_run"].address : PLACES["report_run"].address + 2] == [0x0001, 0x2345]
+    assert words[PLACES["report_holder"].address] == 0x4142
+
+
+def test_values_beyond_a_register_are_cut():
+    words = report_words(Report(progress=70_000, total_time=1e9, holder="x" * 40))
+    image = report_image(words)
+    assert (image.progress, image.holder) == (65535, "x" * 32)
+    assert image.total_time == pytest.approx(0xFFFFFFFF * 0.001)
+
+
+def test_negative_values_keep_their_sign():
+    assert COMMAND.unpack(COMMAND.pack({"command_parameter_1": -1}))["command_parameter_1"] == -1
+
+
+def test_mask_beyond_the_parameters_is_kept_for_refusal():
+    words = command_words(CommandImage())
+    words[PLACES["command_parameter_mask"].address] = 0x8000
+    assert command_image(words).parameters == ((8, 0),)
+
+
+def test_images_have_exactly_the_registers_of_their_block():
+    names = {f"report_{column.name}" for column in fields(Report)}
+    names -= {"report_stage_times", "report_hole", "report_obstacle"}  # two groups of registers, and none
+    names |= {f"report_stage_time_{n}" for n in range(1, STAGES + 1)} | {"report_hole_x", "report_hole_y"}
+    assert names == {register.name for register in REPORT.registers}
+    assert {f"diagnostics_{column.name}" for column in fields(Diagnostics)} == {r.name for r in DIAGNOSTICS.registers}
+
+
+def test_json_has_exactly_the_promised_keys():
+    keys = {"name", "table", "address", "words", "type", "scale", "unit", "access", "meaning"}
+    keys |= {"low", "high", "index", "subindex", "pdo"}
+    assert all(set(entry) == keys for entry in json.loads(as_json(table())))
+
+
+def test_csv_has_one_row_for_each_register():
+    rows = list(csv.DictReader(io.StringIO(as_csv(table()))))
+    assert [row["name"] for row in rows] == [register.name for register in table()]
+
+
+def test_markdown_names_programs_and_words():
+    text = as_markdown(table({100: "insert_peg"}))
+    assert "100 insert_peg" in text
+    assert all(word.name in text for word in (*Result, *Refusal))
+
+
+def test_parameters_bring_their_unit_scale_and_limits():
+    speed = Parameter("search.speed", "m/s", 1e-4, 0.001, 0.1, "how fast")
+    entry = next(r for r in table({}, [speed]) if r.name == "command_parameter_1")
+    assert (entry.unit, entry.scale, entry.meaning) == ("m/s", 1e-4, "search.speed: how fast; 0.001 to 0.1 m/s")
+
+
+def test_bits_are_numbered_from_zero():
+    assert list(COILS.values()) == [0, 1, 2]
+    assert list(DISCRETE_INPUTS.values()) == [0, 1, 2, 3, 4]
+
+
+def test_bytes_for_a_gateway_lie_as_the_words_do():
+    rows = [line.split(",") for line in as_bytes(table()).splitlines()[1:]]
+    for direction, block in (("to the cell", COMMAND), ("from the cell", REPORT)):
+        own = [row for row in rows if row[0] == direction]
+        assert [row[6] for row in own] == [r.name for r in block.registers]
+        assert [int(row[1]) for row in own] == [2 * (r.address - block.start) for r in block.registers]
+        assert int(own[-1][1]) + int(own[-1][2]) == 2 * block.words

@@ -1,0 +1,91 @@
+import pytest
+
+from plc_bridge.protocol.sequence_numbers import KEPT, SequenceNumbers, Verdict
+
+RUN, OTHER = (100, 0, ""), (101, 0, "")
+FIRST, SAME, NEW, LATE, ANEW, DOUBT = (Verdict[name] for name in ("FIRST", "SAME", "NEW", "LATE", "ANEW", "DOUBT"))
+
+
+def seen(*blocks):
+    """Return what each block of number, command and life counter means after those before it."""
+    numbers = SequenceNumbers()
+    return [numbers.see(*block) for block in blocks]
+
+
+@pytest.mark.parametrize(
+    ("number", "command", "empty"),
+    [
+        (1000, SAME, SAME),
+        (1001, NEW, NEW),
+        (1000 + 0x8000, NEW, NEW),
+        (999, LATE, ANEW),
+        (1001 + 0x8000, LATE, ANEW),
+    ],
+)
+def test_what_a_number_means_after_another(number, command, empty):
+    assert seen((1000,), (number % 0x10000, RUN))[1] is command
+    assert seen((1000,), (number % 0x10000,))[1] is empty
+
+
+def test_numbers_wrap_both_ways():
+    assert seen((0xFFFF,), (0, RUN), (0xFFFF, RUN)) == [FIRST, NEW, LATE]
+
+
+def test_a_late_number_is_not_taken_for_the_last():
+    assert seen((10,), (9, RUN), (10,)) == [FIRST, LATE, SAME]
+
+
+def test_after_a_loss_the_next_number_is_adopted_but_a_late_one_stays_late():
+    numbers = SequenceNumbers()
+    numbers.see(10)
+    numbers.forget()
+    assert [numbers.see(9, RUN), numbers.see(11, RUN)] == [LATE, FIRST]
+
+
+def test_after_a_loss_the_last_number_is_known():
+    numbers = SequenceNumbers()
+    numbers.see(10, RUN)
+    numbers.forget()
+    assert [numbers.see(10, RUN), numbers.see(11, RUN)] == [SAME, NEW]
+
+
+def test_a_command_without_a_number_gets_the_next():
+    numbers = SequenceNumbers()
+    numbers.see(0xFFFF)
+    assert numbers.count_up() == 0
+    assert numbers.see(0) is SAME
+
+
+BEFORE = ((4, None, 8), (5, RUN, 9), (6, RUN, 11), (6, RUN, 12))
+
+
+@pytest.mark.parametrize(
+    ("blocks", "meanings"),
+    [
+        ([(5, None, 10), (6, RUN, 13)], [ANEW, SAME]),
+        ([(5, None, 10), (7, RUN, 13)], [ANEW, NEW]),
+        ([(5, None, 10), (6, RUN, 11), (6, RUN, 13)], [ANEW, DOUBT, SAME]),
+        ([(5, None, 10), (6, RUN, 12), (6, RUN, 12), (6, RUN, 12)], [ANEW, DOUBT, DOUBT, DOUBT]),
+        ([(5, None, 10), (4, None, 8), (5, RUN, 9), (6, RUN, 13)], [ANEW, ANEW, DOUBT, SAME]),
+        ([(4, RUN, 8), (6, RUN, 13)], [LATE, SAME]),
+        ([(4, None, 1), (5, RUN, 2)], [ANEW, NEW]),
+        ([(4, None, 1), (5, OTHER, 9)], [ANEW, NEW]),
+        ([(4, None, 1), (5, RUN, 9), (5, RUN, 10)], [ANEW, DOUBT, NEW]),
+        ([(4, None, 1), (4, None, 8), (5, RUN, 9)], [ANEW, SAME, NEW]),
+        ([(4, RUN, 1), (5, RUN, 2), (6, RUN, 3)], [LATE, NEW, NEW]),
+        ([(4, None, 13), (5, RUN, 14)], [ANEW, NEW]),
+    ],
+)
+def test_whether_a_block_is_late_or_of_a_new_program_is_seen_at_its_life_counter(blocks, meanings):
+    assert seen(*BEFORE, *blocks)[len(BEFORE) :] == meanings
+
+
+def test_without_a_life_counter_an_empty_number_begins_anew_at_once():
+    assert seen((5,), (6, RUN), (5,), (6, RUN)) == [FIRST, NEW, ANEW, NEW]
+
+
+def test_numbers_are_remembered_in_bounded_room():
+    numbers = SequenceNumbers()
+    for n in range(10 * KEPT):
+        numbers.see(n, RUN, n + 1)
+    assert len(numbers._count.seen) == KEPT

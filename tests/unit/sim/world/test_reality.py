@@ -1,0 +1,157 @@
+"""The errors of a trial's cell are drawn from its seed, by name, with the distributions in the file."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cell.config.files import ERRORS_FILE
+from cell.config.files import SHIPPED as SHIPPED_FILES
+from drivers.errors import ConfigError
+from sim.config import RealityConfig
+from sim.world.reality import KINDS, Reality, read, recorded
+
+SHIPPED = read(SHIPPED_FILES / ERRORS_FILE)
+ONE = """
+[arm.gravity]
+about = "Torque by which the compensation errs"
+unit = "N·m"
+distribution = "normal"
+sigma = [0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7]
+basis = "assumed"
+source = "A test that needs a figure"
+"""
+
+
+def many(name: str, scale: float = 1.0, count: int = 400) -> np.ndarray:
+    return np.array([SHIPPED.draw(seed, RealityConfig(scale=scale))[name] for seed in range(count)])
+
+
+def test_scale_0_is_the_cell_as_believed():
+    drawn = SHIPPED.draw(7, RealityConfig(scale=0.0))
+    assert all(np.all(drawn[name] == kind.ideal) for name, kind in KINDS.items())
+
+
+def test_the_same_seed_draws_the_same_cell():
+    one, other = (SHIPPED.draw(11, RealityConfig()) for _ in range(2))
+    assert all(np.array_equal(one[name], other[name]) for name in KINDS)
+
+
+@pytest.mark.parametrize("name", [name for name, kind in KINDS.items() if not kind.part_of])
+def test_an_error_alone_is_drawn_as_among_the_others_and_leaves_them_ideal(name):
+    drawn, together = SHIPPED.draw(5, RealityConfig(alone=name)), SHIPPED.draw(5, RealityConfig())
+    assert np.array_equal(drawn[name], together[name])
+    others = [other for other in KINDS if name not in (other, KINDS[other].part_of)]
+    assert all(np.all(drawn[other] == KINDS[other].ideal) for other in others)
+
+
+def test_late_scans_alone_are_drawn_with_their_delay():
+    drawn = SHIPPED.draw(5, RealityConfig(alone="scan.late"))
+    assert drawn["scan.late"] > 0.0
+    assert drawn["scan.delay"] > 0.0
+    with pytest.raises(
+        ConfigError, match=r"reality.alone = 'scan.delay': does nothing without scan.late; scan.late allowed"
+    ):
+        SHIPPED.draw(5, RealityConfig(alone="scan.delay"))
+
+
+def test_an_error_that_is_left_out_is_ideal_and_shifts_no_other():
+    name = "arm.gravity"
+    drawn, together = SHIPPED.draw(5, RealityConfig(without=(name,))), SHIPPED.draw(5, RealityConfig())
+    assert np.all(drawn[name] == KINDS[name].ideal)
+    assert np.any(together[name] != KINDS[name].ideal)
+    assert all(np.array_equal(drawn[other], together[other]) for other in KINDS if other != name)
+
+
+def test_an_offset_grows_in_proportion_to_the_scale():
+    at = [SHIPPED.draw(3, RealityConfig(scale=s))["arm.gravity"] for s in (1.0, 2.0)]
+    assert at[1] == pytest.approx(2.0 * at[0])
+
+
+def test_a_factor_grows_as_a_power_of_the_scale():
+    at = [SHIPPED.draw(3, RealityConfig(scale=s))["arm.friction_level"] for s in (1.0, 2.0)]
+    assert at[1] == pytest.approx(at[0] ** 2)
+
+
+def alone(name: str) -> np.ndarray:
+    return np.array([SHIPPED.draw(seed, RealityConfig(alone=name))[name] for seed in range(400)])
+
+
+def test_noise_of_taxels_is_that_of_the_recordings():
+    counts = 188.0 * alone("skin.module_noise")[:, :2, None] * alone("skin.noise_level")[:, 0].reshape(-1, 2, 10)
+    assert np.percentile(counts, [50, 95]) == pytest.approx([160, 456], rel=0.1)
+
+
+def test_noise_within_a_module_is_as_unequal_as_in_the_recordings():
+    low, high = np.percentile(alone("skin.noise_level")[:, 0, :10], [10, 90], axis=1)
+    assert np.median(high / low) == pytest.approx(3.3, rel=0.1)
+
+
+@pytest.mark.parametrize("scale", [1.0, 2.0])
+def test_the_pads_shear_never_leaves_its_assumed_range(scale: float):
+    drawn = many("grip.shear_stiffness", scale)
+    assert np.percentile(drawn, [0, 50, 100]) == pytest.approx([0.1, 0.32, 1.0], rel=0.15)
+
+
+def test_joints_have_figures_of_their_own():
+    spread = many("arm.gravity").std(axis=0)
+    assert spread == pytest.approx([0.05, 0.5, 0.2, 0.5, 0.1, 0.1, 0.03], rel=0.15)
+
+
+def test_a_row_tells_what_was_drawn_but_for_single_taxels():
+    told = recorded(SHIPPED.draw(1, RealityConfig()))
+    assert len(told["reality.arm.gravity"].split()) == 7
+    assert not any("taxel" in name for name in told)
+
+
+def test_every_error_has_a_source():
+    assert all(error.source for error in SHIPPED.errors.values())
+
+
+def test_an_error_left_out_that_does_not_exist_is_refused():
+    with pytest.raises(ConfigError, match=r"reality.without = 'arm.mood': no such error; arm.rotor_inertia, "):
+        SHIPPED.draw(1, RealityConfig(without=("arm.mood",)))
+
+
+def test_an_error_alone_that_does_not_exist_is_refused():
+    with pytest.raises(ConfigError, match=r"reality.alone = 'arm.mood': no such error; arm.rotor_inertia, "):
+        SHIPPED.draw(1, RealityConfig(alone="arm.mood"))
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (ONE.replace('source = "A test that needs a figure"\n', ""), r"arm\.gravity\.source: Field required"),
+        (ONE.replace("normal", "gamma"), r"arm\.gravity\.distribution: .*'normal', 'uniform'"),
+        (ONE.replace("0.6, 0.7", "0.6"), r"arm\.gravity\.sigma: 6 figures; one, or one for each joint, allowed"),
+        (ONE.replace("0.1,", "-0.1,"), r"arm\.gravity\.sigma: Input should be greater than or equal to 0"),
+        (ONE.replace("arm.gravity", "arm.mood"), r"arm\.mood: no such error; arm\.rotor_inertia, "),
+        (
+            ONE.replace('"normal"', '"quantiles"').replace("sigma =", "shares = [0.1, 0.9]\nvalues ="),
+            r"arm\.gravity\.distribution: values = .*: as many as shares, both in ascending order, allowed",
+        ),
+        ("arm = 1", r"arm: not a table"),
+        ("[arm", r"not TOML"),
+    ],
+)
+def test_a_file_that_cannot_be_meant_is_refused_in_one_line(tmp_path: Path, text: str, said: str):
+    shipped = (Path(__file__).parents[4] / "config" / "reality.toml").read_text(encoding="utf-8")
+    before, after = shipped.index("[arm.gravity]"), shipped.index("[arm.velocity_noise]")
+    file = tmp_path / "reality.toml"
+    file.write_text(shipped[:before] + text + shipped[after:] if text.startswith("\n[arm") else text, encoding="utf-8")
+    with pytest.raises(ConfigError, match=said) as told:
+        read(file)
+    assert "\n" not in str(told.value)
+
+
+def test_an_error_that_is_missing_is_named(tmp_path: Path):
+    file = tmp_path / "reality.toml"
+    file.write_text(ONE, encoding="utf-8")
+    with pytest.raises(ConfigError, match=r"arm\.rotor_inertia: missing"):
+        read(file)
+
+
+def test_a_draw_cannot_be_changed_afterwards():
+    drawn = Reality(SHIPPED.errors).draw(2, RealityConfig())
+    with pytest.raises(ValueError, match="read-only"):
+        drawn["arm.gravity"][0] = 1.0

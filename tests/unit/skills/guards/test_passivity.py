@@ -1,0 +1,120 @@
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from drivers.frames import UP, end_point, rotation_about
+from drivers.quantities import ImpedanceSetpoint, InHandTip, Pose, Twist
+from skills.guards.passivity import INERTIA, LEVER, MASS, WRIST, PassivityGuard, PassivityVerdict, share_of_limit
+from tests.fakes import HAND_DOWN
+
+PERIOD, LIMIT, STIFF, TURN = 0.01, 60.0, 2500.0, 40.0
+ACROSS = np.array([1.0, 0.0, 0.0])
+
+
+def setpoint(twist=None, in_hand=None):
+    stiffness = np.array([STIFF] * 3 + [TURN] * 3)
+    return ImpedanceSetpoint(1, np.zeros(3), UP, stiffness, np.ones(6), 1.0, in_hand, None, twist)
+
+
+def at(x: float, angle: float = 0.0) -> Pose:
+    """Return a hand that points down, its wrist moved by `x` and turned by `angle` about the same axis."""
+    rotation = rotation_about(ACROSS, angle) @ HAND_DOWN
+    return Pose(x * ACROSS + WRIST * rotation[:, 0], rotation)
+
+
+def test_an_arm_that_presses_with_the_force_limit_when_its_spring_stops_it_is_at_the_limit():
+    speed = LIMIT / math.sqrt(MASS * STIFF)
+    share = share_of_limit(setpoint(), at(0.0), at(speed * PERIOD), PERIOD, LIMIT)
+    assert share == pytest.approx(1.0)
+
+
+def test_turning_counts_as_much_as_sliding():
+    rate = LEVER * LIMIT / math.sqrt(INERTIA * TURN)
+    share = share_of_limit(setpoint(), at(0.0), at(0.0, rate * PERIOD), PERIOD, LIMIT)
+    assert share == pytest.approx(1.0, rel=1e-2)
+
+
+def test_the_planned_motion_does_not_count():
+    rate, in_hand = 2.0, InHandTip(0.3, 0.05, 0.0)
+    turned = rotation_about(ACROSS, rate * PERIOD)
+    tip = end_point(at(0.0), in_hand.theta, in_hand.length)[0]
+    before = at(0.0)
+    after = Pose(tip + 0.005 * ACROSS + turned @ (before.position - tip), turned @ before.rotation)
+    planned = Twist(0.5 * ACROSS, rate * ACROSS)
+    shares = [share_of_limit(setpoint(t, in_hand), before, after, PERIOD, LIMIT) for t in (planned, None)]
+    assert shares[0] < 1e-3 < 0.5 < shares[1]
+
+
+def test_a_hand_that_swings_about_its_wrist_is_light():
+    turned = rotation_about(ACROSS, 0.01) @ HAND_DOWN
+    about_tip = Pose(turned[:, 0] * -0.05, turned)
+    light = share_of_limit(setpoint(), at(0.0), at(0.0, 0.01), PERIOD, LIMIT)
+    heavy = share_of_limit(setpoint(), Pose(HAND_DOWN[:, 0] * -0.05, HAND_DOWN), about_tip, PERIOD, LIMIT)
+    assert heavy - light == pytest.approx(MASS * STIFF * (0.2 * 0.01 / PERIOD) ** 2 / LIMIT**2, rel=0.02)
+
+
+def swing(guard: PassivityGuard, moves) -> list[PassivityVerdict]:
+    """Move by so much of the way that is at the limit in every scan."""
+    way, x, verdicts = LIMIT / math.sqrt(MASS * STIFF) * PERIOD, 0.0, []
+    for scan, move in enumerate((0.0, *moves)):
+        x += move * way
+        verdicts.append(guard.update(setpoint(), at(x), 1.0 + scan * PERIOD))
+    return verdicts[1:]
+
+
+def test_a_swing_is_softened_and_one_beyond_the_limit_stopped():
+    assert swing(PassivityGuard(LIMIT), [0.9, -0.9, 1.1, -1.1]) == [
+        PassivityVerdict.PASSIVE,
+        PassivityVerdict.SOFTEN,
+        PassivityVerdict.SOFTEN,
+        PassivityVerdict.STOP,
+    ]
+
+
+def test_a_knock_in_a_single_scan_is_none_of_its_business():
+    assert set(swing(PassivityGuard(LIMIT), [0.1, 3.0, 0.1, 0.1])) == {PassivityVerdict.PASSIVE}
+
+
+def test_a_guard_that_saw_nothing_held_starts_anew():
+    guard = PassivityGuard(LIMIT)
+    swing(guard, [2.0])
+    assert guard.update(None, at(0.0), 0.5) is PassivityVerdict.PASSIVE
+    assert swing(guard, [2.0]) == [PassivityVerdict.PASSIVE]
+
+
+def drawn(seed):
+    """Return a hand anywhere, a turn about any axis and a slide of its wrist in any direction, both per second."""
+    rng = np.random.default_rng(seed)
+    rotation = rotation_about(np.array([0.0, 0.6, 0.8]), rng.uniform(-3.0, 3.0)) @ HAND_DOWN
+    rotation = rotation_about(ACROSS, rng.uniform(-3.0, 3.0)) @ rotation
+    return Pose(rng.normal(size=3), rotation), rng.normal(size=3), 0.1 * rng.normal(size=3)
+
+
+def moved_by(hand, point, turn, slide, period):
+    """Return the hand after a turn, rad/s, about a point of it that slides, m/s."""
+    rate = float(np.linalg.norm(turn))
+    turned = rotation_about(turn / rate, rate * period)
+    return Pose(point + slide * period + turned @ (hand.position - point), turned @ hand.rotation)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_the_energy_is_that_of_the_wrist_s_slide_and_of_the_turn_about_it_whatever_the_pose(seed):
+    hand, turn, slide = drawn(seed)
+    wrist = hand.position - WRIST * hand.rotation[:, 0]
+    gains = np.array([2500.0, 900.0, 400.0, 40.0, 20.0, 10.0])
+    share = share_of_limit(
+        replace(setpoint(), stiffness=gains), hand, moved_by(hand, wrist, turn, slide, 1e-4), 1e-4, LIMIT
+    )
+    pushing = MASS * gains[:3] @ slide**2 / LIMIT**2
+    assert share == pytest.approx(pushing + INERTIA * gains[3:] @ turn**2 / (LEVER * LIMIT) ** 2, rel=1e-3)
+
+
+@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("in_hand", [None, InHandTip(0.4, 0.05, 0.0)])
+def test_a_planned_turn_and_slide_of_the_peg_s_end_are_no_energy_whatever_the_pose(seed, in_hand):
+    hand, turn, slide = drawn(seed)
+    end = hand.position if in_hand is None else end_point(hand, in_hand.theta, in_hand.length)[0]
+    planned = setpoint(Twist(slide, turn), in_hand)
+    assert share_of_limit(planned, hand, moved_by(hand, end, turn, slide, 1e-5), 1e-5, LIMIT) < 1e-6

@@ -1,0 +1,275 @@
+"""How a search goes and ends, over a plate with a hole on which the hand is at once where it shall be."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cell.config.load import load
+from drivers.frames import UP, angle_between
+from drivers.parts import HolePrior
+from drivers.quantities import Pose
+from skills.catalogue import SEARCH
+from skills.contract import Interrupted, Outcome, Reason
+from skills.held_peg import HeldPeg
+from skills.motion import VALIDITY
+from skills.pull_out import LONGEST
+from skills.search.belief import Belief
+from skills.search.course import ANYWHERE, make_course
+from skills.search.spray_search import run
+from skills.search.surface import SurfaceEstimate
+from skills.search.tour import Likely
+from tests.board import Board
+from tests.fakes import HAND_DOWN, PERIOD, Rig
+from tests.scripted import LIGHT
+
+LOADED = load(sets=["hole.area=[0.02, 0.02]", LIGHT])
+CELL, PARAMS = LOADED.cell, LOADED.cell.params(SEARCH)
+HOLE, RADIUS = np.array(CELL.hole.centre), CELL.hole.part.inscribed / 2
+
+
+class Bench(Board):
+    """A search over a level plate, by default without a hole, by a hand that is there already."""
+
+    def __init__(self, rig):
+        super().__init__(rig)
+        axis, closing = self.part.leaning(PARAMS.tilt_azimuth, 0.9 * PARAMS.tilt)
+        frame = np.column_stack([-axis, np.cross(closing, -axis), closing])
+        rig.arm.tcp = Pose(HOLE + 0.02 * UP + self.length * axis, frame)
+
+    def search(self, surface=None, belief=ANYWHERE, **changes):
+        """Run the search with these parameters beside the shipped ones."""
+        return run(PARAMS.model_copy(update={"timeout": 2.0, **changes}), self.ctx, surface, belief)
+
+    @property
+    def free_moves(self):
+        """Setpoints of free moves, by their motions in turn."""
+        moves = {}
+        for setpoint in self.commanded:
+            if setpoint.is_free:
+                moves.setdefault(setpoint.id, []).append(setpoint)
+        return list(moves.values())
+
+
+@pytest.fixture
+def bench(tmp_path):
+    return Bench(Rig(LOADED, tmp_path))
+
+
+def test_a_search_finds_the_hole_on_its_lanes_and_tells_where_and_how_long_it_took(bench):
+    hole = bench.dig(0.0, 0.0)
+    bench.free = np.array([3.0, -2.0, 5.0])
+    bench.rig.arm.force = bench.free
+    ended = bench.search(timeout=20.0)
+    assert (ended.outcome, ended.reason, ended.rests) == (Outcome.SUCCESS, Reason.NONE, 1)
+    assert math.dist(ended.edge, hole) < 4.1e-3
+    assert ended.tip == pytest.approx(tuple(bench.seen[-1].tip))
+    lowest = bench.part.lowest(bench.seen[-1].tip, bench.seen[-1].axis, bench.seen[-1].arm.tcp.rotation[:, 2])
+    assert (*ended.edge, bench.level - 2e-3) == pytest.approx(tuple(lowest), abs=1e-9)
+    assert ended.elapsed == pytest.approx(bench.seen[-1].running)
+    assert bench.progress == pytest.approx([seen.running / 20.0 for seen in bench.seen[-1 - len(bench.progress) : -1]])
+    assert (ended.offset, ended.noise, ended.excess) == ((3.0, -2.0, 5.0), 0.0, 0.0)
+    assert ended.start + ended.left.path.at(ended.left.since)[0] == pytest.approx(
+        np.array(ended.tip[:2]) + ended.left.path.at(0.0)[0], abs=2e-3
+    )
+    assert ended.plane.point == pytest.approx([*ended.tip[:2], bench.level], abs=1e-4)
+    assert angle_between(ended.plane.normal, UP) < 1e-3
+
+
+def test_the_course_is_drawn_by_the_generator_of_the_context(bench):
+    bench.ctx.rng = np.random.default_rng(5)
+    ended = bench.search(timeout=0.05)
+    course = make_course(PARAMS, CELL.job(), np.random.default_rng(5), is_length_known=False)
+    assert ended.start == pytest.approx(tuple(course.first[:2]))
+    last = bench.free_moves[0][-1]
+    np.testing.assert_allclose(last.tip, course.first, atol=1e-5)
+    np.testing.assert_allclose(last.axis, course.axis, atol=1e-5)
+    np.testing.assert_allclose(last.roll, course.closing, atol=1e-5)
+    assert (last.in_hand.theta, last.in_hand.length) == (0.0, bench.length)
+    np.testing.assert_array_equal(last.stiffness, PARAMS.transfer.stiffness())
+
+
+@pytest.mark.parametrize("is_known", [False, True])
+def test_a_peg_that_has_touched_the_plate_before_comes_down_from_lower(bench, is_known):
+    bench.ctx.peg = HeldPeg(measured=0.0 if is_known else None)
+    bench.search(timeout=0.05)
+    height = PARAMS.height if is_known else PARAMS.first_height(bench.part.reach)
+    assert bench.free_moves[0][-1].tip[2] - bench.level == pytest.approx(height, abs=1e-5)
+
+
+def test_a_search_without_a_hole_ends_at_its_time(bench):
+    ended = bench.search()
+    assert (ended.outcome, ended.reason, ended.elapsed) == (Outcome.FAILURE, Reason.NO_HOLE, 2.0)
+    assert (ended.rests, ended.plane, ended.left) == (0, None, None)
+    assert ended.tip == pytest.approx(tuple(bench.ctx.observe().tip))
+    assert len(bench.progress) == round(2.0 / PERIOD)
+    np.testing.assert_allclose(ended.start, bench.free_moves[0][-1].tip[:2], atol=1e-5)
+
+
+def test_rests_in_vain_are_counted_where_no_hole_is_found(bench):
+    """Half a millimetre is more than the dip threshold and less than a fall."""
+    for x in np.arange(-0.01, 0.011, 4e-3):
+        bench.dig(x, 0.0, 3e-3, 0.5e-3)
+    ended = bench.search(timeout=3.0)
+    assert (ended.outcome, ended.rests) == (Outcome.FAILURE, pytest.approx(2, abs=1))
+
+
+def in_the_hole(deep=0.02):
+    """Return the hand whose straight peg stands so deep, m, in the middle of the area."""
+    return Pose(HOLE + (CELL.peg.length - deep) * UP, HAND_DOWN)
+
+
+def test_a_peg_that_does_not_come_out_of_the_hole_ends_the_search_before_it_begins(bench):
+    bench.rig.arm.tcp, bench.rig.arm.is_blocked = in_the_hole(), True
+    ended = bench.search()
+    assert (ended.outcome, ended.reason, ended.elapsed) == (Outcome.FAILURE, Reason.NOT_SEATED, LONGEST)
+    assert ended.tip == pytest.approx((*HOLE[:2], HOLE[2] - 0.02))
+    course = make_course(PARAMS, CELL.job(), bench.rig.cell.context(1).rng, is_length_known=False)
+    assert ended.start == pytest.approx(tuple(course.first[:2]))
+    assert (ended.rests, ended.plane) == (0, None)
+    assert not bench.free_moves
+    np.testing.assert_array_equal(bench.commanded[0].stiffness, PARAMS.transfer.gains.stiffness())
+
+
+def test_a_peg_in_the_hole_is_pulled_straight_up_to_the_height_from_which_it_comes_down(bench):
+    bench.rig.arm.tcp = in_the_hole()
+    bench.search(timeout=0.05)
+    pulled = [each for each in bench.commanded if each.in_hand is not None and each.id == bench.commanded[0].id]
+    assert not any(each.is_free for each in pulled)
+    np.testing.assert_allclose([each.tip[:2] for each in pulled], [HOLE[:2]] * len(pulled), atol=1e-3)
+    assert pulled[-1].tip[2] - bench.level == pytest.approx(PARAMS.first_height(bench.part.reach), abs=1e-3)
+
+
+def test_a_peg_above_the_plate_is_not_pulled(bench):
+    bench.search(timeout=0.05)
+    assert bench.commanded[0].is_free
+
+
+TURN = 0.4
+"""Turn of the peg in the hand beyond what the search bears, rad."""
+
+
+def turned_after(bench, delay):
+    """Let the peg turn in the hand once the search has slid for so long, s."""
+    start = bench.ctx.callbacks.progress
+
+    def told(share):
+        start(share)
+        if len(bench.progress) == round(delay / PERIOD):
+            bench.skin.theta = TURN
+
+    bench.ctx.callbacks = replace(bench.ctx.callbacks, progress=told)
+
+
+def test_a_peg_that_turns_far_is_lifted_off_and_comes_down_where_it_was_with_the_hand_turned_after_it(bench):
+    turned_after(bench, 1.0)
+    ended = bench.search(timeout=4.0)
+    first, pulled, again = (
+        bench.free_moves[0],
+        [each for each in bench.commanded if not each.is_free],
+        bench.free_moves[1],
+    )
+    assert (len(bench.free_moves), ended.elapsed, ended.reason) == (2, 4.0, Reason.NO_HOLE)
+    np.testing.assert_allclose(again[-1].axis, first[-1].axis, atol=1e-9)
+    assert (first[-1].in_hand.theta, again[-1].in_hand.theta) == (0.0, TURN)
+    assert math.dist(again[-1].tip[:2], first[-1].tip[:2]) > 0.01
+    assert max(each.tip[2] for each in pulled) > again[-1].tip[2] - 1e-3
+    after = [each for each in bench.commanded if each.id > again[-1].id]
+    assert after
+    np.testing.assert_allclose(after[0].tip[:2], again[-1].tip[:2], atol=1e-3)
+    assert after[0].in_hand.theta == TURN
+
+
+def test_the_time_in_which_the_peg_is_lifted_off_counts(bench):
+    turned_after(bench, 0.8)
+    hole = bench.dig(0.0, 0.0)
+    ended = bench.search(timeout=20.0)
+    assert ended.outcome is Outcome.SUCCESS
+    assert math.dist(ended.edge, hole) < 4.1e-3
+    begun = next(each.valid_until for each in bench.commanded if not each.is_free) - VALIDITY
+    assert ended.elapsed == pytest.approx(bench.seen[-1].stamp - begun, abs=3 * PERIOD)
+    shares = np.diff(bench.progress)
+    assert (shares > 0.0).all()
+    assert shares.max() * 20.0 > 0.5
+
+
+def test_a_search_whose_time_is_up_while_the_peg_is_lifted_off_ends(bench):
+    turned_after(bench, 1.0)
+    ended = bench.search(timeout=1.3)
+    assert (ended.reason, ended.elapsed) == (Reason.NO_HOLE, 1.3)
+
+
+def test_a_turned_peg_that_does_not_come_off_the_plate_ends_the_search(bench):
+    turned_after(bench, 0.8)
+    start = bench.ctx.callbacks.progress
+
+    def told(share):
+        start(share)
+        bench.rig.arm.is_blocked = len(bench.progress) >= round(0.8 / PERIOD)
+
+    bench.ctx.callbacks = replace(bench.ctx.callbacks, progress=told)
+    ended = bench.search()
+    assert (ended.outcome, ended.reason) == (Outcome.FAILURE, Reason.NOT_SEATED)
+    assert ended.elapsed == pytest.approx(0.8 + LONGEST, abs=0.05)
+    assert ended.tip == pytest.approx(tuple(bench.seen[-1].tip))
+    np.testing.assert_allclose(ended.start, bench.free_moves[0][-1].tip[:2], atol=1e-5)
+    assert (ended.rests, ended.plane) == (0, None)
+
+
+def test_the_prior_of_a_job_is_searched_first_in_a_first_attempt_alone(tmp_path):
+    place = (float(HOLE[0]) + 6e-3, float(HOLE[1]) - 5e-3)
+    prior = HolePrior(mean=place, deviation=(3e-4, 5e-4))
+    starts = {}
+    for failed in (False, True):
+        bench = Bench(Rig(LOADED, tmp_path / str(failed)))
+        bench.ctx.job = bench.ctx.job.model_copy(
+            update={"hole": bench.ctx.job.hole.model_copy(update={"prior": prior})}
+        )
+        bench.ctx.rng = np.random.default_rng(2)
+        belief = Belief(failed=(place,)) if failed else ANYWHERE
+        starts[failed] = bench.search(belief=belief, timeout=0.05).start
+    plain = make_course(PARAMS, CELL.job(), np.random.default_rng(2), is_length_known=False)
+    assert starts[True] == pytest.approx(tuple(plain.first[:2]))
+    told = make_course(PARAMS, CELL.job(), np.random.default_rng(2), Belief(Likely(place, (3e-4, 5e-4))), False)
+    assert starts[False] == pytest.approx(tuple(told.first[:2]))
+
+
+def test_a_belief_is_followed_where_the_job_has_no_prior(bench):
+    belief = Belief(Likely((float(HOLE[0]), float(HOLE[1])), (5e-4, 5e-4)))
+    bench.ctx.rng = np.random.default_rng(2)
+    ended = bench.search(belief=belief, timeout=0.05)
+    told = make_course(PARAMS, CELL.job(), np.random.default_rng(2), belief, False)
+    assert ended.start == pytest.approx(tuple(told.first[:2]))
+
+
+def test_a_plate_that_was_felt_before_keeps_its_slope(bench):
+    bench.slope, surface = np.array([0.02, -0.01]), SurfaceEstimate()
+    rng = np.random.default_rng(4)
+    for _ in range(400):
+        x, y = rng.uniform(-0.02, 0.02, 2)
+        surface.learn(
+            np.array([HOLE[0] + x, HOLE[1] + y, HOLE[2] + 0.02 * x - 0.01 * y]), 1 if rng.random() < 0.5 else -1
+        )
+    bench.dig(0.0, 0.0)
+    ended = bench.search(surface, timeout=20.0)
+    np.testing.assert_allclose(ended.plane.normal[:2], [-0.02, 0.01], atol=2e-3)
+
+
+def test_a_peg_that_the_hand_loses_ends_it_at_once_with_the_arm_halted(bench):
+    bench.rig.at(2.5, lambda: bench.rig.gripper.release(0.04))
+    with pytest.raises(Interrupted) as ended:
+        bench.search(timeout=4.0)
+    assert ended.value.reason is Reason.LOST_GRASP
+    assert bench.rig.arm.is_halted
+
+
+@pytest.mark.parametrize("longer", [0.003, -0.003])
+def test_a_peg_that_reaches_otherwise_than_stated_is_told_by_its_first_touch_down(bench, longer):
+    bench.longer = longer
+    bench.dig(0.0, 0.0)
+    ended = bench.search(timeout=20.0)
+    assert ended.outcome is Outcome.SUCCESS
+    assert ended.excess == pytest.approx(longer, abs=2e-4)
+    assert bench.ctx.peg.excess == ended.excess
+    assert ended.plane.point[2] == pytest.approx(bench.level, abs=2e-4)

@@ -1,0 +1,124 @@
+"""Detection of a support under a peg that is pushed down, and when a closed switch needs it as evidence."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cell.config.load import load
+from drivers.errors import SwitchDisagreesError, SwitchUnknownError
+from drivers.frames import UP
+from drivers.quantities import ImpedanceSetpoint, SwitchState
+from skills.seating.decision import (
+    BORNE_FOR,
+    BORNE_WITHIN,
+    CLOSED_TOLERANCE,
+    DOUBTED,
+    LEAST_PUSH,
+    MOST_DEEP,
+    MOST_SHALLOW,
+    OPEN_TOLERANCE,
+    Arrival,
+    Footing,
+    is_seated,
+    require_short_of_bottom,
+)
+from tests.fakes import Rig
+
+STIFFNESS = 1000.0
+
+
+@pytest.fixture
+def seen(tmp_path):
+    return Rig(load(), tmp_path).cell.context(0).observe()
+
+
+def pushing(seen, newtons):
+    """Return a setpoint that pushes the tip down so hard."""
+    return ImpedanceSetpoint(
+        1, seen.tip - newtons / STIFFNESS * UP, UP, np.full(6, STIFFNESS), np.ones(6), seen.stamp + 1.0
+    )
+
+
+def scans(seen, heights, push=2.0 * LEAST_PUSH, period=0.01):
+    """Return the footing after scans in which the tip was so high above where it is."""
+    footing = Footing()
+    for number, height in enumerate(heights):
+        moved = replace(seen, stamp=number * period, tip=seen.tip + height * UP)
+        footing = footing.after(moved, pushing(moved, push) if push else None)
+    return footing
+
+
+def test_a_pushed_peg_that_rests_is_borne(seen):
+    footing = scans(seen, [0.5 * BORNE_WITHIN, -0.4 * BORNE_WITHIN] * 11)
+    assert footing.since == 0.0
+    assert not footing.is_firm(BORNE_FOR - 1e-6)
+    assert footing.is_firm(BORNE_FOR)
+
+
+def test_a_peg_that_goes_down_is_not_borne_until_it_rests(seen):
+    footing = scans(seen, -np.minimum(np.arange(60) * 2 * BORNE_WITHIN, 20 * BORNE_WITHIN))
+    assert footing.since == pytest.approx(0.1)
+
+
+@pytest.mark.parametrize("push", [0.0, 0.99 * LEAST_PUSH])
+def test_nothing_bears_a_peg_that_is_hardly_pushed(seen, push):
+    assert scans(seen, np.zeros(40), push).since == math.inf
+
+
+@pytest.mark.parametrize(
+    ("short", "goes_on"),
+    [
+        (0.99 * MOST_SHALLOW, False),
+        (1.01 * MOST_SHALLOW, True),
+        (0.99 * DOUBTED, True),
+        (1.01 * DOUBTED, False),
+        (-0.99 * MOST_DEEP, False),
+        (-1.01 * MOST_DEEP, True),
+    ],
+)
+def test_a_peg_is_pushed_on_only_where_that_can_prove_it_seated(seen, short, goes_on):
+    arrival = Arrival().after(seen, pushing(seen, 10.0), short)
+    assert arrival.is_over(seen.stamp) is not goes_on
+    assert arrival.is_over(seen.stamp + BORNE_FOR)
+
+
+def test_a_doubt_stays_although_the_peg_goes_down(seen):
+    arrival = Arrival().after(seen, pushing(seen, 10.0), 1.5e-3).after(seen, pushing(seen, 10.0), 0.0)
+    assert not arrival.is_over(seen.stamp)
+
+
+def test_a_push_that_is_too_weak_to_tell_is_not_waited_for(seen):
+    assert Arrival().after(seen, pushing(seen, 0.5 * LEAST_PUSH), 1.5e-3).is_over(seen.stamp)
+
+
+HOLE = load().cell.job().hole
+
+
+def tip_at(depth):
+    return np.array([HOLE.centre[0], HOLE.centre[1], HOLE.centre[2] - depth])
+
+
+@pytest.mark.parametrize("off", [-CLOSED_TOLERANCE, CLOSED_TOLERANCE])
+def test_a_switch_that_closes_elsewhere_than_at_the_holes_depth_is_told_with_both_depths(off):
+    assert is_seated(SwitchState.CLOSED, tip_at(HOLE.depth + 0.999 * off), HOLE)
+    assert not is_seated(SwitchState.OPEN, tip_at(HOLE.depth), HOLE)
+    found = 1e3 * (HOLE.depth + 1.05 * off)
+    expected = rf"^switch closed with the tip {found:.1f} mm deep; 20\.0 mm \+- 4 mm expected$"
+    with pytest.raises(SwitchDisagreesError, match=expected):
+        is_seated(SwitchState.CLOSED, tip_at(HOLE.depth + 1.05 * off), HOLE)
+
+
+def test_a_switch_that_gives_no_answer_is_told_with_what_is_needed():
+    with pytest.raises(SwitchUnknownError, match=r"^switch: state unknown; closed or open needed$"):
+        is_seated(SwitchState.UNKNOWN, tip_at(HOLE.depth), HOLE)
+
+
+@pytest.mark.parametrize("off", [-OPEN_TOLERANCE, OPEN_TOLERANCE])
+def test_a_switch_that_stays_open_at_the_bottom_is_told_with_both_depths(off):
+    require_short_of_bottom(tip_at(HOLE.depth + 1.001 * off), HOLE)
+    found = 1e3 * (HOLE.depth + 0.95 * off)
+    expected = rf"^switch open with the tip {found:.1f} mm deep; closed expected at 20\.0 mm \+- 1\.5 mm$"
+    with pytest.raises(SwitchDisagreesError, match=expected):
+        require_short_of_bottom(tip_at(HOLE.depth + 0.95 * off), HOLE)
