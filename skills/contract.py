@@ -23,6 +23,7 @@ from drivers.quantities import (
     Vector,
 )
 from drivers.skin.layout import Layout, layout_of
+from skills.guards.limits import Limits
 from skills.guards.passivity import STOP, PassivityGuard, PassivityVerdict
 from skills.guards.scan_guards import (
     ScanSchedule,
@@ -34,7 +35,6 @@ from skills.guards.scan_guards import (
     require_tracking,
     way_back,
 )
-from skills.guards.setpoint_gate import Limits
 from skills.guards.wrench_zero import ZeroedWrench
 from skills.held_peg import HeldPeg
 from skills.lead import Lead

@@ -145,7 +145,7 @@ THREATS = (
     ),
     Threat(
         "an arm whose readings stand still",
-        "skills.setpoint_gate.GatedArm.read",
+        "skills.guards.setpoint_gate.GatedArm.read",
         f"{GATE}::test_readings_that_stand_still_are_a_fault_within_a_fifth_of_a_second",
     ),
     Threat(

@@ -11,7 +11,8 @@ from cell.devices.assembly import Cell, bounds_of
 from drivers.errors import TrackingError
 from drivers.frames import quaternion, rotation_by
 from drivers.quantities import ArmState, ImpedanceSetpoint, Pose, Twist, Vector
-from skills.guards.setpoint_gate import GatedArm, Limits
+from skills.guards.limits import Limits
+from skills.guards.setpoint_gate import GatedArm
 from skills.motion import VALIDITY
 
 DIRECTIONS = {

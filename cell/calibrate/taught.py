@@ -12,7 +12,7 @@ from drivers.figures_file import write_whole
 from drivers.frames import UP, angle_between
 from drivers.parts import Hole, Rack
 from drivers.quantities import Vector
-from skills.guards.setpoint_gate import Limits
+from skills.guards.limits import Limits
 
 SLOTS = "123456789"
 PLATE, AREA, BIN, UNDO, WRITE = "p", "h", "b", "u", "w"

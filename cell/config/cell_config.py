@@ -46,8 +46,8 @@ from skills.catalogue import ADJUST, CATALOGUE, GRASP, SEARCH
 from skills.contract import SkillParams
 from skills.corner.params import CornerParams
 from skills.entry import Skill, SkillSet
+from skills.guards.limits import Limits
 from skills.guards.scan_guards import ScanLimits
-from skills.guards.setpoint_gate import Limits
 from skills.guards.wrench_zero import WrenchConfig
 from skills.motion import Gains, Transfer
 from skills.pace import Pace
@@ -289,7 +289,7 @@ class CellConfig(Catalogued):
             )
         if self.sim.plate.shallow >= self.hole.depth:
             raise ValueError(
-                f"sim.contact.plate.shallow = {self.sim.plate.shallow}: no hole is left; less than hole.depth = {self.hole.depth} allowed"
+                f"sim.plate.shallow = {self.sim.plate.shallow}: no hole is left; less than hole.depth = {self.hole.depth} allowed"
             )
         return self
 

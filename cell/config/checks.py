@@ -12,7 +12,7 @@ from cell.config.torque_path import is_hold_steady, is_steady, largest, largest_
 from drivers.arm.model import ArmModel
 from drivers.parts import Hole, Latch, Peg, Rack
 from skills.grasp_from_rack import GraspFromRackParams
-from skills.guards.setpoint_gate import Limits
+from skills.guards.limits import Limits
 from skills.insert.grip import grip_of
 from skills.insert.spiral_params import SpiralAdjustParams
 from skills.motion import Gains, Transfer

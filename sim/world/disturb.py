@@ -42,7 +42,7 @@ class Draw:
     skin: np.random.Generator
     """Random generator of the skin's gains, dead taxels and noise."""
     tilt: float
-    """Tilt of the plate's normal from the vertical, rad; the tilt of `sim.contact.plate` is added."""
+    """Tilt of the plate's normal from the vertical, rad; `sim.plate.tilt` is added."""
     rack: Vector
     """Offset of the rack from its stated position, shape (3,), m, base frame."""
     depth_in_hand: float

@@ -6,18 +6,15 @@ bounds its own contact forces.
 
 import math
 from collections.abc import Sequence
-from typing import Annotated
 
 import numpy as np
-from pydantic import Field
 
 from drivers import setpoint_words
-from drivers.config_model import ConfigModel, Quantity
 from drivers.errors import ArmSilentError, NotFiniteError, SetpointError, TrackingError
-from drivers.parts import Point
 from drivers.protocols import Arm
 from drivers.quantities import ArmState, ImpedanceSetpoint, Vector
 from skills.guards import setpoint_rules as rules
+from skills.guards.limits import Limits
 from skills.guards.setpoint_bounds import AGE_SLACK, LEAD, LONGEST_VALIDITY, MOST_ASKEW, ArmBounds, require_numbers
 
 LONGEST_UNTAKEN = 0.2
@@ -30,20 +27,6 @@ LONGEST_UNCHANGED = 0.15
 """Longest time for which all readings of an arm may be identical to the last digit while it follows a setpoint, s: 15 scans at 100 Hz, and
 a fault within 0.2 s.
 """
-
-
-class Limits(ConfigModel):
-    """Limits that end a skill at once; no defaults.
-
-    Source: set for each cell.
-    """
-
-    force: Annotated[float, Field(gt=0.0, le=500.0), Quantity("N")]
-    """Largest estimated external force at the TCP, N."""
-    low: Annotated[Point, Quantity("m")]
-    """Lower corner of the permitted workspace of the TCP, m, base frame."""
-    high: Annotated[Point, Quantity("m")]
-    """Upper corner of the permitted workspace of the TCP, m, base frame."""
 
 
 NOTHING = np.full(setpoint_words.WORDS, math.nan)

@@ -24,7 +24,7 @@ def test_an_offset_and_noise_of_the_wrench_press_no_harder(monkeypatch):
         truth = drawn_arm(arm, drawn)
         return replace(truth, wrench=replace(truth.wrench, force=(5.0, -5.0, 5.0), force_noise=2.0))
 
-    monkeypatch.setattr(sim.disturb, "drawn_arm", told)
+    monkeypatch.setattr(sim.world.disturb, "drawn_arm", told)
     config = load().cell
     row = run_trial(config, 62001)
     assert (row.outcome, row.peak_contact_force < config.limits.force) == ("success", True)

@@ -7,7 +7,6 @@ from functools import cache
 from pathlib import Path
 
 import pytest
-from tests.unit.plc_bridge.test_pdu import FakeStation
 
 from cell.config.load import load
 from cell.run.learning import FILE, read_learned
@@ -37,6 +36,7 @@ from plc_bridge.modbus.rtu_frames import Receiver, with_check_sum
 from tests.hostile import request
 from tests.pages import ROOT
 from tests.unit.cell.page.test_outside import changed
+from tests.unit.plc_bridge.modbus.test_pdu import FakeStation
 
 INPUTS, FILES = 100_000, 300
 READ = bytes.fromhex("01 03 0000 000A")

@@ -3,11 +3,11 @@
 import struct
 
 import pytest
-from tests.unit.plc_bridge.test_structured_text import CYCLE, INSERT, Plc
 
 from plc_bridge.protocol.images import report_words
 from plc_bridge.protocol.messages import Control, Report, Result
 from tests.scan_thread import take
+from tests.unit.plc_bridge.exports.test_structured_text import CYCLE, INSERT, Plc
 
 LIFE_TIMEOUT = 1.0  # s, as shipped
 PATIENT = LIFE_TIMEOUT * 10

@@ -29,8 +29,8 @@ def test_200000_random_steps_give_no_false_answer(seed):
 
 
 def test_a_fault_of_the_rules_is_found_and_shrunk_to_few_bytes(monkeypatch):
-    monkeypatch.setattr("plc_bridge.sequence_numbers.SequenceNumbers.forget", lambda self: None)
-    monkeypatch.setattr("plc_bridge.sequence_numbers._Count.had", lambda *_: False)
+    monkeypatch.setattr("plc_bridge.protocol.sequence_numbers.SequenceNumbers.forget", lambda self: None)
+    monkeypatch.setattr("plc_bridge.protocol.sequence_numbers._Count.had", lambda *_: False)
     taken = steps(1, STEPS)
     count, why, _ = walk(taken)
     few = shrink(taken[:count])

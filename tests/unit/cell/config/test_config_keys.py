@@ -24,7 +24,7 @@ def _texts():
 
 @pytest.mark.parametrize(
     ("name", "unit"),
-    [("search.speed", "m/s"), ("hole.diameter", "m"), ("sim.world.pace", "multiple"), ("search.fast_axis", "")],
+    [("search.speed", "m/s"), ("hole.diameter", "m"), ("sim.pace", "multiple"), ("search.fast_axis", "")],
 )
 def test_a_unit_stands_beside_the_type_of_its_key(name, unit):
     assert {key.unit for key in find(name)} == {unit}

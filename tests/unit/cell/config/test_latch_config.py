@@ -39,4 +39,4 @@ def test_a_stronger_push_and_grip_pass_a_stronger_latch():
 
 def test_a_latch_above_the_mouth_and_a_bottom_above_it_are_refused():
     assert "hole.latch.height = 0.01" in refused(LATCH % (5.0, 0.01), "hole.depth=0.008")
-    assert "sim.contact.plate.shallow = 0.02" in refused("sim.plate.shallow=0.02")
+    assert "sim.plate.shallow = 0.02" in refused("sim.plate.shallow=0.02")

@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tests.unit.skills.test_signature import HELD, LATCH, lowered, pushing, scan
 
 from cell.config.load import load
 from cell.devices.assembly import assemble
@@ -24,6 +23,7 @@ from skills.seating.decision import BORNE_WITHIN, DOUBTED, MOST_DEEP
 from skills.seating.latch_likelihood import Signature
 from skills.seating.signature import LIFTED, Curve
 from tests.fakes import Rig
+from tests.unit.skills.seating.test_signature import HELD, LATCH, lowered, pushing, scan
 
 SETS = ("hole.latch={kind='detent',force=5.0,height=0.003}", "hole.evidence=force")
 WIDE = GripperState(0.04, False, False)

@@ -10,6 +10,7 @@ from drivers import setpoint_words
 from drivers.errors import ArmSilentError, NotFiniteError, SetpointError, TrackingError
 from drivers.frames import end_point
 from drivers.quantities import ArmState, ImpedanceSetpoint, InHandTip, Pose, TaxelFrame, Twist, Wrench
+from skills.guards.limits import Limits
 from skills.guards.scan_guards import require_finite_skin, require_finite_theta
 from skills.guards.setpoint_bounds import (
     AGE_SLACK,
@@ -24,7 +25,7 @@ from skills.guards.setpoint_bounds import (
     STEP_SLACK,
     ArmBounds,
 )
-from skills.guards.setpoint_gate import NOTHING, GatedArm, Limits, pack_bounds, require_readings, require_sound
+from skills.guards.setpoint_gate import NOTHING, GatedArm, pack_bounds, require_readings, require_sound
 from skills.guards.setpoint_rules import pack_state
 from skills.tactile.pose import NO_PEG
 from tests.fakes import HAND_DOWN, FakeArm, FakeClock

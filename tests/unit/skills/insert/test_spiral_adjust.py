@@ -4,7 +4,6 @@ import math
 
 import numpy as np
 import pytest
-from tests.unit.skills.test_latch_likelihood import way_down
 
 from cell.config.load import load
 from cell.config.margins import inertias
@@ -25,6 +24,7 @@ from skills.seating.decision import BORNE_FOR, CLOSED_TOLERANCE, OPEN_TOLERANCE
 from skills.seating.latch_likelihood import SHEAR, resistance
 from tests.fakes import HAND_DOWN, Rig
 from tests.scripted import CELL, HOLE, LIGHT, SIDE, ScriptedHand, hand
+from tests.unit.skills.seating.test_latch_likelihood import way_down
 
 PARAMS = load().cell.params(ADJUST)
 PERIOD, LEAST = PARAMS.dither_period, PARAMS.jammed

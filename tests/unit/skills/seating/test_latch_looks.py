@@ -5,7 +5,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tests.unit.skills.test_signature import LATCH, PERIOD, SPEED, pushing, scan
 
 from cell.config.load import load
 from drivers.frames import UP
@@ -13,6 +12,7 @@ from skills.seating.decision import DOUBTED
 from skills.seating.latch_likelihood import BEFORE, DOUBT, FORCE_SHARE, SHEAR, Signature, resistance
 from skills.seating.latch_looks import LEAST_LOOKS, MOST_LOOKS, TURNING_BACK, Looks, is_enough
 from tests.fakes import Rig
+from tests.unit.skills.seating.test_signature import LATCH, PERIOD, SPEED, pushing, scan
 
 PUSH = 0.008
 REST = 8.0

@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tests.unit.skills.test_latch_likelihood import BIAS, LATCH, way_down
 
 from cell.config.load import load
 from drivers.frames import UP
@@ -13,6 +12,7 @@ from skills.seating.decision import LEAST_PUSH
 from skills.seating.latch_likelihood import GRID, PLACE, SHEAR, Way, resistance
 from skills.seating.signature import LIFTED, MOST_WAYS, Curve
 from tests.fakes import Rig
+from tests.unit.skills.seating.test_latch_likelihood import BIAS, LATCH, way_down
 
 PERIOD, SPEED = 0.01, 0.01
 HELD, EMPTY = GripperState(0.008, True, False), GripperState(0.0, False, False)
