@@ -97,6 +97,7 @@ def certificate(folder: Path) -> list[str]:
     openssl = shutil.which("openssl")
     if openssl is None:
         raise ConfigError("openssl is not installed: the TLS server under attack needs a certificate from it")
+    folder = folder.resolve()  # a config's paths are relative to its own folder
     own, key = folder / "cell.pem", folder / "cell.key"
     new = ["req", "-x509", "-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:prime256v1", "-nodes", "-days", "1"]
     files = ["-subj", "/CN=cell", "-keyout", str(key), "-out", str(own)]
