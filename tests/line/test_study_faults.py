@@ -187,6 +187,8 @@ def test_a_campaign_that_was_broken_off_goes_on_where_it_was(tmp_path):
     write_rows(rows, tmp_path / TABLE)
     assert begun(tried, tmp_path) == rows
     assert begun(list(reversed(tried)), tmp_path) == []
+    write_rows([replace(row, code="other") for row in rows], tmp_path / TABLE)
+    assert begun(tried, tmp_path) == []
 
 
 def test_a_run_that_ended_before_the_fault_is_not_counted():

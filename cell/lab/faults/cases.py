@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import count, islice
 from pathlib import Path
 
@@ -10,6 +10,7 @@ import numpy as np
 
 from cell.lab.faults.contract import FaultKind
 from cell.lab.rows import kept_rows
+from cell.records.provenance import versions
 from cell.run.states import State
 from plc_bridge.peer import Peer
 from plc_bridge.protocol.messages import Control, PartEvidence, Refusal, Report, Result
@@ -80,6 +81,8 @@ class FaultCase:
     """Result of the next insertion."""
     cycle: float = math.nan
     """99th percentile of the duration of the PLC's cycles while a fault from outside lasted, s of wall time."""
+    code: str = field(default_factory=lambda: versions()["code"])
+    """Fingerprint of the code that ran."""
 
     @property
     def is_back(self) -> bool:
@@ -105,10 +108,10 @@ def _drawn(kinds: Sequence[FaultKind], rng: np.random.Generator) -> Iterator[Pla
 
 
 def begun(tried: Sequence[Planned], folder: Path) -> list[FaultCase]:
-    """Return the rows that an interrupted call left for these cases; none if the table belongs to others."""
-    rows = kept_rows(FaultCase, folder / TABLE)
+    """Return the rows that an interrupted call left for these cases; none if the table is of other cases or of other code."""
+    rows, code = kept_rows(FaultCase, folder / TABLE), versions()["code"]
     same = [
-        (row.kind, row.stage, row.moment) == (kind.name, stage, moment)
+        (row.kind, row.stage, row.moment, row.code) == (kind.name, stage, moment, code)
         for row, (kind, stage, moment) in zip(rows, tried, strict=False)
     ]
     return rows if all(same) and len(rows) <= len(tried) else []
