@@ -28,6 +28,7 @@ from skills.catalogue import GRASP, SEARCH
 from skills.contract import Observation, Outcome, Request, SkillContext
 from skills.flow import run_stage
 from skills.search import spray_search
+from skills.search.feel import FAINT
 from skills.search.spray_search import SpraySearchResult
 from skills.search.surface import Plane, SurfaceEstimate
 
@@ -133,14 +134,26 @@ class _StillSurface(SurfaceEstimate):
 
     def __init__(self, watch: _Watch) -> None:
         super().__init__()
-        self._watch, self._learnt = watch, SurfaceEstimate()
+        self._watch, self._learnt, self._fallen = watch, SurfaceEstimate(), -math.inf
 
     def learn(self, edge: Vector, sense: int) -> None:
         self._watch.slide()
         self._learnt.learn(edge, sense)
 
     def below(self, edge: Vector, sense: int) -> float:
-        self._watch.height(self._learnt.below(edge, sense))
+        self._watch.height(max(self._learnt.below(edge, sense), self._fallen))
+        self._fallen = -math.inf
+        return 0.0
+
+    def dip(self, edge: Vector, sense: int) -> float:
+        return self._learnt.dip(edge, sense)
+
+    @property
+    def knows_slopes(self) -> bool:
+        return self._learnt.knows_slopes
+
+    def fallen(self, before: Vector, edge: Vector) -> float:
+        self._fallen = max(self._fallen, self._learnt.fallen(before, edge) / FAINT)
         return 0.0
 
     def plane(self, near: Vector) -> Plane:

@@ -17,12 +17,31 @@ EXPLAINED = 1.5e-3
 """Difference of the peg's length from the job's that theta, the plate's height and the arm's own errors may explain, m; it is left as it is.
 At the tilt of the search 1 degree of theta is 0.9 mm of length, and 0.3 mm of height are 0.4 mm."""
 
+
 LATE = 0.06
 """Time after which a height teaches the surface estimate, s: a peg that falls while little of the plate is felt yet would take the
 estimate down with it, and the dip would not be seen. A peg that crosses half a hole of 8 mm at 0.14 m/s falls for 0.03 s."""
 
 SUDDEN = 0.08
 """Time within which the hand drops with a peg that falls into the hole, s: it is caught after 0.02 to 0.05 s."""
+
+
+FALLING = 0.05
+"""Longest time of a fall of the peg by the dip threshold, s; it takes 0.02 to 0.04 s. Source: measured by `cell study limits`."""
+
+
+SHARED = 0.5
+"""Least drop of the hand with a suddenly falling peg, and least depth of the peg's end below the plane, share of the dip threshold. Source:
+docs/tried/search.md."""
+
+
+FAINT = 0.6
+"""Least sudden fall of peg and hand that is evidence of an edge, share of the dip threshold. Source: docs/tried/search.md."""
+
+
+WARIER = 1.5
+"""Factor on the threshold of a sudden fall after each rest that finds no hole: if pegs hop, such rests cost more time than they save. Source: docs/tried/search.md."""
+
 
 LIKELY = 0.5
 """Share of the dip threshold that is evidence of an edge where the hole is likely: a stop that finds no hole there costs less than the whole area, which
@@ -87,6 +106,9 @@ class Evidence:
         self._params, self._surface = params, surface
         self._late = deque[tuple[Vector, int]](maxlen=max(round(LATE / scan_period), 1))
         self._heights = deque[float](maxlen=max(round(SUDDEN / scan_period), 1))
+        self._passed = deque[tuple[Vector, float, int]](maxlen=max(round(FALLING / scan_period), 1))
+        self._faint = FAINT * params.dip_threshold
+        """Sudden fall of the peg that is evidence of an edge, m."""
 
     def update(self, seen: Observation, edge: Vector, sense: int, is_likely: bool = False) -> tuple[float, bool]:
         """Return the depth of the peg's lowest point `edge` below the surface estimate, m, and whether there is
@@ -101,9 +123,11 @@ class Evidence:
         # If a corner leads, half of it can come from a turn of the peg in the hand, which the skin measures late.
         halved = is_likely and self._params.lag is None
         threshold = self._params.dip_threshold * (LIKELY if halved else 1.0)
+        height = float(seen.arm.tcp.position[2])
+        has_fallen = self._fallen(edge, height, sense) > self._faint
         below = self._surface.below(edge, sense)
-        has_dropped = self._drop(float(seen.arm.tcp.position[2])) >= self._params.drop
-        return below, below > threshold and has_dropped
+        has_dropped = self._drop(height) >= self._params.drop
+        return below, (below > threshold or has_fallen) and has_dropped
 
     def learn(self, edge: Vector, sense: int) -> None:
         """Take a scan without an edge; the surface estimate is updated by one that is `LATE` back."""
@@ -116,10 +140,28 @@ class Evidence:
         self._surface = SurfaceEstimate()
         self.restart()
 
+    def doubt(self) -> None:
+        """Record a stop that found no hole: sudden falls must be larger from now on."""
+        self._faint *= WARIER
+
     def restart(self) -> None:
         """Forget the heights of the motion before; the peg has begun to move in another way."""
         self._late.clear()
         self._heights.clear()
+        self._passed.clear()
+
+    def _fallen(self, edge: Vector, height: float, sense: int) -> float:
+        """Take the peg's lowest point in a pass and the height of the hand, m, and return the fall of the peg within `FALLING`, m.
+
+        The hand drops with a falling peg, but not if a frame changes the angle. The peg must end below the plane, which excludes hops on a
+        rough plate.
+        """
+        fallen, least = 0.0, SHARED * self._params.dip_threshold
+        if self._surface.dip(edge, sense) > least:
+            earlier = (before for before, above, way in self._passed if way == sense and above - height >= least)
+            fallen = max((self._surface.fallen(before, edge) for before in earlier), default=0.0)
+        self._passed.append((edge, height, sense))
+        return fallen
 
     def _drop(self, height: float) -> float:
         """Take the height of the hand, m, and return by how much it has dropped within `SUDDEN`, m."""

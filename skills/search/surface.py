@@ -89,13 +89,31 @@ class SurfaceEstimate:
         if self._scans == 0:
             return 0.0
         row = self._row(edge, sense)
-        # r^T values - z - sqrt(r^T P r)
-        return float(row @ self._values - edge[2]) - math.sqrt(float(row @ self._covariance @ row))
+        return self.dip(edge, sense) - math.sqrt(float(row @ self._covariance @ row))
+
+    def dip(self, edge: Vector, sense: int) -> float:
+        """Return the depth of the point `edge` below the estimated plane, m; 0 before the first update."""
+        return float(self._row(edge, sense) @ self._values - edge[2]) if self._scans else 0.0
+
+    @property
+    def knows_slopes(self) -> bool:
+        """True if enough scans have determined the slopes; until then the plane counts as level."""
+        return self._scans >= self.MEMORY / 2
+
+    def fallen(self, before: Vector, edge: Vector) -> float:
+        """Return the descent from the point `before` to the point `edge` minus that of the slopes and one standard deviation, m.
+
+        The height of the plane cancels, so the result is valid even with few samples of the plane. Points have the shape (3,),
+        m, base frame.
+        """
+        # w = [0, dx, dy, 0]: z_before + w·values - z_edge - sqrt(w^T P w)
+        way = np.array([0.0, edge[0] - before[0], edge[1] - before[1], 0.0])
+        return float(before[2] + way @ self._values - edge[2]) - math.sqrt(float(way @ self._covariance @ way))
 
     def plane(self, near: Vector) -> Plane:
         """Return the plane at `near`, shape (2,) or more, m, base frame; level during the first `MEMORY` / 2 scans."""
         slopes = np.clip(self._values[1:3], -3.0 * self.SLOPE, 3.0 * self.SLOPE)
-        if self._scans < self.MEMORY / 2:
+        if not self.knows_slopes:
             slopes = np.zeros(2)
         # Normal of z = a + b x + c y: [-b, -c, 1], normalized
         slope: Vector = np.array([-slopes[0], -slopes[1], 1.0])

@@ -97,6 +97,7 @@ class Sweep:
                 return True
             if self._is_stuck(felt):
                 self._pass_over()
+            self._evidence.doubt()
             self._enter(after_rest(self._phase, felt, params, course, point))
         return False
 

@@ -71,6 +71,13 @@ def _no_short(real: Any, estimator: Any, *args: Any) -> None:
 
 SEARCH: Sequence[Rule] = (
     Rule(
+        "sudden fall",
+        "A drop of peg and hand within 50 ms counts from 0.6 of the dip threshold, and from more after each stop without a hole.",
+        "skills.search.feel:Evidence.update",
+        values={"skills.search.feel:FAINT": 1e9},
+        acts=lambda result, evidence, *_: result[1] and result[0] <= evidence._params.dip_threshold,
+    ),
+    Rule(
         "push-back",
         "Each slip of the peg in the hand reduces the push by a fifth.",
         "skills.search.feel:Push.after",

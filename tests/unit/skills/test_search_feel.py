@@ -9,7 +9,7 @@ from cell.config.load import load
 from skills.catalogue import SEARCH
 from skills.search.belief import Belief
 from skills.search.course import make_course
-from skills.search.feel import LATE, LIKELY, Evidence
+from skills.search.feel import FAINT, LATE, LIKELY, Evidence
 from skills.search.surface import SurfaceEstimate
 from skills.search.tour import GATE, Likely
 
@@ -27,16 +27,29 @@ def blind(height: float = 0.0) -> SimpleNamespace:
 BLIND = blind()
 
 
-def felt(dip: float, scans: int, *, is_likely: bool = False, slope: float = 0.0) -> float:
-    """Return the largest depth below the estimate, m, or infinity if it was evidence, of an edge that runs up from rest over a
-    plate, down its slope, and after so many scans falls by `dip`, m, within three scans and stays there for five.
+def felt(
+    dip: float,
+    scans: int,
+    *,
+    is_likely: bool = False,
+    slope: float = 0.0,
+    with_hand: float = 1.0,
+    lasting: int = 3,
+    in_vain: int = 0,
+) -> float:
+    """Return the largest depth below the estimate, m, or infinity where it was evidence, of an edge that runs up from rest over a
+    plate, down its slope, and after so many scans falls by `dip`, m, within `lasting` scans and stays there for five.
+
+    The hand goes down by `with_hand` of what the edge does. The search has rested `in_vain` so many times.
     """
     evidence = Evidence(PARAMS, SurfaceEstimate(), PERIOD)
+    for _ in range(in_vain):
+        evidence.doubt()
     place, deepest = 0.0, 0.0
-    for k in range(scans + 8):
+    for k in range(scans + lasting + 5):
         place += PERIOD * SPEED * min(k * PERIOD / RUN_UP, 1.0)
-        edge = np.array([0.0, place, -slope * place - dip * min(max(k - scans, 0) / 3, 1.0)])
-        below, is_edge = evidence.update(blind(edge[2]), edge, 1, is_likely)
+        edge = np.array([0.0, place, -slope * place - dip * min(max(k - scans, 0) / lasting, 1.0)])
+        below, is_edge = evidence.update(blind(with_hand * edge[2]), edge, 1, is_likely)
         if is_edge:
             return np.inf
         deepest = max(deepest, below)
@@ -49,8 +62,29 @@ def test_a_shallow_fall_right_after_the_run_up_is_seen_where_the_hole_is_likely(
 
 
 @pytest.mark.parametrize("scans", [8, 15, 30])
-def test_a_fall_by_a_millimetre_on_the_first_lane_is_seen_before_the_plate_is_known(scans):
-    assert felt(1e-3, scans) == np.inf
+def test_a_fall_on_the_first_lane_is_seen_before_the_plate_is_known(scans):
+    assert felt(5e-4, scans, is_likely=False) == np.inf
+
+
+@pytest.mark.parametrize("scans", [15, 300])
+def test_an_edge_that_drops_without_the_hand_has_not_fallen(scans):
+    assert felt(0.9 * PARAMS.dip_threshold, scans, with_hand=0.2) < np.inf
+
+
+def test_a_sudden_fall_of_less_than_the_dip_threshold_is_told():
+    assert FAINT < 0.75
+    assert felt(0.75 * PARAMS.dip_threshold, 300) == np.inf
+
+
+def test_a_fall_that_is_as_deep_but_slow_is_not():
+    assert felt(0.75 * PARAMS.dip_threshold, 300, lasting=20) < np.inf
+
+
+def test_where_rests_are_in_vain_it_takes_the_whole_dip_again():
+    """After the second a sudden fall counts for nothing that a dip does not tell."""
+    assert [felt(0.95 * PARAMS.dip_threshold, 300, in_vain=n) for n in range(2)] == [np.inf, np.inf]
+    assert felt(0.95 * PARAMS.dip_threshold, 300, in_vain=2) < np.inf
+    assert felt(1.5 * PARAMS.dip_threshold, 300, in_vain=9) == np.inf
 
 
 def test_a_plate_that_leans_by_two_degrees_is_no_fall_before_it_is_known():
