@@ -71,7 +71,7 @@ def test_an_edge_that_drops_without_the_hand_has_not_fallen(scans):
     assert felt(0.9 * PARAMS.dip_threshold, scans, with_hand=0.2) < np.inf
 
 
-def test_a_sudden_fall_of_less_than_the_dip_threshold_is_told():
+def test_a_sudden_fall_of_less_than_the_dip_threshold_is_evidence_of_an_edge():
     assert FAINT < 0.75
     assert felt(0.75 * PARAMS.dip_threshold, 300) == np.inf
 
@@ -80,8 +80,8 @@ def test_a_fall_that_is_as_deep_but_slow_is_not():
     assert felt(0.75 * PARAMS.dip_threshold, 300, lasting=20) < np.inf
 
 
-def test_where_rests_are_in_vain_it_takes_the_whole_dip_again():
-    """After the second a sudden fall counts for nothing that a dip does not tell."""
+def test_after_two_stops_without_a_hole_only_a_whole_dip_counts():
+    """A sudden fall of less than the dip threshold is then no evidence of an edge."""
     assert [felt(0.95 * PARAMS.dip_threshold, 300, in_vain=n) for n in range(2)] == [np.inf, np.inf]
     assert felt(0.95 * PARAMS.dip_threshold, 300, in_vain=2) < np.inf
     assert felt(1.5 * PARAMS.dip_threshold, 300, in_vain=9) == np.inf
