@@ -223,7 +223,7 @@ def test_a_stop_ends_the_skill_before_its_next_scan_with_the_arm_halted(ctx):
     answer(ctx, (Request.RUN, 1), (Request.STOP, 1))
     scan = ctx.scan(1.0)
     next(scan)
-    with pytest.raises(Interrupted, match="^STOPPED$") as ending:
+    with pytest.raises(Interrupted, match=r"^STOPPED$") as ending:
         next(scan)
     assert (ending.value.reason, ctx.devices.arm.is_halted) == (Reason.STOPPED, True)
 

@@ -5,17 +5,15 @@ import math
 import numpy as np
 import pytest
 
-from drivers.errors import SwitchDisagreesError
 from drivers.frames import UP, angle_between, end_point, rotation_about
-from drivers.quantities import SwitchState
 from skills.contract import Outcome, Reason
 from skills.corner.adjust import SINKS, STRAYED_FOR, TURNED, Entry, Watch, run
 from skills.corner.insert import to_and_fro, turned_by
-from skills.motion import VALIDITY
 from skills.paths import dither
 from skills.search.surface import Plane
 from tests.fakes import PERIOD, Rig
-from tests.scripted import HOLE, SQUARE, ScriptedHand, corner_hand
+from tests.scripted import HOLE, SQUARE, corner_hand
+from tests.unit.skills.benches import SkillBench
 
 CELL, PARAMS = SQUARE.cell, SQUARE.cell.corner.adjust
 LENGTH = CELL.peg.length
@@ -30,29 +28,9 @@ def hand(tip=HOLE, tilt=TILT, **turns):
     return corner_hand(tip, tilt, DIRECTION, **turns)
 
 
-class Bench(ScriptedHand):
-    """The adjustment over a hand whose peg leans over its corner in the hole's mouth by default."""
-
-    def __init__(self, rig):
-        super().__init__(rig, lambda time: hand())
-
-    def adjust(self, plane=None, **changes):
-        """Run the adjustment with these parameters beside the shipped ones."""
-        self.move()
-        return run(PARAMS.model_copy(update={"timeout": 0.5, **changes}), self.ctx, plane)
-
-    def scans(self):
-        """Return each observation with the setpoint that followed on it."""
-        return zip(self.seen, self.commanded, strict=True)
-
-    def turn(self, time, theta):
-        """Let the skin measure another in-hand angle, rad, from a time on, s."""
-        self.rig.clock.at.append((time - 1e-9, lambda: setattr(self.skin, "theta", theta)))
-
-
 @pytest.fixture
 def bench(tmp_path):
-    return Bench(Rig(SQUARE, tmp_path))
+    return SkillBench(Rig(SQUARE, tmp_path), run, PARAMS, lambda time: hand())
 
 
 def sinks(depth, since=0.1):
@@ -66,7 +44,7 @@ def test_the_setpoint_of_the_tip_leads_the_corner_into_the_holes_own_as_the_hand
 ):
     lead, offset, way = (3e-3, 1e-3), 7e-3, np.array([1e-3, -1e-3, 2e-4])
     bench.way = lambda time: hand(HOLE + time * way, yaw=0.4 * time, is_turned_round=is_turned_round)
-    bench.adjust(lead=lead, push_offset=offset)
+    bench.run(lead=lead, push_offset=offset)
     along = bench.seen[0].arm.tcp.rotation[:, 2] * [1.0, 1.0, 0.0]
     along /= np.linalg.norm(along)
     along, across = along * np.sign(along @ CORNER), np.cross(UP, along)
@@ -78,7 +56,7 @@ def test_the_setpoint_of_the_tip_leads_the_corner_into_the_holes_own_as_the_hand
 
 def test_the_setpoint_of_the_axis_goes_upright_at_its_rate_over_the_corner_as_far_as_the_kept_tilt(bench):
     rate, kept = 0.4, 0.05
-    bench.adjust(raise_rate=rate, tilt=kept, dither_radius=0.0)
+    bench.run(raise_rate=rate, tilt=kept, dither_radius=0.0)
     down = np.cross(CORNER, UP)
     for scan, (_, setpoint) in enumerate(bench.scans()):
         left, spin = TILT - rate * scan * PERIOD, rate
@@ -91,17 +69,17 @@ def test_the_setpoint_of_the_axis_goes_upright_at_its_rate_over_the_corner_as_fa
     assert (left, spin) == (kept, 0.0)
 
 
-def test_a_peg_that_the_walls_have_caught_goes_all_the_way_upright_with_the_plate(bench):
-    normal = rotation_about(np.array([1.0, 0.0, 0.0]), 0.03) @ UP
+@pytest.mark.parametrize("normal", [None, rotation_about(np.array([1.0, 0.0, 0.0]), 0.03) @ UP])
+def test_a_peg_that_the_walls_have_caught_goes_all_the_way_upright_with_the_plate(bench, normal):
     bench.way = sinks(1.05 * PARAMS.caught)
-    bench.adjust(Plane(HOLE, normal), raise_rate=0.6, dither_radius=0.0)
-    np.testing.assert_allclose(bench.commanded[-1].axis, normal, atol=1e-4)
+    bench.run(None if normal is None else Plane(HOLE, normal), raise_rate=0.6, dither_radius=0.0)
+    np.testing.assert_allclose(bench.commanded[-1].axis, UP if normal is None else normal, atol=1e-4)
     assert angle_between(bench.commanded[0].axis, bench.seen[0].axis) < 2e-3
 
 
 def test_the_finger_centre_is_dithered_about_the_axis_with_its_motion_fed_forward(bench):
     rest = {"raise_rate": 1e-9, "dither_radius": 2e-3, "dither_rate": 20.0, "dither_period": 0.3}
-    bench.adjust(**rest)
+    bench.run(**rest)
     for seen, setpoint in bench.scans():
         offset = dither(seen.running, 2e-3, 20.0, 0.3)
         np.testing.assert_allclose(LENGTH * (setpoint.axis - bench.seen[0].axis)[:2], offset, atol=1e-9)
@@ -116,7 +94,7 @@ def test_the_yaw_of_the_hand_is_asked_to_sweep_about_where_it_began_by_a_bounded
 ):
     sweep = {"turn_rate": 0.5, "growth": 0.04, "reach": 0.1}
     bench.way = lambda time: hand(yaw=yaw_rate * time)
-    bench.adjust(turn=turn, **sweep)
+    bench.run(turn=turn, **sweep)
     leads = []
     for seen, setpoint in bench.scans():
         lead = to_and_fro(seen.running, *sweep.values()) - yaw_rate * seen.running
@@ -127,32 +105,6 @@ def test_the_yaw_of_the_hand_is_asked_to_sweep_about_where_it_began_by_a_bounded
     assert min(leads) < 0.0 < max(leads) or yaw_rate
 
 
-def test_one_adjustment_is_one_motion_with_the_gains_of_its_recipe_and_the_peg_in_the_hand_as_it_was(bench):
-    bench.skin.theta, bench.way = 0.05, lambda time: hand(theta=0.05)
-    bench.turn(0.1, 0.15)
-    ended = bench.adjust(push_stiffness=321.0, push_damping_ratio=1.7)
-    gains = PARAMS.gains
-    assert len({setpoint.id for setpoint in bench.commanded}) == 1
-    assert len(bench.commanded) == round(0.5 / PERIOD)
-    for seen, setpoint in bench.scans():
-        assert (setpoint.in_hand.theta, setpoint.in_hand.length) == (0.05, LENGTH)
-        assert setpoint.valid_until == seen.stamp + VALIDITY
-        np.testing.assert_array_equal(setpoint.stiffness, [gains.translation] * 2 + [321.0] + [gains.rotation] * 3)
-        np.testing.assert_array_equal(
-            setpoint.damping_ratio, [gains.damping_ratio] * 2 + [1.7] + [gains.damping_ratio] * 3
-        )
-        np.testing.assert_allclose(setpoint.tip[2], HOLE[2] - PARAMS.push_offset, atol=1e-9)
-    assert bench.seen[-1].peg.theta == pytest.approx(0.15)
-    assert bench.progress == pytest.approx([seen.running / 0.5 for seen in bench.seen])
-    assert ended.depth == pytest.approx(0.0, abs=1e-9)
-
-
-def test_two_adjustments_are_two_motions(bench):
-    bench.adjust(timeout=0.05)
-    bench.adjust(timeout=0.05)
-    assert len({setpoint.id for setpoint in bench.commanded}) == 2
-
-
 @pytest.mark.parametrize("tilt", [0.0, 0.1])
 @pytest.mark.parametrize(("more", "is_between"), [(1e-6, True), (-1e-6, False)])
 def test_a_peg_that_sinks_along_the_plates_normal_is_between_the_walls_at_its_depth(bench, tilt, more, is_between):
@@ -160,7 +112,7 @@ def test_a_peg_that_sinks_along_the_plates_normal_is_between_the_walls_at_its_de
     depth = PARAMS.entered + more
     bench.way = lambda time: hand(HOLE - (depth if time > 0.1 - 1e-9 else 0.0) * normal)
     # The plate lies where the peg has sunk already, so that its depth alone would count as entered.
-    ended = bench.adjust(Plane(HOLE + 3e-3 * UP, normal))
+    ended = bench.run(Plane(HOLE + 3e-3 * UP, normal))
     assert ended.outcome is (Outcome.SUCCESS if is_between else Outcome.FAILURE)
     assert ended.reason is (Reason.NONE if is_between else Reason.NOT_SEATED)
     assert ended.elapsed == pytest.approx(0.1 if is_between else 0.49, abs=1e-9)
@@ -170,7 +122,7 @@ def test_a_peg_that_sinks_along_the_plates_normal_is_between_the_walls_at_its_de
 @pytest.mark.parametrize(("share", "is_caught"), [(1.3, True), (0.95, False)])
 def test_a_peg_that_the_walls_have_caught_is_handed_on_once_it_stands(bench, share, is_caught):
     bench.way = sinks(share * PARAMS.caught)
-    ended = bench.adjust(timeout=1.5)
+    ended = bench.run(timeout=1.5)
     assert ended.outcome is (Outcome.SUCCESS if is_caught else Outcome.FAILURE)
     assert ended.elapsed == pytest.approx(0.1 + PARAMS.stands_for if is_caught else 1.49, abs=1.1 * PERIOD)
 
@@ -179,14 +131,14 @@ def test_a_peg_that_the_walls_have_caught_is_handed_on_once_it_stands(bench, sha
 @pytest.mark.parametrize("way", [CORNER, np.array([0.0, -1.0, 0.0])])
 def test_a_tip_that_strays_in_the_plate_for_a_while_has_left_the_hole(bench, share, has_strayed, way):
     bench.way = lambda time: hand(HOLE + (share * PARAMS.strayed if time > 0.1 - 1e-9 else 0.0) * way)
-    ended = bench.adjust()
+    ended = bench.run()
     assert (ended.outcome, ended.reason) == (Outcome.FAILURE, Reason.NOT_SEATED)
     assert ended.elapsed == pytest.approx(0.1 + STRAYED_FOR if has_strayed else 0.49, abs=1.1 * PERIOD)
 
 
 def test_a_tip_that_rises_has_not_strayed(bench):
     bench.way = sinks(-3.0 * PARAMS.strayed)
-    assert bench.adjust().elapsed > 0.48
+    assert bench.run().elapsed > 0.48
 
 
 @pytest.mark.parametrize("turns_with_hand", [False, True])
@@ -194,7 +146,7 @@ def test_a_peg_that_turns_in_the_hand_has_not_strayed_by_either_of_its_angles(be
     """A turn of 0.15 rad moves the tip by 7 mm, by the skin, or by the hand that turned while the tip stayed."""
     bench.turn(0.05, 0.15)
     bench.way = lambda time: hand(theta=0.15 if turns_with_hand and time > 0.1 - 1e-9 else 0.0)
-    assert bench.adjust().elapsed > 0.48
+    assert bench.run().elapsed > 0.48
     tip, _ = end_point(bench.seen[-1].arm.tcp, 0.0, LENGTH)
     furthest = tip if turns_with_hand else bench.seen[-1].tip
     assert math.dist(furthest[:2], HOLE[:2]) > 2.0 * PARAMS.strayed
@@ -205,33 +157,9 @@ def test_a_peg_that_turns_in_the_hand_has_not_strayed_by_either_of_its_angles(be
 def test_a_peg_that_has_turned_too_far_in_the_hand_is_given_up_at_once(bench, sense, share, ends):
     bench.skin.theta, bench.way = 0.1, lambda time: hand(theta=0.1)
     bench.turn(0.1, 0.1 + sense * share * TURNED)
-    ended = bench.adjust()
+    ended = bench.run()
     assert (ended.outcome, ended.reason) == (Outcome.FAILURE, Reason.NOT_SEATED)
     assert ended.elapsed == pytest.approx(0.1 if ends else 0.49, abs=1.1 * PERIOD)
-
-
-def test_a_switch_that_closes_at_the_holes_depth_ends_it_well(bench):
-    bench.way = lambda time: hand(HOLE - CELL.hole.depth * UP)
-    bench.rig.at(0.1, lambda: setattr(bench.rig.switch, "state", SwitchState.CLOSED))
-    ended = bench.adjust()
-    assert (ended.outcome, ended.reason) == (Outcome.SUCCESS, Reason.NONE)
-    assert (ended.elapsed, ended.depth) == pytest.approx((0.1, CELL.hole.depth), abs=1.1 * PERIOD)
-
-
-def test_a_switch_that_closes_at_the_surface_disagrees_with_the_depth(bench):
-    bench.rig.switch.state = SwitchState.CLOSED
-    with pytest.raises(SwitchDisagreesError):
-        bench.adjust()
-
-
-def test_a_peg_that_the_hand_loses_ends_it_at_once_with_the_arm_halted(bench):
-    assert bench.lost_in(bench.adjust) is Reason.LOST_GRASP
-
-
-def test_without_a_felt_plate_the_vertical_is_its_normal(bench):
-    bench.way = sinks(1.05 * PARAMS.caught)
-    bench.adjust(raise_rate=0.6, dither_radius=0.0)
-    np.testing.assert_allclose(bench.commanded[-1].axis, UP, atol=1e-9)
 
 
 def test_an_upright_peg_has_no_side_that_it_leans_to(bench):
