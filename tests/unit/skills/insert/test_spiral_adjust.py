@@ -1,6 +1,8 @@
 """The decisions of the adjustment, each by itself."""
 
+import itertools
 import math
+from functools import partial
 
 import numpy as np
 import pytest
@@ -17,13 +19,14 @@ from skills.held_peg import HeldPeg
 from skills.insert.guided_peg import CREEP, MOST_SWEPT, SLIDING, SWEPT_BEYOND, Aim, Descent, Guide, Stall, TiltSweep
 from skills.insert.play import allowed_tilt
 from skills.insert.spiral_adjust import ARRIVING, MOST_SWING_DAMPING, RAISED, Swing, given_up_after, run
-from skills.motion import VALIDITY, anchored, tilted_by
+from skills.motion import anchored, tilted_by
 from skills.paths import dither
 from skills.search.surface import Plane
 from skills.seating.decision import BORNE_FOR, CLOSED_TOLERANCE, OPEN_TOLERANCE
 from skills.seating.latch_likelihood import SHEAR, resistance
 from tests.fakes import HAND_DOWN, Rig
-from tests.scripted import CELL, HOLE, LIGHT, SIDE, ScriptedHand, hand
+from tests.scripted import CELL, HOLE, LIGHT, SIDE, hand
+from tests.unit.skills.benches import SkillBench
 from tests.unit.skills.seating.test_latch_likelihood import way_down
 
 PARAMS = load().cell.params(ADJUST)
@@ -73,7 +76,7 @@ def test_a_peg_that_slides_is_not_dithered_and_one_that_rests_is():
         float(np.linalg.norm(Guide(began=0.0).offset(0.2 * PERIOD, PARAMS, each.rest))) for each in (resting, sliding)
     ]
     assert sizes == pytest.approx([0.8 * PARAMS.dither_radius, 0.0], abs=0.25 * PARAMS.dither_radius)
-    assert sizes[1] == 0.0
+    assert (sizes[1], Descent(5e-3).after(4e-3, 0.01).rest) == (0.0, 1.0)
 
 
 def turning(rate, stamps):
@@ -122,10 +125,6 @@ def test_torques_that_act_as_late_as_a_careless_arms_bear_the_damping_of_a_swing
         assert 1.2 * rates.max() < low * math.hypot(1.0, low * lag)
 
 
-def test_a_tip_that_rises_slides_nowhere():
-    assert Descent(5e-3).after(4e-3, 0.01).rest == 1.0
-
-
 def test_after_a_jam_the_peg_is_aimed_where_it_rests_and_after_the_next_by_the_plate():
     upright = Pose(np.zeros(3), np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]]))
     normal, held = np.array([0.0, 0.0, 1.0]), InHandTip(math.radians(2.0), 0.05, 3.0)
@@ -136,56 +135,31 @@ def test_after_a_jam_the_peg_is_aimed_where_it_rests_and_after_the_next_by_the_p
 
 
 @pytest.mark.parametrize(
-    ("short", "times"), [(OPEN_TOLERANCE + 1e-6, 1.0), (OPEN_TOLERANCE - 1e-6, 2.0), (-0.003, 2.0)]
+    ("short", "timeout"),
+    [
+        (OPEN_TOLERANCE + 1e-6, PARAMS.stall_timeout),
+        (OPEN_TOLERANCE - 1e-6, PARAMS.stall_at_bottom),
+        (-0.003, PARAMS.stall_at_bottom),
+    ],
 )
-def test_a_peg_at_the_bottom_is_given_twice_the_time_of_one_that_stalls_above_it(short, times):
-    assert given_up_after(0.02 - short, 0.02, CELL.plan(1).adjust) == times * PARAMS.stall_timeout
-
-
-def test_fingers_that_slide_down_the_peg_are_noticed_below_the_bottom(tmp_path):
-    """The fake hand follows its setpoint down, as sliding fingers do; the switch stays open."""
-    rig = Rig(load(), tmp_path)
-    ctx = rig.cell.context(1)
-    hole = ctx.job.hole
-    rig.gripper.grip(30.0)
-    rig.arm.tcp = Pose(np.array([*hole.centre[:2], hole.centre[2] + ctx.length]), HAND_DOWN)
-    ended = run(PARAMS.model_copy(update={"push_offset": 1e-3}), ctx)
-    assert (ended.outcome, ended.reason) == (Outcome.FAILURE, Reason.NOT_SEATED)
-    assert ended.depth == pytest.approx(hole.depth + CLOSED_TOLERANCE, abs=2e-3)
+def test_a_peg_at_the_bottom_is_given_up_later_than_one_that_stalls_above_it(short, timeout):
+    assert given_up_after(0.02 - short, 0.02, PARAMS) == timeout
 
 
 @pytest.mark.parametrize(("above", "goes_on"), [(-1e-3, True), (1e-3, False)])
-def test_a_peg_that_hangs_above_the_plate_is_given_up_at_once(tmp_path, above, goes_on):
-    """The hand of the fakes rests where it is put, above the height at which the rim of a leaning peg could still touch the plate, or below it."""
-    rig = Rig(load(), tmp_path)
-    ctx = rig.cell.context(1)
-    rig.gripper.grip(30.0)
-    height = ctx.job.hole.centre[2] + ctx.length + ctx.job.peg.part.inscribed / 2.0 + RAISED + above
-    rig.arm.tcp = Pose(np.array([*ctx.job.hole.centre[:2], height]), HAND_DOWN)
-    ended = run(PARAMS.model_copy(update={"push_offset": 0.0, "timeout": 0.5}), ctx)
-    assert ended.reason is Reason.NOT_SEATED
-    assert (ended.elapsed > 0.4) == goes_on
+def test_a_peg_that_hangs_above_the_plate_is_given_up_at_once(bench, above, goes_on):
+    """At the height up to which the rim of a leaning peg could still touch the plate, or above it."""
+    height = CELL.peg.part.inscribed / 2.0 + RAISED + above
+    bench.way = lambda time: hand(HOLE + height * UP)
+    ended = bench.run()
+    assert (ended.reason, ended.elapsed > 0.4) == (Reason.NOT_SEATED, goes_on)
 
 
-def test_the_dither_is_fed_forward(tmp_path):
-    """The hand of the fakes rests at the surface, so that the dither goes on."""
-    rig = Rig(load(), tmp_path)
-    ctx = rig.cell.context(1)
-    rig.gripper.grip(30.0)
-    rig.arm.tcp = Pose(np.array([*ctx.job.hole.centre[:2], ctx.job.hole.centre[2] + ctx.length]), HAND_DOWN)
-    run(PARAMS.model_copy(update={"push_offset": 0.0, "timeout": 0.5}), ctx)
-    assert ctx.lead.held is not None
-    assert ctx.lead.held.twist is not None
-
-
-def test_ways_down_of_earlier_attempts_are_handed_on_while_the_peg_is_held(tmp_path):
-    rig = Rig(load(sets=("hole.latch={kind='detent',force=5.0,height=0.003}", "hole.evidence=force")), tmp_path)
-    ctx, way = rig.cell.context(1), way_down()
-    ctx.peg = HeldPeg(ways=(way,))
-    rig.gripper.grip(30.0)
-    rig.arm.tcp = Pose(np.array([*ctx.job.hole.centre[:2], ctx.job.hole.centre[2] + ctx.length]), HAND_DOWN)
-    run(PARAMS.model_copy(update={"push_offset": 0.0, "timeout": 0.5}), ctx)
-    assert ctx.peg.ways == (way,)
+def test_ways_down_of_earlier_attempts_are_handed_on_while_the_peg_is_held(make):
+    bench, way = make("hole.latch={kind='detent',force=5.0,height=0.003}", "hole.evidence=force"), way_down()
+    bench.ctx.peg = HeldPeg(ways=(way,))
+    bench.run(push_offset=0.0)
+    assert bench.ctx.peg.ways == (way,)
 
 
 def swept(tilt, last=None, elapsed=1.0):
@@ -201,6 +175,7 @@ def test_a_tilt_sweep_turns_the_hand_about_its_closing_axis_to_both_sides_by_wha
     np.testing.assert_allclose(places[:, 0], 0.0, atol=1e-15)
     assert (places[:, 1].min(), places[:, 1].max()) == pytest.approx((-widest, widest))
     assert (places[0, 1], places[20, 1], places[-1, 1]) == pytest.approx((0.0, 0.0, 0.0), abs=1e-12)
+    assert [sweep.is_on(1.0 + share * PARAMS.sweep_time, PARAMS) for share in (0.99, 1.01)] == [True, False]
 
 
 def test_the_next_tilt_sweep_begins_to_the_other_side_and_none_is_wider_than_the_widest():
@@ -210,35 +185,21 @@ def test_the_next_tilt_sweep_begins_to_the_other_side_and_none_is_wider_than_the
     assert second.amplitude == -first.amplitude
 
 
-def test_a_tilt_sweep_lasts_as_long_as_the_recipe_says():
-    sweep = swept(0.02)
-    assert (sweep.is_on(1.0 + 0.99 * PARAMS.sweep_time, PARAMS), sweep.is_on(1.01 + PARAMS.sweep_time, PARAMS)) == (
-        True,
-        False,
-    )
-
-
 def test_an_aim_that_is_kept_leaves_the_hand_as_it_is_turned():
     aim, tcp = Aim(InHandTip(0.1, 0.05, 0.0), np.array([0.0, 0.0, 1.0])), Pose(np.zeros(3), HAND_DOWN)
     _, axis = end_point(tcp, 0.1, 0.05)
     np.testing.assert_allclose(aim.kept(tcp).axis(np.zeros(2)), axis, atol=1e-12)
 
 
-class Bench(ScriptedHand):
-    """The adjustment over a hand whose peg stands upright at the hole's mouth by default."""
-
-    def __init__(self, rig):
-        super().__init__(rig, lambda time: hand())
-
-    def adjust(self, plane=None, turns_freely=False, **changes):
-        """Run the adjustment with these parameters beside the shipped ones."""
-        self.move()
-        return run(PARAMS.model_copy(update={"timeout": 0.5, **changes}), self.ctx, plane, turns_freely)
+@pytest.fixture
+def make(tmp_path):
+    """Return what makes a bench whose peg stands upright at the hole's mouth by default."""
+    return lambda *sets: SkillBench(Rig(load(sets=[LIGHT, *sets]), tmp_path), run, PARAMS, lambda time: hand())
 
 
 @pytest.fixture
-def bench(tmp_path):
-    return Bench(Rig(load(sets=[LIGHT]), tmp_path))
+def bench(make):
+    return make()
 
 
 def at_depth(depth):
@@ -248,87 +209,62 @@ def at_depth(depth):
 
 def test_the_push_leans_with_a_plate_that_is_felt_not_to_be_level(bench):
     normal = rotation_about(SIDE, 0.04) @ UP
-    bench.adjust(Plane(HOLE, normal), timeout=0.015)
+    bench.run(Plane(HOLE, normal), timeout=0.015)
     np.testing.assert_allclose(bench.commanded[0].axis, normal, atol=1e-9)
 
 
 def test_the_hole_guides_a_peg_whose_setpoint_then_follows_its_tip_as_far_as_a_hole_can_be(bench):
     bench.way = lambda time: hand(HOLE - 2e-3 * UP + min(0.02 * time, 0.01) * SIDE)
-    bench.adjust(jammed=1e-12, dither_period=10.0)
-    for seen, setpoint in zip(bench.seen, bench.commanded, strict=True):
+    bench.run(jammed=1e-12, dither_period=10.0)
+    for seen, setpoint in bench.scans():
         np.testing.assert_allclose(setpoint.tip[:2], anchored(seen.tip, bench.seen[0].tip)[:2], atol=1e-12)
         offset = dither(seen.running, PARAMS.dither_radius, PARAMS.dither_rate, 10.0)
         np.testing.assert_allclose(setpoint.axis, tilted_by(offset, CELL.peg.length), atol=1e-12)
     assert bench.commanded[-1].tip[0] - HOLE[0] == pytest.approx(4e-3)
-
-
-def test_one_adjustment_is_one_motion_with_the_gains_of_its_recipe_and_theta_as_it_was(bench):
-    bench.skin.theta = 0.02
-    bench.rig.clock.at.append((0.1, lambda: setattr(bench.skin, "theta", 0.05)))
-    bench.adjust(timeout=0.35)
-    first = bench.seen[0]
-    assert len({setpoint.id for setpoint in bench.commanded}) == 1
-    for seen, setpoint in zip(bench.seen, bench.commanded, strict=True):
-        assert (setpoint.in_hand.theta, setpoint.in_hand.length) == (0.02, CELL.peg.length)
-        assert setpoint.valid_until == seen.stamp + VALIDITY
-        np.testing.assert_array_equal(setpoint.roll, first.arm.tcp.rotation[:, 2])
-        gains, push = PARAMS.gains, (PARAMS.push_stiffness, PARAMS.push_damping_ratio)
-        np.testing.assert_array_equal(
-            setpoint.stiffness, [gains.translation, gains.translation, push[0], *[gains.rotation] * 3]
-        )
-        np.testing.assert_array_equal(
-            setpoint.damping_ratio, [gains.damping_ratio] * 2 + [push[1]] + [gains.damping_ratio] * 3
-        )
-    assert bench.progress == pytest.approx([seen.running / 0.35 for seen in bench.seen])
+    for before, after in itertools.pairwise(bench.commanded):
+        np.testing.assert_allclose(before.twist.angular, np.cross(before.axis, after.axis) / 0.01, atol=1e-9)
 
 
 @pytest.mark.parametrize("turns_freely", [False, True])
 def test_the_yaw_of_the_hand_gives_way_only_where_walls_keep_the_pegs(bench, turns_freely):
     bench.way = lambda time: Pose(hand().position, rotation_about(UP, 0.2 * time) @ hand().rotation)
-    bench.adjust(turns_freely=turns_freely)
-    for seen, setpoint in zip(bench.seen, bench.commanded, strict=True):
+    bench.skill = partial(run, turns_freely=turns_freely)
+    bench.run()
+    for seen, setpoint in bench.scans():
         np.testing.assert_array_equal(setpoint.roll, (seen if turns_freely else bench.seen[0]).arm.tcp.rotation[:, 2])
 
 
 @pytest.mark.parametrize(("short", "factor"), [(1e-5, 1.0), (-1e-5, ARRIVING)])
 def test_a_peg_is_let_down_to_the_bottom_more_gently(bench, short, factor):
     bench.way = at_depth(CELL.hole.depth - PARAMS.arrival - short)
-    bench.adjust(timeout=0.05)
+    bench.run(timeout=0.05)
     assert bench.commanded[-1].damping_ratio[2] == pytest.approx(factor * PARAMS.push_damping_ratio)
 
 
 def test_a_hand_that_swings_pushes_less_and_damps_more_until_the_swing_is_over(bench):
     rate = 0.5
     bench.way = lambda time: hand(tilt=rate * time)
-    bench.adjust(swing_time=0.3)
+    bench.run(swing_time=0.3)
     swing = Swing(SIDE, 0.0, rate)
-    scans = list(zip(bench.seen, bench.commanded, strict=True))
+    scans = list(bench.scans())
     for (seen, setpoint), expected in ((scans[25], swing), (scans[40], Swing(SIDE, 0.0, 0.0))):
         tip = end_point(seen.arm.tcp, 0.0, CELL.peg.length)[0]
         assert tip[2] - setpoint.tip[2] == pytest.approx(PARAMS.push_offset * expected.push, rel=1e-3)
         assert setpoint.damping_ratio[2] == pytest.approx(PARAMS.push_damping_ratio * expected.damping, rel=1e-3)
 
 
-def test_an_adjustment_ends_well_where_the_switch_closes_at_the_holes_depth(bench):
-    bench.way = at_depth(CELL.hole.depth)
-    bench.rig.at(0.1, lambda: setattr(bench.rig.switch, "state", SwitchState.CLOSED))
-    ended = bench.adjust()
-    assert (ended.outcome, ended.reason) == (Outcome.SUCCESS, Reason.NONE)
-    assert (ended.elapsed, ended.depth) == pytest.approx((0.1, CELL.hole.depth), abs=1.1e-2)
-
-
 @pytest.mark.parametrize(("felt_short", "waits"), [(0.5e-3, False), (1.5e-3, True), (-3e-3, True)])
 def test_a_depth_that_leaves_it_open_whether_the_peg_is_seated_is_asked_of_the_bottom(bench, felt_short, waits):
     bench.way = at_depth(CELL.hole.depth)
     bench.rig.at(0.05, lambda: setattr(bench.rig.switch, "state", SwitchState.CLOSED))
-    ended = bench.adjust(Plane(HOLE - felt_short * UP, UP))
+    ended = bench.run(Plane(HOLE - felt_short * UP, UP))
     assert ended.outcome is Outcome.SUCCESS
     assert ended.elapsed == pytest.approx(0.05 + (BORNE_FOR if waits else 0.0), abs=1.1e-2)
 
 
 def test_a_peg_that_goes_no_deeper_is_given_up_after_the_stall_timeout(bench):
     bench.way = lambda time: hand(HOLE - min(0.01 * time, 1e-3) * UP)
-    ended = bench.adjust(stall_timeout=0.2, timeout=2.0)
+    ended = bench.run(stall_timeout=0.2, timeout=2.0)
     assert (ended.outcome, ended.reason) == (Outcome.FAILURE, Reason.NOT_SEATED)
     assert (ended.elapsed, ended.depth) == pytest.approx((0.3, 1e-3), abs=2.5e-2)
 
@@ -336,21 +272,21 @@ def test_a_peg_that_goes_no_deeper_is_given_up_after_the_stall_timeout(bench):
 def test_an_open_switch_at_the_bottom_disagrees_with_the_depth(bench):
     bench.way = at_depth(CELL.hole.depth)
     with pytest.raises(SwitchDisagreesError):
-        bench.adjust(stall_timeout=0.1, stall_at_bottom=0.2, timeout=2.0)
+        bench.run(stall_timeout=0.1, stall_at_bottom=0.2, timeout=2.0)
     assert bench.rig.clock.now() == pytest.approx(0.2, abs=3e-2)
 
 
 def test_a_peg_below_the_bottom_is_given_up_at_once(bench):
     bench.way = at_depth(CELL.hole.depth + CLOSED_TOLERANCE + 1e-5)
-    ended = bench.adjust()
+    ended = bench.run()
     assert (ended.reason, ended.elapsed) == (Reason.NOT_SEATED, 0.0)
 
 
 def test_a_jammed_peg_is_aimed_anew_by_what_the_skin_says_now_and_swept(bench):
     """The first period of the dither ends in the 41st scan, without a gain."""
     bench.way = at_depth(1.5e-3)
-    bench.rig.clock.at.append((0.1, lambda: setattr(bench.skin, "theta", 0.03)))
-    bench.adjust(dither_period=0.4, sweep_time=0.5, timeout=0.8)
+    bench.turn(0.1, 0.03)
+    bench.run(dither_period=0.4, sweep_time=0.5, timeout=0.8)
     before, after = bench.commanded[39], bench.commanded[42]
     assert (before.in_hand.theta, after.in_hand.theta) == (0.0, 0.03)
     resting = end_point(hand(), 0.03, CELL.peg.length)[1]
@@ -367,7 +303,7 @@ def test_a_jammed_peg_is_aimed_anew_by_what_the_skin_says_now_and_swept(bench):
 def test_after_a_second_jam_the_peg_is_pushed_along_the_plates_normal_again(bench):
     """The first sweep begins after a period of 0.2 s and takes as long; the dither begins anew after it."""
     bench.way = lambda time: hand(HOLE - 1.5e-3 * UP, tilt=0.02)
-    bench.adjust(dither_period=0.2, sweep_time=0.2, timeout=0.85, dither_radius=1e-9)
+    bench.run(dither_period=0.2, sweep_time=0.2, timeout=0.85, dither_radius=1e-9)
     resting = end_point(hand(tilt=0.02), 0.0, CELL.peg.length)[1]
     between, second = bench.commanded[42:57], bench.commanded[59:79]
     assert max(angle_between(each.axis, resting) for each in between) < 1e-3
@@ -378,12 +314,11 @@ def test_after_a_second_jam_the_peg_is_pushed_along_the_plates_normal_again(benc
 
 
 @pytest.mark.parametrize("worn", [False, True])
-def test_a_latch_that_was_felt_on_the_way_down_seats_a_peg_where_there_is_no_switch(tmp_path, worn):
-    """The hand goes down at an even speed, and is drawn up where the peg's latch was not felt."""
-    keys = ["hole.evidence=force", "hole.latch.kind=detent", "hole.latch.force=5.0", "hole.latch.height=0.003"]
-    rig = Rig(load(sets=keys), tmp_path)
+def test_a_latch_that_was_felt_on_the_way_down_seats_a_peg_where_there_is_no_switch(make, worn):
+    """The hand goes down at an even speed, and is drawn up if the peg's latch was not felt."""
+    bench = make("hole.evidence=force", "hole.latch={kind='detent',force=5.0,height=0.003}")
+    rig, latch = bench.rig, bench.rig.cell.config.hole.latch
     rig.switch.state = SwitchState.UNKNOWN
-    bench, latch = Bench(rig), load(sets=keys).cell.hole.latch
 
     def way(time):
         above = max(0.008 - 0.02 * time, 0.0)
@@ -392,7 +327,7 @@ def test_a_latch_that_was_felt_on_the_way_down_seats_a_peg_where_there_is_no_swi
         return hand(HOLE - (CELL.hole.depth - above + SHEAR * force) * UP)
 
     bench.way = way
-    ended = bench.adjust(timeout=1.5)
+    ended = bench.run(timeout=1.5)
     assert (ended.outcome is Outcome.SUCCESS) != worn
     assert (
         bool(max(each.tip[2] - seen.tip[2] for seen, each in zip(bench.seen, bench.commanded, strict=False)) > 0)
@@ -403,10 +338,6 @@ def test_a_latch_that_was_felt_on_the_way_down_seats_a_peg_where_there_is_no_swi
 def test_a_swept_peg_that_slides_is_left_as_it_is_turned(bench):
     """The peg goes down at 0.1 m/s once the sweep has turned the hand."""
     bench.way = lambda time: hand(HOLE - (1.5e-3 + max(0.1 * (time - 0.55), 0.0)) * UP, tilt=0.02)
-    bench.adjust(dither_period=0.4, sweep_time=0.5, timeout=0.7)
+    bench.run(dither_period=0.4, sweep_time=0.5, timeout=0.7)
     last, resting = bench.commanded[-1], end_point(hand(tilt=0.02), 0.0, CELL.peg.length)[1]
     np.testing.assert_allclose(last.axis, resting, atol=1e-3)
-
-
-def test_a_peg_that_the_hand_loses_ends_it_at_once_with_the_arm_halted(bench):
-    assert bench.lost_in(bench.adjust) is Reason.LOST_GRASP
