@@ -9,29 +9,23 @@ from cell.config.load import load
 from drivers.frames import UP, rotation_about
 from skills.catalogue import GRASP
 from skills.contract import Interrupted, Reason
-from skills.motion import STRAY, VALIDITY, Goal, Trim, Way, anchored, between, move, spin_between
+from skills.motion import (
+    STRAY,
+    VALIDITY,
+    Goal,
+    Trim,
+    Way,
+    anchored,
+    between,
+    minimum_jerk,
+    move,
+    spin_between,
+    tilted_by,
+)
 from tests.fakes import FakeArm, FakeClock, FakeGripper, context_of
 
 CONFIG = load().cell
 SIDE = np.array([1.0, 0.0, 0.0])
-
-
-def test_a_hand_on_its_way_is_held_half_as_firmly_about_the_vertical():
-    clock, transfer = FakeClock(), CONFIG.params(GRASP).transfer
-    ctx = context_of(CONFIG, FakeArm(clock), FakeGripper(0.008))
-    tcp = ctx.devices.arm.tcp
-    next(
-        iter(
-            move(
-                Goal(tcp.position + np.array([0.0, 0.06, 0.0]), -tcp.rotation[:, 0], tcp.rotation[:, 2]),
-                transfer,
-                ctx,
-                None,
-            )
-        )
-    )
-    gains = transfer.gains
-    assert ctx.lead.held.stiffness.tolist() == [gains.translation] * 3 + [gains.rotation] * 2 + [gains.rotation / 2.0]
 
 
 @pytest.mark.parametrize(("breadth", "stray"), [(0.004, STRAY), (0.008, STRAY), (0.02, 0.01)])
@@ -83,6 +77,8 @@ def test_a_move_gets_to_its_goal_within_the_speeds_of_its_transfer_fed_forward_b
         turning = float(UP @ np.cross(rolls[k - 1], rolls[k + 1])) / 0.02
         assert told[k][1].twist.angular[2] == pytest.approx(turning, abs=0.02)
     assert tips[0] == pytest.approx(start.position)
+    gains = TRANSFER.gains
+    assert last.stiffness.tolist() == [gains.translation] * 3 + [gains.rotation] * 2 + [gains.rotation / 2.0]
     assert len({each.id for _, each in told}) == 1
     assert all(each.valid_until == pytest.approx(now + VALIDITY) and each.is_free for now, each in told)
     assert last.id != moved(ctx, beside(ctx, (0.0, 0.01, 0.0)))[0][1].id
@@ -119,10 +115,14 @@ def test_only_a_way_out_goes_without_the_limits(ctx, limited):
     assert ended.value.reason is Reason.FORCE_LIMIT
 
 
-def test_a_peg_that_is_lost_on_the_way_ends_the_move_of_a_hand_that_holds_one(ctx):
+@pytest.mark.parametrize("is_held", [True, False])
+def test_a_peg_that_is_lost_on_the_way_ends_the_move_of_a_hand_that_holds_one(ctx, is_held):
     ctx.devices.gripper.grip(30.0)
     goal = beside(ctx, (0.0, 0.1, 0.0))
     ctx.devices.clock.at.append((0.1, lambda: setattr(ctx.devices.gripper, "has_peg", False)))
+    if not is_held:
+        assert moved(ctx, goal)[-1][0] > 0.5
+        return
     with pytest.raises(Interrupted) as ended:
         moved(ctx, Goal(goal.tip - CONFIG.peg.length * UP, goal.axis, goal.roll), ctx.in_hand())
     assert ended.value.reason is Reason.LOST_GRASP
@@ -133,6 +133,14 @@ def test_a_trim_adds_up_what_is_missing_up_to_its_limit_on_either_side():
     assert trim.value == pytest.approx(2 * 2.0 * 0.1 * 0.01)
     assert trim.after(-0.2, 0.01).value == pytest.approx(0.0)
     assert (trim.after(10.0, 1.0).value, trim.after(-10.0, 1.0).value) == (0.01, -0.01)
+
+
+def test_the_finger_centre_of_the_spiral_stands_where_it_was_drawn():
+    np.testing.assert_allclose(0.05 * tilted_by(np.array([0.006, -0.008]), 0.05)[:2], [0.006, -0.008], atol=1e-15)
+
+
+def test_a_minimum_jerk_move_starts_and_ends_at_rest():
+    assert [minimum_jerk(share) for share in (0.0, 0.5, 1.0)] == [(0.0, 0.0), (0.5, 1.875), (1.0, 0.0)]
 
 
 @pytest.mark.parametrize("rate", [0.0, 0.7, -2.0])

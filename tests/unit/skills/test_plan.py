@@ -46,12 +46,6 @@ def test_a_weak_grip_is_the_reason_of_a_weaker_push():
     assert plan.search.speed < CELL.plan().search.speed
 
 
-@pytest.mark.parametrize(("attempt", "stall", "at_bottom"), [(0, 2.0, 4.0), (1, 5.0, 10.0)])
-def test_the_stall_timeout_in_force_is_that_of_the_attempt(attempt, stall, at_bottom):
-    adjust = CELL.plan(attempt).adjust
-    assert (adjust.stall_timeout, adjust.stall_at_bottom) == pytest.approx((stall, at_bottom))
-
-
 def test_a_plan_names_the_sections_in_use_alone():
     square = load(sets=["peg.shape=square"]).cell.plan()
     assert {"corner", "insert"} & CELL.plan().sections.keys() == {"insert"}

@@ -24,7 +24,6 @@ from tests.scripted import LIGHT, SIDE
 
 LOADED = load(sets=[LIGHT])
 PARAMS, JOB = LOADED.cell.params(SEARCH), LOADED.cell.job()
-TURN = 0.2
 
 
 @pytest.fixture
@@ -52,27 +51,10 @@ def turned(seen, theta, length):
     return replace(seen, peg=replace(seen.peg, theta=theta), tip=tip, axis=axis)
 
 
-def test_the_hand_does_not_turn_after_a_peg_that_the_plate_turns(sweeping):
-    sweep, seen, ctx = sweeping()
-    seen = turned(seen, seen.peg.theta + TURN, ctx.length)
-    sweep.finds(seen)
-    assert angle_between(sweep.setpoint(seen).axis, seen.axis) == pytest.approx(0.0, abs=1e-6)
-
-
 @pytest.mark.parametrize(("most", "angle", "is_turned"), [(0.35, 0.34, False), (0.35, 0.36, True), (0.2, 0.21, True)])
 def test_a_peg_that_has_turned_far_is_held_anew(sweeping, most, angle, is_turned):
     sweep, seen, ctx = sweeping(turned=most)
     assert sweep.is_to_lift(turned(seen, seen.peg.theta - angle, ctx.length)) is is_turned
-
-
-def test_a_peg_that_is_held_anew_comes_down_where_it_was_and_the_hand_turns_after_it(sweeping):
-    sweep, seen, ctx = sweeping()
-    sweep.finds(seen)
-    course = sweep.begin_anew()
-    assert course.first[:2] == pytest.approx(course.middle + course.path.at(0.0)[0])
-    sweep.hold_anew()
-    assert not sweep.is_to_lift(turned(seen, ctx.in_hand().theta, ctx.length))
-    assert math.isclose(sweep.setpoint(seen).axis @ course.axis, 1.0, abs_tol=1e-9)
 
 
 @pytest.mark.parametrize(("lag", "rests"), [(0.99e-2, 0), (1.01e-2, 1)])
@@ -274,41 +256,25 @@ def test_a_place_of_three_rests_without_a_find_is_lifted_over(sweeping, monkeypa
     assert sweep.is_to_lift(seen) is lifted
 
 
-@pytest.mark.parametrize("longer", [0.003, -0.003])
-def test_the_first_touch_down_tells_the_length_of_the_peg_and_where_it_touched(slide, longer):
+@pytest.mark.parametrize(
+    ("longer", "is_known", "excess", "grip_share"),
+    [
+        (0.003, False, 0.003, 1.0),
+        (-0.003, False, -0.003, 1.0),
+        (-0.007, False, 0.0, 1.0),
+        (0.0, True, 0.0, 1.0),
+        (-0.008, True, -0.008, 0.5),
+    ],
+    ids=["longer", "shorter", "beyond the bound", "as long as before", "slipped since"],
+)
+def test_a_touch_down_measures_the_length_of_the_peg_and_its_slip(slide, longer, is_known, excess, grip_share):
     slide.longer = longer
-    slide.slide(DOWN + 0.5)
-    assert (slide.ctx.peg.excess, slide.ctx.peg.is_length_known, slide.ctx.peg.grip_share) == (
-        pytest.approx(longer),
-        True,
-        1.0,
-    )
-    assert slide.sweep.touched[2] == pytest.approx(slide.level)
-    edge = slide.part.lowest(slide.course.first, slide.course.axis, slide.course.closing)
-    np.testing.assert_allclose(
-        slide.sweep.touched[:2], edge[:2] - longer * slide.course.axis[:2] + longer * slide.course.axis[:2], atol=3e-3
-    )
-
-
-def test_a_peg_that_has_touched_before_and_is_shorter_has_slipped(slide):
-    slide.longer = -0.008
-    slide.slide(DOWN + 0.5, known=True, touch_down=2.0)
-    assert (slide.ctx.peg.excess, slide.ctx.peg.grip_share) == (pytest.approx(-0.008), 0.5)
-
-
-def test_a_peg_as_long_as_it_was_has_not_slipped(slide):
-    slide.slide(DOWN + 0.5, known=True)
-    assert (slide.ctx.peg.excess, slide.ctx.peg.is_length_known, slide.ctx.peg.grip_share) == (0.0, True, 1.0)
-    assert slide.sweep.touched[2] == pytest.approx(slide.level)
-
-
-def test_a_length_beyond_the_bound_is_not_believed(slide, caplog):
-    slide.longer = -0.007
-    slide.slide(DOWN + 0.5)
-    assert (slide.ctx.peg.excess, slide.ctx.peg.is_length_known) == (0.0, True)
-    assert slide.sweep.touched[2] == pytest.approx(slide.level - 0.007 * slide.course.axis[2])
-    assert "expected -4.9 mm above" in caplog.text
-    assert "within 6.0 mm believed" in caplog.text
+    slide.slide(DOWN + 0.5, known=is_known, touch_down=2.0)
+    peg, axis = slide.ctx.peg, slide.course.axis
+    assert (peg.excess, peg.is_length_known, peg.grip_share) == (pytest.approx(excess), True, grip_share)
+    assert slide.sweep.touched[2] == pytest.approx(slide.level + (longer - excess) * axis[2])
+    edge = slide.part.lowest(slide.course.first, axis, slide.course.closing)
+    np.testing.assert_allclose(slide.sweep.touched[:2], edge[:2], atol=6e-3)
 
 
 def test_a_plate_that_is_not_felt_tells_no_length(slide):

@@ -94,6 +94,7 @@ def test_the_course_is_drawn_by_the_generator_of_the_context(bench):
 def test_a_peg_that_has_touched_the_plate_before_comes_down_from_lower(bench, is_known):
     bench.ctx.peg = HeldPeg(measured=0.0 if is_known else None)
     bench.search(timeout=0.05)
+    assert bench.commanded[0].is_free  # it is not pulled
     height = PARAMS.height if is_known else PARAMS.first_height(bench.part.reach)
     assert bench.free_moves[0][-1].tip[2] - bench.level == pytest.approx(height, abs=1e-5)
 
@@ -141,23 +142,18 @@ def test_a_peg_in_the_hole_is_pulled_straight_up_to_the_height_from_which_it_com
     assert pulled[-1].tip[2] - bench.level == pytest.approx(PARAMS.first_height(bench.part.reach), abs=1e-3)
 
 
-def test_a_peg_above_the_plate_is_not_pulled(bench):
-    bench.search(timeout=0.05)
-    assert bench.commanded[0].is_free
-
-
 TURN = 0.4
 """Turn of the peg in the hand beyond what the search bears, rad."""
 
 
-def turned_after(bench, delay):
-    """Let the peg turn in the hand once the search has slid for so long, s."""
+def turned_after(bench, delay, is_blocked=False):
+    """Let the peg turn in the hand, and the arm be blocked, once the search has slid for so long, s."""
     start = bench.ctx.callbacks.progress
 
     def told(share):
         start(share)
         if len(bench.progress) == round(delay / PERIOD):
-            bench.skin.theta = TURN
+            bench.skin.theta, bench.rig.arm.is_blocked = TURN, is_blocked
 
     bench.ctx.callbacks = replace(bench.ctx.callbacks, progress=told)
 
@@ -201,14 +197,7 @@ def test_a_search_whose_time_is_up_while_the_peg_is_lifted_off_ends(bench):
 
 
 def test_a_turned_peg_that_does_not_come_off_the_plate_ends_the_search(bench):
-    turned_after(bench, 0.8)
-    start = bench.ctx.callbacks.progress
-
-    def told(share):
-        start(share)
-        bench.rig.arm.is_blocked = len(bench.progress) >= round(0.8 / PERIOD)
-
-    bench.ctx.callbacks = replace(bench.ctx.callbacks, progress=told)
+    turned_after(bench, 0.8, is_blocked=True)
     ended = bench.search()
     assert (ended.outcome, ended.reason) == (Outcome.FAILURE, Reason.NOT_SEATED)
     assert ended.elapsed == pytest.approx(0.8 + LONGEST, abs=0.05)
@@ -217,30 +206,26 @@ def test_a_turned_peg_that_does_not_come_off_the_plate_ends_the_search(bench):
     assert (ended.rests, ended.plane) == (0, None)
 
 
-def test_the_prior_of_a_job_is_searched_first_in_a_first_attempt_alone(tmp_path):
-    place = (float(HOLE[0]) + 6e-3, float(HOLE[1]) - 5e-3)
-    prior = HolePrior(mean=place, deviation=(3e-4, 5e-4))
-    starts = {}
-    for failed in (False, True):
-        bench = Bench(Rig(LOADED, tmp_path / str(failed)))
-        bench.ctx.job = bench.ctx.job.model_copy(
-            update={"hole": bench.ctx.job.hole.model_copy(update={"prior": prior})}
-        )
-        bench.ctx.rng = np.random.default_rng(2)
-        belief = Belief(failed=(place,)) if failed else ANYWHERE
-        starts[failed] = bench.search(belief=belief, timeout=0.05).start
-    plain = make_course(PARAMS, CELL.job(), np.random.default_rng(2), is_length_known=False)
-    assert starts[True] == pytest.approx(tuple(plain.first[:2]))
-    told = make_course(PARAMS, CELL.job(), np.random.default_rng(2), Belief(Likely(place, (3e-4, 5e-4))), False)
-    assert starts[False] == pytest.approx(tuple(told.first[:2]))
+PLACE = (float(HOLE[0]) + 6e-3, float(HOLE[1]) - 5e-3)
+PRIOR = HolePrior(mean=PLACE, deviation=(3e-4, 5e-4))
+KNOWN = Belief(Likely(PLACE, (5e-4, 5e-4)))
 
 
-def test_a_belief_is_followed_where_the_job_has_no_prior(bench):
-    belief = Belief(Likely((float(HOLE[0]), float(HOLE[1])), (5e-4, 5e-4)))
+@pytest.mark.parametrize(
+    ("prior", "belief", "followed"),
+    [
+        (PRIOR, ANYWHERE, Belief(Likely(PLACE, (3e-4, 5e-4)))),
+        (PRIOR, Belief(failed=(PLACE,)), ANYWHERE),
+        (None, KNOWN, KNOWN),
+    ],
+    ids=["first attempt", "later attempt", "belief without a prior"],
+)
+def test_the_prior_of_a_job_is_searched_first_in_a_first_attempt_alone(bench, prior, belief, followed):
+    hole = bench.ctx.job.hole.model_copy(update={"prior": prior})
+    bench.ctx.job = bench.ctx.job.model_copy(update={"hole": hole})
     bench.ctx.rng = np.random.default_rng(2)
-    ended = bench.search(belief=belief, timeout=0.05)
-    told = make_course(PARAMS, CELL.job(), np.random.default_rng(2), belief, False)
-    assert ended.start == pytest.approx(tuple(told.first[:2]))
+    course = make_course(PARAMS, CELL.job(), np.random.default_rng(2), followed, False)
+    assert bench.search(belief=belief, timeout=0.05).start == pytest.approx(tuple(course.first[:2]))
 
 
 def test_a_plate_that_was_felt_before_keeps_its_slope(bench):
@@ -264,9 +249,8 @@ def test_a_peg_that_the_hand_loses_ends_it_at_once_with_the_arm_halted(bench):
     assert bench.rig.arm.is_halted
 
 
-@pytest.mark.parametrize("longer", [0.003, -0.003])
-def test_a_peg_that_reaches_otherwise_than_stated_is_told_by_its_first_touch_down(bench, longer):
-    bench.longer = longer
+def test_a_peg_that_reaches_otherwise_than_stated_is_told_by_its_first_touch_down(bench):
+    bench.longer = longer = -0.003
     bench.dig(0.0, 0.0)
     ended = bench.search(timeout=20.0)
     assert ended.outcome is Outcome.SUCCESS

@@ -8,7 +8,7 @@ import pytest
 
 from cell.config.load import load
 from skills.tactile.blend import Blend, Smoothing
-from skills.tactile.pose import PegPose, Tracker
+from skills.tactile.pose import NO_PEG, PegPose, Tracker
 
 SIGMA = math.radians(0.4)
 TRACKERS = [lambda: Blend(Smoothing()), lambda: Blend(Smoothing(blend=0.3))]
@@ -19,6 +19,9 @@ Make = Callable[[], Tracker]
 
 def frame(theta: float, stamp: float) -> PegPose:
     return PegPose(theta, 0.0, SIGMA, 0.0, True, stamp)
+
+
+ZERO = frame(0.0, 0.0)
 
 
 def settled(make: Make) -> Tracker:
@@ -84,6 +87,14 @@ def test_a_wrong_first_frame_does_not_turn_the_peg_about_for_good():
     wrong, right = frame(math.radians(80.0), 0.0), frame(math.radians(-30.0), 0.1)
     assert Smoothing().take(wrong, right).theta == right.theta
     assert Smoothing().take(frame(1.5, 0.0), frame(-1.5, 0.1)).theta == pytest.approx(math.pi - 1.5)
+
+
+def test_theta_is_blended_but_a_slip_is_taken_at_once() -> None:
+    smooth = Smoothing(blend=0.3, jump=0.15)
+    taken = [
+        smooth.take(before, frame(theta, 0.1)).theta for before, theta in ((ZERO, 0.1), (ZERO, 0.4), (NO_PEG, 0.4))
+    ]
+    assert taken == pytest.approx([0.03, 0.4, 0.4])
 
 
 SOFT = 1.85
