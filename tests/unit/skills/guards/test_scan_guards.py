@@ -52,21 +52,18 @@ def test_a_path_goes_on_by_the_time_that_has_passed_as_far_as_it_may_step():
     assert timed(9.0 * PERIOD).passed == pytest.approx(9.0 * PERIOD)
 
 
-def test_one_scan_may_be_as_late_as_the_limit_says_and_no_later():
-    timed(LIMITS.longest).require_kept()
-    with pytest.raises(ScanOverrunError, match=r"101 ms after the one before; scan.longest = 0.1 s allowed"):
-        timed(LIMITS.longest + 1e-3).require_kept()
-
-
-def test_as_many_scans_may_be_late_as_the_limit_says_and_no_more():
-    timed(*[2.1 * PERIOD] * 30).require_kept()
-    with pytest.raises(ScanOverrunError, match=r"31 of the last 100 took longer than 20 ms; 30 allowed by scan\.late"):
-        timed(*[2.1 * PERIOD] * 31).require_kept()
-
-
-def test_a_scan_that_comes_long_after_the_one_before_is_told_with_how_long_and_what_to_do():
-    with pytest.raises(ScanOverrunError, match=r"scan: 900 ms after .* s allowed: stop other programs$"):
-        timed(0.9).require_kept()
+@pytest.mark.parametrize(
+    ("at", "beyond", "words"),
+    [
+        ([0.1], [0.101], r"101 ms after the one before; scan.longest = 0.1 s allowed: stop other programs$"),
+        ([2.1 * PERIOD] * 30, [2.1 * PERIOD] * 31, r"31 of the last 100 .* 20 ms; 30 allowed by scan\.late"),
+    ],
+    ids=["one scan", "many scans"],
+)
+def test_scans_may_be_as_late_as_the_limits_say_and_no_later(at, beyond, words):
+    timed(*at).require_kept()
+    with pytest.raises(ScanOverrunError, match=words):
+        timed(*beyond).require_kept()
 
 
 def test_a_scan_after_exactly_two_periods_is_not_late():
@@ -122,6 +119,7 @@ def test_the_way_back_of_a_held_peg_is_that_of_its_end():
 def test_an_arm_may_lag_behind_its_setpoint_as_far_as_the_limit_says(length, theta):
     in_hand = None if length is None else InHandTip(theta, length, 0.0)
     tip = np.array([0.5, 0.0, 0.3]) if length is None else end_point(HAND, theta, length)[0]
+    require_tracking(state_at(np.zeros(3)), held_at([TRACKING_LIMIT, 0.0, 0.0]))
     lag = np.array([0.6, 0.0, 0.8])
     require_tracking(state_at(HAND.position), held_at(tip + (TRACKING_LIMIT - 1e-9) * lag, in_hand=in_hand))
     with pytest.raises(
@@ -129,15 +127,6 @@ def test_an_arm_may_lag_behind_its_setpoint_as_far_as_the_limit_says(length, the
         match=r"101 mm from its setpoint > 100 mm limit; it is blocked, or the setpoint cannot be reached$",
     ):
         require_tracking(state_at(HAND.position), held_at(tip + (TRACKING_LIMIT + 1e-3) * lag, in_hand=in_hand))
-
-
-def test_an_arm_exactly_as_far_off_as_the_limit_says_is_still_with_its_setpoint():
-    require_tracking(state_at(np.zeros(3)), held_at([TRACKING_LIMIT, 0.0, 0.0]))
-
-
-def test_an_arm_that_is_far_off_is_told_with_its_distance():
-    with pytest.raises(TrackingError, match=r"900 mm from its setpoint > 100 mm limit"):
-        require_tracking(state_at(np.zeros(3)), held_at([0.0, 0.9, 0.0]))
 
 
 # A finger that reads an offset.
@@ -168,46 +157,43 @@ def test_an_offset_of_one_finger_is_told_by_its_name_whatever_the_angle(finger, 
             require_level_skin(framed(values), MOST_LEVEL)
 
 
-def test_an_offset_is_borne_up_to_its_limit_and_taxels_that_are_not_trusted_say_nothing():
+def finger(side=1, first=0, last=20, value=MOST_LEVEL, untrusted=()):
+    """Return a frame of which some taxels of a finger read this, counts, and some are not trusted."""
     values, trusted = np.zeros((2, 20)), np.ones((2, 20), dtype=bool)
-    for sign in (1.0, -1.0):
-        values[1] = sign * MOST_LEVEL
-        require_level_skin(framed(values), MOST_LEVEL)
-        values[1] = sign * (MOST_LEVEL + 1.0)
-        with pytest.raises(SkinUntrustedError):
-            require_level_skin(framed(values), MOST_LEVEL)
-    trusted[1] = False
-    require_level_skin(framed(values, trusted), MOST_LEVEL)
+    values[side, first:last] = value
+    trusted[side, list(untrusted)] = False
+    return framed(values, trusted)
 
 
-@pytest.mark.parametrize("taxels", [20, 16])
-def test_a_finger_on_which_less_than_a_fifth_is_free_reads_an_offset(taxels):
-    values, trusted = np.zeros((2, 20)), np.ones((2, 20), dtype=bool)
-    trusted[1, taxels:] = False
-    values[1, 4:] = 2000.0
-    require_level_skin(framed(values, trusted), MOST_LEVEL)
-    values[1, 3:] = 2000.0
-    with pytest.raises(SkinUntrustedError, match=r"right finger: offset of 2000 counts"):
-        require_level_skin(framed(values, trusted), MOST_LEVEL)
-
-
-def test_a_finger_that_reads_below_its_baseline_on_more_than_half_of_it_reads_an_offset():
-    values = np.zeros((2, 20))
-    values[0, :10] = -2000.0
-    require_level_skin(framed(values), MOST_LEVEL)
-    values[0, :11] = -2000.0
-    with pytest.raises(SkinUntrustedError, match=r"left finger: offset of -2000 counts"):
-        require_level_skin(framed(values), MOST_LEVEL)
-
-
-def test_an_offset_is_told_by_the_taxels_beside_the_peg_and_one_below_the_baseline_by_the_middle():
-    values = np.zeros((2, 20))
-    values[0] = np.linspace(2000.0, 3900.0, 20)
-    with pytest.raises(SkinUntrustedError, match=r"offset of 2300 counts"):
-        require_level_skin(framed(values), MOST_LEVEL)
-    values[0] = np.linspace(-2000.0, -3900.0, 20)
-    with pytest.raises(SkinUntrustedError, match=r"offset of -2900 counts"):
-        require_level_skin(framed(values), MOST_LEVEL)
+@pytest.mark.parametrize(
+    ("at", "beyond", "words"),
+    [
+        (finger(), finger(value=MOST_LEVEL + 1.0), "right finger"),
+        (finger(value=-MOST_LEVEL), finger(value=-MOST_LEVEL - 1.0), "right finger"),
+        (finger(first=4, value=2e3), finger(first=3, value=2e3), "right finger: offset of 2000 counts"),
+        (
+            finger(first=4, value=2e3, untrusted=range(16, 20)),
+            finger(first=3, value=2e3, untrusted=range(16, 20)),
+            "right finger: offset of 2000 counts",
+        ),
+        (finger(0, last=10, value=-2e3), finger(0, last=11, value=-2e3), "left finger: offset of -2000 counts"),
+        (finger(value=4e3, untrusted=range(20)), finger(value=np.linspace(2e3, 3.9e3, 20)), "offset of 2300 counts"),
+        (finger(value=0.0), finger(value=-np.linspace(2e3, 3.9e3, 20)), "offset of -2900 counts"),
+    ],
+    ids=[
+        "limit",
+        "limit below the baseline",
+        "less than a fifth free",
+        "less than a fifth of the trusted free",
+        "more than half below the baseline",
+        "by the taxels beside the peg, and untrusted ones show none",
+        "by the middle below the baseline",
+    ],
+)
+def test_an_offset_of_a_finger_is_borne_up_to_its_limit(at, beyond, words):
+    require_level_skin(at, MOST_LEVEL)
+    with pytest.raises(SkinUntrustedError, match=words):
+        require_level_skin(beyond, MOST_LEVEL)
 
 
 def test_a_finger_that_nobody_trusts_hides_no_offset_of_the_other():
