@@ -1,12 +1,13 @@
-"""A skill over a scripted hand: the bench of every skill that holds the peg in contact."""
+"""What the tests of skills share: a skill over a scripted hand, and an arm and a hand that keep their commands."""
 
 from collections.abc import Callable, Iterator
 from typing import Any
 
-from drivers.quantities import ImpedanceSetpoint, Pose
-from skills.contract import Observation, SkillParams
+from cell.config.cell_config import CellConfig
+from drivers.quantities import ImpedanceSetpoint, Pose, Vector
+from skills.contract import Observation, SkillContext, SkillParams
 from skills.search.surface import Plane
-from tests.fakes import Rig
+from tests.fakes import FakeArm, FakeClock, FakeGripper, Rig, context_of
 from tests.scripted import ScriptedHand
 
 
@@ -29,3 +30,44 @@ class SkillBench(ScriptedHand):
     def turn(self, time: float, theta: float) -> None:
         """Let the skin measure another in-hand angle, rad, from a time on, s."""
         self.rig.clock.at.append((time - 1e-9, lambda: setattr(self.skin, "theta", theta)))
+
+
+class WatchedArm(FakeArm):
+    """An arm that keeps its setpoints, each with its time, s."""
+
+    def __init__(self, clock: FakeClock) -> None:
+        super().__init__(clock)
+        self.told: list[tuple[float, ImpedanceSetpoint]] = []
+
+    def follow(self, setpoint: ImpedanceSetpoint) -> None:
+        super().follow(setpoint)
+        self.told.append((self.clock.now(), setpoint))
+
+
+class WatchedHand(FakeGripper):
+    """A hand that keeps each command, with the place of the arm, m; `opens` is False if its fingers stay."""
+
+    def __init__(self, width: float, arm: FakeArm) -> None:
+        super().__init__(width)
+        self.arm, self.opens = arm, True
+        self.closed: list[tuple[float, Vector]] = []
+        self.opened: list[tuple[float, Vector]] = []
+
+    def grip(self, force: float) -> None:
+        self.closed.append((force, self.arm.tcp.position))
+        super().grip(force)
+
+    def release(self, width: float) -> None:
+        self.opened.append((width, self.arm.tcp.position))
+        if self.opens:
+            super().release(width)
+
+
+def watched(config: CellConfig, tcp: Pose, grip: float = 30.0) -> SkillContext:
+    """Return the context of a cell whose arm and hand are watched; the hand holds a peg if it grips, N."""
+    arm = WatchedArm(FakeClock())
+    arm.tcp = tcp
+    hand = WatchedHand(config.peg.part.thickness, arm)
+    if grip:
+        hand.grip(grip)
+    return context_of(config, arm, hand)

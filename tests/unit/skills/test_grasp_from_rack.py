@@ -14,31 +14,17 @@ from skills.contract import Outcome, Reason
 from skills.grasp_from_rack import ACROSS_RACK, NEAR, run
 from skills.held_peg import HeldPeg
 from skills.search.surface import Plane
-from tests.fakes import HAND_DOWN, PERIOD, FakeArm, FakeClock, FakeGripper, context_of
+from tests.fakes import HAND_DOWN, PERIOD
+from tests.unit.skills.benches import watched
 
 CELL = load().cell
 PARAMS, RACK = CELL.params(GRASP), CELL.rack
 START = np.array([0.45, 0.0, 0.35])
 
 
-class Watched(FakeArm):
-    """An arm that keeps its commands."""
-
-    def __init__(self, clock: FakeClock) -> None:
-        super().__init__(clock)
-        self.told = []
-
-    def follow(self, setpoint):
-        super().follow(setpoint)
-        self.told.append(setpoint)
-
-
 @pytest.fixture
 def ctx():
-    clock = FakeClock()
-    arm = Watched(clock)
-    arm.tcp = Pose(START, HAND_DOWN)
-    return context_of(CELL, arm, FakeGripper(CELL.peg.part.thickness))
+    return watched(CELL, Pose(START, HAND_DOWN), grip=0.0)
 
 
 def grip_at(slot):
@@ -50,30 +36,24 @@ def grip_at(slot):
 @pytest.mark.parametrize("slot", [0, 1, RACK.slots + 1])
 def test_the_hand_closes_where_the_peg_of_its_slot_stands_and_lifts_it_clear(ctx, slot):
     ctx.job = ctx.job.model_copy(update={"slot": slot})
-    closed, grip = [], ctx.devices.gripper.grip
-    ctx.devices.gripper.grip = lambda force: (closed.append((force, ctx.devices.arm.tcp.position)), grip(force))
     ended = run(PARAMS, ctx)
     assert (ended.outcome, ended.reason, ended.width) == (Outcome.SUCCESS, Reason.NONE, CELL.peg.part.thickness)
     assert ended.elapsed == pytest.approx(ctx.devices.clock.now(), abs=PERIOD)
-    ((force, place),) = closed
-    assert force == PARAMS.force
-    np.testing.assert_allclose(place, grip_at(slot % RACK.slots), atol=1e-6)
+    assert ctx.devices.gripper.closed == [(PARAMS.force, pytest.approx(grip_at(slot % RACK.slots), abs=1e-6))]
     np.testing.assert_allclose(
         ctx.devices.arm.tcp.position, grip_at(slot % RACK.slots) + PARAMS.clearance * UP, atol=1e-6
     )
 
 
 def test_the_hand_is_open_on_its_way_down_and_the_skin_tells_the_angle_of_what_it_holds(ctx):
-    widths, release = [], ctx.devices.gripper.release
-    ctx.devices.gripper.release = lambda width: (widths.append((ctx.devices.clock.now(), width)), release(width))
     ctx.perception.estimator.theta = 0.04
     assert run(PARAMS, ctx).theta == pytest.approx(0.04)
-    assert widths == [(0.0, PARAMS.opening)]
+    assert ctx.devices.gripper.opened == [(PARAMS.opening, pytest.approx(START))]
 
 
 def test_the_peg_leaves_its_slot_straight_up_and_slowly(ctx):
     run(PARAMS, ctx)
-    drawn = [setpoint for setpoint in ctx.devices.arm.told if setpoint.twist is not None and not setpoint.is_free]
+    drawn = [setpoint for _, setpoint in ctx.devices.arm.told if setpoint.twist is not None and not setpoint.is_free]
     heights = np.array([setpoint.tip[2] for setpoint in drawn])
     np.testing.assert_allclose(np.diff(heights), PARAMS.drawing_speed * PERIOD, atol=1e-9)
     assert heights[0] == pytest.approx(grip_at(0)[2], abs=1e-3)
@@ -118,34 +98,29 @@ def test_a_hand_that_does_not_get_to_the_slot_does_not_close(ctx, off, aslant, c
     beside = Pose(
         grip_at(0) + np.array([off * NEAR[0], 0.0, 0.0]), rotation_about(ACROSS_RACK, aslant * NEAR[1]) @ HAND_DOWN
     )
-    closed, grip, follow = [], ctx.devices.gripper.grip, ctx.devices.arm.follow
-    ctx.devices.gripper.grip = lambda force: (closed.append(force), grip(force))
+    arm, follow = ctx.devices.arm, ctx.devices.arm.follow
 
     def followed(setpoint):
         follow(setpoint)
-        if setpoint.integral_gain > 0.0:
-            ctx.devices.arm.tcp = beside
+        arm.tcp = beside if setpoint.integral_gain > 0.0 else arm.tcp
 
-    ctx.devices.arm.follow = followed
+    arm.follow = followed
     ended = run(PARAMS, ctx)
-    assert bool(closed) == closes
+    assert bool(ctx.devices.gripper.closed) == closes
     assert (ended.reason is Reason.MISSED_GRASP) != closes
 
 
-def test_a_hand_below_the_way_rises_where_it_is_before_it_turns(ctx):
-    low = np.array([0.5, 0.1, 0.12])
-    ctx.devices.arm.tcp = Pose(low, rotation_about(UP, 0.5) @ HAND_DOWN)
+def test_a_hand_rises_where_it_is_before_it_turns_only_if_it_is_below_the_way(ctx):
     run(PARAMS, ctx)
-    top = grip_at(0)[2] + PARAMS.clearance
-    rising = [each for each in ctx.devices.arm.told if each.id == ctx.devices.arm.told[0].id]
+    assert max(each.tip[2] for _, each in ctx.devices.arm.told) <= START[2] + 1e-9
+    low, aslant = np.array([0.5, 0.1, 0.12]), rotation_about(UP, 0.5) @ HAND_DOWN
+    ctx = watched(CELL, Pose(low, aslant), grip=0.0)
+    run(PARAMS, ctx)
+    told = [each for _, each in ctx.devices.arm.told]
+    rising = [each for each in told if each.id == told[0].id]
     assert all(each.tip[:2] == pytest.approx(low[:2]) for each in rising)
-    assert rising[-1].tip[2] == pytest.approx(top, abs=1e-6)
-    assert all(each.roll == pytest.approx(rotation_about(UP, 0.5) @ HAND_DOWN[:, 2]) for each in rising)
-
-
-def test_a_hand_above_the_way_does_not_rise(ctx):
-    run(PARAMS, ctx)
-    assert max(each.tip[2] for each in ctx.devices.arm.told) <= START[2] + 1e-9
+    assert rising[-1].tip[2] == pytest.approx(grip_at(0)[2] + PARAMS.clearance, abs=1e-6)
+    assert all(each.roll == pytest.approx(aslant[:, 2]) for each in rising)
 
 
 def test_what_was_known_of_the_peg_before_is_forgotten_and_the_wrench_counts_from_free_air(ctx):

@@ -22,7 +22,8 @@ from skills.motion import (
     spin_between,
     tilted_by,
 )
-from tests.fakes import FakeArm, FakeClock, FakeGripper, context_of
+from tests.fakes import FakeClock, FakeGripper, context_of
+from tests.unit.skills.benches import WatchedArm
 
 CONFIG = load().cell
 SIDE = np.array([1.0, 0.0, 0.0])
@@ -38,8 +39,7 @@ def test_a_setpoint_follows_the_tip_as_far_as_a_leaning_peg_s_end_goes_while_it_
 
 @pytest.fixture
 def ctx():
-    clock = FakeClock()
-    return context_of(CONFIG, FakeArm(clock), FakeGripper(0.008))
+    return context_of(CONFIG, WatchedArm(FakeClock()), FakeGripper(0.008))
 
 
 TRANSFER = CONFIG.params(GRASP).transfer
@@ -47,11 +47,10 @@ TRANSFER = CONFIG.params(GRASP).transfer
 
 def moved(ctx, goal, in_hand=None, settle=0.3, limited=True):
     """Go to a goal; return the time and the setpoint of each scan."""
-    told, follow = [], ctx.devices.arm.follow
-    ctx.devices.arm.follow = lambda setpoint: (told.append((ctx.devices.clock.now(), setpoint)), follow(setpoint))
+    told = len(ctx.devices.arm.told)
     for _ in move(goal, TRANSFER, ctx, in_hand, settle, limited):
         pass
-    return told
+    return ctx.devices.arm.told[told:]
 
 
 def beside(ctx, way, turn=0.0):
@@ -103,13 +102,10 @@ def test_the_axis_turns_about_one_line_and_back_through_any_other_from_one_end_t
         assert way.at(1.0)[0].roll == pytest.approx(across, abs=1e-9)
 
 
-@pytest.mark.parametrize("limited", [True, False])
-def test_only_a_way_out_goes_without_the_limits(ctx, limited):
+def test_only_a_way_out_goes_without_the_limits(ctx):
     ctx.devices.arm.force = np.array([0.0, 0.0, 1.1 * ctx.limits.force])
     goal = beside(ctx, (0.0, 0.01, 0.0))
-    if not limited:
-        assert moved(ctx, goal, limited=False)
-        return
+    assert moved(ctx, goal, limited=False)
     with pytest.raises(Interrupted) as ended:
         moved(ctx, goal)
     assert ended.value.reason is Reason.FORCE_LIMIT

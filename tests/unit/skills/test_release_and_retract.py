@@ -10,7 +10,8 @@ from skills.catalogue import RELEASE
 from skills.contract import Outcome, Reason
 from skills.motion import VALIDITY
 from skills.release_and_retract import let_go, run
-from tests.fakes import HAND_DOWN, PERIOD, FakeArm, FakeClock, FakeGripper, context_of
+from tests.fakes import HAND_DOWN, PERIOD, FakeClock, context_of
+from tests.unit.skills.benches import WatchedArm, WatchedHand
 
 CELL = load().cell
 PARAMS = CELL.params(RELEASE)
@@ -19,20 +20,19 @@ SLANT = rotation_about(UP, 0.3) @ HAND_DOWN
 THICKNESS = CELL.peg.part.thickness
 
 
-class SlowHand(FakeGripper):
-    """A hand whose fingers move for a set time after the command to open, s, and then stand this far apart, m."""
+class SlowHand(WatchedHand):
+    """A hand whose fingers move for a set time after the command to open, s."""
 
-    def __init__(self, clock: FakeClock, opens_for: float = 0.0, opens_to: float | None = None) -> None:
-        super().__init__(THICKNESS)
-        self.clock, self.opens_for, self.opens_to = clock, opens_for, opens_to
-        self.told = -np.inf
+    def __init__(self, arm: WatchedArm, opens_for: float, opens: bool) -> None:
+        super().__init__(THICKNESS, arm)
+        self.opens_for, self.opens, self.told = opens_for, opens, -np.inf
 
     def release(self, width: float) -> None:
-        super().release(width if self.opens_to is None else self.opens_to)
-        self.told = self.clock.now()
+        super().release(width)
+        self.told = self.arm.clock.now()
 
     def read(self) -> GripperState:
-        is_moving = self.clock.now() - self.told < self.opens_for - 1e-9
+        is_moving = self.arm.clock.now() - self.told < self.opens_for - 1e-9
         return GripperState(THICKNESS if is_moving else self.width, self.force > 0.0, is_moving)
 
 
@@ -40,10 +40,10 @@ class SlowHand(FakeGripper):
 def make():
     """Return what makes the context of a hand that grips a seated peg."""
 
-    def made(**how):
-        clock = FakeClock()
-        arm, hand = FakeArm(clock), SlowHand(clock, **how)
+    def made(opens_for=0.0, opens=True):
+        arm = WatchedArm(FakeClock())
         arm.tcp = Pose(PLACE.copy(), SLANT)
+        hand = SlowHand(arm, opens_for, opens)
         hand.grip(30.0)
         ctx = context_of(CELL, arm, hand)
         ctx.devices.switch.state = SwitchState.CLOSED
@@ -55,48 +55,43 @@ def make():
 def test_the_hand_opens_where_it_is_and_draws_straight_back_up_without_turning(make):
     ctx = make()
     ctx.devices.clock.wait_until(3.0)
-    heights, release = [], ctx.devices.gripper.release
-    ctx.devices.gripper.release = lambda width: (heights.append(ctx.devices.arm.tcp.position[2]), release(width))
     ended = run(PARAMS, ctx)
     assert (ended.outcome, ended.reason, ended.stayed) == (Outcome.SUCCESS, Reason.NONE, True)
-    assert (heights, ctx.devices.gripper.width) == ([PLACE[2]], PARAMS.opening)
+    assert ctx.devices.gripper.opened == [(PARAMS.opening, pytest.approx(PLACE))]
     np.testing.assert_allclose(ctx.devices.arm.tcp.position, PLACE + PARAMS.height * UP, atol=1e-9)
     np.testing.assert_allclose(ctx.devices.arm.tcp.rotation, SLANT, atol=1e-9)
     assert ended.elapsed == pytest.approx(ctx.devices.clock.now() - 3.0, abs=PERIOD)
 
 
-@pytest.mark.parametrize(("when", "reason"), [(0.05, Reason.NOT_SEATED), (None, Reason.NONE)])
-def test_a_peg_that_came_along_with_the_hand_was_not_left_seated(make, when, reason):
-    ctx = make()
-    if when is not None:
-        ctx.devices.clock.at.append((when, lambda: setattr(ctx.devices.switch, "state", SwitchState.OPEN)))
-    ended = run(PARAMS, ctx)
-    assert ended.reason is reason
-    assert (ended.outcome, ended.stayed) == (
-        (Outcome.SUCCESS, True) if reason is Reason.NONE else (Outcome.FAILURE, False)
-    )
-
-
-@pytest.mark.parametrize(("after", "reason"), [(0.4, Reason.NONE), (2.0, Reason.NOT_SEATED)])
-def test_a_switch_that_does_not_answer_at_the_end_is_waited_for(make, after, reason):
-    ctx = make()
-    ctx.devices.switch.state = SwitchState.UNKNOWN
-    drawn_back = 1.0  # s, more than the way takes
-    ctx.devices.clock.at.append((drawn_back + after, lambda: setattr(ctx.devices.switch, "state", SwitchState.CLOSED)))
-    assert run(PARAMS, ctx).reason is reason
+@pytest.mark.parametrize(
+    ("state", "changes", "reason"),
+    [
+        (SwitchState.CLOSED, (9.0, SwitchState.CLOSED), Reason.NONE),
+        (SwitchState.CLOSED, (0.05, SwitchState.OPEN), Reason.NOT_SEATED),
+        (SwitchState.UNKNOWN, (1.4, SwitchState.CLOSED), Reason.NONE),
+        (SwitchState.UNKNOWN, (3.0, SwitchState.CLOSED), Reason.NOT_SEATED),
+    ],
+    ids=["stays", "comes along", "answers late", "answers too late"],
+)
+def test_a_peg_was_left_seated_if_the_switch_says_so_in_time(make, state, changes, reason):
+    """The hand is drawn back within a second."""
+    ctx, (when, later) = make(), changes
+    ctx.devices.switch.state = state
+    ctx.devices.clock.at.append((when, lambda: setattr(ctx.devices.switch, "state", later)))
+    ended, stayed = run(PARAMS, ctx), reason is Reason.NONE
+    assert (ended.reason, ended.stayed) == (reason, stayed)
+    assert ended.outcome is (Outcome.SUCCESS if stayed else Outcome.FAILURE)
 
 
 def test_a_hole_without_a_switch_asks_none(make):
     ctx = make()
-    force = load(
-        sets=["hole.evidence=force", "hole.latch.kind=detent", "hole.latch.force=5.0", "hole.latch.height=0.003"]
-    )
+    force = load(sets=["hole.evidence=force", "hole.latch={kind='detent',force=5.0,height=0.003}"])
     ctx.job, ctx.devices.switch.state = force.cell.job(), SwitchState.UNKNOWN
     assert run(PARAMS, ctx).outcome is Outcome.SUCCESS
 
 
 def test_a_hand_that_does_not_open_is_not_drawn_away(make):
-    ctx = make(opens_to=THICKNESS)
+    ctx = make(opens=False)
     ended = run(PARAMS, ctx)
     assert (ended.outcome, ended.reason, ended.stayed) == (Outcome.FAILURE, Reason.STILL_HELD, True)
     np.testing.assert_array_equal(ctx.devices.arm.tcp.position, PLACE)
@@ -112,9 +107,8 @@ def test_a_hand_is_waited_for_as_long_as_its_fingers_may_take(make, takes, is_op
 def test_the_arm_keeps_its_setpoint_at_rest_while_the_fingers_move(make):
     ctx = make(opens_for=0.3)
     ctx.follow(ImpedanceSetpoint(5, PLACE, UP, np.full(6, 100.0), np.ones(6), 0.05, roll=SLANT[:, 2]))
-    kept, follow = [], ctx.devices.arm.follow
-    ctx.devices.arm.follow = lambda setpoint: (kept.append((ctx.devices.clock.now(), setpoint)), follow(setpoint))
     let_go(PARAMS.opening, PARAMS.opening_time, ctx)
+    kept = ctx.devices.arm.told[1:]
     assert len(kept) == pytest.approx(0.3 / PERIOD, abs=1)
     assert all(setpoint.valid_until == pytest.approx(now + VALIDITY) for now, setpoint in kept)
     assert {setpoint.id for _, setpoint in kept} == {5}

@@ -14,7 +14,8 @@ from skills.contract import Interrupted, Reason
 from skills.grasp_from_rack import ACROSS_RACK
 from skills.motion import VALIDITY
 from skills.touch_off import CLEAR, DEEPEST, MOST, SCANS, TOUCH, TouchOff, touch_off
-from tests.fakes import HAND_DOWN, PERIOD, FakeArm, FakeClock, FakeGripper, context_of
+from tests.fakes import HAND_DOWN, PERIOD, FakeClock, FakeGripper, context_of
+from tests.unit.skills.benches import WatchedArm
 
 CELL = load().cell
 TRANSFER = CELL.params(GRASP).transfer
@@ -25,21 +26,22 @@ OFFSET = 2.0
 """Force along z that the arm reports where nothing touches it, N."""
 
 
-class Spring(FakeArm):
-    """An arm whose tip a surface stops, and that reports what its own stiffness presses with."""
+class Spring(WatchedArm):
+    """An arm whose tip a surface stops, and that reports a share of what its own stiffness presses with."""
+
+    reported = 1.0
 
     def follow(self, setpoint):
         super().follow(setpoint)
-        self.force = np.array([0.0, 0.0, OFFSET + max(STIFFNESS * (self.floor - setpoint.tip[2]), 0.0)])
-        self.told = [*getattr(self, "told", []), (self.clock.now(), setpoint)]
+        self.force = (OFFSET + self.reported * max(STIFFNESS * (self.floor - setpoint.tip[2]), 0.0)) * UP
 
 
 @pytest.fixture
 def ctx():
-    clock = FakeClock()
-    arm, hand = Spring(clock), FakeGripper(CELL.peg.part.thickness)
+    """Return the context of a hand whose peg ends 50 mm above a place, at which the surface lies."""
+    arm, hand = Spring(FakeClock()), FakeGripper(CELL.peg.part.thickness)
     arm.tcp = Pose(PLACE + (0.05 + LENGTH) * UP, HAND_DOWN)
-    arm.force = OFFSET * UP
+    arm.force, arm.floor = OFFSET * UP, PLACE[2]
     hand.grip(30.0)
     return context_of(CELL, arm, hand)
 
@@ -50,13 +52,16 @@ def down(ctx):
 
 
 @pytest.mark.parametrize("height", [-0.008, 0.0, 0.005])
-def test_a_surface_is_told_where_it_is_and_not_where_it_is_stated(ctx, height):
+def test_a_surface_is_told_where_it_is_and_the_peg_is_clear_of_it_afterwards(ctx, height):
     ctx.devices.arm.floor = PLACE[2] + height
     np.testing.assert_allclose(touch_off(PLACE, TRANSFER, TOUCH_OFF, ctx), PLACE + height * UP, atol=1e-4)
+    clear = PLACE + (max(height, 0.0) + CLEAR) * UP
+    assert ctx.devices.arm.tcp.position - LENGTH * UP == pytest.approx(clear, abs=1e-4)
+    up = [setpoint for now, setpoint in ctx.devices.arm.told if now > down(ctx)[-1][0]]
+    assert max(setpoint.twist.linear[2] for setpoint in up) <= TOUCH_OFF.speed + 1e-9
 
 
 def test_the_peg_comes_down_slowly_and_is_fed_forward_until_the_surface_bears_it(ctx):
-    ctx.devices.arm.floor = PLACE[2]
     touch_off(PLACE, TRANSFER, TOUCH_OFF, ctx)
     moving = [setpoint for _, setpoint in down(ctx) if setpoint.twist is not None]
     steps = -np.diff([setpoint.tip[2] for setpoint in moving])
@@ -67,7 +72,6 @@ def test_the_peg_comes_down_slowly_and_is_fed_forward_until_the_surface_bears_it
 
 
 def test_it_rests_with_the_setpoint_where_it_was_before_the_height_is_told(ctx):
-    ctx.devices.arm.floor = PLACE[2]
     touch_off(PLACE, TRANSFER, TOUCH_OFF, ctx)
     resting = [(now, setpoint) for now, setpoint in down(ctx) if setpoint.twist is None]
     assert len({setpoint.tip[2] for _, setpoint in resting}) == 1
@@ -78,26 +82,20 @@ def test_it_rests_with_the_setpoint_where_it_was_before_the_height_is_told(ctx):
 
 
 def test_the_setpoint_leads_a_tip_that_friction_holds_by_no_more_than_the_bound_allows(ctx):
-    """The arm does not report what it presses with, as one whose joints take the force."""
-    ctx.devices.arm.floor = PLACE[2]
-    follow = ctx.devices.arm.follow
-    ctx.devices.arm.follow = lambda setpoint: (follow(setpoint), setattr(ctx.devices.arm, "force", OFFSET * UP))
+    """The arm does not report what it presses with, as if its joints took the force."""
+    ctx.devices.arm.reported = 0.0
     assert touch_off(PLACE, TRANSFER, TOUCH_OFF, ctx) is None
     assert min(setpoint.tip[2] for _, setpoint in down(ctx)) == pytest.approx(PLACE[2] - MOST / STIFFNESS)
 
 
 def test_a_wrench_of_reversed_sign_ends_the_touch(ctx):
-    ctx.devices.arm.floor = PLACE[2]
-    follow = ctx.devices.arm.follow
-    ctx.devices.arm.follow = lambda setpoint: (
-        follow(setpoint),
-        setattr(ctx.devices.arm, "force", 2.0 * OFFSET * UP - ctx.devices.arm.force),
-    )
+    ctx.devices.arm.reported = -1.0
     with pytest.raises(WrenchReversedError, match=r"^arm: reports \d+ N downwards while it presses down"):
         touch_off(PLACE, TRANSFER, TOUCH_OFF, ctx)
 
 
 def test_where_there_is_no_surface_the_peg_turns_back(ctx):
+    ctx.devices.arm.floor = -np.inf
     assert touch_off(PLACE, TRANSFER, TOUCH_OFF, ctx) is None
     assert min(setpoint.tip[2] for _, setpoint in down(ctx)) == pytest.approx(
         PLACE[2] - DEEPEST, abs=TOUCH_OFF.speed * PERIOD
@@ -105,16 +103,7 @@ def test_where_there_is_no_surface_the_peg_turns_back(ctx):
     assert ctx.devices.arm.tcp.position - LENGTH * UP == pytest.approx(PLACE + CLEAR * UP)
 
 
-def test_afterwards_the_peg_is_clear_of_what_it_touched_where_that_is_higher_than_stated(ctx):
-    ctx.devices.arm.floor = PLACE[2] + 0.005
-    touch_off(PLACE, TRANSFER, TOUCH_OFF, ctx)
-    assert ctx.devices.arm.tcp.position - LENGTH * UP == pytest.approx(PLACE + (0.005 + CLEAR) * UP, abs=1e-6)
-    up = [setpoint for now, setpoint in ctx.devices.arm.told if now > down(ctx)[-1][0]]
-    assert max(setpoint.twist.linear[2] for setpoint in up) <= TOUCH_OFF.speed + 1e-9
-
-
 def test_one_upright_motion_with_the_gains_of_the_way(ctx):
-    ctx.devices.arm.floor = PLACE[2]
     touch_off(PLACE, TRANSFER, TOUCH_OFF, ctx)
     assert len({setpoint.id for _, setpoint in down(ctx)}) == 1
     for now, setpoint in down(ctx):
@@ -133,7 +122,6 @@ def test_a_peg_that_is_lost_on_the_way_down_ends_it_there(ctx):
         if seen.tip[2] < PLACE[2] + 0.5 * CLEAR:
             ctx.devices.gripper.has_peg = False
 
-    ctx.devices.arm.floor = PLACE[2]
     ctx.callbacks = replace(ctx.callbacks, record=lose)
     with pytest.raises(Interrupted) as ended:
         touch_off(PLACE, TRANSFER, TOUCH_OFF, ctx)
