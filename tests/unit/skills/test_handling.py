@@ -83,10 +83,17 @@ def test_a_peg_with_corners_is_searched_again_and_steered_as_its_own_section_say
 
 
 class Bench(ScriptedHand):
-    """A round peg that leans in the hole's mouth by default."""
+    """A peg that leans in the hole's mouth by default."""
 
-    def __init__(self, rig):
-        super().__init__(rig, lambda time: hand(HOLE - 1e-3 * UP, 0.5))
+    def insert(self, plane=None, attempt=0, **changes):
+        """Insert it by the plan of an attempt, with these changes."""
+        self.move()
+        return insert(plan(self.rig.cell.config, attempt, **changes), self.ctx, plane)
+
+    def adjust(self, plane=None, attempt=0, **changes):
+        """Adjust it by the plan of an attempt, with these changes."""
+        self.move()
+        return adjust(plan(self.rig.cell.config, attempt, **changes), self.ctx, plane)
 
     @property
     def pushes(self):
@@ -96,14 +103,17 @@ class Bench(ScriptedHand):
 
 @pytest.fixture
 def bench(tmp_path):
-    return Bench(Rig(load(sets=[LIGHT]), tmp_path))
+    return Bench(Rig(load(sets=[LIGHT]), tmp_path), lambda time: hand(HOLE - 1e-3 * UP, 0.5))
 
 
 @pytest.fixture
 def square(tmp_path):
-    bench = Bench(Rig(SQUARE, tmp_path))
-    bench.way = lambda time: corner_hand(HOLE, SQUARE.cell.corner.tilt)
-    return bench
+    return Bench(Rig(SQUARE, tmp_path), lambda time: corner_hand(HOLE, SQUARE.cell.corner.tilt))
+
+
+@pytest.fixture(params=["bench", "square"])
+def either(request):
+    return request.getfixturevalue(request.param)
 
 
 @pytest.mark.parametrize(("attempt", "is_enough"), [(0, False), (1, True), (2, True)])
@@ -111,59 +121,37 @@ def test_only_the_first_insertion_judges_an_aligned_peg_by_its_depth(bench, atte
     lean, params = 0.09, CELL.params(INSERT)
     least = params.least_share * allowed_depth(params.aligned, CELL.peg.part.thickness, CELL.hole.part.thickness)
     bench.way = lambda time: hand(HOLE - (least - CELL.peg.part.reach * math.sin(lean) - 1e-5) * UP, lean)
-    bench.move()
-    ended = insert(plan(attempt=attempt), bench.ctx, None)
+    ended = bench.insert(attempt=attempt)
     assert ended.outcome is (Outcome.SUCCESS if is_enough else Outcome.FAILURE)
     assert ended.elapsed == 0.0
 
 
 @pytest.mark.parametrize("attempt", [0, 1])
-@pytest.mark.parametrize("kind", ["bench", "square"])
-def test_an_insertion_counts_from_the_plate_that_was_felt(request, kind, attempt):
-    bench = request.getfixturevalue(kind)
-    bench.move()
-    ended = insert(plan(bench.rig.cell.config, attempt), bench.ctx, LOWER)
+def test_an_insertion_counts_from_the_plate_that_was_felt(either, attempt):
+    ended = either.insert(LOWER, attempt)
     assert (ended.reason, ended.elapsed) == (Reason.NOT_ALIGNED, 0.0)
 
 
 @pytest.mark.parametrize("attempt", [0, 1])
-@pytest.mark.parametrize("kind", ["bench", "square"])
-def test_a_weak_grip_inserts_with_a_weaker_push(request, kind, attempt):
-    bench = request.getfixturevalue(kind)
-    cell = bench.rig.cell.config
-    bench.move()
-    insert(plan(cell, attempt, grip_share=WEAK, inserting=0.05), bench.ctx, None)
+def test_a_weak_grip_inserts_with_a_weaker_push(either, attempt):
+    cell = either.rig.cell.config
+    either.insert(attempt=attempt, grip_share=WEAK, inserting=0.05)
     bears = grip_of(cell.params(GRASP), WEAK).bears
-    assert bench.pushes.max() * cell.params(INSERT).push_offset < 1.001 * bears
+    assert either.pushes.max() * cell.params(INSERT).push_offset < 1.001 * bears
 
 
-@pytest.mark.parametrize(("attempt", "share"), [(0, FIRST_STALL), (1, 1.0)])
-def test_the_first_adjustment_of_several_gives_a_jam_up_sooner(bench, attempt, share):
+@pytest.mark.parametrize(("attempt", "retries", "share"), [(0, 3, FIRST_STALL), (1, 3, 1.0), (0, 0, 1.0)])
+def test_the_first_adjustment_of_several_gives_a_jam_up_sooner(bench, attempt, retries, share):
     bench.way = lambda time: hand(HOLE - 1e-3 * UP)
-    bench.move()
-    ended = adjust(plan(attempt=attempt, stall_timeout=0.5), bench.ctx, None)
+    ended = bench.adjust(attempt=attempt, retries=retries, stall_timeout=0.5)
     assert (ended.outcome, ended.reason) == (Outcome.FAILURE, Reason.NOT_SEATED)
     assert ended.elapsed == pytest.approx(share * 0.5, abs=2.5 * PERIOD)
 
 
-def test_the_only_adjustment_is_as_patient_as_its_recipe(bench):
-    bench.way = lambda time: hand(HOLE - 1e-3 * UP)
-    bench.move()
-    only = plan(retries=0, stall_timeout=0.5)
-    assert adjust(only, bench.ctx, None).elapsed == pytest.approx(0.5, abs=2.5 * PERIOD)
-
-
-def test_an_adjustment_goes_by_the_plate_that_was_felt(bench):
+def test_an_adjustment_goes_by_the_plate_that_was_felt_with_a_push_that_the_grip_bears(bench):
     bench.way = lambda time: hand()
-    bench.move()
-    adjust(plan(timeout=0.05), bench.ctx, FELT)
+    bench.adjust(FELT, timeout=0.05, grip_share=WEAK)
     np.testing.assert_allclose(bench.commanded[0].axis, FELT.normal, atol=1e-9)
-
-
-def test_a_weak_grip_adjusts_with_a_weaker_push(bench):
-    bench.way = lambda time: hand()
-    bench.move()
-    adjust(plan(timeout=0.05, grip_share=WEAK), bench.ctx, None)
     assert bench.pushes[0] * CELL.params(ADJUST).push_offset < grip_of(CELL.params(GRASP), WEAK).bears
 
 
@@ -180,8 +168,7 @@ def test_each_attempt_to_insert_a_peg_with_corners_sweeps_about_another_middle(s
     """A hand that does not turn lags by more than is felt at once, where the middle is so far off, or later."""
     given = SQUARE.cell.corner.insert
     square.way = lambda time: corner_hand(HOLE, SQUARE.cell.corner.tilt if time < 0.5 else given.tilt)
-    square.move()
-    ended = insert(plan(SQUARE.cell, attempt), square.ctx, None)
+    ended = square.insert(attempt=attempt)
     assert ended.outcome is Outcome.SUCCESS
     sweeping = given.felt / given.turn_rate if later else 0.0
     assert ended.elapsed == pytest.approx(SETTLED + sweeping, abs=3 * PERIOD)
@@ -203,8 +190,7 @@ def entering(time):
 def test_a_peg_with_corners_is_seated_once_it_is_between_the_walls_and_turns_as_they_have_it(square):
     square.way = entering
     square.rig.at(0.3, lambda: setattr(square.rig.switch, "state", SwitchState.CLOSED))
-    square.move()
-    ended = adjust(plan(SQUARE.cell), square.ctx, None)
+    ended = square.adjust()
     assert isinstance(ended, SpiralAdjustResult)
     assert (ended.outcome, ended.elapsed) == (Outcome.SUCCESS, pytest.approx(0.3, abs=1.1 * PERIOD))
     seating = [each for each in square.commanded if each.id == square.commanded[-1].id]
@@ -216,30 +202,20 @@ def test_a_peg_with_corners_is_seated_once_it_is_between_the_walls_and_turns_as_
 def test_a_peg_with_corners_that_does_not_get_between_the_walls_is_not_seated(square):
     strays = 1.1 * SQUARE.cell.corner.adjust.strayed
     square.way = lambda time: corner_hand(HOLE + (strays * SIDE if time > 0.05 else 0.0), 0.12)
-    square.move()
-    ended = adjust(plan(SQUARE.cell), square.ctx, None)
+    ended = square.adjust()
     assert isinstance(ended, CornerAdjustResult)
     assert (ended.outcome, ended.reason) == (Outcome.FAILURE, Reason.NOT_SEATED)
     assert len({each.id for each in square.commanded}) == 1
 
 
-def test_both_parts_of_the_adjustment_of_a_peg_with_corners_go_by_the_plate_that_was_felt(square):
+def test_both_parts_of_the_adjustment_of_a_peg_with_corners_go_by_the_felt_plate_and_the_grip(square):
     square.way = entering
-    square.move()
-    adjust(plan(SQUARE.cell, timeout=0.05), square.ctx, FELT)
+    square.adjust(FELT, timeout=0.05, grip_share=WEAK)
     first, then = square.commanded[0], square.commanded[-1]
+    seating = next(each for each in square.commanded if each.id == then.id)
     assert first.id != then.id
     assert angle_between(first.axis, square.seen[0].axis) < 1e-3
-    assert angle_between(then.axis, FELT.normal) < 2.0 * angle_between(then.axis, UP)
-    np.testing.assert_allclose(
-        next(each for each in square.commanded if each.id == then.id).axis, FELT.normal, atol=1e-9
-    )
-
-
-def test_a_weak_grip_brings_a_peg_with_corners_in_and_seats_it_with_weaker_pushes(square):
-    square.way = entering
-    square.move()
-    adjust(plan(SQUARE.cell, timeout=0.05, grip_share=WEAK), square.ctx, None)
+    np.testing.assert_allclose(seating.axis, FELT.normal, atol=1e-9)
     bears, entry = grip_of(SQUARE.cell.params(GRASP), WEAK).bears, SQUARE.cell.corner.adjust
     assert square.pushes[0] * entry.push_offset < bears
     assert square.pushes[-1] * SQUARE.cell.params(ADJUST).push_offset < bears
