@@ -110,8 +110,9 @@ def test_the_course_begins_at_the_height_that_what_is_known_of_the_length_asks_f
     assert (course.height, course.first[2] - CELL.hole.centre[2]) == pytest.approx((height, height))
 
 
-def test_a_search_that_knows_nothing_comes_by_no_likely_place():
-    assert course_of().likely_until == 0.0
+@pytest.mark.parametrize("belief", [ANYWHERE, likely(deviation=8e-3)], ids=["unknown", "known badly"])
+def test_a_place_that_is_not_known_well_has_no_stroke_of_its_own(belief):
+    assert course_of(belief=belief).likely_until == 0.0
 
 
 @pytest.mark.parametrize("across", [0.0, 8e-3])
@@ -133,10 +134,6 @@ def test_the_lane_over_a_place_that_is_known_less_well_is_swept_from_where_the_s
     assert course.likely_until == pytest.approx((abs(begin[1]) + GATE * 3.5e-3 + WIDTH / 2) / PARAMS.speed)
     after = points(course, course.likely_until + 1.2, course.likely_until)
     assert np.abs(after[:, 1] - begin[1]).min() < 1e-3
-
-
-def test_a_place_that_is_known_badly_has_no_stroke_of_its_own():
-    assert course_of(belief=likely(deviation=8e-3)).likely_until == 0.0
 
 
 def test_what_the_strokes_have_missed_is_swept_by_the_second_cover():

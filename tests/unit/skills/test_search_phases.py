@@ -47,29 +47,31 @@ def after(phase, **felt):
     return next_phase(phase, replace(FELT, **felt), PARAMS, COURSE, np.zeros(2))
 
 
-def test_the_search_slides_once_the_plate_has_borne_the_push():
-    down = (PARAMS.height + PARAMS.push_offset) / PARAMS.descent
-    assert isinstance(after(first_phase(COURSE), elapsed=down + 1e-6), Sliding)
-    assert isinstance(after(first_phase(COURSE), elapsed=down - 1e-6), ComingDown)
-    assert isinstance(after(first_phase(COURSE), elapsed=down + 1e-6, is_pressed=False), ComingDown)
+DOWN = (PARAMS.height + PARAMS.push_offset) / PARAMS.descent
+"""Time in which the setpoint comes down, s."""
 
 
-def test_a_plate_that_is_never_felt_is_taken_to_be_there():
-    phase = first_phase(COURSE)
-    assert isinstance(after(phase, elapsed=PARAMS.touch_down - 1e-6, is_pressed=False), ComingDown)
-    assert isinstance(after(phase, elapsed=PARAMS.touch_down, is_pressed=False), Sliding)
+@pytest.mark.parametrize(
+    ("elapsed", "is_pressed", "phase"),
+    [
+        (DOWN + 1e-6, True, Sliding),
+        (DOWN - 1e-6, True, ComingDown),
+        (DOWN + 1e-6, False, ComingDown),
+        (PARAMS.touch_down - 1e-6, False, ComingDown),
+        (PARAMS.touch_down, False, Sliding),
+    ],
+)
+def test_the_search_slides_once_the_plate_has_borne_the_push_or_is_never_felt(elapsed, is_pressed, phase):
+    assert isinstance(after(first_phase(COURSE), elapsed=elapsed, is_pressed=is_pressed), phase)
 
 
 def test_evidence_stops_the_hand_where_it_is():
-    rest = after(Sliding(BACK), is_edge=True)
+    sliding = Sliding(BACK)
+    assert after(sliding) is sliding
+    rest = after(sliding, is_edge=True)
     assert isinstance(rest, Resting)
     assert (rest.stopped, rest.tcp, rest.was_probed) == (FELT.stamp, HAND, False)
     assert rest.place == pytest.approx(HERE[:2])
-
-
-def test_without_evidence_the_search_slides_on():
-    phase = Sliding(BACK)
-    assert after(phase) is phase
 
 
 def test_a_rest_is_judged_by_a_frame_of_its_end():
@@ -92,12 +94,17 @@ def test_a_corner_whose_dip_has_gone_at_rest_is_not_led_round_the_place():
     """If the peg turns in the hand, the tip seems to dip until the skin measures the turn; a probe would turn it further."""
     corner = CONFIG.corner.searching(PARAMS)
     gone = replace(FELT, below=0.1 * corner.dip_threshold)
-    dip = next_phase(Sliding(BACK), replace(FELT, is_edge=True), corner, COURSE, np.zeros(2))
-    lag = next_phase(Sliding(BACK), replace(FELT, is_edge=True, is_held=True), corner, COURSE, np.zeros(2))
-    assert isinstance(after_rest(dip, gone, corner, COURSE, np.zeros(2)), Sliding)
-    assert isinstance(after_rest(dip, replace(FELT, below=corner.dip_threshold), corner, COURSE, np.zeros(2)), Probing)
-    assert isinstance(after_rest(lag, gone, corner, COURSE, np.zeros(2)), Probing)
-    assert isinstance(after_rest(dip, gone, PARAMS, COURSE, np.zeros(2)), Probing)
+    dip, lag = (
+        next_phase(Sliding(BACK), replace(FELT, is_edge=True, is_held=is_held), corner, COURSE, np.zeros(2))
+        for is_held in (False, True)
+    )
+    for rest, felt, params, phase in (
+        (dip, gone, corner, Sliding),
+        (dip, replace(FELT, below=corner.dip_threshold), corner, Probing),
+        (lag, gone, corner, Probing),
+        (dip, gone, PARAMS, Probing),
+    ):
+        assert isinstance(after_rest(rest, felt, params, COURSE, np.zeros(2)), phase)
 
 
 def test_a_place_that_was_probed_is_left_at_once():

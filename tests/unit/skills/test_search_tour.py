@@ -1,6 +1,7 @@
 """Where a search goes that knows something: first there, then everywhere, and hardly later where it knew wrong."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -94,21 +95,6 @@ def test_a_place_that_failed_is_tried_again_and_then_left_for_the_rest_of_the_ar
     assert onwards.at(0.0)[0] == pytest.approx(path.at(2.0 + 1.5 * WIDTH / PARAMS.speed)[0])
 
 
-def test_what_an_attempt_has_swept_comes_last_in_the_next():
-    path = make_course(PARAMS, JOB, np.random.default_rng(9)).path
-    belief = ANYWHERE.after((0.5, 0.0), WIDTH, Left(path, 3.0))
-    onwards = make_course(PARAMS, JOB, np.random.default_rng(10), belief).path
-    assert isinstance(onwards, Tour)
-    assert onwards.duration < 1.6
-    assert onwards.at(onwards.duration + 0.5)[0] == pytest.approx(path.at(3.5)[0])
-
-
-def test_strokes_far_apart_are_joined_by_a_stop_and_a_start():
-    path = tour([((0.0, 0.0), (0.01, 0.0)), ((0.0, 0.05), (0.01, 0.05))], 0.1, Left(tour_end(), 0.0))
-    assert path.at(0.1 + TURN_TIME / 2)[1] == pytest.approx(np.zeros(2), abs=1e-9)
-    assert math.hypot(*path.at(path.duration)[0]) == pytest.approx(0.0, abs=1e-9)
-
-
 def tour_end() -> Tour:
     """Return a way that stays at the middle."""
     return tour([((0.0, 0.0), (0.0, 0.0))], 0.1, Left(make_course(PARAMS, JOB, np.random.default_rng(1)).path, 0.0))
@@ -144,9 +130,8 @@ def test_strokes_go_from_the_likely_one_to_its_neighbours_to_the_nearer_border_a
 
 
 def test_strokes_lie_a_pitch_apart_at_most_and_half_as_far_from_the_borders():
-    wide = Rows((0.03, 0.02), fast=0, pitch=0.0131, speed=0.1)
-    assert wide.order(0.0, 0) == pytest.approx([0.005, 0.015, -0.005, -0.015])
-    assert Rows((0.03, 0.001), fast=0, pitch=0.0131, speed=0.1).order(0.0, 0) == [0.0]
+    assert replace(ROWS, fast=0, pitch=0.0131).order(0.0, 0) == pytest.approx([0.005, 0.015, -0.005, -0.015])
+    assert replace(ROWS, half=(0.03, 0.001), fast=0, pitch=0.0131).order(0.0, 0) == [0.0]
 
 
 @pytest.mark.parametrize(("deviation", "others"), [(1e-4, 0), (1.66e-3, 0), (1.67e-3, 1), (4.99e-3, 1), (5.01e-3, 2)])
@@ -171,14 +156,11 @@ def test_the_first_look_ends_at_the_border_and_begins_no_further_outside_than_th
     strokes = first_look(about(0.028, 0.019, 2e-3), HERE, ROWS, width=8e-3, outside=7e-3, way=1.0)
     expected = [((0.028, 0.006), (0.028, 0.02)), ((0.018, 0.024), (0.018, 0.009))]
     assert np.array(strokes) == pytest.approx(np.array(expected))
+    beyond = first_look(about(0.09, -0.09, 1e-4), HERE, ROWS, width=8e-3, outside=7e-3, way=1.0)
+    assert np.array(beyond) == pytest.approx(np.array([((0.03, -0.027), (0.03, -0.0157))]))
     wide = first_look(about(0.0, 0.0, 0.011), HERE, ROWS, width=8e-3, outside=7e-3, way=1.0)
     assert wide[0] == ((0.0, pytest.approx(-0.027)), (0.0, pytest.approx(0.02)))
     assert wide[1] == ((0.01, pytest.approx(0.024)), (0.01, pytest.approx(-0.02)))
-
-
-def test_a_place_outside_of_the_area_is_looked_for_at_its_border():
-    strokes = first_look(about(0.09, -0.09, 1e-4), HERE, ROWS, width=8e-3, outside=7e-3, way=1.0)
-    assert np.array(strokes) == pytest.approx(np.array([((0.03, -0.027), (0.03, -0.0157))]))
 
 
 @pytest.mark.parametrize("way", [1.0, -1.0])
@@ -191,18 +173,19 @@ def test_the_strokes_over_the_area_turn_at_its_borders_and_what_lies_before_the_
     assert np.array(along) == pytest.approx(np.array(expected))
 
 
-def test_a_first_stroke_from_the_border_or_from_outside_has_nothing_before_it():
-    for start in (-0.02, -0.025):
-        strokes = outwards(about(0.006), HERE, ROWS, start=start, way=1.0)
-        assert len(strokes) == 6
-        assert strokes[0] == ((pytest.approx(0.005), start), (pytest.approx(0.005), 0.02))
-
-
-def test_a_first_stroke_that_would_begin_beyond_the_far_border_is_left_out():
-    strokes = outwards(about(0.006), HERE, ROWS, start=0.03, way=1.0)
+@pytest.mark.parametrize(
+    ("start", "first", "last"),
+    [
+        (-0.02, ((0.005, -0.02), (0.005, 0.02)), ((-0.025, 0.02), (-0.025, -0.02))),
+        (-0.025, ((0.005, -0.025), (0.005, 0.02)), ((-0.025, 0.02), (-0.025, -0.02))),
+        (0.03, ((0.015, 0.02), (0.015, -0.02)), ((0.005, -0.02), (0.005, 0.02))),
+    ],
+    ids=["border", "outside", "beyond the far border"],
+)
+def test_a_first_stroke_from_outside_has_nothing_before_it_or_is_left_out(start, first, last):
+    strokes = outwards(about(0.006), HERE, ROWS, start=start, way=1.0)
     assert len(strokes) == 6
-    assert strokes[0][0] == pytest.approx((0.015, 0.02))
-    assert np.array(strokes[-1]) == pytest.approx(np.array([(0.005, -0.02), (0.005, 0.02)]))
+    assert np.array([strokes[0], strokes[-1]]) == pytest.approx(np.array([first, last]))
 
 
 def test_a_leg_goes_from_point_to_point_with_the_velocities_that_it_is_given():
