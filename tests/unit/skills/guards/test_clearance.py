@@ -17,10 +17,15 @@ PLATE, RACK = np.array(JOB.hole.centre), np.array(JOB.rack.first)
 CLEARANCE = 0.002
 
 
+def between(start, goal):
+    """Return places on the way between two goals."""
+    laid = Way(start, goal)
+    return [Attitude(at.tip, at.axis, at.roll) for at in (laid.at(share)[0] for share in np.linspace(0.0, 1.0, 25))]
+
+
 def way(start, goal, axes=(UP, UP)):
     """Return places on the straight way between two tips, m."""
-    laid = Way(Goal(np.array(start), axes[0], ALONG), Goal(np.array(goal), axes[1], ALONG))
-    return [Attitude(at.tip, at.axis, at.roll) for at in (laid.at(share)[0] for share in np.linspace(0.0, 1.0, 25))]
+    return between(Goal(np.array(start), axes[0], ALONG), Goal(np.array(goal), axes[1], ALONG))
 
 
 def test_distances_from_a_box_are_exact():
@@ -50,14 +55,8 @@ def test_closed_fingers_are_farther_from_the_plate_than_the_edge_of_the_tilted_p
 @pytest.mark.parametrize("x", np.linspace(-0.02, 0.02, 9))
 def test_the_way_from_the_rack_to_a_likely_place_anywhere_on_the_plate_is_clear(x):
     axis, closing = (UP + SIDE) / np.sqrt(2.0), (SIDE - UP) / np.sqrt(2.0)
-    start, goal = RACK + 0.05 * UP, PLATE + np.array([x, -0.01, 0.005])
-    laid = Way(Goal(start, UP, SIDE), Goal(goal, axis, closing))
-    places = (laid.at(share)[0] for share in np.linspace(0.0, 1.0, 25))
-    require_clear([Attitude(at.tip, at.axis, at.roll) for at in places], JOB, HELD, CLEARANCE)
-
-
-def test_the_way_from_rack_to_plate_is_clear():
-    require_clear(way(RACK + 0.05 * UP, PLATE + 0.01 * UP, (UP, TILTED)), JOB, HELD, CLEARANCE)
+    goal = Goal(PLATE + np.array([x, -0.01, 0.005]), axis, closing)
+    require_clear(between(Goal(RACK + 0.05 * UP, UP, SIDE), goal), JOB, HELD, CLEARANCE)
 
 
 def test_a_rack_below_a_plate_is_not_left_straight_through_the_plates_edge():
@@ -79,15 +78,12 @@ def test_a_peg_that_swings_down_on_its_way_is_refused():
         )
 
 
-@pytest.mark.parametrize(("dip", "is_refused"), [(0.0005, False), (-0.0005, True)])
-def test_a_way_between_clear_ends_keeps_the_clearance_and_no_more(dip, is_refused):
-    ends, lowest = PLATE + 0.02 * UP, PLATE + (CLEARANCE + dip) * UP
-    places = way(ends, lowest) + way(lowest, ends)
-    if is_refused:
-        with pytest.raises(SetpointError, match=r"2\.\d mm needed|1\.9 mm needed"):
-            require_clear(places, JOB, HELD, CLEARANCE)
-    else:
-        require_clear(places, JOB, HELD, CLEARANCE)
+def test_a_way_between_clear_ends_keeps_the_clearance_and_no_more():
+    ends = PLATE + 0.02 * UP
+    at, beyond = (way(ends, lowest) + way(lowest, ends) for lowest in (PLATE + 2.5e-3 * UP, PLATE + 1.5e-3 * UP))
+    require_clear(at, JOB, HELD, CLEARANCE)
+    with pytest.raises(SetpointError, match=r"2\.\d mm needed|1\.9 mm needed"):
+        require_clear(beyond, JOB, HELD, CLEARANCE)
 
 
 def test_a_way_that_begins_near_may_leave_but_come_no_nearer():

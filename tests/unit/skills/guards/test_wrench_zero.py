@@ -27,28 +27,29 @@ def test_offset_and_noise_are_those_of_the_readings():
     assert zero.noise == pytest.approx(2.0, rel=0.3)
 
 
-def test_a_force_that_is_no_offset_of_an_estimate_is_refused():
+@pytest.mark.parametrize(
+    ("told", "words"),
+    [
+        (readings([0.0, 0.0, CONFIG.offset + 0.1]), r"35 N reported in free air; wrench\.offset = 35 N allowed"),
+        (readings([0.0, 0.0, 0.0], noise=2.0 * CONFIG.noise), "force scatters by"),
+        (readings([1.0, 0.0, 0.0], noise=0.5, drift=6.0), "something touches it"),
+    ],
+    ids=["offset", "noise", "touch meanwhile"],
+)
+def test_what_no_arm_reports_in_free_air_is_refused(told, words):
+    with pytest.raises(WrenchOffsetError, match=words):
+        zero_of(told, CONFIG)
+
+
+def test_offsets_up_to_the_limit_and_noise_are_borne():
     zero_of(readings([0.0, 0.0, CONFIG.offset - 0.1]), CONFIG)
-    with pytest.raises(WrenchOffsetError, match=r"35 N reported in free air; wrench\.offset = 35 N allowed"):
-        zero_of(readings([0.0, 0.0, CONFIG.offset + 0.1]), CONFIG)
-
-
-def test_noise_beyond_the_limit_is_refused():
-    with pytest.raises(WrenchOffsetError, match="force scatters by"):
-        zero_of(readings([0.0, 0.0, 0.0], noise=2.0 * CONFIG.noise), CONFIG)
-
-
-def test_what_begins_to_touch_meanwhile_is_told_from_noise():
-    with pytest.raises(WrenchOffsetError, match="something touches it"):
-        zero_of(readings([1.0, 0.0, 0.0], noise=0.5, drift=6.0), CONFIG)
     for seed in range(300):
         zero_of(readings([1.0, 0.0, 0.0], noise=2.0, seed=seed), CONFIG)
 
 
 def test_a_zeroed_cell_reads_no_force_where_nothing_touches_and_all_of_what_touches_later():
-    cell, clock = load().cell, FakeClock()
-    arm = FakeArm(clock)
-    ctx = context_of(cell, arm, FakeGripper(0.008))
+    arm = FakeArm(FakeClock())
+    ctx = context_of(load().cell, arm, FakeGripper(0.008))
     arm.force = np.array([3.0, -4.0, 5.0])
     for _ in ctx.scan(0.3):
         pass
