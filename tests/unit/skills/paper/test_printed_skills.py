@@ -26,13 +26,10 @@ TILT = 0.6
 """Lean of a peg that the search has left in the hole's mouth, rad."""
 
 
-@pytest.mark.parametrize(("phi", "stiffness"), [(0.8, 300.0), (0.4, 600.0), (0.0, 1200.0), (1.1, 300.0)])
-def test_equation_7_stiffens_from_k_min_to_k_max(phi, stiffness):
-    assert k_33(phi, 0.8, 300.0, 1200.0) == pytest.approx(stiffness)
-
-
-def test_equation_4_lies_below_the_hole():
+def test_equation_4_lies_below_the_hole_and_equation_7_stiffens_from_k_min_to_k_max():
     np.testing.assert_allclose(x_star(np.array([0.5, 0.1, 0.7]), 0.1), [0.5, 0.1, 0.09])
+    pushes = [k_33(phi, 0.8, 300.0, 1200.0) for phi in (0.8, 0.4, 0.0, 1.1)]
+    assert pushes == pytest.approx([300.0, 600.0, 1200.0, 300.0])
 
 
 @pytest.mark.parametrize("tilt", [0.2, 0.99 * MOST_LEAD, 1.3])
@@ -83,16 +80,10 @@ def test_the_hand_keeps_its_attitude_if_the_plate_turns_the_peg(board):
     np.testing.assert_allclose(last.axis, end_point(hand, 0.3, board.length)[1], atol=1e-6)
 
 
-class Bench(ScriptedHand):
-    """A hand whose peg leans in the hole's mouth by default."""
-
-    def __init__(self, rig):
-        super().__init__(rig, lambda time: scripted.hand(HOLE - 1e-3 * UP, TILT))
-
-
 @pytest.fixture
 def bench(tmp_path):
-    bench = Bench(Rig(load(sets=[LIGHT]), tmp_path))
+    """Return a hand whose peg leans in the hole's mouth by default."""
+    bench = ScriptedHand(Rig(load(sets=[LIGHT]), tmp_path), lambda time: scripted.hand(HOLE - 1e-3 * UP, TILT))
     bench.move()
     return bench
 
@@ -133,15 +124,9 @@ def test_the_switch_ends_it_well(bench, skill, params):
     assert skill.run(params, bench.ctx).outcome is Outcome.SUCCESS
 
 
-def test_the_preset_chooses_all_three():
+def test_the_preset_chooses_all_three_and_a_section_without_skills_none():
     plan = LOADED.cell.plan()
-    assert (plan.retries, set(plan.steered)) == (0, {f"paper.{each}.gains" for each in PRINTED})
-
-
-PRINTED = ("search", "insert", "adjust")
-
-
-def test_a_section_without_skills_chooses_nothing():
+    assert (plan.retries, set(plan.steered)) == (0, {f"paper.{each}.gains" for each in ("search", "insert", "adjust")})
     assert load(preset="paper", sets=["paper.skills=[]"]).cell.paper is None
 
 

@@ -75,13 +75,13 @@ def given_up_after(seen, **way):
     return MOST_LOOKS + 1, False
 
 
-@pytest.mark.parametrize("way", [{"wear": 1.0}, {"shallow": 0.001}])
-def test_a_peg_that_is_surely_not_seated_is_looked_at_once_more_and_given_up(seen, way):
-    assert given_up_after(seen, **way) == (LEAST_LOOKS, False)
-
-
-def test_a_peg_that_stays_in_doubt_is_given_up_after_the_last_look(seen):
-    assert given_up_after(seen, wear=1.05 - FORCE_SHARE) == (MOST_LOOKS, False)
+@pytest.mark.parametrize(
+    ("way", "looks"),
+    [({"wear": 1.0}, LEAST_LOOKS), ({"shallow": 0.001}, LEAST_LOOKS), ({"wear": 1.05 - FORCE_SHARE}, MOST_LOOKS)],
+    ids=["no latch", "another bottom", "in doubt"],
+)
+def test_a_peg_is_given_up_after_one_more_look_or_if_in_doubt_after_the_last(seen, way, looks):
+    assert given_up_after(seen, **way) == (looks, False)
 
 
 def test_a_peg_whose_first_way_denies_the_bottom_is_not_told_by_the_next_one(seen):

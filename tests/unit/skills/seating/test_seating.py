@@ -68,29 +68,25 @@ def test_nothing_bears_a_peg_that_is_hardly_pushed(seen, push):
 
 
 @pytest.mark.parametrize(
-    ("short", "goes_on"),
+    ("shorts", "push", "goes_on"),
     [
-        (0.99 * MOST_SHALLOW, False),
-        (1.01 * MOST_SHALLOW, True),
-        (0.99 * DOUBTED, True),
-        (1.01 * DOUBTED, False),
-        (-0.99 * MOST_DEEP, False),
-        (-1.01 * MOST_DEEP, True),
+        ((0.99 * MOST_SHALLOW,), 10.0, False),
+        ((1.01 * MOST_SHALLOW,), 10.0, True),
+        ((0.99 * DOUBTED,), 10.0, True),
+        ((1.01 * DOUBTED,), 10.0, False),
+        ((-0.99 * MOST_DEEP,), 10.0, False),
+        ((-1.01 * MOST_DEEP,), 10.0, True),
+        ((1.5e-3, 0.0), 10.0, True),
+        ((1.5e-3,), 0.5 * LEAST_PUSH, False),
     ],
+    ids=["near", "shallow", "doubted", "far", "near below", "deep", "doubted and deeper later", "weak push"],
 )
-def test_a_peg_is_pushed_on_only_where_that_can_prove_it_seated(seen, short, goes_on):
-    arrival = Arrival().after(seen, pushing(seen, 10.0), short)
+def test_a_peg_is_pushed_on_only_where_that_can_prove_it_seated(seen, shorts, push, goes_on):
+    arrival = Arrival()
+    for short in shorts:
+        arrival = arrival.after(seen, pushing(seen, push), short)
     assert arrival.is_over(seen.stamp) is not goes_on
     assert arrival.is_over(seen.stamp + BORNE_FOR)
-
-
-def test_a_doubt_stays_although_the_peg_goes_down(seen):
-    arrival = Arrival().after(seen, pushing(seen, 10.0), 1.5e-3).after(seen, pushing(seen, 10.0), 0.0)
-    assert not arrival.is_over(seen.stamp)
-
-
-def test_a_push_that_is_too_weak_to_tell_is_not_waited_for(seen):
-    assert Arrival().after(seen, pushing(seen, 0.5 * LEAST_PUSH), 1.5e-3).is_over(seen.stamp)
 
 
 HOLE = load().cell.job().hole
