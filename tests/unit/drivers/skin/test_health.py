@@ -23,43 +23,29 @@ def test_too_short_a_baseline_is_refused():
         _health(_still(frames=49))
 
 
-def test_values_keep_their_sign():
-    values, _ = _health().update(_still(1)[0], 0.1)
-    assert values.min() < 0.0 < values.max()
-
-
 def test_fifty_frames_leave_a_seventh_of_the_noise_in_the_baseline():
     errors = [_health(_still(seed)).baseline - 5000.0 for seed in range(100)]
     assert np.std(errors) == pytest.approx(300.0 / 50**0.5, rel=0.1)
 
 
-def test_dead_taxel_is_masked_for_good():
+def test_dead_and_stuck_taxels_are_masked_from_the_start():
     still = _still()
-    still[:, 3] = 0
-    _, trusted = _health(still).update(_still(1)[0], 0.1)
-    assert np.flatnonzero(~trusted).tolist() == [3]
+    still[:, 3], still[:, 4], still[:, 2] = 0, 1, 4711
+    health = _health(still)
+    assert (np.flatnonzero(health.dead).tolist(), np.flatnonzero(health.stuck).tolist()) == ([3], [2, 4])
+    assert np.flatnonzero(~health.update(_still(1)[0], 0.1)[1]).tolist() == [2, 3, 4]
 
 
-def test_stuck_taxel_is_masked_at_the_start():
-    still = _still()
-    still[:, 2] = 4711
-    assert np.flatnonzero(_health(still).stuck).tolist() == [2]
-
-
-@pytest.mark.parametrize("count", [ERROR_COUNT, 65535])
-def test_error_count_is_masked_and_reads_zero(count):
+@pytest.mark.parametrize(
+    ("count", "is_trusted"),
+    [(CONFIG.saturation - 1, True), (CONFIG.saturation, False), (ERROR_COUNT, False), (65535, False)],
+)
+def test_a_reading_at_the_rail_or_in_error_is_masked_and_one_below_is_not(count, is_trusted):
     raw = _still(1)[0]
     raw[5] = count
     values, trusted = _health().update(raw, 0.1)
-    assert not trusted[5]
-    assert values[5] == 0.0
-
-
-@pytest.mark.parametrize(("count", "is_trusted"), [(CONFIG.saturation - 1, True), (CONFIG.saturation, False)])
-def test_reading_at_the_rail_is_masked_and_one_below_is_not(count, is_trusted):
-    raw = _still(1)[0]
-    raw[5] = count
-    assert _health().update(raw, 0.1)[1][5] == is_trusted
+    assert trusted[5] == is_trusted
+    assert (values[5] == 0.0) != is_trusted
 
 
 def test_taxel_is_trusted_again_after_an_error():
@@ -69,13 +55,15 @@ def test_taxel_is_trusted_again_after_an_error():
     assert health.update(second, 0.2)[1].all()
 
 
-@pytest.mark.parametrize(("frames", "is_trusted"), [(CONFIG.stuck_frames - 1, True), (CONFIG.stuck_frames, False)])
-def test_taxel_that_stands_still_while_running_is_masked_at_the_limit(frames, is_trusted):
-    health = _health()
-    for raw in _still(1)[:frames]:
-        raw[4] = 9000
-        _, trusted = health.update(raw, 0.1)
-    assert trusted[4] == is_trusted
+@pytest.mark.parametrize(("is_of_baseline", "limit"), [(False, CONFIG.stuck_frames), (True, CONFIG.stuck_frames - 1)])
+def test_a_taxel_that_stands_still_while_running_is_masked_at_the_limit(is_of_baseline, limit):
+    """Equal readings count from the last frame of the baseline on."""
+    still, told = _still(), []
+    health = _health(still)
+    for raw in _still(1)[:limit]:
+        raw[4] = still[-1, 4] if is_of_baseline else 9000
+        told.append(bool(health.update(raw, 0.1)[1][4]))
+    assert told == [True] * (limit - 1) + [False]
 
 
 @pytest.mark.parametrize(("frames", "is_trusted"), [(CONFIG.frozen_frames - 1, True), (CONFIG.frozen_frames, False)])
@@ -93,39 +81,9 @@ def test_frozen_skin_is_trusted_again_once_it_measures():
     assert trusted.all()
 
 
-def test_baseline_follows_an_untouched_skin():
-    health = _health()
-    for k, raw in enumerate(_still(1, frames=600, level=5400.0)):
-        values, _ = health.update(raw, 0.1 * k)
-    assert abs(values.mean()) < 150.0
-
-
-def test_baseline_stands_still_under_a_touch():
-    health = _health()
-    before = health.baseline.copy()
-    for k, raw in enumerate(_still(1, frames=600)):
-        raw[0] = 15000 + k
-        health.update(raw, 0.1 * k)
-    assert health.baseline == pytest.approx(before)
-
-
 def test_group_is_dead_when_all_of_it_is():
     dead = np.array([True, True, True, False])
     assert dead_groups(dead, np.array([7, 7, 9, 9])) == [7]
-
-
-def test_zero_far_below_the_baseline_is_no_measurement():
-    still = np.full((50, 3), 5000, dtype=np.uint16) + (np.arange(150).reshape(50, 3) % 7).astype(np.uint16)
-    health = SkinHealth(SkinHealthConfig(), still)
-    _, trusted = health.update(np.array([5001, 0, 4000], dtype=np.uint16), 1.0)
-    assert trusted.tolist() == [True, False, True]
-
-
-def test_zero_near_a_baseline_of_zero_is_a_measurement():
-    """Recordings have their baseline removed already."""
-    still = (np.arange(150).reshape(50, 3) % 4).astype(np.uint16)
-    health = SkinHealth(SkinHealthConfig(), still)
-    assert health.update(np.zeros(3, dtype=np.uint16), 1.0)[1].all()
 
 
 def test_the_baseline_keeps_up_with_the_drift_of_a_skin_that_is_gripped_most_of_the_time():
@@ -166,43 +124,19 @@ def test_noise_of_half_a_count_is_measured_as_such():
     assert _health(still).noise == pytest.approx(0.5)
 
 
-def test_a_taxel_that_reads_zero_is_dead_and_one_that_reads_one_is_stuck():
+@pytest.mark.parametrize(
+    ("at_rail", "is_usable"),
+    [(slice(24), True), (slice(25), False), (slice(0, None, 3), True), (slice(1, None), False)],
+    ids=["less than half", "half", "every third", "all but one"],
+)
+def test_readings_at_the_rail_are_left_out_and_too_many_give_no_baseline(at_rail, is_usable):
     still = _still()
-    still[:, 3], still[:, 4] = 0, 1
+    before = still[:, 2].astype(float)
+    still[at_rail, 2] = CONFIG.saturation
+    valid = before[still[:, 2] < CONFIG.saturation]
     health = _health(still)
-    assert (np.flatnonzero(health.dead).tolist(), np.flatnonzero(health.stuck).tolist()) == ([3], [4])
-
-
-def test_the_baseline_does_not_follow_before_time_has_passed():
-    health = _health()
-    before = health.baseline.copy()
-    health.update(_still(1)[0], 0.1)
-    assert (health.baseline == before).all()
-
-
-@pytest.mark.parametrize(("frames", "is_trusted"), [(CONFIG.stuck_frames - 2, True), (CONFIG.stuck_frames - 1, False)])
-def test_equal_readings_count_from_the_last_frame_of_the_baseline_on(frames, is_trusted):
-    still = _still()
-    health = _health(still)
-    for raw in _still(1)[:frames]:
-        raw[4] = still[-1, 4]
-        _, trusted = health.update(raw, 0.1)
-    assert trusted[4] == is_trusted
-
-
-@pytest.mark.parametrize(("frames", "is_usable"), [(24, True), (25, False)])
-def test_a_taxel_that_is_at_the_rail_in_half_of_the_baseline_gives_none(frames, is_usable):
-    still = _still()
-    still[:frames, 2] = CONFIG.saturation
-    assert _health(still).usable[2] == is_usable
-
-
-def test_readings_at_the_rail_are_left_out_of_baseline_and_noise():
-    still = _still()
-    still[::3, 2] = CONFIG.saturation
-    health, valid = _health(still), np.delete(still[:, 2].astype(float), np.s_[::3])
-    assert health.baseline[2] == pytest.approx(valid.mean(), abs=1e-6)
-    assert health.noise[2] == pytest.approx(valid.std(), abs=1e-6)
+    assert health.usable[2] == is_usable
+    assert (health.baseline[2], health.noise[2]) == pytest.approx((valid.mean(), valid.std()), abs=1e-6)
 
 
 def test_a_taxel_that_is_at_the_rail_throughout_has_a_baseline_of_zero():
@@ -212,20 +146,13 @@ def test_a_taxel_that_is_at_the_rail_throughout_has_a_baseline_of_zero():
     assert (health.baseline[2], health.noise[2], health.usable[2]) == (0.0, 0.0, False)
 
 
-@pytest.mark.parametrize(("share", "follows"), [(0.99, True), (1.01, False)])
-@pytest.mark.parametrize("noise", [300.0, 3.0])
-def test_the_baseline_follows_up_to_a_touch_by_noise_or_by_counts(noise, share, follows):
-    still = _still(noise=noise, level=20_000.0)
-    health = _health(still)
-    height = max(CONFIG.touch * health.noise[4], CONFIG.least_touch)
-    raw = np.rint(health.baseline).astype(np.uint16)
-    raw[4] = round(health.baseline[4] + share * height)
-    if noise < 10.0:  # a single count more or less
-        raw[4] = int(health.baseline[4] + height) + (0 if follows else 1)
-    before = health.baseline.copy()
-    health.update(raw, 10.0)
-    health.update(raw + np.uint16(0), 11.0)
-    assert (health.baseline[4] > before[4]) == follows
+@pytest.mark.parametrize(("share", "is_followed"), [(0.99, True), (1.01, False)])
+def test_the_baseline_follows_up_to_a_touch_of_so_many_times_the_noise(share, is_followed):
+    health = _health(_still(level=20_000.0))
+    above = np.zeros(TAXELS)
+    above[4] = share * CONFIG.touch * health.noise[4]
+    assert above[4] > CONFIG.least_touch
+    assert follows(health, above) is is_followed
 
 
 def _skin(noise=300.0, taxels=40, frames=50, seed=0):
@@ -248,27 +175,17 @@ def test_the_baseline_follows_a_skin_that_warms_up_all_over():
     assert abs(values.mean()) < 150.0
 
 
-def test_the_baseline_follows_by_the_share_of_the_time_that_has_passed():
+@pytest.mark.parametrize(
+    ("later", "share"),
+    [(100.0, 0.0), (100.5, 0.05), (200.0, 1.0), (99.0, 0.0)],
+    ids=["at once", "soon", "late", "older"],
+)
+def test_the_baseline_follows_by_the_share_of_the_time_that_has_passed(later, share):
     health = _health()
     before, (first, second) = health.baseline.copy(), _still(1)[:2]
     health.update(first, 100.0)
-    health.update(second, 100.5)
-    assert health.baseline == pytest.approx(before + 0.05 * (second - before))
-
-
-def test_the_baseline_follows_at_most_the_whole_way():
-    health, (first, second) = _health(), _still(1)[:2]
-    health.update(first, 100.0)
-    health.update(second, 200.0)
-    assert health.baseline == pytest.approx(second.astype(float))
-
-
-def test_a_frame_that_is_older_than_the_one_before_teaches_nothing():
-    health, (first, second) = _health(), _still(1)[:2]
-    health.update(first, 100.0)
-    before = health.baseline.copy()
-    health.update(second, 99.0)
-    assert (health.baseline == before).all()
+    health.update(second, later)
+    assert health.baseline == pytest.approx(before + share * (second - before))
 
 
 # Exactly at a limit: four taxels that read a count more and a count less in turn, so that a touch of each is 50 counts.
@@ -289,8 +206,18 @@ def follows(health, above):
     return bool((health.baseline != before).any())
 
 
-def test_zero_exactly_a_touch_below_the_baseline_is_a_measurement():
-    assert even(50).update(np.array([0, 49, 51, 50], dtype=np.uint16), 1.0)[1].all()
+@pytest.mark.parametrize(
+    ("level", "raw", "trusted"),
+    [
+        (5000, (5001, 0, 4000, 5000), [True, False, True, True]),
+        (50, (0, 49, 51, 50), [True] * 4),
+        (51, (0, 50, 52, 51), [False, True, True, True]),
+        (1, (0, 0, 0, 0), [True] * 4),
+    ],
+)
+def test_zero_is_a_measurement_only_within_a_touch_of_the_baseline(level, raw, trusted):
+    """Recordings have their baseline removed already."""
+    assert even(level).update(np.array(raw, dtype=np.uint16), 1.0)[1].tolist() == trusted
 
 
 @pytest.mark.parametrize(
@@ -314,9 +241,3 @@ def test_taxels_that_are_not_trusted_do_not_hide_a_print_of_the_others():
     still[:, 10:] = 0
     health = SkinHealth(CONFIG, still)
     assert not follows(health, 4.0 * health.noise * (np.arange(40) % 2))
-
-
-def test_the_one_reading_of_a_taxel_that_is_otherwise_at_the_rail_is_its_baseline():
-    still = _still()
-    still[1:, 2] = CONFIG.saturation
-    assert _health(still).baseline[2] == still[0, 2]

@@ -56,6 +56,14 @@ def switch(board, clock):
     made.close()
 
 
+@pytest.fixture
+def closed(switch, board):
+    """Return the opened switch of a board whose contacts are closed."""
+    board.report = replaced(board.report, contacts=Contacts.CLOSED)
+    switch.open()
+    return switch
+
+
 def passed(clock: FakeClock, switch: SerialSuccessSwitch, time: float) -> list[SwitchState]:
     """Read in every scan of 10 ms for so long."""
     states = []
@@ -87,25 +95,22 @@ def test_closed_open_and_broken_are_told_apart(switch, board, clock):
         assert passed(clock, switch, 0.05)[-1] is state
 
 
-def test_no_port_is_named():
-    switch = SerialSuccessSwitch(SerialSwitchConfig(kind="serial", port="/dev/no-such-port"), FakeClock())
-    assert "/dev/no-such-port: no such port" in refused(switch)
-
-
-def test_a_port_in_use_is_named(switch, board, clock):
+def test_no_port_and_a_port_in_use_are_named(switch, board, clock):
+    missing, other = (
+        SerialSuccessSwitch(SerialSwitchConfig(kind="serial", port=port), clock)
+        for port in ("/dev/no-such-port", board.terminal.port)
+    )
+    assert "/dev/no-such-port: no such port" in refused(missing)
     switch.open()
-    other = SerialSuccessSwitch(SerialSwitchConfig(kind="serial", port=board.terminal.port), clock)
     assert "in use by another program" in refused(other)
 
 
-def test_a_silent_board_is_named(switch, board):
-    board.report = None
-    assert "silent" in refused(switch)
-
-
-def test_a_wrong_baud_rate_is_named(switch, board):
-    board.report, board.noise = None, bytes([0xFF, 0x80, 0x00, 0x1C])
-    assert "baud rate other than 38400" in refused(switch)
+@pytest.mark.parametrize(
+    ("noise", "told"), [(b"", "silent"), (bytes([0xFF, 0x80, 0x00, 0x1C]), "baud rate other than 38400")]
+)
+def test_a_board_without_reports_is_not_opened(switch, board, noise, told):
+    board.report, board.noise = None, noise
+    assert told in refused(switch)
 
 
 @pytest.mark.parametrize(
@@ -126,34 +131,28 @@ def test_a_board_that_cannot_be_believed_is_not_opened(switch, board, changes, t
     assert told in refused(switch)
 
 
-def test_a_board_that_falls_silent_is_unknown_once_its_report_is_stale(switch, board, clock):
-    board.report = replaced(board.report, contacts=Contacts.CLOSED)
-    switch.open()
+def test_a_board_that_falls_silent_is_unknown_once_its_report_is_stale(closed, board, clock):
     board.report = None
-    states = passed(clock, switch, 0.3)
+    states = passed(clock, closed, 0.3)
     last = len(states) - 1 - states[::-1].index(SwitchState.CLOSED)
     assert (last + 1) * 0.01 <= STALE
     assert set(states[last + 1 :]) == {SwitchState.UNKNOWN}
-    assert "old > 0.1 s limit" in switch.problem()
+    assert "old > 0.1 s limit" in closed.problem()
 
 
-def test_reports_that_come_late_are_as_stale_as_none(switch, board, clock):
-    board.report = replaced(board.report, contacts=Contacts.CLOSED)
-    switch.open()
-    assert passed(clock, switch, 0.1)[-1] is SwitchState.CLOSED
+def test_reports_that_come_late_are_as_stale_as_none(closed, board, clock):
+    assert passed(clock, closed, 0.1)[-1] is SwitchState.CLOSED
     for _ in range(20):
         board.delay += STALE / 10
-        states = passed(clock, switch, 0.03)
+        states = passed(clock, closed, 0.03)
     assert set(states) == {SwitchState.UNKNOWN}
     board.delay = 0.0
-    assert passed(clock, switch, 0.1)[-1] is SwitchState.CLOSED
+    assert passed(clock, closed, 0.1)[-1] is SwitchState.CLOSED
 
 
-def test_a_report_said_again_and_again_grows_stale(switch, board, clock):
-    board.report = replaced(board.report, contacts=Contacts.CLOSED)
-    switch.open()
+def test_a_report_said_again_and_again_grows_stale(closed, board, clock):
     board.noise, board.report = encode(replaced(board.report, time=round(clock.now() * 1000))), None
-    assert passed(clock, switch, 2 * STALE)[-1] is SwitchState.UNKNOWN
+    assert passed(clock, closed, 2 * STALE)[-1] is SwitchState.UNKNOWN
 
 
 def test_what_piled_up_while_nobody_read_is_judged_by_its_newest_report(switch, board, clock):
@@ -164,12 +163,10 @@ def test_what_piled_up_while_nobody_read_is_judged_by_its_newest_report(switch, 
     assert switch.read() is SwitchState.CLOSED
 
 
-def test_what_piled_up_and_overflowed_is_not_believed(switch, board, clock):
-    board.report = replaced(board.report, contacts=Contacts.CLOSED)
-    switch.open()
+def test_what_piled_up_and_overflowed_is_not_believed(closed, board, clock):
     clock.wait_until(clock.now() + 20.0)
-    assert switch.read() is SwitchState.UNKNOWN
-    assert passed(clock, switch, 0.1)[-1] is SwitchState.CLOSED
+    assert closed.read() is SwitchState.UNKNOWN
+    assert passed(clock, closed, 0.1)[-1] is SwitchState.CLOSED
 
 
 @pytest.mark.parametrize("drift", [0.995, 1.005])
@@ -180,16 +177,14 @@ def test_a_board_whose_clock_drifts_is_believed(switch, board, clock, drift):
         assert set(passed(clock, switch, 1.0)) == {SwitchState.OPEN}
 
 
-def test_a_board_unplugged_and_plugged_in_again_is_unknown_meanwhile(switch, board, clock, caplog):
-    board.report = replaced(board.report, contacts=Contacts.CLOSED)
-    switch.open()
+def test_a_board_unplugged_and_plugged_in_again_is_unknown_meanwhile(closed, board, clock, caplog):
     with caplog.at_level(logging.WARNING):
         board.terminal.unplug()
-        assert set(passed(clock, switch, 2.0)) == {SwitchState.UNKNOWN}
+        assert set(passed(clock, closed, 2.0)) == {SwitchState.UNKNOWN}
     assert len(caplog.messages) == 1
     board.report = replaced(board.report, contacts=Contacts.OPEN)
     board.terminal.plug_in()
-    states = passed(clock, switch, REOPEN_PERIOD + 0.1)
+    states = passed(clock, closed, REOPEN_PERIOD + 0.1)
     assert set(states) == {SwitchState.UNKNOWN, SwitchState.OPEN}
     assert states[-1] is SwitchState.OPEN
 
