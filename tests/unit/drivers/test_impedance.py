@@ -58,28 +58,18 @@ def settled(words: Vector, q: Vector, dq: Vector, now: float = 0.0) -> Vector:
     return tau
 
 
-def test_at_its_setpoint_and_at_rest_the_arm_is_left_alone() -> None:
-    tip, axis = tip_of(Q, 0.3, 0.05)
-    words = setpoint_words.pack(setpoint(tip, axis, in_hand=InHandTip(0.3, 0.05, 0.0)), 0.0)
-    np.testing.assert_allclose(settled(words, Q, np.zeros(7)), 0.0, atol=1e-6)
-
-
-def test_a_displaced_tip_is_pulled_by_the_spring_at_the_tip() -> None:
-    tip, axis = tip_of(Q, 0.3, 0.05)
-    pull = np.array([0.004, -0.002, 0.003])
-    words = setpoint_words.pack(setpoint(tip + pull, axis, in_hand=InHandTip(0.3, 0.05, 0.0)), 0.0)
-    expected = jacobian(Q, 0.3, 0.05).T @ np.array([*(500.0 * pull), 0.0, 0.0, 0.0])
-    np.testing.assert_allclose(settled(words, Q, np.zeros(7)), expected, atol=1e-3)
-
-
-def test_the_torque_turns_the_axis_towards_its_setpoint() -> None:
+@pytest.mark.parametrize("theta", [0.0, 0.3])
+@pytest.mark.parametrize(
+    ("pull", "turn"), [((0.0, 0.0, 0.0), 0.0), ((0.004, -0.002, 0.003), 0.0), ((0.0, 0.0, 0.0), 0.1)]
+)
+def test_springs_at_the_tip_pull_it_and_turn_the_axis_towards_the_setpoint(theta, pull, turn) -> None:
     """As printed, v x v* with -K e would turn it away."""
-    tip, axis = tip_of(Q, 0.0, 0.05)
+    tip, axis = tip_of(Q, theta, 0.05)
     normal = np.cross(axis, [0.0, 1.0, 0.0])
     normal /= np.linalg.norm(normal)
-    wanted = axis * math.cos(0.1) + np.cross(normal, axis) * math.sin(0.1)
-    words = setpoint_words.pack(setpoint(tip, wanted, in_hand=InHandTip(0.0, 0.05, 0.0)), 0.0)
-    expected = jacobian(Q, 0.0, 0.05).T @ np.array([0.0, 0.0, 0.0, *(20.0 * 0.1 * normal)])
+    wanted = axis * math.cos(turn) + np.cross(normal, axis) * math.sin(turn)
+    words = setpoint_words.pack(setpoint(tip + np.array(pull), wanted, in_hand=InHandTip(theta, 0.05, 0.0)), 0.0)
+    expected = jacobian(Q, theta, 0.05).T @ np.array([*(500.0 * np.array(pull)), *(20.0 * turn * normal)])
     np.testing.assert_allclose(settled(words, Q, np.zeros(7)), expected, atol=1e-3)
 
 
@@ -107,20 +97,13 @@ def held_torque(q: Vector, dq: Vector, law: Vector | None = None) -> Vector:
     return tau
 
 
-def counted(q: Vector) -> Vector:
-    return joint_inertia(PANDA, q) + np.diag(PANDA.joints.rotor_inertia)
-
-
-def test_an_arm_that_holds_still_loses_its_momentum_along_every_direction_at_the_same_rate() -> None:
+def test_an_arm_that_holds_still_is_drawn_back_and_slowed_down_alike_in_every_direction() -> None:
+    """The inertia is that of where it began."""
     dq = np.array([0.02, -0.03, 0.01, 0.04, -0.02, 0.05, 0.03])
-    np.testing.assert_allclose(held_torque(Q, dq), -2.0 * impedance.HOLD_RATE * counted(Q) @ dq, rtol=1e-9)
-
-
-def test_an_arm_that_holds_still_is_drawn_back_to_where_it_began_to() -> None:
     away = 1e-3 * np.array([1.0, -2.0, 0.5, 1.5, -1.0, 2.0, 3.0])
-    expected = -(impedance.HOLD_RATE**2) * counted(Q) @ away
-    # The inertia is that of where it began.
-    np.testing.assert_allclose(held_torque(Q + away, np.zeros(7)), expected, rtol=1e-9)
+    rate, inertia = impedance.HOLD_RATE, joint_inertia(PANDA, Q) + np.diag(PANDA.joints.rotor_inertia)
+    np.testing.assert_allclose(held_torque(Q, dq), -2.0 * rate * inertia @ dq, rtol=1e-9)
+    np.testing.assert_allclose(held_torque(Q + away, np.zeros(7)), -(rate**2) * inertia @ away, rtol=1e-9)
 
 
 @pytest.mark.parametrize(

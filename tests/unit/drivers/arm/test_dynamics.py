@@ -28,16 +28,12 @@ def compiled(arm, q):
     return dynamics.joint_inertia(figures[impedance.MASSES :], rotations, origins)
 
 
-def test_the_loops_inertia_is_that_of_links_hand_and_rotors(arm, q):
-    expected = joint_inertia(arm, q) + np.diag(arm.joints.rotor_inertia)
-    np.testing.assert_allclose(compiled(arm, q), expected, rtol=1e-12, atol=1e-12)
-
-
-def test_the_loops_inertia_at_the_tip_is_that_of_the_plain_one(arm, q):
-    length = 0.05
+def test_the_loops_inertia_is_that_of_the_plain_one_in_joints_and_at_the_tip(arm, q):
+    length, made = 0.05, compiled(arm, q)
+    np.testing.assert_allclose(made, joint_inertia(arm, q) + np.diag(arm.joints.rotor_inertia), rtol=1e-12, atol=1e-12)
     position, finger, axes, origins = impedance.forward(impedance.figures(arm), q)
     J = jacobian(position + length * finger[:, 0], axes, origins)
-    np.testing.assert_allclose(dynamics.inertia_at(compiled(arm, q), J), tip_inertia(arm, q, length), rtol=1e-9)
+    np.testing.assert_allclose(dynamics.inertia_at(made, J), tip_inertia(arm, q, length), rtol=1e-9)
 
 
 def test_the_geometric_mean_is_what_lies_between_two_matrices(arm, q):

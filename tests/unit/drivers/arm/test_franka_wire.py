@@ -18,15 +18,10 @@ def pose(position, rotation=None):
     return matrix.T.flatten()
 
 
-def test_an_arm_that_presses_down_feels_a_force_upwards():
+def test_force_and_torque_of_the_arm_on_the_environment_are_reversed():
     # Source: robot_state.h, forces of the robot on the environment are positive; the hand presses with 10 N along -z.
-    force, torque = wrench_on_hand([0.0, 0.0, -10.0, 0.0, 0.0, 0.0], pose(AT), IDENTITY, AT)
-    assert (force, torque) == ([0.0, 0.0, 10.0], [0.0, 0.0, 0.0])
-
-
-def test_a_torque_of_the_arm_on_the_environment_is_reversed_too():
-    _, torque = wrench_on_hand([0.0, 0.0, 0.0, 1.0, -2.0, 3.0], pose(AT), IDENTITY, AT)
-    assert torque == [-1.0, 2.0, -3.0]
+    force, torque = wrench_on_hand([0.0, 0.0, -10.0, 1.0, -2.0, 3.0], pose(AT), IDENTITY, AT)
+    assert (force, torque) == ([0.0, 0.0, 10.0], [-1.0, 2.0, -3.0])
 
 
 def test_the_torque_is_taken_about_the_tool_centre_point():

@@ -84,12 +84,9 @@ def test_friction_is_fed_forward_along_the_commanded_motion_and_an_offset_always
     assert 0.5 * (there + back) == pytest.approx(at_rest)
 
 
-def test_an_arm_of_which_nothing_is_known_is_left_alone():
-    assert learning.feed_forward(begun(), 3, 0.7) == 0.0
-
-
-def test_what_was_learnt_outlasts_a_restart_of_the_loop():
+def test_a_new_arm_is_left_alone_and_what_was_learnt_outlasts_a_restart_of_the_loop():
     state = begun()
+    assert learning.feed_forward(state, 3, 0.7) == 0.0
     before = moved(state, 3.0)
     learning.pause(state)
     np.testing.assert_array_equal(learning.figures_of(state), before)

@@ -25,17 +25,10 @@ def outline(part: Part, points: int = 3600) -> np.ndarray:
 
 
 @pytest.mark.parametrize("part", PARTS)
-def test_reach_and_inscribed_circle_are_those_of_the_outline(part: Part) -> None:
-    radius = np.linalg.norm(outline(part), axis=1)
-    assert part.reach == pytest.approx(radius.max(), rel=1e-4)
-    assert part.inscribed / 2 == pytest.approx(radius.min(), rel=1e-4)
-
-
-@pytest.mark.parametrize("part", PARTS)
-def test_thickness_and_widest_are_extents_of_the_outline(part: Part) -> None:
-    extents = np.ptp(outline(part), axis=0)
-    assert part.thickness == pytest.approx(extents[0], rel=1e-4)
-    assert part.widest == pytest.approx(extents.max(), rel=1e-4)
+def test_sizes_of_a_part_are_those_of_its_outline(part: Part) -> None:
+    radius, extents = np.linalg.norm(outline(part), axis=1), np.ptp(outline(part), axis=0)
+    assert (part.reach, part.inscribed / 2) == pytest.approx((radius.max(), radius.min()), rel=1e-4)
+    assert (part.thickness, part.widest) == pytest.approx((extents[0], extents.max()), rel=1e-4)
 
 
 @pytest.mark.parametrize("part", [part for part in PARTS if part.symmetry])
@@ -77,11 +70,8 @@ def test_the_lowest_point_of_a_chamfered_peg_is_that_of_the_lower_rim(degrees: f
     assert np.linalg.norm(points - lowest, axis=1).min() < 5e-6
 
 
-def test_an_upright_chamfered_peg_is_lowest_in_the_middle_of_its_end() -> None:
+def test_an_upright_chamfered_peg_is_lowest_in_its_middle_and_its_slot_has_no_chamfer() -> None:
     np.testing.assert_array_equal(Round(0.008, 7e-4).lowest(np.ones(3), UP, np.array([1.0, 0.0, 0.0])), np.ones(3))
-
-
-def test_a_slot_round_a_chamfered_peg_has_no_chamfer() -> None:
     assert Round(0.008, 7e-4).grown(1e-4) == Round(0.0082)
 
 
@@ -95,13 +85,12 @@ def test_the_point_that_leads_is_the_furthest_one_and_lies_ahead(part: Part) -> 
     np.testing.assert_allclose(part.lowest(np.zeros(3), axis, closing), expected, atol=1e-15)
 
 
-@pytest.mark.parametrize("part", PARTS)
-def test_the_clearance_in_a_hole_that_was_made_with_one_is_that(part: Part) -> None:
-    assert part.clearance(part.grown(5e-5)) == pytest.approx(5e-5)
-
-
-def test_the_clearance_of_a_rectangle_is_the_narrower_one() -> None:
-    assert Rectangular(0.012, 0.008).clearance(Rectangular(0.0122, 0.0081)) == pytest.approx(5e-5)
+@pytest.mark.parametrize(
+    ("part", "hole"),
+    [*((part, part.grown(5e-5)) for part in PARTS), (Rectangular(0.012, 0.008), Rectangular(0.0122, 0.0081))],
+)
+def test_the_clearance_is_the_narrower_one(part: Part, hole: Part) -> None:
+    assert part.clearance(hole) == pytest.approx(5e-5)
 
 
 @pytest.mark.parametrize("part", PARTS)

@@ -1,3 +1,4 @@
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -63,10 +64,7 @@ def test_counts_rise_with_pressure(value, counts):
     assert TriangleReading((value,) * 12).counts().tolist() == [counts] * 12
 
 
-def test_taxel_out_of_range_is_an_error_mark_and_no_other_is():
-    counts = TriangleReading((0xF0,) * 12, out_of_range=1 << 4).counts()
-    assert [k for k in range(12) if counts[k] >= ERROR_COUNT] == [4]
-
-
-def test_error_of_a_triangle_marks_all_its_taxels():
-    assert (TriangleReading((0xF0,) * 12, error=1).counts() >= ERROR_COUNT).all()
+@pytest.mark.parametrize(("faults", "marked"), [({"out_of_range": 1 << 4}, [4]), ({"error": 1}, list(range(12)))])
+def test_a_taxel_out_of_range_or_all_of_a_triangle_in_error_are_marked(faults, marked):
+    counts = TriangleReading((0xF0,) * 12, **faults).counts()
+    assert np.flatnonzero(counts >= ERROR_COUNT).tolist() == marked

@@ -11,15 +11,13 @@ def _areas(layout):
 
 
 @pytest.mark.parametrize("layout", LAYOUTS)
-def test_neighbouring_taxels_are_a_pitch_apart(layout):
-    taxels = positions(layout)
+def test_taxels_are_a_pitch_apart_about_the_finger_centre_and_the_left_ones_mirror_the_right(layout):
+    taxels, (left, right) = positions(layout), finger_positions(layout)
     distance = np.linalg.norm(taxels[:, None] - taxels, axis=-1) + np.eye(20)
     assert distance.min(axis=1) == pytest.approx(PITCH)
-
-
-@pytest.mark.parametrize("layout", LAYOUTS)
-def test_centre_of_the_taxels_is_the_finger_centre(layout):
-    assert positions(layout).mean(axis=0) == pytest.approx(0.0, abs=1e-12)
+    assert taxels.mean(axis=0) == pytest.approx(0.0, abs=1e-12)
+    assert (np.abs(taxels) <= np.array(pad_size(layout)) / 2 + 1e-9).all()
+    assert left == pytest.approx(right * [1.0, -1.0])
 
 
 @pytest.mark.parametrize(
@@ -37,18 +35,6 @@ def test_no_taxel_lies_inside_a_triangles_circumcircle(layout):
         a, b, c = taxels[corners]
         centre = np.linalg.solve(2 * np.array([b - a, c - a]), [b @ b - a @ a, c @ c - a @ a])
         assert (np.linalg.norm(taxels - centre, axis=1) > np.linalg.norm(a - centre) - 1e-9).all()
-
-
-@pytest.mark.parametrize("layout", LAYOUTS)
-def test_left_finger_mirrors_the_right_one_about_the_finger_axis(layout):
-    left, right = finger_positions(layout)
-    assert left == pytest.approx(right * [1.0, -1.0])
-
-
-@pytest.mark.parametrize("layout", LAYOUTS)
-def test_pad_reaches_as_far_as_the_taxels(layout):
-    half = np.array(pad_size(layout)) / 2
-    assert (np.abs(positions(layout)) <= half + 1e-9).all()
 
 
 @pytest.mark.parametrize(

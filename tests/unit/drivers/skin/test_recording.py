@@ -40,15 +40,11 @@ def test_frames_come_when_they_were_recorded(path):
 
 
 def test_most_touched_modules_stand_for_the_fingers_without_their_temperatures(path):
-    frame = _opened(path)[0].read()
+    """Or others, if they are chosen."""
+    frame, chosen = (_opened(path, **keys)[0].read() for keys in ({}, {"modules": (400, 100, 300, 500)}))
     assert frame.values.reshape(4, 10)[0].tolist() == [100 + 10 * name for name in range(1, 11)]
-    assert frame.values.reshape(4, 10)[3, 0] == 410
-
-
-def test_modules_can_be_chosen(path):
-    frame = _opened(path, modules=(400, 100, 300, 500))[0].read()
-    assert frame.values.reshape(4, 10)[0, 0] == 410
-    assert not frame.trusted.reshape(4, 10)[3].any()
+    assert (frame.values.reshape(4, 10)[3, 0], chosen.values.reshape(4, 10)[0, 0]) == (410, 410)
+    assert not chosen.trusted.reshape(4, 10)[3].any()
 
 
 def test_dead_taxels_and_error_marks_are_masked(path):
@@ -58,16 +54,13 @@ def test_dead_taxels_and_error_marks_are_masked(path):
     assert np.argwhere(~skin.read().trusted).tolist() == [[0, 12], [1, 0]]
 
 
-def test_recording_that_has_ended_is_silent(path):
+def test_recording_that_has_not_begun_or_has_ended_cannot_be_read(path):
+    with pytest.raises(DeviceNotOpenedError):
+        RecordedSkin(path, ScriptedWorld()).read()
     skin, clock = _opened(path)
     clock.time = 2.3
     with pytest.raises(SkinSilentError, match="has ended"):
         skin.read()
-
-
-def test_reading_before_opening_is_a_fault(path):
-    with pytest.raises(DeviceNotOpenedError):
-        RecordedSkin(path, ScriptedWorld()).read()
 
 
 @pytest.mark.parametrize("text", ["", "1 2 3", "1 2 3\n0 0.0 1 2", "a b\n0 0.1 1 2", "1 2\n0 0.1 1 x"])
