@@ -1,4 +1,4 @@
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -7,26 +7,9 @@ from drivers.errors import DeviceNotOpenedError, SkinSilentError
 from drivers.skin.health import ERROR_COUNT, dead_groups
 from drivers.skin.layout import LAYOUTS, module_of
 from sim.config import SimSkinConfig
-from sim.hand.pads import PadLoad, Pads
+from sim.hand.pads import Pads
 from sim.hand.skin import SimSkin, Taxels, as_believed
-
-
-@dataclass
-class Source:
-    """A scripted world."""
-
-    time: float = 0.0
-    load: PadLoad | None = None
-
-    def now(self):
-        return self.time
-
-    def pad_load(self):
-        return self.load
-
-
-def _load(theta=0.3):
-    return PadLoad(theta, 0.0, 30.0, 0.0, 0.0, 0.05, 0.012, 0.008)
+from tests.skins import ScriptedWorld, held_peg
 
 
 def _skin(source, seed=0, disturb=lambda counts: counts, **keys):
@@ -42,20 +25,21 @@ def _read_after(skin, source, seconds):
 
 def test_reading_before_opening_is_a_fault():
     with pytest.raises(DeviceNotOpenedError):
-        SimSkin(SimSkinConfig(kind="sim"), Source(), np.random.default_rng(0)).read()
+        SimSkin(SimSkinConfig(kind="sim"), ScriptedWorld(), np.random.default_rng(0)).read()
 
 
 def test_frames_come_at_the_rate_and_bear_the_time_they_were_measured_at():
-    source = Source()
+    source = ScriptedWorld()
     skin = _skin(source)
     seen = [skin.read()] + [_read_after(skin, source, 0.01) for _ in range(100)]
     stamps = sorted({frame.stamp for frame in seen})
     assert stamps == pytest.approx(np.arange(11) / 10)
     assert [frame.sequence for frame in seen[::10]] == list(range(11))
+    assert _read_after(skin, source, 0.31).sequence == 13  # what nobody read is lost
 
 
 def test_an_unplugged_board_falls_silent_and_goes_on_once_it_is_plugged_in():
-    source = Source()
+    source = ScriptedWorld()
     skin = _skin(source)
     skin.read()
     skin.is_unplugged = True
@@ -66,75 +50,55 @@ def test_an_unplugged_board_falls_silent_and_goes_on_once_it_is_plugged_in():
     assert _read_after(skin, source, 0.1).sequence == 5
 
 
-def test_frame_that_nobody_read_is_lost():
-    source = Source()
-    skin = _skin(source)
-    assert _read_after(skin, source, 0.31).sequence == 3
-
-
 def test_untouched_skin_reads_signed_noise_about_zero():
-    source = Source()
+    source = ScriptedWorld()
     skin = _skin(source, drift=0.0)
     values = np.array([_read_after(skin, source, 0.1).values for _ in range(200)])
     assert values.std() == pytest.approx(188.0, rel=0.05)
     assert abs(values.mean()) < 20.0
 
 
-@pytest.mark.parametrize(("seconds", "is_silent"), [(0.35, False), (0.36, True)])
-def test_skin_is_silent_when_frames_stay_out_too_long(seconds, is_silent):
-    source, lost = Source(), []
+def test_skin_is_silent_when_frames_stay_out_too_long():
+    source, lost = ScriptedWorld(), []
     skin = _skin(source, disturb=lambda counts: None if lost else counts)
     skin.read()
     lost.append(True)
-    if is_silent:
-        with pytest.raises(SkinSilentError, match=r"0\.360 s > 0\.350 s"):
-            _read_after(skin, source, seconds)
-    else:
-        assert _read_after(skin, source, seconds).stamp == 0.0
+    assert _read_after(skin, source, 0.35).stamp == 0.0
+    with pytest.raises(SkinSilentError, match=r"0\.360 s > 0\.350 s"):
+        _read_after(skin, source, 0.01)
 
 
-def test_error_counts_are_masked():
-    def spoil(counts):
-        counts[1, 7] = ERROR_COUNT
-        return counts
-
-    frame = _skin(Source(), disturb=spoil).read()
-    assert np.argwhere(~frame.trusted).tolist() == [[1, 7]]
+def spoil(counts):
+    counts[1, 7] = ERROR_COUNT
+    return counts
 
 
-def test_dead_taxels_are_masked():
-    assert np.count_nonzero(~_skin(Source(), dead_taxels=3).read().trusted) == 3
-
-
-def test_dead_module_is_found():
-    frame = _skin(Source(), dead_modules=1).read()
-    assert len(dead_groups(~frame.trusted, module_of("parallelogram"))) == 1
-
-
-def test_same_seed_gives_the_same_frames():
-    frames = [_skin(Source(load=_load()), seed=5, dead_taxels=1).read().values for _ in range(2)]
-    assert (frames[0] == frames[1]).all()
+@pytest.mark.parametrize(
+    ("keys", "masked", "modules"),
+    [({"disturb": spoil}, 1, 0), ({"dead_taxels": 3}, 3, 0), ({"dead_modules": 1}, 10, 1)],
+)
+def test_taxels_in_error_and_dead_ones_are_masked_the_same_with_each_seed(keys, masked, modules):
+    one, other = (_skin(ScriptedWorld(), seed=5, **keys).read() for _ in range(2))
+    assert np.count_nonzero(~one.trusted) == masked
+    assert len(dead_groups(~one.trusted, module_of("parallelogram"))) == modules
+    assert (one.values == other.values).all()
 
 
 @pytest.mark.parametrize("layout", LAYOUTS)
 def test_touch_peaks_as_real_recordings_do(layout):
     config = SimSkinConfig(kind="sim", layout=layout)
     pads = Pads(config.pad, layout)
-    peaks = [config.sensitivity * pads.pressure(_load(theta)).max() for theta in np.linspace(-1.4, 1.4, 15)]
+    peaks = [config.sensitivity * pads.pressure(held_peg(theta)).max() for theta in np.linspace(-1.4, 1.4, 15)]
     assert 7600.0 < np.median(peaks) < 20_000.0
 
 
-def test_part_of_the_answer_creeps_in():
+def test_part_of_the_answer_creeps_in_and_overload_stops_at_the_rail():
     config = SimSkinConfig(kind="sim", noise=0.0, drift=0.0, gain_spread=0.0)
     taxels = Taxels(config, np.random.default_rng(0))
     pressure = np.full((2, 20), 2e5)
     readings = [float(taxels.measure(pressure, elapsed)[0, 0]) - 5000.0 for elapsed in (0.0, 5.0, 100.0)]
     assert readings == pytest.approx([9500.0, 10_000.0 - 500.0 / np.e, 10_000.0], abs=1.0)
-
-
-def test_overload_stops_at_the_rail():
-    taxels = Taxels(SimSkinConfig(kind="sim"), np.random.default_rng(0))
-    assert taxels.measure(np.full((2, 20), 1e8), 0.1).max() == SimSkinConfig(kind="sim").health.saturation
+    assert taxels.measure(np.full((2, 20), 1e8), 0.1).max() == config.health.saturation
 
 
 def _true_skin(source, seed=0, **differs):
@@ -145,7 +109,7 @@ def _true_skin(source, seed=0, **differs):
 
 
 def test_a_frame_is_delivered_at_its_age_and_bears_the_time_it_was_measured_at():
-    source = Source()
+    source = ScriptedWorld()
     skin = _true_skin(source, age=0.035)
     first = {}
     for _ in range(60):
@@ -169,7 +133,7 @@ def test_each_taxel_hisses_as_loud_as_its_own_noise():
 
 
 def test_a_taxel_that_sits_elsewhere_feels_what_is_there():
-    load = _load(theta=0.0)
+    load = held_peg(0.0)
     moved = np.zeros((2, 20, 2))
     moved[..., 1] = 2e-3
     believed, misplaced = (

@@ -28,12 +28,6 @@ def read(words, q=Q, dq=DQ, wrench=NOTHING, noise=None):
     return arm_senses.measure(words, q, dq, wrench, np.zeros(arm_senses.NOISES) if noise is None else noise)
 
 
-def test_ideal_senses_read_what_is():
-    q, dq = read(senses(), noise=np.ones(arm_senses.NOISES))
-    np.testing.assert_array_equal(q, Q)
-    np.testing.assert_array_equal(dq, DQ)
-
-
 def test_a_wrong_zero_shifts_what_law_and_scan_read_alike():
     zero = (0.001, -0.002, 0.0, 0.003, 0.0, 0.0, -0.001)
     words = senses(reading=StateReading(zero=zero))
@@ -70,10 +64,11 @@ def test_a_scan_reads_a_state_so_many_cycles_old_and_the_law_the_newest(cycles):
     assert arm_senses.scanned(words, FIGURES, NO_TORQUE)[0][0] == 19.0 - cycles
 
 
-def test_before_the_first_cycle_a_scan_reads_where_the_arm_stands():
+def test_ideal_senses_and_a_scan_before_the_first_cycle_read_what_is():
     q, dq, wrench, _, _ = arm_senses.scanned(senses(reading=StateReading(delay=5)), FIGURES, NO_TORQUE)
-    np.testing.assert_array_equal(q, Q)
-    np.testing.assert_array_equal(dq, DQ)
+    for there, rates in ((q, dq), read(senses(), noise=np.ones(arm_senses.NOISES))):
+        np.testing.assert_array_equal(there, Q)
+        np.testing.assert_array_equal(rates, DQ)
     np.testing.assert_array_equal(wrench, 0.0)
 
 

@@ -20,13 +20,10 @@ def test_an_arm_without_errors_is_the_ideal_one():
     assert drawn_arm(PANDA, AS_BELIEVED) == ideal(PANDA)
 
 
-def test_a_lag_of_one_over_two_pi_times_100_hz_is_a_low_pass_of_100_hz():
-    truth = drawn_arm(PANDA, {**AS_BELIEVED, "arm.torque_lag": np.array(1.0 / (2.0 * math.pi * 100.0))})
-    assert truth.path.cutoff == pytest.approx(100.0)
-
-
-def test_transport_of_two_milliseconds_is_two_control_cycles():
-    assert drawn_arm(PANDA, {**AS_BELIEVED, "arm.transport": np.array(0.002)}).path.delay == 2
+def test_lag_and_transport_become_a_low_pass_and_control_cycles():
+    drawn = {"arm.torque_lag": np.array(1.0 / (2.0 * math.pi * 100.0)), "arm.transport": np.array(0.002)}
+    path = drawn_arm(PANDA, {**AS_BELIEVED, **drawn}).path
+    assert (path.cutoff, path.delay) == (pytest.approx(100.0), 2)
 
 
 def test_the_published_curve_takes_the_place_of_dry_friction_and_each_joint_has_its_own_level():

@@ -44,10 +44,6 @@ def driven(of: Latch, step: float, push: float = 9.0, damping: float = 60.0):
     return path, float(forces[1:] @ np.diff(depths) + (np.diff(forces, append=forces[-1])[1:] / 2) @ np.diff(depths))
 
 
-def test_nothing_resists_where_no_latch_is_configured():
-    assert not words(None).any()
-
-
 def test_a_detent_resists_most_at_its_crest_and_draws_in_behind_it():
     state = words(DETENT)
     crest = BOTTOM - 0.75 * DETENT.height
@@ -102,7 +98,8 @@ def test_a_worn_latch_resists_with_what_is_left(loaded):
     assert world.stepper.scene.latch[latch.FORCE] == pytest.approx(0.25 * DETENT.force)
 
 
-def test_an_end_beside_the_hole_feels_nothing():
+def test_nothing_is_felt_beside_the_hole_or_without_a_latch():
+    assert not words(None).any()
     state, load = words(DETENT), np.zeros(6)
     beside = PegView(np.array([0.004, 0.025]), np.array([0.01, 0.0, 0.025 - BOTTOM + 0.002]), np.eye(3))
     latch.act(state, beside, np.zeros(3), load)

@@ -21,13 +21,12 @@ def judged(depths):
     return meters[metering.SUSTAINED]
 
 
-def test_a_penetration_counts_once_it_has_lasted():
-    assert judged([1e-5] * (TICKS - 1)) == 0.0
-    assert judged([1e-5] * TICKS) == 1e-5
-
-
-def test_of_a_penetration_that_grows_the_depth_counts_that_has_lasted():
-    assert judged([1e-6, 2e-6, 3e-6, 4e-6]) == 2e-6
+@pytest.mark.parametrize(
+    ("depths", "counted"),
+    [([1e-5] * (TICKS - 1), 0.0), ([1e-5] * TICKS, 1e-5), ([1e-6, 2e-6, 3e-6, 4e-6], 2e-6)],
+)
+def test_of_a_penetration_the_depth_counts_that_has_lasted(depths, counted):
+    assert judged(depths) == counted
 
 
 @pytest.mark.parametrize(("hinge", "peak"), [(0, 30.0), (-1, 0.0)])
@@ -72,12 +71,9 @@ def test_the_jerk_of_a_minimum_jerk_move_is_sixty_lengths_over_its_time_cubed():
     assert 0.9 * 60.0 * way / duration**3 < free < 60.0 * way / duration**3
 
 
-def test_a_hand_that_is_stopped_dead_counts_with_its_speed_times_the_square_of_the_corner_rate():
-    free, contact = jerk_of(lambda time: 0.05, [5e-4] * 1000, is_free=False)
-    assert contact == pytest.approx(0.05 * RATE**2, rel=0.03)
-    assert free == 0.0
-
-
-def test_a_hand_that_turns_has_the_jerk_of_its_finger_centre():
-    _, contact = jerk_of(lambda time: 0.0, [5e-4] * 1000, False, spin=(0.0, 0.0, 1.0), lever=(0.05, 0.0, 0.0))
-    assert contact == pytest.approx(0.05 * RATE**2, rel=0.03)
+@pytest.mark.parametrize(
+    ("speed", "turns"), [(0.05, {}), (0.0, {"spin": (0.0, 0.0, 1.0), "lever": (0.05, 0.0, 0.0)})], ids=["slide", "turn"]
+)
+def test_a_finger_centre_that_is_stopped_dead_counts_with_its_speed_times_the_square_of_the_corner_rate(speed, turns):
+    free, contact = jerk_of(lambda time: speed, [5e-4] * 1000, is_free=False, **turns)
+    assert (free, contact) == (0.0, pytest.approx(0.05 * RATE**2, rel=0.03))
