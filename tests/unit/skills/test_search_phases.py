@@ -107,14 +107,6 @@ def test_a_corner_whose_dip_has_gone_at_rest_is_not_led_round_the_place():
         assert isinstance(after_rest(rest, felt, params, COURSE, np.zeros(2)), phase)
 
 
-def test_a_place_that_was_probed_is_left_at_once():
-    rest = Resting(HERE[:2], HAND, stopped=10.0, was_probed=True)
-    phase = after_rest(rest, FELT, PARAMS, COURSE, np.array([0.01, 0.02]))
-    assert isinstance(phase, Sliding)
-    assert phase.detour.offset == pytest.approx(HERE[:2] - COURSE.middle - [0.01, 0.02])
-    assert phase.detour.axis is ASLANT
-
-
 def test_a_probe_that_finds_nothing_ends_at_its_radius_without_a_jump():
     probe, elapsed = Probing(replace(BACK, offset=np.array([2e-3, 0.0])), HERE[:2], FELT.below), 3.0
     while (phase := after(probe, elapsed=elapsed)) is probe:
@@ -135,12 +127,6 @@ def test_a_probe_that_ends_while_the_peg_falls_rests():
     assert isinstance(resting, Resting)
     assert resting.was_probed
     assert after(probe, elapsed=3.01, below=1.5 * PARAMS.dip_threshold) is probe
-
-
-def test_a_detour_is_over_after_its_time():
-    assert [BACK.left(3.0 + share * PARAMS.return_time, PARAMS) for share in (0.0, 0.5, 1.0, 2.0)] == pytest.approx(
-        [1.0, 0.5, 0.0, 0.0]
-    )
 
 
 def test_every_slip_takes_back_the_push_down_to_its_least():

@@ -33,13 +33,6 @@ def ends():
     return made
 
 
-def test_what_one_end_writes_the_other_reads(ends):
-    here, there = ends
-    here["words"][0, 5] = 1.5
-    here["phase"][0] = LoopPhase.REFLEX
-    assert (there["words"][0, 5], LoopPhase(int(there["phase"][0]))) == (1.5, LoopPhase.REFLEX)
-
-
 def test_a_record_under_way_is_not_settled(ends):
     here, there = ends
     before = there.is_settled("setpoint_sequence")

@@ -6,8 +6,6 @@ from pydantic import ValidationError
 
 from drivers.skin.board_config import HubConfig
 from drivers.skin.cyskin_wire import (
-    FIRST,
-    LAST,
     LONGEST,
     CanAssembler,
     Channels,
@@ -168,15 +166,6 @@ def test_noise_on_the_bus_never_grows_nor_stops_the_listener(frames):
         assert data is None or len(data) <= LONGEST
     after = Message(HubCommand.DECLARE)
     assert [assembler.feed(frame) for frame in to_can(encode(after, WIRE), HUB)][-1] == encode(after, WIRE)
-
-
-def test_endless_middle_frames_are_thrown_away():
-    assembler = CanAssembler()
-    assembler.feed(CanFrame(FIRST | HUB, bytes(8)))
-    for _ in range(40):
-        assert assembler.feed(CanFrame(0x200 | HUB, bytes(8))) is None
-    assert assembler.feed(CanFrame(LAST | HUB, b"")) is None
-    assert assembler.broken > 1
 
 
 def test_record_of_a_module_is_read_as_the_makers_library_reads_it():

@@ -42,21 +42,16 @@ def test_taxels_that_change_places_between_two_frames_are_named(exchange):
         order.require()
 
 
-def test_an_exchange_is_told_for_some_frames_and_then_taken_for_known():
-    raws = [as_told(raw, "the two fingers") for raw in frames(ASLANT, TOLD + 3)]
-    order = taken(TaxelOrder("parallelogram", NOISE), [*frames(ASLANT, 2, 2), *raws[:2]])
-    for raw in raws[2:]:
+def test_an_exchange_is_told_once_for_some_frames_also_if_nobody_has_asked_and_then_taken_for_known():
+    raws = [as_told(raw, "the two fingers") for raw in frames(ASLANT, TOLD + 6)]
+    unasked, order = (taken(TaxelOrder("parallelogram", NOISE), [*frames(ASLANT, 2, 2), *raws[:2]]) for _ in range(2))
+    for raw in raws[2 : TOLD + 3]:
         with pytest.raises(SkinUntrustedError, match="the two fingers"):
             order.require()
         taken(order, [raw])
     order.require()
-
-
-def test_an_exchange_that_nobody_has_asked_for_yet_is_not_forgotten():
-    raws = [as_told(raw, "the two fingers") for raw in frames(ASLANT, 5 + TOLD)]
-    order = taken(TaxelOrder("parallelogram", NOISE), [*frames(ASLANT, 2, 2), *raws])
     with pytest.raises(SkinUntrustedError, match="the two fingers"):
-        order.require()
+        taken(unasked, raws[2:]).require()
 
 
 def test_a_single_frame_and_a_print_that_was_not_steady_change_no_order():

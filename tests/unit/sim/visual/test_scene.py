@@ -1,12 +1,8 @@
 """The scene of the pictures: posed as the figures say, and out of the physics' sight."""
 
-import ast
-from pathlib import Path
-
 import numpy as np
 import pytest
 
-import sim
 from cell.config.files import ARMS
 from cell.run.record import scene_facts
 from drivers.arm.kinematics import finger_frame
@@ -15,7 +11,6 @@ from drivers.frames import rotation_about
 from drivers.quantities import Pose
 from sim.visual.scene import Moment, Stage
 
-PHYSICS = sorted(Path(sim.__file__).parent.glob("*.py"))
 HOLE = Pose(np.array([0.51, -0.02, 0.1]), rotation_about(np.array([0.6, 0.8, 0.0]), 0.02))
 
 
@@ -53,14 +48,3 @@ def test_nothing_in_the_scene_can_touch_anything(facts, hole):
     model = Stage(facts, hole).model
     assert not model.geom_contype.any()
     assert not model.geom_conaffinity.any()
-
-
-@pytest.mark.parametrize("path", PHYSICS, ids=lambda path: path.name)
-def test_the_physics_never_sees_the_pictures(path):
-    tree = ast.parse(path.read_text(encoding="utf-8"))
-    named = {node.module or "" for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)}
-    named |= {alias.name for node in ast.walk(tree) if isinstance(node, ast.Import) for alias in node.names}
-    named |= {
-        f"{node.module}.{a.name}" for node in ast.walk(tree) if isinstance(node, ast.ImportFrom) for a in node.names
-    }
-    assert not [name for name in named if name.startswith("sim.visual")]

@@ -11,7 +11,6 @@ from drivers.skin.layout import LAYOUTS, module_of
 from sim.config import PadConfig
 from sim.hand.pads import Pads
 from skills.tactile.likelihood import UNKNOWN_LOAD, Bank, Found, RobustParams, pose_of, weights_of
-from skills.tactile.posterior import NEVER
 from skills.tactile.robust import LOAD_SPREAD, MOST_FRAMES, Load, RobustEstimator
 from skills.tactile.templates import make_templates
 from tests.pegs import ALL, LOAD, SKIN, folded, framed, pushed, readings, rms_degrees, shipped, swept
@@ -250,11 +249,3 @@ def test_load_of_another_grip_is_learnt():
     mean, precision = load.expected
     assert mean == pytest.approx(5.0, abs=0.02)
     assert precision**-0.5 < LOAD_SPREAD
-
-
-def test_prints_of_which_some_are_impossible_have_no_endless_chance():
-    """A module is dead and the peg ends between the pads, so that few taxels are left and broad prints fit with no load at all."""
-    values = readings("parallelogram", replace(LOAD, theta=np.radians(45.0), reach_back=4e-3)).ravel()
-    weights = np.where(module_of("parallelogram").ravel() == 3, 0.0, weights_of(RobustParams(), values, ALL.ravel()))
-    bank = _made("parallelogram")._usual._breadths
-    assert bank.compare(values, weights, believed=(3.0, 1.0)).chance < -1e-6 * NEVER

@@ -33,22 +33,17 @@ def settled(make: Make) -> Tracker:
 
 
 @every_tracker
-def test_age_of_theta_is_that_of_its_newest_frame(make: Make) -> None:
+def test_age_of_theta_is_that_of_its_newest_frame_since_it_was_measured(make: Make) -> None:
     tracker = settled(make)
     for now in (1.01, 1.2, 1.5):
         assert now - tracker.follow(None, now, 0.0).stamp == pytest.approx(now - 1.0)
-
-
-@every_tracker
-def test_frame_that_comes_late_is_as_old_as_when_it_was_measured(make: Make) -> None:
-    assert settled(make).follow(frame(0.3, 1.1), 1.15, 0.0).stamp == pytest.approx(1.1)
+    assert tracker.follow(frame(0.3, 1.1), 1.55, 0.0).stamp == pytest.approx(1.1)
 
 
 @every_tracker
 @pytest.mark.parametrize("stamp", [0.95, 1.0])
 def test_frame_that_was_overtaken_changes_nothing(make: Make, stamp: float) -> None:
-    tracker, other = settled(make), settled(make)
-    late, undisturbed = tracker.follow(frame(0.9, stamp), 1.1, 0.0), other.follow(None, 1.1, 0.0)
+    late, undisturbed = settled(make).follow(frame(0.9, stamp), 1.1, 0.0), settled(make).follow(None, 1.1, 0.0)
     assert (late.theta, late.stamp) == (undisturbed.theta, undisturbed.stamp)
 
 
@@ -66,11 +61,6 @@ def test_false_frames_that_come_alone_make_no_jump_of_theta() -> None:
     assert [tracker.follow(frame(theta, now), now, 0.0).theta for now, theta in told] == pytest.approx(
         [0.3] * 4 + [0.31]
     )
-
-
-def test_published_method_takes_each_frame_as_it_is() -> None:
-    tracker = settled(lambda: Blend(load(preset="paper").cell.smoothing))
-    assert tracker.follow(frame(1.2, 1.1), 1.1, 0.0).theta == pytest.approx(1.2)
 
 
 @every_tracker
@@ -121,18 +111,21 @@ def test_theta_between_frames_follows_the_moment_on_the_peg(softness: float) -> 
     assert told == pytest.approx(true, abs=max(0.1 * softness * 0.04, 1e-9))
 
 
-def test_published_method_holds_theta_between_frames() -> None:
+def test_published_method_takes_each_frame_as_it_is_and_holds_theta_between() -> None:
+    tracker = settled(lambda: Blend(load(preset="paper").cell.smoothing))
+    assert tracker.follow(frame(1.2, 1.1), 1.1, 0.0).theta == pytest.approx(1.2)
     told, true = pressed(SOFT, load(preset="paper").cell.smoothing)
     assert len(set(told)) == 10
     assert max(map(abs, np.subtract(told, true))) > 0.03
 
 
-def test_moment_that_no_frame_has_confirmed_leaves_theta() -> None:
+@pytest.mark.parametrize(
+    ("frames", "now", "moment"),
+    [((), 1.05, 0.4), ((1.1, 1.2), 1.2, math.nan)],
+    ids=["not confirmed by a frame", "no number"],
+)
+def test_moment_that_cannot_be_trusted_leaves_theta(frames: tuple[float, ...], now: float, moment: float) -> None:
     tracker = settled(lambda: Blend(Smoothing()))
-    assert tracker.follow(None, 1.05, 0.4).theta == pytest.approx(0.3)
-
-
-def test_moment_that_is_no_number_leaves_theta() -> None:
-    tracker = settled(lambda: Blend(Smoothing()))
-    told = [tracker.follow(frame(0.3, now), now, math.nan).theta for now in (1.1, 1.2)]
-    assert told == pytest.approx([0.3, 0.3])
+    for stamp in frames:
+        tracker.follow(frame(0.3, stamp), stamp, moment)
+    assert tracker.follow(None, now, moment).theta == pytest.approx(0.3)
