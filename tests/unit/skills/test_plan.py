@@ -1,8 +1,11 @@
-"""Figures in force in an attempt, and what changed them."""
+"""Figures in force in an attempt, at a pace, and what changed them."""
 
 import pytest
 
 from cell.config.load import load
+from drivers.errors import ConfigError
+from skills.catalogue import ADJUST, GRASP, SEARCH
+from skills.pace import Pace, at_pace
 from skills.plan import ARM, GRIP
 from skills.search.size import CROSSED_DIP, CROSSINGS, fastest
 
@@ -50,3 +53,73 @@ def test_a_plan_names_the_sections_in_use_alone():
     square = load(sets=["peg.shape=square"]).cell.plan()
     assert {"corner", "insert"} & CELL.plan().sections.keys() == {"insert"}
     assert {"corner", "insert"} & square.sections.keys() == {"corner"}
+
+
+PAPER = load(preset="paper").cell
+SPEEDS = (
+    *("grasp.transfer.speed", "grasp.transfer.turn_speed", "grasp.drawing_speed", "release.transfer.speed"),
+    *("search.speed", "search.descent", "search.probe_speed", "search.pull.speed"),
+    *("search.pull.dither_rate", "insert.turn_rate", "adjust.dither_rate"),
+    *("corner.insert.raise_rate", "corner.insert.turn_rate", "corner.adjust.turn_rate", "recover.pull.speed"),
+    *("paper.search.speed", "paper.adjust.turn_rate", "recover.transfer.speed"),
+)
+WAITS = (
+    *("grasp.transfer.settle", "search.run_up", "search.rest", "search.return_time", "insert.turn_run_up"),
+    *("adjust.stall_timeout", "adjust.dither_period", "adjust.sweep_time", "corner.insert.settle"),
+    *("corner.adjust.stands_for", "paper.adjust.growing_time"),
+)
+LIMITS = ("search.touch_down", "search.timeout", "insert.timeout", "adjust.timeout", "paper.adjust.timeout")
+SECTIONS = ("grasp", "search", "insert", "adjust", "corner", "paper", "release", "recover")
+
+
+def figure(name, pace):
+    """Return a figure of the cell at a pace."""
+    section, *names = name.split(".")
+    value = at_pace(getattr(PAPER, section), pace)
+    for each in names:
+        value = getattr(value, each)
+    return value
+
+
+@pytest.mark.parametrize("name", SPEEDS)
+def test_a_speed_is_multiplied(name):
+    assert figure(name, Pace(1.5)) == pytest.approx(1.5 * figure(name, Pace()))
+
+
+@pytest.mark.parametrize("name", WAITS)
+def test_a_waiting_time_is_divided(name):
+    assert figure(name, Pace(1.6)) == pytest.approx(figure(name, Pace()) / 1.6)
+
+
+@pytest.mark.parametrize("name", LIMITS)
+@pytest.mark.parametrize(("scale", "share"), [(0.5, 2.0), (2.0, 1.0)])
+def test_the_longest_time_of_a_motion_grows_in_a_slower_plan_alone(name, scale, share):
+    assert figure(name, Pace(scale)) == pytest.approx(share * figure(name, Pace()))
+
+
+@pytest.mark.parametrize("section", SECTIONS)
+def test_a_scale_of_one_changes_nothing(section):
+    assert at_pace(getattr(PAPER, section), PAPER.pace()) == getattr(PAPER, section)
+
+
+def test_a_scaled_search_keeps_its_forces_and_lengths():
+    kept = ("push_stiffness", "push_offset", "gains", "dip_threshold", "fall", "probe_radius", "trim_rate")
+    slow = at_pace(PAPER.params(SEARCH), Pace(0.5))
+    assert all(getattr(slow, name) == getattr(PAPER.params(SEARCH), name) for name in kept)
+
+
+@pytest.mark.parametrize(("speed", "turn_speed"), [(1.7, 2.5), (0.2, 0.5)])
+def test_the_arms_limits_cap_speeds(speed, turn_speed):
+    paced = at_pace(PAPER.params(GRASP).transfer, Pace(10.0, speed, turn_speed))
+    assert (paced.speed, paced.turn_speed) == (speed, turn_speed)
+
+
+def test_the_speed_on_its_circle_caps_a_rate():
+    dithered = PAPER.params(ADJUST)
+    paced = at_pace(dithered, Pace(10.0, speed=0.01, turn_speed=0.1))
+    assert paced.dither_rate * dithered.dither_radius == pytest.approx(0.01)
+
+
+def test_a_figure_without_a_key_is_unknown_to_a_config():
+    with pytest.raises(ConfigError, match=r"grasp\.drawing_speed: unknown key"):
+        load(sets=["grasp.drawing_speed=0.1"])

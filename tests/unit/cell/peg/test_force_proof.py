@@ -1,4 +1,4 @@
-"""Proof of a success in a hole without a switch, each negative by itself; tests/unit/skills/seating/test_signature.py tests the curve."""
+"""Proof of a success in a hole without a switch, each negative by itself; tests/unit/skills/seating/test_latch.py tests the curve."""
 
 from dataclasses import replace
 
@@ -23,7 +23,7 @@ from skills.seating.decision import BORNE_WITHIN, DOUBTED, MOST_DEEP
 from skills.seating.latch_likelihood import Signature
 from skills.seating.signature import LIFTED, Curve
 from tests.fakes import Rig
-from tests.unit.skills.seating.test_signature import HELD, LATCH, lowered, pushing, scan
+from tests.unit.skills.seating.test_latch import HELD, LATCH, lowered, pushing, scan
 
 SETS = ("hole.latch={kind='detent',force=5.0,height=0.003}", "hole.evidence=force")
 WIDE = GripperState(0.04, False, False)

@@ -1,12 +1,15 @@
-"""Permitted push on a peg, from the model of the grip."""
+"""Permitted push on a peg from the model of the grip, and the play of a leaning peg in its hole."""
 
 import math
 
+import numpy as np
 import pytest
 
 from cell.config.load import load
+from sim.contact.section import section_depth
 from skills.catalogue import ADJUST, GRASP, INSERT, SEARCH
 from skills.insert.grip import CONTACT, Grip, grip_of
+from skills.insert.play import STEEPEST, allowed_depth, allowed_tilt
 from skills.search.feel import SLIP
 
 LENGTH = 0.05
@@ -103,3 +106,24 @@ def test_no_push_ahead_lifts_the_corner_over_the_edge(force):
 def test_a_slip_halves_what_is_counted_on():
     grasp = cell().params(GRASP)
     assert grip_of(grasp, 0.5).bears == pytest.approx(0.5 * grip_of(grasp).bears)
+
+
+@pytest.mark.parametrize(("peg", "hole"), [(0.008, 0.00802), (0.008, 0.0081), (0.004, 0.0041), (0.016, 0.0162)])
+@pytest.mark.parametrize("degrees", [4.0, 5.7, 7.5])
+def test_what_a_tilt_allows_is_as_deep_as_the_exact_section_says(peg: float, hole: float, degrees: float) -> None:
+    phi = math.radians(degrees)
+    assert allowed_depth(phi, peg, hole) == pytest.approx(section_depth(peg, hole, phi, 4001), abs=1e-6)
+
+
+@pytest.mark.parametrize("depth", [2e-3, 5e-3, 0.01, 0.02])
+def test_the_most_lean_of_a_peg_makes_it_touch_both_walls(depth):
+    lean = allowed_tilt(depth, 8e-3, 8.1e-3)
+    turn = np.array([[math.cos(lean), math.sin(lean)], [-math.sin(lean), math.cos(lean)]])
+    # The section of the peg in the plane of its lean: the side above the lowest corner touches the mouth, the other corner the other wall.
+    lowest, other, along = turn @ [4e-3, 0.0], turn @ [-4e-3, 0.0], turn @ [0.0, 1.0]
+    mouth = lowest + along * depth / along[1]
+    assert mouth[0] - other[0] == pytest.approx(8.1e-3, rel=1e-6)
+
+
+def test_the_most_lean_of_a_peg_that_is_hardly_in_is_the_steepest_that_is_looked_at():
+    assert allowed_tilt(1e-3, 8e-3, 8.1e-3) == pytest.approx(STEEPEST)

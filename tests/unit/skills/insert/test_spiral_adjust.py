@@ -27,7 +27,7 @@ from skills.seating.latch_likelihood import SHEAR, resistance
 from tests.fakes import HAND_DOWN, Rig
 from tests.scripted import CELL, HOLE, LIGHT, SIDE, hand
 from tests.unit.skills.benches import SkillBench
-from tests.unit.skills.seating.test_latch_likelihood import way_down
+from tests.unit.skills.seating.test_latch import way_down
 
 PARAMS = load().cell.params(ADJUST)
 PERIOD, LEAST = PARAMS.dither_period, PARAMS.jammed

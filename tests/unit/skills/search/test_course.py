@@ -1,4 +1,4 @@
-"""Where a course leads the peg over the area."""
+"""Where a course leads the peg over the area: likely places first, and round decoys."""
 
 import math
 from dataclasses import replace
@@ -11,7 +11,9 @@ from skills.catalogue import SEARCH
 from skills.paths import TURN_TIME, Lanes
 from skills.search.belief import Belief
 from skills.search.course import ANYWHERE, OUTSIDE, leading, make_course
+from skills.search.decoys import BLIND, NOWHERE, SHALLOW, THROUGH, Decoy, decoy_at
 from skills.search.tour import GATE, Left, Likely
+from skills.seating.decision import CLOSED_TOLERANCE
 
 RIM = np.linspace(-math.pi, math.pi, 2001)
 """Angles about the axis of the peg's end, from its lowest point, rad."""
@@ -157,3 +159,68 @@ def test_how_well_a_place_is_known_across_the_lanes_alone_tells_whether_one_stro
     begin = course.path.at(0.0)[0]
     after = -np.sign(begin[1]) * points(course, course.likely_until + 0.2, course.likely_until)[:, 1]
     assert after.max() > 0.019  # it goes on to the border, and not back to where it began
+
+
+CONFIG = load().cell
+JOB, IN_FORCE = CONFIG.job(), CONFIG.plan().search
+HOLE = JOB.hole
+PLACE = (0.51, 0.01)
+
+
+@pytest.mark.parametrize(
+    ("depth", "radius"),
+    [
+        (0.99 * SHALLOW * HOLE.depth, BLIND * WIDTH),
+        (1.01 * SHALLOW * HOLE.depth, None),
+        (HOLE.depth + 0.99 * CLOSED_TOLERANCE, None),
+        (HOLE.depth + 1.01 * CLOSED_TOLERANCE, THROUGH * WIDTH),
+    ],
+)
+def test_a_peg_far_above_the_bottom_or_below_it_is_in_a_decoy(depth, radius):
+    assert decoy_at(PLACE, PLACE, depth, HOLE) == (None if radius is None else Decoy(PLACE, radius))
+
+
+@pytest.mark.parametrize(("strayed", "is_held"), [(0.99 * THROUGH * WIDTH, True), (1.01 * THROUGH * WIDTH, False)])
+def test_a_peg_that_has_strayed_is_in_no_decoy(strayed, is_held):
+    decoy = decoy_at((PLACE[0] + strayed, PLACE[1]), PLACE, 0.0, HOLE)
+    assert (decoy is not None) is is_held
+
+
+def course_past(seed, path=None, since=0.0):
+    """Return the course after a decoy at `PLACE`."""
+    left = None if path is None else Left(path, since)
+    return make_course(IN_FORCE, JOB, np.random.default_rng(seed), Belief().past(Decoy(PLACE, WIDTH), left))
+
+
+def away(course, time):
+    """Return the distance of the peg's lowest point from the decoy at a time along the path, m."""
+    return math.dist(course.path.at(time)[0] + course.decoys.offset, PLACE)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_every_lane_that_meets_a_decoy_goes_on_behind_it(seed):
+    course = course_past(seed)
+    inside = [time for time in np.arange(0.0, course.decoys.until, 0.02) if away(course, time) < WIDTH]
+    assert inside
+    for time in inside:
+        behind = course.decoys.beyond(course.path, time)
+        assert WIDTH <= away(course, behind) < 1.3 * WIDTH or behind >= course.decoys.until
+
+
+def test_a_search_that_goes_on_comes_down_behind_the_decoy():
+    first = course_past(5)
+    since = next(time for time in np.arange(0.0, 10.0, 0.02) if away(first, time) < WIDTH)
+    course = course_past(6, first.path, float(since))
+    assert course.since > 0.0
+    assert away(course, course.since) >= WIDTH
+    assert course.first[:2] == pytest.approx(course.middle + course.path.at(course.since)[0])
+
+
+def test_a_hole_that_was_taken_for_a_decoy_is_tried_again_after_one_cover():
+    course = course_past(7)
+    later = next(time for time in np.arange(course.decoys.until, 30.0, 0.02) if away(course, time) < WIDTH)
+    assert course.decoys.beyond(course.path, float(later)) == later
+
+
+def test_without_decoys_the_path_is_followed_as_it_is():
+    assert NOWHERE.beyond(course_past(8).path, 1.0) == 1.0

@@ -8,12 +8,14 @@ import pytest
 from cell.config.load import load
 from drivers.errors import ConfigError
 from drivers.frames import UP, angle_between, end_point
-from drivers.quantities import Pose, SwitchState
+from drivers.quantities import Pose, SwitchState, TaxelFrame
 from skills.catalogue import SEARCH
 from skills.contract import Outcome, Reason
 from skills.motion import tilted_by
 from skills.paper import adjust, insert, search
 from skills.paper.equations import MOST_LEAD, OFFSET, k_33, towards, x_star
+from skills.paper.hole_event import HoleEvent
+from skills.paper.spray_paint import spray_paint
 from skills.paths import spiral
 from tests import scripted
 from tests.board import Board
@@ -140,3 +142,78 @@ def test_the_preset_chooses_all_three_and_a_section_without_skills_none():
 def test_what_the_printed_method_is_not_made_for_is_refused(sets, line):
     with pytest.raises(ConfigError, match=line):
         load(preset="paper", sets=sets)
+
+
+THRESHOLD = 0.1
+
+
+def events(levels, trusted=None):
+    """Return the numbers of the frames that are events, of frames whose taxels all read the same."""
+    event, trusted = HoleEvent(THRESHOLD), np.ones((2, 20), dtype=bool) if trusted is None else trusted
+    frames = (TaxelFrame(np.full((2, 20), float(level)), trusted, 0.1 * n, n) for n, level in enumerate(levels))
+    return [n for n, frame in enumerate(frames) if event.update(frame)]
+
+
+FEW = np.arange(40).reshape(2, 20) < 9
+
+
+@pytest.mark.parametrize(
+    ("levels", "trusted", "found"),
+    [
+        ([1000.0] * 8 + [900.0] * 4, None, []),
+        ([1000.0] * 8 + [899.0] * 4, None, [8]),
+        ([1000.0] * 8 + [1100.0] * 4, None, []),
+        ([1000.0] * 8 + [1101.0] * 4, None, [8]),
+        (1000.0 * 1.05 ** np.arange(20), None, []),
+        (-np.abs(np.random.default_rng(0).normal(size=50)), None, []),
+        ([1000.0], None, []),
+        ([1000.0, 10.0], FEW, []),
+    ],
+    ids=["at", "beyond", "at, upwards", "beyond, upwards", "slow", "no average", "first frame", "few taxels trusted"],
+)
+def test_only_a_sudden_change_beyond_the_threshold_is_an_event(levels, trusted, found):
+    assert events(levels, trusted) == found
+
+
+def test_taxels_that_drop_out_are_no_change():
+    half = np.arange(40).reshape(2, 20) % 2 == 0
+    event = HoleEvent(THRESHOLD)
+    for number in range(40):
+        is_whole = number < 30
+        values = np.where(half & is_whole, 4000.0, 100.0)
+        assert not event.update(TaxelFrame(values, ~half | is_whole, 0.1 * number, number))
+
+
+HALF = (0.03, 0.03)
+
+
+def test_the_path_begins_at_its_start() -> None:
+    path = spray_paint(HALF, 0.005, 0.1, 1, (-0.012, 0.02))
+    np.testing.assert_allclose(path.at(0.0)[0], [-0.012, 0.02], atol=1e-12)
+
+
+def test_no_place_of_the_area_is_further_from_the_path_than_half_the_pitch() -> None:
+    pitch = 0.005
+    path = spray_paint(HALF, pitch, 0.1, 1, (0.01, 0.0))
+    points = np.array([path.at(t)[0] for t in np.arange(0.0, path.period(), 0.005)])
+    grid = np.stack(np.meshgrid(*[np.linspace(-0.03, 0.03, 25)] * 2), axis=-1).reshape(-1, 2)
+    gaps = np.sqrt(((grid[:, None] - points[None]) ** 2).sum(axis=2)).min(axis=1)
+    assert gaps.max() <= pitch / 2 + 2e-4
+
+
+def test_the_slow_axis_first_goes_to_the_nearer_edge() -> None:
+    for start in (-0.01, 0.01):
+        _, velocity = spray_paint(HALF, 0.005, 0.1, 1, (start, 0.0)).at(0.0)
+        assert math.copysign(1.0, velocity[0]) == math.copysign(1.0, start)
+
+
+def test_the_velocity_is_the_derivative_of_the_point() -> None:
+    path = spray_paint(HALF, 0.005, 0.1, 0, (0.01, -0.02))
+    h = 1e-6
+    np.testing.assert_allclose(path.at(1.3)[1], (path.at(1.3 + h)[0] - path.at(1.3 - h)[0]) / (2 * h), atol=1e-6)
+
+
+def test_the_fast_axis_peaks_at_the_stated_speed() -> None:
+    path = spray_paint(HALF, 0.005, 0.4, 1, (0.01, -0.02))
+    speeds = [abs(path.at(time)[1][1]) for time in np.arange(0.0, 2.0, 0.005)]
+    assert max(speeds) == pytest.approx(0.4, rel=1e-2)

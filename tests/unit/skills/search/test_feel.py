@@ -1,0 +1,234 @@
+"""Evidence of an edge by the height of the plate, and how far the peg reaches from the hand by its touch."""
+
+import math
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from cell.config.load import load
+from drivers.frames import UP, end_point
+from drivers.quantities import Pose
+from skills.catalogue import GRASP, SEARCH
+from skills.held_peg import HeldPeg
+from skills.insert.grip import grip_of
+from skills.search.course import make_course
+from skills.search.feel import EXPLAINED, LATE, LONGEST_SLIP, Evidence, excess_of
+from skills.search.size import PUSH, STATED, THIN, firm, shallow
+from skills.search.spray_search import _referenced
+from skills.search.surface import Plane, SurfaceEstimate
+
+CONFIG = load().cell
+PARAMS = CONFIG.params(SEARCH)
+PERIOD, SPEED, RUN_UP = 0.01, 0.14, 0.15
+
+
+def blind(height: float = 0.0) -> SimpleNamespace:
+    """Return an observation without a frame, of a hand at this height, m: heights alone are asked."""
+    tcp = SimpleNamespace(position=np.array([0.0, 0.0, height]))
+    return SimpleNamespace(is_new_frame=False, arm=SimpleNamespace(tcp=tcp))
+
+
+DIP = PARAMS.dip_threshold
+
+
+@pytest.mark.parametrize(
+    ("dip", "scans", "how", "is_edge"),
+    [
+        (5e-4, 15, {"is_likely": True}, True),
+        (5e-4, 8, {}, True),
+        (5e-4, 15, {}, True),
+        (5e-4, 30, {}, True),
+        (0.9 * DIP, 15, {"with_hand": 0.2}, False),
+        (0.9 * DIP, 300, {"with_hand": 0.2}, False),
+        (0.75 * DIP, 300, {}, True),
+        (0.75 * DIP, 300, {"lasting": 20}, False),
+        (0.95 * DIP, 300, {"in_vain": 1}, True),
+        (0.95 * DIP, 300, {"in_vain": 2}, False),
+        (1.5 * DIP, 300, {"in_vain": 9}, True),
+        (0.0, 90, {"slope": 0.035}, False),
+        (0.0, 60, {"is_likely": True}, False),
+    ],
+    ids=[
+        "shallow after the run-up where the hole is likely",
+        "on the first lane",
+        "later on the first lane",
+        "much later on the first lane",
+        "early without the hand",
+        "without the hand",
+        "sudden and less than the threshold",
+        "as deep but slow",
+        "sudden after one stop in vain",
+        "sudden after two stops in vain",
+        "whole dip after many stops in vain",
+        "plate that leans by two degrees",
+        "level plate where the hole is likely",
+    ],
+)
+def test_what_is_evidence_of_an_edge(dip, scans, how, is_edge):
+    assert falls(dip, scans, **how) is is_edge
+
+
+def falls(dip, scans, *, is_likely=False, slope=0.0, with_hand=1.0, lasting=3, in_vain=0):
+    """Return whether there is evidence of an edge that runs up from rest over a plate, down its slope, and after so many scans
+    falls by `dip`, m, within `lasting` scans and stays there for five.
+
+    The hand goes down by `with_hand` of what the edge does. The search has rested `in_vain` so many times.
+    """
+    evidence, place = Evidence(PARAMS, SurfaceEstimate(), PERIOD), 0.0
+    for _ in range(in_vain):
+        evidence.doubt()
+    for k in range(scans + lasting + 5):
+        place += PERIOD * SPEED * min(k * PERIOD / RUN_UP, 1.0)
+        edge = np.array([0.0, place, -slope * place - dip * min(max(k - scans, 0) / lasting, 1.0)])
+        below, is_edge = evidence.update(blind(with_hand * edge[2]), edge, 1, is_likely)
+        if is_edge:
+            return True
+        assert dip or not is_likely or below <= 0.0
+        evidence.learn(edge, 1)
+    return False
+
+
+@pytest.mark.parametrize(
+    ("params", "dip", "is_likely", "is_edge"),
+    [
+        (PARAMS, 0.75, False, False),
+        (PARAMS, 0.75, True, True),
+        (CONFIG.corner.searching(PARAMS), 0.75, True, False),
+        (CONFIG.corner.searching(PARAMS), 1.5, True, True),
+    ],
+    ids=["elsewhere", "where the hole is likely", "under a corner", "whole dip under a corner"],
+)
+def test_less_than_the_whole_threshold_counts_only_where_the_hole_is_likely(params, dip, is_likely, is_edge):
+    known = SurfaceEstimate()
+    for k in range(400):
+        known.learn(np.array([0.0, 1e-3 * (k % 60), 0.0]), 1)
+    edge = np.array([0.0, 0.03, -dip * params.dip_threshold - 1e-5])
+    assert Evidence(params, known, PERIOD).update(blind(), edge, 1, is_likely)[1] is is_edge
+
+
+def test_a_fall_under_way_does_not_take_the_estimate_with_it():
+    """The rest below the full dip is the uncertainty of slopes that were never touched."""
+    evidence = Evidence(PARAMS, SurfaceEstimate(), PERIOD)
+    for k in range(40):
+        evidence.learn(np.array([0.0, 1e-3 * k, 0.0]), 1)
+    before, _ = evidence.update(blind(), np.array([0.0, 0.04, -5e-4]), 1)
+    for k in range(round(LATE / PERIOD)):
+        evidence.learn(np.array([0.0, 0.04 + 1e-3 * k, -5e-4]), 1)
+    after, _ = evidence.update(blind(), np.array([0.0, 0.04, -5e-4]), 1)
+    assert after == pytest.approx(before, abs=5e-5)
+
+
+SEARCH_PARAMS = load().cell.params(SEARCH)
+SLIM = shallow(SEARCH_PARAMS, STATED / 2)
+
+
+@pytest.mark.parametrize("thickness", [1.01 * THIN, STATED, 2 * STATED])
+def test_a_peg_that_is_not_thin_is_searched_with_as_stated(thickness):
+    assert firm(SEARCH_PARAMS, thickness) is shallow(SEARCH_PARAMS, thickness) is SEARCH_PARAMS
+
+
+def test_a_thin_peg_is_not_pushed_harder_than_weak_pads_bear():
+    weak = ["peg.diameter=0.004", "hole.diameter=0.0041", "grasp.force=15"]
+    config = load(None, None, weak).cell
+    search, grip = config.plan().search, grip_of(config.params(GRASP))
+    push = search.push_stiffness * search.push_offset
+    assert push == pytest.approx(grip.bears_over_plate(search.tilt, SEARCH_PARAMS.dip_threshold))
+    assert push < PUSH
+
+
+def test_a_threshold_that_is_set_lower_is_kept():
+    low = SEARCH_PARAMS.model_copy(update={"dip_threshold": 5e-5})
+    assert shallow(low, STATED / 2).dip_threshold == 5e-5
+
+
+@pytest.mark.parametrize(("dip", "drop", "is_evidence"), [(1.5, 1.1, True), (1.5, 0.9, False), (0.5, 2.0, False)])
+def test_only_a_dip_with_which_the_hand_drops_is_evidence(dip, drop, is_evidence):
+    """A dip of the tip alone is a new angle."""
+    evidence = Evidence(SLIM, SurfaceEstimate(), PERIOD)
+    for k in range(400):
+        edge = np.array([0.0, 1e-3 * (k % 60), 0.0])
+        evidence.update(blind(0.2), edge, 1)
+        evidence.learn(edge, 1)
+    edge = np.array([0.0, 0.03, -dip * SLIM.dip_threshold])
+    assert evidence.update(blind(0.2 - drop * SLIM.drop), edge, 1)[1] is is_evidence
+
+
+BOUND, LENGTH = 0.006, 0.05
+
+
+def axis_at(tilt):
+    return np.array([math.sin(tilt), 0.0, math.cos(tilt)])
+
+
+@pytest.mark.parametrize("excess", [-0.005, -0.002, 0.002, 0.005])
+@pytest.mark.parametrize("tilt", [0.5, 0.7854])
+def test_a_peg_that_reaches_further_than_believed_is_measured(excess, tilt):
+    assert excess_of(excess * math.cos(tilt), axis_at(tilt), BOUND) == pytest.approx(excess)
+
+
+def test_what_other_errors_explain_is_left_as_it_is():
+    assert excess_of(0.99 * EXPLAINED * math.cos(0.7854), axis_at(0.7854), BOUND) == 0.0
+
+
+def test_no_more_than_the_bound_is_believed():
+    assert excess_of(0.99 * BOUND * math.cos(0.7854), axis_at(0.7854), BOUND) == pytest.approx(0.99 * BOUND)
+    assert excess_of(1.01 * BOUND * math.cos(0.7854), axis_at(0.7854), BOUND) is None
+
+
+@pytest.mark.parametrize("is_plate_high", [False, True])
+def test_a_seated_peg_is_where_the_switch_expects_it_whichever_of_peg_and_plate_was_wrong(is_plate_high):
+    """Depth of the hole 20 mm, tolerance 4 mm: the correction must serve a long peg and a high plate alike."""
+    error, tilt, depth = 0.005, 0.7854, 0.02
+    height, longer = (error, 0.0) if is_plate_high else (0.0, error)
+    # The hand when the tilted tip touches the true plate; the believed plate is at 0.
+    touched = height + (LENGTH + longer) * math.cos(tilt) - LENGTH * math.cos(tilt)
+    excess = excess_of(touched, axis_at(tilt), 0.01)
+    hand_down = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, -1.0], [-1.0, 0.0, 0.0]])
+    seated = Pose(np.array([0.0, 0.0, height - depth + LENGTH + longer]), hand_down)
+    tip, _ = end_point(seated, 0.0, LENGTH + excess)
+    assert -tip[2] == pytest.approx(depth, abs=0.0025)
+
+
+@pytest.mark.parametrize(("slip", "is_believed"), [(0.99 * LONGEST_SLIP, True), (1.01 * LONGEST_SLIP, False)])
+def test_a_peg_that_has_touched_before_may_have_slipped_into_the_hand_by_half_the_pads(slip, is_believed):
+    excess = excess_of(-slip * math.cos(0.7854), axis_at(0.7854), BOUND, has_touched=True)
+    assert excess == (pytest.approx(-slip) if is_believed else None)
+
+
+def test_a_peg_that_has_touched_before_has_not_grown():
+    assert excess_of(1.01 * BOUND * math.cos(0.7854), axis_at(0.7854), BOUND, has_touched=True) is None
+
+
+def referenced(slip, *, tilt=0.0, is_known=True):
+    """Return the excess of length, m, and how far the plane seems to have moved at the touch-down, m, after a slip into the hand by `slip`, m.
+
+    The peg came down 30 mm beside the hole, on a plate that is tilted by `tilt`, rad.
+    """
+    ctx = SimpleNamespace(job=CONFIG.job(), peg=HeldPeg(measured=0.0 if is_known else None), note_slip=lambda: None)
+    course = make_course(PARAMS, ctx.job, np.random.default_rng(1))
+    stated = np.array(ctx.job.hole.centre)
+    touched = stated + np.array([0.03, 0.0, 0.03 * math.tan(tilt)])
+    normal = np.array([-math.sin(tilt), 0.0, math.cos(tilt)])
+    sweep = SimpleNamespace(touched=touched, axis=course.axis)
+    plane = _referenced(Plane(stated - slip * math.cos(PARAMS.tilt) * UP, normal), PARAMS, ctx, sweep)
+    return ctx.peg.excess, plane.point[2] - stated[2]
+
+
+def test_a_peg_that_slipped_into_the_hand_is_shorter_and_the_plate_where_it_was():
+    assert referenced(0.003) == (pytest.approx(-0.003), pytest.approx(0.0, abs=1e-9))
+
+
+@pytest.mark.parametrize("tilt", [-0.1, 0.1])
+def test_a_tilted_plate_is_no_slip(tilt):
+    assert referenced(0.0, tilt=tilt) == (0.0, 0.0)
+    assert referenced(0.003, tilt=tilt)[0] == pytest.approx(-0.003)
+
+
+def test_what_other_errors_explain_is_no_slip():
+    excess, height = referenced(0.99 * EXPLAINED)
+    assert (excess, height) == (0.0, pytest.approx(-0.99 * EXPLAINED * math.cos(PARAMS.tilt)))
+
+
+def test_a_peg_that_has_not_touched_the_plate_has_not_slipped_on_it():
+    assert referenced(0.003, is_known=False)[0] == 0.0
