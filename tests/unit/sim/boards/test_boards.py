@@ -1,12 +1,16 @@
+"""Emulated boards on their wires, and the clock of a busy computer."""
+
 import numpy as np
 import pytest
 
 from drivers.errors import DeviceNotOpenedError
 from drivers.transport.wires import CanFrame, LineLostError
 from sim.boards.board_links import CanCable, frame_bits
+from sim.boards.busy_clock import BusyClock
 from sim.config import WireFaults
+from sim.world.reality import AS_BELIEVED
 from tests.cyskin_makers import SENT
-from tests.skins import WIRED, BoardRig
+from tests.skins import WIRED, BoardRig, ScriptedWorld
 
 DISCOVER, STOP = SENT[1], CanFrame(0x5FF, bytes.fromhex("370100C9"))
 PERIOD_73 = CanFrame(0x5FF, bytes.fromhex("38020049E6"))
@@ -131,3 +135,22 @@ def test_cable_passes_frames_between_a_board_and_another_bus(rig):
         cable.advance()
         rig.clock.wait_until(rig.world.time + 0.01)
     assert [frame.id for frame in taken] == [0x5FF]
+
+
+def lateness(probability: float, delay: float, scans: int = 4000) -> np.ndarray:
+    drawn = {**AS_BELIEVED, "scan.late": np.array(probability), "scan.delay": np.array(delay)}
+    clock = BusyClock(ScriptedWorld(), drawn, np.random.default_rng(1))
+    late = []
+    for _ in range(scans):
+        due = clock.now() + 0.01
+        clock.wait_until(due)
+        late.append(clock.now() - due)
+    return np.array(late)
+
+
+@pytest.mark.parametrize(("share", "delay"), [(0.0, 0.01), (0.1, 0.005), (0.5, 0.008)])
+def test_scans_are_late_as_often_and_as_much_as_was_asked_for(share, delay):
+    late = lateness(share, delay)
+    assert late.min() >= 0.0
+    assert (late > 0.0).mean() == pytest.approx(share, abs=0.02)
+    assert not share or late[late > 0.0].mean() == pytest.approx(delay, rel=0.1)

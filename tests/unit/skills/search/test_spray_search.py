@@ -77,26 +77,18 @@ def test_a_search_finds_the_hole_on_its_lanes_and_tells_where_and_how_long_it_to
     assert angle_between(ended.plane.normal, UP) < 1e-3
 
 
-def test_the_course_is_drawn_by_the_generator_of_the_context(bench):
-    bench.ctx.rng = np.random.default_rng(5)
+@pytest.mark.parametrize("is_known", [False, True])
+def test_the_course_is_drawn_by_the_generator_of_the_context_and_what_is_known_of_the_length(bench, is_known):
+    bench.ctx.rng, bench.ctx.peg = np.random.default_rng(5), HeldPeg(measured=0.0 if is_known else None)
     ended = bench.search(timeout=0.05)
-    course = make_course(PARAMS, CELL.job(), np.random.default_rng(5), is_length_known=False)
+    course = make_course(PARAMS, CELL.job(), np.random.default_rng(5), is_length_known=is_known)
+    assert bench.commanded[0].is_free  # a peg above the plate is not pulled
     assert ended.start == pytest.approx(tuple(course.first[:2]))
     last = bench.free_moves[0][-1]
-    np.testing.assert_allclose(last.tip, course.first, atol=1e-5)
-    np.testing.assert_allclose(last.axis, course.axis, atol=1e-5)
-    np.testing.assert_allclose(last.roll, course.closing, atol=1e-5)
+    for told, asked in ((last.tip, course.first), (last.axis, course.axis), (last.roll, course.closing)):
+        np.testing.assert_allclose(told, asked, atol=1e-5)
     assert (last.in_hand.theta, last.in_hand.length) == (0.0, bench.length)
     np.testing.assert_array_equal(last.stiffness, PARAMS.transfer.stiffness())
-
-
-@pytest.mark.parametrize("is_known", [False, True])
-def test_a_peg_that_has_touched_the_plate_before_comes_down_from_lower(bench, is_known):
-    bench.ctx.peg = HeldPeg(measured=0.0 if is_known else None)
-    bench.search(timeout=0.05)
-    assert bench.commanded[0].is_free  # it is not pulled
-    height = PARAMS.height if is_known else PARAMS.first_height(bench.part.reach)
-    assert bench.free_moves[0][-1].tip[2] - bench.level == pytest.approx(height, abs=1e-5)
 
 
 def test_a_search_without_a_hole_ends_at_its_time(bench):

@@ -123,9 +123,12 @@ def stopped(slide):
     return [(seen, each) for seen, each in slide.scans() if each.in_hand is None]
 
 
-def test_the_peg_comes_down_at_its_speed_and_then_goes_along_the_course_that_it_runs_up_to(slide):
+def test_the_peg_comes_down_and_then_runs_up_to_the_course_in_one_motion(slide):
+    """With the gains of its recipe and the peg as it lies in the hand."""
+    slide.skin.theta, gains = 0.1, PARAMS.gains
     slide.slide(3.0)
     along, first = 0.0, slide.course.first
+    stiffness = [gains.translation] * 2 + [PARAMS.push_stiffness] + [gains.rotation] * 3
     for seen, setpoint in slide.scans():
         height = max(first[2] - PARAMS.descent * seen.running, slide.level - PARAMS.push_offset)
         pace = min(max(seen.running - DOWN, 0.0) / PARAMS.run_up, 1.0)
@@ -135,24 +138,15 @@ def test_the_peg_comes_down_at_its_speed_and_then_goes_along_the_course_that_it_
         np.testing.assert_array_equal(setpoint.twist.angular, np.zeros(3))
         np.testing.assert_allclose(setpoint.axis, slide.course.axis, atol=1e-9)
         np.testing.assert_allclose(setpoint.roll, slide.course.closing, atol=1e-9)
-        along += pace * PERIOD
-    assert slide.sweep.left.since == pytest.approx(along)
-    assert slide.sweep.left.path is slide.course.path
-    assert slide.sweep.rests == 0
-
-
-def test_one_slide_is_one_motion_with_the_gains_of_its_recipe_and_the_peg_as_it_lies_in_the_hand(slide):
-    slide.skin.theta = 0.1
-    slide.slide(1.5)
-    gains = PARAMS.gains
-    assert len({setpoint.id for setpoint in slide.commanded}) == 1
-    for seen, setpoint in slide.scans():
-        stiffness = [gains.translation] * 2 + [PARAMS.push_stiffness] + [gains.rotation] * 3
         np.testing.assert_array_equal(setpoint.stiffness, stiffness)
         np.testing.assert_array_equal(setpoint.damping_ratio, np.full(6, gains.damping_ratio))
         assert setpoint.valid_until == seen.stamp + VALIDITY
         assert (setpoint.in_hand.theta, setpoint.in_hand.length) == (seen.peg.theta, slide.ctx.length)
-    assert seen.peg.theta == 0.1
+        along += pace * PERIOD
+    assert len({setpoint.id for setpoint in slide.commanded}) == 1
+    assert slide.sweep.left.since == pytest.approx(along)
+    assert slide.sweep.left.path is slide.course.path
+    assert slide.sweep.rests == 0
 
 
 @pytest.mark.parametrize("shape", ["round", "square"])
