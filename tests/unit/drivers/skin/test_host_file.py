@@ -151,22 +151,18 @@ def test_other_channels_than_before_need_a_new_opening(skin, host):
 
 
 @pytest.mark.parametrize(
-    ("content", "said"),
+    ("content", "error", "said"),
     [
-        (None, "No such file or directory; start cyskin_acquisition --buffer file --filename"),
-        ("CySkin\n", "first line b'CySkin.n'; the channels' numbers needed"),
+        (None, DeviceNotOpenedError, "No such file or directory; start cyskin_acquisition --buffer file --filename"),
+        ("CySkin\n", DeviceNotOpenedError, "first line b'CySkin.n'; the channels' numbers needed"),
+        ("", SkinSilentError, "has no first line yet: see whether cyskin_acquisition found its hub"),
     ],
+    ids=["missing", "another file", "no first line yet"],
 )
-def test_file_that_is_not_the_host_programs_is_named(skin, host, content, said):
-    host.path.unlink() if content is None else host.path.write_text(content)
-    with pytest.raises(DeviceNotOpenedError, match=said):
-        skin.open()
-
-
-def test_file_without_its_first_line_is_waited_for_and_named(skin, host):
+def test_file_that_is_not_the_host_programs_is_named(skin, host, content, error, said):
     host.is_running = False
-    host.path.write_text("")
-    with pytest.raises(SkinSilentError, match="has no first line yet: see whether cyskin_acquisition found its hub"):
+    host.path.unlink() if content is None else host.path.write_text(content)
+    with pytest.raises(error, match=said):
         skin.open()
 
 

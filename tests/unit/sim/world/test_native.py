@@ -18,24 +18,24 @@ def test_another_release_is_refused(monkeypatch):
         native.verify_layout()
 
 
-@pytest.mark.parametrize(
-    "name",
-    [
-        "MODEL_GEOM_USER",
-        "MODEL_GEOM_SIZE",
-        "MODEL_GEOM_BODYID",
-        "MODEL_BODY_ROOTID",
-        "DATA_GEOM_XPOS",
-        "DATA_GEOM_XMAT",
-        "DATA_CVEL",
-        "DATA_SUBTREE_COM",
-        "DATA_USERDATA",
-        "DATA_NCON",
-        "DATA_CONTACT",
-        "DATA_EFC_FORCE",
-        "CONTACT_BYTES",
-    ],
-)
+FIELDS = [
+    "MODEL_GEOM_USER",
+    "MODEL_GEOM_SIZE",
+    "MODEL_GEOM_BODYID",
+    "MODEL_BODY_ROOTID",
+    "DATA_GEOM_XPOS",
+    "DATA_GEOM_XMAT",
+    "DATA_CVEL",
+    "DATA_SUBTREE_COM",
+    "DATA_USERDATA",
+    "DATA_NCON",
+    "DATA_CONTACT",
+    "DATA_EFC_FORCE",
+    "CONTACT_BYTES",
+]
+
+
+@pytest.mark.parametrize("name", FIELDS)
 def test_a_field_that_has_moved_is_refused(name, monkeypatch):
     monkeypatch.setattr(native, name, getattr(native, name) + 8)
     with pytest.raises(ImportError, match="not laid out"):

@@ -7,7 +7,7 @@ import pytest
 
 from drivers.frames import UP, angle_between, rotation_about, rotation_by
 from skills.contract import Outcome, Reason
-from skills.corner.insert import YawSweep, run, to_and_fro
+from skills.corner.insert import run, to_and_fro
 from skills.paths import dither
 from skills.search.surface import Plane
 from tests.fakes import PERIOD, Rig
@@ -184,12 +184,3 @@ def test_a_tip_that_strays_from_where_the_sweep_began_has_left_the_hole(bench, s
     assert ended.elapsed == pytest.approx(1.4 if has_strayed else 2.0, abs=1e-9)
     yaw = to_and_fro((1.4 if has_strayed else 1.99) - SETTLED, PARAMS.turn_rate, PARAMS.growth, 1.0)
     assert (ended.yaw, ended.phi) == pytest.approx((yaw, PARAMS.tilt), abs=1e-6)
-
-
-def test_no_yaw_is_asked_for_that_no_hole_has():
-    """A sweep about a middle far off centre reaches its bound on that side alone."""
-    sweep = YawSweep(0.15, 0.3, 0.2)
-    yaws = [sweep.yaw(time, 0.0, PARAMS) for time in np.arange(0.0, 6.0, 0.01)]
-    assert (max(yaws), min(yaws)) == pytest.approx((0.2, -0.15), abs=4e-3)
-    other = YawSweep(-0.15, 0.3, 0.2)
-    assert min(other.yaw(time, 0.0, PARAMS) for time in np.arange(0.0, 6.0, 0.01)) == -0.2

@@ -1,5 +1,6 @@
 """Contract of every estimator, whatever its method."""
 
+from copy import copy
 from dataclasses import replace
 from functools import lru_cache
 
@@ -8,7 +9,7 @@ import pytest
 
 from cell.devices.assembly import make_estimator
 from drivers.skin.layout import LAYOUTS
-from tests.pegs import ALL, LOAD, NONSENSE, folded, framed, nonsense, readings, shipped
+from tests.pegs import LOAD, NONSENSE, folded, framed, nonsense, readings, shipped
 
 NAMES = ("image", "robust")
 
@@ -46,7 +47,20 @@ def test_pose_of_a_plain_frame_is_whole(name, layout):
     assert pose.stamp == 1.5
 
 
+@pytest.mark.parametrize("trusted", [0, 10, 19])
 @pytest.mark.parametrize("name", NAMES)
-def test_no_trusted_taxel_no_pose(name):
-    frame = framed(readings("parallelogram", LOAD), ~ALL)
+def test_too_few_trusted_taxels_show_no_pose(name, trusted):
+    frame = framed(readings("parallelogram", LOAD), np.arange(40).reshape(2, 20) >= 40 - trusted)
     assert not _estimator(name, "parallelogram").estimate(frame).healthy
+
+
+@pytest.mark.parametrize("layout", LAYOUTS)
+@pytest.mark.parametrize("name", NAMES)
+def test_mirrored_peg_has_the_opposite_pose(name, layout):
+    load = replace(LOAD, theta=0.5, offset=1e-3, across=4.0, tilting=0.2)
+    mirrored = replace(load, theta=-0.5, offset=-1e-3, across=-4.0, tilting=-0.2)
+    one, other = (copy(_estimator(name, layout)).estimate(framed(readings(layout, each))) for each in (load, mirrored))
+    # What a copy has learnt so far need not be symmetric.
+    assert other.theta == pytest.approx(-one.theta, abs=2e-3)
+    assert other.offset == pytest.approx(-one.offset, abs=1e-4)
+    assert one.offset > 1e-4

@@ -44,14 +44,6 @@ def quiet(layout, **changes):
 
 
 @pytest.mark.parametrize("layout", LAYOUTS)
-def test_mirrored_peg_has_the_opposite_angle_and_offset_is_positive_to_the_left(layout):
-    theta, mirrored = (estimator(layout).estimate(quiet(layout, theta=t)).theta for t in (0.7, -0.7))
-    right, left = (estimator(layout).estimate(quiet(layout, offset=o)).offset for o in (-3e-3, 3e-3))
-    assert mirrored == pytest.approx(-theta, abs=1e-6)
-    assert right < -1e-3 < 1e-3 < left
-
-
-@pytest.mark.parametrize("layout", LAYOUTS)
 def test_plane_over_the_taxels_is_a_plane_in_the_image(layout):
     projector, taxels, whole = Projector(layout, 1e-3, 1e6), finger_positions(layout), np.ones((2, 20), dtype=bool)
     plane = 3000.0 + 5e4 * taxels[1, :, 0] - 2e4 * taxels[1, :, 1]
@@ -124,8 +116,3 @@ def test_dead_module_is_replaced_by_the_other_finger(layout):
             errors += [folded(pose.theta - theta)] if pose.healthy else []
     assert len(errors) > 0.9 * 41 * 4
     assert rms_degrees(errors) < 10.0
-
-
-def test_too_few_trusted_taxels_tell_nothing():
-    frame = framed(readings("parallelogram", PEG), module_of("parallelogram") == 2)
-    assert not estimator("parallelogram").estimate(frame).healthy
