@@ -162,10 +162,7 @@ def test_every_part_of_a_setpoint_reaches_the_torque_loop_in_its_own_words():
         *(1, 20, 21, 1, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16, 17),
         *(1, 30, 31, 32, 33, 34, 35, 36, 18, 1),
     ]
-
-
-def test_what_a_setpoint_leaves_out_is_marked_as_left_out():
-    words = setpoint_words.pack(setpoint(np.ones(3), np.ones(3)), 0.5)
+    words = setpoint_words.pack(setpoint(np.ones(3), np.ones(3)), 0.5)  # what is left out is marked so
     flags = [setpoint_words.HAS_HAND, setpoint_words.HAS_ROLL, setpoint_words.HAS_POSTURE, setpoint_words.IS_FREE]
     assert words[flags].tolist() == [0.0] * 4
     assert words[setpoint_words.TWIST : setpoint_words.TWIST + 6].tolist() == [0.0] * 6

@@ -33,20 +33,21 @@ def test_hub_answers_as_the_makers_library_accepts(board):
     assert told(board, *SENT) + board.scan() == received
 
 
-def test_hub_in_its_boot_loader_answers_nothing(board):
-    assert told(board, *SENT[1:]) == []
-    assert math.isinf(board.next_scan)
-
-
-def test_hub_without_a_number_answers_the_discovery_alone(board):
-    assert len(told(board, *SENT[:2])) == 1
-    assert ask(board, 0x3C) == []
-
-
-def test_modules_in_their_boot_loaders_send_no_readings(board):
-    told(board, *SENT[:5], SENT[-1])
-    assert board.next_scan == pytest.approx(0.05)
-    assert board.scan() == []
+@pytest.mark.parametrize(
+    ("frames", "answers", "next_scan"),
+    [
+        (SENT[1:], 0, math.inf),
+        ([*SENT[:2], CanFrame(0x5FF, sealed(0x3C, b""))], 1, math.inf),
+        ([*SENT[:5], SENT[-1]], None, 0.05),
+        ([*SENT, CanFrame(0x5FF, sealed(0x37, b"\0"))], None, math.inf),
+    ],
+    ids=["in its boot loader", "without a number", "modules in their boot loaders", "stopped"],
+)
+def test_a_hub_that_is_not_started_answers_little_and_sends_no_readings(board, frames, answers, next_scan):
+    heard = told(board, *frames)
+    assert answers is None or len(heard) == answers
+    assert board.next_scan == pytest.approx(next_scan)
+    assert math.isinf(next_scan) or board.scan() == []
 
 
 def test_power_lost_is_the_boot_loader_again(board):
@@ -69,9 +70,3 @@ def test_hub_takes_frames_to_its_own_number_and_no_others(board):
     for number, is_started in ((2, False), (1, True)):
         told(board, CanFrame(0x500 | number, sealed(0x37, b"\1")))
         assert math.isfinite(board.next_scan) is is_started
-
-
-def test_hub_stops_when_told(board):
-    told(board, *SENT)
-    ask(board, 0x37, b"\0")
-    assert math.isinf(board.next_scan)
