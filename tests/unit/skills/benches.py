@@ -1,4 +1,4 @@
-"""What the tests of skills share: a skill over a scripted hand, and an arm and a hand that keep their commands."""
+"""Shared by the tests of skills: a skill over a scripted hand, and an arm and a hand that keep their commands."""
 
 from collections.abc import Callable, Iterator
 from typing import Any

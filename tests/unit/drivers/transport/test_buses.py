@@ -171,6 +171,7 @@ def test_errors_in_a_row_are_a_lost_bus(fake, bus, use, words):
 def test_a_bus_that_is_gone_can_be_closed_and_opened_again(fake, bus):
     fake[0].fails = True
     bus.close()
+    bus.close()
     with pytest.raises(CanLostError, match="not open"):
         bus.read(0.0)
     bus.open()

@@ -1,4 +1,4 @@
-"""How an arm departs from what the cell believes: drawn, driven, felt and read."""
+"""Departures of an arm from its model: drawn, driven, felt and read."""
 
 import math
 from dataclasses import replace

@@ -60,7 +60,7 @@ def test_mirrored_peg_has_the_opposite_pose(name, layout):
     load = replace(LOAD, theta=0.5, offset=1e-3, across=4.0, tilting=0.2)
     mirrored = replace(load, theta=-0.5, offset=-1e-3, across=-4.0, tilting=-0.2)
     one, other = (copy(_estimator(name, layout)).estimate(framed(readings(layout, each))) for each in (load, mirrored))
-    # What a copy has learnt so far need not be symmetric.
+    # A copy need not have learnt symmetrically so far.
     assert other.theta == pytest.approx(-one.theta, abs=2e-3)
     assert other.offset == pytest.approx(-one.offset, abs=1e-4)
     assert one.offset > 1e-4
