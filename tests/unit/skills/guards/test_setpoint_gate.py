@@ -264,7 +264,7 @@ def led(arm, steps, step):
     return None
 
 
-def test_readings_that_stand_still_while_the_setpoint_moves_are_a_fault_within_a_fifth_of_a_second():
+def test_readings_that_stand_still_are_a_fault_within_a_fifth_of_a_second():
     arm = FakeArm(FakeClock())
     arm.is_blocked = True
     assert led(arm, 100, -5e-5) is None  # its readings have noise
