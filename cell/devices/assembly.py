@@ -504,7 +504,9 @@ def loop_figures(config: CellConfig, seconds: float, stop: Event) -> LoopFigures
     """
     with opened(assemble(config), "arm") as cell:
         assert isinstance(cell.arm, FrankaArm)
-        stop.wait(seconds)
+        end = cell.clock.now() + seconds
+        while cell.clock.now() < end and not stop.is_set():
+            cell.clock.wait_until(cell.clock.now() + LOOP_TIME)
         cell.arm.read()
         return cell.arm.figures()
 

@@ -2,7 +2,8 @@
 
 The shell's folder holds the cell's file, `config/cell_01.toml` with the desk's addresses: a skin hub on a CAN bus between
 processes, the switch's firmware on an emulated chip behind a serial port, an arm and its hand at an address of the
-loopback. Everything keeps the time of the world behind the boards, the cell too: a busy computer makes all of it slower.
+loopback. Everything keeps the time of the world behind the boards, the cell too, and the world waits for the cell: a busy
+computer makes all of it slower.
 
 Files in that folder are what a person does: `push` contains a force on the hand, N along x, y and z; `lever` presses the
 lever of the switch; `rod` contains the angle of a rod in the closed fingers, degrees; `empty` takes the pegs out of the rack,
@@ -42,6 +43,8 @@ from tests.franka.simulated import Arm, Seen, address, served
 
 STEP = 0.002
 """Between two looks at the boards, s of wall time."""
+AHEAD = 0.02
+"""Longest time by which the world is ahead of the cell's process, s."""
 FILE = "cell_01.toml"
 CONFIG = load(sets=["reality.scale=0.0", "arm.model=fr3"]).cell
 """The world behind the boards."""
@@ -174,8 +177,8 @@ def desk(number: int, folder: Path) -> Iterator[Desk]:
     with (folder / FILE).open("a", encoding="utf-8") as file:
         file.write("\n[plc.modbus]\nport = 0\n")
     with served(CONFIG, host) as (world, _):
-        world.shown = np.memmap(folder / "time", dtype=float, mode="w+", shape=1)
-        world.shown[0] = world.now()
+        world.shown = np.memmap(folder / "time", dtype=float, mode="w+", shape=2)
+        world.shown[:] = world.now(), math.inf
         person = Person(folder, world)
         source: Any = OnTheDesk(world, person)
         hub = emulated_can(described, CONFIG.boards.skin, source, source.draw.skin, 0)
@@ -185,9 +188,12 @@ def desk(number: int, folder: Path) -> Iterator[Desk]:
         def live() -> None:
             while not is_over.wait(STEP):
                 person.look()
-                if not world.has_client():
+                horizon = float(world.shown[1]) + AHEAD
+                if not world.has_client() and world.now() < horizon:
                     world.wait_until(world.now() + STEP)
-                    world.horizon = math.inf
+                with world.lock:
+                    world.horizon = horizon
+                    world.lock.notify_all()
                 with lock:
                     cable.advance()
                     hub.advance()

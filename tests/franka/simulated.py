@@ -85,8 +85,8 @@ class Arm:
     """Function that returns the force of a person on the hand, shape (3,), N, base frame."""
     has_client: Callable[[], bool] = lambda: False
     """Function that returns True while states are sent to a client."""
-    shown: Vector = field(default_factory=lambda: np.zeros(1))
-    """Time of the world for other processes, shape (1,), s."""
+    shown: Vector = field(default_factory=lambda: np.full(2, np.inf))
+    """Time of the world for another process, and the time that it has seen, infinite if there is none, shape (2,), s."""
 
     def __post_init__(self) -> None:
         self.figures = impedance.figures(self.world.arm)

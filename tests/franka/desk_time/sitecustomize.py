@@ -1,8 +1,11 @@
 """Time of the desk's world for every Python process of a cell on the desk.
 
-`time.monotonic` and `time.sleep` follow the world. On a busy computer the world is slower than wall time, and the cell with it.
+`time.monotonic` and `time.sleep` follow the world. The world waits for the cell in turn: the first process of a command writes
+the time that it has last seen, and the world goes no further than a few milliseconds beyond it.
 """
 
+import atexit
+import math
 import mmap
 import os
 import struct
@@ -11,17 +14,21 @@ from pathlib import Path
 
 LOOK = 5e-4
 """Time between two looks at the world's time, s of wall time."""
+NOW, SEEN = 0, 8
+"""Places of the world's time and of the time that the cell has seen, bytes."""
 
-with Path(os.environ["DESK_TIME"]).open("rb") as _file:
-    _shown = mmap.mmap(_file.fileno(), 8, access=mmap.ACCESS_READ)
-_wait = time.sleep
+with Path(os.environ["DESK_TIME"]).open("r+b") as _file:
+    _times = mmap.mmap(_file.fileno(), 16)
+_wait, _is_first = time.sleep, os.environ.setdefault("DESK_TIME_OF", str(os.getpid())) == str(os.getpid())
 
 
 class _Now:
     """A callable that, as a built-in function, is not bound when it is an attribute of a class."""
 
     def __call__(self) -> float:
-        now: float = struct.unpack("d", _shown)[0]
+        now: float = struct.unpack_from("d", _times, NOW)[0]
+        if _is_first:
+            struct.pack_into("d", _times, SEEN, now)
         return now
 
 
@@ -32,3 +39,5 @@ def _sleep(seconds: float) -> None:
 
 
 time.monotonic, time.sleep = _Now(), _sleep
+if _is_first:
+    atexit.register(lambda: struct.pack_into("d", _times, SEEN, math.inf))
