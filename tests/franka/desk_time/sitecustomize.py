@@ -1,6 +1,6 @@
 """Time of the desk's world for every Python process of a cell on the desk.
 
-`time.monotonic` and `time.sleep` follow the world. The world waits for the cell in turn: the first process of a command writes
+`time.monotonic`, `time.time` and `time.sleep` follow the world. The world waits for the cell in turn: the first process of a command writes
 the time that it has last seen, and the world goes no further than a few milliseconds beyond it.
 """
 
@@ -25,11 +25,15 @@ _wait, _is_first = time.sleep, os.environ.setdefault("DESK_TIME_OF", str(os.getp
 class _Now:
     """A callable that, as a built-in function, is not bound when it is an attribute of a class."""
 
+    def __init__(self, zero: float) -> None:
+        """Return the world's time plus `zero`, s."""
+        self._zero = zero
+
     def __call__(self) -> float:
         now: float = struct.unpack_from("d", _times, NOW)[0]
         if _is_first:
             struct.pack_into("d", _times, SEEN, now)
-        return now
+        return self._zero + now
 
 
 def _sleep(seconds: float) -> None:
@@ -38,6 +42,7 @@ def _sleep(seconds: float) -> None:
         _wait(LOOK)
 
 
-time.monotonic, time.sleep = _Now(), _sleep
+time.monotonic, time.sleep = _Now(0.0), _sleep
+time.time = _Now(time.time() - time.monotonic())
 if _is_first:
     atexit.register(lambda: struct.pack_into("d", _times, SEEN, math.inf))
