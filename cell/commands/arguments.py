@@ -16,6 +16,10 @@ if TYPE_CHECKING:
     from cell.records.run_query import RunQuery
 
 
+DEVICES = ("arm", "gripper", "skin", "switch")
+"""Names of the devices of a cell."""
+
+
 class Parser(argparse.ArgumentParser):
     """Parser of the command line that raises its errors, so that they are reported like other wrong use, with a suggestion."""
 
@@ -61,6 +65,28 @@ def add_config(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help="replace one key")
 
 
+def add_simulate(parser: argparse.ArgumentParser) -> None:
+    """Add --simulate."""
+    parser.add_argument(
+        "--simulate",
+        type=devices,
+        default=(),
+        metavar="DEVICES",
+        help="simulate these devices instead of those of the config: arm,gripper,skin,switch",
+    )
+
+
+def devices(text: str) -> tuple[str, ...]:
+    """Return the names of devices, separated by commas.
+
+    Raises:
+        ConfigError: One is no device.
+    """
+    for name in (names := tuple(text.split(","))):
+        require_known("device", name, DEVICES)
+    return names
+
+
 def add_calibration_folder(parser: argparse.ArgumentParser) -> None:
     """Add --out of a command that writes a measured file."""
     parser.add_argument(
@@ -100,7 +126,7 @@ def load_config(args: argparse.Namespace, default_pace: str | None = None) -> "L
     sets = list(args.set)
     if default_pace is not None and not any(text.startswith("sim.pace=") for text in sets):
         sets.append(f"sim.pace={default_pace}")
-    return load(args.config, sets=sets)
+    return load(args.config, sets=sets, simulate=getattr(args, "simulate", ()))
 
 
 def open_journal(args: argparse.Namespace, config: "JournalConfig") -> "Journal":

@@ -13,6 +13,8 @@ from cell.commands.terminal import GOOD, show, written
 if TYPE_CHECKING:
     from cell.report.facts import Facts
 
+SHIFT_WIDTH = len("12-31 22:00")
+"""Width of the first column, which holds the start of a shift on one line, characters."""
 SUMMARY = "yield, times, reasons, forces and wear over many runs, of insert_peg unless --program says another"
 
 
@@ -66,6 +68,7 @@ def _report(args: argparse.Namespace) -> int:
     shown = []
     for title, head, rows in tables(facts):
         table = Table(*head, title=title, title_justify="left", box=SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
+        table.columns[0].min_width = SHIFT_WIDTH
         for row in rows:
             table.add_row(*row)
         shown.append(table)
