@@ -1,4 +1,4 @@
-"""What every skill that pushes a peg into its hole has in common: its motion, its gains and its endings."""
+"""Motion, gains and endings that all skills that push a peg into its hole share."""
 
 import math
 from dataclasses import dataclass, field

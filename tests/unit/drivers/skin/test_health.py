@@ -7,6 +7,7 @@ from drivers.skin.health import ERROR_COUNT, SkinHealth, SkinHealthConfig, dead_
 
 CONFIG = SkinHealthConfig(stuck_frames=10, drift_time=10.0)
 TAXELS = 8
+FULL_SCALE = 20_000.0
 
 
 def _still(seed=0, frames=50, level=5000.0, noise=300.0):
@@ -15,7 +16,7 @@ def _still(seed=0, frames=50, level=5000.0, noise=300.0):
 
 
 def _health(still=None):
-    return SkinHealth(CONFIG, _still() if still is None else still)
+    return SkinHealth(CONFIG, _still() if still is None else still, FULL_SCALE)
 
 
 def test_too_short_a_baseline_is_refused():
@@ -90,7 +91,7 @@ def test_the_baseline_keeps_up_with_the_drift_of_a_skin_that_is_gripped_most_of_
     """Forty parts, each in the hand for 20 s, with 5 s of an open hand before the next; noise and drift as in [cyskin]."""
     rng, noise, period = np.random.default_rng(7), 200.0, 0.1
     offset, stamp = np.full(TAXELS, 5000.0), 0.0
-    health = SkinHealth(SkinHealthConfig(), _still(noise=noise))
+    health = SkinHealth(SkinHealthConfig(), _still(noise=noise), FULL_SCALE)
     behind = []
     for _ in range(40):
         for load in [8000.0] * 200 + [0.0] * 50:
@@ -151,7 +152,7 @@ def test_the_baseline_follows_up_to_a_touch_of_so_many_times_the_noise(share, is
     health = _health(_still(level=20_000.0))
     above = np.zeros(TAXELS)
     above[4] = share * CONFIG.touch * health.noise[4]
-    assert above[4] > CONFIG.least_touch
+    assert above[4] > CONFIG.least_touch * FULL_SCALE
     assert follows(health, above) is is_followed
 
 
@@ -161,7 +162,7 @@ def _skin(noise=300.0, taxels=40, frames=50, seed=0):
 
 def test_the_baseline_does_not_eat_a_print_that_no_taxel_shows_by_itself():
     """A third of the taxels at three times their noise is the print of a grip of 10 N."""
-    health, pressed = SkinHealth(CONFIG, _skin()), 900.0 * (np.arange(40) % 3 == 0)
+    health, pressed = SkinHealth(CONFIG, _skin(), FULL_SCALE), 900.0 * (np.arange(40) % 3 == 0)
     before = health.baseline.copy()
     for number, raw in enumerate(_skin(seed=1, frames=100)):
         health.update((raw + pressed).astype(np.uint16), 0.1 * number)
@@ -169,7 +170,7 @@ def test_the_baseline_does_not_eat_a_print_that_no_taxel_shows_by_itself():
 
 
 def test_the_baseline_follows_a_skin_that_warms_up_all_over():
-    health = SkinHealth(CONFIG, _skin())
+    health = SkinHealth(CONFIG, _skin(), FULL_SCALE)
     for number, raw in enumerate(_skin(seed=1, frames=600)):
         values, _ = health.update((raw + 600.0).astype(np.uint16), 0.1 * number)
     assert abs(values.mean()) < 150.0
@@ -195,7 +196,7 @@ def even(level):
     """Return the health of taxels whose baseline is exactly this, counts."""
     still = np.full((50, 4), level - 1, dtype=np.uint16)
     still[::2] += 2
-    return SkinHealth(SkinHealthConfig(), still)
+    return SkinHealth(SkinHealthConfig(), still, FULL_SCALE)
 
 
 def follows(health, above):
@@ -239,5 +240,5 @@ def test_the_baseline_follows_up_to_exactly_a_touch_of_one_taxel_and_a_faint_and
 def test_taxels_that_are_not_trusted_do_not_hide_a_print_of_the_others():
     still = _skin()
     still[:, 10:] = 0
-    health = SkinHealth(CONFIG, still)
+    health = SkinHealth(CONFIG, still, FULL_SCALE)
     assert not follows(health, 4.0 * health.noise * (np.arange(40) % 2))

@@ -7,27 +7,26 @@ import numpy as np
 import pytest
 
 from cell.config.load import load
-from drivers.errors import ScanOverrunError, SkinUntrustedError, TrackingError
-from drivers.frames import UP, end_point
+from drivers.errors import ScanOverrunError, SkinUntrustedError
+from drivers.frames import UP
 from drivers.quantities import ArmState, ImpedanceSetpoint, InHandTip, Pose, Twist, Wrench
 from drivers.skin.layout import LAYOUTS
 from skills.guards.scan_guards import (
     LONGEST_STEP,
     OVERRUN_WINDOW,
     RESUME_TIME,
-    TRACKING_LIMIT,
     ScanLimits,
     ScanSchedule,
     ScanTiming,
     require_level_skin,
-    require_tracking,
     way_back,
 )
 from skills.motion import Goal, Transfer, move
 from tests.fakes import HAND_DOWN, PERIOD, FakeArm, FakeClock, FakeGripper, context_of
 from tests.pegs import framed, pushed, readings
 
-MOST_LEVEL = LAYOUTS["parallelogram"].beside
+SKIN = LAYOUTS["parallelogram"]
+MOST_LEVEL = SKIN.beside * SKIN.full_scale
 
 LIMITS = ScanLimits(late=0.3, longest=0.1)
 
@@ -116,20 +115,6 @@ def test_the_way_back_of_a_held_peg_is_that_of_its_end():
     np.testing.assert_allclose(first.tip, [0.5, 0.0, 0.25], atol=1e-12)
 
 
-@pytest.mark.parametrize(("length", "theta"), [(None, 0.0), (0.05, 0.0), (0.05, 0.3)])
-def test_an_arm_may_lag_behind_its_setpoint_as_far_as_the_limit_says(length, theta):
-    in_hand = None if length is None else InHandTip(theta, length, 0.0)
-    tip = np.array([0.5, 0.0, 0.3]) if length is None else end_point(HAND, theta, length)[0]
-    require_tracking(state_at(np.zeros(3)), held_at([TRACKING_LIMIT, 0.0, 0.0]))
-    lag = np.array([0.6, 0.0, 0.8])
-    require_tracking(state_at(HAND.position), held_at(tip + (TRACKING_LIMIT - 1e-9) * lag, in_hand=in_hand))
-    with pytest.raises(
-        TrackingError,
-        match=r"101 mm from its setpoint > 100 mm limit; it is blocked, or the setpoint cannot be reached$",
-    ):
-        require_tracking(state_at(HAND.position), held_at(tip + (TRACKING_LIMIT + 1e-3) * lag, in_hand=in_hand))
-
-
 # A finger that reads an offset.
 
 
@@ -141,7 +126,7 @@ def test_a_peg_leaves_a_fifth_of_each_finger_free_however_it_is_held(layout, wid
     rng = np.random.default_rng(5)
     for theta in np.radians(np.linspace(-80.0, 80.0, 17)):
         load = replace(pushed(rng, theta, 0.0), grip_force=force, width=width, is_flat=is_flat)
-        require_level_skin(framed(readings(layout, load, rng)), MOST_LEVEL)
+        require_level_skin(framed(readings(layout, load, rng)), layout)
 
 
 @pytest.mark.parametrize(("finger", "name"), [(0, "left"), (1, "right")])
@@ -155,7 +140,7 @@ def test_an_offset_of_one_finger_is_told_by_its_name_whatever_the_angle(finger, 
             SkinUntrustedError,
             match=rf"skin: {name} finger: offset of -?\d+ counts all over; 1500 allowed .*: see its plug, then",
         ):
-            require_level_skin(framed(values), MOST_LEVEL)
+            require_level_skin(framed(values), "parallelogram")
 
 
 def finger(side=1, first=0, last=20, value=MOST_LEVEL, untrusted=()):
@@ -192,16 +177,16 @@ def finger(side=1, first=0, last=20, value=MOST_LEVEL, untrusted=()):
     ],
 )
 def test_an_offset_of_a_finger_is_borne_up_to_its_limit(at, beyond, words):
-    require_level_skin(at, MOST_LEVEL)
+    require_level_skin(at, "parallelogram")
     with pytest.raises(SkinUntrustedError, match=words):
-        require_level_skin(beyond, MOST_LEVEL)
+        require_level_skin(beyond, "parallelogram")
 
 
 def test_a_finger_that_nobody_trusts_hides_no_offset_of_the_other():
     values, trusted = np.zeros((2, 20)), np.ones((2, 20), dtype=bool)
     trusted[0], values[1] = False, 4000.0
     with pytest.raises(SkinUntrustedError, match="right finger"):
-        require_level_skin(framed(values, trusted), MOST_LEVEL)
+        require_level_skin(framed(values, trusted), "parallelogram")
 
 
 CONFIG = load().cell

@@ -2,6 +2,7 @@
 
 import itertools
 import math
+from contextlib import nullcontext
 from dataclasses import replace
 
 import numpy as np
@@ -24,9 +25,10 @@ from skills.guards.setpoint_bounds import (
     POSTURE_LEAD,
     POSTURE_SLACK,
     STEP_SLACK,
+    TRACKING_LIMIT,
     ArmBounds,
 )
-from skills.guards.setpoint_gate import NOTHING, GatedArm, pack_bounds, require_readings, require_sound
+from skills.guards.setpoint_gate import MOVED, NOTHING, TURNED, GatedArm, pack_bounds, require_readings, require_sound
 from skills.guards.setpoint_rules import pack_state
 from skills.tactile.pose import NO_PEG
 from tests.fakes import HAND_DOWN, FakeArm, FakeClock
@@ -95,8 +97,13 @@ def with_peg(height):
 
 def pressing(share):
     """Return a setpoint that goes on and presses with this share of the force limit."""
-    stiffness = np.full(6, share * LIMITS.force / 0.25)
-    return {"tip": off(0.25), "stiffness": stiffness, "before": setpoint(off(0.25), stiffness=stiffness)}
+    stiffness = np.array([share * LIMITS.force / 0.0625] * 3 + [40.0] * 3)
+    return going_on(off(0.0625), off(0.0625), stiffness=stiffness)
+
+
+def lagging(beyond):
+    """Return a soft setpoint that goes on, 100 mm and so much more from the hand, m."""
+    return going_on(off(TRACKING_LIMIT + beyond), off(TRACKING_LIMIT + beyond))
 
 
 def leaning(angle):
@@ -168,12 +175,13 @@ LAST, HOUR = setpoint(off(0.05), id=7, stiffness=SOFT), {"arm": arm_at(stamp=360
 FAST = {"arm": arm_at(stamp=1.0), "bounds": replace(BOUNDS, speed=6.0)}
 BEGINS_AND_STEPS = r"a motion that begins {} mm .*, and a step of {} mm; at most 20 mm or 31 mm allowed$"
 ROWS = {
-    "force of a motion": (pressing(1.0), pressing(1.001), "^arm: blocked, .* a setpoint 250 mm away presses with 60 N"),
+    "force of a motion": (pressing(1.0), pressing(1.001), "^arm: blocked, .* a setpoint 62 mm away presses with 60 N"),
     "force": (
         begun(0.0199, 2 * STIFF),
         begun(-0.0202, 2 * STIFF),
         r"20 mm .* with 61 N; limits\.force = 60 N allowed$",
     ),
+    "lag": (lagging(-1e-4), lagging(1e-4), "^arm: blocked.* 100 mm from the controlled point; at most 100 mm allowed"),
     "force far away": ({}, {"tip": FAR, "stiffness": SOFT, "arm": arm_at(NEAR)}, "800 mm away presses with 80 N"),
     "force at the end of the peg": ({"tip": HERE - 0.05 * UP, "in_hand": IN_HAND}, {"in_hand": IN_HAND}, "50 mm away"),
     "step": (
@@ -417,18 +425,36 @@ def led(arm, gated, scans, step=0.0):
         arm.clock.wait_until(arm.clock.now() + PERIOD)
 
 
-@pytest.mark.parametrize("step", [-5e-5, 0.0])
-def test_readings_that_stand_still_are_a_fault_within_a_fifth_of_a_second(arm, gated, step):
-    """An arm that only presses has a setpoint at rest."""
+def test_readings_that_stand_still_are_a_fault_within_a_fifth_of_a_second(arm, gated):
     arm.is_blocked = True
-    led(arm, gated, 100, step)  # its readings have noise
+    led(arm, gated, 100, -5e-5)  # its readings have noise
     arm.is_frozen = True
-    led(arm, gated, 15, 0.0)
-    began = arm.clock.now()
+    led(arm, gated, 15, -5e-5)
     with pytest.raises(ArmSilentError):
-        led(arm, gated, 6)
-    assert arm.clock.now() - began <= 0.05 + 1e-9
+        led(arm, gated, 6, -5e-5)
     assert arm.is_halted
+
+
+@pytest.mark.parametrize(("way", "is_fault"), [(0.0, False), (0.999 * MOVED, False), (1.001 * MOVED, True)])
+def test_an_arm_at_exact_rest_is_a_fault_only_once_its_setpoint_has_moved(arm, gated, way, is_fault):
+    arm.is_frozen = arm.is_blocked = True
+    with pytest.raises(ArmSilentError) if is_fault else nullcontext():
+        led(arm, gated, 100, -way / 99)
+        gated.read()
+
+
+@pytest.mark.parametrize(("angle", "is_fault"), [(0.999 * TURNED, False), (1.001 * TURNED, True)])
+def test_an_arm_at_exact_rest_is_a_fault_only_once_its_axis_has_turned(arm, gated, angle, is_fault):
+    arm.is_frozen = arm.is_blocked = True
+    gated.follow(beside(arm))
+    gated.read()
+    arm.clock.time += 0.09
+    gated.read()
+    half = 2.0 * math.asin(angle / 2.0)  # the angle whose chord is compared
+    gated.follow(beside(arm, **leaning(half)))
+    arm.clock.time += 0.09
+    with pytest.raises(ArmSilentError) if is_fault else nullcontext():
+        gated.read()
 
 
 def test_a_setpoint_is_judged_by_where_the_arm_is_after_a_halt_or_a_reset(arm, gated):

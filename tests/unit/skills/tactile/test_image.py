@@ -75,12 +75,12 @@ def _weights(layout, pixel):
     return centres[covered], weights[covered]
 
 
-def _moments_theta(params, centres, weights, frame):
+def _moments_theta(params, full_scale, centres, weights, frame):
     """Return theta by the image's moments in plain numpy, rad: the same method without OpenCV."""
     known = frame.trusted.ravel()
     share = weights @ known / weights.sum(axis=1)
     image = weights @ np.where(known, frame.values.ravel(), 0.0) * (share >= 0.25) / np.maximum(share, 0.25)
-    image = np.clip(image, 0.0, params.full_scale)
+    image = np.clip(image, 0.0, full_scale)
     image[image < params.threshold * image.max()] = 0.0
     apart = centres - np.average(centres, axis=0, weights=image)
     (xx, xy), (_, yy) = np.einsum("n,ni,nj->ij", image, apart, apart)
@@ -90,7 +90,8 @@ def _moments_theta(params, centres, weights, frame):
 @pytest.mark.parametrize("layout", LAYOUTS)
 def test_theta_is_that_of_the_moments_in_plain_numpy_within_a_tenth_of_a_degree(layout):
     params, rng = ImageParams(threshold=0.3), np.random.default_rng(7)
-    made, reference, errors = ImageEstimator(params, layout), _weights(layout, params.pixel), []
+    made, errors = ImageEstimator(params, layout), []
+    reference = LAYOUTS[layout].full_scale, *_weights(layout, params.pixel)
     for number, theta in enumerate(np.radians(np.linspace(-85.0, 85.0, 400))):
         load = pushed(rng, theta, rng.normal(0.0, 0.7e-3), PEG)
         trusted = ALL if number % 2 else rng.integers(4) != module_of("parallelogram")
@@ -101,9 +102,9 @@ def test_theta_is_that_of_the_moments_in_plain_numpy_within_a_tenth_of_a_degree(
 
 def test_a_threshold_at_the_brightest_pixel_keeps_it_and_the_image_is_saturated():
     sharp = ImageEstimator(ImageParams(threshold=1.0), "parallelogram")
-    dim = ImageEstimator(ImageParams().model_copy(update={"full_scale": 9000.0}), "parallelogram")
     assert math.isfinite(sharp.estimate(quiet("parallelogram")).theta)
-    assert dim.image(quiet("parallelogram", grip_force=70.0)).max() == 9000.0
+    loud = quiet("parallelogram", grip_force=700.0)
+    assert estimator("parallelogram").image(loud).max() == LAYOUTS["parallelogram"].full_scale
 
 
 @pytest.mark.parametrize("layout", LAYOUTS)
