@@ -151,7 +151,7 @@ THREATS = (
     Threat(
         "a client without, or with a foreign certificate",
         "plc_bridge.modbus.tls.server_context",
-        f"{TLS}::test_client_without_a_certificate_is_refused_and_counted",
+        f"{TLS}::test_client_without_a_valid_certificate_is_refused_and_counted",
     ),
     Threat(
         "a revoked certificate",

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from plc_bridge.config import CanConfig, ModbusConfig, PlcConfig, RtuConfig, TlsConfig
+from plc_bridge.config import CanConfig, ModbusConfig, PlcConfig, RtuConfig
 from tests.cable import Cable
 from tests.can_hubs import SocketcandHub
 from tests.certificates import Authority, utf8
@@ -69,9 +69,7 @@ def test_go_over_tcp(served, go):
 
 def test_go_over_tls(loaded, tmp_path, go):
     authority = Authority(tmp_path / "certificates")
-    certificate, key = authority.sign("cell")
-    files = {"certificate": certificate, "key": key, "authority": authority.certificate}
-    tls = TlsConfig(port=0, roles={"Operator": ("read", "command")}, **files)
+    tls = authority.cell(roles={"Operator": ("read", "command")})
     with quick_cell(loaded, PlcConfig(**PATIENT, tls=tls), tmp_path / "journal") as served:
         host, port = served.bridge.secure_address
         client = authority.sign("plc", utf8("Operator"))
@@ -84,15 +82,7 @@ def test_go_over_tls(loaded, tmp_path, go):
 def test_node_over_opcua_loses_its_session_and_finds_its_result(loaded, tmp_path):
     pytest.importorskip("asyncua", reason="the extra opcua is not installed")
     authority = Authority(tmp_path / "certificates")
-    certificate, key = authority.sign("cell", uri="urn:test:cell")
-    tls = TlsConfig(
-        host="127.0.0.1",
-        port=0,
-        certificate=certificate,
-        key=key,
-        authority=authority.certificate,
-        roles={"Operator": ("read", "command")},
-    )
+    tls = authority.cell("urn:test:cell", host="127.0.0.1", roles={"Operator": ("read", "command")})
     plc, opcua = PlcConfig(**PATIENT, tls=tls), ("127.0.0.1", 0)
     authority.sign("plc", utf8("Operator"), uri="urn:test:plc")
     with quick_cell(loaded, plc, tmp_path / "journal", opcua=opcua) as served:
