@@ -47,6 +47,10 @@ class SlcanHub(_Hub):
                         if other != inner:
                             os.write(other, line + b"\r")
 
+    def say(self, adapter, data):
+        """Let one adapter bring these bytes to its program."""
+        os.write(list(self._inner)[adapter], data)
+
     def close(self):
         super().close()
         for end in (*self._ends, *self._inner):
