@@ -1,10 +1,11 @@
-"""Rig for the contact gates: a peg at a fixed attitude on three slides above plates, moved by springs."""
+"""Rigs for the gates of the stand-in: a peg at a fixed attitude on three slides above plates, and a whole world."""
 
 from collections.abc import Callable
 
 import mujoco
 import numpy as np
 
+from cell.config.load import load
 from drivers.frames import UP, rotation_about
 from drivers.part.contract import Part
 from sim.contact import shapes
@@ -12,6 +13,7 @@ from sim.contact import table as contact
 from sim.contact.plate import Plate, geoms, words
 from sim.contact.rig import HOLE_DEPTH, attitude
 from sim.world import metering, native
+from sim.world.physics import World
 from skills.search.surface import SurfaceEstimate
 
 DT = 0.0005
@@ -107,3 +109,12 @@ def left_after_a_drop(plate: Plate, peg: Part, tilt: float, steps: int) -> tuple
     for _ in range(steps):
         mujoco.mj_step(model, data)
     return float(np.abs(data.qpos - rest).max()), float(np.abs(data.qvel).max())
+
+
+def world_of(*sets: str) -> World:
+    """Return the world of an ideal cell with these settings."""
+    config = load(sets=("sim.pace=max", "reality.scale=0.0", *sets)).cell
+    assert config.sim is not None
+    assert config.contact is not None
+    assert config.grip is not None
+    return World(config.arm_model(), config.sim, config.contact, config.grip, config.skin.layout, config.job())

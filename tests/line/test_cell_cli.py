@@ -21,6 +21,7 @@ from tests.serving import serving
 WRONG = {
     "unknown key": ["check", "--set", "peg.diametre=0.008"],
     "wrong unit": ["check", "--set", "hole.diameter=8.1"],
+    "wrong unit elsewhere": ["serve", "--set", "peg.diameter=8"],
     "missing file": ["check", "--config", "no_such_cell.toml"],
     "peg thicker than the hole": ["trials", "--out", "never", "--set", "peg.diameter=0.0082"],
     "unknown skill": ["run", "juggle"],

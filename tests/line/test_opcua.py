@@ -5,7 +5,6 @@ import math
 import struct
 from contextlib import asynccontextmanager
 from dataclasses import dataclass
-from functools import wraps
 from pathlib import Path
 
 import pytest
@@ -17,6 +16,7 @@ from plc_bridge.protocol.registers import Lease
 from tests.certificates import Authority, utf8
 from tests.plc_wire import Wire
 from tests.quick_cell import QuickCell, quick_cell
+from tests.scenes import played
 
 asyncua = pytest.importorskip("asyncua", reason="the extra opcua is not installed")
 ua = asyncua.ua
@@ -130,16 +130,6 @@ async def connected(served, name="plc"):
         await client.set_security(SecurityPolicyBasic256Sha256, certificate, key, server_certificate=cell)
     async with client:
         yield await Unit(client).open()
-
-
-def played(scene):
-    """Run the coroutine of a test."""
-
-    @wraps(scene)
-    def play(**given):
-        asyncio.run(scene(**given))
-
-    return play
 
 
 @played
