@@ -32,7 +32,7 @@ def depth_against_oracle(
 
 @pytest.mark.parametrize("peg", PEGS, ids=str)
 @pytest.mark.parametrize(
-    ("degrees", "yaw"), [(1, 0.0), (5, 0.0), (15, 0.0), (45, 0.0), (2, 0.01), (10, 0.02), (20, 0.05), (30, -0.17)]
+    ("degrees", "yaw"), [(1, 0.0), (5, 0.0), (15, 0.0), (45, 0.0), (10, 0.02), (20, 0.05), (30, -0.17)]
 )
 def test_a_tilted_peg_goes_as_deep_as_its_section_fits_also_into_a_hole_that_is_turned(
     peg: Rectangular, degrees: int, yaw: float
