@@ -20,8 +20,8 @@ from pathlib import Path
 
 from cell.records.journal import Journal
 from skills.contract import Outcome
-from tests.can_hubs import SocketcandHub
 from tests.certificates import Authority, utf8
+from tests.hubs import SocketcandHub
 
 ROOT = Path(__file__).parents[1]
 CLIENTS, EXAMPLE = ROOT / "tests" / "clients", ROOT / "docs" / "examples" / "line"

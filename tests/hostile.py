@@ -27,8 +27,8 @@ from plc_bridge.bridge import Bridge
 from plc_bridge.config import ModbusConfig, PlcConfig, RtuConfig
 from plc_bridge.modbus.rtu_frames import with_check_sum
 from plc_bridge.protocol.messages import Control
-from tests.cable import Cable
 from tests.certificates import Authority, utf8
+from tests.hubs import Cable
 from tests.modbus_oracle import Oracle
 from tests.sockets import PATIENCE, answer, frame
 

@@ -13,9 +13,9 @@ from pymodbus.client import ModbusSerialClient, ModbusTlsClient
 from plc_bridge.bridge import Bridge
 from plc_bridge.config import CanConfig, ModbusConfig, PlcConfig, RtuConfig
 from plc_bridge.peer import Peer, PlcPeer
-from tests.cable import Cable
 from tests.can_peer import CanPeer
 from tests.certificates import Authority, utf8
+from tests.hubs import Cable
 
 ROLE = "Operator"
 TIMEOUT = 10.0  # s

@@ -15,8 +15,8 @@ from drivers.transport.wires import CanFrame, CanLostError
 from plc_bridge.bridge import Bridge
 from plc_bridge.config import CanConfig, ModbusConfig, PlcConfig
 from plc_bridge.protocol.messages import Report, Result
-from tests.can_hubs import SlcanHub, SocketcandHub
 from tests.can_peer import CanPeer
+from tests.hubs import SlcanHub, SocketcandHub
 from tests.scan_thread import take
 
 PROGRAM = 100

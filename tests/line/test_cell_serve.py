@@ -1,15 +1,14 @@
 """`cell serve` as a process: it ends on a signal with the arm stopped and the run on record."""
 
-import os
 import signal
 import subprocess
 import sys
 import time
-from contextlib import closing, contextmanager, suppress
+from contextlib import closing, contextmanager
 
 import pytest
 
-from cell.commands.cli import FAULT, NOT_GOOD, REPEATED
+from cell.commands.cli import NOT_GOOD, REPEATED
 from cell.records.journal import Journal
 from cell.records.schema import EventKind
 from cell.run.states import State
@@ -111,21 +110,6 @@ def test_a_device_that_hangs_keeps_no_idle_cell_from_ending(tmp_path, mark, wait
     assert (fault.code, fault.text[:14]) == (FaultCode.SCAN_OVERRUN, "scan: no scan ")
 
 
-def test_a_device_that_hangs_keeps_no_run_from_ending_however_fast_its_simulation_goes(tmp_path, mark):
-    program, sets = hanging("read", mark), ["sim.pace=max"]
-    with served(tmp_path / "runs", program, sets) as (process, address), closing(Peer(*address)) as peer:
-        peer.connect()
-        report = peer.trigger(INSERT)
-        while report.stage == 0:
-            report = peer.cycle()
-        hang(mark)
-        process.send_signal(signal.SIGTERM)
-        assert process.wait(30) == EXIT_BLOCKED
-    with Journal(tmp_path / "runs", is_read_only=True) as journal:
-        row = journal.find(1)
-    assert (row.outcome, row.fault, row.message[:26]) == ("fault", FaultCode.SCAN_OVERRUN, "grasp_from_rack: no scan f")
-
-
 def test_a_second_signal_ends_a_cell_whose_device_does_not_let_go(tmp_path, mark):
     with served(tmp_path / "runs", hanging("close", mark)) as (process, address):
         with closing(Peer(*address)) as peer:
@@ -138,41 +122,3 @@ def test_a_second_signal_ends_a_cell_whose_device_does_not_let_go(tmp_path, mark
             process.wait(1.5 * REPEATED)
         process.send_signal(signal.SIGTERM)
         assert process.wait(30) == NOT_GOOD
-
-
-DIVERGES = """
-import sys
-import numpy as np
-from skills import grasp_from_rack
-from sim.world.physics import World
-worlds, made, run = [], World.__init__, grasp_from_rack.run
-def remembered(world, *given, **named):
-    worlds.append(world)
-    made(world, *given, **named)
-def diverging(*given, **named):
-    worlds[-1].physics()[1].qvel[:7] = np.inf
-    return run(*given, **named)
-World.__init__, grasp_from_rack.run = remembered, diverging
-from cell.commands.cli import main
-sys.exit(main(["run", "insert_peg", "--set", "sim.pace=max", "--journal", sys.argv[1]]))
-"""
-"""A run whose simulated physics diverge."""
-
-
-def test_physics_that_diverge_end_a_program_whose_standard_error_is_full_and_read_by_nobody(tmp_path):
-    reader, writer = os.pipe()
-    os.set_blocking(writer, False)
-    with suppress(BlockingIOError):
-        while True:
-            os.write(writer, b"x" * 4096)
-    os.set_blocking(writer, True)
-    command = [sys.executable, "-c", DIVERGES, str(tmp_path / "runs")]
-    with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=writer, cwd=tmp_path) as process:
-        try:
-            assert process.wait(60) == FAULT
-        finally:
-            process.kill()
-            os.close(reader)
-            os.close(writer)
-    with Journal(tmp_path / "runs", is_read_only=True) as journal:
-        assert (journal.find(1).outcome, journal.find(1).fault) == ("fault", FaultCode.SIMULATION_UNSTABLE)

@@ -10,10 +10,9 @@ from pathlib import Path
 import pytest
 
 from plc_bridge.config import CanConfig, ModbusConfig, PlcConfig, RtuConfig
-from tests.cable import Cable
-from tests.can_hubs import SocketcandHub
 from tests.certificates import Authority, utf8
 from tests.foreign import by_canopen, by_node, call, go_client, has_go, has_libmodbus, has_node, libmodbus_client
+from tests.hubs import Cable, SocketcandHub
 from tests.quick_cell import quick_cell
 
 CLIENTS = Path(__file__).parents[1] / "clients"

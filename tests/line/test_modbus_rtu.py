@@ -12,7 +12,7 @@ from plc_bridge.modbus.rtu_frames import with_check_sum
 from plc_bridge.protocol.messages import Control, Report, Result
 from plc_bridge.protocol.registers import DISCRETE_INPUTS, VERSION, Lease, table
 from tests import mbpoll
-from tests.cable import Cable
+from tests.hubs import Cable
 from tests.scan_thread import take
 from tests.sockets import PATIENCE
 

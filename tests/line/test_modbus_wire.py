@@ -140,6 +140,14 @@ def test_connections_of_a_host_share_a_command_block_while_it_asks_for_that(brid
         assert bridge.holder == holder
 
 
+def test_a_connection_that_comes_to_share_the_block_changes_nothing_of_it(bridge):
+    with connect(bridge) as late, connect(bridge) as one:
+        ask(late, READ_REPORT)
+        ask(one, bytes.fromhex("06 0003 0007"), SHARE)
+        ask(late, SHARE)
+        assert ask(late, READ_RECIPE) == bytes.fromhex("03 02 0007")
+
+
 # Places.
 
 

@@ -3,7 +3,6 @@
 import random
 import shutil
 import subprocess
-from dataclasses import replace
 from itertools import groupby, pairwise
 from pathlib import Path
 from types import SimpleNamespace
@@ -12,9 +11,7 @@ import pytest
 
 import drivers
 from cell.config.load import load
-from cell.devices.assembly import assemble, opened
 from cell.lab.trials import run_trial
-from drivers.errors import SwitchUnknownError
 from drivers.quantities import SwitchState
 from drivers.switch.board import SerialSuccessSwitch
 from drivers.switch.board_config import SerialSwitchConfig
@@ -23,7 +20,6 @@ from drivers.transport.serial_line import SerialLine
 from drivers.transport.traffic import PlaybackLine, RecordedLine, Recorder, TrafficEndedError
 from sim.boards.board_clock import BoardClock
 from sim.boards.switch_board import FREQUENCY, Chip, EmulatedSwitchBoard
-from skills.catalogue import CATALOGUE
 from tests.emulation import emulated_or_skip
 from tests.fakes import FakeClock
 
@@ -172,19 +168,6 @@ def test_a_broken_program_is_found_by_the_self_test_and_never_closed(bench):
 def test_a_whole_insertion_runs_through_the_firmware():
     row = run_trial(load(sets=SERIAL).cell, 2)
     assert (row.outcome, row.reason, row.switch_closed) == ("success", "", True)
-
-
-def test_a_board_unplugged_while_the_peg_is_seated_is_a_fault():
-    config = load(sets=[*SERIAL, "sim.seed=2"]).cell
-    cell = assemble(config)
-    with opened(cell):
-        ctx = cell.context(2)
-        ctx.callbacks = replace(
-            ctx.callbacks,
-            record=lambda seen, setpoint: cell.boards[0].close() if ctx.stage == "spiral_adjust" else None,
-        )
-        with pytest.raises(SwitchUnknownError):
-            CATALOGUE["insert_peg"].run(config.skill_set(), ctx)
 
 
 @pytest.mark.parametrize(
