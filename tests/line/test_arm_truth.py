@@ -53,30 +53,6 @@ def torqued(world, torque, seconds):
         yield world
 
 
-def test_smooth_friction_holds_nothing_still_and_dry_friction_does():
-    wrist, push = 6, (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.15)
-    dry, smooth = (departing(gravity=push, **law) for law in ({}, {"friction": CURVE}))
-    for world in (dry, smooth):
-        for _ in torqued(world, np.zeros(7), 1.0):
-            pass
-    assert abs(dry.dq[wrist]) < 1e-5
-    balance = joint_drive.friction(smooth.control.joints, wrist, smooth.dq[wrist])
-    assert balance == pytest.approx(push[wrist], rel=0.02)
-    assert smooth.dq[wrist] > 0.05
-
-
-def test_smooth_friction_only_takes_energy_from_an_arm_in_motion():
-    world = departing(friction=CURVE)
-    model, data = world.physics()
-    data.qvel[:7] = [0.5, -0.3, 0.4, 0.6, -1.0, 0.8, 2.0]
-    M, energies = np.zeros((model.nv, model.nv)), []
-    for _ in torqued(world, np.zeros(7), 0.4):
-        mujoco.mj_fullM(model, data, M)
-        energies.append(0.5 * world.dq @ M[:7, :7] @ world.dq)
-    assert np.diff(energies).max() <= 1e-6 * energies[0]
-    assert energies[-1] < 0.8 * energies[0]
-
-
 def test_a_rotors_inertia_adds_to_that_of_its_joint():
     rotors = np.array([0.2, 0.2, 0.2, 0.2, 0.07, 0.07, 0.07])
     tau, rates = np.array([2.0, -1.0, 1.0, 2.0, 0.5, -0.5, 0.3]), []
@@ -107,14 +83,6 @@ def test_fingers_beside_their_place_are_there_in_the_physics_and_unknown_to_the_
     np.testing.assert_allclose(real.rotation, data.xmat[fingers[0]].reshape(3, 3)[:, [2, 0, 1]], atol=1e-12)
     way = told.rotation.T @ (real.position - told.position)
     np.testing.assert_allclose(way, [offset[2] + 0.0003, offset[0], offset[1]], atol=1e-12)
-
-
-def test_a_wrong_zero_puts_the_tip_where_the_cell_does_not_see_it():
-    zero = (0.0, 0.002, 0.0, 0.0, 0.0, 0.0, 0.0)
-    world = departing(reading=StateReading(zero=zero))
-    told, real = SimArm(world).read().tcp.position, world.tcp().position
-    _, _, axes, origins = impedance.forward(world.control.arm, world.q)
-    np.testing.assert_allclose(told - real, 0.002 * np.cross(axes[1], real - origins[1]), atol=2e-6)
 
 
 def test_a_payload_pulls_the_arm_down_and_is_told_as_a_force():

@@ -14,6 +14,7 @@ from plc_bridge.peer import Peer
 from plc_bridge.protocol.messages import Result
 from plc_bridge.protocol.registers import STAGES
 from skills.catalogue import CATALOGUE
+from tests.serving import address_of, process
 
 HERE = Path(__file__).resolve().parents[2]
 PACKAGES = ("cell", "config", "drivers", "plc_bridge", "sim", "skills")
@@ -130,13 +131,10 @@ def build(folder, code=CODE, stage=STAGE, name="fixed", room=STAGE):
     return folder
 
 
-def command(house, *words):
-    """Return the command line and the environment of `cell` as it is in `house`."""
-    return [sys.executable, "-m", "cell", *words], {**os.environ, "PYTHONPATH": str(house)}
-
-
 def told(house, *words):
-    line, environment = command(house, *words)
+    """Return what `cell` does as it is in `house`."""
+    environment = {**os.environ, "PYTHONPATH": str(house)}
+    line = [sys.executable, "-m", "cell", *words]
     return subprocess.run(line, env=environment, cwd=house, capture_output=True, text=True, check=False)
 
 
@@ -148,14 +146,9 @@ def house(tmp_path_factory):
 @pytest.fixture
 def served(house, tmp_path):
     """Yield where the cell listens as it is in `house`."""
-    sets = ["plc.modbus.port=0", f"plc.life_timeout={PATIENCE}", "insert.estimator=fixed", "sim.pace=max"]
-    line, environment = command(house, "serve", "--journal", str(tmp_path))
-    line += [word for text in sets for word in ("--set", text)]
-    with subprocess.Popen(line, env=environment, cwd=house, stdout=subprocess.PIPE, text=True) as process:
-        try:
-            yield process.stdout.readline().split()[-1]
-        finally:
-            process.terminate()
+    sets = [f"plc.life_timeout={PATIENCE}", "insert.estimator=fixed", "sim.pace=max"]
+    with process(tmp_path, sets, cwd=house, env={**os.environ, "PYTHONPATH": str(house)}) as (_, (place,)):
+        yield address_of(place)
 
 
 def test_the_terminal_runs_them(house, tmp_path):
@@ -173,8 +166,7 @@ def test_the_terminal_runs_them(house, tmp_path):
 
 def test_a_plc_runs_them_and_reads_the_time_back(house, served):
     """The default recipe expects the estimator's angle, and recipe 2 does not."""
-    host, port = served.rsplit(":", 1)
-    with closing(Peer(host, int(port), timeout=PATIENCE)) as peer:
+    with closing(Peer(*served, timeout=PATIENCE)) as peer:
         peer.connect()
         seen, unseen = (peer.run(CODE, recipe=recipe, timeout=PATIENCE) for recipe in (0, 2))
     assert (seen.result, seen.stage, seen.reason) == (Result.SUCCESS, STAGE, 0)

@@ -8,12 +8,7 @@ import numpy as np
 import pytest
 
 from cell.commands.cli import FAULT, main
-from cell.config.load import load
-from cell.devices.assembly import assemble, opened
-from cell.records.journal import Journal
-from cell.run.line import TerminalLine
 from cell.run.states import State
-from cell.run.supervisor import Supervisor
 from drivers.errors import (
     ArmReflexError,
     ArmSilentError,
@@ -26,8 +21,7 @@ from drivers.errors import (
 )
 from drivers.frames import UP
 from drivers.quantities import Pose, SwitchState
-from plc_bridge.protocol.messages import Command, Control, PartPlace, Result
-from sim.world.physics import World
+from plc_bridge.protocol.messages import Control, PartPlace, Result
 from skills.catalogue import CATALOGUE
 from skills.catalogue import GRASP as GRASP_SKILL
 from skills.contract import Outcome, Reason, SkillResult
@@ -143,20 +137,6 @@ def test_a_port_in_use_is_told_and_nothing_is_half_started(capsys, tmp_path):
     assert (status, told.count("\n")) == (FAULT, 1)
     assert f"fault {FaultCode.DEVICE_NOT_OPENED}" in told
     assert str(port) in told
-
-
-def test_physics_that_diverge_are_a_fault(tmp_path, monkeypatch):
-    loaded = load(sets=["sim.pace=max", "reality.scale=0.0"])
-    reports = []
-    monkeypatch.chdir(tmp_path)
-    with Journal(tmp_path) as journal, opened(assemble(loaded.cell)) as cell:
-        line = TerminalLine(Command(1, GRASP), reports.append)
-        supervisor = Supervisor(cell, loaded, line, journal)
-        assert isinstance(cell.clock, World)
-        cell.clock.physics()[1].qvel[:7] = 900.0  # a reading still, so that it is not found when the arm is read
-        supervisor.scan()
-    assert (reports[-1].state, reports[-1].fault) == (State.ABORTED, FaultCode.SIMULATION_UNSTABLE)
-    assert not list(tmp_path.glob("MUJOCO*"))
 
 
 def test_a_lost_skin_is_listened_to_while_the_cell_waits_for_a_reset(rig):

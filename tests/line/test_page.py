@@ -1,10 +1,8 @@
 """The page in a real browser: a run watched, held and let go on, faults, leases, two pages, a server that comes back."""
 
 import signal
-import subprocess
-import sys
 from collections.abc import Callable, Iterator
-from contextlib import closing, contextmanager
+from contextlib import closing
 
 import pytest
 
@@ -19,6 +17,7 @@ from tests.browser import PageView, browsing
 from tests.filmed_runs import require_rendering
 from tests.plc_wire import Wire
 from tests.quick_cell import CODE, QuickCell
+from tests.serving import address_of, process
 
 WIRE_CUT = "skin: no frame for 0.5 s"
 
@@ -240,22 +239,14 @@ def test_stop_and_abort_stay_in_view_at_one_place_in_every_state(served, page, s
     assert page.script("return document.documentElement.scrollWidth") <= width
 
 
-@contextmanager
-def process(folder, port=0):
-    """Yield the process of a cell that is served with its page, and the page's port."""
-    command = [sys.executable, "-m", "cell", "serve", "--journal", str(folder), "--page", f"127.0.0.1:{port}"]
-    command += ["--set", "plc.modbus.port=0", "--set", "sim.pace=max"]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True) as running:
-        try:
-            assert running.stdout is not None
-            modbus = running.stdout.readline().split()[-1]
-            yield running, int(running.stdout.readline().split()[2].rsplit(":", 1)[1].strip("/")), modbus
-        finally:
-            running.kill()
+def page_of(folder, port=0):
+    """Return what yields a cell that is served with its page; see `process`."""
+    return process(folder, ["sim.pace=max"], "--page", f"127.0.0.1:{port}", lines=2)
 
 
 def test_a_real_run_is_watched_and_a_page_outlives_a_killed_server(browser, tmp_path):
-    with process(tmp_path) as (running, port, _):
+    with page_of(tmp_path) as (running, (_, page_at)):
+        port = address_of(page_at)[1]
         page = view(browser, ("127.0.0.1", port), (tmp_path / "page-token").read_text())
         page.until(lambda: page.is_enabled("start"))
         page.press("start")
@@ -273,12 +264,11 @@ def test_a_real_run_is_watched_and_a_page_outlives_a_killed_server(browser, tmp_
         page.until_text("link", "live")
         running.send_signal(signal.SIGKILL)
         page.until_text("lost", "No connection to the cell")
-    with process(tmp_path, port) as (_, _, modbus):
+    with page_of(tmp_path, port) as (_, (modbus, _)):
         page.until_text("link", "live")
         page.until_text("state", "Idle")
         page.until(lambda: page.is_enabled("start"))
-        host, number = modbus.rsplit(":", 1)
-        with closing(Peer(host, int(number))) as peer:
+        with closing(Peer(*address_of(modbus))) as peer:
             assert peer.look().refusal == Refusal.NONE
     page.complaints()  # those of the time without a server, which the next page shall not be asked about
     page.close()

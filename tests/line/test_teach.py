@@ -60,12 +60,6 @@ def test_ten_keys_jog_the_tool_by_ten_steps(typed):
     assert place_of(told)[1:] == pytest.approx(start[1:], abs=2e-3)
 
 
-def test_an_arm_that_nobody_guides_stays_in_place(typed):
-    start, (status, told, _) = where(typed)["tip"], typed("kkkkkkkkp", "teach")
-    assert status == NOT_GOOD
-    assert json.loads(told.rpartition("p: ")[2].partition(" m")[0]) == pytest.approx(start, abs=2e-3)
-
-
 class Push:
     """A person who pushes the hand along x from 1 to 3 s with a force, N, and lets it be until 5 s."""
 
