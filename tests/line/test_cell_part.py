@@ -85,8 +85,7 @@ def test_the_next_program_is_told_what_the_hand_of_the_last_one_held(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("state", "refusal"),
-    [(SwitchState.CLOSED, Refusal.HOLE_OCCUPIED), (SwitchState.UNKNOWN, Refusal.SWITCH_UNKNOWN)],
+    ("state", "refusal"), [(SwitchState.CLOSED, Refusal.HOLE_OCCUPIED), (SwitchState.UNKNOWN, Refusal.SWITCH_UNKNOWN)]
 )
 def test_a_switch_that_is_closed_or_unknown_refuses_a_start_before_anything_moves(tmp_path, state, refusal):
     with line(tmp_path, switch=lambda cell: Says(state)) as made:

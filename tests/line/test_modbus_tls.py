@@ -180,10 +180,7 @@ def test_command_carries_role_and_address_and_a_guard_stops_it(bridge, contexts)
     with connect(bridge, contexts["Operator"]) as operator, connect(bridge, contexts["Guard"]) as guard:
         ask(operator, *START)
         command = take(bridge)
-        assert (command.code, command.source) == (
-            FIRST_PROGRAM,
-            f"Operator@127.0.0.1:{operator.getsockname()[1]}",
-        )
+        assert (command.code, command.source) == (FIRST_PROGRAM, f"Operator@127.0.0.1:{operator.getsockname()[1]}")
         assert bridge.holder == command.source
         ask(guard, STOP)
         command = take(bridge)

@@ -9,17 +9,7 @@ import pytest
 from cell.config.load import load
 from cell.lab.frontier import measure as frontier
 from cell.lab.frontier.measure import Variant
-from cell.lab.reality import (
-    ALL,
-    SCALES,
-    alone,
-    drawn_alone,
-    errors_of,
-    ranking,
-    size_at,
-    still_borne,
-    tolerances,
-)
+from cell.lab.reality import ALL, SCALES, alone, drawn_alone, errors_of, ranking, size_at, still_borne, tolerances
 from cell.lab.trials import TABLE, read_table
 from tests.studies import is_chart, studied
 from tests.trial_rows import SEATED

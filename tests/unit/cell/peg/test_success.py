@@ -283,7 +283,9 @@ def test_depths_are_told_to_a_tenth_of_a_millimetre(at_origin):
     deep = at_origin.model_copy(update={"hole": at_origin.hole.model_copy(update={"depth": 0.06044})})
     with pytest.raises(SwitchDisagreesError, match=r"tip 40\.0 mm deep; 59\.4 to 62\.4 mm expected$"):
         judge(deep, proof=seated_at(deep, 0.04004))
-    with pytest.raises(SwitchDisagreesError, match=r"closed 11\.0 mm above the bottom that supported the peg then; 1\.0 mm"):
+    with pytest.raises(
+        SwitchDisagreesError, match=r"closed 11\.0 mm above the bottom that supported the peg then; 1\.0 mm"
+    ):
         judge(deep, proof=seated_at(deep, 0.05, borne=0.06104))
 
 
