@@ -7,13 +7,12 @@ import ssl
 import struct
 
 import pytest
-from pymodbus.client import ModbusTlsClient
 
 from drivers.errors import DeviceNotOpenedError
 from plc_bridge.bridge import Bridge
 from plc_bridge.config import ModbusConfig, PlcConfig
 from plc_bridge.protocol.messages import FIRST_PROGRAM, Control
-from plc_bridge.protocol.registers import COILS, VERSION, Lease
+from plc_bridge.protocol.registers import COILS, Lease
 from tests.certificates import Authority, utf8
 from tests.scan_thread import take
 from tests.sockets import PATIENCE, answer, ask, frame, is_closed
@@ -196,17 +195,6 @@ def test_plain_client_of_the_same_address_inherits_nothing(bridge, contexts):
     assert bridge.poll() is None
 
 
-def test_client_that_is_not_ours_reads_writes_and_is_refused(bridge, authority):
-    for role, is_allowed in (("Operator", True), ("Watcher", False)):
-        context = authority.client(*authority.sign(f"foreign {role}", utf8(role)))
-        context.check_hostname = False  # this client does not check the name of the server
-        client = ModbusTlsClient("127.0.0.1", port=bridge.secure_address[1], sslctx=context, retries=0)
-        assert client.connect()
-        assert client.read_input_registers(1, count=10).registers[0] == VERSION
-        assert client.write_register(3, 7).isError() is not is_allowed
-        client.close()
-
-
 # Frames and handshakes.
 
 
@@ -224,13 +212,6 @@ def test_pipelined_requests_are_all_answered_in_order(bridge, contexts):
     with connect(bridge, contexts["Operator"]) as client:
         client.sendall(b"".join(frame(READ, n) for n in range(count)))
         assert [answer(client)[0] for _ in range(count)] == list(range(count))
-
-
-def test_malformed_header_closes_the_connection(bridge, contexts):
-    with connect(bridge, contexts["Operator"]) as client:
-        client.sendall(frame(READ, protocol=3))
-        assert is_closed(client)
-    assert bridge.diagnostics.malformed == 1
 
 
 def test_plain_modbus_on_the_tls_port_is_refused_and_others_are_served(bridge, contexts):
