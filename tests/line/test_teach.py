@@ -60,6 +60,28 @@ def test_ten_keys_jog_the_tool_by_ten_steps(typed):
     assert place_of(told)[1:] == pytest.approx(start[1:], abs=2e-3)
 
 
+def test_keys_close_and_open_the_fingers():
+    with opened(assemble(load(sets=["sim.pace=max", "reality.scale=0"]).cell), "arm", "gripper") as cell:
+        widths = []
+
+        def act(key, state):
+            widths.append(cell.gripper.read().width)
+            return True
+
+        moved_by_keys(cell, Typed("kg" + 200 * "-" + "ko" + 200 * "-" + "kq"), act, is_guided=False)
+    assert widths[1] < 0.001 < 0.039 < widths[2]
+
+
+class Typed:
+    """A person who types a key in each scan, or none for `-`."""
+
+    def __init__(self, text):
+        self._keys = iter(text)
+
+    def next(self, is_waiting):
+        return next(self._keys).replace("-", "")
+
+
 class Push:
     """A person who pushes the hand along x from 1 to 3 s with a force, N, and lets it be until 5 s."""
 
@@ -82,7 +104,7 @@ class Push:
 @pytest.mark.parametrize(("force", "is_followed"), [(5.0, False), (15.0, True)])
 def test_an_arm_with_honest_errors_follows_a_push_and_stays_where_it_is_left(force, is_followed):
     config = load(sets=["sim.pace=max", "sim.seed=7"]).cell
-    with opened(assemble(config), only="arm") as cell:
+    with opened(assemble(config), "arm") as cell:
         push = Push(cell, force)
         moved_by_keys(cell, push, lambda key, state: True, is_guided=True)
     steps = np.linalg.norm(np.diff([place for _, *place in push.places], axis=0), axis=1)
