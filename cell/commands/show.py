@@ -35,7 +35,6 @@ def run(args: argparse.Namespace) -> int:
         {**asdict(row), "stages": [asdict(stage) for stage in stages], "files": [str(path) for path in files]},
     )
     # Imported late: the text must not wait for samples and charts.
-    from cell.film.plots import plot_run
     from cell.records.samples import export_csv, read_samples, torn
 
     samples = read_samples(recorded)
@@ -43,7 +42,11 @@ def run(args: argparse.Namespace) -> int:
         raise JournalError(f"{recorded}: torn: no whole block of samples can be read")
     if lack := torn(recorded, samples, row.samples):
         complain(f"warning: {lack}")
-    plot_run(row, samples, picture)
+    # The samples of an ended run do not change, and the library of the plots takes most of the time.
+    if not picture.exists() or picture.stat().st_mtime < recorded.stat().st_mtime:
+        from cell.film.plots import plot_run
+
+        plot_run(row, samples, picture)
     if args.export:
         export_csv(samples, table)
     written(args, files)
