@@ -22,7 +22,7 @@ from drivers.quantities import (
     TaxelFrame,
     Vector,
 )
-from drivers.skin.layout import Layout, layout_of
+from drivers.skin.layout import Layout
 from skills.guards.limits import Limits
 from skills.guards.passivity import STOP, PassivityGuard, PassivityVerdict
 from skills.guards.scan_guards import (
@@ -371,7 +371,7 @@ class SkillContext:
         if not (low[0] <= x <= high[0] and low[1] <= y <= high[1] and low[2] <= z <= high[2]):
             self._interrupt(Reason.WORKSPACE)
         if seen.is_new_frame:
-            require_level_skin(seen.frame, layout_of(self.devices.layout).beside)
+            require_level_skin(seen.frame, self.devices.layout)
 
     def _keep_passive(self, guard: PassivityGuard, seen: Observation, request: Request) -> None:
         held = self.lead.held if request is Request.RUN else None

@@ -13,6 +13,7 @@ from drivers.errors import NotFiniteError, ScanOverrunError, SkinUntrustedError
 from drivers.frames import end_point
 from drivers.parts import Fraction
 from drivers.quantities import FINGER_NAMES, ArmState, GripperState, ImpedanceSetpoint, TaxelFrame
+from drivers.skin.layout import Layout, layout_of
 from skills.tactile.pose import PegPose
 
 OVERRUN_WINDOW = 100
@@ -148,16 +149,18 @@ def require_finite_theta(pose: PegPose) -> None:
         raise NotFiniteError(f"theta: {pose.theta}; a number needed from the estimator of insert.estimator")
 
 
-def require_level_skin(frame: TaxelFrame, most: float) -> None:
+def require_level_skin(frame: TaxelFrame, layout: Layout) -> None:
     """Check that no finger has an offset on all taxels; a peg presses only some of them.
 
     Args:
         frame: The frame.
-        most: Largest reading beside a held peg, counts, see `SkinLayout.beside`.
+        layout: Layout of its taxels, with the largest reading beside a held peg.
 
     Raises:
         SkinUntrustedError: A finger has an offset; the message names the finger and the offset.
     """
+    skin = layout_of(layout)
+    most = skin.beside * skin.full_scale
     for name, values, trusted in zip(FINGER_NAMES, frame.values, frame.trusted, strict=True):
         told = np.sort(values[trusted])
         if not told.size:

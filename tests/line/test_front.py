@@ -20,6 +20,8 @@ from tests.quick_cell import QuickCell
 
 EXAMPLES = {
     "/faults$": "/faults",
+    "/alarms$": "/alarms",
+    "/report.html$": "/report.html",
     "/live$": "/live",
     r"/runs/(\d{1,9})/(data|config)$": "/runs/1/data",
     r"/runs/(\d{1,9})/(picture.png|film.mp4)$": "/runs/1/film.mp4",

@@ -116,10 +116,15 @@ def test_a_fault_says_what_to_do_and_is_reset_from_the_page(served, page):
     assert page.text("fault-title") == "Fault 1001: no taxel frame arrived in time"
     assert page.text("fault-message") == WIRE_CUT
     assert "check the board's supply and cable" in page.text("fault-remedy")
-    page.until_text("fault-list", "1001")
+    page.until_text("fault-list", "active")
     page.until_text("age", "no news for")
     page.press("reset")
     page.until_text("state", "Idle")
+    page.until_text("fault-list", "over")
+    for wanted, found in (("1001", "no taxel frame arrived in time"), ("2003", "None on record.")):
+        page.front().find_element("id", "alarm-search").clear()
+        page.front().find_element("id", "alarm-search").send_keys(wanted)
+        page.until_text("fault-list", found)
     page.until(lambda: not page.text("fault-title"))
 
 

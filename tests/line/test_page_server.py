@@ -19,7 +19,7 @@ from cell.records.schema import ConfigRow, RunRow
 from cell.records.wall_clock import now_text
 from drivers.errors import DeviceNotOpenedError
 from plc_bridge.protocol.messages import Control
-from tests.browser import patience
+from tests.browser import PATIENCE, patience
 from tests.plc_wire import Wire
 from tests.quick_cell import CODE, QuickCell
 
@@ -33,7 +33,7 @@ def server(served: QuickCell, loaded) -> Iterator[PageServer]:
 
 
 def get(server, path, method="GET", **headers):
-    connection = http.client.HTTPConnection(*server.address, timeout=10)
+    connection = http.client.HTTPConnection(*server.address, timeout=PATIENCE)
     connection.request(method, path, headers=headers)
     answer = connection.getresponse()
     body = answer.read()
@@ -90,10 +90,22 @@ def test_a_browser_may_load_from_the_cell_alone(server):
         ("/runs/9", 200),
         ("/runs/9/data", 404),
         ("/runs/9/film.mp4", 404),
+        ("/report.html", 404),
+        ("/alarms?since=yesterday", 400),
     ],
 )
 def test_what_there_is_not_is_answered_so(server, path, status):
     assert get(server, path)[0].status == status
+
+
+def test_the_token_has_the_report_of_a_period_made(server, recorded):
+    assert get(server, "/report.html?since=7d", "POST")[0].status == 401
+    own = {"Authorization": f"Bearer {server.token}"}
+    assert get(server, "/report.html?since=never", "POST", **own)[0].status == 404
+    assert get(server, "/report.html?since=7d", "POST", **own)[0].status == 200
+    answer, body = get(server, "/report.html")
+    assert b"Times of successful runs" in body
+    assert "script-src" not in answer.headers["Content-Security-Policy"]
 
 
 def test_a_port_in_use_is_said_in_one_line(server, served, loaded):

@@ -23,7 +23,8 @@ from skills.guards.scan_guards import (
 from tests.fakes import HAND_DOWN
 from tests.pegs import framed, pushed, readings
 
-MOST_LEVEL = LAYOUTS["parallelogram"].beside
+SKIN = LAYOUTS["parallelogram"]
+MOST_LEVEL = SKIN.beside * SKIN.full_scale
 
 PERIOD = 0.01
 LIMITS = ScanLimits(late=0.3, longest=0.1)
@@ -127,7 +128,7 @@ def test_a_peg_leaves_a_fifth_of_each_finger_free_however_it_is_held(layout, wid
     rng = np.random.default_rng(5)
     for theta in np.radians(np.linspace(-80.0, 80.0, 17)):
         load = replace(pushed(rng, theta, 0.0), grip_force=force, width=width, is_flat=is_flat)
-        require_level_skin(framed(readings(layout, load, rng)), MOST_LEVEL)
+        require_level_skin(framed(readings(layout, load, rng)), layout)
 
 
 @pytest.mark.parametrize(("finger", "name"), [(0, "left"), (1, "right")])
@@ -141,19 +142,19 @@ def test_an_offset_of_one_finger_is_told_by_its_name_whatever_the_angle(finger, 
             SkinUntrustedError,
             match=rf"skin: {name} finger: offset of -?\d+ counts all over; 1500 allowed .*: see its plug, then",
         ):
-            require_level_skin(framed(values), MOST_LEVEL)
+            require_level_skin(framed(values), "parallelogram")
 
 
 def test_an_offset_is_borne_up_to_its_limit_and_taxels_that_are_not_trusted_say_nothing():
     values, trusted = np.zeros((2, 20)), np.ones((2, 20), dtype=bool)
     for sign in (1.0, -1.0):
         values[1] = sign * MOST_LEVEL
-        require_level_skin(framed(values), MOST_LEVEL)
+        require_level_skin(framed(values), "parallelogram")
         values[1] = sign * (MOST_LEVEL + 1.0)
         with pytest.raises(SkinUntrustedError):
-            require_level_skin(framed(values), MOST_LEVEL)
+            require_level_skin(framed(values), "parallelogram")
     trusted[1] = False
-    require_level_skin(framed(values, trusted), MOST_LEVEL)
+    require_level_skin(framed(values, trusted), "parallelogram")
 
 
 @pytest.mark.parametrize("taxels", [20, 16])
@@ -161,33 +162,33 @@ def test_a_finger_on_which_less_than_a_fifth_is_free_reads_an_offset(taxels):
     values, trusted = np.zeros((2, 20)), np.ones((2, 20), dtype=bool)
     trusted[1, taxels:] = False
     values[1, 4:] = 2000.0
-    require_level_skin(framed(values, trusted), MOST_LEVEL)
+    require_level_skin(framed(values, trusted), "parallelogram")
     values[1, 3:] = 2000.0
     with pytest.raises(SkinUntrustedError, match=r"right finger: offset of 2000 counts"):
-        require_level_skin(framed(values, trusted), MOST_LEVEL)
+        require_level_skin(framed(values, trusted), "parallelogram")
 
 
 def test_a_finger_that_reads_below_its_baseline_on_more_than_half_of_it_reads_an_offset():
     values = np.zeros((2, 20))
     values[0, :10] = -2000.0
-    require_level_skin(framed(values), MOST_LEVEL)
+    require_level_skin(framed(values), "parallelogram")
     values[0, :11] = -2000.0
     with pytest.raises(SkinUntrustedError, match=r"left finger: offset of -2000 counts"):
-        require_level_skin(framed(values), MOST_LEVEL)
+        require_level_skin(framed(values), "parallelogram")
 
 
 def test_an_offset_is_told_by_the_taxels_beside_the_peg_and_one_below_the_baseline_by_the_middle():
     values = np.zeros((2, 20))
     values[0] = np.linspace(2000.0, 3900.0, 20)
     with pytest.raises(SkinUntrustedError, match=r"offset of 2300 counts"):
-        require_level_skin(framed(values), MOST_LEVEL)
+        require_level_skin(framed(values), "parallelogram")
     values[0] = np.linspace(-2000.0, -3900.0, 20)
     with pytest.raises(SkinUntrustedError, match=r"offset of -2900 counts"):
-        require_level_skin(framed(values), MOST_LEVEL)
+        require_level_skin(framed(values), "parallelogram")
 
 
 def test_a_finger_that_nobody_trusts_hides_no_offset_of_the_other():
     values, trusted = np.zeros((2, 20)), np.ones((2, 20), dtype=bool)
     trusted[0], values[1] = False, 4000.0
     with pytest.raises(SkinUntrustedError, match="right finger"):
-        require_level_skin(framed(values, trusted), MOST_LEVEL)
+        require_level_skin(framed(values, trusted), "parallelogram")

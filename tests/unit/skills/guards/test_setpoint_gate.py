@@ -26,7 +26,7 @@ from skills.guards.setpoint_bounds import (
     TRACKING_LIMIT,
     ArmBounds,
 )
-from skills.guards.setpoint_gate import NOTHING, GatedArm, pack_bounds, require_readings, require_sound
+from skills.guards.setpoint_gate import MOVED, NOTHING, TURNED, GatedArm, pack_bounds, require_readings, require_sound
 from skills.guards.setpoint_rules import pack_state
 from skills.tactile.pose import NO_PEG
 from tests.fakes import HAND_DOWN, FakeArm, FakeClock
@@ -275,21 +275,46 @@ def led(arm, steps, step):
     return None
 
 
-@pytest.mark.parametrize("step", [-5e-5, 0.0])
-def test_readings_that_stand_still_are_a_fault_within_a_fifth_of_a_second(step):
-    """An arm that only presses has a setpoint at rest."""
+def test_readings_that_stand_still_are_a_fault_within_a_fifth_of_a_second():
     arm = FakeArm(FakeClock())
     arm.is_blocked = True
-    assert led(arm, 100, step) is None  # its readings have noise
+    assert led(arm, 100, -5e-5) is None  # its readings have noise
     arm.is_frozen = True
     began = arm.clock.time
-    assert led(arm, 100, step) - began <= 0.2
+    assert led(arm, 100, -5e-5) - began <= 0.2
 
 
 def test_readings_that_stand_still_for_less_are_borne():
     arm = FakeArm(FakeClock())
-    arm.is_frozen = True
+    arm.is_frozen = arm.is_blocked = True
     assert led(arm, 15, -5e-5) is None
+
+
+@pytest.mark.parametrize(("way", "is_fault"), [(0.0, False), (0.999 * MOVED, False), (1.001 * MOVED, True)])
+def test_an_arm_at_exact_rest_is_a_fault_only_once_its_setpoint_has_moved(way, is_fault):
+    arm = FakeArm(FakeClock())
+    arm.is_frozen = arm.is_blocked = True
+    scans = 100
+    assert (led(arm, scans, -way / (scans - 1)) is not None) == is_fault
+
+
+@pytest.mark.parametrize(("angle", "is_fault"), [(0.999 * TURNED, False), (1.001 * TURNED, True)])
+def test_an_arm_at_exact_rest_is_a_fault_only_once_its_axis_has_turned(angle, is_fault):
+    arm = FakeArm(FakeClock())
+    gated, place = GatedArm(arm, BOUNDS, LIMITS), arm.tcp.position.copy()
+    arm.is_frozen = arm.is_blocked = True
+    gated.follow(setpoint(place))
+    gated.read()
+    arm.clock.time += 0.09
+    gated.read()
+    half = 2.0 * math.asin(angle / 2.0)  # the angle whose chord is compared
+    gated.follow(setpoint(place, axis=np.array([math.sin(half), 0.0, math.cos(half)]), valid_until=0.2))
+    arm.clock.time += 0.09
+    if is_fault:
+        with pytest.raises(ArmSilentError):
+            gated.read()
+    else:
+        gated.read()
 
 
 def test_after_a_halt_a_setpoint_is_judged_from_where_the_arm_is():
