@@ -132,11 +132,8 @@ def test_a_trim_adds_up_what_is_missing_up_to_its_limit_on_either_side():
     assert (trim.after(10.0, 1.0).value, trim.after(-10.0, 1.0).value) == (0.01, -0.01)
 
 
-def test_the_finger_centre_of_the_spiral_stands_where_it_was_drawn():
+def test_the_spiral_stands_where_it_was_drawn_and_a_minimum_jerk_move_begins_and_ends_at_rest():
     np.testing.assert_allclose(0.05 * tilted_by(np.array([0.006, -0.008]), 0.05)[:2], [0.006, -0.008], atol=1e-15)
-
-
-def test_a_minimum_jerk_move_starts_and_ends_at_rest():
     assert [minimum_jerk(share) for share in (0.0, 0.5, 1.0)] == [(0.0, 0.0), (0.5, 1.875), (1.0, 0.0)]
 
 

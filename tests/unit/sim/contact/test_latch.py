@@ -84,16 +84,13 @@ def test_a_push_below_the_force_of_a_detent_rests_on_it():
     assert x < 0.25
 
 
-def test_a_drawn_latch_resists_with_what_was_drawn():
-    crest = BOTTOM - 0.75 * DETENT.height - 1e-4
-    assert felt(words(DETENT, force=1.2, place=1e-4), crest) == pytest.approx(1.2 * DETENT.force)
-
-
-def test_a_worn_latch_resists_with_what_is_left(loaded):
+def test_a_drawn_latch_and_a_worn_one_resist_with_what_was_drawn_and_is_left(loaded):
     cell = loaded.cell
     hole, plate = cell.hole.model_copy(update={"latch": DETENT}), PlateConfig(latch_wear=0.75)
     job = cell.job().model_copy(update={"hole": hole})
     sim = cell.sim.model_copy(update={"plate": plate})
+    crest = BOTTOM - 0.75 * DETENT.height - 1e-4
+    assert felt(words(DETENT, force=1.2, place=1e-4), crest) == pytest.approx(1.2 * DETENT.force)
     world = World(cell.arm_model(), sim, cell.contact, cell.grip, "parallelogram", job)
     assert world.stepper.scene.latch[latch.FORCE] == pytest.approx(0.25 * DETENT.force)
 

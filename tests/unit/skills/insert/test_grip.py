@@ -40,10 +40,6 @@ def slip_of_turn(share):
     return CONTACT / 4.0 * share / math.sqrt(1.0 - share * share)
 
 
-def test_pads_bear_twice_their_friction_less_the_margin():
-    assert Grip(force=15.0, friction=0.3, margin=1.5).bears == pytest.approx(6.0)
-
-
 def test_a_slip_by_turning_makes_no_dip():
     """The push along the tilted peg, as a share of what the pads bear, and the turn after which the push is taken back."""
     grip, search = Grip(10.0, 0.3, 1.4), cell().params(SEARCH)
@@ -71,10 +67,13 @@ def test_an_insertion_pushes_no_harder_than_the_pads_bear():
 SQUARE = ("peg.shape=square", "peg.sides=[0.008,0.008]", "hole.sides=[0.0081,0.0081]")
 
 
-def test_force_and_moment_share_one_limit():
+def test_pads_bear_twice_their_friction_less_the_margin_of_force_and_moment_together():
     grip = Grip(force=15.0, friction=0.3, margin=1.5)
+    assert grip.bears == pytest.approx(6.0)
     assert grip.load(6.0, 0.0) == grip.load(0.0, 6.0 * CONTACT / 4) == pytest.approx(1.0)
     assert grip.load(0.6 * 6.0, 0.8 * 6.0 * CONTACT / 4) == pytest.approx(1.0)
+    grasp = cell().params(GRASP)
+    assert grip_of(grasp, 0.5).bears == pytest.approx(0.5 * grip_of(grasp).bears)  # after a slip
 
 
 @pytest.mark.parametrize("force", [5.0, 15.0, 30.0])
@@ -101,11 +100,6 @@ def test_no_push_ahead_lifts_the_corner_over_the_edge(force):
     ahead = insert.gains.translation * math.hypot(*insert.lead)
     down = insert.push_back * insert.push_stiffness * insert.push_offset
     assert ahead / down < 0.5 / math.tan(corner.tilt)
-
-
-def test_a_slip_halves_what_is_counted_on():
-    grasp = cell().params(GRASP)
-    assert grip_of(grasp, 0.5).bears == pytest.approx(0.5 * grip_of(grasp).bears)
 
 
 @pytest.mark.parametrize(("peg", "hole"), [(0.008, 0.00802), (0.008, 0.0081), (0.004, 0.0041), (0.016, 0.0162)])
