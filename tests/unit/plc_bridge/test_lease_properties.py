@@ -11,27 +11,9 @@ from plc_bridge.protocol.registers import Lease
 TIMEOUT, PROGRAM = 5.0, 100
 LINKS = ("10.0.0.1:49152", "Operator@10.0.0.2:40000", "rtu:ttyS0", "node 1")
 TERMINAL = "terminal"
+WORDS = "ask ask start start start write read release stop finish wait wait reconnect"
 ACTIONS = st.tuples(
-    st.sampled_from(
-        [
-            "ask",
-            "ask",
-            "start",
-            "start",
-            "start",
-            "write",
-            "read",
-            "release",
-            "stop",
-            "finish",
-            "wait",
-            "wait",
-            "terminal_takes",
-            "terminal_starts",
-            "terminal_releases",
-            "reconnect",
-        ]
-    ),
+    st.sampled_from([*WORDS.split(), "terminal_takes", "terminal_starts", "terminal_releases"]),
     st.sampled_from(LINKS),
     st.sampled_from([0.5, 4.9, 5.1]),
 )
