@@ -138,14 +138,7 @@ def test_server_id_is_the_product_and_whether_it_runs(station):
 
 @pytest.mark.parametrize(
     ("code", "first", "numbers"),
-    [
-        (1, 0, [0, 1, 2]),
-        (1, 2, [2]),
-        (1, 9, [0, 1, 2]),
-        (2, 0, [0, 1, 2, 4, 5]),
-        (3, 0, [0, 1, 2, 4, 5]),
-        (4, 4, [4]),
-    ],
+    [(1, 0, [0, 1, 2]), (1, 2, [2]), (1, 9, [0, 1, 2]), (2, 0, [0, 1, 2, 4, 5]), (3, 0, [0, 1, 2, 4, 5]), (4, 4, [4])],
 )
 def test_the_device_says_who_it_is(station, code, first, numbers):
     answer = respond(bytes([43, 14, code, first]), station)

@@ -318,13 +318,6 @@ def test_controls_that_wait_are_limited():
     assert line.write(sequence=99, code=Control.HOLD).refusal is Refusal.BUSY
 
 
-def test_reset_just_before_a_start_is_not_lost():
-    line = Line()
-    line.ask(code=Control.RESET)
-    line.write(sequence=3, code=INSERT)
-    assert [line.poll().code, line.poll().code] == [Control.RESET, INSERT]
-
-
 def test_refusal_of_the_supervisor_reaches_the_plc():
     line = Line()
     line.ask()

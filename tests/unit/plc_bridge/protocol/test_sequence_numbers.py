@@ -14,13 +14,7 @@ def seen(*blocks):
 
 @pytest.mark.parametrize(
     ("number", "command", "empty"),
-    [
-        (1000, SAME, SAME),
-        (1001, NEW, NEW),
-        (1000 + 0x8000, NEW, NEW),
-        (999, LATE, ANEW),
-        (1001 + 0x8000, LATE, ANEW),
-    ],
+    [(1000, SAME, SAME), (1001, NEW, NEW), (1000 + 0x8000, NEW, NEW), (999, LATE, ANEW), (1001 + 0x8000, LATE, ANEW)],
 )
 def test_what_a_number_means_after_another(number, command, empty):
     assert seen((1000,), (number % 0x10000, RUN))[1] is command
@@ -41,10 +35,7 @@ def test_numbers_wrap_and_a_late_one_is_not_taken_for_the_last(blocks, meanings)
 
 @pytest.mark.parametrize(
     ("before", "after", "meanings"),
-    [
-        ((10,), [(9, RUN), (11, RUN)], [LATE, FIRST]),
-        ((10, RUN), [(10, RUN), (11, RUN)], [SAME, NEW]),
-    ],
+    [((10,), [(9, RUN), (11, RUN)], [LATE, FIRST]), ((10, RUN), [(10, RUN), (11, RUN)], [SAME, NEW])],
 )
 def test_after_a_loss_the_next_number_is_adopted_unless_the_last_comes_again(before, after, meanings):
     numbers = SequenceNumbers()
