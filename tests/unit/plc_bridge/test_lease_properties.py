@@ -61,7 +61,7 @@ class Cell:
         if wish == Lease.TAKE and self.is_open_to(host):
             self.holder = source
         if source == self.holder and wish:
-            self.is_given_back = wish == Lease.RELEASE
+            self.is_given_back = wish == Lease.RELEASE and self.is_runner
         if wish == Lease.RELEASE and self.is_open_to(host) and not self.is_runner:
             self.holder = ""
 
