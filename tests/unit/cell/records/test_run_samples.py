@@ -45,12 +45,6 @@ def test_a_run_whose_file_was_deleted_goes_on_without_samples(samples, tmp_path)
     assert samples.finish(ROW, [], BLOCK).samples == 0
 
 
-def test_a_disk_that_is_all_but_full_takes_no_samples(tmp_path):
-    samples = RunSamples(tmp_path, least_free=2**70)
-    samples.begin(ROW, None)
-    assert "all but full" in samples.trouble
-
-
 def test_trouble_is_over_once_a_run_is_whole(samples):
     samples.begin(ROW, None)
     samples.lose(1, 100)
