@@ -1,4 +1,7 @@
-"""Meaning of a number on a link that stays open: restarts, freezes, stops, joined links; as bytes. Late and repeated blocks are in test_rough_line."""
+"""Meaning of a number on a link that stays open: restarts, freezes, stops, joined links; as bytes.
+
+Late and repeated blocks are in test_rough_line.
+"""
 
 import pytest
 

@@ -52,7 +52,7 @@ class Peg:
         self.places, self.state = places, EMPTY
 
     def evidence(self, tip=None, *, gripping=True, width=None, moving=False, switch=OPEN, tilt=math.pi / 4, felt=None):
-        """Return what a look finds, with the end of the peg where it was unless told otherwise."""
+        """Return what a look finds, with the end of the peg where it was unless given."""
         if width is None:
             width = self.places.thickness if gripping else 0.04
         return PegEvidence(width, gripping, moving, tip or self.state.tip, 0.0, switch, tilt, felt)
