@@ -34,14 +34,6 @@ def later(look: Look, time: float, **what) -> Look:
     return replace(look, seen=replace(look.seen, stamp=look.seen.stamp + time), **what)
 
 
-def test_wishes_are_handed_over_once_in_their_order():
-    live, pulls = Live(), [Pull("skin", is_out, "page") for is_out in (True, False)]
-    for pull in pulls:
-        live.pull(pull)
-    assert live.pulls() == pulls
-    assert live.pulls() == []
-
-
 def test_a_cable_is_meant_by_its_name_and_only_one_that_there_is_is_passed_on(loaded, tmp_path):
     ask = parse('{"ask": "unplug", "cable": "skin"}')
     assert (ask.cable, ask.is_out) == ("skin", True)
@@ -52,8 +44,9 @@ def test_a_cable_is_meant_by_its_name_and_only_one_that_there_is_is_passed_on(lo
     assert "its devices are real" in real.pull(pull)
     assert "skin allowed" in simulated.pull(replace(pull, cable="arm"))
     assert live.pulls() == []
-    assert simulated.pull(pull) == ""
-    assert live.pulls() == [pull]
+    pulls = [pull, replace(pull, is_out=False)]
+    assert [simulated.pull(each) for each in pulls] == ["", ""]
+    assert (live.pulls(), live.pulls()) == (pulls, [])
 
 
 def test_a_cable_that_is_out_is_the_first_of_the_next_steps():
