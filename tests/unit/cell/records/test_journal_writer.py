@@ -246,9 +246,11 @@ def test_the_oldest_samples_beyond_the_size_are_deleted_and_their_runs_stay(tmp_
 
 
 @pytest.mark.parametrize("how", ["deleted", "torn"])
-def test_runs_after_an_index_was_damaged_meanwhile_are_on_record(tmp_path, seen, how):
+def test_runs_under_way_and_after_an_index_was_damaged_are_on_record(tmp_path, seen, how):
     with Journal(tmp_path) as journal:
         recorded(journal, seen)
+        row = journal.begin(ROW)
+        assert journal.find(row.run)
         if how == "deleted":
             for file in tmp_path.glob(f"{INDEX}*"):
                 file.unlink()
@@ -256,10 +258,10 @@ def test_runs_after_an_index_was_damaged_meanwhile_are_on_record(tmp_path, seen,
             index = tmp_path / INDEX
             index.write_bytes(b"\xff" * index.stat().st_size)
         journal.note(EVENT)
-        assert recorded(journal, seen).outcome == "success"
+        journal.finish(replace(row, outcome="failure"))
         assert recorded(journal, seen).run == 3
     with Journal(tmp_path) as journal:
-        assert [row.outcome for row in journal.runs(5)] == ["success"] * 3
+        assert [row.outcome for row in journal.runs(5)] == ["success", "failure", "success"]
         assert "SKIN_SILENT" in [event.name for event in journal.events()]
 
 
