@@ -307,8 +307,8 @@ def test_a_writer_that_never_began_or_has_ended_has_nothing_to_wait_for(tmp_path
     writer.note(EVENT)
     assert writer.flush(timeout=0.0)
     writer.open()
-    writer.close()
-    writer.close()
+    for _ in range(2):
+        writer.close()
     assert writer.flush(timeout=0.0)
 
 
@@ -369,11 +369,6 @@ class Refused:
             raise self.error
 
 
-def events_of(folder):
-    with Journal(folder, is_read_only=True) as journal:
-        return [(event.name, event.text) for event in journal.events()]
-
-
 def test_the_free_space_is_looked_at_at_the_start_and_every_few_seconds(tmp_path, monkeypatch):
     free = [2000]
     monkeypatch.setattr(journal_writer.shutil, "disk_usage", lambda folder: SimpleNamespace(free=free[0]))
@@ -405,7 +400,7 @@ def test_what_is_beyond_the_limits_is_deleted_at_the_start_and_once_an_hour(tmp_
     assert there == [False, True, False, True, False]
 
 
-def test_a_row_that_the_index_does_not_take_is_tried_again_every_second_until_it_does(tmp_path, turned, caplog):
+def test_a_row_that_the_index_does_not_take_is_tried_again_every_second_until_it_does(turned, caplog):
     row, told = Refused(turned, 3), []
     turned.after(5.0, lambda: turned.writer._add_row(row))
     turned.after(12.0, lambda: told.append(turned.writer.trouble))
@@ -416,7 +411,7 @@ def test_a_row_that_the_index_does_not_take_is_tried_again_every_second_until_it
     assert turned.writer.trouble == ""
 
 
-def test_a_writer_that_shall_end_tries_more_often_and_gives_up_after_the_time_for_it(tmp_path, turned):
+def test_a_writer_that_shall_end_tries_more_often_and_gives_up_after_the_time_for_it(turned):
     row = Refused(turned, 10**6)
     turned.after(5.0, lambda: turned.writer._add_row(row))
     assert turned.work(20.0) == pytest.approx(20.0 + CLOSING_TIME, abs=RETRY_AFTER + 0.2)
@@ -428,7 +423,8 @@ def test_a_torn_index_is_put_aside_with_why_and_nothing_that_waits_is_lost(tmp_p
     turned.writer._add_row(row)
     turned.writer.note(EVENT)
     turned.work(5.0)
-    told = dict(events_of(tmp_path))
+    with Journal(tmp_path, is_read_only=True) as journal:
+        told = {event.name: event.text for event in journal.events()}
     assert told["index_damaged"].startswith(f"torn in the middle; kept as {INDEX}.damaged-")
     assert ("SKIN_SILENT" in told, len(row.tried)) == (True, 2)
 

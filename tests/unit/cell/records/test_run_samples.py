@@ -25,7 +25,7 @@ def test_a_number_is_claimed_by_the_file_of_its_samples(samples, tmp_path):
     assert samples.claim(after=0) == 3
 
 
-def test_a_number_that_was_not_used_is_given_back(samples, tmp_path):
+def test_a_number_that_was_not_used_is_given_back(samples):
     samples.give_back(samples.claim(after=0))
     assert samples.claim(after=0) == 1
 

@@ -134,12 +134,6 @@ def test_one_pdo_carries_a_command_once(rig):
     assert rig.bridge.poll() is None
 
 
-def test_the_first_number_is_adopted_never_run(operational):
-    operational.command(1, 7, PROGRAM)
-    assert operational.bridge.poll() is None
-    assert numbers(operational.take(TPDO1)[-1]) == [7, 7, Result.REFUSED, Refusal.ADOPTED]
-
-
 @pytest.mark.parametrize("command", [PRE_OPERATIONAL, STOP])
 def test_outside_operational_no_pdo_commands(rig, command):
     rig.nmt(START)
