@@ -78,7 +78,7 @@ class Proof:
     def after(self, seen: Observation, setpoint: ImpedanceSetpoint | None = None) -> "Proof":
         """Return the proof after one more scan and its setpoint; if the switch opens while the peg is held, the proof is void."""
         if seen.switch is SwitchState.OPEN and seen.gripper.is_gripping:
-            return Proof(was_open=True)
+            return _OPEN
         if seen.switch is SwitchState.OPEN:
             return self if self.was_open else replace(self, was_open=True)
         if not self.was_open or seen.switch is not SwitchState.CLOSED or not seen.gripper.is_gripping:
@@ -119,6 +119,9 @@ class Proof:
             raise SwitchDisagreesError(
                 f"switch closed with the tip {1e3 * depth:.1f} mm deep; {1e3 * low:.1f} to {1e3 * high:.1f} mm expected"
             )
+
+
+_OPEN = Proof(was_open=True)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
