@@ -174,6 +174,17 @@ def test_torn_block_counts_once_it_is_whole_and_is_refused_after_the_timeout():
         assert line.write(life_tail=2).is_busy is tail_gives
 
 
+def test_a_known_number_in_a_block_that_stays_torn_changes_nothing():
+    line = Line()
+    line.run(life=1, life_tail=1)
+    line.end()
+    before = line.write()
+    line.write(life=2)
+    line.now = 1.1
+    assert line.poll() is None
+    assert line.answer() == before
+
+
 @pytest.mark.parametrize(
     ("recipe", "result", "refusal"), [(1, Result.SUCCESS, Refusal.NONE), (2, Result.REFUSED, Refusal.ADOPTED)]
 )
