@@ -38,11 +38,7 @@ def _naming(pattern: str, own: str) -> set[str]:
         ("a command", r"\bcell\.commands\.faults\b", "cell/commands/faults"),
         ("an arm with another interface", r"\bdrivers\.arm\.franka\b|\bFrankaArmConfig\b", "drivers/arm/"),
         ("a page that shows live theta", r"\bcell\.page\b", "cell/page/"),
-        (
-            "a peg with another kind of cross-section",
-            r"\bRectangular\b|\"rectangular\": ",
-            "drivers/part/rectangular",
-        ),
+        ("a peg with another kind of cross-section", r"\bRectangular\b|\"rectangular\": ", "drivers/part/rectangular"),
     ],
 )
 def test_what_names_one_that_is_there_is_what_the_page_says_to_touch(what, pattern, own):
@@ -65,8 +61,3 @@ def test_a_study_touches_the_list_of_studies():
     assert stated == {"cell/lab/commands/study.py"}
     assert stated == {name for name, text in SOURCES.items() if re.search(r"cell\.lab\.stability\b", text)}
     assert count == "1"
-
-
-def test_every_slot_for_the_scan_carries_the_pose_that_a_page_shows():
-    assert "seen: Observation" in SOURCES["cell/run/live.py"]
-    assert "peg: PegPose" in SOURCES["skills/contract.py"]

@@ -11,27 +11,9 @@ from plc_bridge.protocol.registers import Lease
 TIMEOUT, PROGRAM = 5.0, 100
 LINKS = ("10.0.0.1:49152", "Operator@10.0.0.2:40000", "rtu:ttyS0", "node 1")
 TERMINAL = "terminal"
+WORDS = "ask ask start start start write read release stop finish wait wait reconnect"
 ACTIONS = st.tuples(
-    st.sampled_from(
-        [
-            "ask",
-            "ask",
-            "start",
-            "start",
-            "start",
-            "write",
-            "read",
-            "release",
-            "stop",
-            "finish",
-            "wait",
-            "wait",
-            "terminal_takes",
-            "terminal_starts",
-            "terminal_releases",
-            "reconnect",
-        ]
-    ),
+    st.sampled_from([*WORDS.split(), "terminal_takes", "terminal_starts", "terminal_releases"]),
     st.sampled_from(LINKS),
     st.sampled_from([0.5, 4.9, 5.1]),
 )
@@ -79,7 +61,7 @@ class Cell:
         if wish == Lease.TAKE and self.is_open_to(host):
             self.holder = source
         if source == self.holder and wish:
-            self.is_given_back = wish == Lease.RELEASE
+            self.is_given_back = wish == Lease.RELEASE and self.is_runner
         if wish == Lease.RELEASE and self.is_open_to(host) and not self.is_runner:
             self.holder = ""
 

@@ -58,8 +58,7 @@ def test_numbers_of_states_are_those_of_the_nodeset(packml, published):
 
 
 @pytest.mark.parametrize(
-    ("state", "active"),
-    [(9, (9, None, None)), (2, (19, 2, None)), (6, (19, 18, 6)), (0, (None, None, None))],
+    ("state", "active"), [(9, (9, None, None)), (2, (19, 2, None)), (6, (19, 18, 6)), (0, (None, None, None))]
 )
 def test_states_nest(packml, state, active):
     assert tuple(packml.active_states(state).values()) == active

@@ -40,16 +40,13 @@ def away(distance, rotation=HAND_DOWN):
     return Pose(AT + distance * X, rotation)
 
 
-def test_a_hand_within_the_yield_is_held():
-    kept = guided(held(), away(0.99 * YIELD / STIFFNESS), PERIOD, LIMITS)
-    np.testing.assert_array_equal(kept.pose.position, AT)
-
-
-def test_beyond_the_yield_the_setpoint_follows_and_no_faster_than_allowed():
-    follows = guided(held(), away(YIELD / STIFFNESS + 1e-3), PERIOD, LIMITS)
-    np.testing.assert_allclose(follows.pose.position, AT + 1e-3 * X)
-    lags = guided(held(), away(0.025), PERIOD, LIMITS)
-    np.testing.assert_allclose(lags.pose.position, AT + GUIDE_SPEED * PERIOD * X)
+@pytest.mark.parametrize(
+    ("distance", "followed"),
+    [(0.99 * YIELD / STIFFNESS, 0.0), (YIELD / STIFFNESS + 1e-3, 1e-3), (0.025, GUIDE_SPEED * PERIOD)],
+)
+def test_the_setpoint_follows_beyond_the_yield_and_no_faster_than_allowed(distance, followed):
+    kept = guided(held(), away(distance), PERIOD, LIMITS)
+    np.testing.assert_allclose(kept.pose.position, AT + followed * X)
 
 
 def test_a_turned_hand_is_followed_beyond_its_yield():
@@ -100,6 +97,7 @@ def test_one_key_moves_the_tool_until_the_dead_man_ends_it():
     arm, moved = jog([(0.0, "x")], 1.0)
     assert moved == pytest.approx([JOG_SPEED * DEAD_MAN, 0.0, 0.0], abs=2 * JOG_SPEED * PERIOD)
     assert arm.is_halted
+    assert max(setpoint.valid_until for setpoint in arm.told) == pytest.approx(DEAD_MAN)
 
 
 def test_a_key_held_moves_on_and_capitals_go_back():
@@ -107,11 +105,6 @@ def test_a_key_held_moves_on_and_capitals_go_back():
     _, back = jog([(0.1 * k, "Z") for k in range(10)], 2.0)
     assert forth[2] == pytest.approx(JOG_SPEED * (0.9 + DEAD_MAN), abs=3 * JOG_SPEED * PERIOD)
     np.testing.assert_allclose(back, -forth, atol=1e-9)
-
-
-def test_no_setpoint_outlives_the_dead_man():
-    arm, _ = jog([(0.0, "x")], 0.5)
-    assert max(setpoint.valid_until for setpoint in arm.told) == pytest.approx(DEAD_MAN)
 
 
 def test_a_hand_that_is_moved_too_fast_ends_it():

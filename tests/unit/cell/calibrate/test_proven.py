@@ -1,8 +1,10 @@
 """Proofs of a cell, changes that make a new proof necessary, and actions permitted in commissioning."""
 
 import shutil
+from contextlib import nullcontext
 from dataclasses import replace
 from datetime import date
+from functools import partial
 
 import numpy as np
 import pytest
@@ -121,41 +123,31 @@ def test_a_push_counts_if_force_and_way_are_along_one_line(force, way, found):
     assert sense(force, way) == found
 
 
-def pushed(rig, sign):
-    """Let somebody push the hand by 5 mm after a second, while the arm reports 15 N in that direction or against it."""
-
+@pytest.mark.parametrize(
+    ("sign", "error", "told"),
+    [
+        (1.0, None, "15 N along a push of 5.0 mm"),
+        (-1.0, WrenchReversedError, "reports 15 N against the push"),
+        (0.0, NotCalibratedError, "no push of 5 N"),
+    ],
+)
+def test_a_push_on_the_hand_proves_the_sign_of_the_wrench(rig, sign, error, told):
     def push():
         rig.arm.tcp = Pose(rig.arm.tcp.position + 0.005 * X, rig.arm.tcp.rotation)
         rig.arm.force = sign * 15.0 * X
 
-    rig.at(1.0, push)
+    if sign:
+        rig.at(1.0, push)
+    with pytest.raises(error, match=told) if error else nullcontext():
+        assert prove_wrench(rig.cell, lambda text: None) == told
 
 
-def test_a_push_on_the_hand_proves_the_sign_of_the_wrench(rig):
-    pushed(rig, 1.0)
-    assert prove_wrench(rig.cell, lambda text: None) == "15 N along a push of 5.0 mm"
-
-
-def test_a_reversed_wrench_is_told_by_the_push(rig):
-    pushed(rig, -1.0)
-    with pytest.raises(WrenchReversedError, match="reports 15 N against the push"):
-        prove_wrench(rig.cell, lambda text: None)
-
-
-def test_an_arm_that_nobody_pushes_proves_nothing(rig):
-    with pytest.raises(NotCalibratedError, match="no push of 5 N"):
-        prove_wrench(rig.cell, lambda text: None)
-
-
-def test_a_press_on_the_lever_proves_the_switch(rig):
-    rig.at(1.0, lambda: setattr(rig.switch, "state", SwitchState.CLOSED))
-    rig.at(2.0, lambda: setattr(rig.switch, "state", SwitchState.OPEN))
-    assert prove_switch(rig.cell, lambda text: None) == "open, closed and open again"
-
-
-def test_a_lever_that_nobody_presses_proves_nothing(rig):
+def test_a_press_on_the_lever_proves_the_switch_and_nothing_else_does(rig):
     with pytest.raises(NotCalibratedError, match="switch: not seen closed"):
         prove_switch(rig.cell, lambda text: None)
+    for delay, state in ((1.0, SwitchState.CLOSED), (2.0, SwitchState.OPEN)):
+        rig.at(delay, partial(setattr, rig.switch, "state", state))
+    assert prove_switch(rig.cell, lambda text: None) == "open, closed and open again"
 
 
 @pytest.mark.parametrize(

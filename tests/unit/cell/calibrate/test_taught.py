@@ -25,27 +25,20 @@ def judged(*places):
     return implausible(shown(*places), RACK, CELL.peg.length, CELL.limits)
 
 
-def test_two_corners_make_the_area_and_its_middle():
-    assert lines(shown(*CORNERS), HOLE, RACK) == [
-        ("hole", "centre", "[0.51000, 0.01000, 0.10000]"),
-        ("hole", "area", "[0.08000, 0.08000]"),
-    ]
-
-
-def test_plate_corners_alone_give_the_height_alone():
-    found = lines(shown(("p", (0.4, 0.1, 0.12))), HOLE, RACK)
-    assert found == [("hole", "centre", f"[{HOLE.centre[0]:.5f}, {HOLE.centre[1]:.5f}, 0.12000]")]
-
-
-def test_any_slot_tells_where_the_first_is():
-    found = lines(shown(slot(1), slot(3, x=0.452)), HOLE, RACK)
-    assert found == [("rack", "first", "[0.45100, -0.25000, 0.10000]")]
-
-
-def test_the_last_place_of_the_bin_counts():
-    assert lines(shown(("b", (0.3, 0.3, 0.2)), ("b", (0.3, 0.2, 0.2))), HOLE, RACK) == [
-        ("recover", "bin", "[0.30000, 0.20000, 0.20000]")
-    ]
+@pytest.mark.parametrize(
+    ("places", "found"),
+    [
+        (CORNERS, [("hole", "centre", "[0.51000, 0.01000, 0.10000]"), ("hole", "area", "[0.08000, 0.08000]")]),
+        (
+            [("p", (0.4, 0.1, 0.12))],
+            [("hole", "centre", f"[{HOLE.centre[0]:.5f}, {HOLE.centre[1]:.5f}, 0.12000]")],
+        ),
+        ([slot(1), slot(3, x=0.452)], [("rack", "first", "[0.45100, -0.25000, 0.10000]")]),
+        ([("b", (0.3, 0.3, 0.2)), ("b", (0.3, 0.2, 0.2))], [("recover", "bin", "[0.30000, 0.20000, 0.20000]")]),
+    ],
+)
+def test_corners_plate_slots_and_bin_become_their_lines(places, found):
+    assert lines(shown(*places), HOLE, RACK) == found
 
 
 def test_lines_are_sections_of_a_file():

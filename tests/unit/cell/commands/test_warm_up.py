@@ -29,24 +29,19 @@ def test_one_part_of_a_kind_is_inserted_once_as_fast_as_it_goes(noted):
     assert (recipe, loaded.cell.sim.pace, loaded.cell.reality.scale) == (0, "max", 2.0)
 
 
-def test_a_part_of_another_kind_is_another_insertion(noted):
+@pytest.mark.parametrize("is_another_part", [True, False])
+def test_another_part_and_changed_sources_are_compiled_anew(noted, monkeypatch, is_another_part):
     warm_up.warm_up(load())
     before = len(noted)
-    warm_up.warm_up(load(sets=["peg.diameter=0.0079"]))
+    if not is_another_part:
+        monkeypatch.setattr(compiled, "_digest_of_all", lambda: "other sources")
+    warm_up.warm_up(load(sets=["peg.diameter=0.0079"] if is_another_part else []))
     assert len(noted) > before
 
 
 def test_a_simulation_that_keeps_no_time_compiles_where_it_is(noted):
     warm_up.warm_up(load(sets=["sim.pace=max"]))
     assert noted == []
-
-
-def test_sources_that_have_changed_are_compiled_anew(noted, monkeypatch):
-    warm_up.warm_up(load())
-    before = len(noted)
-    monkeypatch.setattr(compiled, "_digest_of_all", lambda: "other sources")
-    warm_up.warm_up(load())
-    assert len(noted) == 2 * before
 
 
 def test_the_engine_is_compiled_ahead_for_the_types_that_step_it():

@@ -11,16 +11,19 @@ def told(**fields):
     return report(Report(**fields))["next"]
 
 
-def test_a_technician_at_a_faulted_cell_reads_what_is_broken_and_where_the_peg_goes():
+@pytest.mark.parametrize(
+    ("state", "fault", "part", "steps"),
+    [
+        (State.ABORTED, 1001, PartPlace.IN_HAND, "{skin}, then reset; then the hand holds a peg: run `recover`"),
+        (State.ABORTED, 1001, PartPlace.RACK, "{skin}, then reset; then the next peg is in the rack"),
+        (State.IDLE, 1001, PartPlace.RACK, "check the board's supply and cable; then the next peg is in the rack"),
+        *((state, 0, PartPlace.BIN, "reset; then the last peg is in the reject bin") for state in BEFORE_RESET),
+        (State.IDLE, 0, PartPlace.RACK, "ready: the next peg is in the rack"),
+    ],
+)
+def test_the_next_step_is_the_remedy_then_the_reset_then_the_peg(state, fault, part, steps):
     skin = FAULTS[FaultCode.SKIN_SILENT].remedy
-    assert (
-        told(state=State.ABORTED, fault=1001, part=PartPlace.IN_HAND)
-        == f"{skin}, then reset; then the hand holds a peg: run `recover`"
-    )
-    assert (
-        told(state=State.ABORTED, fault=1001, part=PartPlace.RACK)
-        == f"{skin}, then reset; then the next peg is in the rack"
-    )
+    assert told(state=state, fault=fault, part=part) == steps.format(skin=skin)
 
 
 @pytest.mark.parametrize("fault", [code for code in FaultCode if code])
@@ -30,39 +33,12 @@ def test_after_every_fault_the_reset_comes_before_the_peg(fault):
     assert steps.index("reset") < steps.index("run `recover`")
 
 
-def test_no_reset_is_asked_for_where_the_state_needs_none():
-    assert told(state=State.IDLE, fault=1001, part=PartPlace.RACK) == (
-        "check the board's supply and cable; then the next peg is in the rack"
-    )
-
-
-@pytest.mark.parametrize("state", BEFORE_RESET)
-def test_a_cell_that_was_stopped_is_not_called_ready(state):
-    assert told(state=state, part=PartPlace.BIN) == "reset; then the last peg is in the reject bin"
-
-
-def test_a_cell_that_waits_is_ready():
-    assert told(state=State.IDLE, part=PartPlace.RACK) == "ready: the next peg is in the rack"
-
-
-def test_place_and_what_to_do_stand_in_the_same_line():
-    words = line(Report(state=State.ABORTED, fault=2001, part=PartPlace.ON_PLATE), Diagnostics())
-    assert "part=on_plate" in words
-    assert "next=find out why, release the stop, then reset; then a peg lies on the plate" in words
-    assert "\n" not in words
-
-
 def test_where_the_peg_is_why_and_what_to_do_follow_each_other_in_the_line():
     evidence = PartEvidence.HAND_HOLDS | PartEvidence.TIP_IN_HOLE | PartEvidence.SWITCH_OPEN
-    image = Report(
-        state=State.ABORTED,
-        fault=2001,
-        part=PartPlace.IN_HOLE,
-        part_depth=0.012,
-        part_evidence=evidence,
-        part_width=0.008,
-    )
+    place = {"part": PartPlace.IN_HOLE, "part_depth": 0.012, "part_evidence": evidence, "part_width": 0.008}
+    words = line(Report(state=State.ABORTED, fault=2001, **place), Diagnostics())
     assert (
-        "part=in_hole part_depth=0.012 evidence=the hand holds a peg, its end was in the hole, switch open, pads 8.0 mm apart next="
-        in line(image, Diagnostics())
+        "part=in_hole part_depth=0.012 evidence=the hand holds a peg, its end was in the hole, switch open, "
+        "pads 8.0 mm apart next=find out why, release the stop, then reset; then " in words
     )
+    assert "\n" not in words

@@ -119,11 +119,6 @@ def test_what_needs_a_simulated_cell_leaves_a_physical_one_alone(capsys, tmp_pat
     assert 'arm.kind = "franka"' in capsys.readouterr().err
 
 
-def test_the_skin_is_shown_without_the_rest_of_the_cell(capsys):
-    assert main(["skin", "--config", str(SHIPPED / "cell_01.toml"), "--set", "skin.channel=can-none"]) == FAULT
-    assert "CAN bus socketcan can-none" in capsys.readouterr().err
-
-
 @pytest.mark.parametrize(
     ("simulated", "simulated_kinds"),
     [

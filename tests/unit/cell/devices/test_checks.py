@@ -23,15 +23,9 @@ class BusyClock(FakeClock):
         self.time = max(self.time, stamp + self.late.pop(0))
 
 
-def test_a_clock_that_is_late_by_less_than_half_a_scan_is_good():
-    assert check_clock(BusyClock([0.0049] * SCANS), 0.01) == "ok"
-
-
-def test_three_late_scans_are_good():
-    assert check_clock(BusyClock([0.0] * (SCANS - 3) + [0.02] * 3), 0.01) == "ok"
-
-
-def test_a_clock_that_is_late_is_told_with_how_much():
+def test_a_clock_may_be_late_by_half_a_scan_and_three_times_by_more():
+    for late in ([0.0049] * SCANS, [0.0] * (SCANS - 3) + [0.02] * 3):
+        assert check_clock(BusyClock(late), 0.01) == "ok"
     told = check_clock(BusyClock([0.0] * (SCANS - 5) + [0.0051] * 4 + [0.02]), 0.01)
     assert "10 ms start 5.1 ms late, at worst 20.0 ms; 5 ms allowed" in told
 

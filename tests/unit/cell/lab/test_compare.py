@@ -11,7 +11,7 @@ from cell.lab import compare
 from cell.lab.charts import Bar, Curve, Panel, draw_panels, draw_rows
 from cell.lab.commands.study import PLANS
 from cell.lab.frontier.measure import Variant
-from cell.lab.tables import share, table
+from cell.lab.tables import table
 from cell.lab.trials import read_table, run_trial, write_table
 from cell.lab.workers import each_of
 from drivers.errors import ConfigError
@@ -26,13 +26,9 @@ def test_every_variant_is_a_config_with_a_name_of_its_own(study):
     for variant in variants:
         load(None, variant.preset, ["sim.pace=max", *variant.sets])
         assert callable(variant.probe)
-
-
-@pytest.mark.parametrize("study", STUDIES)
-def test_a_quick_study_runs_some_of_the_variants(study):
     quick = compare.chosen(study, is_quick=True)
-    assert {*quick} <= {*compare.variants_of(study)}
-    assert 0 < len(quick) <= len(compare.variants_of(study))
+    assert {*quick} <= {*variants}
+    assert 0 < len(quick) <= len(variants)
 
 
 def test_an_unknown_group_of_variants_is_refused_by_name():
@@ -54,10 +50,6 @@ def test_jobs_return_in_their_order():
     done: list[int] = []
     assert each_of(divmod, [(7, 2), (9, 4), (8, 3)], 2, done.append) == [(3, 1), (2, 1), (2, 2)]
     assert done == [1, 1, 1]
-
-
-def test_a_count_has_its_interval():
-    assert share(38, 40) == "38/40 (83.5 to 98.6 %)"
 
 
 def test_panels_and_rows_are_drawn(tmp_path):

@@ -5,16 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from cell.lab.bounds import (
-    Dip,
-    Down,
-    Upright,
-    critical_damping,
-    half_width,
-    mobility,
-    turn_time,
-    turning_force,
-)
+from cell.lab.bounds import Dip, Down, Upright, critical_damping, half_width, mobility, turn_time, turning_force
 
 TILT = math.pi / 4
 THIN = Dip(hole=4.1e-3, peg=4e-3, tilt=TILT, depth=1e-4, push=7.5, mass=4.2)

@@ -9,7 +9,7 @@ from rich.console import Console
 
 from cell.lab import trials
 from cell.lab.tables import loads, phases
-from cell.lab.trials import COLUMNS, MORE, PARTIAL, read_table, run_trials, summarise, write_table
+from cell.lab.trials import PARTIAL, read_table, run_trials, summarise, write_table
 from cell.records.provenance import config_hash, versions
 from drivers.errors import ConfigError
 from tests.trial_rows import SEATED
@@ -61,41 +61,31 @@ def ran(monkeypatch):
     return seeds
 
 
-def test_the_table_has_the_promised_columns(tmp_path):
-    write_table([ROW, LOST], tmp_path / "t.csv")
-    head, *rows = (tmp_path / "t.csv").read_text().splitlines()
+def test_the_table_has_the_promised_columns_and_empty_cells(tmp_path):
+    drawn = {"reality.arm.gravity": "0.1 -0.2", "reality.skin.age": "0.01"}
+    write_table([replace(ROW, more=drawn), replace(LOST, more=drawn)], tmp_path / "t.csv")
+    head = (tmp_path / "t.csv").read_text().splitlines()[0]
     assert head == (
         "seed,outcome,reason,stage,grasp_time,search_time,insert_time,adjust_time,total_time,retries,peak_contact_force,"
         "max_penetration,max_in_hand_rotation,theta_rmse,tip_rmse,hole_x,hole_y,start_x,start_y,switch_closed,depth,"
-        "sim_time,wall_time,cycle_time,time_over_20N,plate_penetration,grip_slip,found_error,jerk_free,jerk_contact"
+        "sim_time,wall_time,cycle_time,time_over_20N,plate_penetration,grip_slip,found_error,jerk_free,jerk_contact,"
+        "reality.arm.gravity,reality.skin.age"
     )
-    assert len(rows) == 2
-
-
-def test_a_stage_that_was_not_reached_is_empty(tmp_path):
-    write_table([LOST], tmp_path / "t.csv")
     with (tmp_path / "t.csv").open() as file:
-        row = next(csv.DictReader(file))
+        _, row = csv.DictReader(file)
     assert (row["insert_time"], row["search_time"], row["switch_closed"]) == ("", "10.0", "false")
+    assert [row.more for row in read_table(tmp_path / "t.csv")] == [drawn, drawn]
 
 
-def test_a_void_counts_as_a_failure(loaded):
+def test_the_summary_has_the_config_and_counts_a_void_as_a_failure(loaded):
     summary = summarise([ROW, replace(ROW, seed=4, outcome="void")], loaded.cell)
     assert (summary["success_rate"], summary["outcomes"]["void"]) == (0.5, 1)
+    assert summary["config"]["peg"]["diameter"] == loaded.cell.peg.diameter
 
 
 def test_times_are_those_of_the_successes(loaded):
     summary = summarise([ROW, LOST], loaded.cell)
     assert summary["times"]["total_time"] == {"mean": 16.0, "median": 16.0, "p95": 16.0, "n": 1}
-
-
-def test_the_summary_has_the_whole_config(loaded):
-    assert summarise([ROW], loaded.cell)["config"]["peg"]["diameter"] == loaded.cell.peg.diameter
-
-
-def test_rows_are_sorted_by_seed(loaded, ran, tmp_path):
-    rows = run_trials(loaded.cell, [9, 7, 8], 2, tmp_path, lambda row: None)
-    assert [row.seed for row in rows] == [7, 8, 9]
 
 
 @pytest.mark.parametrize("order", [(1, 2, 3, 4, 5, 6), (3, 1, 2, 6, 5, 4), (6, 5, 4, 3, 2, 1)])
@@ -118,17 +108,13 @@ def interrupted(folder, config, rows, rest=""):
     (folder / PARTIAL).write_text("\n".join(lines) + "\n" + rest)
 
 
-def test_a_killed_call_is_taken_up_where_it_was(loaded, ran, tmp_path):
+def test_a_killed_call_is_taken_up_where_it_was_and_a_longer_one_goes_on(loaded, ran, tmp_path):
     interrupted(tmp_path, loaded.cell, [replace(ROW, seed=1), replace(ROW, seed=3)], rest='{"seed": 2, "outc')
     done = []
-    rows = run_trials(loaded.cell, [1, 2, 3], 2, tmp_path, done.append)
-    assert (ran, len(rows), len(done)) == ([2], 3, 3)
-
-
-def test_a_longer_call_runs_only_the_missing_seeds(loaded, ran, tmp_path):
-    run_trials(loaded.cell, [1, 2], 2, tmp_path, lambda row: None)
-    rows = run_trials(loaded.cell, [1, 2, 3], 2, tmp_path, lambda row: None)
-    assert (ran, len(rows)) == ([1, 2, 3], 3)
+    rows = run_trials(loaded.cell, [3, 1, 2], 2, tmp_path, done.append)
+    assert (ran, [row.seed for row in rows], len(done)) == ([2], [1, 2, 3], 3)
+    rows = run_trials(loaded.cell, [1, 2, 3, 4], 2, tmp_path, done.append)
+    assert (ran, len(rows)) == ([2, 4], 4)
 
 
 def test_a_call_killed_while_it_takes_up_loses_nothing(loaded, monkeypatch, tmp_path):
@@ -156,23 +142,6 @@ def test_a_folder_that_cannot_be_made_is_told(loaded, ran, tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(ConfigError, match="--out"):
         run_trials(loaded.cell, [1], 1, tmp_path / "file" / "out", lambda row: None)
-
-
-def test_the_columns_are_the_rows_fields():
-    assert list(asdict(ROW)) == [*COLUMNS, MORE]
-
-
-def test_what_was_drawn_of_the_errors_stands_in_columns_of_its_own_and_is_read_back(tmp_path):
-    drawn = {"reality.arm.gravity": "0.1 -0.2", "reality.skin.age": "0.01"}
-    rows = [replace(ROW, seed=1, more=drawn, start_x=0.5), replace(ROW, seed=2, more=drawn, start_x=0.5)]
-    write_table(rows, tmp_path / "t.csv")
-    assert (
-        (tmp_path / "t.csv")
-        .read_text()
-        .splitlines()[0]
-        .endswith("plate_penetration,grip_slip,found_error,jerk_free,jerk_contact,reality.arm.gravity,reality.skin.age")
-    )
-    assert [row.more for row in read_table(tmp_path / "t.csv")] == [drawn, drawn]
 
 
 def test_the_summary_tells_how_hard_and_how_abruptly(loaded):

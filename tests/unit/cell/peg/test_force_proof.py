@@ -61,35 +61,6 @@ def test_the_recipe_chooses_the_evidence(job):
     assert chosen.latch == LATCH
 
 
-def test_a_latch_passed_and_a_bottom_behind_it_are_a_success_without_a_switch(job):
-    assert judge(job, proven(job)) is SUCCESS
-    assert "5.0 N, 5 N stated" in proven(job).told
-
-
-def test_a_skill_that_lies_is_not_believed(job):
-    with pytest.raises(SuccessUnprovenError, match="did not show the latch"):
-        judge(job, ForceProof(LATCH))
-
-
-@pytest.mark.parametrize(("side", "most"), [(-1.0, DOUBTED), (1.0, MOST_DEEP)])
-def test_the_depth_is_that_of_a_seated_peg(job, side, most):
-    assert judge(job, proven(job, job.hole.depth + side * (most - 1e-5))) is SUCCESS
-    with pytest.raises(SuccessUnprovenError, match="mm deep"):
-        judge(job, proven(job, job.hole.depth + side * (most + 1e-5)))
-
-
-def test_a_peg_beside_the_hole_is_no_success(job):
-    with pytest.raises(SuccessUnprovenError, match=r"0\.0 mm deep"):
-        judge(job, proven(job, 0.0))
-
-
-def test_a_hand_that_still_holds_the_peg_or_is_not_away_is_no_success(job):
-    with pytest.raises(SuccessUnprovenError):
-        judge(job, proven(job), hand=GripperState(0.008, True, False))
-    with pytest.raises(SuccessUnprovenError):
-        judge(job, proven(job), away=AWAY - 1e-4)
-
-
 def test_a_switch_that_closes_proves_nothing_where_force_is_asked_for(job, seen):
     proof = evidence_for(job.hole)
     for stamp in range(40):
@@ -139,6 +110,7 @@ def test_the_proof_says_where_the_peg_rested_and_which_force_its_latch_took(seat
     proof, _ = seated
     np.testing.assert_allclose(proof.seated_tip, seen.tip)
     assert proof.told.startswith("force: a detent of 5.")
+    assert "N, 5 N stated" in proof.told
 
 
 @pytest.mark.parametrize(
@@ -164,23 +136,34 @@ def test_the_curve_goes_on_before_and_after_a_bottom_is_found(seated, seen):
     assert len(begun.curve.heights) == 1
 
 
+@pytest.mark.parametrize(
+    ("depth", "run", "words"),
+    [
+        (0.02, {}, ""),
+        (None, {}, "force against depth did not show the latch with the bottom behind it while the hand held the peg"),
+        (0.02 - DOUBTED + 1e-5, {}, ""),
+        (0.02 - DOUBTED - 1e-5, {}, "the peg rests 18.0 mm deep; 18.0 to 22.0 mm expected"),
+        (0.02 + MOST_DEEP - 1e-5, {}, ""),
+        (0.02 + MOST_DEEP + 1e-5, {}, "mm deep"),
+        (0.00104, {}, "rests 1.0 mm deep"),
+        (0.02, {"hand": GripperState(0.008, True, False)}, "must be open and empty"),
+        (0.02, {"away": AWAY - 1e-4}, "at least 30 mm needed"),
+    ],
+)
+def test_a_latch_a_bottom_behind_it_and_a_hand_away_prove_a_success(job, depth, run, words):
+    proof = ForceProof(LATCH) if depth is None else proven(job, depth)
+    if not words:
+        assert judge(job, proof, **run) is SUCCESS
+        return
+    with pytest.raises(SuccessUnprovenError, match=rf"^success is not proven: .*{words}.*$"):
+        judge(job, proof, **run)
+
+
 @pytest.mark.parametrize(("side", "most"), [(-1.0, DOUBTED), (1.0, MOST_DEEP)])
 def test_a_peg_exactly_as_deep_as_it_may_be_is_seated(job, side, most):
     tip = -(job.hole.depth + side * most) * UP
     look = LastLook(WIDE, tip, SwitchState.OPEN)
     ForceProof(LATCH, Curve(), tip, tip).require_seated(Plane(np.zeros(3), UP), look, job)
-
-
-def test_depths_are_told_to_a_tenth_of_a_millimetre(job):
-    deep = job.model_copy(update={"hole": job.hole.model_copy(update={"depth": 0.06044})})
-    with pytest.raises(SuccessUnprovenError, match=r"the peg rests 40\.0 mm deep; 58\.4 to 62\.4 mm expected$"):
-        judge(deep, proven(deep, 0.04004))
-
-
-def test_a_latch_that_did_not_show_is_told_in_whole_words(job):
-    words = "success is not proven: force against depth did not show the latch with the bottom behind it while the hand held the peg"
-    with pytest.raises(SuccessUnprovenError, match=f"^{words}$"):
-        judge(job, ForceProof(LATCH))
 
 
 def test_the_gate_counts_a_way_down_that_denied_the_bottom_after_the_peg_was_drawn_up(seen):

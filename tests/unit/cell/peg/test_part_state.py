@@ -29,560 +29,481 @@ from cell.peg.part_state import (
 )
 from drivers.parts import Latch
 from drivers.quantities import WIDTH_TOLERANCE, GripperState, SwitchState, Wrench
-from plc_bridge.protocol.messages import PartEvidence, PartPlace, Refusal
+from plc_bridge.protocol.messages import PartEvidence as Bit
+from plc_bridge.protocol.messages import PartPlace, Refusal
 from skills.seating.decision import CLOSED_TOLERANCE
 
 OPEN, CLOSED, UNKNOWN = SwitchState.OPEN, SwitchState.CLOSED, SwitchState.UNKNOWN
-EMPTY = PartState(PartPlace.RACK, "in the rack")
+IN_HAND, IN_HOLE, SEATED, ON_PLATE = PartPlace.IN_HAND, PartPlace.IN_HOLE, PartPlace.SEATED, PartPlace.ON_PLATE
+RACK, BIN, NOWHERE = PartPlace.RACK, PartPlace.BIN, PartPlace.UNKNOWN
+EMPTY = PartState(RACK, "in the rack")
+AWAY = (0.0, 0.0, 0.5)
+"""A hand far from the hole, m."""
+EPSILON = 1e-5
+"""Beyond a limit, m."""
+BEARS = 12.5
+"""Force that the pads bear in tests of a peg that slides, N."""
+
+
+class Peg:
+    """The last peg by the evidence, look after look."""
+
+    def __init__(self, places):
+        self.places, self.state = places, EMPTY
+
+    def evidence(self, tip=None, *, gripping=True, width=None, moving=False, switch=OPEN, tilt=math.pi / 4, felt=None):
+        """Return what a look finds, with the end of the peg where it was unless given."""
+        if width is None:
+            width = self.places.thickness if gripping else 0.04
+        return PegEvidence(width, gripping, moving, tip or self.state.tip, 0.0, switch, tilt, felt)
+
+    def look(self, tip=None, *, is_running=True, push=0.0, **how):
+        """Take a look, and return what is known then."""
+        look = replace(self.evidence(tip, **how), push=push)
+        self.state = after(self.state, look, self.places, is_running)
+        return self.state
+
+    def at(self, depth, aside=0.0):
+        """Return the point so deep in the hole, and so far from its axis, m."""
+        x, y, z = self.places.hole.centre
+        return (x + aside, y, z - depth)
+
+    def held(self, depth, aside=0.0, **how):
+        """Look at the peg in the hand, its end so deep in the hole, m."""
+        return self.look(self.at(depth, aside), **how)
+
+    def gone(self, **how):
+        """Look at the open hand where the peg was held."""
+        return self.look(gripping=False, **how)
+
+    def by_hand(self, gripping, *, width=None, moving=False, switch=OPEN, is_running=True):
+        """Look at the hand alone, because the arm reports nothing."""
+        if width is None:
+            width = self.places.thickness if gripping else 0.04
+        self.state = by_hand_alone(self.state, GripperState(width, gripping, moving), switch, self.places, is_running)
+        return self.state
 
 
 @pytest.fixture
-def places(loaded):
-    return places_of(loaded.cell.job(), loaded.cell.recover.bin)
+def peg(loaded):
+    return Peg(places_of(loaded.cell.job(), loaded.cell.recover.bin))
 
 
-def seen(places, tip, *, gripping=True, width=None, moving=False, switch=OPEN, tilt=math.pi / 4, felt=None):
-    thickness = places.thickness if gripping else 0.04
-    return PegEvidence(thickness if width is None else width, gripping, moving, tip, 0.0, switch, tilt, felt)
+@pytest.fixture
+def sliding(peg):
+    """Return a peg in a hand whose pads bear little."""
+    peg.places = replace(peg.places, bears=BEARS)
+    return peg
 
 
-def at_depth(places, depth, aside=0.0):
-    x, y, z = places.hole.centre
-    return (x + aside, y, z - depth)
+@pytest.fixture
+def at_origin(peg):
+    """Return a peg in a cell at the base's origin, where no length is rounded."""
+    hole = peg.places.hole.model_copy(update={"centre": (0.0, 0.0, 0.0), "depth": 0.0})
+    peg.places = replace(peg.places, hole=hole, thickness=0.0, slots=((0.0, 2.0, 0.0),), bin=(0.0, 4.0, 0.0))
+    return peg
 
 
-def held_at(places, depth, switch=OPEN):
-    return after(EMPTY, seen(places, at_depth(places, depth), switch=switch), places, is_running=True)
+# In the hand.
 
 
 @pytest.mark.parametrize(
     ("depth", "switch", "place"),
     [
-        (-0.1, OPEN, PartPlace.IN_HAND),
-        (IN_HOLE_DEPTH - 1e-5, OPEN, PartPlace.IN_HAND),
-        (IN_HOLE_DEPTH + 1e-5, OPEN, PartPlace.IN_HOLE),
-        (0.02, OPEN, PartPlace.IN_HOLE),
-        (0.02, CLOSED, PartPlace.SEATED),
-        (0.0159, CLOSED, PartPlace.IN_HOLE),
-        (0.02, UNKNOWN, PartPlace.IN_HOLE),
+        (-0.1, OPEN, IN_HAND),
+        (IN_HOLE_DEPTH - EPSILON, OPEN, IN_HAND),
+        (IN_HOLE_DEPTH + EPSILON, OPEN, IN_HOLE),
+        (0.02, OPEN, IN_HOLE),
+        (0.02, CLOSED, SEATED),
+        (0.0159, CLOSED, IN_HOLE),
+        (0.02, UNKNOWN, IN_HOLE),
     ],
 )
-def test_a_held_peg_is_where_depth_and_switch_say(places, depth, switch, place):
-    state = held_at(places, depth, switch)
+def test_a_held_peg_is_where_depth_and_switch_say(peg, depth, switch, place):
+    state = peg.held(depth, switch=switch)
     assert (state.place, state.is_held) == (place, True)
-    assert state.depth == pytest.approx(depth if place is not PartPlace.IN_HAND else 0.0)
+    assert state.depth == pytest.approx(depth if place is not IN_HAND else 0.0)
 
 
 @pytest.mark.parametrize("axis", [0, 1])
 @pytest.mark.parametrize(
-    ("beyond", "place"), [(HOLE_MARGIN - 1e-5, PartPlace.IN_HOLE), (HOLE_MARGIN + 1e-5, PartPlace.IN_HAND)]
+    ("beyond", "place"), [(HOLE_MARGIN - EPSILON, IN_HOLE), (HOLE_MARGIN + EPSILON, IN_HAND), (0.006, IN_HAND)]
 )
-def test_a_held_peg_is_in_the_hole_up_to_a_margin_beside_the_hole_s_area(places, axis, beyond, place):
-    tip = list(at_depth(places, 0.02))
-    tip[axis] -= places.hole.area[axis] / 2 + beyond
-    assert after(EMPTY, seen(places, tuple(tip)), places, is_running=True).place is place
+def test_a_held_peg_is_in_the_hole_up_to_a_margin_beside_its_area(peg, axis, beyond, place):
+    tip = list(peg.at(0.02))
+    tip[axis] -= peg.places.hole.area[axis] / 2 + beyond
+    assert peg.look(tuple(tip)).place is place
 
 
-def test_a_held_peg_beside_the_hole_s_area_is_in_no_hole_however_deep(places):
-    aside = places.hole.area[0] / 2 + 0.006
-    state = after(EMPTY, seen(places, at_depth(places, 0.02, aside)), places, is_running=True)
-    assert state.place is PartPlace.IN_HAND
+@pytest.mark.parametrize(("off", "is_held"), [(WIDTH_TOLERANCE - EPSILON, True), (WIDTH_TOLERANCE + EPSILON, False)])
+def test_the_hand_holds_what_is_as_wide_as_the_peg(peg, off, is_held):
+    assert peg.held(-0.1, width=peg.places.thickness + off).is_held == is_held
 
 
-@pytest.mark.parametrize(("off", "is_held"), [(WIDTH_TOLERANCE - 1e-5, True), (WIDTH_TOLERANCE + 1e-5, False)])
-def test_the_hand_holds_what_is_as_wide_as_the_peg(places, off, is_held):
-    look = seen(places, at_depth(places, -0.1), width=places.thickness + off)
-    assert after(EMPTY, look, places, is_running=True).is_held == is_held
+@pytest.mark.parametrize("aside", [0.0, 1.0])
+def test_a_hole_begins_exactly_at_its_depth_and_ends_at_its_margin(at_origin, aside):
+    tip = (aside * (at_origin.places.hole.area[0] / 2 + HOLE_MARGIN), 0.0, -IN_HOLE_DEPTH)
+    assert at_origin.look(tip).place is IN_HOLE
+
+
+def test_a_held_peg_is_seated_exactly_as_far_off_as_the_switch_may_err(at_origin):
+    assert at_origin.look((0.0, 0.0, -CLOSED_TOLERANCE), switch=CLOSED).place is SEATED
+
+
+# Out of the hand.
 
 
 @pytest.mark.parametrize(
-    ("depth", "switch", "place"),
+    ("depth", "before", "switch", "place", "bits"),
     [
-        (-0.1, OPEN, PartPlace.ON_PLATE),
-        (0.001, OPEN, PartPlace.ON_PLATE),
-        (0.012, OPEN, PartPlace.IN_HOLE),
-        (0.02, CLOSED, PartPlace.SEATED),
+        (-0.1, OPEN, OPEN, ON_PLATE, Bit.SWITCH_OPEN),
+        (0.001, OPEN, OPEN, ON_PLATE, Bit.SWITCH_OPEN),
+        (0.012, OPEN, OPEN, IN_HOLE, Bit.SWITCH_OPEN | Bit.TIP_IN_HOLE),
+        (0.02, CLOSED, CLOSED, SEATED, Bit.SWITCH_CLOSED | Bit.TIP_IN_HOLE),
+        (0.02, OPEN, CLOSED, SEATED, Bit.SWITCH_CLOSED | Bit.TIP_IN_HOLE),
+        (0.02, CLOSED, OPEN, IN_HOLE, Bit.SWITCH_OPEN | Bit.TIP_IN_HOLE),
     ],
 )
-def test_a_peg_that_is_let_go_is_where_it_was_held_or_fell(places, depth, switch, place):
-    held = held_at(places, depth, switch)
-    state = after(held, seen(places, held.tip, gripping=False, switch=switch), places, is_running=True)
-    assert (state.place, state.is_held) == (place, False)
-
-
-def test_a_peg_that_is_lost_from_a_closed_hand_fell(places):
-    held = held_at(places, -0.1)
-    state = after(held, seen(places, held.tip, gripping=False, width=0.0), places, is_running=True)
-    assert state.place is PartPlace.ON_PLATE
-    assert "fell from 100.0 mm above the plate's height at x " in state.evidence
-
-
-def test_a_peg_that_is_let_go_above_the_bin_is_in_it_and_in_its_slot_in_the_rack(places):
-    for tip, place in (
-        ((*places.bin[:2], 0.2), PartPlace.BIN),
-        ((*places.slots[1][:2], places.slots[1][2] - 0.001), PartPlace.RACK),
-        ((*places.slots[1][:2], places.slots[1][2] + 0.001), PartPlace.ON_PLATE),
-    ):
-        held = after(EMPTY, seen(places, tip), places, is_running=True)
-        assert after(held, seen(places, tip, gripping=False), places, is_running=True).place is place
-
-
-def test_a_peg_that_is_lost_over_the_hole_after_it_stood_in_it_may_have_slipped_out_of_the_hand(places):
-    drawn = after(held_at(places, 0.012), seen(places, at_depth(places, -0.02)), places, is_running=True)
-    assert drawn.place is PartPlace.IN_HAND
-    lost = after(drawn, seen(places, drawn.tip, gripping=False, width=0.0), places, is_running=True)
-    assert lost.place is PartPlace.UNKNOWN
-    taken_again = after(lost, seen(places, at_depth(places, -0.02)), places, is_running=True)
-    lost = after(taken_again, seen(places, drawn.tip, gripping=False, width=0.0), places, is_running=True)
-    assert lost.place is PartPlace.ON_PLATE
-
-
-def test_while_the_fingers_move_the_peg_is_where_it_was(places):
-    held = held_at(places, -0.1)
-    assert after(held, seen(places, held.tip, gripping=False, moving=True), places, is_running=True) is held
-
-
-def test_a_hand_that_neither_grips_nor_opens_leaves_nobody_knowing(places):
-    held = held_at(places, -0.1)
-    slack = seen(places, held.tip, gripping=False, width=places.thickness)
-    assert after(held, slack, places, is_running=True).place is PartPlace.UNKNOWN
-
-
-def test_a_hand_that_is_opened_outside_a_run_leaves_nobody_knowing(places):
-    held = held_at(places, -0.1)
-    assert after(held, seen(places, held.tip, gripping=False), places, is_running=False).place is PartPlace.UNKNOWN
-
-
-def test_a_seated_peg_is_taken_away_where_the_switch_opens_while_the_cell_waits(places):
-    seated = PartState(PartPlace.SEATED, "seated", False, 0.02)
-    look = seen(places, (0.0, 0.0, 0.5), gripping=False, switch=OPEN)
-    assert after(seated, look, places, is_running=False).place is PartPlace.RACK
-    assert after(seated, replace(look, switch=CLOSED), places, is_running=False) is seated
-    assert after(seated, replace(look, switch=UNKNOWN), places, is_running=False) is seated
-
-
-def test_a_seated_peg_whose_switch_has_opened_when_the_run_ends_came_along(places):
-    seated = PartState(PartPlace.SEATED, "seated", False, 0.02)
-    look = seen(places, (0.0, 0.0, 0.5), gripping=False, switch=OPEN)
-    assert after_run(seated, look, places).place is PartPlace.UNKNOWN
-    assert after_run(seated, replace(look, switch=CLOSED), places).place is PartPlace.SEATED
+def test_a_peg_that_is_let_go_is_where_it_was_held_or_fell(peg, depth, before, switch, place, bits):
+    peg.held(depth, switch=before)
+    gone = peg.gone(switch=switch)
+    assert (gone.place, gone.is_held, gone.basis, gone.width) == (place, False, bits | Bit.HAND_EMPTY, 0.04)
+    assert (gone.tip, gone.was_in_hole) == (peg.at(depth), place is not ON_PLATE)
 
 
 @pytest.mark.parametrize(
-    ("answer", "place"), [(CLOSED, PartPlace.SEATED), (OPEN, PartPlace.UNKNOWN), (UNKNOWN, PartPlace.SEATED)]
+    ("place_of", "below", "place"), [("bin", 0.0, BIN), ("slots", 0.001, RACK), ("slots", -0.001, ON_PLATE)]
 )
-def test_a_seated_peg_whose_switch_falls_silent_is_where_the_switch_says_once_it_answers(places, answer, place):
-    held = held_at(places, places.hole.depth, CLOSED)
-    gone = seen(places, (0.0, 0.0, 0.5), gripping=False, switch=CLOSED)
-    silent = after_run(after(held, gone, places, is_running=True), replace(gone, switch=UNKNOWN), places)
-    assert (silent.place, silent.is_held) == (PartPlace.SEATED, False)
+def test_a_peg_that_is_let_go_above_bin_or_slot_is_in_it(peg, place_of, below, place):
+    x, y, z = peg.places.bin if place_of == "bin" else peg.places.slots[1]
+    peg.look((x, y, z - below))
+    assert peg.gone().place is place
+
+
+@pytest.mark.parametrize(
+    ("tip", "tilt", "place"),
+    [
+        ((BIN_REACH, 4.0, 0.2), 0.0, BIN),
+        ((SLOT_REACH, 2.0, -0.01), 0.0, RACK),
+        ((0.0, 2.0, 0.0), 0.0, ON_PLATE),
+        ((0.0, 0.0, IN_HOLE_DEPTH), 0.0, ON_PLATE),
+        ((0.0, 0.0, 0.0), UPRIGHT, ON_PLATE),
+        ((0.0, 0.0, 0.0), UPRIGHT - 1e-9, NOWHERE),
+    ],
+)
+def test_bin_slot_hole_and_upright_end_exactly_at_their_limits(at_origin, tip, tilt, place):
+    at_origin.look(tip, tilt=tilt)
+    assert at_origin.gone().place is place
+
+
+@pytest.mark.parametrize(
+    ("depth", "tilt", "place"),
+    [(1e-3, 0.05, NOWHERE), (-1e-3, 0.05, NOWHERE), (1e-3, math.pi / 4, ON_PLATE), (-0.02, 0.05, ON_PLATE)],
+)
+def test_a_peg_lost_upright_at_the_hole_may_be_in_it(peg, depth, tilt, place):
+    assert peg.held(depth, tilt=tilt).place is IN_HAND
+    assert peg.gone().place is place
+
+
+def test_a_peg_lost_over_the_hole_after_it_stood_in_it_may_have_slipped_in(peg):
+    peg.held(0.012)
+    assert peg.held(-0.02).place is IN_HAND
+    lost = peg.gone(width=0.0)
+    assert (lost.place, lost.evidence) == (
+        NOWHERE,
+        "lost over the hole after it stood in it or at it, hand 0.0 mm open",
+    )
+    peg.held(-0.02)
+    assert peg.gone(width=0.0).place is ON_PLATE
+
+
+def test_while_the_fingers_move_the_peg_is_where_it_was(peg):
+    held = peg.held(-0.1)
+    assert peg.gone(moving=True) is held
+
+
+@pytest.mark.parametrize("is_running", [True, False])
+def test_a_peg_that_fell_is_not_on_the_plate_once_the_switch_closes(peg, is_running):
+    """A leaning peg whose edge is in the hole may slide in after the hand has lost it."""
+    peg.held(1e-4)
+    assert peg.gone().place is ON_PLATE
+    now = peg.gone(switch=CLOSED, is_running=is_running)
+    assert now.place is NOWHERE
+    assert "the switch is closed" in now.evidence
+    assert peg.gone(switch=CLOSED, is_running=is_running) == now
+
+
+# Seated.
+
+
+@pytest.mark.parametrize(("switch", "place"), [(OPEN, RACK), (CLOSED, SEATED), (UNKNOWN, SEATED)])
+def test_a_seated_peg_is_taken_away_if_the_switch_opens_while_the_cell_waits(peg, switch, place):
+    peg.state = PartState(SEATED, "seated", False, 0.02)
+    assert peg.look(AWAY, gripping=False, switch=switch, is_running=False).place is place
+
+
+@pytest.mark.parametrize(("switch", "place"), [(OPEN, NOWHERE), (CLOSED, SEATED)])
+def test_a_seated_peg_whose_switch_has_opened_when_the_run_ends_came_along(peg, switch, place):
+    seated = PartState(SEATED, "let go", False, 0.02)
+    state = after_run(seated, peg.evidence(AWAY, gripping=False, switch=switch), peg.places)
+    assert state.place is place
+    assert (state.evidence == "was seated and let go; the switch is open now") is (switch is OPEN)
+
+
+@pytest.mark.parametrize(("answer", "place"), [(CLOSED, SEATED), (OPEN, NOWHERE), (UNKNOWN, SEATED)])
+def test_a_seated_peg_under_a_silent_switch_is_where_it_says_once_it_answers(peg, answer, place):
+    peg.held(peg.places.hole.depth, switch=CLOSED)
+    peg.look(AWAY, gripping=False, switch=CLOSED)
+    peg.state = silent = after_run(peg.state, peg.evidence(AWAY, gripping=False, switch=UNKNOWN), peg.places)
+    assert (silent.place, silent.is_held) == (SEATED, False)
     assert "the switch does not answer now" in silent.evidence
-    assert not silent.basis & PartEvidence.SWITCH_CLOSED
-    now = after(silent, replace(gone, switch=answer), places, is_running=False)
-    assert now.place is place
+    assert not silent.basis & Bit.SWITCH_CLOSED
+    assert peg.look(AWAY, gripping=False, switch=answer, is_running=False).place is place
     # Taking a peg away opens the switch that has reported it as seated since, and no other.
-    later = after(now, replace(gone, switch=OPEN), places, is_running=False)
-    assert later.place is (PartPlace.RACK if answer is CLOSED else PartPlace.UNKNOWN)
+    later = peg.look(AWAY, gripping=False, switch=OPEN, is_running=False)
+    assert later.place is (RACK if answer is CLOSED else NOWHERE)
+
+
+def test_a_peg_that_force_has_proven_stays_seated_while_the_switch_is_open(peg):
+    latch = Latch(kind="detent", force=5.0, height=0.003)
+    peg.places = replace(peg.places, hole=peg.places.hole.model_copy(update={"evidence": "force", "latch": latch}))
+    assert proven(peg.held(0.02), "force").is_held is False
+    assert proven(peg.state, "force").basis == Bit.HAND_HOLDS | Bit.TIP_IN_HOLE | Bit.SWITCH_OPEN | Bit.FORCE
+    assert peg.gone().place is IN_HOLE
+    peg.state = seated = proven(peg.state, "force: a detent of 5.0 N")
+    assert (seated.place, "a detent of 5.0 N" in seated.evidence) == (SEATED, True)
+    look = peg.evidence(gripping=False)
+    assert after_run(seated, look, peg.places) == peg.gone(is_running=False) == seated
+    assert at_start(seated, look, peg.places) == replace(seated, basis=seated.basis | Bit.RECORD)
+    assert refusal_of(seated, OPEN, False, False) is Refusal.NONE
+
+
+# When a program begins.
 
 
 @pytest.mark.parametrize(
     ("kept", "gripping", "switch", "place"),
     [
-        (None, False, OPEN, PartPlace.RACK),
-        (None, False, CLOSED, PartPlace.SEATED),
-        (None, True, OPEN, PartPlace.IN_HAND),
-        (PartState(PartPlace.IN_HAND, "", True), False, OPEN, PartPlace.UNKNOWN),
-        (PartState(PartPlace.IN_HAND, "", True), True, OPEN, PartPlace.IN_HAND),
-        (PartState(PartPlace.ON_PLATE, ""), False, OPEN, PartPlace.ON_PLATE),
-        (PartState(PartPlace.IN_HOLE, "", False, 0.01), False, OPEN, PartPlace.IN_HOLE),
-        (PartState(PartPlace.SEATED, ""), False, CLOSED, PartPlace.SEATED),
-        (PartState(PartPlace.SEATED, ""), False, OPEN, PartPlace.RACK),
-        (PartState(PartPlace.UNKNOWN, ""), False, OPEN, PartPlace.UNKNOWN),
+        (None, False, OPEN, RACK),
+        (None, False, CLOSED, SEATED),
+        (None, True, OPEN, IN_HAND),
+        (PartState(IN_HAND, "", True), False, OPEN, NOWHERE),
+        (PartState(IN_HAND, "", True), True, OPEN, IN_HAND),
+        (PartState(ON_PLATE, ""), False, OPEN, ON_PLATE),
+        (PartState(IN_HOLE, "", False, 0.01), False, OPEN, IN_HOLE),
+        (PartState(SEATED, ""), False, CLOSED, SEATED),
+        (PartState(SEATED, ""), False, OPEN, RACK),
+        (PartState(NOWHERE, ""), False, OPEN, NOWHERE),
     ],
 )
-def test_a_program_that_begins_believes_the_devices_first_and_then_the_record(places, kept, gripping, switch, place):
-    look = seen(places, (0.45, 0.0, 0.3), gripping=gripping, switch=switch)
-    assert at_start(kept, look, places).place is place
+def test_a_program_that_begins_believes_the_devices_first(peg, kept, gripping, switch, place):
+    look = peg.evidence((0.45, 0.0, 0.3), gripping=gripping, switch=switch)
+    assert at_start(kept, look, peg.places).place is place
 
 
-@pytest.mark.parametrize("place", PartPlace)
-def test_a_start_wants_the_last_peg_where_it_may_stay(place):
-    refused = refusal_of(PartState(place, ""), OPEN, is_rack_empty=False, recovers_first=False)
-    assert refused is (Refusal.PART_UNRESOLVED if place in UNRESOLVED else Refusal.NONE)
+def test_a_place_known_by_the_record_alone_says_so(peg):
+    kept = PartState(IN_HOLE, "let go 12.0 mm deep", depth=0.012, basis=Bit.HAND_EMPTY | Bit.TIP_IN_HOLE)
+    look = peg.evidence((0.45, 0.0, 0.3), gripping=False)
+    assert at_start(kept, look, peg.places).basis == Bit.HAND_EMPTY | Bit.TIP_IN_HOLE | Bit.RECORD
+    seated = replace(kept, place=SEATED, basis=kept.basis | Bit.SWITCH_CLOSED)
+    assert at_start(seated, look, peg.places).basis == Bit.HAND_EMPTY | Bit.SWITCH_OPEN
+    now = at_start(peg.held(0.012), peg.evidence(peg.at(-0.1), gripping=False), peg.places)
+    assert (now.is_held, now.evidence) == (False, "in hole when the program ended; the hand is empty now")
 
 
 @pytest.mark.parametrize(
-    ("place", "is_held", "is_refused"),
+    ("place", "is_held", "recovers_first", "is_refused"),
     [
-        (PartPlace.IN_HAND, True, False),
-        (PartPlace.IN_HOLE, True, False),
-        (PartPlace.IN_HOLE, False, True),
-        (PartPlace.ON_PLATE, False, True),
-        (PartPlace.UNKNOWN, False, True),
+        *((place, False, False, place in UNRESOLVED) for place in PartPlace),
+        (IN_HAND, True, True, False),
+        (IN_HOLE, True, True, False),
+        (IN_HOLE, False, True, True),
+        (ON_PLATE, False, True, True),
+        (NOWHERE, False, True, True),
     ],
 )
-def test_what_the_hand_holds_is_recovered_first_where_the_config_says_so(place, is_held, is_refused):
-    refused = refusal_of(PartState(place, "", is_held), OPEN, is_rack_empty=False, recovers_first=True)
-    assert (refused is Refusal.PART_UNRESOLVED) == is_refused
+def test_a_start_wants_the_last_peg_resolved_or_in_a_hand_that_recovers(place, is_held, recovers_first, is_refused):
+    refused = refusal_of(PartState(place, "", is_held), OPEN, is_rack_empty=False, recovers_first=recovers_first)
+    assert refused is (Refusal.PART_UNRESOLVED if is_refused else Refusal.NONE)
 
 
-@pytest.mark.parametrize(("switch", "refusal"), [(CLOSED, Refusal.HOLE_OCCUPIED), (UNKNOWN, Refusal.SWITCH_UNKNOWN)])
-def test_a_start_wants_an_open_switch(switch, refusal):
-    assert refusal_of(EMPTY, switch, is_rack_empty=False, recovers_first=False) is refusal
+@pytest.mark.parametrize(
+    ("switch", "is_rack_empty", "refusal"),
+    [
+        (CLOSED, False, Refusal.HOLE_OCCUPIED),
+        (UNKNOWN, False, Refusal.SWITCH_UNKNOWN),
+        (OPEN, True, Refusal.RACK_EMPTY),
+    ],
+)
+def test_a_start_wants_an_open_switch_and_a_peg_in_the_rack(switch, is_rack_empty, refusal):
+    assert refusal_of(EMPTY, switch, is_rack_empty, recovers_first=False) is refusal
 
 
-def test_a_start_wants_a_peg_in_the_rack():
-    assert refusal_of(EMPTY, OPEN, is_rack_empty=True, recovers_first=False) is Refusal.RACK_EMPTY
+# The evidence in words and in bits.
 
 
 @pytest.mark.parametrize("place", PartPlace)
 def test_every_place_is_told_with_what_to_do_in_one_line(place):
-    line = told(PartState(place, "hand grips 8.0 mm", depth=0.012))
-    assert line.startswith(f"peg {place.name.lower().replace('_', ' ')}, 12.0 mm deep (hand grips 8.0 mm): ")
-    assert line.endswith(REMEDIES[place])
-    assert "\n" not in line
-
-
-def test_the_evidence_names_what_was_read(places):
-    assert held_at(places, 0.012).evidence == "hand grips 8.0 mm, its end 12.0 mm deep, switch open"
-    assert held_at(places, -0.1).evidence == "hand grips 8.0 mm, switch open"
-    x, y, z = places.bin
-    above = after(EMPTY, seen(places, (x, y, z)), places, is_running=True)
-    gone = after(above, seen(places, (x, y, z), gripping=False), places, is_running=True)
-    assert (gone.place, gone.evidence) == (PartPlace.BIN, "let go above the bin, hand 40.0 mm open")
-
-
-def test_a_peg_that_is_in_no_hole_is_told_without_a_depth():
-    assert told(EMPTY) == f"peg rack (in the rack): {REMEDIES[PartPlace.RACK]}"
-
-
-def test_a_peg_that_was_held_when_the_program_ended_and_is_gone_is_told_so(places):
-    now = at_start(held_at(places, 0.012), seen(places, at_depth(places, -0.1), gripping=False), places)
-    assert now.evidence == "in hole when the program ended; the hand is empty now"
-
-
-def test_a_peg_that_is_back_in_its_slot_or_came_along_is_told_so(places):
-    x, y, z = places.slots[0]
-    held = after(EMPTY, seen(places, (x, y, z - 0.001)), places, is_running=True)
-    gone = after(held, seen(places, (x, y, z), gripping=False), places, is_running=True)
-    assert (gone.place, gone.evidence) == (PartPlace.RACK, "let go in its slot, hand 40.0 mm open")
-    seated = PartState(PartPlace.SEATED, "let go", depth=0.02)
-    out = after_run(seated, seen(places, at_depth(places, -0.1), gripping=False), places)
-    assert (out.place, out.evidence) == (PartPlace.UNKNOWN, "was seated and let go; the switch is open now")
-
-
-def test_a_peg_that_was_held_and_is_gone_is_held_no_more(places):
-    assert not at_start(held_at(places, 0.012), seen(places, at_depth(places, -0.1), gripping=False), places).is_held
-
-
-def test_a_peg_whose_end_nobody_can_tell_is_where_the_hand_is(rig):
-    state = rig.cell.context(0).observe()
-    for tip, where in ((np.array([0.1, 0.2, 0.3]), (0.1, 0.2, 0.3)), (np.full(3, np.nan), (0.45, 0.0, 0.3))):
-        assert evidence_of(state.arm, state.gripper, OPEN, tip, 0.0, None).tip == where
-
-
-def test_a_peg_that_force_has_proven_stays_seated_while_the_switch_is_open(places):
-    hole = places.hole.model_copy(update={"evidence": "force", "latch": Latch(kind="detent", force=5.0, height=0.003)})
-    without = replace(places, hole=hole)
-    let_go = after(held_at(places, 0.02), seen(places, at_depth(places, 0.02), gripping=False), without, True)
-    assert let_go.place is PartPlace.IN_HOLE
-    seated = proven(let_go, "force: a detent of 5.0 N")
-    assert (seated.place, "a detent of 5.0 N" in seated.evidence) == (PartPlace.SEATED, True)
-    looked = seen(places, at_depth(places, 0.02), gripping=False)
-    assert after_run(seated, looked, without) == after(seated, looked, without, False) == seated
-    assert at_start(seated, looked, without) == replace(seated, basis=seated.basis | PartEvidence.RECORD)
-    assert refusal_of(seated, OPEN, False, False) is Refusal.NONE
+    where = place.name.lower().replace("_", " ")
+    state = PartState(place, "hand grips 8.0 mm", depth=0.012)
+    assert told(state) == f"peg {where}, 12.0 mm deep (hand grips 8.0 mm): {REMEDIES[place]}"
+    assert told(replace(state, depth=0.0)) == f"peg {where} (hand grips 8.0 mm): {REMEDIES[place]}"
 
 
 @pytest.mark.parametrize(
-    ("depth", "tilt", "place"),
+    ("depth", "how", "words"),
     [
-        (1e-3, 0.05, PartPlace.UNKNOWN),
-        (-1e-3, 0.05, PartPlace.UNKNOWN),
-        (1e-3, math.pi / 4, PartPlace.ON_PLATE),
-        (-0.02, 0.05, PartPlace.ON_PLATE),
+        (0.012, {}, "let go 12.0 mm deep, hand 40.0 mm open, switch open"),
+        (-0.02, {"is_running": False}, "the hand was opened outside a run, hand 40.0 mm open"),
+        (
+            -0.02,
+            {"width": 0.0},
+            "fell from 20.0 mm above the plate's height at x {x:.3f}, y {y:.3f} m, hand 0.0 mm open",
+        ),
+        (-0.02, {"width": 0.008}, "the hand does not grip, 8.0 mm open at a peg of 8.0 mm"),
     ],
 )
-def test_a_peg_that_is_lost_upright_at_the_hole_may_be_in_it_and_a_leaning_one_lies_on_the_plate(
-    places, depth, tilt, place
-):
-    tip = at_depth(places, depth)
-    held = after(EMPTY, seen(places, tip, tilt=tilt), places, is_running=True)
-    lost = after(held, seen(places, tip, gripping=False), places, is_running=True)
-    assert (held.place, lost.place) == (PartPlace.IN_HAND, place)
+def test_the_evidence_names_what_was_read(peg, depth, how, words):
+    end = "its end 12.0 mm deep, " if depth > 0.0 else ""
+    assert peg.held(depth).evidence == f"hand grips 8.0 mm, {end}switch open"
+    x, y, _ = peg.places.hole.centre
+    gone = peg.gone(**how)
+    assert gone.evidence == words.format(x=x, y=y)
+    assert (gone.place is NOWHERE) is ("hand was" in words or "not grip" in words)
 
 
-@pytest.mark.parametrize("is_running", [True, False])
-def test_a_peg_that_fell_at_the_surface_is_not_on_the_plate_once_the_switch_closes(places, is_running):
-    """A leaning peg whose edge is in the hole may slide in after the hand has lost it."""
-    lost = after(held_at(places, 1e-4), seen(places, at_depth(places, 0.0), gripping=False), places, is_running=True)
-    assert lost.place is PartPlace.ON_PLATE
-    closed = seen(places, at_depth(places, 0.0), gripping=False, switch=CLOSED)
-    now = after(lost, closed, places, is_running)
-    assert now.place is PartPlace.UNKNOWN
-    assert "the switch is closed" in now.evidence
-    assert after(now, closed, places, is_running) == now
+@pytest.mark.parametrize(("place_of", "words"), [("bin", "above the bin"), ("slots", "in its slot")])
+def test_the_evidence_names_bin_and_slot(peg, place_of, words):
+    x, y, z = peg.places.bin if place_of == "bin" else peg.places.slots[0]
+    peg.look((x, y, z - 0.001))
+    assert peg.gone().evidence == f"let go {words}, hand 40.0 mm open"
 
 
-# Exactly at a limit: a cell at the base's origin, where no length is rounded.
-
-
-@pytest.fixture
-def at_origin(places):
-    hole = places.hole.model_copy(update={"centre": (0.0, 0.0, 0.0), "depth": 0.0})
-    return replace(places, hole=hole, thickness=0.0, slots=((0.0, 2.0, 0.0),), bin=(0.0, 4.0, 0.0))
-
-
-def let_go_at(places, tip, **how):
-    """Return where a peg is that was held with its end there and is let go."""
-    held = after(EMPTY, seen(places, tip, **how), places, is_running=True)
-    return after(held, seen(places, tip, gripping=False), places, is_running=True).place
-
-
-def test_a_hand_that_is_slack_by_exactly_what_its_width_errs_neither_grips_nor_opens(at_origin):
-    held = after(EMPTY, seen(at_origin, (0.5, 0.0, 0.2), width=WIDTH_TOLERANCE), at_origin, is_running=True)
-    slack = seen(at_origin, held.tip, gripping=False, width=WIDTH_TOLERANCE)
-    assert (held.place, after(held, slack, at_origin, True).evidence) == (
-        PartPlace.IN_HAND,
-        "the hand does not grip, 1.5 mm open at a peg of 0.0 mm",
-    )
+def test_a_hand_slack_by_exactly_what_its_width_errs_neither_grips_nor_opens(at_origin):
+    at_origin.look((0.5, 0.0, 0.2), width=WIDTH_TOLERANCE)
+    slack = at_origin.gone(width=WIDTH_TOLERANCE, felt=True)
+    assert (slack.place, slack.evidence) == (NOWHERE, "the hand does not grip, 1.5 mm open at a peg of 0.0 mm")
+    assert slack.basis == Bit.SKIN_TOUCHED | Bit.SWITCH_OPEN
 
 
 @pytest.mark.parametrize(
-    ("tip", "place"),
+    ("depth", "how", "bits"),
     [
-        ((BIN_REACH, 4.0, 0.2), PartPlace.BIN),
-        ((SLOT_REACH, 2.0, -0.01), PartPlace.RACK),
-        ((0.0, 2.0, 0.0), PartPlace.ON_PLATE),
-        ((0.0, 0.0, IN_HOLE_DEPTH), PartPlace.ON_PLATE),
+        (-0.1, {"felt": True}, Bit.HAND_HOLDS | Bit.SKIN_TOUCHED | Bit.SWITCH_OPEN),
+        (-0.1, {"felt": False, "switch": CLOSED}, Bit.HAND_HOLDS | Bit.SKIN_FREE | Bit.SWITCH_CLOSED),
+        (-0.1, {"switch": UNKNOWN}, Bit.HAND_HOLDS),
+        (0.012, {}, Bit.HAND_HOLDS | Bit.TIP_IN_HOLE | Bit.SWITCH_OPEN),
     ],
 )
-def test_bin_and_slot_reach_exactly_as_far_as_their_limits_say_and_a_hole_begins_below_its(at_origin, tip, place):
-    assert let_go_at(at_origin, tip, tilt=0.0) is place
+def test_the_bits_say_what_hand_skin_tip_and_switch_said(peg, depth, how, bits):
+    state = peg.held(depth, **how)
+    assert (state.basis, state.width) == (bits, peg.places.thickness)
 
 
-@pytest.mark.parametrize(("tilt", "place"), [(UPRIGHT, PartPlace.ON_PLATE), (UPRIGHT - 1e-9, PartPlace.UNKNOWN)])
-def test_a_peg_that_leans_by_the_limit_is_not_upright(at_origin, tilt, place):
-    assert let_go_at(at_origin, (0.0, 0.0, 0.0), tilt=tilt) is place
-
-
-@pytest.mark.parametrize("aside", [0.0, 1.0])
-def test_a_held_peg_is_in_the_hole_exactly_from_its_depth_on_and_up_to_its_margin(at_origin, aside):
-    tip = (aside * (at_origin.hole.area[0] / 2 + HOLE_MARGIN), 0.0, -IN_HOLE_DEPTH)
-    assert after(EMPTY, seen(at_origin, tip), at_origin, is_running=True).place is PartPlace.IN_HOLE
-
-
-def test_a_held_peg_is_seated_exactly_as_far_off_the_hole_s_depth_as_the_switch_may_err(at_origin):
-    closed = seen(at_origin, (0.0, 0.0, -CLOSED_TOLERANCE), switch=CLOSED)
-    assert after(EMPTY, closed, at_origin, is_running=True).place is PartPlace.SEATED
-
-
-# Place of a peg after the hand lets go, and its report.
-
-
-@pytest.mark.parametrize(
-    ("before", "switch", "place", "bits"),
-    [
-        (OPEN, CLOSED, PartPlace.SEATED, PartEvidence.SWITCH_CLOSED),
-        (CLOSED, OPEN, PartPlace.IN_HOLE, PartEvidence.SWITCH_OPEN),
-    ],
-)
-def test_a_peg_that_is_let_go_in_the_hole_is_where_the_switch_says_then(places, before, switch, place, bits):
-    held = held_at(places, 0.02, before)
-    gone = after(held, seen(places, held.tip, gripping=False, switch=switch), places, is_running=True)
-    assert gone == PartState(
-        place,
-        f"let go 20.0 mm deep, hand 40.0 mm open, switch {switch}",
-        False,
-        pytest.approx(0.02),
-        at_depth(places, 0.02),
-        True,
-        bits | PartEvidence.HAND_EMPTY | PartEvidence.TIP_IN_HOLE,
-        0.04,
-    )
-
-
-def test_a_peg_that_was_lost_is_told_with_how(places):
-    x, y, _ = places.hole.centre
-    drawn = after(held_at(places, 0.012), seen(places, at_depth(places, -0.02)), places, is_running=True)
-    dropped = seen(places, drawn.tip, gripping=False)
-    assert after(drawn, dropped, places, True).evidence == (
-        "lost over the hole after it stood in it or at it, hand 40.0 mm open"
-    )
-    never = held_at(places, -0.02)
-    assert after(never, dropped, places, False).evidence == "the hand was opened outside a run, hand 40.0 mm open"
-    assert after(never, dropped, places, True).evidence == (
-        f"fell from 20.0 mm above the plate's height at x {x:.3f}, y {y:.3f} m, hand 40.0 mm open"
-    )
-
-
-def test_a_peg_that_is_proven_seated_is_no_longer_held(places):
-    assert proven(held_at(places, 0.02), "force").is_held is False
-
-
-# The evidence in bits, as the buses carry it.
-
-Bit = PartEvidence
-
-
-@pytest.mark.parametrize(
-    ("how", "bits"),
-    [
-        ({"felt": True}, Bit.HAND_HOLDS | Bit.SKIN_TOUCHED | Bit.SWITCH_OPEN),
-        ({"felt": False, "switch": CLOSED}, Bit.HAND_HOLDS | Bit.SKIN_FREE | Bit.SWITCH_CLOSED),
-        ({"switch": UNKNOWN}, Bit.HAND_HOLDS),
-        ({"depth": 0.012}, Bit.HAND_HOLDS | Bit.TIP_IN_HOLE | Bit.SWITCH_OPEN),
-    ],
-)
-def test_the_bits_say_what_hand_skin_tip_and_switch_said(places, how, bits):
-    depth = how.pop("depth", -0.1)
-    state = after(EMPTY, seen(places, at_depth(places, depth), **how), places, is_running=True)
-    assert (state.basis, state.width) == (bits, places.thickness)
-
-
-def test_a_hand_that_is_slack_has_neither_bit_of_the_hand(places):
-    held = held_at(places, -0.1)
-    slack = seen(places, held.tip, gripping=False, width=places.thickness, felt=True)
-    assert after(held, slack, places, is_running=True).basis == Bit.SKIN_TOUCHED | Bit.SWITCH_OPEN
-
-
-def test_a_peg_that_fell_keeps_the_evidence_of_its_fall(places):
-    held = held_at(places, -0.1)
-    fell = after(held, seen(places, held.tip, gripping=False, width=0.0, felt=False), places, is_running=True)
-    later = after(fell, seen(places, held.tip, gripping=False, width=0.04, switch=UNKNOWN), places, is_running=False)
+def test_a_peg_that_fell_keeps_the_evidence_of_its_fall(peg):
+    peg.held(-0.1)
+    peg.gone(width=0.0, felt=False)
+    later = peg.gone(switch=UNKNOWN, is_running=False)
     assert (later.basis, later.width) == (Bit.HAND_EMPTY | Bit.SKIN_FREE | Bit.SWITCH_OPEN, 0.0)
 
 
-def test_a_place_that_only_the_record_tells_says_so_and_one_that_the_sensors_tell_does_not(places):
-    kept = PartState(PartPlace.IN_HOLE, "let go 12.0 mm deep", depth=0.012, basis=Bit.HAND_EMPTY | Bit.TIP_IN_HOLE)
-    look = seen(places, (0.45, 0.0, 0.3), gripping=False)
-    assert at_start(kept, look, places).basis == Bit.HAND_EMPTY | Bit.TIP_IN_HOLE | Bit.RECORD
-    seated = replace(kept, place=PartPlace.SEATED, basis=kept.basis | Bit.SWITCH_CLOSED)
-    assert at_start(seated, look, places).basis == Bit.HAND_EMPTY | Bit.SWITCH_OPEN
+@pytest.mark.parametrize(
+    ("bits", "words"),
+    [
+        (
+            Bit.HAND_HOLDS | Bit.SKIN_TOUCHED | Bit.TIP_IN_HOLE | Bit.SWITCH_OPEN,
+            "the hand holds a peg, skin touched, its end was in the hole, switch open, pads 8.0 mm apart",
+        ),
+        (Bit.SWITCH_CLOSED, "the hand does not grip, switch closed, pads 8.0 mm apart"),
+        (Bit.PERSON, "a person has taken the last peg away"),
+        (Bit.NOTHING, ""),
+    ],
+)
+def test_the_bits_in_words_name_each_of_them_and_the_width(bits, words):
+    assert in_words(bits, 0.008) == words
 
 
-def test_a_peg_that_force_has_proven_seated_says_so(places):
-    assert (
-        proven(held_at(places, 0.02), "force").basis == Bit.HAND_HOLDS | Bit.TIP_IN_HOLE | Bit.SWITCH_OPEN | Bit.FORCE
-    )
+# A hand whose arm reports nothing.
 
 
-def test_the_bits_in_words_name_each_of_them_and_the_width():
-    assert in_words(Bit.HAND_HOLDS | Bit.SKIN_TOUCHED | Bit.TIP_IN_HOLE | Bit.SWITCH_OPEN, 0.008) == (
-        "the hand holds a peg, skin touched, its end was in the hole, switch open, pads 8.0 mm apart"
-    )
-    assert in_words(Bit.SWITCH_CLOSED, 0.008) == "the hand does not grip, switch closed, pads 8.0 mm apart"
-    assert in_words(Bit.PERSON, 0.0) == "a person has taken the last peg away"
-    assert in_words(Bit.NOTHING, 0.0) == ""
-
-
-def alone(before, places, *, gripping, moving=False, width=None, switch=OPEN, is_running=True):
-    """Return where the peg is after a reading of the hand while the arm reports nothing."""
-    wide = places.thickness if gripping else 0.04
-    return by_hand_alone(
-        before, GripperState(wide if width is None else width, gripping, moving), switch, places, is_running
-    )
-
-
-def test_a_hand_that_closes_on_its_peg_while_the_arm_does_not_tell_holds_it_wherever_that_is(places):
-    now = alone(EMPTY, places, gripping=True)
-    assert (now.place, now.is_held, now.depth) == (PartPlace.IN_HAND, True, 0.0)
+def test_a_hand_that_closes_while_the_arm_is_silent_holds_its_peg_anywhere(peg):
+    assert peg.by_hand(gripping=False) is EMPTY
+    assert peg.by_hand(gripping=True, width=peg.places.thickness + 1.1 * WIDTH_TOLERANCE) is EMPTY
+    now = peg.by_hand(gripping=True)
+    assert (now.place, now.is_held, now.depth) == (IN_HAND, True, 0.0)
     assert "the arm does not tell where" in now.evidence
-    assert now.basis & PartEvidence.HAND_HOLDS
-    assert alone(EMPTY, places, gripping=True, width=places.thickness + 1.1 * WIDTH_TOLERANCE) is EMPTY
+    assert now.basis & Bit.HAND_HOLDS
 
 
 @pytest.mark.parametrize("depth", [-0.05, 0.01, 0.02])
-def test_a_hand_that_goes_on_holding_its_peg_leaves_it_where_it_was(places, depth):
-    before = held_at(places, depth)
-    assert alone(before, places, gripping=True) is before
-    assert alone(before, places, gripping=False, moving=True) is before
+def test_a_hand_that_goes_on_holding_its_peg_leaves_it_where_it_was(peg, depth):
+    before = peg.held(depth)
+    assert peg.by_hand(gripping=True) is before
+    assert peg.by_hand(gripping=False, moving=True) is before
 
 
 @pytest.mark.parametrize(
-    ("depth", "switch", "place"),
-    [(0.02, CLOSED, PartPlace.SEATED), (0.01, UNKNOWN, PartPlace.IN_HOLE), (-0.05, OPEN, PartPlace.ON_PLATE)],
+    ("depth", "switch", "is_running", "place"),
+    [
+        (0.02, CLOSED, True, SEATED),
+        (0.01, UNKNOWN, True, IN_HOLE),
+        (-0.05, OPEN, True, ON_PLATE),
+        (-0.05, OPEN, False, NOWHERE),
+    ],
 )
-def test_a_hand_that_opens_while_the_arm_does_not_tell_lets_go_of_its_peg_where_the_arm_was_last(
-    places, depth, switch, place
-):
-    now = alone(held_at(places, depth), places, gripping=False, switch=switch)
+def test_a_hand_that_opens_lets_go_where_the_arm_was_last(peg, depth, switch, is_running, place):
+    peg.held(depth)
+    now = peg.by_hand(gripping=False, switch=switch, is_running=is_running)
     assert (now.place, now.is_held) == (place, False)
 
 
-def test_a_hand_that_is_opened_outside_a_run_while_the_arm_does_not_tell_leaves_nobody_knowing(places):
-    assert alone(held_at(places, -0.05), places, gripping=False, is_running=False).place is PartPlace.UNKNOWN
+# A peg that slides in the hand because it is pressed harder than the pads bear.
 
 
-def test_a_hand_that_holds_nothing_and_goes_on_holding_nothing_is_no_news(places):
-    assert alone(EMPTY, places, gripping=False) is EMPTY
+def press(peg, depths, push):
+    """Look at the peg while the hand goes through these depths, m, and so much presses on it, N."""
+    for number, depth in enumerate(depths):
+        peg.held(depth, push=push if number else 0.0)
+    return peg.state
 
 
-BEARS = 12.5
-"""Force that the pads bear in these tests, N."""
+@pytest.mark.parametrize(("push", "place"), [(BEARS - 0.1, IN_HOLE), (BEARS + 0.1, IN_HAND), (60.0, IN_HAND)])
+def test_a_peg_pressed_harder_than_the_pads_bear_may_have_slid_up(sliding, push, place):
+    state = press(sliding, np.arange(0.0, 0.0105, 0.001), push)
+    assert state.place is place
+    assert state.slid == pytest.approx(0.01 if place is IN_HAND else 0.0)
+    again = at_start(state, sliding.evidence(), sliding.places)
+    assert (again.place, again.slid) == (place, state.slid)
 
 
-def pressed(places, depths, push):
-    """Return the state of a peg at the hole whose believed end goes through these depths, m, while so much presses it along the fingers, N."""
-    part = held_at(places, depths[0])
-    for depth in depths[1:]:
-        part = after(part, replace(seen(places, at_depth(places, depth)), push=push), places, is_running=True)
-    return part
-
-
-@pytest.mark.parametrize(
-    ("push", "place"), [(BEARS - 0.1, PartPlace.IN_HOLE), (BEARS + 0.1, PartPlace.IN_HAND), (60.0, PartPlace.IN_HAND)]
-)
-def test_a_peg_that_is_pressed_harder_than_the_pads_bear_may_have_slid_up_instead_of_gone_in(places, push, place):
-    places = replace(places, bears=BEARS)
-    part = pressed(places, np.arange(0.0, 0.0105, 0.001), push)
-    assert part.place is place
-    assert part.slid == pytest.approx(0.01 if place is PartPlace.IN_HAND else 0.0)
-
-
-def test_what_the_hand_has_slid_is_missing_from_the_way_into_the_hole_and_no_more(places):
-    places = replace(places, bears=BEARS)
-    slid = pressed(places, [0.0, 0.003], 2.0 * BEARS)
-    for deeper, place in ((0.99, PartPlace.IN_HAND), (1.01, PartPlace.IN_HOLE)):
-        now = after(slid, seen(places, at_depth(places, 0.003 + deeper * IN_HOLE_DEPTH)), places, is_running=True)
+def test_what_the_hand_has_slid_is_missing_from_the_way_into_the_hole(sliding):
+    press(sliding, [0.0, 0.003], 2.0 * BEARS)
+    for deeper, place in ((0.99, IN_HAND), (1.01, IN_HOLE)):
+        now = sliding.held(0.003 + deeper * IN_HOLE_DEPTH)
         assert (now.place, now.slid) == (place, pytest.approx(0.003))
 
 
-def test_a_peg_that_is_pushed_back_by_a_hand_that_rises_has_slid_nowhere(places):
-    places = replace(places, bears=BEARS)
-    assert pressed(places, [0.0, 0.003, -0.002], 2.0 * BEARS).slid == 0.0
+def test_a_hand_that_rises_or_lets_go_forgets_how_far_it_slid(sliding):
+    assert press(sliding, [0.0, 0.003, -0.002], 2.0 * BEARS).slid == 0.0
+    press(sliding, [0.0, 0.003], 20.0)
+    sliding.look((0.3, 0.3, 0.3), gripping=False)
+    assert sliding.held(-0.05, push=20.0).slid == 0.0
 
 
-def test_a_peg_on_its_switch_is_seated_whatever_the_arm_reports_as_its_push(places):
+def test_a_peg_on_its_switch_is_seated_whatever_push_the_arm_reports(sliding):
     """An arm whose wrench is off reports a push all the while."""
-    places, depth = replace(places, bears=BEARS), places.hole.depth
-    pushed = pressed(places, np.linspace(0.0, depth, 20), 2.0 * BEARS)
-    assert pushed.place is PartPlace.IN_HAND
-    look = replace(seen(places, at_depth(places, depth), switch=CLOSED), push=2.0 * BEARS)
-    seated = after(pushed, look, places, is_running=True)
-    assert (seated.place, seated.depth) == (PartPlace.SEATED, pytest.approx(depth))
-    gone = seen(places, (0.0, 0.0, 0.5), gripping=False, switch=CLOSED)
-    assert after(seated, gone, places, is_running=True).place is PartPlace.SEATED
+    depth = sliding.places.hole.depth
+    assert press(sliding, np.linspace(0.0, depth, 20), 2.0 * BEARS).place is IN_HAND
+    seated = sliding.held(depth, switch=CLOSED, push=2.0 * BEARS)
+    assert (seated.place, seated.depth) == (SEATED, pytest.approx(depth))
+    assert sliding.look(AWAY, gripping=False, switch=CLOSED).place is SEATED
 
 
-def test_a_peg_that_is_let_go_has_slid_in_no_hand(places):
-    places = replace(places, bears=BEARS)
-    free = after(pressed(places, [0.0, 0.003], 20.0), seen(places, (0.3, 0.3, 0.3), gripping=False), places, True)
-    taken = after(free, replace(seen(places, at_depth(places, -0.05)), push=20.0), places, is_running=True)
-    assert taken.slid == 0.0
-
-
-def test_a_program_that_begins_again_remembers_how_far_the_hand_has_slid(places):
-    places = replace(places, bears=BEARS)
-    kept = pressed(places, np.arange(0.0, 0.0065, 0.001), 20.0)
-    again = at_start(kept, seen(places, at_depth(places, 0.006)), places)
-    assert (again.place, again.slid) == (PartPlace.IN_HAND, pytest.approx(0.006))
-
-
-def test_the_push_is_the_force_on_the_hand_along_the_peg(rig):
+def test_evidence_has_the_push_along_the_peg_and_an_end(rig):
     rig.gripper.grip(30.0)
     arm = replace(rig.arm.read(), wrench=Wrench(np.array([5.0, -3.0, 9.0]), np.zeros(3)))
     leaning = arm.tcp.position - 0.05 * np.array([0.6, 0.0, 0.8])
-    found = evidence_of(arm, rig.gripper.read(), OPEN, leaning, 0.0, True)
-    assert found.push == pytest.approx(0.6 * 5.0 + 0.8 * 9.0)
-    assert evidence_of(arm, rig.gripper.read(), OPEN, np.full(3, math.nan), 0.0, True).push == 0.0
+    for tip, push, where in ((leaning, 0.6 * 5.0 + 0.8 * 9.0, leaning), (np.full(3, math.nan), 0.0, arm.tcp.position)):
+        found = evidence_of(arm, rig.gripper.read(), OPEN, tip, 0.0, True)
+        assert found.push == pytest.approx(push)
+        assert found.tip == pytest.approx(tuple(where))

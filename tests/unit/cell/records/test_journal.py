@@ -1,6 +1,6 @@
-import json
+import shutil
 import sqlite3
-from contextlib import closing
+from contextlib import closing, contextmanager
 from dataclasses import replace
 
 import numpy as np
@@ -25,17 +25,14 @@ from tests.fakes import Rig
 ROW = RunRow(0, "2025-01-01T00:00:00.000+00:00", "insert_peg", 1, "A-17", "10.0.0.5:4711", 42)
 
 
-class Stream(SampleStream):
-    """A stream of samples that goes to a file at once."""
-
-    def __init__(self, path, facts=None):
-        self._file = SampleFile(path, facts)
-        super().__init__(self._file.write)
-
-    def close(self):
-        """Write what is left and end the file."""
-        self._file.write(self.rest())
-        self._file.close()
+@contextmanager
+def stream(path, facts=None):
+    """Write a stream of samples to a file at once."""
+    file = SampleFile(path, facts)
+    made = SampleStream(file.write)
+    yield made
+    file.write(made.rest())
+    file.close()
 
 
 @pytest.fixture
@@ -49,29 +46,14 @@ def seen(rig: Rig):
     return rig.cell.context(0).observe()
 
 
-def test_a_run_is_on_record_before_it_ends(journal):
-    number = journal.begin(ROW).run
-    assert journal.find(number).outcome == "running"
-
-
-def test_numbers_count_up_and_are_kept(journal):
-    first, second = journal.begin(ROW), journal.begin(ROW)
-    assert (second.run - first.run, journal.last_run()) == (1, second.run)
-
-
-def test_the_ending_ties_outcome_to_command(journal):
-    row = journal.begin(ROW)
-    journal.finish(
-        replace(row, outcome="failure", stage="spray_search", reason="no_hole", stage_times=json.dumps([["a", 1.0]]))
-    )
+def test_a_run_is_on_record_from_its_beginning_to_its_end(journal):
+    first, row = journal.begin(ROW), journal.begin(ROW)
+    assert (row.run - first.run, journal.last_run()) == (1, row.run)
+    assert [found.run for found in journal.runs(1)] == [row.run]
+    assert journal.find(row.run).outcome == "running"
+    journal.finish(replace(row, outcome="failure", stage="spray_search", reason="no_hole"))
     found = journal.find(row.run)
     assert (found.sequence, found.serial, found.source, found.reason) == (42, "A-17", "10.0.0.5:4711", "no_hole")
-
-
-def test_the_newest_run_comes_first(journal):
-    for _ in range(3):
-        journal.begin(ROW)
-    assert [row.run for row in journal.runs(2)] == [3, 2]
 
 
 def test_runs_are_counted_by_how_they_ended(journal):
@@ -82,30 +64,19 @@ def test_runs_are_counted_by_how_they_ended(journal):
 
 
 def test_an_unknown_run_is_told_with_what_is_there(journal):
+    with pytest.raises(JournalError, match=r"run 3: not in .*; no runs are on record yet"):
+        journal.find(3)
+    assert (journal.is_disk_low, journal.trouble) == (False, "")
     journal.begin(ROW)
     with pytest.raises(JournalError, match=r"run 9: .*1 to 1 are on record"):
         journal.find(9)
 
 
-def test_a_folder_that_cannot_be_made_is_a_fault(tmp_path):
-    (tmp_path / "file").write_text("")
-    with pytest.raises(JournalError, match="cannot be used"):
-        Journal(tmp_path / "file" / "runs").open()
-
-
-def test_a_file_that_is_no_index_is_told_to_who_reads(tmp_path):
-    (tmp_path / INDEX).write_text(NO_INDEX)
-    with pytest.raises(JournalError, match="cannot be used"):
-        Journal(tmp_path, is_read_only=True).open()
-
-
-NO_INDEX = "nothing of the kind, but long enough to be read as a header" * 20
-
-
-def layout_of(folder):
-    """Return the number of the layout that an index says of itself."""
-    with closing(sqlite3.connect(folder / INDEX)) as index:
-        return index.execute("PRAGMA user_version").fetchone()[0]
+def test_a_folder_or_an_index_that_is_none_is_a_fault(tmp_path):
+    (tmp_path / INDEX).write_text("nothing of the kind, but long enough to be read as a header" * 20)
+    for folder, is_read_only in ((tmp_path / INDEX / "runs", False), (tmp_path, True)):
+        with pytest.raises(JournalError, match="cannot be used"):
+            Journal(folder, is_read_only=is_read_only).open()
 
 
 def test_a_journal_tells_runs_of_simulated_cells_from_those_of_real_ones(journal):
@@ -125,7 +96,8 @@ def test_an_index_of_another_layout_is_refused_and_left_as_it_is(tmp_path, layou
     for is_read_only in (False, True):
         with pytest.raises(JournalError, match=rf"runs\.sqlite: layout {layout} of another version; {LAYOUT} allowed"):
             Journal(tmp_path, is_read_only=is_read_only).open()
-    assert layout_of(tmp_path) == layout
+    with closing(sqlite3.connect(tmp_path / INDEX)) as index:
+        assert index.execute("PRAGMA user_version").fetchone()[0] == layout
 
 
 def test_reading_makes_no_folder(tmp_path):
@@ -134,19 +106,13 @@ def test_reading_makes_no_folder(tmp_path):
     assert not (tmp_path / "none").exists()
 
 
-def test_a_journal_that_is_being_written_can_be_read(journal):
+def test_a_journal_that_is_being_written_can_be_read_and_not_written_by_others(journal):
     number = journal.begin(ROW).run
     assert journal.find(number) == replace(ROW, run=number)
     with Journal(journal.folder, is_read_only=True) as reader:
         assert reader.find(number).outcome == "running"
-
-
-def test_who_reads_cannot_write(journal):
-    with (
-        Journal(journal.folder, is_read_only=True) as reader,
-        pytest.raises(JournalError, match="not open to write"),
-    ):
-        reader.begin(ROW)
+        with pytest.raises(JournalError, match="not open to write"):
+            reader.begin(ROW)
 
 
 def test_files_are_their_owners_alone(tmp_path):
@@ -156,15 +122,13 @@ def test_files_are_their_owners_alone(tmp_path):
     assert (tmp_path / "runs").stat().st_mode & 0o777 == 0o700
 
 
-@pytest.mark.parametrize("mode", [0o700, 0o750, 0o755])
-def test_a_folder_that_its_owner_alone_may_write_is_taken(tmp_path, mode):
-    tmp_path.chmod(mode)
-    with Journal(tmp_path) as journal:
-        assert journal.begin(ROW).run == 1
-
-
 @pytest.mark.parametrize("mode", [0o720, 0o775, 0o702, 0o777])
 def test_a_folder_that_others_may_write_is_refused_in_one_line(tmp_path, mode):
+    (tmp_path / "own").mkdir()
+    (tmp_path / "own").chmod(mode & 0o755)
+    with Journal(tmp_path / "own") as journal:
+        assert journal.begin(ROW).run == 1
+    shutil.rmtree(tmp_path / "own")
     tmp_path.chmod(mode)
     with pytest.raises(JournalError, match=rf"^[^\n]*: mode {mode:o}: others than its owner may write [^\n]*$"):
         Journal(tmp_path).open()
@@ -189,36 +153,40 @@ def test_events_come_back_oldest_first_by_time_and_by_run(journal):
     assert [event.event for event in journal.events(run=7)] == [2]
 
 
-def test_a_config_is_kept_once_and_whole(journal):
+def test_a_config_is_kept_once_and_whole_under_its_hash(journal, loaded):
     for _ in range(2):
         journal.keep_config(ConfigRow("abc", '{"scan_rate": 100.0}'))
     assert (journal.config("abc"), journal.config("other")) == ('{"scan_rate": 100.0}', None)
-
-
-def test_another_config_has_another_hash(loaded):
-    other = loaded.cell.model_copy(update={"scan_rate": 50.0})
-    assert config_hash(other) != config_hash(loaded.cell)
+    assert config_hash(loaded.cell.model_copy(update={"scan_rate": 50.0})) != config_hash(loaded.cell)
 
 
 def test_samples_come_back_as_they_were(tmp_path, seen):
-    stream = Stream(tmp_path / "a.arrows")
-    for _ in range(BATCH + 7):
-        stream.add(seen, None, 2)
-    stream.close()
-    samples = read_samples(tmp_path / "a.arrows")
-    assert samples["stage"].tolist() == [2.0] * (BATCH + 7)
-    assert samples["tcp_z"][-1] == seen.arm.tcp.position[2]
-    assert np.isnan(samples["setpoint_x"]).all()
-    assert samples["taxels"].shape == (BATCH + 7, 40)
+    untold = replace(seen, arm=replace(seen.arm, commanded=None))
+    with stream(tmp_path / "a.arrows") as samples:
+        for _ in range(BATCH + 7):
+            samples.add(untold, None, 2)
+    found = read_samples(tmp_path / "a.arrows")
+    assert found["stage"].tolist() == [2.0] * (BATCH + 7)
+    assert found["tcp_z"][-1] == seen.arm.tcp.position[2]
+    assert found["taxels"].shape == (BATCH + 7, 40)
+    unknown = [name for name in COLUMNS if name.startswith("true_")]
+    assert all(np.isnan(found[name]).all() for name in ("setpoint_x", "torques", *unknown))
+    with pytest.raises(JournalError, match=r"a\.arrows: recorded by another version"):
+        read_facts(tmp_path / "a.arrows")
+    with pytest.raises(JournalError, match="no samples on record"):
+        read_samples(tmp_path / "gone.arrows")
+    export_csv(found, tmp_path / "a.csv")
+    lines = (tmp_path / "a.csv").read_text().splitlines()
+    joints = [f"{name}_{number}" for name in ("joint", "joint_velocity", "joint_torque") for number in range(1, 8)]
+    assert (lines[0].split(","), len(lines)) == ([*COLUMNS, *taxel_columns(40), *joints], BATCH + 8)
 
 
 def test_joints_and_the_true_poses_come_back_as_they_were(tmp_path, seen):
     lean = rotation_about(np.array([0.6, 0.0, 0.8]), 2.0)
     sight = Sight(peg=Pose(np.array([0.5, 0.1, 0.2]), lean), hole=Pose(np.array([0.4, 0.0, 0.1]), np.eye(3)))
-    stream = Stream(tmp_path / "a.arrows")
     torque = np.arange(7.0)
-    stream.add(replace(seen, arm=replace(seen.arm, commanded=torque)), None, 2, sight)
-    stream.close()
+    with stream(tmp_path / "a.arrows") as written:
+        written.add(replace(seen, arm=replace(seen.arm, commanded=torque)), None, 2, sight)
     samples = read_samples(tmp_path / "a.arrows")
     quaternion = np.array([samples[f"true_peg_q{part}"][0] for part in "wxyz"])
     assert samples["joints"].tolist() == [seen.arm.q.tolist()]
@@ -228,25 +196,9 @@ def test_joints_and_the_true_poses_come_back_as_they_were(tmp_path, seen):
     np.testing.assert_allclose(rotation_of(quaternion), lean, atol=1e-15)
 
 
-def test_a_cell_that_knows_no_truth_records_none(tmp_path, seen):
-    stream = Stream(tmp_path / "a.arrows")
-    stream.add(seen, None, 2)
-    stream.close()
-    samples = read_samples(tmp_path / "a.arrows")
-    assert all(np.isnan(samples[name]).all() for name in COLUMNS if name.startswith("true_"))
-
-
-def test_an_arm_that_tells_no_torque_leaves_it_open(tmp_path, seen):
-    stream = Stream(tmp_path / "a.arrows")
-    stream.add(replace(seen, arm=replace(seen.arm, commanded=None)), None, 2)
-    stream.close()
-    assert np.isnan(read_samples(tmp_path / "a.arrows")["torques"]).tolist() == [[True] * 7]
-
-
 def test_samples_of_an_earlier_version_are_read_without_what_it_did_not_record(tmp_path, seen):
-    stream = Stream(tmp_path / "new.arrows")
-    stream.add(seen, None, 3)
-    stream.close()
+    with stream(tmp_path / "new.arrows") as written:
+        written.add(seen, None, 3)
     with pa.OSFile(str(tmp_path / "new.arrows")) as file:
         table = pa.ipc.open_stream(file).read_all()
     early = table.select(
@@ -261,43 +213,18 @@ def test_samples_of_an_earlier_version_are_read_without_what_it_did_not_record(t
 
 def test_the_facts_of_the_scene_stand_in_the_head_of_the_samples(tmp_path, seen, loaded):
     facts = scene_facts(loaded.cell)
-    stream = Stream(tmp_path / "a.arrows", facts)
-    stream.add(seen, None, 1)
-    stream.close()
+    with stream(tmp_path / "a.arrows", facts) as written:
+        written.add(seen, None, 1)
     assert read_facts(tmp_path / "a.arrows") == facts
 
 
-def test_samples_without_facts_are_told_by_their_file(tmp_path, seen):
-    stream = Stream(tmp_path / "a.arrows")
-    stream.add(seen, None, 1)
-    stream.close()
-    with pytest.raises(JournalError, match=r"a\.arrows: recorded by another version"):
-        read_facts(tmp_path / "a.arrows")
-
-
 def test_samples_are_readable_when_the_program_was_killed(tmp_path, seen):
-    stream = Stream(tmp_path / "a.arrows")
-    for _ in range(2 * BATCH):
-        stream.add(seen, None, 1)
-    whole = (tmp_path / "a.arrows").read_bytes()
+    with stream(tmp_path / "a.arrows") as written:
+        for _ in range(2 * BATCH):
+            written.add(seen, None, 1)
+        whole = (tmp_path / "a.arrows").read_bytes()
     (tmp_path / "b.arrows").write_bytes(whole[:-10])
     assert read_samples(tmp_path / "b.arrows")["stamp"].size == BATCH
-    stream.close()
-
-
-def test_csv_has_a_row_a_scan(tmp_path, seen):
-    stream = Stream(tmp_path / "a.arrows")
-    stream.add(seen, None, 1)
-    stream.close()
-    export_csv(read_samples(tmp_path / "a.arrows"), tmp_path / "a.csv")
-    lines = (tmp_path / "a.csv").read_text().splitlines()
-    joints = [f"{name}_{number}" for name in ("joint", "joint_velocity", "joint_torque") for number in range(1, 8)]
-    assert (lines[0].split(","), len(lines)) == ([*COLUMNS, *taxel_columns(40), *joints], 2)
-
-
-def test_no_samples_are_told_by_their_file(tmp_path):
-    with pytest.raises(JournalError, match="no samples on record"):
-        read_samples(tmp_path / "gone.arrows")
 
 
 def test_a_torn_file_of_samples_is_told_after_what_the_index_knows(tmp_path, capsys):
@@ -336,9 +263,3 @@ def test_records_lie_among_the_user_s_own_data(monkeypatch, tmp_path):
     monkeypatch.delenv("XDG_DATA_HOME")
     monkeypatch.setenv("HOME", str(tmp_path))
     assert default_folder() == tmp_path / ".local" / "share" / "tactile-insertion-cell"
-
-
-def test_a_journal_without_runs_says_so(journal):
-    with pytest.raises(JournalError, match=r"run 3: not in .*; no runs are on record yet"):
-        journal.find(3)
-    assert (journal.is_disk_low, journal.trouble) == (False, "")

@@ -36,6 +36,7 @@ from drivers.errors import JournalError
 from tests.fakes import Rig
 from tests.trouble import full_disk, until
 
+EVENT = EventRow(0, "2025", 0.0, EventKind.FAULT, "SKIN_SILENT")
 ROW = RunRow(0, "2025-01-01T00:00:00.000+00:00", "insert_peg", 1, "A-17", "10.0.0.5:4711", 42)
 
 
@@ -96,28 +97,16 @@ def test_a_run_that_a_kill_left_open_is_closed_with_what_its_samples_tell(tmp_pa
         assert (done.outcome, journal.begin(ROW).run) == ("running", 4)
 
 
-def test_numbers_go_on_without_a_gap_after_an_orderly_end(tmp_path):
+def test_numbers_go_on_without_a_gap_and_are_never_given_again(tmp_path, seen):
     for number in (1, 2, 3):
         with Journal(tmp_path) as journal:
-            assert journal.begin(ROW).run == number
+            assert recorded(journal, seen).run == number
     assert not (tmp_path / "run-000004.arrows").exists()
-
-
-def test_a_number_is_not_given_again_after_its_run_was_deleted(tmp_path, seen):
-    with Journal(tmp_path) as journal:
-        recorded(journal, seen)
     with closing(sqlite3.connect(tmp_path / INDEX)) as index, index:
         index.execute("DELETE FROM runs")
-    (tmp_path / "run-000001.arrows").unlink()
+    (tmp_path / "run-000003.arrows").unlink()
     with Journal(tmp_path) as journal:
-        assert journal.begin(ROW).run == 2
-
-
-def test_samples_are_never_written_over(tmp_path, seen):
-    (tmp_path / "run-000001.arrows").write_bytes(b"precious")
-    with Journal(tmp_path) as journal:
-        assert recorded(journal, seen).run == 2
-    assert (tmp_path / "run-000001.arrows").read_bytes() == b"precious"
+        assert journal.begin(ROW).run == 4
 
 
 @pytest.mark.parametrize("how", ["no index at all", "torn in the middle", "deleted"])
@@ -135,20 +124,6 @@ def test_a_damaged_index_is_made_again_from_the_samples(tmp_path, seen, how):
         assert (journal.runs(5), journal.stages(1)) == (before[::-1], stages)
         assert journal.begin(ROW).run == 3
     assert bool(list(tmp_path.glob(f"{INDEX}.damaged-*"))) == (how != "deleted")
-
-
-def test_an_index_that_is_deleted_meanwhile_is_made_again(tmp_path, seen):
-    with Journal(tmp_path) as journal:
-        recorded(journal, seen)
-        row = journal.begin(ROW)
-        assert journal.find(row.run)
-        for file in tmp_path.glob(f"{INDEX}*"):
-            file.unlink()
-        journal.note(EventRow(0, "2025", 0.0, EventKind.FAULT, "SKIN_SILENT"))
-        journal.finish(replace(row, outcome="failure"))
-    with Journal(tmp_path, is_read_only=True) as journal:
-        assert [row.outcome for row in journal.runs(5)] == ["failure", "success"]
-        assert [event.name for event in journal.events()] == ["SKIN_SILENT"]
 
 
 def test_a_locked_index_holds_up_nobody_and_nothing_is_lost(tmp_path, seen):
@@ -271,19 +246,23 @@ def test_the_oldest_samples_beyond_the_size_are_deleted_and_their_runs_stay(tmp_
 
 
 @pytest.mark.parametrize("how", ["deleted", "torn"])
-def test_runs_after_an_index_was_damaged_meanwhile_are_on_record(tmp_path, seen, how):
+def test_runs_under_way_and_after_an_index_was_damaged_are_on_record(tmp_path, seen, how):
     with Journal(tmp_path) as journal:
         recorded(journal, seen)
+        row = journal.begin(ROW)
+        assert journal.find(row.run)
         if how == "deleted":
             for file in tmp_path.glob(f"{INDEX}*"):
                 file.unlink()
         else:
             index = tmp_path / INDEX
             index.write_bytes(b"\xff" * index.stat().st_size)
-        assert recorded(journal, seen).outcome == "success"
+        journal.note(EVENT)
+        journal.finish(replace(row, outcome="failure"))
         assert recorded(journal, seen).run == 3
     with Journal(tmp_path) as journal:
-        assert [row.outcome for row in journal.runs(5)] == ["success"] * 3
+        assert [row.outcome for row in journal.runs(5)] == ["success", "failure", "success"]
+        assert "SKIN_SILENT" in [event.name for event in journal.events()]
 
 
 def test_a_run_under_the_number_that_was_kept_ready_while_the_index_was_made_again_is_on_record(tmp_path, seen):
@@ -304,11 +283,11 @@ def test_a_run_under_the_number_that_was_kept_ready_while_the_index_was_made_aga
 
 
 def test_rows_beyond_those_that_may_wait_are_lost_and_told(tmp_path):
-    writer, event = JournalWriter(tmp_path, Keep()), EventRow(0, "2025", 0.0, EventKind.FAULT, "SKIN_SILENT")
+    writer = JournalWriter(tmp_path, Keep())
     for _ in range(MOST_ROWS):
-        writer.note(event)
+        writer.note(EVENT)
     assert writer.trouble == ""
-    writer.note(event)
+    writer.note(EVENT)
     assert writer.trouble == f"more than {MOST_ROWS} rows wait for the index; newer ones are lost"
 
 
@@ -318,18 +297,18 @@ def test_whether_all_is_written_is_told_after_as_long_as_is_asked_for(tmp_path):
         writer = journal._writer
         assert writer.flush()
         with locked(tmp_path):
-            journal.note(EventRow(0, "2025", 0.0, EventKind.FAULT, "SKIN_SILENT"))
+            journal.note(EVENT)
             assert not writer.flush(timeout=0.05)
         assert writer.flush()
 
 
 def test_a_writer_that_never_began_or_has_ended_has_nothing_to_wait_for(tmp_path):
     writer = JournalWriter(tmp_path, Keep())
-    writer.note(EventRow(0, "2025", 0.0, EventKind.FAULT, "SKIN_SILENT"))
+    writer.note(EVENT)
     assert writer.flush(timeout=0.0)
     writer.open()
-    writer.close()
-    writer.close()
+    for _ in range(2):
+        writer.close()
     assert writer.flush(timeout=0.0)
 
 
@@ -371,6 +350,11 @@ class Turned:
         return self.time - 1000.0
 
 
+@pytest.fixture
+def turned(monkeypatch, tmp_path):
+    return Turned(monkeypatch, tmp_path)
+
+
 class Refused:
     """A row that the index does not take so many times; the times at which it was tried."""
 
@@ -385,11 +369,6 @@ class Refused:
             raise self.error
 
 
-def events_of(folder):
-    with Journal(folder, is_read_only=True) as journal:
-        return [(event.name, event.text) for event in journal.events()]
-
-
 def test_the_free_space_is_looked_at_at_the_start_and_every_few_seconds(tmp_path, monkeypatch):
     free = [2000]
     monkeypatch.setattr(journal_writer.shutil, "disk_usage", lambda folder: SimpleNamespace(free=free[0]))
@@ -401,7 +380,7 @@ def test_the_free_space_is_looked_at_at_the_start_and_every_few_seconds(tmp_path
 
 
 @pytest.mark.parametrize(("free", "is_low"), [(1000, False), (999, True)])
-def test_a_disk_with_exactly_what_is_asked_for_is_not_low(tmp_path, monkeypatch, free, is_low):
+def test_a_disk_with_less_than_is_asked_for_is_low_from_the_start(tmp_path, monkeypatch, free, is_low):
     monkeypatch.setattr(journal_writer.shutil, "disk_usage", lambda folder: SimpleNamespace(free=free))
     turned = Turned(monkeypatch, tmp_path, least_free=1000)
     turned.work(0.0)
@@ -421,8 +400,7 @@ def test_what_is_beyond_the_limits_is_deleted_at_the_start_and_once_an_hour(tmp_
     assert there == [False, True, False, True, False]
 
 
-def test_a_row_that_the_index_does_not_take_is_tried_again_every_second_until_it_does(tmp_path, monkeypatch, caplog):
-    turned = Turned(monkeypatch, tmp_path)
+def test_a_row_that_the_index_does_not_take_is_tried_again_every_second_until_it_does(turned, caplog):
     row, told = Refused(turned, 3), []
     turned.after(5.0, lambda: turned.writer._add_row(row))
     turned.after(12.0, lambda: told.append(turned.writer.trouble))
@@ -433,27 +411,26 @@ def test_a_row_that_the_index_does_not_take_is_tried_again_every_second_until_it
     assert turned.writer.trouble == ""
 
 
-def test_a_writer_that_shall_end_tries_more_often_and_gives_up_after_the_time_for_it(tmp_path, monkeypatch):
-    turned = Turned(monkeypatch, tmp_path)
+def test_a_writer_that_shall_end_tries_more_often_and_gives_up_after_the_time_for_it(turned):
     row = Refused(turned, 10**6)
     turned.after(5.0, lambda: turned.writer._add_row(row))
     assert turned.work(20.0) == pytest.approx(20.0 + CLOSING_TIME, abs=RETRY_AFTER + 0.2)
     assert np.diff(row.tried)[-20:] == pytest.approx([RETRY_AFTER / 10.0] * 20, abs=0.051)
 
 
-def test_a_torn_index_is_put_aside_with_why_and_nothing_that_waits_is_lost(tmp_path, monkeypatch):
-    turned = Turned(monkeypatch, tmp_path)
+def test_a_torn_index_is_put_aside_with_why_and_nothing_that_waits_is_lost(tmp_path, turned):
     row = Refused(turned, 1, DamagedIndexError("torn in the middle"))
     turned.writer._add_row(row)
-    turned.writer.note(EventRow(0, "2025", 0.0, EventKind.FAULT, "SKIN_SILENT"))
+    turned.writer.note(EVENT)
     turned.work(5.0)
-    told = dict(events_of(tmp_path))
+    with Journal(tmp_path, is_read_only=True) as journal:
+        told = {event.name: event.text for event in journal.events()}
     assert told["index_damaged"].startswith(f"torn in the middle; kept as {INDEX}.damaged-")
     assert ("SKIN_SILENT" in told, len(row.tried)) == (True, 2)
 
 
-def test_a_torn_index_that_cannot_be_put_aside_is_told(tmp_path, monkeypatch):
-    turned, told = Turned(monkeypatch, tmp_path), []
+def test_a_torn_index_that_cannot_be_put_aside_is_told(tmp_path, turned):
+    told = []
 
     def torn(index):
         if not told:
@@ -467,42 +444,24 @@ def test_a_torn_index_that_cannot_be_put_aside_is_told(tmp_path, monkeypatch):
     assert turned.writer.trouble == ""
 
 
-def test_an_error_inside_the_writer_is_told_and_its_files_are_closed(tmp_path, monkeypatch):
-    turned = Turned(monkeypatch, tmp_path)
+def test_an_error_inside_the_writer_is_told_and_its_files_are_closed(tmp_path, turned):
     turned.after(5.0, lambda: turned.writer._add_block(lambda: 1 // 0, 0))
     assert turned.work(50.0) < 50.0
     assert turned.writer.trouble == "the journal's writer ended: ZeroDivisionError: integer division or modulo by zero"
     assert not list(tmp_path.glob("*.arrows"))
 
 
-def test_a_folder_in_which_no_file_can_be_made_is_told(tmp_path):
+def test_a_folder_that_cannot_be_used_is_told_and_leaves_nothing_to_wait_for(tmp_path):
     writer = JournalWriter(tmp_path / "gone", Keep())
     writer._claim()
     assert writer.trouble == f"{tmp_path / 'gone'}: no file can be made: No such file or directory"
-
-
-def test_a_folder_that_cannot_be_used_is_told_and_leaves_nothing_to_wait_for(tmp_path):
     (tmp_path / LOCK).mkdir()
     writer = JournalWriter(tmp_path, Keep())
     with pytest.raises(JournalError, match=rf"^{tmp_path}: cannot be used: .*{LOCK}"):
         writer.open()
-    writer.note(EventRow(0, "2025", 0.0, EventKind.FAULT, "SKIN_SILENT"))
+    writer.note(EVENT)
     assert writer.flush(timeout=0.0)
     writer.close()
-
-
-def test_what_a_program_left_open_at_its_end_is_closed_by_the_next_one(tmp_path):
-    with Journal(tmp_path) as journal:
-        run = journal.begin(ROW).run
-    with Journal(tmp_path) as journal:
-        assert journal.find(run).outcome == LOST
-
-
-def test_nothing_of_the_journal_stays_open_behind_its_end(tmp_path):
-    with Journal(tmp_path) as journal:
-        journal.begin(ROW)
-    links = [link.readlink() for link in Path("/proc/self/fd").iterdir() if link.is_symlink()]
-    assert not [link for link in links if link.is_relative_to(tmp_path)]
 
 
 def test_the_beginning_and_the_end_of_a_run_are_written_however_many_samples_wait(tmp_path, seen):
@@ -521,9 +480,12 @@ def test_the_beginning_and_the_end_of_a_run_are_written_however_many_samples_wai
         assert (journal.find(second.run).outcome, journal.find(second.run).samples) == ("success", 1)
 
 
-def test_the_writer_has_a_thread_with_its_name_that_keeps_no_program_from_ending(tmp_path):
+def test_the_thread_of_the_writer_has_a_name_and_leaves_nothing_open(tmp_path):
     before = set(threading.enumerate())
-    with Journal(tmp_path):
+    with Journal(tmp_path) as journal:
+        journal.begin(ROW)
         (thread,) = set(threading.enumerate()) - before
         assert (thread.name, thread.daemon) == ("journal", True)
     assert not thread.is_alive()
+    links = [link.readlink() for link in Path("/proc/self/fd").iterdir() if link.is_symlink()]
+    assert not [link for link in links if link.is_relative_to(tmp_path)]

@@ -47,14 +47,6 @@ def test_a_text_that_has_to_last_is_not_overtaken_by_one_that_need_not(tmp_path,
     assert (file.path.read_text(), len(synced)) == ("third", 2)
 
 
-def test_it_can_be_changed_again_after_it_was_written(tmp_path):
-    file = KeptFile(tmp_path / "part.json", "a thing")
-    for text in ("first", "second"):
-        file.put(text, is_lasting=False)
-        assert file.flush(10.0)
-        assert file.path.read_text() == text
-
-
 @pytest.mark.parametrize("is_void", [True, False])
 def test_a_text_that_cannot_be_written_is_tried_again_and_an_older_one_voided_where_asked_for(
     tmp_path, caplog, is_void

@@ -25,7 +25,7 @@ def test_a_number_is_claimed_by_the_file_of_its_samples(samples, tmp_path):
     assert samples.claim(after=0) == 3
 
 
-def test_a_number_that_was_not_used_is_given_back(samples, tmp_path):
+def test_a_number_that_was_not_used_is_given_back(samples):
     samples.give_back(samples.claim(after=0))
     assert samples.claim(after=0) == 1
 
@@ -43,12 +43,6 @@ def test_a_run_whose_file_was_deleted_goes_on_without_samples(samples, tmp_path)
     samples.write(1, BLOCK)
     assert "somebody has deleted it" in samples.trouble
     assert samples.finish(ROW, [], BLOCK).samples == 0
-
-
-def test_a_disk_that_is_all_but_full_takes_no_samples(tmp_path):
-    samples = RunSamples(tmp_path, least_free=2**70)
-    samples.begin(ROW, None)
-    assert "all but full" in samples.trouble
 
 
 def test_trouble_is_over_once_a_run_is_whole(samples):

@@ -38,12 +38,9 @@ def test_every_column_has_its_unit_and_frame_in_the_file(samples, tmp_path):
         "counts",
     )
     assert (unit_of("joint_velocity_7"), unit_of("joint_torque_1")) == ("rad/s", "N·m")
+    assert {unit_of(name) for name in COLUMNS} == {"", "s", "m", "N", "rad"}
     assert b"without what the arm itself adds against gravity" in schema.field("joint_torque_1").metadata[b"note"]
     assert json.loads(schema.metadata[b"run"])["serial"] == ROW.serial
-
-
-def test_every_column_of_the_samples_has_a_unit():
-    assert {unit_of(name) for name in COLUMNS} == {"", "s", "m", "N", "rad"}
 
 
 def test_pandas_and_duckdb_read_the_same_samples(samples, tmp_path):

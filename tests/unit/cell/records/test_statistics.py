@@ -18,15 +18,8 @@ def test_interval_solves_the_score_equation(successes, attempts):
             assert deviation == pytest.approx(1.959964, abs=1e-5)
 
 
-def test_nothing_tried_says_nothing():
-    assert wilson(0, 0) == (0.0, 1.0)
-
-
-def test_spread_of_nothing_is_nothing():
-    assert spread([]) is None
-
-
-def test_spread_tells_the_tail():
+def test_nothing_tried_says_nothing_and_the_tail_is_told():
+    assert (wilson(0, 0), spread([])) == ((0.0, 1.0), None)
     assert spread([1.0] * 99 + [100.0])["p95"] == 1.0
 
 
@@ -41,13 +34,11 @@ TEST = RateTest(good=0.02, bad=0.25, least=6)
 MOST = 80
 
 
-@pytest.mark.parametrize(("lost", "trials", "verdict"), [(0, 11, "undecided"), (0, 12, "good"), (1, 13, "undecided")])
-def test_a_setting_that_loses_nothing_is_good_after_so_many_trials(lost, trials, verdict):
-    assert TEST.verdict(lost, trials) == verdict
-
-
-@pytest.mark.parametrize(("lost", "trials", "verdict"), [(5, 5, "undecided"), (2, 6, "bad"), (6, 6, "bad")])
-def test_a_setting_that_loses_is_bad_no_sooner_than_the_least_number(lost, trials, verdict):
+@pytest.mark.parametrize(
+    ("lost", "trials", "verdict"),
+    [(0, 11, "undecided"), (0, 12, "good"), (1, 13, "undecided"), (5, 5, "undecided"), (2, 6, "bad"), (6, 6, "bad")],
+)
+def test_a_setting_is_judged_after_so_many_trials(lost, trials, verdict):
     assert TEST.verdict(lost, trials) == verdict
 
 

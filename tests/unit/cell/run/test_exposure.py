@@ -44,7 +44,7 @@ def test_opc_ua_is_named_if_everybody_may_read():
     assert line.startswith("--opcua 0.0.0.0:4840: open to every computer")
 
 
-def test_the_age_of_every_key_is_told(authority, tmp_path):
+def test_the_age_of_every_key_is_told(authority):
     days = key_days(keys(authority, 100.0, revoked=authority.revoke()))
     assert days["plc.tls.certificate"] == pytest.approx(100.0, abs=0.01)
     assert set(days) == {"plc.tls.certificate", "plc.tls.authority", "plc.tls.revoked"}

@@ -4,7 +4,6 @@ import json
 import logging
 import os
 import stat
-import threading
 from datetime import UTC, datetime, timedelta
 
 import numpy as np
@@ -45,31 +44,12 @@ def taught(folder, count: int = 3) -> Learning:
     return cell
 
 
-def test_a_disk_that_does_not_answer_holds_up_neither_what_is_learnt_nor_what_is_used(tmp_path, monkeypatch):
-    answers, begun = threading.Event(), threading.Event()
-
-    def stuck(handle):
-        begun.set()
-        answers.wait()
-
-    monkeypatch.setattr(os, "fsync", stuck)
-    cell = learning(tmp_path)
-    for _ in range(3):
-        cell.take(JOB, 0, run_at(HOME))
-    assert begun.wait(60.0)
-    assert cell.prepared(JOB, 0).hole.prior is not None
-    assert not cell.flush(0.0)
-    answers.set()
-    assert cell.flush(60.0)
-    assert read_learned(tmp_path).places["0"].parts == 3
-    assert stat.S_IMODE((tmp_path / FILE).stat().st_mode) == 0o600
-
-
 def test_a_cell_that_has_seated_parts_searches_there_first_also_after_a_restart(tmp_path):
     assert taught(tmp_path).prepared(JOB, 1).hole.prior is None
     prior = learning(tmp_path).prepared(JOB, 0).hole.prior
     assert prior is not None
     assert prior.mean == pytest.approx(HOME)
+    assert stat.S_IMODE((tmp_path / FILE).stat().st_mode) == 0o600
     assert not list(tmp_path.glob("*.new"))
 
 
@@ -108,33 +88,25 @@ def test_what_another_recipe_has_learnt_is_not_used_and_told_in_one_line(tmp_pat
     ]
 
 
-def test_a_place_outside_the_area_is_not_used(tmp_path, caplog):
-    cell = taught(tmp_path)
-    tree = json.loads((tmp_path / FILE).read_text())
-    tree["places"]["0"]["mean"] = [0.6, 0.0]
-    (tmp_path / FILE).write_text(json.dumps(tree))
-    with caplog.at_level(logging.WARNING):
-        assert cell.prepared(JOB, 0).hole.prior is None
-    assert "outside the area of the hole; [0.47, -0.03] to [0.53, 0.03] allowed" in caplog.text
-
-
 @pytest.mark.parametrize(
-    ("key", "value", "told"),
+    ("key", "value", "told", "is_read"),
     [
-        ("variance", [-1e-6, 1e-6], "places.0.variance.0"),
-        ("mean", [float("nan"), 0.0], "places.0.mean.0"),
-        ("parts", 0, "places.0.parts"),
-        ("updated", "yesterday", "places.0.updated"),
+        ("variance", [-1e-6, 1e-6], "places.0.variance.0", False),
+        ("mean", [float("nan"), 0.0], "places.0.mean.0", False),
+        ("parts", 0, "places.0.parts", False),
+        ("updated", "yesterday", "places.0.updated", False),
+        ("mean", [0.6, 0.0], "outside the area of the hole; [0.47, -0.03] to [0.53, 0.03] allowed", True),
     ],
 )
-def test_an_impossible_file_is_refused_in_one_line_and_costs_no_run(tmp_path, caplog, key, value, told):
+def test_an_impossible_file_is_refused_in_one_line_and_costs_no_run(tmp_path, caplog, key, value, told, is_read):
     cell = taught(tmp_path)
     tree = json.loads((tmp_path / FILE).read_text())
     tree["places"]["0"][key] = value
     (tmp_path / FILE).write_text(json.dumps(tree))
-    with pytest.raises(ConfigError, match=told) as refused:
-        read_learned(tmp_path)
-    assert "\n" not in str(refused.value)
+    if not is_read:
+        with pytest.raises(ConfigError, match=told) as refused:
+            read_learned(tmp_path)
+        assert "\n" not in str(refused.value)
     with caplog.at_level(logging.WARNING):
         assert cell.prepared(JOB, 0).hole.prior is None
     cell.take(JOB, 0, run_at(HOME))

@@ -14,10 +14,6 @@ def test_beats_keep_their_rate_although_looks_are_coarse():
     assert sum(producer.is_due(10.0 + tick * 0.015) for tick in range(1000)) == pytest.approx(150, abs=1)
 
 
-def test_no_period_is_no_beat():
-    assert not HeartbeatProducer(0.0).is_due(10.0)
-
-
 @pytest.mark.parametrize(("age", "is_lost"), [(0.5, False), (0.51, True)])
 def test_a_node_is_lost_after_its_time(age, is_lost):
     consumer = HeartbeatConsumer(1, 0.5)
@@ -33,7 +29,8 @@ def test_a_loss_is_told_once_and_the_next_beat_begins_the_watch_anew():
     assert consumer.has_lost(104.0)
 
 
-def test_without_a_time_nothing_is_watched():
+def test_without_a_time_nothing_is_sent_or_watched():
+    assert not HeartbeatProducer(0.0).is_due(10.0)
     consumer = HeartbeatConsumer(1, 0.0)
     assert not consumer.hear(100.0)
     assert not consumer.has_lost(200.0)

@@ -84,6 +84,26 @@ class Plc:
         self.publish(Report(sequence=command.sequence, state=17, result=result, **facts))
         return command
 
+    def runs(self, cycles=2):
+        """Let a command run, and return it."""
+        self.cycle(cycles, Execute=True)
+        run = take(self.bridge)
+        self.publish(Report(sequence=run.sequence, state=6))
+        self.cycle(2)
+        return run
+
+    def reconnect(self):
+        self.disconnect()
+        self.cycle()
+        self.connect()
+        assert self.cycle(3).shown == ["Busy"]
+
+    def ended(self, run, result):
+        """Return what is shown after the cell has ended a run."""
+        state = 17 if result is Result.SUCCESS else 2
+        self.publish(Report(sequence=run.sequence, state=state, result=result))
+        return self.cycle(2).shown
+
     @property
     def shown(self):
         return [name for name in SHOWN if self.v[name]]
@@ -141,17 +161,12 @@ def test_every_type_has_a_type_block_of_its_own():
     assert [len(re.findall(r"^    \w+ : (?:ARRAY|STRUCT)", each, re.M)) for each in blocks] == [1] * 6
 
 
-def test_rising_edge_of_execute_runs_once(plc):
+def test_rising_edge_of_execute_runs_once_and_outputs_fall_with_it(plc):
     assert plc.cycle(3, Execute=True).shown == ["Busy"]
     assert plc.end(Result.SUCCESS).code == INSERT
-    assert plc.cycle(5).shown == ["Done"]
+    assert plc.cycle(20).shown == ["Done"]
     assert plc.bridge.poll().code == Control.ACKNOWLEDGE
     assert plc.bridge.poll() is None
-
-
-def test_outputs_are_held_while_execute_is_true_and_fall_with_it(plc):
-    plc.cycle(3, Execute=True).end(Result.SUCCESS)
-    assert plc.cycle(20).shown == ["Done"]
     assert plc.cycle(Execute=False).shown == []
 
 
@@ -191,25 +206,24 @@ def test_every_ending_has_its_output_and_error(plc, result, facts, shown, error)
     assert (plc.cycle(2).shown, plc.v["ErrorID"]) == ([shown], error)
 
 
-def test_refusal_by_the_cell_itself_is_an_error(plc):
+@pytest.mark.parametrize("refusal", [Refusal.NOT_HOLDER, Refusal.UNKNOWN_RECIPE])
+def test_refusal_by_bridge_or_cell_is_an_error(plc, refusal):
+    if refusal is Refusal.NOT_HOLDER:
+        plc.bridge.take("terminal")
     plc.cycle(2, Execute=True)
-    plc.bridge.refuse(plc.bridge.poll(), Refusal.UNKNOWN_RECIPE)
-    assert (plc.cycle(2).shown, plc.v["ErrorID"]) == (["Error"], Refusal.UNKNOWN_RECIPE)
+    if refusal is Refusal.UNKNOWN_RECIPE:
+        plc.bridge.refuse(plc.bridge.poll(), refusal)
+    assert (plc.cycle(2).shown, plc.v["ErrorID"]) == (["Error"], refusal)
 
 
-def test_refusal_is_an_error(plc):
-    plc.bridge.take("terminal")
-    assert (plc.cycle(2, Execute=True).shown, plc.v["ErrorID"]) == (["Error"], Refusal.NOT_HOLDER)
-
-
-def test_stop_aborts_what_runs(plc):
-    plc.cycle(2, Execute=True)
-    run = take(plc.bridge)
-    plc.publish(Report(sequence=run.sequence, state=6))
-    plc.cycle(2, Stop=True)
+@pytest.mark.parametrize("reconnects", [False, True])
+def test_stop_aborts_what_runs(plc, reconnects):
+    run = plc.runs()
+    plc.cycle(3, Stop=True)
     assert take(plc.bridge).code == Control.STOP
-    plc.publish(Report(sequence=run.sequence, state=2, result=Result.ABORTED))
-    assert plc.cycle(2).shown == ["CommandAborted"]
+    if reconnects:
+        plc.reconnect()
+    assert plc.ended(run, Result.ABORTED) == ["CommandAborted"]
 
 
 @pytest.mark.parametrize("before", [0, 65534])
@@ -228,8 +242,7 @@ def test_run_waits_while_hold_is_true(kind, before):
     plc.publish(Report(sequence=run.sequence, state=11))
     plc.cycle(3, Stop=True)
     assert take(plc.bridge).code == Control.STOP
-    plc.publish(Report(sequence=run.sequence, state=2, result=Result.ABORTED))
-    assert plc.cycle(2).shown == ["CommandAborted"]
+    assert plc.ended(run, Result.ABORTED) == ["CommandAborted"]
 
 
 def test_hold_before_a_run_and_after_it_asks_for_nothing(plc):
@@ -243,25 +256,17 @@ def test_hold_before_a_run_and_after_it_asks_for_nothing(plc):
 
 
 def test_hold_that_is_refused_is_not_asked_for_again(plc):
-    plc.cycle(3, Execute=True)
-    run = take(plc.bridge)
-    plc.publish(Report(sequence=run.sequence, state=6))
+    run = plc.runs(3)
     plc.cycle(3, Hold=True)
     plc.bridge.refuse(plc.bridge.poll(), Refusal.NOT_READY)
     assert plc.cycle(5).shown == ["Busy"]
     assert plc.bridge.poll() is None
-    plc.publish(Report(sequence=run.sequence, state=17, result=Result.SUCCESS))
-    assert plc.cycle(2).shown == ["Done"]
+    assert plc.ended(run, Result.SUCCESS) == ["Done"]
 
 
 def test_stop_that_overtakes_its_command_aborts_it(plc):
     assert plc.cycle(3, Execute=True, Stop=True).shown == ["CommandAborted"]
     assert [take(plc.bridge).code, take(plc.bridge)] == [Control.STOP, None]
-
-
-def test_stop_works_before_anything_else(kind):
-    plc = kind().cycle(Stop=True)
-    assert take(plc.bridge).code == Control.STOP
 
 
 def test_stop_is_not_repeated_by_a_new_connection(plc):
@@ -309,51 +314,20 @@ def test_torn_report_is_not_believed(plc):
     assert plc.cycle().shown == ["Busy"]
 
 
-def test_run_goes_on_over_a_new_connection(plc):
-    plc.cycle(2, Execute=True)
-    run = take(plc.bridge)
-    plc.disconnect()
-    plc.cycle()
-    plc.connect()
-    assert plc.cycle(3).shown == ["Busy"]
-    plc.publish(Report(sequence=run.sequence, state=17, result=Result.SUCCESS))
-    assert plc.cycle(2).shown == ["Done"]
-
-
-@pytest.mark.parametrize("holds", [(True,), (True, False)])
-def test_run_that_was_held_goes_on_over_a_new_connection(plc, holds):
-    plc.cycle(2, Execute=True)
-    run = take(plc.bridge)
+@pytest.mark.parametrize("holds", [(), (True,), (True, False)])
+def test_run_goes_on_over_a_new_connection_also_after_a_hold(plc, holds):
+    run = plc.runs()
     for hold, state in zip(holds, (6, 11), strict=False):
         plc.publish(Report(sequence=run.sequence, state=state))
         plc.cycle(5, Hold=hold)
         assert take(plc.bridge).code in (Control.HOLD, Control.UNHOLD)
-    plc.cycle(2).disconnect()
-    plc.cycle()
-    plc.connect()
-    assert plc.cycle(3).shown == ["Busy"]
-    plc.publish(Report(sequence=run.sequence, state=17, result=Result.SUCCESS))
-    assert plc.cycle(2).shown == ["Done"]
-
-
-def test_run_that_was_stopped_ends_over_a_new_connection(plc):
-    plc.cycle(2, Execute=True)
-    run = take(plc.bridge)
-    plc.cycle(3, Stop=True)
-    assert take(plc.bridge).code == Control.STOP
-    plc.cycle(2).disconnect()
-    plc.connect()
-    assert plc.cycle(3).shown == ["Busy"]
-    plc.publish(Report(sequence=run.sequence, state=2, result=Result.ABORTED))
-    assert plc.cycle(2).shown == ["CommandAborted"]
+    plc.cycle(2).reconnect()
+    assert plc.ended(run, Result.SUCCESS) == ["Done"]
 
 
 @pytest.mark.parametrize("is_held", [False, True])
 def test_run_that_a_restarted_cell_does_not_know_is_gone(plc, is_held):
-    plc.cycle(2, Execute=True)
-    run = take(plc.bridge)
-    plc.publish(Report(sequence=run.sequence, state=6))
-    plc.cycle(2)
+    plc.runs()
     if is_held:
         plc.cycle(5, Hold=True)
         take(plc.bridge)
@@ -368,10 +342,7 @@ def test_run_that_a_restarted_cell_does_not_know_is_gone(plc, is_held):
 
 @pytest.mark.parametrize("seconds", [1.4, 3.0])
 def test_a_plc_that_was_frozen_in_a_run_reads_the_fault_of_its_run(plc, seconds):
-    plc.cycle(2, Execute=True)
-    run = take(plc.bridge)
-    plc.publish(Report(sequence=run.sequence, state=6))
-    plc.cycle(2)
+    run = plc.runs()
     plc.now += seconds
     assert plc.bridge.poll().code == Control.LOST
     plc.publish(Report(sequence=run.sequence, state=9, result=Result.FAULT, fault=1006))
@@ -399,26 +370,11 @@ def test_sequence_wraps_past_0(kind):
     assert plc.cycle(2).shown == ["Done"]
 
 
-def test_fifty_commands_are_fifty_runs(plc):
-    done = 0
-    for _ in range(50):
-        plc.cycle(2, Execute=True).end(Result.SUCCESS)
-        done += plc.cycle(2).shown == ["Done"]
-        plc.cycle(Execute=False)
-        assert plc.bridge.poll().code == Control.ACKNOWLEDGE
-    assert (done, plc.bridge.poll()) == (50, None)
-
-
 def test_wide_values_are_put_together(plc):
     plc.cycle(2, Execute=True).end(Result.SUCCESS, run=70_000, total_time=100.5, stage_times=(1.5, 2.25))
     plc.cycle(2)
     assert (plc.v["Run"], plc.v["TotalTime"]) == (70_000, 100.5)
     assert plc.v["StageTime"][1:4] == [1.5, 2.25, 0.0]
-
-
-def test_arrays_are_as_long_as_the_blocks():
-    variables = Plc().v
-    assert (len(variables["Command"]), len(variables["Report"])) == (COMMAND.words, REPORT.words)
 
 
 def test_comments_close_where_they_shall():

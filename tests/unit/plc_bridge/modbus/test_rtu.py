@@ -64,23 +64,18 @@ def rtu():
     return Rtu()
 
 
-def test_request_is_answered_with_unit_and_check_sum(rtu):
-    assert rtu.ask("01 04 0001 0001") == [bytes.fromhex("01 04 02") + VERSION.to_bytes(2)]
+def test_request_is_answered_with_its_unit_and_check_sum():
+    for unit in (1, 17):
+        answer = bytes([unit, 4, 2]) + VERSION.to_bytes(2)
+        assert Rtu(unit=unit).ask(f"{unit:02X} 04 0001 0001") == [answer]
 
 
-@pytest.mark.parametrize("unit", ["02", "F7", "F8", "FF"])
-def test_other_units_stay_unanswered_and_change_nothing(rtu, unit):
+@pytest.mark.parametrize(
+    ("unit", "value"), [("02", "0000"), ("F7", "0000"), ("F8", "0000"), ("FF", "0000"), ("00", "0007")]
+)
+def test_broadcast_alone_is_done_unanswered_and_other_units_are_left(rtu, unit, value):
     assert rtu.ask(f"{unit} 06 0003 0007") == []
-    assert rtu.ask("01 03 0003 0001") == [bytes.fromhex("01 03 02 0000")]
-
-
-def test_own_unit_is_the_configured_one():
-    assert Rtu(unit=17).ask("11 04 0001 0001") == [bytes.fromhex("11 04 02") + VERSION.to_bytes(2)]
-
-
-def test_broadcast_write_is_done_and_nobody_answers(rtu):
-    assert rtu.ask("00 06 0003 0007") == []
-    assert rtu.ask("01 03 0003 0001") == [bytes.fromhex("01 03 02 0007")]
+    assert rtu.ask("01 03 0003 0001") == [bytes.fromhex("01 03 02" + value)]
 
 
 def test_broadcast_stop_stops(rtu):
@@ -115,45 +110,27 @@ def test_illegal_request_gets_its_exception(rtu, request_, response):
     assert rtu.server.counts.exceptions == 1
 
 
-def test_request_with_a_pause_in_it_is_put_together(rtu):
+def test_request_is_put_together_over_one_pause_and_given_up_after_two(rtu):
     frame = with_check_sum(bytes.fromhex("01 04 0001 0001"))
     assert len(rtu.hear(frame[:3], SILENCE, frame[3:])) == 1
     assert PATIENCE in rtu.line.waits
-
-
-def test_request_that_stays_incomplete_is_given_up(rtu):
-    frame = with_check_sum(bytes.fromhex("01 04 0001 0001"))
     assert rtu.hear(frame[:3], SILENCE, SILENCE, frame[3:], SILENCE, SILENCE) == []
     assert len(rtu.hear(frame)) == 1
+    assert rtu.line.waits[-1] == pytest.approx(3.5 * 11 / 9600)  # a frame ends after three and a half characters
 
 
-def test_frame_ends_after_three_and_a_half_characters(rtu):
-    rtu.ask("01 04 0001 0001")
-    assert rtu.line.waits[-1] == pytest.approx(3.5 * 11 / 9600)
+@pytest.mark.parametrize(("unit", "answers"), [("01", ["01 03 02 0007"]), ("02", [])])
+def test_late_reader_serves_both_requests_and_answers_the_last_if_it_is_its_own(rtu, unit, answers):
+    late = bytes.fromhex("01 06 0003 0007"), bytes.fromhex(f"{unit} 03 0003 0001")
+    assert rtu.hear(b"".join(map(with_check_sum, late))) == [bytes.fromhex(each) for each in answers]
 
 
-def test_late_reader_serves_both_requests_and_answers_the_one_that_is_waited_for(rtu):
-    late = bytes.fromhex("01 06 0003 0007"), bytes.fromhex("01 03 0003 0001")
-    assert rtu.hear(b"".join(map(with_check_sum, late))) == [bytes.fromhex("01 03 02 0007")]
-
-
-def test_nothing_is_said_while_another_unit_is_asked(rtu):
-    late = bytes.fromhex("01 06 0003 0007"), bytes.fromhex("02 03 0003 0001")
-    assert rtu.hear(b"".join(map(with_check_sum, late))) == []
-
-
-def test_command_runs_and_carries_the_name_of_the_line(rtu):
-    rtu.ask("01 10 0000 0003 06 0001 0001 0000")
-    rtu.ask("01 10 0000 0003 06 0002 0002 0064")
-    assert rtu.bridge.poll() == Command(2, PROGRAM, source="rtu:ttyPLC0")
-
-
-@pytest.mark.parametrize(("silence", "is_run"), [(60.0, True), (60.1, False)])
-def test_first_number_after_a_long_silence_is_adopted(rtu, silence, is_run):
+@pytest.mark.parametrize(("silence", "is_run"), [(0.0, True), (60.0, True), (60.1, False)])
+def test_command_runs_unless_a_long_silence_came_before(rtu, silence, is_run):
     rtu.ask("01 10 0001 0002 04 0001 0000")
     rtu.now = silence
     rtu.ask("01 10 0001 0002 04 0002 0064")
-    assert (rtu.bridge.poll() is not None) is is_run
+    assert rtu.bridge.poll() == (Command(2, PROGRAM, source="rtu:ttyPLC0") if is_run else None)
 
 
 def test_noise_never_changes_a_register_and_never_makes_the_line_deaf(rtu):
@@ -165,34 +142,8 @@ def test_noise_never_changes_a_register_and_never_makes_the_line_deaf(rtu):
     assert rtu.server.counts.bad_frames == 2000
 
 
-class LostLine(FakeLine):
-    """Fails the first read, then asks the server to end."""
-
-    opened = 0
-
-    def open(self):
-        self.opened += 1
-
-    def read(self, timeout):
-        if self.opened < 3:
-            raise LineLostError("serial port: gone")
-        return super().read(timeout)
-
-
-def test_lost_line_is_opened_again(monkeypatch):
-    monkeypatch.setattr("plc_bridge.modbus.rtu.FIRST_PAUSE", 0.0)
-    line = LostLine()
-    line.pieces = [with_check_sum(bytes.fromhex("01 04 0001 0001"))]
-    server = RtuServer(RtuConfig(port="-"), line, Bridge(PlcConfig(), {}))
-    with_answer = []
-    line.write = lambda data: (with_answer.append(data), server._stop.set())
-    server.start()
-    server._thread.join(timeout=10.0)
-    server.close()
-    assert (line.opened, len(with_answer)) == (3, 1)
-
-
-def test_whatever_breaks_the_line_is_opened_again_and_no_thread_is_dead(caplog):
+@pytest.mark.parametrize("error", [LineLostError("serial port: gone"), ZeroDivisionError("what nobody foresaw")])
+def test_whatever_breaks_the_line_is_opened_again_and_no_thread_is_dead(caplog, error):
     opened, is_served = [], threading.Event()
 
     class BreakingLine(FakeLine):
@@ -201,7 +152,7 @@ def test_whatever_breaks_the_line_is_opened_again_and_no_thread_is_dead(caplog):
 
         def read(self, timeout):
             if len(opened) < 3:
-                raise ZeroDivisionError("what nobody foresaw")
+                raise error
             is_served.set()
             return SILENCE
 
@@ -209,6 +160,5 @@ def test_whatever_breaks_the_line_is_opened_again_and_no_thread_is_dead(caplog):
     server.start()
     assert is_served.wait(10.0)
     server.close()
-    assert [record.getMessage() for record in caplog.records if record.levelname == "WARNING"] == [
-        "Modbus RTU: what nobody foresaw"
-    ]
+    warnings = [record.getMessage() for record in caplog.records if record.levelname == "WARNING"]
+    assert warnings == [f"Modbus RTU: {error}"]

@@ -14,39 +14,34 @@ def seen(*blocks):
 
 @pytest.mark.parametrize(
     ("number", "command", "empty"),
-    [
-        (1000, SAME, SAME),
-        (1001, NEW, NEW),
-        (1000 + 0x8000, NEW, NEW),
-        (999, LATE, ANEW),
-        (1001 + 0x8000, LATE, ANEW),
-    ],
+    [(1000, SAME, SAME), (1001, NEW, NEW), (1000 + 0x8000, NEW, NEW), (999, LATE, ANEW), (1001 + 0x8000, LATE, ANEW)],
 )
 def test_what_a_number_means_after_another(number, command, empty):
     assert seen((1000,), (number % 0x10000, RUN))[1] is command
     assert seen((1000,), (number % 0x10000,))[1] is empty
 
 
-def test_numbers_wrap_both_ways():
-    assert seen((0xFFFF,), (0, RUN), (0xFFFF, RUN)) == [FIRST, NEW, LATE]
+@pytest.mark.parametrize(
+    ("blocks", "meanings"),
+    [
+        ([(0xFFFF,), (0, RUN), (0xFFFF, RUN)], [FIRST, NEW, LATE]),
+        ([(10,), (9, RUN), (10,)], [FIRST, LATE, SAME]),
+        ([(5,), (6, RUN), (5,), (6, RUN)], [FIRST, NEW, ANEW, NEW]),
+    ],
+)
+def test_numbers_wrap_and_a_late_one_is_not_taken_for_the_last(blocks, meanings):
+    assert seen(*blocks) == meanings
 
 
-def test_a_late_number_is_not_taken_for_the_last():
-    assert seen((10,), (9, RUN), (10,)) == [FIRST, LATE, SAME]
-
-
-def test_after_a_loss_the_next_number_is_adopted_but_a_late_one_stays_late():
+@pytest.mark.parametrize(
+    ("before", "after", "meanings"),
+    [((10,), [(9, RUN), (11, RUN)], [LATE, FIRST]), ((10, RUN), [(10, RUN), (11, RUN)], [SAME, NEW])],
+)
+def test_after_a_loss_the_next_number_is_adopted_unless_the_last_comes_again(before, after, meanings):
     numbers = SequenceNumbers()
-    numbers.see(10)
+    numbers.see(*before)
     numbers.forget()
-    assert [numbers.see(9, RUN), numbers.see(11, RUN)] == [LATE, FIRST]
-
-
-def test_after_a_loss_the_last_number_is_known():
-    numbers = SequenceNumbers()
-    numbers.see(10, RUN)
-    numbers.forget()
-    assert [numbers.see(10, RUN), numbers.see(11, RUN)] == [SAME, NEW]
+    assert [numbers.see(*block) for block in after] == meanings
 
 
 def test_a_command_without_a_number_gets_the_next():
@@ -78,10 +73,6 @@ BEFORE = ((4, None, 8), (5, RUN, 9), (6, RUN, 11), (6, RUN, 12))
 )
 def test_whether_a_block_is_late_or_of_a_new_program_is_seen_at_its_life_counter(blocks, meanings):
     assert seen(*BEFORE, *blocks)[len(BEFORE) :] == meanings
-
-
-def test_without_a_life_counter_an_empty_number_begins_anew_at_once():
-    assert seen((5,), (6, RUN), (5,), (6, RUN)) == [FIRST, NEW, ANEW, NEW]
 
 
 def test_numbers_are_remembered_in_bounded_room():
