@@ -22,7 +22,7 @@ from cell.records.journal import Journal
 from skills.contract import Outcome
 from tests.certificates import Authority, utf8
 from tests.hubs import SocketcandHub
-from tests.serving import address_of, process
+from tests.serving import process
 
 ROOT = Path(__file__).parents[1]
 CLIENTS, EXAMPLE = ROOT / "tests" / "clients", ROOT / "docs" / "examples" / "line"
@@ -187,7 +187,7 @@ def served(folder: Path, sets: Sequence[str], is_opcua: bool = False) -> Iterato
     options = ["--config", str(EXAMPLE / "cell.toml"), *(["--opcua", "127.0.0.1:0"] if is_opcua else [])]
     with process(folder, sets, *options, lines=1 + is_opcua) as (running, places):
         try:
-            yield address_of(places[-1])
+            yield places[-1]
         finally:
             running.terminate()
             running.wait()

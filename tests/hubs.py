@@ -6,6 +6,7 @@ import socket
 import threading
 import time
 import tty
+from contextlib import suppress
 
 
 class _Hub:
@@ -119,7 +120,8 @@ class SocketcandHub(_Hub):
                 frame = b"< frame %s %.6f %s >" % (words[1], time.time(), payload)
                 for other, (is_raw, _) in self._clients.items():
                     if other is not client and is_raw:
-                        other.sendall(frame)
+                        with suppress(ConnectionError):  # it may just have left
+                            other.sendall(frame)
 
     def close(self):
         super().close()

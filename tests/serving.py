@@ -1,5 +1,6 @@
 """A cell that is served, by a thread of this process or as a process of its own, for tests that talk to it over its ports."""
 
+import re
 import subprocess
 import sys
 import threading
@@ -59,19 +60,14 @@ def process(
     program: Sequence[str] = ("-m", "cell"),
     lines: int = 1,
     **how: Any,
-) -> Iterator[tuple[subprocess.Popen[str], list[str]]]:
-    """Yield the process of `cell serve` with its records in a folder, and the places in its first lines; it is killed."""
+) -> Iterator[tuple[subprocess.Popen[str], list[tuple[str, int]]]]:
+    """Yield the process of `cell serve` with its records in a folder, and host and port of its first lines; it is killed."""
     words = [word for key in ("plc.modbus.port=0", *sets) for word in ("--set", key)]
     command = [sys.executable, *program, "serve", "--journal", str(folder), *words, *options]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True, **how) as running:
         try:
             assert running.stdout is not None
-            yield running, [running.stdout.readline().split()[-1] for _ in range(lines)]
+            told = [re.search(r"([\d.]+):(\d+)", running.stdout.readline()) for _ in range(lines)]
+            yield running, [(found[1], int(found[2])) for found in told if found is not None]
         finally:
             running.kill()
-
-
-def address_of(place: str) -> tuple[str, int]:
-    """Return host and port of HOST:PORT or of a URL."""
-    host, port = place.rpartition("//")[2].rstrip("/").rsplit(":", 1)
-    return host, int(port)

@@ -14,7 +14,7 @@ from plc_bridge.peer import Peer
 from plc_bridge.protocol.messages import Result
 from plc_bridge.protocol.registers import STAGES
 from skills.catalogue import CATALOGUE
-from tests.serving import address_of, process
+from tests.serving import process
 
 HERE = Path(__file__).resolve().parents[2]
 PACKAGES = ("cell", "config", "drivers", "plc_bridge", "sim", "skills")
@@ -147,8 +147,8 @@ def house(tmp_path_factory):
 def served(house, tmp_path):
     """Yield where the cell listens as it is in `house`."""
     sets = [f"plc.life_timeout={PATIENCE}", "insert.estimator=fixed", "sim.pace=max"]
-    with process(tmp_path, sets, cwd=house, env={**os.environ, "PYTHONPATH": str(house)}) as (_, (place,)):
-        yield address_of(place)
+    with process(tmp_path, sets, cwd=house, env={**os.environ, "PYTHONPATH": str(house)}) as (_, (address,)):
+        yield address
 
 
 def test_the_terminal_runs_them(house, tmp_path):

@@ -15,7 +15,7 @@ from cell.run.supervisor import EXIT_BLOCKED
 from drivers.errors import FaultCode
 from plc_bridge.peer import Peer
 from skills.catalogue import CATALOGUE
-from tests.serving import address_of, process
+from tests.serving import process
 
 INSERT = CATALOGUE["insert_peg"].code
 
@@ -41,8 +41,8 @@ sys.exit(main(sys.argv[1:]))
 @contextmanager
 def served(folder, program=("-m", "cell")):
     """Yield the process, and host and port, of a cell that is served at the pace of the wall clock."""
-    with process(folder, (), program=program) as (running, (place,)):
-        yield running, address_of(place)
+    with process(folder, (), program=program) as (running, (address,)):
+        yield running, address
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])

@@ -281,7 +281,7 @@ def test_peer_notices_a_closed_cell(bridge):
         with pytest.raises(CellSilentError):
             peer.cycle()
         with pytest.raises(CellSilentError, match="connection is lost"):
-            peer.cycle()
+            peer.wait_for_result(PATIENCE)
 
 
 def test_peer_gives_up_after_its_time(bridge):

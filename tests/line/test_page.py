@@ -17,7 +17,7 @@ from tests.browser import PageView, browsing
 from tests.filmed_runs import require_rendering
 from tests.plc_wire import Wire
 from tests.quick_cell import CODE, QuickCell
-from tests.serving import address_of, process
+from tests.serving import process
 
 WIRE_CUT = "skin: no frame for 0.5 s"
 
@@ -250,8 +250,7 @@ def page_of(folder, port=0):
 
 
 def test_a_real_run_is_watched_and_a_page_outlives_a_killed_server(browser, tmp_path):
-    with page_of(tmp_path) as (running, (_, page_at)):
-        port = address_of(page_at)[1]
+    with page_of(tmp_path) as (running, (_, (_, port))):
         page = view(browser, ("127.0.0.1", port), (tmp_path / "page-token").read_text())
         page.until(lambda: page.is_enabled("start"))
         page.press("start")
@@ -273,7 +272,7 @@ def test_a_real_run_is_watched_and_a_page_outlives_a_killed_server(browser, tmp_
         page.until_text("link", "live")
         page.until_text("state", "Idle")
         page.until(lambda: page.is_enabled("start"))
-        with closing(Peer(*address_of(modbus))) as peer:
+        with closing(Peer(*modbus)) as peer:
             assert peer.look().refusal == Refusal.NONE
     page.complaints()  # those of the time without a server, which the next page shall not be asked about
     page.close()

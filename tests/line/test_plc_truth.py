@@ -21,12 +21,6 @@ def test_a_hold_behind_a_start_in_one_segment_holds_the_run(plc, served):
     plc.until(lambda report: report.state == State.HELD)
 
 
-def test_a_stop_overtakes_the_start_before_it(plc, served):
-    plc.order((1, Control.NONE), (2, CODE), (3, Control.STOP))
-    plc.until(lambda report: report.state == State.STOPPED)
-    assert served.program.runs == []
-
-
 @pytest.mark.parametrize("sequence", range(3, 13))
 def test_the_first_answer_to_a_start_that_cannot_be_is_its_refusal(plc, sequence):
     stopped(plc)

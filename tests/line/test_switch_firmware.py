@@ -197,7 +197,8 @@ def test_recorded_traffic_of_the_switch_is_played_back_bit_for_bit(tmp_path):
     live = states(
         SerialSuccessSwitch(config, recorder, RecordedLine(SerialLine(board.port, BAUD_RATE), recorder)), both
     )
-    board.close()
+    for _ in range(2):
+        board.close()
     play = PlaybackLine(path)
     assert states(SerialSuccessSwitch(config, play, play), play) == live
     assert [state for state, _ in groupby(live)] == [SwitchState.OPEN, SwitchState.CLOSED] * 2 + [SwitchState.OPEN]
