@@ -23,6 +23,8 @@ SLOW = {
     "hand: weak": "a weak hand shows only once the peg slips",
 }
 """Reasons why faults are not detected at once."""
+SLACK = 1e-3
+"""Opening of a hand that gives way, m."""
 WEAK, STRONG = 2.0, 60.0
 """Closing forces of a hand that is weaker or stronger than commanded, N."""
 
@@ -78,6 +80,13 @@ def _grips(force: float, bench: FaultBench) -> Undo:
     return lambda: hand.grip(bench.cell.config.params(GRASP).force) if hand.read().is_gripping else None
 
 
+def _opened(bench: FaultBench) -> None:
+    """Open a hand that grips by `SLACK`."""
+    hand = bench.gripper.device
+    if (state := hand.read()).is_gripping:
+        hand.release(state.width + SLACK)
+
+
 DEVICE_KINDS: tuple[FaultKind, ...] = (
     *(FaultKind(f"skin: {name}", partial(_wire, "wire", faults)) for name, faults in devices.WIRES.items()),
     *(FaultKind(f"skin: {name}", partial(_taxels, make)) for name, make in devices.SKIN.items()),
@@ -90,6 +99,7 @@ DEVICE_KINDS: tuple[FaultKind, ...] = (
     *(FaultKind(name, partial(_lost, what, make)) for name, (what, make) in devices.LOST.items()),
     FaultKind("arm: halts by itself", partial(_once, lambda bench: bench.arm.device.halt())),
     FaultKind("hand: lets go", partial(_once, lambda bench: bench.gripper.device.release(0.06))),
+    FaultKind("hand: opens by 1 mm", partial(_once, _opened)),
     FaultKind("hand: weak", partial(_grips, WEAK)),
     FaultKind("hand: too strong", partial(_grips, STRONG)),
 )
