@@ -174,4 +174,14 @@ THREATS = (
         "tests/unit/docs/test_dependencies.py::test_every_dependency_has_an_upper_bound_and_its_pin_is_within",
     ),
     Threat("hostile Modbus frames", "plc_bridge.modbus.pdu", "tests/line/test_hostile_frames.py"),
+    Threat(
+        "requests to the page, its forms, chunks and websocket frames that no parser can read",
+        "cell.page.front.Front",
+        "tests/line/test_hostile_frames.py::test_every_kind_of_answer_was_provoked",
+    ),
+    Threat(
+        "a browser leaves during a film",
+        "cell.page.server.FileHandler.send",
+        f"{PAGE}::test_a_browser_that_leaves_during_a_film_is_no_error",
+    ),
 )
