@@ -16,7 +16,18 @@ from sim.boards.faulty import Change
 from sim.config import WireFaults
 from skills.catalogue import GRASP
 
+PLAUSIBLE = "each of its readings is one that a sound device can give; only the effect shows the fault"
+LOSSY = "enough frames arrive until several in a row are lost"
 SLOW = {
+    **dict.fromkeys(
+        ("arm: place 1 mm off", "arm: place 5 mm low", "arm: place 20 mm off", "arm: place drifts"), PLAUSIBLE
+    ),
+    **dict.fromkeys(("arm: force of the other sign", "arm: wrench offset", "skin: drifting"), PLAUSIBLE),
+    **{
+        f"{wire}: a frame in {share}": LOSSY
+        for wire in ("skin", "switch")
+        for share in ("twenty lost", "fifty corrupt")
+    },
     "switch: never": "before the peg is there the switch says what it should",
     "switch: frozen": "before the peg is there the switch says what it should",
     "hand: stuck": "a hand that shall not move shows nothing of it",
