@@ -1,10 +1,11 @@
-"""Hostile and malformed Modbus frames with a fixed seed, against the bridge on a real socket or a serial line.
+"""Hostile and malformed bytes with a fixed seed, against the bridge and the page on a real socket or a serial line.
 
     python -m tests.hostile [--frames 100000] [--seed 1]
 
-sends that many over TCP, as many over TLS, a twentieth of that where a TLS handshake should be, and a twentieth over
-RTU, where every second one is noise. Every answer is compared with what `tests.modbus_oracle` says; a bystander holds
-the lease and must keep it, its registers and its peace.
+sends that many Modbus frames over TCP, as many over TLS, a twentieth of that where a TLS handshake should be, a
+twentieth over RTU, where every second one is noise, and that many requests to the page, each on its own connection.
+Every Modbus answer is compared with what `tests.modbus_oracle` says. A bystander holds the lease and must keep it, its
+registers and its peace.
 """
 
 import argparse
@@ -18,10 +19,17 @@ import tempfile
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator
+<<<<<<< HEAD
+from contextlib import ExitStack, contextmanager, suppress
+=======
 from contextlib import contextmanager, suppress
 from functools import partial
+>>>>>>> main
 from pathlib import Path
 
+from cell.config.load import load
+from cell.page.server import PageServer
+from cell.run.live import Live
 from drivers.transport.serial_line import SerialLine
 from plc_bridge.bridge import Bridge
 from plc_bridge.config import ModbusConfig, PlcConfig, RtuConfig
@@ -30,7 +38,12 @@ from plc_bridge.protocol.messages import Control
 from tests.certificates import Authority, utf8
 from tests.hubs import Cable
 from tests.modbus_oracle import Oracle
+<<<<<<< HEAD
+from tests.sockets import receive
+from tests.unit.cell.page.test_outside import changed
+=======
 from tests.sockets import PATIENCE, answer, frame
+>>>>>>> main
 
 BATCH = 40
 """Well-framed requests that are sent before the first answer is read."""
@@ -41,6 +54,25 @@ UNIT = 1
 LEASE = 5
 BYSTANDER = [1, 2, 0, 7, 0, 1]
 """Life, sequence, code, recipe, acknowledge, and the wish for the lease."""
+HEAD = b" HTTP/1.1\r\nHost: localhost\r\n"
+END = b"Connection: close\r\n\r\n"
+UPGRADE = (
+    b"GET /live" + HEAD + b"Upgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Version: 13\r\n"
+    b"Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n\r\n"
+)
+PAGE = b"GET /" + HEAD + END
+FORM = b"Content-Type: multipart/form-data; boundary=x\r\n"
+REQUESTS = (
+    PAGE,
+    b"GET /runs/1/data" + HEAD + b"Range: bytes=0-9\r\nOrigin: http://localhost\r\n" + END,
+    b"GET /runs/1/config" + HEAD + b"Authorization: Bearer x\r\nCookie: a=b\r\n" + END,
+    b"POST /runs/1/film.mp4" + HEAD + b"Content-Length: 5\r\n" + END + b"a=b&c",
+    b"POST /faults" + HEAD + b"Transfer-Encoding: chunked\r\n" + END + b"5\r\nhello\r\n0\r\n\r\n",
+    b"POST /faults" + HEAD + FORM + b"Content-Length: 57\r\n" + END
+    + b'--x\r\nContent-Disposition: form-data; name="a"\r\n\r\nb\r\n--x--',
+    UPGRADE,
+)  # fmt: skip
+"""Right requests to the page, which `http` changes."""
 
 
 def request(rng: random.Random) -> bytes:
@@ -184,6 +216,65 @@ def attack_serial(port: str, frames: int, seed: int) -> Counter[str]:
     return seen
 
 
+def http(rng: random.Random) -> bytes:
+    """Return a request to the page, or frames on its websocket: right, wrong by a little, or anything at all."""
+    kind = rng.randrange(8)
+    if kind == 0:
+        return rng.randbytes(rng.randrange(300))
+    if kind < 5:
+        return changed(rng.choice(REQUESTS), rng)
+    if kind == 5:
+        return rng.choice(REQUESTS)
+    return UPGRADE + b"".join(websocket_frame(rng) for _ in range(rng.randrange(1, 5)))
+
+
+def websocket_frame(rng: random.Random) -> bytes:
+    """Return a frame whose opcode, mask or length can be wrong."""
+    data = changed(b'{"ask":"start","program":"insert_peg"}', rng)[:120]
+    first = rng.choice([0x81, 0x81, 0x82, 0x01, 0x80, 0x88, 0x89, 0x8A, rng.randrange(256)])
+    size = rng.choice([len(data), len(data), 126, 127, rng.randrange(128)]) | 0x80 * (rng.random() < 0.9)
+    return bytes([first, size]) + bytes(4) + data
+
+
+class Tracebacks(logging.Handler):
+    """Keeps every line of the log that comes with a traceback."""
+
+    def __init__(self) -> None:
+        super().__init__(logging.WARNING)
+        self.lines: list[str] = []
+
+    def emit(self, record: logging.LogRecord) -> None:
+        if record.exc_info:
+            self.lines.append(self.format(record))
+
+
+def attack_page(address: tuple[str, int], inputs: int, seed: int) -> Counter[str]:
+    """Send `inputs` requests, each on a connection that then ends; afterwards the next one is served."""
+    rng, seen, log = random.Random(seed), Counter[str](), Tracebacks()
+    logging.getLogger().addHandler(log)
+
+    def send(data: bytes, is_last: bool = True) -> bytes:
+        answer = b""
+        with socket.create_connection(address, timeout=PATIENCE) as client, suppress(ConnectionError):
+            client.sendall(data)
+            if is_last:
+                client.shutdown(socket.SHUT_WR)
+            while more := client.recv(65536):
+                answer += more
+        return answer
+
+    for _ in range(inputs):
+        data = http(rng)
+        answer = send(data)
+        status = answer[9:12].decode() if answer else "closed"
+        assert not status.startswith("5"), f"{data!r}: {answer[:80]!r}"
+        seen[status] += 1
+    assert b"<main>" in send(PAGE, is_last=False)
+    logging.getLogger().removeHandler(log)
+    assert not log.lines, log.lines[0]
+    return seen
+
+
 @contextmanager
 def bystander(bridge: Bridge) -> Iterator[None]:
     """Hold the lease meanwhile; afterwards it must still be held, with the same registers, and nothing was started."""
@@ -225,13 +316,21 @@ def attacked(folder: Path, cable: Cable) -> Iterator[tuple[Bridge, Callable[[], 
 
 def run(frames: int, seed: int) -> Iterator[tuple[str, Counter[str], float]]:
     """Yield each line's name, what became of its frames, and the time that took, s."""
+<<<<<<< HEAD
+    with ExitStack() as stack:
+        folder, cable = Path(stack.enter_context(tempfile.TemporaryDirectory())), stack.enter_context(Cable())
+        bridge, secure = stack.enter_context(attacked(folder, cable))
+        page = stack.enter_context(PageServer(("127.0.0.1", 0), bridge, Live(), load(), folder))
+=======
     with tempfile.TemporaryDirectory() as folder, Cable() as cable, attacked(Path(folder), cable) as (bridge, secure):
         plain = partial(socket.create_connection, bridge.address, PATIENCE)
+>>>>>>> main
         attacks: list[tuple[str, Callable[[], Counter[str]]]] = [
             ("TCP", lambda: attack_socket(plain, frames, seed, 0.02)),
             ("TLS", lambda: attack_socket(secure, frames, seed + 1, 0.002)),
             ("TLS handshake", lambda: attack_handshake(bridge.secure_address, secure, frames // 20, seed + 3)),
             ("RTU", lambda: attack_serial(cable.ends[1], frames // 20, seed + 2)),
+            ("HTTP", lambda: attack_page(page.address, frames, seed + 4)),
         ]
         for name, attack in attacks:
             with bystander(bridge):
@@ -241,9 +340,7 @@ def run(frames: int, seed: int) -> Iterator[tuple[str, Counter[str], float]]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description="Hostile Modbus frames; ends with status 0 where all went as it should."
-    )
+    parser = argparse.ArgumentParser(description="Hostile bytes; ends with status 0 where all went as it should.")
     parser.add_argument("--frames", type=int, default=100_000)
     parser.add_argument("--seed", type=int, default=1)
     args = parser.parse_args()

@@ -107,9 +107,21 @@ a port is open to everybody unseen
 a newer dependency behaves in another way
  cell.records.versions.installed
  tests/unit/docs/test_dependencies.py::test_every_dependency_has_an_upper_bound_and_its_pin_is_within
+a value that fits in no register
+ plc_bridge.protocol.images.Block.pack
+ tests/unit/plc_bridge/protocol/test_registers.py::test_values_beyond_a_register_are_cut
+a skin whose frames stand still
+ drivers.skin.health.SkinHealth
+ tests/unit/drivers/skin/test_health.py::test_no_taxel_of_a_frozen_frame_is_trusted_at_the_limit
 hostile Modbus frames
  plc_bridge.modbus.pdu
  tests/line/test_hostile_frames.py
+requests to the page, forms, chunks and websocket frames that no parser can read
+ cell.page.front.Front
+ tests/line/test_hostile_frames.py::test_every_kind_of_answer_was_provoked
+a browser leaves during a film
+ cell.page.server.FileHandler.send
+ tests/line/test_page_server.py::test_a_browser_that_leaves_during_a_film_is_no_error
 """
 """What may happen, and below it its guard and the test of that."""
 LINES = [line.strip() for line in ROWS.strip().splitlines()]

@@ -11,7 +11,8 @@ from dataclasses import asdict
 from pathlib import Path
 
 from tornado.ioloop import PeriodicCallback
-from tornado.web import HTTPError
+from tornado.iostream import StreamClosedError
+from tornado.web import Finish, HTTPError
 
 from cell.config.cell_config import CellConfig
 from cell.config.load import LoadedConfig
@@ -159,7 +160,11 @@ class FileHandler(Guarded):
     """Base of the handlers that send files."""
 
     async def send(self, path: Path) -> None:
-        """Send a file in blocks, or only its requested range, for example if a browser seeks in a film."""
+        """Send a file in blocks, or only its requested range, for example if a browser seeks in a film.
+
+        Raises:
+            Finish: The browser left.
+        """
         size = path.stat().st_size
         first, last = part_of(self.request.headers.get("Range", ""), size)
         self.set_header("Content-Type", KINDS[path.suffix])
@@ -174,7 +179,10 @@ class FileHandler(Guarded):
             while left and (piece := file.read(min(PIECE, left))):
                 left -= len(piece)
                 self.write(piece)
-                await self.flush()
+                try:
+                    await self.flush()
+                except StreamClosedError:  # the browser left
+                    raise Finish from None
 
 
 class Static(FileHandler):

@@ -149,8 +149,7 @@ class World:
 
     def finger_gap(self) -> float:
         """Return the distance between the pads, m."""
-        is_held = self.stepper.peg is PegSituation.HELD
-        return self.stepper.scene.size.thickness if is_held else float(self.stepper.running.data.qpos[7:9].sum())
+        return self.stepper.finger_gap()
 
     def pad_force(self) -> float:
         """Return the smaller of the forces between the pads and the peg, N."""

@@ -29,6 +29,10 @@ AT_REST = (1e-4, 1e-2)
 OUT_OF_REACH = 0.01
 """Gap between pads and peg that no hand closes in the 10 ms before the next check, m."""
 
+MOST_SPIN = 100.0
+"""Angular velocity of a free peg that no fall reaches, rad/s. A peg that is squeezed out of pads or hole can, and explicit
+steps of its gyroscopic torque then grow without bound."""
+
 
 class PegSituation(Enum):
     """Situation of the peg."""
@@ -46,6 +50,16 @@ def has_fallen_out(turn: float, contact: float) -> bool:
         contact: Length of the peg between the pads, m.
     """
     return not -LOST_TURN <= turn <= LOST_TURN or contact < LEAST_CONTACT
+
+
+def has_fallen(height: float, speeds: Vector) -> bool:
+    """Return True if only the end of a free peg's fall is still to be simulated.
+
+    Args:
+        height: Height of its back end above the surface below it, or of its lowest point above the table, m.
+        speeds: Linear, then angular velocity of the peg, shape (6,), m/s and rad/s.
+    """
+    return height < 0.0 or float(np.abs(speeds[3:]).max()) > MOST_SPIN
 
 
 def is_in_grip(pad_force: float, grip_force: float, height: float) -> bool:

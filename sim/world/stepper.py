@@ -142,27 +142,14 @@ class Stepper:
         Only the end of the fall is simulated. A lying peg has no weight, because only its end and the edge of that end
         have contacts with the plate: its back end would sink in.
         """
-        plate, (depth, is_in_hole) = self.scene.plate, self.depth()
+        width, plate = self.finger_gap(), self.scene.plate
+        depth, is_in_hole = self.depth()
         if is_in_hole:
             up = plate.rotation[:, 2]
             standing = Pose(plate.position + up * (self.scene.size.half - depth), plate.rotation)
-            self.enter_free(self.scene.size.thickness, standing)
+            self.enter_free(width, standing)
             return
-        middle = self.peg_pose().position
-        place, ground = np.zeros(3), np.eye(3)
-        for below in (plate, self.scene.rack):
-            if below.is_below(middle):
-                place, ground = below.position, below.rotation
-        self._lay(self.scene.size.thickness, place, ground)
-
-    def _lay(self, width: float, place: Vector, ground: Vector) -> None:
-        """Place the peg flat on the ground below it, between fingers `width` m apart.
-
-        Args:
-            width: Distance between the fingers, m.
-            place: Point of the ground, shape (3,), m, base frame.
-            ground: Axes of the ground, z upward, shape (3, 3).
-        """
+        place, ground = self._ground()
         pose, up = self.peg_pose(), ground[:, 2]
         axis = pose.rotation[:, 2] - float(pose.rotation[:, 2] @ up) * up
         axis = ground[:, 0] if float(axis @ axis) < LEAST_AXIS else axis / math.sqrt(float(axis @ axis))
@@ -170,6 +157,22 @@ class Stepper:
         below = pose.position - (height - self.scene.size.reach - LYING_GAP) * up
         self.enter_free(width, Pose(below, np.column_stack([up, np.cross(axis, up), axis])))
         self.running.data.xfrc_applied[self.running.peg_body, 2] = 0.0
+
+    def _ground(self) -> tuple[Vector, Vector]:
+        """Return a point of the surface below the peg, shape (3,), m, and its axes, z upward, shape (3, 3), base frame."""
+        above = self.peg_view.middle + self.scene.size.half * frames.UP
+        for below in (self.scene.rack, self.scene.plate):
+            if below.is_below(above):
+                return below.position, below.rotation
+        return np.array([0.0, 0.0, TABLE]), np.eye(3)
+
+    def _has_fallen(self) -> bool:
+        """True if a free peg has toppled over, has left the plate, or spins faster than the integration can follow."""
+        place, ground = self._ground()
+        size, axis = self.scene.size, self.peg_view.axes[:, 2]
+        away, along = np.array([self.peg_view.middle + size.half * axis - place, axis]) @ ground[:, 2]
+        back = float(away) - size.reach * math.sqrt(max(1.0 - float(along) ** 2, 0.0))
+        return situation.has_fallen(min(back, self.lowest() - TABLE), self.running.data.qvel[PEG])
 
     def lose(self) -> None:
         """Take the peg out of play."""
@@ -308,10 +311,10 @@ class Stepper:
                 self.fall()
             elif grip_force <= 0.0:
                 self.enter_free(self.scene.size.thickness, self.peg_pose())
-        elif self.peg is PegSituation.FREE and (lowest := self.lowest()) < TABLE:
-            self._lay(float(self.running.data.qpos[FINGERS].sum()), np.zeros(3), np.eye(3))
+        elif self.peg is PegSituation.FREE and self._has_fallen():
+            self.fall()
         elif self.peg is PegSituation.FREE:
-            height = lowest - self.scene.rack.position[2]
+            height = self.lowest() - self.scene.rack.position[2]
             if not situation.is_in_grip(self.pad_force(), grip_force, height):
                 self._in_grip_since = self._pace.now()
             elif self._pace.now() - self._in_grip_since > situation.SETTLED_GRIP:
@@ -384,6 +387,19 @@ class Stepper:
         theta = float(self.running.data.qpos[HINGE]) if self.peg is PegSituation.HELD else math.nan
         return theta, self.end()
 
+<<<<<<< HEAD
+    def theta(self) -> float:
+        """Return the angle of the held peg's hinge, rad."""
+        return float(self.running.data.qpos[HINGE])
+
+    def finger_gap(self) -> float:
+        """Return the distance between the pads, m."""
+        if self.peg is PegSituation.HELD:
+            return self.scene.size.thickness
+        return float(self.running.data.qpos[FINGERS].sum())
+
+=======
+>>>>>>> main
     def pad_force(self) -> float:
         """Return the smaller of the forces between the pads and the peg, N."""
         if self.peg is PegSituation.HELD:

@@ -115,6 +115,29 @@ def test_a_peg_that_falls_out_of_the_hand_comes_to_rest_on_the_plate() -> None:
     assert float(np.abs(physics.physics()[1].qvel[9:]).max()) < 1e-2
 
 
+@pytest.mark.parametrize("beside", [0.0, 0.003, 0.05])
+def test_a_released_peg_that_topples_lies_on_the_plate(beside: float) -> None:
+    _, physics = cell_of(5)
+    half, leaning = physics.stepper.scene.size.half, rotation_about(np.array([1.0, 0.0, 0.0]), 0.6)
+    end = physics.plate.position + np.array([0.0, beside, 0.003])
+    physics.stepper.enter_free(0.06, Pose(end + half * leaning[:, 2], leaning))
+    physics.wait_until(physics.now() + 2.0)
+    lying = physics.peg_pose()
+    assert abs(lying.rotation[2, 2]) < 0.05
+    assert lying.position[2] - physics.plate.position[2] == pytest.approx(physics.stepper.scene.size.reach, abs=3e-4)
+
+
+@pytest.mark.parametrize("depth", [0.003, 0.006, 0.009])
+def test_a_peg_that_is_squeezed_out_of_the_plate_lands(depth: float) -> None:
+    """It starts with its end in the plate's solid, as after a jam, and is flung out faster than steps can follow."""
+    _, physics = cell_of(5)
+    half, leaning = physics.stepper.scene.size.half, rotation_about(np.array([1.0, 0.0, 0.0]), 0.6)
+    end = physics.plate.position + np.array([0.002, 0.003, -depth])
+    physics.stepper.enter_free(0.06, Pose(end + half * leaning[:, 2], leaning))
+    physics.wait_until(physics.now() + 1.0)
+    assert np.abs(physics.physics()[1].qvel[9:]).max() < 100.0
+
+
 @pytest.mark.parametrize(("ground", "x"), [("rack", 0.0), ("table", 0.2)])
 def test_a_peg_that_the_hand_loses_beside_the_plate_lies_on_what_is_below_it(ground: str, x: float) -> None:
     _, physics = cell_of(5)

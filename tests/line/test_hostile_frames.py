@@ -1,4 +1,4 @@
-"""Hostile frames over every Modbus line; `python -m tests.hostile` sends the full number."""
+"""Hostile frames over every Modbus line, and requests to the page; `python -m tests.hostile` sends the full number."""
 
 import pytest
 
@@ -14,7 +14,8 @@ def seen():
 
 
 @pytest.mark.parametrize(
-    ("line", "frames"), [("TCP", FRAMES), ("TLS", FRAMES), ("TLS handshake", FRAMES // 20), ("RTU", FRAMES // 20)]
+    ("line", "frames"),
+    [("TCP", FRAMES), ("TLS", FRAMES), ("TLS handshake", FRAMES // 20), ("RTU", FRAMES // 20), ("HTTP", FRAMES)],
 )
 def test_no_crash_no_deaf_line_no_register_changed_that_should_not(seen, line, frames):
     assert seen[line].total() >= frames
@@ -23,3 +24,4 @@ def test_no_crash_no_deaf_line_no_register_changed_that_should_not(seen, line, f
 def test_every_kind_of_answer_was_provoked(seen):
     for line in ("TCP", "TLS"):
         assert set(seen[line]) == {"served", "closed", "exception 01", "exception 02", "exception 03"}
+    assert set(seen["HTTP"]) >= {"101", "200", "400", "401", "404", "405", "421", "closed"}

@@ -159,7 +159,9 @@ def test_each_shortfall_is_counted_in_its_own_column(change, column):
     assert {name: line[name] for name in COUNTED} == {name: int(name == column) for name in COUNTED}
 
 
-@pytest.mark.parametrize("kind", ["plc: killed", "switch: never", "skill: lies"])
+@pytest.mark.parametrize(
+    "kind", ["plc: killed", "switch: never", "skill: lies", "arm: place drifts", "skin: a frame in twenty lost"]
+)
 def test_what_nobody_can_know_at_once_may_take_longer(kind):
     rows = [replace(SOUND, kind=kind, rest_after=3.0)]
     assert tables.lines(rows, 60.0)[-1]["late after"] == 0

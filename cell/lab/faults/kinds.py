@@ -16,13 +16,26 @@ from sim.boards.faulty import Change
 from sim.config import WireFaults
 from skills.catalogue import GRASP
 
+PLAUSIBLE = "each of its readings is one that a sound device can give; only the effect shows the fault"
+LOSSY = "enough frames arrive until several in a row are lost"
 SLOW = {
+    **dict.fromkeys(
+        ("arm: place 1 mm off", "arm: place 5 mm low", "arm: place 20 mm off", "arm: place drifts"), PLAUSIBLE
+    ),
+    **dict.fromkeys(("arm: force of the other sign", "arm: wrench offset", "skin: drifting"), PLAUSIBLE),
+    **{
+        f"{wire}: a frame in {share}": LOSSY
+        for wire in ("skin", "switch")
+        for share in ("twenty lost", "fifty corrupt")
+    },
     "switch: never": "before the peg is there the switch says what it should",
     "switch: frozen": "before the peg is there the switch says what it should",
     "hand: stuck": "a hand that shall not move shows nothing of it",
     "hand: weak": "a weak hand shows only once the peg slips",
 }
 """Reasons why faults are not detected at once."""
+SLACK = 1e-3
+"""Opening of a hand that gives way, m."""
 WEAK, STRONG = 2.0, 60.0
 """Closing forces of a hand that is weaker or stronger than commanded, N."""
 
@@ -78,6 +91,13 @@ def _grips(force: float, bench: FaultBench) -> Undo:
     return lambda: hand.grip(bench.cell.config.params(GRASP).force) if hand.read().is_gripping else None
 
 
+def _opened(bench: FaultBench) -> None:
+    """Open a hand that grips by `SLACK`."""
+    hand = bench.gripper.device
+    if (state := hand.read()).is_gripping:
+        hand.release(state.width + SLACK)
+
+
 DEVICE_KINDS: tuple[FaultKind, ...] = (
     *(FaultKind(f"skin: {name}", partial(_wire, "wire", faults)) for name, faults in devices.WIRES.items()),
     *(FaultKind(f"skin: {name}", partial(_taxels, make)) for name, make in devices.SKIN.items()),
@@ -90,6 +110,7 @@ DEVICE_KINDS: tuple[FaultKind, ...] = (
     *(FaultKind(name, partial(_lost, what, make)) for name, (what, make) in devices.LOST.items()),
     FaultKind("arm: halts by itself", partial(_once, lambda bench: bench.arm.device.halt())),
     FaultKind("hand: lets go", partial(_once, lambda bench: bench.gripper.device.release(0.06))),
+    FaultKind("hand: opens by 1 mm", partial(_once, _opened)),
     FaultKind("hand: weak", partial(_grips, WEAK)),
     FaultKind("hand: too strong", partial(_grips, STRONG)),
 )
