@@ -90,10 +90,7 @@ class SerialSuccessSwitch:
         if age > STALE:
             return f"{where}: newest report {age:.3f} s old > {STALE} s limit; check supply and cable"
         if report.firmware != FIRMWARE:
-            return (
-                f"{where}: firmware {report.firmware}; {FIRMWARE} allowed: "
-                "make -C drivers/switch/firmware flash"
-            )
+            return f"{where}: firmware {report.firmware}; {FIRMWARE} allowed: make -C drivers/switch/firmware flash"
         if report.is_memory_broken or report.is_program_broken:
             part = "memory" if report.is_memory_broken else "program"
             return f"{where}: its self-test found the {part} broken; flash it again, then change the board"

@@ -163,9 +163,9 @@ class SimSkin:
         if self._health is None or self._taxels is None:
             raise DeviceNotOpenedError("skin: read before it was opened")
         now = self._source.now()
-        passed = math.floor((now - self._start) * self._config.rate + 1e-6)
+        passed = (now - self._start) * self._config.rate + 1e-6
         if passed >= self._due:
-            self._measure(self._taxels, self._health, now, passed)
+            self._measure(self._taxels, self._health, now, math.floor(passed))
         # A board measures before it is opened, so that its first frame is available at once.
         while self._under_way and (self._frame is None or now >= self._under_way[0].stamp + self._truth.age):
             self._frame = self._under_way.popleft()

@@ -15,7 +15,15 @@ from drivers.protocols import Arm
 from drivers.quantities import ArmState, ImpedanceSetpoint, Vector
 from skills.guards import setpoint_rules as rules
 from skills.guards.limits import Limits
-from skills.guards.setpoint_bounds import AGE_SLACK, LEAD, LONGEST_VALIDITY, MOST_ASKEW, ArmBounds, require_numbers
+from skills.guards.setpoint_bounds import (
+    AGE_SLACK,
+    LEAD,
+    LONGEST_VALIDITY,
+    MOST_ASKEW,
+    TRACKING_LIMIT,
+    ArmBounds,
+    require_numbers,
+)
 
 LONGEST_UNTAKEN = 0.2
 """Longest time for which the arm may report an older setpoint than the last one sent, or none, s; its control loop takes milliseconds.
@@ -80,14 +88,14 @@ def require_sound(asked: Vector, state: Vector, before: Vector, bounds: Vector) 
 
     Raises:
         SetpointError: The setpoint is not finite, outside the workspace, too far, too fast or out of the arm's bounds.
-        TrackingError: The arm lags so far behind that the spring would exceed the force limit.
+        TrackingError: The arm lags too far behind, or so far that the spring would exceed the force limit.
     """
-    found = np.empty(rules.FOUND)
-    if rule := rules.broken_rule(asked, state, before, bounds, found):
+    rule, *found = rules.broken_rule(asked, state, before, bounds)
+    if rule:
         if rule == rules.NUMBER:
             _require_numbers(asked)
-        message = _message(rule, asked, bounds, found.tolist())
-        if rule == rules.BLOCKED:
+        message = _message(rule, asked, bounds, found)
+        if rule in (rules.BLOCKED, rules.LAGGING):
             raise TrackingError(f"arm: blocked, or its setpoint cannot be reached: a setpoint {message}")
         raise SetpointError(f"setpoint: {message}")
 
@@ -124,6 +132,7 @@ def _message(rule: int, asked: Vector, bounds: Vector, found: Sequence[float]) -
         rules.TIP_STEP: f"step of {1e3 * a:.0f} mm; at most {1e3 * b:.0f} mm allowed",
         rules.PRESSING: pressing,
         rules.BLOCKED: pressing,
+        rules.LAGGING: f"{1e3 * a:.0f} mm from the controlled point; at most {1e3 * TRACKING_LIMIT:.0f} mm allowed",
         rules.FIRST_BEGINNING: f"{begins}; at most {1e3 * LEAD:g} mm allowed",
         rules.BEGINNING: f"{begins}, and a step of {1e3 * b:.0f} mm; at most {1e3 * LEAD:g} mm or {1e3 * c:.0f} mm allowed",
     }
@@ -154,7 +163,7 @@ class GatedArm:
         """Readings, time, s, and setpoint of the first of the newest identical states; None if no setpoint is held."""
         # The first calls of a process compile code, which must not happen while the arm moves.
         rules.is_plausible(np.zeros(rules.STATE_WORDS))
-        rules.broken_rule(NOTHING, np.zeros(rules.STATE_WORDS), NOTHING, self._bounds, np.empty(rules.FOUND))
+        rules.broken_rule(NOTHING, np.zeros(rules.STATE_WORDS), NOTHING, self._bounds)
 
     def open(self) -> None:
         """Open the arm."""
@@ -169,7 +178,7 @@ class GatedArm:
 
         Raises:
             SetpointError: The setpoint is not finite, outside the workspace, too far, too fast or out of the arm's bounds.
-            TrackingError: The arm lags so far behind that the spring would exceed the force limit.
+            TrackingError: The arm lags too far behind, or so far that the spring would exceed the force limit.
         """
         state = self._state
         if state is None:

@@ -6,20 +6,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from drivers.errors import ScanOverrunError, SkinUntrustedError, TrackingError
-from drivers.frames import UP, end_point
+from drivers.errors import ScanOverrunError, SkinUntrustedError
+from drivers.frames import UP
 from drivers.quantities import ArmState, ImpedanceSetpoint, InHandTip, Pose, Twist, Wrench
 from drivers.skin.layout import LAYOUTS
 from skills.guards.scan_guards import (
     LONGEST_STEP,
     OVERRUN_WINDOW,
     RESUME_TIME,
-    TRACKING_LIMIT,
     ScanLimits,
     ScanSchedule,
     ScanTiming,
     require_level_skin,
-    require_tracking,
     way_back,
 )
 from tests.fakes import HAND_DOWN
@@ -117,28 +115,6 @@ def test_the_way_back_of_a_held_peg_is_that_of_its_end():
     in_hand = InHandTip(0.0, 0.05, 0.0)
     first = way_back(state_at([0.5, 0.0, 0.3]), held_at([0.5, 0.02, 0.25], in_hand=in_hand), 0.0, PERIOD)
     np.testing.assert_allclose(first.tip, [0.5, 0.0, 0.25], atol=1e-12)
-
-
-@pytest.mark.parametrize(("length", "theta"), [(None, 0.0), (0.05, 0.0), (0.05, 0.3)])
-def test_an_arm_may_lag_behind_its_setpoint_as_far_as_the_limit_says(length, theta):
-    in_hand = None if length is None else InHandTip(theta, length, 0.0)
-    tip = np.array([0.5, 0.0, 0.3]) if length is None else end_point(HAND, theta, length)[0]
-    lag = np.array([0.6, 0.0, 0.8])
-    require_tracking(state_at(HAND.position), held_at(tip + (TRACKING_LIMIT - 1e-9) * lag, in_hand=in_hand))
-    with pytest.raises(
-        TrackingError,
-        match=r"101 mm from its setpoint > 100 mm limit; it is blocked, or the setpoint cannot be reached$",
-    ):
-        require_tracking(state_at(HAND.position), held_at(tip + (TRACKING_LIMIT + 1e-3) * lag, in_hand=in_hand))
-
-
-def test_an_arm_exactly_as_far_off_as_the_limit_says_is_still_with_its_setpoint():
-    require_tracking(state_at(np.zeros(3)), held_at([TRACKING_LIMIT, 0.0, 0.0]))
-
-
-def test_an_arm_that_is_far_off_is_told_with_its_distance():
-    with pytest.raises(TrackingError, match=r"900 mm from its setpoint > 100 mm limit"):
-        require_tracking(state_at(np.zeros(3)), held_at([0.0, 0.9, 0.0]))
 
 
 # A finger that reads an offset.

@@ -23,6 +23,7 @@ from skills.guards.setpoint_bounds import (
     POSTURE_LEAD,
     POSTURE_SLACK,
     STEP_SLACK,
+    TRACKING_LIMIT,
     ArmBounds,
 )
 from skills.guards.setpoint_gate import MOVED, NOTHING, TURNED, GatedArm, pack_bounds, require_readings, require_sound
@@ -93,6 +94,16 @@ def test_an_arm_that_stays_behind_its_setpoint_is_blocked():
     before = (setpoint(off(0.039)), 0.0)
     with pytest.raises(TrackingError, match="blocked"):
         judge(setpoint(off(0.041)), arm_at(stamp=PERIOD), before)
+
+
+@pytest.mark.parametrize(("beyond", "is_sound"), [(-1e-4, True), (1e-4, False)])
+def test_a_soft_arm_may_lag_behind_its_setpoint_by_100_mm(beyond, is_sound):
+    asked = setpoint(off(TRACKING_LIMIT + beyond), stiffness=np.array([100.0] * 3 + [40.0] * 3))
+    if is_sound:
+        judge(asked, before=(asked, 0.0))
+        return
+    with pytest.raises(TrackingError, match=r"blocked.*100 mm from the controlled point; at most 100 mm allowed"):
+        judge(asked, before=(asked, 0.0))
 
 
 @pytest.mark.parametrize(("beyond", "is_sound"), [(-1e-4, True), (1e-4, False)])
@@ -370,7 +381,7 @@ SOFT = np.array([100.0] * 3 + [40.0] * 3)
 
 
 def test_a_setpoint_may_press_with_exactly_the_force_limit():
-    asked = setpoint(off(0.25), stiffness=np.full(6, LIMITS.force / 0.25))
+    asked = setpoint(off(0.0625), stiffness=np.array([LIMITS.force / 0.0625] * 3 + [40.0] * 3))
     judge(asked, before=(asked, 0.0))
 
 
