@@ -42,9 +42,9 @@ from sim.world.situation import PegSituation
 from tests.franka.simulated import Arm, Seen, address, served
 
 STEP = 0.002
-"""Between two looks at the boards, s of wall time."""
-AHEAD = 0.02
-"""Longest time by which the world is ahead of the cell's process, s."""
+"""Time between two looks of the boards, s."""
+LOOK = 0.01
+"""Time between two looks of the person, s of wall time."""
 FILE = "cell_01.toml"
 CONFIG = load(sets=["reality.scale=0.0", "arm.model=fr3"]).cell
 """The world behind the boards."""
@@ -121,7 +121,7 @@ class Desk:
     world: Arm
     switch: EmulatedSwitchBoard
     lock: threading.Lock
-    """Of the boards, which live in a thread of their own."""
+    """Of the boards."""
 
     def pull_switch(self) -> None:
         """Pull the switch board's plug."""
@@ -185,25 +185,29 @@ def desk(number: int, folder: Path) -> Iterator[Desk]:
         far, switch = CanBus("udp_multicast", bus, described.bitrate), EmulatedSwitchBoard(source)
         cable, lock, is_over = CanCable(hub, far), threading.Lock(), threading.Event()
 
-        def live() -> None:
-            while not is_over.wait(STEP):
-                person.look()
-                horizon = float(world.shown[1]) + AHEAD
-                if not world.has_client() and world.now() < horizon:
-                    world.wait_until(world.now() + STEP)
-                with world.lock:
-                    world.horizon = horizon
-                    world.lock.notify_all()
+        due = world.now()
+
+        def advance() -> None:
+            nonlocal due
+            if world.now() >= due:
+                due = world.now() + STEP
                 with lock:
                     cable.advance()
                     hub.advance()
                     switch.advance()
 
+        def live() -> None:
+            while not is_over.wait(LOOK):
+                person.look()
+                for _ in range(round(LOOK / world.world.arm.control_period)):
+                    if not world.has_client():
+                        world.step()
+
         switch.terminal.is_read_meanwhile = True
         far.open()
         hub.open()
         switch.open()
-        world.horizon = math.inf
+        world.after = advance
         thread = threading.Thread(target=live)
         thread.start()
         boards = Desk(folder, world, switch, lock)

@@ -43,6 +43,10 @@ HOLD_DAMPING = np.array([40.0, 40.0, 40.0, 20.0, 4.0, 2.0, 1.0])
 NEVER = 2**40
 PATIENCE = 0.7
 """Longest wait for the client's torques when lateness shall not count, s of wall time; the client waits 1 s for a state."""
+AHEAD = 0.02
+"""Longest time by which the world is ahead of another process that keeps its time, s."""
+LOOK = 5e-4
+"""Time between two looks at that process's time, s of wall time."""
 PAUSE = 0.05
 """Longest time without a state for the client, s of wall time: it would take the arm for lost."""
 
@@ -91,6 +95,8 @@ class Arm:
     """Function that returns True while states are sent to a client."""
     shown: Vector = field(default_factory=lambda: np.full(2, np.inf))
     """Time of the world for another process, and the time that it has seen, infinite if there is none, shape (2,), s."""
+    after: Callable[[], None] = lambda: None
+    """Function called after every step, between two steps."""
 
     def __post_init__(self) -> None:
         self.figures = impedance.figures(self.world.arm)
@@ -156,6 +162,11 @@ class Arm:
 
         While the cell computes for longer, the client gets the same state again, and the world stands still.
         """
+        end = time.monotonic() + PAUSE
+        while self.world.now() >= self.shown[1] + AHEAD and self.is_running:
+            if time.monotonic() > end:
+                return
+            time.sleep(LOOK)
         with self.lock:
             if not self.lock.wait_for(lambda: self.world.now() < self.horizon or not self.is_running, timeout=PAUSE):
                 return
@@ -167,6 +178,7 @@ class Arm:
             place, _, axes, origins = impedance.forward(self.figures, self.world.q)
             self.world.step(np.clip(torque, -most, most) + np.cross(axes, place - origins) @ self.push())
             self.shown[0] = self.world.now()
+            self.after()
             self.lock.notify_all()
 
     def between_steps(self, act: Callable[P, None]) -> Callable[P, None]:
