@@ -19,12 +19,8 @@ import tempfile
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator
-<<<<<<< HEAD
 from contextlib import ExitStack, contextmanager, suppress
-=======
-from contextlib import contextmanager, suppress
 from functools import partial
->>>>>>> main
 from pathlib import Path
 
 from cell.config.load import load
@@ -38,12 +34,8 @@ from plc_bridge.protocol.messages import Control
 from tests.certificates import Authority, utf8
 from tests.hubs import Cable
 from tests.modbus_oracle import Oracle
-<<<<<<< HEAD
-from tests.sockets import receive
+from tests.sockets import PATIENCE, answer, frame, receive
 from tests.unit.cell.page.test_outside import changed
-=======
-from tests.sockets import PATIENCE, answer, frame
->>>>>>> main
 
 BATCH = 40
 """Well-framed requests that are sent before the first answer is read."""
@@ -316,15 +308,11 @@ def attacked(folder: Path, cable: Cable) -> Iterator[tuple[Bridge, Callable[[], 
 
 def run(frames: int, seed: int) -> Iterator[tuple[str, Counter[str], float]]:
     """Yield each line's name, what became of its frames, and the time that took, s."""
-<<<<<<< HEAD
     with ExitStack() as stack:
         folder, cable = Path(stack.enter_context(tempfile.TemporaryDirectory())), stack.enter_context(Cable())
         bridge, secure = stack.enter_context(attacked(folder, cable))
         page = stack.enter_context(PageServer(("127.0.0.1", 0), bridge, Live(), load(), folder))
-=======
-    with tempfile.TemporaryDirectory() as folder, Cable() as cable, attacked(Path(folder), cable) as (bridge, secure):
         plain = partial(socket.create_connection, bridge.address, PATIENCE)
->>>>>>> main
         attacks: list[tuple[str, Callable[[], Counter[str]]]] = [
             ("TCP", lambda: attack_socket(plain, frames, seed, 0.02)),
             ("TLS", lambda: attack_socket(secure, frames, seed + 1, 0.002)),

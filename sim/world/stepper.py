@@ -387,19 +387,12 @@ class Stepper:
         theta = float(self.running.data.qpos[HINGE]) if self.peg is PegSituation.HELD else math.nan
         return theta, self.end()
 
-<<<<<<< HEAD
-    def theta(self) -> float:
-        """Return the angle of the held peg's hinge, rad."""
-        return float(self.running.data.qpos[HINGE])
-
     def finger_gap(self) -> float:
         """Return the distance between the pads, m."""
         if self.peg is PegSituation.HELD:
             return self.scene.size.thickness
         return float(self.running.data.qpos[FINGERS].sum())
 
-=======
->>>>>>> main
     def pad_force(self) -> float:
         """Return the smaller of the forces between the pads and the peg, N."""
         if self.peg is PegSituation.HELD:
