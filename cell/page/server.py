@@ -11,6 +11,7 @@ from dataclasses import asdict
 from pathlib import Path
 
 from tornado.ioloop import PeriodicCallback
+from tornado.iostream import StreamClosedError
 from tornado.web import HTTPError
 
 from cell.config.cell_config import CellConfig
@@ -174,7 +175,10 @@ class FileHandler(Guarded):
             while left and (piece := file.read(min(PIECE, left))):
                 left -= len(piece)
                 self.write(piece)
-                await self.flush()
+                try:
+                    await self.flush()
+                except StreamClosedError:  # the browser has left
+                    return
 
 
 class Static(FileHandler):

@@ -3,6 +3,7 @@
 import asyncio
 import http.client
 import json
+import socket
 import sqlite3
 from collections.abc import Iterator
 from contextlib import AsyncExitStack, asynccontextmanager, closing
@@ -268,6 +269,16 @@ def test_only_the_token_has_a_config_shown_or_a_file_made(server, served, record
     for path in (film, "/runs/99/data", "/runs/99/film.mp4"):
         for method in ("GET", "POST"):
             assert str(served.folder).encode() not in get(server, path, method=method, **own)[1]
+
+
+def test_a_browser_that_leaves_during_a_film_is_no_error(server, served, recorded, caplog):
+    film = served.folder / f"run-{recorded:06d}.mp4"
+    film.write_bytes(bytes(64 * 1024 * 1024))
+    with socket.create_connection(server.address) as browser:
+        browser.sendall(f"GET /runs/{recorded}/film.mp4 HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n".encode())
+        assert browser.recv(12) == b"HTTP/1.1 200"
+    assert get(server, f"/runs/{recorded}/film.mp4", Range="bytes=0-9")[0].status == 206
+    assert caplog.text == ""
 
 
 def test_too_long_a_text_closes_the_page(server):

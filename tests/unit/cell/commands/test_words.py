@@ -15,7 +15,7 @@ def test_a_technician_at_a_faulted_cell_reads_what_is_broken_and_where_the_peg_g
     skin = FAULTS[FaultCode.SKIN_SILENT].remedy
     assert (
         told(state=State.ABORTED, fault=1001, part=PartPlace.IN_HAND)
-        == f"{skin}, then reset; then the hand holds a peg: run `recover`"
+        == f"{skin}, then reset; then the hand holds a peg: `cell run recover`"
     )
     assert (
         told(state=State.ABORTED, fault=1001, part=PartPlace.RACK)
@@ -27,7 +27,7 @@ def test_a_technician_at_a_faulted_cell_reads_what_is_broken_and_where_the_peg_g
 def test_after_every_fault_the_reset_comes_before_the_peg(fault):
     steps = told(state=State.ABORTED, fault=fault, part=PartPlace.IN_HAND)
     assert steps.count("reset") == 1
-    assert steps.index("reset") < steps.index("run `recover`")
+    assert steps.index("reset") < steps.index("`cell run recover`")
 
 
 def test_no_reset_is_asked_for_where_the_state_needs_none():
