@@ -11,8 +11,6 @@ Mask = NDArray[np.bool_]
 
 FINGERS = 2
 FINGER_NAMES = ("left", "right")
-BRIGHT = 15_000.0
-"""Reading of a taxel under high pressure, counts; pictures show it in the brightest colour."""
 WIDTH_TOLERANCE = 0.0015
 """Largest difference between the pads' distance and the peg's width if the peg is between the pads, m."""
 

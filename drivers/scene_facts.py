@@ -1,15 +1,36 @@
-"""Facts that a picture of a run needs beside the run's samples: the arm, the part and its places, the skin's layout.
+"""Facts that a picture of a run needs beside the run's samples: the arm, the part and its places, the skin's layout; colours of touch.
 
 The head of a run's samples stores the facts, so that a run can be drawn after its config has changed.
 """
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from drivers.arm.model import ArmModel
 from drivers.config_model import ConfigModel
 from drivers.parts import Job
-from drivers.quantities import Pose
+from drivers.quantities import Pose, Vector
 from drivers.skin.layout import Layout
+
+BRIGHT = 15_000.0
+"""Reading of a taxel under high pressure, counts; every picture shows it in the brightest colour."""
+NOISE = 900.0
+"""Reading below which every picture shows no touch, counts: three standard deviations of the noise that the estimate of theta assumes."""
+PALETTE = (
+    (0, 0, 4),
+    (31, 12, 72),
+    (85, 15, 109),
+    (136, 34, 106),
+    (186, 54, 85),
+    (227, 89, 51),
+    (249, 140, 10),
+    (249, 201, 50),
+    (252, 255, 164),
+)
+"""Colours of that scale at equal distances, red first, from no touch to `BRIGHT`."""
+HELD = 1.3
+"""If the hand's opening is below this multiple of the peg's thickness, the hand is drawn with the peg."""
 
 
 class SceneFacts(ConfigModel):
@@ -18,6 +39,22 @@ class SceneFacts(ConfigModel):
     arm: ArmModel
     job: Job
     layout: Layout
+
+    @property
+    def widest(self) -> float:
+        """Largest opening of the hand that is drawn with the peg in it, m."""
+        return HELD * self.job.peg.part.thickness
+
+
+def felt(counts: Vector) -> Vector:
+    """Return readings as pictures draw them: 0 below `NOISE`."""
+    return np.where(counts < NOISE, 0.0, counts)
+
+
+def touch_colours(counts: Vector) -> Vector:
+    """Return the colours of readings, red, green, blue from 0 to 255, shape (..., 3)."""
+    share = counts / BRIGHT * (len(PALETTE) - 1)
+    return np.stack([np.interp(share, range(len(PALETTE)), channel) for channel in zip(*PALETTE, strict=True)], axis=-1)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

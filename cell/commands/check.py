@@ -177,9 +177,9 @@ def _prove(loaded: "LoadedConfig", path: Path, found: dict[str, str]) -> None:
     if wrong:
         raise NotCalibratedError(f"nothing proven: first mend {', '.join(wrong)}")
     measured = {name: found[name] for name in ("end effector", "load")}
-    with opened(assemble(loaded.cell), only="arm") as cell:
+    with opened(assemble(loaded.cell), "arm") as cell:
         measured["wrench"] = prove_wrench(cell, ask)
-    with opened(assemble(loaded.cell), only="switch") as cell:
+    with opened(assemble(loaded.cell), "switch") as cell:
         measured["switch"] = prove_switch(cell, ask)
     keep(path, loaded.cell, measured, date.today())
 

@@ -16,15 +16,16 @@ from cell.config.cell_config import CellConfig
 from cell.devices.assembly import SkinLine, assemble, opened, played_skin
 from drivers.errors import CellError, ConfigError
 from drivers.protocols import Clock
-from drivers.quantities import BRIGHT, FINGER_NAMES, FINGERS, Mask, TaxelFrame, Vector
+from drivers.quantities import FINGER_NAMES, FINGERS, Mask, TaxelFrame, Vector
+from drivers.scene_facts import BRIGHT, NOISE, felt, touch_colours
 from drivers.skin.figures import SkinFigures
 from drivers.skin.layout import Layout, finger_positions
 from drivers.transport.traffic import TrafficEndedError
 
 _CELL = 5
 """Width of one taxel in the terminal, characters."""
-_MM_PER_CHARACTER = 1.5
-"""Length represented by one character, mm; both fingers fit into 80 columns."""
+_MM_PER_CHARACTER = 1.3
+"""Length across the finger represented by one character, mm; both fingers fit into 80 columns."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -50,7 +51,7 @@ def watch(config: CellConfig, seconds: float, show: Show, stop: Event) -> None:
     Raises:
         CellError: A device cannot be opened, or the skin has timed out.
     """
-    with opened(assemble(config), only="skin") as cell:
+    with opened(assemble(config), "skin") as cell:
         _watch(SkinLine(cell.skin, cell.clock, cell.skin_figures), 1.0 / config.scan_rate, seconds, show, stop)
 
 
@@ -95,14 +96,17 @@ def fingers(seen: Seen, layout: Layout) -> Group:
     frame, figures = seen.frame, seen.figures
     table = Table(show_edge=False, pad_edge=False)
     for name in FINGER_NAMES:
-        table.add_column(f"{name} finger (kilocounts; x: bad)", no_wrap=True)
+        table.add_column(f"{name} finger", no_wrap=True)
     places = finger_positions(layout)
     table.add_row(*(_finger(places[k], frame.values[k], frame.trusted[k]) for k in range(FINGERS)))
     line = f"frame {frame.sequence}  {int(frame.trusted.sum())} of {frame.trusted.size} taxels trusted"
     if figures is not None:
         heat = " ".join("-" if np.isnan(value) else f"{value:.0f}" for value in figures.temperature)
         line += f"  {figures.rate:.1f} Hz  {figures.lost} lost  {figures.refused} refused  temperature {heat}"
-    return Group(table, Text(line))
+    scale = Text.assemble(
+        "0 ", *((" ", f"on {_ink(BRIGHT * n / 30)}") for n in range(31)), f" {BRIGHT / 1e3:g} k counts; "
+    )
+    return Group(table, scale.append(f"noise below {NOISE / 1e3:g}; x3: 3 is bad"), Text(line))
 
 
 class _PlayClock:
@@ -183,22 +187,24 @@ def _finite(value: float) -> float | None:
     return value if np.isfinite(value) else None
 
 
+def _ink(counts: float) -> str:
+    """Return the colour of a reading for a terminal."""
+    red, green, blue = touch_colours(felt(np.array(counts))).round().astype(int)
+    return f"rgb({red},{green},{blue})"
+
+
 def _finger(places: Vector, values: Vector, trusted: Mask) -> Text:
-    """Return one finger, one line per row of taxels."""
-    x, y = places.T * 1e3
-    columns = np.rint((x - x.min()) / _MM_PER_CHARACTER).astype(int)
-    rows = sorted(set(y.round(3)), reverse=True)
+    """Return one finger, one line per row of taxels across it; the tip of the hand points down."""
+    x, y = places.T.round(4) * 1e3
+    columns = np.rint((y - y.min()) / _MM_PER_CHARACTER).astype(int)
     text = Text()
-    for row in rows:
+    for row in sorted(set(x)):
         at = 0
-        for k in sorted(np.flatnonzero(y.round(3) == row), key=lambda k: int(columns[k])):
+        for k in sorted(np.flatnonzero(x == row), key=lambda k: int(columns[k])):
             text.append(" " * max(int(columns[k]) - at, 0))
             at = max(int(columns[k]), at) + _CELL
-            shade = 232 + int(np.clip(values[k] / BRIGHT, 0.0, 1.0) * 23)
-            ink = "black" if shade > 243 else "white"
-            text.append(
-                f"{values[k] / 1e3:4.1f} " if trusted[k] else "   x ",
-                f"{ink} on color({shade})" if trusted[k] else "red",
-            )
+            ink = "black" if values[k] > BRIGHT / 2 else "white"
+            reading = (f"{values[k] / 1e3:4.1f} ", f"{ink} on {_ink(values[k])}")
+            text.append(*(reading if trusted[k] else (f"{f'x{k}':>4} ", "red")))
         text.append("\n")
     return text

@@ -460,8 +460,8 @@ def _serial_switch(config: SerialSwitchConfig, clock: Clock) -> SerialSuccessSwi
 
 
 @contextmanager
-def opened(cell: Cell, only: str = "") -> Iterator[Cell]:
-    """Open every device, or the one named `only`; at the end halt the arm and close the devices in reverse order.
+def opened(cell: Cell, *only: str) -> Iterator[Cell]:
+    """Open every device, or those named; at the end halt the arm and close the devices in reverse order.
 
     Raises:
         CellError: A device cannot be opened; those opened before it are closed again.
@@ -471,7 +471,7 @@ def opened(cell: Cell, only: str = "") -> Iterator[Cell]:
             stack.callback(board.close)
             board.open()
         for name, device in cell.devices():
-            if only not in ("", name):
+            if only and name not in only:
                 continue
             stack.callback(device.close)
             device.open()
@@ -502,9 +502,11 @@ def loop_figures(config: CellConfig, seconds: float, stop: Event) -> LoopFigures
     Raises:
         CellError: The arm cannot be opened, times out or is stopped.
     """
-    with opened(assemble(config), only="arm") as cell:
+    with opened(assemble(config), "arm") as cell:
         assert isinstance(cell.arm, FrankaArm)
-        stop.wait(seconds)
+        end = cell.clock.now() + seconds
+        while cell.clock.now() < end and not stop.is_set():
+            cell.clock.wait_until(cell.clock.now() + LOOP_TIME)
         cell.arm.read()
         return cell.arm.figures()
 

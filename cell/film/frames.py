@@ -27,7 +27,7 @@ class Filmed:
     def __init__(self, run: RecordedRun, camera: Camera, stage: Stage) -> None:
         """Prepare the parts of the picture that do not change."""
         self._run, self._camera, self._stage = run, camera, stage
-        self._touch = TouchPanel(run.facts.layout, float(run.samples["taxels"].max()), RIGHT, TOUCH)
+        self._touch = TouchPanel(run.facts.layout, RIGHT, TOUCH)
         self._force = ForcePanel(run, RIGHT, FORCE)
 
     def frame(self, time: float) -> Image:

@@ -11,12 +11,13 @@ from cell.film.drawing import FAINT, INK, PAPER, RULE, Colour, Image, blank, col
 from cell.film.plots import COLOURS
 from cell.film.recorded import RecordedRun
 from drivers.quantities import FINGER_NAMES, FINGERS, Vector
+from drivers.scene_facts import BRIGHT, NOISE, felt, touch_colours
 from drivers.skin.layout import Layout, finger_positions, triangles
 
-LEAST_TOUCH = 4e3
-"""Least upper end of the brightness scale, counts; above it, the run's highest reading is used."""
 EDGE = 3e-3
 """Margin drawn around the outermost taxels, m."""
+SCALE = 90
+"""Length of the scale of colours, pixels."""
 FORCE_SCALE = 25.0
 """Least upper end of the force axis, N."""
 LIGHT = 430
@@ -43,10 +44,9 @@ class TouchPanel:
     angle is the same line on both.
     """
 
-    def __init__(self, layout: Layout, highest: float, width: int, height: int) -> None:
-        """Compute the triangle of every pixel; `highest` is the run's highest reading, counts."""
+    def __init__(self, layout: Layout, width: int, height: int) -> None:
+        """Compute the triangle of every pixel."""
         self._width, self._height = width, height
-        self._full = max(highest, LEAST_TOUCH)
         places = finger_positions(layout)
         low, high = places.min(axis=(0, 1)) - EDGE, places.max(axis=(0, 1)) + EDGE
         self._scale = (height - 34) / (high[0] - low[0])
@@ -67,16 +67,19 @@ class TouchPanel:
         write(image, "no peg" if np.isnan(theta) else f"{np.degrees(theta):+.1f}°", (left, 74), 26, INK, bold=True)
         if np.isfinite(age):
             write(image, f"{1e3 * age:.0f} ms old", (left, 96), 13, FAINT)
-        write(image, "highest taxel", (left, 126), 13, FAINT)
-        write(image, f"{taxels.max() / 1e3:.1f} k counts", (left, 146), 15)
+        write(image, "highest taxel", (left, 120), 13, FAINT)
+        write(image, f"{taxels.max() / 1e3:.1f} k counts", (left, 138), 15)
+        scale = touch_colours(felt(np.linspace(0.0, BRIGHT, SCALE)))
+        image[148:156, left : left + SCALE] = scale.astype(np.uint8)
+        write(image, f"0 to {BRIGHT / 1e3:g} k, noise < {NOISE / 1e3:g}", (left, 172), 11, FAINT)
         return image
 
     def _finger(self, pad: _Pad, values: Vector, theta: float) -> Image:
-        share = (pad.weights * values[pad.corners.astype(int)]).sum(axis=2) / self._full
-        grey = (255 * np.clip(share, 0.0, 1.0)).astype(np.uint8)
-        picture: Image = cv2.cvtColor(cv2.applyColorMap(grey, cv2.COLORMAP_INFERNO), cv2.COLOR_BGR2RGB)
-        for column, row in pad.taxels:
-            cv2.circle(picture, (round(column), round(row)), 2, (150, 160, 170), -1, cv2.LINE_AA)
+        counts = (pad.weights * felt(values)[pad.corners.astype(int)]).sum(axis=2)
+        picture: Image = touch_colours(counts).astype(np.uint8)
+        for taxel, (column, row) in enumerate(pad.taxels):
+            left = round(column - width_of(str(taxel), 9) / 2)
+            write(picture, str(taxel), (left, round(row) + 3), 9, (213, 222, 230))
         if not np.isnan(theta):
             # The finger's centre is the origin; the tip lies in the direction (cos, sin).
             way = 0.05 * np.array([np.cos(theta), np.sin(theta)])

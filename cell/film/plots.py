@@ -6,11 +6,13 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 
 from cell.records.schema import RunRow
 from drivers.errors import ConfigError
-from drivers.quantities import BRIGHT, FINGER_NAMES, FINGERS, TaxelFrame, Vector
+from drivers.quantities import FINGER_NAMES, FINGERS, TaxelFrame, Vector
+from drivers.scene_facts import BRIGHT, NOISE, felt, touch_colours
 from drivers.skin.layout import Layout, finger_positions
 from skills.catalogue import ADJUST, INSERT, SEARCH
 
@@ -73,34 +75,31 @@ def plot_run(row: RunRow, samples: dict[str, Vector], path: Path, faults: Mappin
 
 
 def draw_fingers(frame: TaxelFrame, layout: Layout, path: Path) -> None:
-    """Save a picture of both fingers.
+    """Save a picture of both fingers, with the number of each taxel; the tip of the hand points down.
 
     Raises:
         ConfigError: The file cannot be written.
     """
-    figure = Figure(figsize=(10, 4), layout="constrained")
+    figure = Figure(figsize=(8, 6), layout="constrained")
     places = finger_positions(layout) * 1e3
+    scale = ListedColormap(touch_colours(felt(np.linspace(0.0, BRIGHT, 256))) / 255)
     for number, axes in enumerate(figure.subplots(1, FINGERS, sharex=True, sharey=True)):
         x, y = places[number].T
         good = frame.trusted[number]
-        shown = axes.scatter(
-            x[good],
-            y[good],
-            c=frame.values[number][good],
-            s=400,
-            cmap="viridis",
-            vmin=0.0,
-            vmax=BRIGHT,
-            edgecolors="#888888",
-        )
-        axes.scatter(x[~good], y[~good], marker="x", s=200, color="#ee6677")
+        seen = {"c": frame.values[number][good], "cmap": scale, "vmin": 0.0, "vmax": BRIGHT}
+        shown = axes.scatter(y[good], x[good], s=400, edgecolors="#888888", **seen)
+        axes.scatter(y[~good], x[~good], marker="x", s=200, color="#ee6677")
+        for taxel, place in enumerate(places[number]):
+            axes.annotate(str(taxel), place[::-1], (0, -14), textcoords="offset points", ha="center", va="top", size=8)
         axes.set_title(f"{FINGER_NAMES[number]} finger, frame {frame.sequence}")
-        axes.set_xlabel("x along the finger (mm)")
+        axes.set_xlabel("y across the finger (mm)")
         axes.set_aspect("equal")
         axes.margins(0.15)
         if number == 0:
-            axes.set_ylabel("y (mm)")
-    figure.colorbar(shown, ax=figure.axes, label="counts above the baseline; cross: not trusted")
+            axes.set_ylabel("x along the finger (mm)")
+    axes.invert_yaxis()  # of both, which share it
+    noise = f"counts above the baseline, noise below {NOISE:g}; cross: not trusted"
+    figure.colorbar(shown, ax=figure.axes, label=noise)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         figure.savefig(path, dpi=110)

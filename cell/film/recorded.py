@@ -17,8 +17,6 @@ from drivers.scene_facts import SceneFacts
 from sim.visual.scene import Moment
 from skills.catalogue import CATALOGUE
 
-HELD = 1.3
-"""If the hand's opening is below this multiple of the peg's thickness, the hand is drawn with the peg."""
 TRAIL_STEP, TRAIL_HEIGHT = 5, 0.006
 """Number of scans between two points of the tip's line, and the largest height of a point above the hole, m."""
 HIGHER = 0.0006
@@ -93,7 +91,7 @@ class RecordedRun:
 
     def theta(self, scan: int) -> float:
         """Return the estimated in-hand angle at one scan, rad; NaN if the hand is too wide open to hold a peg."""
-        if float(self.samples["width"][scan]) > HELD * self.facts.job.peg.part.thickness:
+        if float(self.samples["width"][scan]) > self.facts.widest:
             return math.nan
         return float(self.samples["theta"][scan])
 

@@ -17,7 +17,7 @@ import numpy as np
 
 from drivers.parts import Job
 from drivers.quantities import FINGER_NAMES, Pose, Vector
-from drivers.scene_facts import SceneFacts
+from drivers.scene_facts import SceneFacts, felt, touch_colours
 from drivers.skin.layout import finger_positions, pad_size, shape_of
 from sim.visual import shapes
 
@@ -37,8 +37,6 @@ HATCH = 0.004
 """Distance between the hatching lines along x, m."""
 CAMERA, LOOKS_AT = (0.88, -1.17, 0.60), (0.325, -0.02, 0.285)
 """Position of the camera of the whole cell, and its target point, m, base frame."""
-LIT = 15e3
-"""Reading at the largest brightness of a taxel's disc, counts."""
 
 PAINT = {
     "shell": "0.93 0.94 0.95 1",
@@ -111,21 +109,10 @@ class Stage:
         else:
             data.mocap_pos[self._peg] = moment.peg.position
             mujoco.mju_mat2Quat(data.mocap_quat[self._peg], moment.peg.rotation.flatten())
-        share = np.clip(moment.taxels / LIT, 0.0, 1.0)
-        model.geom_rgba[self._taxels, :3] = _glow(share)
+        model.geom_rgba[self._taxels, :3] = touch_colours(felt(moment.taxels)) / 255
         model.geom_rgba[self._lamp] = (0.1, 0.9, 0.3, 1.0) if moment.is_seated else (0.25, 0.28, 0.25, 1.0)
         mujoco.mj_kinematics(model, data)
         mujoco.mj_camlight(model, data)
-
-
-def _glow(share: Vector) -> Vector:
-    """Return colours from dark to bright for shares from 0 to 1, shape (..., 3)."""
-    dark, middle, bright = np.array([0.16, 0.18, 0.22]), np.array([0.85, 0.25, 0.30]), np.array([1.0, 0.92, 0.45])
-    share = share[..., None]
-    colours: Vector = np.where(
-        share < 0.5, dark + 2.0 * share * (middle - dark), middle + (2.0 * share - 1.0) * (bright - middle)
-    )
-    return colours
 
 
 def _xml(facts: SceneFacts, hole: Pose | None, sight: tuple[int, int]) -> str:

@@ -85,6 +85,8 @@ class Arm:
     """Function that returns the force of a person on the hand, shape (3,), N, base frame."""
     has_client: Callable[[], bool] = lambda: False
     """Function that returns True while states are sent to a client."""
+    shown: Vector = field(default_factory=lambda: np.full(2, np.inf))
+    """Time of the world for another process, and the time that it has seen, infinite if there is none, shape (2,), s."""
 
     def __post_init__(self) -> None:
         self.figures = impedance.figures(self.world.arm)
@@ -160,6 +162,7 @@ class Arm:
             most = np.array(self.world.arm.joints.torque)
             place, _, axes, origins = impedance.forward(self.figures, self.world.q)
             self.world.step(np.clip(torque, -most, most) + np.cross(axes, place - origins) @ self.push())
+            self.shown[0] = self.world.now()
             self.lock.notify_all()
 
     def between_steps(self, act: Callable[P, None]) -> Callable[P, None]:
@@ -318,6 +321,11 @@ class Server(FrankaSimServer):  # type: ignore[misc]  # no hints
     def cut(self) -> None:
         """End the connection from this side, as a pulled plug does in the end."""
         self.client_socket.shutdown(socket.SHUT_RDWR)
+
+    @property
+    def _DRAIN_GATE_TIMEOUT(self) -> float:  # noqa: N802  # the server's name of its longest wait for an answer that has arrived
+        longest: float = PATIENCE if self.is_patient else super()._DRAIN_GATE_TIMEOUT
+        return longest
 
     def _drain_gate(self, answer_deadline: float = 0.0) -> float:
         if self.is_patient and self.comm.awaiting_answer:

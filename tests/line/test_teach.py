@@ -53,6 +53,28 @@ def test_an_arm_that_nobody_guides_stays_in_place(typed):
     assert json.loads(told.rpartition("p: ")[2].partition(" m")[0]) == pytest.approx(start, abs=2e-3)
 
 
+def test_keys_close_and_open_the_fingers():
+    with opened(assemble(load(sets=["sim.pace=max", "reality.scale=0"]).cell), "arm", "gripper") as cell:
+        widths = []
+
+        def act(key, state):
+            widths.append(cell.gripper.read().width)
+            return True
+
+        moved_by_keys(cell, Typed("kg" + 200 * "-" + "ko" + 200 * "-" + "kq"), act, is_guided=False)
+    assert widths[1] < 0.001 < 0.039 < widths[2]
+
+
+class Typed:
+    """A person who types a key in each scan, or none for `-`."""
+
+    def __init__(self, text):
+        self._keys = iter(text)
+
+    def next(self, is_waiting):
+        return next(self._keys).replace("-", "")
+
+
 class Push:
     """A person who pushes the hand along x from 1 to 3 s with a force, N, and lets it be until 5 s."""
 
@@ -75,7 +97,7 @@ class Push:
 @pytest.mark.parametrize(("force", "is_followed"), [(5.0, False), (15.0, True)])
 def test_an_arm_with_honest_errors_follows_a_push_and_stays_where_it_is_left(force, is_followed):
     config = load(sets=["sim.pace=max", "sim.seed=7"]).cell
-    with opened(assemble(config), only="arm") as cell:
+    with opened(assemble(config), "arm") as cell:
         push = Push(cell, force)
         moved_by_keys(cell, push, lambda key, state: True, is_guided=True)
     steps = np.linalg.norm(np.diff([place for _, *place in push.places], axis=0), axis=1)

@@ -23,11 +23,11 @@ def test_every_taxel_is_shown_whole_on_eighty_columns(layout):
     assert all(f"{value / 1e3:.1f}" in text.split() for value in values.flat)
 
 
-def test_taxel_that_is_not_trusted_is_crossed_out():
+def test_a_taxel_that_is_not_trusted_is_named_by_its_number():
     trusted = np.ones((2, 20), dtype=bool)
     trusted[0, 3] = trusted[1, 19] = False
     text = shown("parallelogram", np.zeros((2, 20)), trusted)
-    assert text.split().count("x") == 2
+    assert {"x3", "x19"} <= set(text.split())
     assert "38 of 40 taxels trusted" in text
 
 
