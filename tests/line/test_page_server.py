@@ -20,7 +20,7 @@ from cell.records.schema import ConfigRow, RunRow
 from cell.records.wall_clock import now_text
 from drivers.errors import DeviceNotOpenedError
 from plc_bridge.protocol.messages import Control
-from tests.browser import PATIENCE, patience
+from tests.browser import patience
 from tests.plc_wire import Wire
 from tests.quick_cell import CODE, QuickCell
 
@@ -34,7 +34,7 @@ def server(served: QuickCell, loaded) -> Iterator[PageServer]:
 
 
 def get(server, path, method="GET", **headers):
-    connection = http.client.HTTPConnection(*server.address, timeout=PATIENCE)
+    connection = http.client.HTTPConnection(*server.address, timeout=600)
     connection.request(method, path, headers=headers)
     answer = connection.getresponse()
     body = answer.read()
