@@ -43,7 +43,6 @@ def run(args: argparse.Namespace) -> int:
         },
     )
     # Imported late: the text must not wait for samples and charts.
-    from cell.film.plots import plot_run
     from cell.records.samples import export_csv, read_samples, torn
 
     samples = read_samples(recorded)
@@ -51,8 +50,12 @@ def run(args: argparse.Namespace) -> int:
         raise JournalError(f"{recorded}: torn: no whole block of samples can be read")
     if lack := torn(recorded, samples, row.samples):
         complain(f"warning: {lack}")
-    faults = {str(event.code): event.stamp for event in events if event.kind == EventKind.FAULT}
-    plot_run(row, samples, picture, faults)
+    # The samples of an ended run do not change, and the library of the plots takes most of the time.
+    if not picture.exists() or picture.stat().st_mtime < recorded.stat().st_mtime:
+        from cell.film.plots import plot_run
+
+        faults = {str(event.code): event.stamp for event in events if event.kind == EventKind.FAULT}
+        plot_run(row, samples, picture, faults)
     if args.export:
         export_csv(samples, table)
     written(args, files)
