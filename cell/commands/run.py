@@ -2,7 +2,6 @@
 
 import argparse
 from contextlib import ExitStack
-from dataclasses import asdict
 from threading import Event, Thread
 from typing import TYPE_CHECKING
 
@@ -56,6 +55,7 @@ def run(args: argparse.Namespace) -> int:
 
 def _run_there(args: argparse.Namespace) -> int:
     from cell.commands import client, words
+    from cell.page.telling import REFUSED
     from plc_bridge.protocol.messages import REMEDIES, Refusal, Result
 
     if args.config is not None or args.simulate:
@@ -76,7 +76,8 @@ def _run_there(args: argparse.Namespace) -> int:
     refused = report.refusal != Refusal.NONE
     show(args, " ".join(f"{k}={v}" for k, v in data.items() if v not in ("", "none")), data)
     if refused:
-        complain(f"refused: {Refusal(report.refusal).name}: {REMEDIES[Refusal(report.refusal)]}")
+        refusal = Refusal(report.refusal)
+        complain(f"refused: {refusal.name}: {REFUSED.get(refusal, REMEDIES[refusal])}")
     if args.name in ("stop", "abort") and not refused:
         return GOOD
     statuses = {Result.SUCCESS: GOOD, Result.FAULT: FAULT}
@@ -90,9 +91,12 @@ def _run_here(args: argparse.Namespace) -> int:
     from cell.commands import words
     from cell.commands.warm_up import warm_up
     from cell.devices.assembly import assemble, opened
+    from cell.page.telling import REFUSED
+    from cell.peg.part_state import LOST_WITH_WORLD, REMEDIES
+    from cell.records.schema import plain
     from cell.run.line import TOLD, TerminalLine
     from cell.run.supervisor import Supervisor
-    from plc_bridge.protocol.messages import REMEDIES, Command, Refusal, Report, Result
+    from plc_bridge.protocol.messages import Command, PartPlace, Refusal, Report, Result
     from skills.catalogue import CATALOGUE
     from skills.contract import Outcome
 
@@ -120,17 +124,19 @@ def _run_here(args: argparse.Namespace) -> int:
         supervisor = Supervisor(cell, loaded, line, journal, args.stop)
         supervisor.serve()
     row = supervisor.last
+    where = words.typed(supervisor.where_the_peg_is)
+    if loaded.cell.is_simulated and (place := PartPlace(supervisor.report.part)) in LOST_WITH_WORLD:
+        where = f"{where.removesuffix(words.typed(REMEDIES[place]))}the simulated world ends with this command: `cell run cleared` before the next"
     if line.refusal is not Refusal.NONE:
-        complain(f"refused: {line.refusal.name}: {REMEDIES[line.refusal]}; {supervisor.where_the_peg_is}")
+        complain(f"refused: {line.refusal.name}: {REFUSED.get(line.refusal, 'not possible here')}; {where}")
         return NOT_GOOD
     if row is None and args.name in TOLD:
-        show(args, supervisor.where_the_peg_is, {"peg": supervisor.where_the_peg_is})
+        show(args, where, {"peg": where})
         return GOOD
     if row is None:
         fault = supervisor.report.fault
         return _complain(f"fault {fault}: nothing was run") if fault else NOT_GOOD
-    where = supervisor.where_the_peg_is
-    show(args, Group(words.run(row), where), {**asdict(row), "peg": where})
+    show(args, Group(words.run(row), where), {**plain(row), "peg": where})
     if supervisor.misfit:
         complain(f"warning: {supervisor.misfit}")
     if row.outcome == Outcome.FAULT:

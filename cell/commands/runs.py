@@ -55,13 +55,15 @@ def run(args: argparse.Namespace) -> int:
     """Show one line per run, newest first, or write the runs and their samples."""
     if (args.export is None) != (args.out is None):
         raise ConfigError("--export, --out: only together; --export parquet --out DIR allowed")
+    from cell.records.schema import plain
+
     query = query_of(args)
     with read_journal(args) as journal:
         shown = journal.select(query, args.last or LAST)
         if not shown:
             require_program(query)
         if not args.export:
-            show(args, _blocks(shown), [asdict(row) for row in shown] if args.json else [])
+            show(args, _blocks(shown), [plain(row) for row in shown] if args.json else [])
             return GOOD
         folder = out_folder(args.out)
         if not args.json:  # show the runs first, because the export takes time
@@ -69,7 +71,7 @@ def run(args: argparse.Namespace) -> int:
         rows = journal.select(query, *([args.last] if args.last else []))
         files = _exported(args, journal, rows, folder)
     if args.json:
-        show(args, "", {"runs": [asdict(row) for row in rows], "files": [str(path) for path in files]})
+        show(args, "", {"runs": [plain(row) for row in rows], "files": [str(path) for path in files]})
     written(args, files[:3])
     return GOOD
 

@@ -23,6 +23,7 @@ def run(args: argparse.Namespace) -> int:
     from rich.console import Group
 
     from cell.commands import words
+    from cell.records.schema import EventKind, plain
 
     with read_journal(args) as journal:
         row = journal.find(args.number)
@@ -35,15 +36,14 @@ def run(args: argparse.Namespace) -> int:
         args,
         Group(words.run(row, stages), words.events(events)),
         {
-            **asdict(row),
-            "stages": [asdict(stage) for stage in stages],
+            **plain(row),
+            "stages": [plain(stage) for stage in stages],
             "events": [asdict(event) for event in events],
             "files": [str(path) for path in files],
         },
     )
     # Imported late: the text must not wait for samples and charts.
     from cell.records.samples import export_csv, read_samples, torn
-    from cell.records.schema import EventKind
 
     samples = read_samples(recorded)
     if not samples["stamp"].size:

@@ -44,9 +44,14 @@ def report(image: Report) -> dict[str, object]:
     }
 
 
+def typed(text: str) -> str:
+    """Return an advice with what a person types, instead of what a PLC sends."""
+    return text.replace("run `recover`", "`cell run recover`").replace("give CLEARED", "`cell run cleared`")
+
+
 def _next(image: Report) -> str:
     """Return the next step as one line: the remedy of a fault, then the reset if the state needs one, then the peg's remedy."""
-    peg = REMEDIES[PartPlace(image.part)]
+    peg = typed(REMEDIES[PartPlace(image.part)])
     steps = [FAULTS[FaultCode(image.fault)].remedy] if image.fault else []
     if image.state in BEFORE_RESET:
         steps.append("reset")
@@ -119,7 +124,7 @@ def _shown(name: str, value: object) -> str:
     if name in ("versions", "parameters"):
         return ", ".join(f"{key} {_short(each)}" for key, each in json.loads(str(value)).items())
     if name == "part":
-        return f"{str(value).replace('_', ' ')}: {REMEDIES[PartPlace[str(value).upper()]]}"
+        return f"{str(value).replace('_', ' ')}: {typed(REMEDIES[PartPlace[str(value).upper()]])}"
     if name == "is_simulated":
         return "yes" if value else "no"
     return _short(value * LABELS[name][2]) if isinstance(value, float) and name in LABELS else str(value)

@@ -1,6 +1,7 @@
 """Records of runs for the page: the last runs, the yield, and files of a run made by other commands."""
 
 import asyncio
+import os
 import shutil
 import sys
 from collections.abc import Mapping, Sequence
@@ -15,7 +16,7 @@ from cell.records import wall_clock
 from cell.records.alarms import Alarm
 from cell.records.journal import Journal
 from cell.records.run_query import RunQuery, moment
-from cell.records.schema import LOST, RUNNING, RunRow
+from cell.records.schema import LOST, RUNNING, RunRow, plain
 from cell.records.statistics import wilson
 from cell.run.line import PROGRAMS
 from drivers.errors import JournalError
@@ -79,9 +80,9 @@ class Records:
             row = journal.find(run)
             why = explained(row.fault, row.reason)
             return {
-                **asdict(row),
+                **plain(row),
                 "why": why and asdict(why),
-                "stages": [asdict(stage) for stage in journal.stages(run)],
+                "stages": [plain(stage) for stage in journal.stages(run)],
                 "events": [asdict(event) for event in journal.events(run=run)],
                 "files": list(FILES) if _can_be_drawn(journal, row) else [],
                 "made": [name for name in FILES if self.path(run, name).is_file()],
@@ -166,7 +167,7 @@ class Records:
 
     async def _make(self, command: Sequence[str], path: Path) -> bool:
         """Make a file by a command with --out; if the process is stopped, remove the partial file."""
-        part = path.with_stem(f"{path.stem}-part")
+        part = path.with_stem(f"{path.stem}-part-{os.getpid()}")  # a server before this one may still write its own
         try:
             if is_made := await self._run([*command, "--out", str(part)]):
                 part.replace(path)

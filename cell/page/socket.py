@@ -3,6 +3,7 @@
 import json
 import logging
 from asyncio import Future
+from itertools import count
 from typing import Any
 
 from tornado.ioloop import IOLoop
@@ -26,6 +27,8 @@ PATIENCE = 3.0
 """Time for a page without a place to send the token, s."""
 TRIES = 5
 """Number of wrong tokens after which a page is closed."""
+_NUMBERS = count(1)
+"""Numbers of the pages that have sent the token."""
 BEHIND = 256 * 1024
 """Largest number of unsent bytes for a page, bytes; above it the page is closed and can reconnect."""
 
@@ -151,7 +154,7 @@ class PageSocket(WebSocketHandler):
                 self.close(1008, "wrong token")
         elif self in self._hub.pages or self._hub.admit(self):
             if not self._source:
-                self._source = f"page {self.peer} {id(self) & 0xFFFF:04x}"
+                self._source = f"page {self.peer} no. {next(_NUMBERS)}"
                 self._bridge.opened(self._source, f"page {self.peer}")
             self._say("unlocked", source=self._source)
 

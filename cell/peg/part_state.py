@@ -367,6 +367,8 @@ REMEDIES = {
 }
 """Remedy by the peg's place."""
 
+LOST_WITH_WORLD = (PartPlace.IN_HAND, PartPlace.IN_HOLE, PartPlace.ON_PLATE)
+"""Places at which the peg of a simulated cell is gone when its program ends."""
 
 SIGNS = {
     PartEvidence.HAND_HOLDS: "the hand holds a peg",

@@ -12,9 +12,12 @@ WITH begun AS (
             SELECT min(event) FROM events AS later WHERE later.event > alarm.event AND later.kind = 'warning'
             AND later.name IN (alarm.name, alarm.name || ' is over'))
         END AS last
-    FROM events AS alarm
-    WHERE kind IN ('fault', 'warning') AND name NOT LIKE '% is over' AND time >= :since AND time < :until
-    AND (:code IS NULL OR code = :code)
+    FROM (
+        SELECT * FROM events
+        WHERE kind IN ('fault', 'warning') AND name NOT LIKE '% is over' AND time >= :since AND time < :until
+        AND (:code IS NULL OR code = :code)
+        ORDER BY event DESC LIMIT :last
+    ) AS alarm
 )
 SELECT begun.time, begun.kind, begun.code, begun.name, begun.text, begun.run,
     CASE
@@ -25,7 +28,7 @@ SELECT begun.time, begun.kind, begun.code, begun.name, begun.text, begun.run,
     END,
     max(86400.0 * (julianday(ended.time) - julianday(begun.time)), 0.0)
 FROM begun LEFT JOIN events AS ended ON ended.event = begun.last
-ORDER BY begun.event DESC LIMIT :last
+ORDER BY begun.event DESC
 """
 """Alarms of a period. A fault is over when the cell leaves the states before a reset, a warning when it clears or comes again."""
 

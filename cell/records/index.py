@@ -258,6 +258,7 @@ def _read_only(path: Path) -> sqlite3.Connection:
         index = sqlite3.connect(place, uri=True, timeout=10.0, isolation_level=None, check_same_thread=False)
         try:
             index.execute("SELECT count(*) FROM sqlite_master")
+            index.execute("PRAGMA temp_store = MEMORY")  # a report needs no space on the disk
         except sqlite3.OperationalError:
             index.close()
         else:

@@ -39,8 +39,11 @@ class RunQuery:
             "recipe": self.recipe,
         }
         given = {name: value for name, value in wanted.items() if value is not None}
-        text = " AND ".join(["started >= ?", "started < ?", *(f"{name} = ?" for name in given)])
-        return text, [self.since, self.until or NEVER, *given.values()]
+        ends = (
+            {"started < ?": self.until} if self.until else {}
+        )  # a second limit makes SQLite sort all runs for the last ones
+        text = " AND ".join(["started >= ?", *ends, *(f"{name} = ?" for name in given)])
+        return text, [self.since, *ends.values(), *given.values()]
 
 
 def moment(text: str, now: datetime, option: str = "--since") -> str:

@@ -10,8 +10,9 @@
 The number of the layout is the index's `PRAGMA user_version`; `LAYOUT` is the present one.
 """
 
+import json
 import sqlite3
-from dataclasses import MISSING, Field, dataclass, fields
+from dataclasses import MISSING, Field, asdict, dataclass, fields
 from enum import StrEnum
 from typing import Any
 
@@ -183,6 +184,8 @@ _TYPES: dict[Any, str] = {
     int | None: "INTEGER",
     float | None: "REAL",
 }
+_JSON = ("stage_times", "versions", "parameters", "facts")
+"""Columns with JSON."""
 _KEYS = {
     RunRow: "run INTEGER PRIMARY KEY AUTOINCREMENT",
     EventRow: "event INTEGER PRIMARY KEY AUTOINCREMENT",
@@ -209,6 +212,11 @@ _INDICES = (
 def names(row: type) -> tuple[str, ...]:
     """Return the columns of a table, in the order of its row's fields."""
     return tuple(field.name for field in fields(row))
+
+
+def plain(row: Any) -> dict[str, Any]:
+    """Return a row as data for programs; its columns of JSON become data too."""
+    return {name: json.loads(value) if name in _JSON else value for name, value in asdict(row).items()}
 
 
 def create(index: sqlite3.Connection) -> None:

@@ -2,6 +2,7 @@
 
 import base64
 import io
+from collections.abc import Sequence
 from html import escape
 from pathlib import Path
 
@@ -13,6 +14,8 @@ from cell.report.facts import Facts
 from cell.report.words import HTML, Table, require_kind, tables
 from drivers.errors import ConfigError
 
+ROWS = 24
+"""Number of rows of a table on one page of a PDF."""
 STYLE = """
 :root { color-scheme: light dark; font: 16px/1.5 system-ui, sans-serif; }
 body { max-width: 72rem; margin: 2rem auto; padding: 0 1rem; }
@@ -55,19 +58,26 @@ def _write_html(facts: Facts, path: Path) -> None:
 def _write_pdf(facts: Facts, path: Path) -> None:
     from matplotlib.backends.backend_pdf import PdfPages
 
-    words = Figure(figsize=(11.7, 8.3))
-    lines = ["Report of the cell", ""]
-    for title, head, rows in tables(facts):
-        widths = [max(len(row[column]) for row in (head, *rows)) for column in range(len(head))]
-        lines += [
-            title,
-            *("   ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)) for row in (head, *rows)),
-            "",
-        ]
-    words.text(0.05, 0.95, "\n".join(lines), family="monospace", fontsize=9, va="top", parse_math=False)
     with PdfPages(path) as pages:
-        pages.savefig(words)
+        for title, head, rows in tables(facts):
+            for first in range(0, len(rows), ROWS):
+                pages.savefig(_page(title, head, rows[first : first + ROWS]))
         pages.savefig(draw(facts))
+
+
+def _page(title: str, head: Sequence[str], rows: Sequence[Sequence[str]]) -> Figure:
+    figure = Figure(figsize=(11.7, 8.3))
+    axes = figure.add_axes((0.05, 0.05, 0.9, 0.85))
+    axes.set_axis_off()
+    axes.set_title(title, loc="left", weight="bold")
+    drawn = axes.table(list(rows), colLabels=list(head), loc="upper left", cellLoc="left", edges="horizontal")
+    drawn.auto_set_font_size(False)
+    drawn.set_fontsize(9)
+    drawn.auto_set_column_width(list(range(len(head))))
+    drawn.scale(1.0, 1.3)
+    for cell in drawn.get_celld().values():
+        cell.get_text().set_parse_math(False)
+    return figure
 
 
 def _table(table: Table) -> str:

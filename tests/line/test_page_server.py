@@ -22,7 +22,7 @@ from cell.records.schema import ConfigRow, RunRow
 from cell.records.wall_clock import now_text
 from drivers.errors import DeviceNotOpenedError
 from plc_bridge.protocol.messages import Control
-from tests.browser import PATIENCE, patience
+from tests.browser import patience
 from tests.plc_wire import Wire
 from tests.quick_cell import CODE, QuickCell
 from tests.scenes import played
@@ -37,7 +37,7 @@ def server(served: QuickCell, loaded) -> Iterator[PageServer]:
 
 
 def get(server, path, method="GET", **headers):
-    connection = http.client.HTTPConnection(*server.address, timeout=PATIENCE)
+    connection = http.client.HTTPConnection(*server.address, timeout=600)
     connection.request(method, path, headers=headers)
     answer = connection.getresponse()
     body = answer.read()
@@ -260,6 +260,16 @@ def test_only_the_token_has_a_config_shown_or_a_file_made(server, served, record
     for path in (film, "/runs/99/data", "/runs/99/film.mp4"):
         for method in ("GET", "POST"):
             assert str(served.folder).encode() not in get(server, path, method=method, **own)[1]
+
+
+def test_a_browser_that_leaves_during_a_film_is_no_error(server, served, recorded, caplog):
+    film = served.folder / f"run-{recorded:06d}.mp4"
+    film.write_bytes(bytes(64 * 1024 * 1024))
+    with socket.create_connection(server.address) as browser:
+        browser.sendall(f"GET /runs/{recorded}/film.mp4 HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n".encode())
+        assert browser.recv(12) == b"HTTP/1.1 200"
+    assert get(server, f"/runs/{recorded}/film.mp4", Range="bytes=0-9")[0].status == 206
+    assert caplog.text == ""
 
 
 @played

@@ -14,7 +14,7 @@ def told(**fields):
 @pytest.mark.parametrize(
     ("state", "fault", "part", "steps"),
     [
-        (State.ABORTED, 1001, PartPlace.IN_HAND, "{skin}, then reset; then the hand holds a peg: run `recover`"),
+        (State.ABORTED, 1001, PartPlace.IN_HAND, "{skin}, then reset; then the hand holds a peg: `cell run recover`"),
         (State.ABORTED, 1001, PartPlace.RACK, "{skin}, then reset; then the next peg is in the rack"),
         (State.IDLE, 1001, PartPlace.RACK, "check the board's supply and cable; then the next peg is in the rack"),
         *((state, 0, PartPlace.BIN, "reset; then the last peg is in the reject bin") for state in BEFORE_RESET),
@@ -30,7 +30,7 @@ def test_the_next_step_is_the_remedy_then_the_reset_then_the_peg(state, fault, p
 def test_after_every_fault_the_reset_comes_before_the_peg(fault):
     steps = told(state=State.ABORTED, fault=fault, part=PartPlace.IN_HAND)
     assert steps.count("reset") == 1
-    assert steps.index("reset") < steps.index("run `recover`")
+    assert steps.index("reset") < steps.index("`cell run recover`")
 
 
 def test_where_the_peg_is_why_and_what_to_do_follow_each_other_in_the_line():
