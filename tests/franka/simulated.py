@@ -26,6 +26,10 @@ from franka_sim.gripper.backend import GripperBackend, GripperStateData
 
 from cell.config.cell_config import CellConfig
 from drivers import impedance
+from drivers.arm.franka import FrankaArm
+from drivers.arm.franka_config import FrankaArmConfig
+from drivers.arm.model import ArmModel
+from drivers.protocols import Clock
 from drivers.quantities import Vector
 from sim.hand.gripper import SimGripper
 from sim.world.physics import World
@@ -343,6 +347,15 @@ class Server(FrankaSimServer):  # type: ignore[misc]  # no hints
 def address(number: int) -> str:
     """Return one of this process's own addresses of the loopback: the protocol's ports are fixed."""
     return f"127.{os.getpid() % 200 + 2}.{os.getpid() // 200 % 250}.{number}"
+
+
+def arm_at(host: str, model: ArmModel, clock: Clock, realtime: str = "ignore") -> FrankaArm:
+    """Return the driver of an arm on `host` that keeps a clock, not yet open."""
+    config = FrankaArmConfig.model_validate(
+        {"kind": "franka", "model": "panda", "host": host, "realtime": realtime}
+        | {"collision_torque": 60.0, "collision_force": 60.0}
+    )
+    return FrankaArm(config, model, clock)
 
 
 @contextmanager

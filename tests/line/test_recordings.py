@@ -209,9 +209,6 @@ def test_drawn_noise_of_taxels_is_that_of_the_recording(name):
     modules = [real[module == number] for number in np.unique(module)]
     within, simulated = (
         np.median([np.nanpercentile(each, 90) / np.nanpercentile(each, 10) for each in several])
-        for several in (
-            [each for each in modules if np.isfinite(each).sum() >= 8],
-            levels.reshape(-1, MODULE_TAXELS),
-        )
+        for several in ([each for each in modules if np.isfinite(each).sum() >= 8], levels.reshape(-1, MODULE_TAXELS))
     )
     assert simulated == pytest.approx(within, rel=0.2)
