@@ -1,7 +1,7 @@
 """Time of the desk's world for every Python process of a cell on the desk.
 
-`time.monotonic`, `time.time` and `time.sleep` follow the world. The world waits for the cell in turn: the first process of a command writes
-the time that it has last seen, and the world goes no further than a few milliseconds beyond it.
+`time.monotonic`, `time.time` and `time.sleep` follow the world. The world waits for the cell in turn: the main thread of a command, which
+scans, writes the time that it has last seen, and the world goes no further than a few milliseconds beyond it.
 """
 
 import atexit
@@ -9,6 +9,7 @@ import math
 import mmap
 import os
 import struct
+import threading
 import time
 from pathlib import Path
 
@@ -31,7 +32,7 @@ class _Now:
 
     def __call__(self) -> float:
         now: float = struct.unpack_from("d", _times, NOW)[0]
-        if _is_first:
+        if _is_first and threading.current_thread() is threading.main_thread():
             struct.pack_into("d", _times, SEEN, now)
         return self._zero + now
 
