@@ -34,7 +34,7 @@ from plc_bridge.protocol.messages import Control
 from tests.certificates import Authority, utf8
 from tests.hubs import Cable
 from tests.modbus_oracle import Oracle
-from tests.sockets import PATIENCE, answer, frame, receive
+from tests.sockets import PATIENCE, answer, frame
 from tests.unit.cell.page.test_outside import changed
 
 BATCH = 40

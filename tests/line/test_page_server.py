@@ -5,7 +5,6 @@ import http.client
 import json
 import socket
 import sqlite3
-import struct
 from collections.abc import Iterator
 from contextlib import AsyncExitStack, asynccontextmanager, closing
 
@@ -14,7 +13,6 @@ from tornado.httpclient import HTTPRequest
 from tornado.websocket import websocket_connect
 
 from cell.page.hub import PLACES, PLACES_OF_ONE
-from cell.page.records import FILM, Records
 from cell.page.server import PageServer
 from cell.page.socket import TRIES
 from cell.records.journal import INDEX
@@ -290,15 +288,3 @@ def test_damage_in_the_index_is_answered_in_one_line(server, served, recorded):
         index.execute("UPDATE runs SET serial = CAST(x'41ff' AS TEXT), cycle_time = CAST(x'ff' AS BLOB)")
     answer, body = get(server, f"/runs/{recorded}/data")
     assert (answer.status, body.count(b"\n")) == (404, 1)
-
-
-def test_a_browser_that_leaves_during_a_film_is_no_error(server, served, caplog):
-    film = Records(served.folder).path(1, FILM)
-    film.parent.mkdir(parents=True, exist_ok=True)
-    film.write_bytes(bytes(50_000_000))
-    with socket.create_connection(server.address) as client:
-        client.sendall(f"GET /runs/1/{FILM} HTTP/1.1\r\nHost: localhost\r\n\r\n".encode())
-        assert client.recv(12) == b"HTTP/1.1 200"
-        client.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
-    assert get(server, "/")[0].status == 200
-    assert not caplog.records
