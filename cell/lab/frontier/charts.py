@@ -128,24 +128,21 @@ def _pair(lines: Sequence[FrontierLine], scenes: Sequence[str], conditions: str,
 def _draw(axes: Axes, curves: Mapping[str, Sequence[FrontierLine]], value: Callable[[FrontierLine], float]) -> None:
     """Draw one quantity of every method against time, from slow to quick; of the success, with its 95 % interval.
 
-    A cross at the time of the last point shows that no trial succeeded at the next speed.
+    A point with at most half inserted is hollow and not joined: the mean time of few successes says little.
     """
     for method, of in curves.items():
-        timed, colour = [line for line in of if line.successes], METHODS[method].colour
-        times = [line.mean for line in timed]
-        axes.plot(times, [value(line) for line in timed], "o-", ms=5, lw=1.8, color=colour)
-        if value is success and timed and not of[-1].successes:
-            axes.plot(times[-1:] * 2, [value(timed[-1]), 0.0], ":x", ms=8, lw=1.5, color=colour)
+        colour = METHODS[method].colour
+        joined = [line for line in of if success(line) > 50.0]
+        apart = [line for line in of if line.successes and success(line) <= 50.0]
+        times, values = [line.mean for line in joined], [value(line) for line in joined]
+        axes.plot(times, values, "o-", ms=5, lw=1.8, color=colour)
+        axes.plot([line.mean for line in apart], [value(line) for line in apart], "o", ms=5, mfc="none", color=colour)
         if value is success:
-            ends = [
-                [value(line) - 100.0 * line.low for line in timed],
-                [100.0 * line.high - value(line) for line in timed],
-            ]
-            axes.errorbar(
-                times, [value(line) for line in timed], yerr=ends, fmt="none", ecolor=colour, alpha=0.35, lw=4
-            )
+            low = [success(line) - 100.0 * line.low for line in joined]
+            high = [100.0 * line.high - success(line) for line in joined]
+            axes.errorbar(times, values, yerr=[low, high], fmt="none", ecolor=colour, alpha=0.35, lw=4)
     if value is success:
-        axes.set_ylim(-3.0, 110.0)
+        axes.set_ylim(-3.0, 118.0)
         axes.set_yticks(range(0, 101, 20))
     axes.set_xscale("log")
     axes.set_xlim(TIMES[0], LONGEST)
@@ -165,7 +162,7 @@ def _legend(lines: Sequence[FrontierLine], method: str, scenes: Sequence[str]) -
 def _mark(axes: Axes, lines: Sequence[FrontierLine], scene: str) -> None:
     """Draw the presets; in the first scene, which is that of the real insertions, also those, and labels."""
     is_first = scene == next(iter(SCENES))
-    above: dict[str, Any] = {"xytext": (0, 10), "textcoords": "offset points", "ha": "center", "fontsize": 9}
+    above: dict[str, Any] = {"xytext": (0, 8), "textcoords": "offset points", "rotation": 30, "fontsize": 9}
     for method, points in ((name, each.points) for name, each in METHODS.items()):
         for line in (each for each in lines if each.family == family(method, scene) and each.variant in points):
             at = line.mean, success(line)
@@ -176,7 +173,7 @@ def _mark(axes: Axes, lines: Sequence[FrontierLine], scene: str) -> None:
         low, high = (100.0 * end for end in wilson(PUBLISHED_SUCCESSES, PUBLISHED_ATTEMPTS))
         error = [[rate - low], [high - rate]]
         axes.errorbar([PUBLISHED_TOTAL], [rate], yerr=error, fmt="s", color=INK, ms=7, capsize=3, lw=1)
-        axes.annotate("[gibbons], 40 real", (PUBLISHED_TOTAL, high), **above)
+        axes.annotate("[gibbons], 40 real", (PUBLISHED_TOTAL, high), **{**above, "rotation": 0, "ha": "center"})
 
 
 def curve(lines: Sequence[FrontierLine], method: str, scene: str) -> list[FrontierLine]:
