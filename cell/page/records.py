@@ -10,6 +10,7 @@ from datetime import timedelta
 from pathlib import Path
 
 from cell.page import telling
+from cell.page.scene import replay
 from cell.records import wall_clock
 from cell.records.journal import Journal
 from cell.records.run_query import RunQuery
@@ -29,13 +30,10 @@ SHIFT = timedelta(hours=8)
 RECENT = 200
 """Number of runs searched for the last faults."""
 OUTCOMES = tuple(str(each) for each in Outcome)
-FILM = "film.mp4"
-FILES = {"picture.png": "show", FILM: "film"}
-"""Files that can be requested of a run, and the command that makes each."""
 WAITING = 8
-"""Largest number of waiting requests for files; further ones are refused."""
+"""Largest number of waiting requests for films; further ones are refused."""
 LONGEST = 7200.0
-"""Longest time to make one file, s; on a busy computer, a film of a long run takes an hour."""
+"""Longest time to draw one film, s; on a busy computer, a film of a long run takes an hour."""
 GRACE = 2.0
 """Time between SIGTERM and SIGKILL for a process, s."""
 
@@ -46,8 +44,8 @@ class Records:
     def __init__(self, folder: Path) -> None:
         """Keep the folder of the records; each query opens the journal again, because it may be moved or created later."""
         self._folder = folder
-        self._making, self._waiting = asyncio.Lock(), 0
-        self._films: dict[int, asyncio.Task[Path | None]] = {}
+        self._reading, self._drawing = asyncio.Lock(), asyncio.Lock()
+        self._films: dict[int, asyncio.Task[None]] = {}
         """Films in work or waiting, by run."""
 
     def summary(self) -> dict[str, object]:
@@ -76,9 +74,7 @@ class Records:
                 **asdict(row),
                 "stages": [asdict(stage) for stage in journal.stages(run)],
                 "events": [asdict(event) for event in journal.events(run=run)],
-                "files": list(FILES) if _can_be_drawn(journal, row) else [],
-                "made": [name for name in FILES if self.path(run, name).is_file()],
-                "is_filmed": run in self._films,
+                "film": self._film_state(run, _can_be_drawn(journal, row)),
             }
 
     def config(self, run: int) -> str | None:
@@ -90,30 +86,21 @@ class Records:
         with self._journal() as journal:
             return journal.config(journal.find(run).config_hash)
 
-    async def file(self, run: int, name: str) -> Path | None:
-        """Return a file of a run; if it is missing, another process makes it. None if that fails.
-
-        Files are made one at a time, at low priority, so that the scan keeps the processor.
+    async def replay(self, run: int) -> bytes:
+        """Return the samples of a run for its replay; one run is read at a time, so that readers share one core.
 
         Raises:
-            JournalError: The run is not on record.
+            JournalError: The run is not on record, or has no samples that can be drawn.
         """
         with self._journal() as journal:
-            if not _can_be_drawn(journal, journal.find(run)):
-                return None
-        path = self.path(run, name)
-        if not path.is_file() and self._waiting < WAITING:
-            self._waiting += 1
-            try:
-                async with self._making:
-                    if not path.is_file():
-                        await self._make(run, name, path)
-            finally:
-                self._waiting -= 1
-        return path if path.is_file() else None
+            path = journal.samples_path(journal.find(run).run)
+        async with self._reading:
+            return await asyncio.to_thread(replay, path)
 
     def film(self, run: int) -> Path | None:
-        """Return the film of a run; if it is missing, start to make it, which takes minutes, and return None.
+        """Return the film of a run; if it is missing, start to draw it, which takes minutes, and return None.
+
+        Films are drawn by another process, one at a time, at low priority, so that the scan keeps the processor.
 
         Raises:
             JournalError: The run is not on record, or cannot be drawn.
@@ -121,30 +108,33 @@ class Records:
         with self._journal() as journal:
             if not _can_be_drawn(journal, journal.find(run)):
                 raise JournalError(f"run {run}: no samples of an ended run are on record")
-        path = self.path(run, FILM)
+        path = self.film_path(run)
         if path.is_file():
             return path
-        if run not in self._films:
-            self._films[run] = asyncio.create_task(self.file(run, FILM))
+        if run not in self._films and len(self._films) < WAITING:
+            self._films[run] = asyncio.create_task(self._draw(run))
             self._films[run].add_done_callback(lambda _: self._films.pop(run))
         return None
 
-    def path(self, run: int, name: str) -> Path:
-        """Return the path of a file of a run; the file may not exist."""
-        return self._folder / f"run-{run:06d}{Path(name).suffix}"
+    def film_path(self, run: int) -> Path:
+        """Return the path of a run's film; the file may not exist."""
+        return self._folder / f"run-{run:06d}.mp4"
 
-    async def _make(self, run: int, name: str, path: Path) -> None:
-        """Make a file of a run; if the process is stopped, remove the partial file."""
-        command = [FILES[name], str(run), "--json", "--journal", str(self._folder)]
-        if FILES[name] == "show":
-            await _run(command)
-            return
+    def _film_state(self, run: int, can_be_drawn: bool) -> str:
+        if self.film_path(run).is_file():
+            return "made"
+        return "drawing" if run in self._films else "missing" if can_be_drawn else "none"
+
+    async def _draw(self, run: int) -> None:
+        """Draw the film of a run; if the process is stopped, remove the partial file."""
+        path = self.film_path(run)
         part = path.with_stem(f"{path.stem}-part")
-        try:
-            if await _run([*command, "--out", str(part)]):
-                part.replace(path)
-        finally:
-            part.unlink(missing_ok=True)
+        async with self._drawing:
+            try:
+                if await _run(["film", str(run), "--json", "--journal", str(self._folder), "--out", str(part)]):
+                    part.replace(path)
+            finally:
+                part.unlink(missing_ok=True)
 
     def _journal(self) -> Journal:
         return Journal(self._folder, is_read_only=True)
