@@ -118,7 +118,8 @@ def commanded(state: Vector) -> Vector:
 
 def unexplained(state: Vector) -> Vector:
     """Return the commanded torque that did not become motion, one value a joint, shape (7,), N·m; `state` is the law's."""
-    return learning.unexplained(state[LEARNING:])
+    first = LEARNING + learning.RESIDUAL
+    return -state[first : first + JOINTS]
 
 
 def restart(state: Vector) -> None:

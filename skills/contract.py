@@ -22,7 +22,7 @@ from drivers.quantities import (
     TaxelFrame,
     Vector,
 )
-from drivers.skin.layout import Layout, layout_of
+from drivers.skin.layout import Layout
 from skills.guards.limits import Limits
 from skills.guards.passivity import STOP, PassivityGuard, PassivityVerdict
 from skills.guards.scan_guards import (
@@ -32,7 +32,6 @@ from skills.guards.scan_guards import (
     require_finite_skin,
     require_finite_theta,
     require_level_skin,
-    require_tracking,
     way_back,
 )
 from skills.guards.wrench_zero import ZeroedWrench
@@ -231,7 +230,7 @@ class SkillContext:
     @property
     def length(self) -> float:
         """Distance from the finger centre to the peg's end point, m, by the best estimate."""
-        return self.job.peg.length + self.peg.excess
+        return self.job.peg.length + (self.peg.measured or 0.0)
 
     def in_hand(self) -> InHandTip:
         """Return the estimated pose of the end point in the hand."""
@@ -317,11 +316,9 @@ class SkillContext:
             timing.require_kept()
             if request is Request.STOP:
                 self._interrupt(Reason.STOPPED)
-            self._hold_or_leave(request)
             seen = self.observe(elapsed, timing.step, running)
-            lead.rest.take(seen.arm, seen.stamp)
-            paused = seen.arm if request is Request.HOLD else paused
-            self._keep_to_setpoint(seen, request, paused)
+            if request is not Request.RUN or lead.rest.is_sought:
+                paused = self._pause(request, seen, paused)
             self.callbacks.record(seen, lead.held)
             if limited:
                 self._check(seen)
@@ -337,23 +334,18 @@ class SkillContext:
             if request is Request.RUN:
                 elapsed, running = elapsed + timing.step, running + timing.passed
 
-    def _hold_or_leave(self, request: Request) -> None:
-        """Bring the arm to rest during a hold, otherwise release it."""
-        rest = self.lead.rest
-        if request is not Request.HOLD:
-            rest.leave()
-        elif not rest.is_sought:
-            rest.seek(self.devices.clock.now())
-
-    def _keep_to_setpoint(self, seen: Observation, request: Request, paused: ArmState | None) -> None:
-        """Check that the arm is close to its setpoint; after a hold, move it back there from where it `paused`."""
-        held = self.lead.held
-        if held is None:
-            return
-        if request is Request.RUN:
-            require_tracking(seen.arm, held)
-        elif request is Request.RESUME and paused is not None:
+    def _pause(self, request: Request, seen: Observation, paused: ArmState | None) -> ArmState | None:
+        """Bring the arm to rest during a hold and return its state; after the hold, move it from there back to its setpoint."""
+        rest, held = self.lead.rest, self.lead.held
+        if request is Request.HOLD:
+            if not rest.is_sought:
+                rest.seek(seen.stamp)
+            rest.take(seen.arm, seen.stamp)
+            return seen.arm
+        rest.leave()
+        if request is Request.RESUME and held is not None and paused is not None:
             self.devices.arm.follow(way_back(paused, held, seen.stamp, self.schedule.period))
+        return paused
 
     def _require_peg(self, seen: Observation) -> None:
         """Check that the hand holds the peg and that the skin has measured its pose recently."""
@@ -379,7 +371,7 @@ class SkillContext:
         if not (low[0] <= x <= high[0] and low[1] <= y <= high[1] and low[2] <= z <= high[2]):
             self._interrupt(Reason.WORKSPACE)
         if seen.is_new_frame:
-            require_level_skin(seen.frame, layout_of(self.devices.layout).beside)
+            require_level_skin(seen.frame, self.devices.layout)
 
     def _keep_passive(self, guard: PassivityGuard, seen: Observation, request: Request) -> None:
         held = self.lead.held if request is Request.RUN else None

@@ -37,7 +37,8 @@ class Lead:
         if self._soft is not None and setpoint.id == self._soft[0]:
             setpoint = replace(setpoint, stiffness=np.minimum(setpoint.stiffness, self._soft[1]))
         self.held = setpoint
-        self.rest.leave()
+        if self.rest.is_sought:
+            self.rest.leave()
         self._arm.follow(setpoint)
 
     def soften(self, held: ImpedanceSetpoint) -> None:

@@ -48,7 +48,7 @@ class Gains(ConfigModel):
 
     def damping_ratios(self) -> Vector:
         """Return the damping ratio of each direction, shape (6,)."""
-        return np.full(6, self.damping_ratio)
+        return np.array([self.damping_ratio] * 6)
 
 
 class TransferGains(Gains):

@@ -40,6 +40,8 @@ def scaled(params: P, scale: float) -> P:
 
     The longest times of motions grow in a slower plan, and stay in a faster one.
     """
+    if scale == 1.0:
+        return params
     factors = {Tempo.SPEED: scale, Tempo.WAIT: 1.0 / scale, Tempo.LIMIT: 1.0 / min(scale, 1.0)}
     return _changed(params, lambda mark, value, _: value * factors[mark.tempo] if mark.tempo is not None else value)
 

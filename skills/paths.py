@@ -33,19 +33,21 @@ class Lanes:
     """Number of lanes of the first cover."""
     signs: tuple[float, float]
     """Signs of the coordinates of the first corner."""
-    run_in: float
-    """Distance outside the rectangle at which the first lane starts, m."""
+    straight: float
+    """Time along the straight part of a lane, s; each turn extends beyond it by v · TURN_TIME / 4."""
+    lead: float
+    """Time from the start of the path to the start of the first straight part, s."""
 
     @property
     def cover(self) -> float:
         """Time of the first cover of the rectangle, s."""
-        return self._lead + self.lanes * (self._straight + TURN_TIME)
+        return self.lead + self.lanes * (self.straight + TURN_TIME)
 
     def at(self, time: float) -> tuple[Vector, Vector]:
         """Return the point, m, relative to the middle of the rectangle, and its velocity, m/s, at `time`, each shape (2,)."""
         slow = 1 - self.fast
-        straight = self._straight
-        time -= self._lead
+        straight = self.straight
+        time -= self.lead
         lane = max(math.floor(time / (straight + TURN_TIME)), 0)
         within = time - lane * (straight + TURN_TIME)
         pitch = 2.0 * self.half[slow] / self.lanes
@@ -70,16 +72,6 @@ class Lanes:
         velocity[slow] = self.signs[slow] * pitch * drift
         return point, velocity
 
-    @property
-    def _straight(self) -> float:
-        """Time along the straight part of a lane, s; each turn extends beyond it by v · TURN_TIME / 4."""
-        return max(2.0 * self.half[self.fast] / self.speed - TURN_TIME / 2.0, 0.0)
-
-    @property
-    def _lead(self) -> float:
-        """Time from the start of the path to the start of the first straight part, s."""
-        return self.run_in / self.speed + self.half[self.fast] / self.speed - self._straight / 2.0
-
     def _place(self, lane: int) -> float:
         """Return the position of a lane, in pitches from the middle; every second cover is shifted by half a pitch and has one more lane."""
         number = lane % (2 * self.lanes + 1)
@@ -91,9 +83,14 @@ class Lanes:
 def lanes(
     half: tuple[float, float], pitch: float, speed: float, fast: int, near: tuple[float, float], run_in: float
 ) -> Lanes:
-    """Return lanes over a rectangle, at most `pitch` apart, m, from the corner next to `near`; units as in `Lanes`."""
+    """Return lanes over a rectangle, at most `pitch` apart, m, from the corner next to `near`; units as in `Lanes`.
+
+    The first lane starts `run_in` outside the rectangle, m.
+    """
     signs = (math.copysign(1.0, near[0]), math.copysign(1.0, near[1]))
-    return Lanes(half, fast, speed, max(math.ceil(2.0 * half[1 - fast] / pitch), 1), signs, run_in)
+    straight = max(2.0 * half[fast] / speed - TURN_TIME / 2.0, 0.0)
+    lead = run_in / speed + half[fast] / speed - straight / 2.0
+    return Lanes(half, fast, speed, max(math.ceil(2.0 * half[1 - fast] / pitch), 1), signs, straight, lead)
 
 
 def spiral(time: float, growth: float, turn_rate: float) -> Vector:

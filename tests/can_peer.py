@@ -34,10 +34,6 @@ _BY_SDO = tuple(
 _READ_TIMEOUT, _NMT_PERIOD = 0.01, 0.2  # s
 
 
-class SdoRefusedError(CellSilentError):
-    """The cell refuses the value permanently: it is beyond its limits."""
-
-
 class _Wire(canopen.Network):
     """canopen's network on a bus of this project; its own reading thread also sends the heartbeat."""
 
@@ -113,11 +109,6 @@ class CanPeer(PlcPeer):
             self._wire.end()
             self._wire = self._node = None
         self._bus.close()
-
-    def end_heartbeat(self) -> None:
-        """Stop only the heartbeat, like a PLC with a failed CANopen stack."""
-        if self._wire is not None:
-            self._wire.producer.restart(0.0)
 
     def read_report(self) -> Report:
         """Return the report; writes nothing.
@@ -217,9 +208,7 @@ class CanPeer(PlcPeer):
             raise CellSilentError(f"{self._where}: not connected")
         try:
             yield self._node
-        except canopen.SdoAbortedError as error:
-            raise SdoRefusedError(f"{self._where}: {error}") from error
-        except (canopen.SdoCommunicationError, CanLostError) as error:
+        except (canopen.SdoAbortedError, canopen.SdoCommunicationError, CanLostError) as error:
             raise CellSilentError(f"{self._where}: {error}") from error
 
 

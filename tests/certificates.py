@@ -9,6 +9,7 @@ from cryptography import x509
 from cryptography.hazmat.primitives import hashes, serialization
 from cryptography.hazmat.primitives.asymmetric import ec, rsa
 
+from plc_bridge.config import TlsConfig
 from plc_bridge.modbus.tls import ROLE_EXTENSION
 
 DAY = datetime.timedelta(days=1)
@@ -50,6 +51,12 @@ class Authority:
         key_path.touch(mode=0o600)
         key_path.write_bytes(key.private_bytes(serialization.Encoding.PEM, *form))
         return certificate, key_path
+
+    def cell(self, uri: str = "", lifetime: datetime.timedelta = DAY, **settings: object) -> TlsConfig:
+        """Return the settings of a cell on a free port whose certificate this authority has signed."""
+        certificate, key = self.sign("cell", uri=uri, lifetime=lifetime)
+        files = {"certificate": certificate, "key": key, "authority": self.certificate}
+        return TlsConfig.model_validate({"port": 0, **files, **settings})
 
     def revoke(self, *certificates: Path, lifetime: datetime.timedelta = DAY) -> Path:
         """Return the path of a list of revoked certificates."""

@@ -18,15 +18,7 @@ from cell.run.supervisor import Supervisor
 from drivers.errors import SkinSilentError
 from drivers.frames import peg_in_finger
 from drivers.parts import Job
-from drivers.quantities import (
-    ArmState,
-    GripperState,
-    ImpedanceSetpoint,
-    Pose,
-    SwitchState,
-    TaxelFrame,
-    Wrench,
-)
+from drivers.quantities import ArmState, GripperState, ImpedanceSetpoint, Pose, SwitchState, TaxelFrame, Wrench
 from drivers.skin.layout import shape_of
 from plc_bridge.bridge import Bridge
 from plc_bridge.protocol.images import CommandImage

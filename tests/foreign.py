@@ -20,8 +20,9 @@ from pathlib import Path
 
 from cell.records.journal import Journal
 from skills.contract import Outcome
-from tests.can_hubs import SocketcandHub
 from tests.certificates import Authority, utf8
+from tests.hubs import SocketcandHub
+from tests.serving import address_of, process
 
 ROOT = Path(__file__).parents[1]
 CLIENTS, EXAMPLE = ROOT / "tests" / "clients", ROOT / "docs" / "examples" / "line"
@@ -173,30 +174,23 @@ WAYS: dict[str, tuple[Callable[[], bool], Callable[[Path, Place, Place, int], st
 def secured(folder: Path) -> list[str]:
     """Return the settings of a cell over OPC UA, and write its keys and those of `by_node` into the folder."""
     authority = Authority(folder)
-    certificate, key = authority.sign("cell", uri="urn:test:cell")
+    cell = authority.cell("urn:test:cell")
     authority.sign("plc", utf8("Operator"), uri="urn:test:plc")
-    files = {"certificate": certificate, "key": key, "authority": authority.certificate}
     roles = 'plc.tls.roles={"Operator"=["read", "command"]}'
-    return ['plc.tls.host="127.0.0.1"', "plc.tls.port=0", roles, *(f'plc.tls.{k}="{v}"' for k, v in files.items())]
+    files = [f'plc.tls.{name}="{getattr(cell, name)}"' for name in ("certificate", "key", "authority")]
+    return ['plc.tls.host="127.0.0.1"', "plc.tls.port=0", roles, *files]
 
 
 @contextmanager
 def served(folder: Path, sets: Sequence[str], is_opcua: bool = False) -> Iterator[Place]:
     """Yield where a cell of its own process listens for Modbus or for OPC UA, with its records in `folder`."""
-    command = [sys.executable, "-m", "cell", "serve", "--config", str(EXAMPLE / "cell.toml"), "--journal", str(folder)]
-    command += [word for each in sets for word in ("--set", each)]
-    command += ["--opcua", "127.0.0.1:0"] if is_opcua else []
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True) as process:
+    options = ["--config", str(EXAMPLE / "cell.toml"), *(["--opcua", "127.0.0.1:0"] if is_opcua else [])]
+    with process(folder, sets, *options, lines=1 + is_opcua) as (running, places):
         try:
-            assert process.stdout is not None
-            found = re.match(r"serving on (.*):(\d+)", process.stdout.readline())
-            if is_opcua:
-                found = re.match(r"OPC UA on opc.tcp://(.*):(\d+)/", process.stdout.readline())
-            assert found is not None, "the cell does not start"
-            yield found[1], int(found[2])
+            yield address_of(places[-1])
         finally:
-            process.terminate()
-            process.wait()
+            running.terminate()
+            running.wait()
 
 
 def insert(name: str, pegs: int, sets: Sequence[str]) -> bool:

@@ -19,49 +19,23 @@ import time
 from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from functools import partial
 from pathlib import Path
 
 from drivers.transport.serial_line import SerialLine
 from plc_bridge.bridge import Bridge
-from plc_bridge.config import ModbusConfig, PlcConfig, RtuConfig, TlsConfig
+from plc_bridge.config import ModbusConfig, PlcConfig, RtuConfig
 from plc_bridge.modbus.rtu_frames import with_check_sum
 from plc_bridge.protocol.messages import Control
-from tests.cable import Cable
 from tests.certificates import Authority, utf8
+from tests.hubs import Cable
 from tests.modbus_oracle import Oracle
-from tests.sockets import receive
+from tests.sockets import PATIENCE, answer, frame
 
-PATIENCE = 20.0  # s
 BATCH = 40
 """Well-framed requests that are sent before the first answer is read."""
 EDGES = (0, 1, 2, 3, 4, 39, 40, 41, 42, 45, 46, 47, 99, 100, 125, 126, 999, 1000, 1045, 1046, 1125, 1126, 32768, 65535)
-COUNTS = (
-    0,
-    1,
-    2,
-    3,
-    4,
-    5,
-    24,
-    25,
-    40,
-    41,
-    42,
-    46,
-    47,
-    120,
-    121,
-    122,
-    123,
-    124,
-    125,
-    126,
-    1968,
-    1969,
-    2000,
-    2001,
-    65535,
-)
+COUNTS = (*range(6), 24, 25, 40, 41, 42, 46, 47, *range(120, 127), 1968, 1969, 2000, 2001, 65535)
 SERVED = (1, 2, 3, 4, 5, 6, 8, 15, 16, 17, 22, 23, 43)
 UNIT = 1
 LEASE = 5
@@ -117,21 +91,18 @@ def broken_frame(rng: random.Random, pdu: bytes) -> bytes:
         protocol = rng.randrange(1, 65536)
     else:
         length = rng.choice([0, 1, 255, 256, 60000, 65535, rng.randrange(255, 65536)])
-    return struct.pack(">HHHB", rng.randrange(65536), protocol, length, 1) + pdu
+    return frame(pdu, rng.randrange(65536), protocol, length)
 
 
 def exchange(client: socket.socket, pdus: list[bytes]) -> list[bytes]:
     """Send requests, cut anywhere, and return what was answered, in order and under their own numbers."""
-    frames = b"".join(struct.pack(">HHHB", n, 0, len(pdu) + 1, UNIT) + pdu for n, pdu in enumerate(pdus))
+    frames = b"".join(frame(pdu, n) for n, pdu in enumerate(pdus))
     cut = len(frames) // 3
     client.sendall(frames[:cut])
     client.sendall(frames[cut:])
-    answers = []
-    for n in range(len(pdus)):
-        transaction, protocol, length, unit = struct.unpack(">HHHB", receive(client, 7))
-        assert (transaction, protocol, unit) == (n, 0, UNIT), (transaction, protocol, unit)
-        answers.append(receive(client, length - 1))
-    return answers
+    answers = [answer(client) for _ in pdus]
+    assert [head[:2] for head in answers] == [(n, UNIT) for n in range(len(pdus))]
+    return [pdu for _, _, pdu in answers]
 
 
 def check(pdu: bytes, oracle: Oracle, answer: bytes) -> str:
@@ -149,8 +120,8 @@ def attack_socket(connect: Callable[[], socket.socket], frames: int, seed: int, 
     sent = 0
     while sent < frames:
         pdus = [pdu for pdu in (request(rng) for _ in range(BATCH)) if is_harmless(pdu)][: frames - sent]
-        for pdu, answer in zip(pdus, exchange(client, pdus), strict=True):
-            seen[check(pdu, oracle, answer)] += 1
+        for pdu, told in zip(pdus, exchange(client, pdus), strict=True):
+            seen[check(pdu, oracle, told)] += 1
         sent += len(pdus)
         if rng.random() < broken * BATCH:
             client.sendall(broken_frame(rng, request(rng)))
@@ -169,13 +140,9 @@ def attack_handshake(
 ) -> Counter[str]:
     """Knock at the door of TLS with whatever is no handshake, and leave; afterwards the next client is served."""
     rng, seen = random.Random(seed), Counter[str]()
-    beginnings = (
-        b"",
-        b"\x16",
-        b"\x16\x03\x01\x00\x05\x01\x00\x00",
-        b"\x17\x03\x03\x40\x00",
-        b"\x15\x03\x03\x00\x02\x02\x28",
-    )
+    beginnings = [
+        bytes.fromhex(text) for text in ("", "16", "16 0301 0005 010000", "17 0303 4000", "15 0303 0002 0228")
+    ]
     for _ in range(knocks):
         with socket.create_connection(address, timeout=PATIENCE) as client, suppress(OSError):
             client.sendall(rng.choice(beginnings) + rng.randbytes(rng.randrange(300)))
@@ -236,10 +203,8 @@ def bystander(bridge: Bridge) -> Iterator[None]:
 def attacked(folder: Path, cable: Cable) -> Iterator[tuple[Bridge, Callable[[], socket.socket]]]:
     """Yield a bridge that listens on TCP, TLS and the cable's first end, and how to connect over TLS."""
     authority = Authority(folder)
-    certificate, key = authority.sign("cell")
     context = authority.client(*authority.sign("client", utf8("Operator")))
-    files = {"certificate": certificate, "key": key, "authority": authority.certificate}
-    tls = TlsConfig(port=0, roles={"Operator": ("read", "command")}, **files)
+    tls = authority.cell(roles={"Operator": ("read", "command")})
     rtu = RtuConfig(port=cable.ends[0], unit=UNIT, baud_rate=115200, parity="none")
     bridge = Bridge(
         PlcConfig(life_timeout=3600.0, lease_timeout=3600.0, modbus=ModbusConfig(port=0), tls=tls, rtu=rtu),
@@ -261,13 +226,9 @@ def attacked(folder: Path, cable: Cable) -> Iterator[tuple[Bridge, Callable[[], 
 def run(frames: int, seed: int) -> Iterator[tuple[str, Counter[str], float]]:
     """Yield each line's name, what became of its frames, and the time that took, s."""
     with tempfile.TemporaryDirectory() as folder, Cable() as cable, attacked(Path(folder), cable) as (bridge, secure):
+        plain = partial(socket.create_connection, bridge.address, PATIENCE)
         attacks: list[tuple[str, Callable[[], Counter[str]]]] = [
-            (
-                "TCP",
-                lambda: attack_socket(
-                    lambda: socket.create_connection(bridge.address, timeout=PATIENCE), frames, seed, 0.02
-                ),
-            ),
+            ("TCP", lambda: attack_socket(plain, frames, seed, 0.02)),
             ("TLS", lambda: attack_socket(secure, frames, seed + 1, 0.002)),
             ("TLS handshake", lambda: attack_handshake(bridge.secure_address, secure, frames // 20, seed + 3)),
             ("RTU", lambda: attack_serial(cable.ends[1], frames // 20, seed + 2)),

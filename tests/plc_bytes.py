@@ -142,11 +142,7 @@ class Cell:
 
     def _show(self, state: int) -> None:
         self.report = Report(
-            self.report.sequence,
-            state=state,
-            result=self.report.result,
-            fault=self.report.fault,
-            run=self.report.run,
+            self.report.sequence, state=state, result=self.report.result, fault=self.report.fault, run=self.report.run
         )
         self.bridge.publish(self.report)
 

@@ -11,11 +11,11 @@ from pymodbus import FramerType
 from pymodbus.client import ModbusSerialClient, ModbusTlsClient
 
 from plc_bridge.bridge import Bridge
-from plc_bridge.config import CanConfig, ModbusConfig, PlcConfig, RtuConfig, TlsConfig
+from plc_bridge.config import CanConfig, ModbusConfig, PlcConfig, RtuConfig
 from plc_bridge.peer import Peer, PlcPeer
-from tests.cable import Cable
 from tests.can_peer import CanPeer
 from tests.certificates import Authority, utf8
+from tests.hubs import Cable
 
 ROLE = "Operator"
 TIMEOUT = 10.0  # s
@@ -52,11 +52,9 @@ def modbus_tls() -> Iterator[PlcLine]:
     """Modbus/TCP Security; the peer has the role that may command."""
     with tempfile.TemporaryDirectory() as folder:
         authority = Authority(Path(folder))
-        certificate, key = authority.sign("cell")
         context = authority.client(*authority.sign("plc", utf8(ROLE)))
         context.check_hostname = False  # pymodbus cannot say whom it expects
-        roles = {ROLE: ("read", "command")}
-        tls = TlsConfig(port=0, certificate=certificate, key=key, authority=authority.certificate, roles=roles)
+        tls = authority.cell(roles={ROLE: ("read", "command")})
 
         def connect(bridge: Bridge) -> Peer:
             assert bridge.secure_address is not None

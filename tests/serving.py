@@ -1,9 +1,12 @@
-"""A cell served by a thread of this process, for tests that talk to it over its Modbus port."""
+"""A cell that is served, by a thread of this process or as a process of its own, for tests that talk to it over its ports."""
 
+import subprocess
+import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import closing, contextmanager
 from pathlib import Path
+from typing import Any
 
 from cell.config.load import LoadedConfig
 from cell.config.parameters import PARAMETERS
@@ -46,3 +49,29 @@ def serving(
             begin.set()
         thread.join()
         bridge.close()
+
+
+@contextmanager
+def process(
+    folder: Path,
+    sets: Sequence[str],
+    *options: str,
+    program: Sequence[str] = ("-m", "cell"),
+    lines: int = 1,
+    **how: Any,
+) -> Iterator[tuple[subprocess.Popen[str], list[str]]]:
+    """Yield the process of `cell serve` with its records in a folder, and the places in its first lines; it is killed."""
+    words = [word for key in ("plc.modbus.port=0", *sets) for word in ("--set", key)]
+    command = [sys.executable, *program, "serve", "--journal", str(folder), *words, *options]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True, **how) as running:
+        try:
+            assert running.stdout is not None
+            yield running, [running.stdout.readline().split()[-1] for _ in range(lines)]
+        finally:
+            running.kill()
+
+
+def address_of(place: str) -> tuple[str, int]:
+    """Return host and port of HOST:PORT or of a URL."""
+    host, port = place.rpartition("//")[2].rstrip("/").rsplit(":", 1)
+    return host, int(port)

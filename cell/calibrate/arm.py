@@ -28,6 +28,7 @@ from skills.contract import Interrupted, Observation, SkillContext
 from skills.grasp_from_rack import ACROSS_RACK
 from skills.guards.clearance import Attitude, require_clear
 from skills.motion import VALIDITY, Goal, Transfer, move
+from skills.pace import at_pace
 
 REACH = 0.2
 """Largest joint displacement from the start, rad."""
@@ -131,7 +132,7 @@ def _require_empty(ctx: SkillContext) -> None:
 
 def _go_to_middle(config: CellConfig, ctx: SkillContext) -> Vector:
     """Move to a point above the middle between rack and plate; return the joint positions, shape (7,), rad."""
-    transfer = config.params(GRASP).transfer
+    transfer = at_pace(config.params(GRASP).transfer, config.pace())
     low, high = np.array(config.limits.low), np.array(config.limits.high)
     between = 0.5 * (np.array(config.hole.centre) + np.array(config.rack.first))
     between[2] = max(config.hole.centre[2], config.rack.first[2]) + HEIGHT

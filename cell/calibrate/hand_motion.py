@@ -11,6 +11,7 @@ from cell.devices.assembly import Cell, bounds_of
 from drivers.errors import TrackingError
 from drivers.frames import quaternion, rotation_by
 from drivers.quantities import ArmState, ImpedanceSetpoint, Pose, Twist, Vector
+from skills.catalogue import GRASP
 from skills.guards.limits import Limits
 from skills.guards.setpoint_gate import GatedArm
 from skills.motion import VALIDITY
@@ -21,6 +22,8 @@ DIRECTIONS = {
     for sense, sign in ((1, str.lower), (-1, str.upper))
 }
 """Direction of motion of each key, base frame."""
+GRIP, OPEN = "g", "o"
+"""Keys that close and open the fingers."""
 JOG_SPEED = 0.02
 """Speed of the tool while a key is held, m/s."""
 DEAD_MAN = 0.2
@@ -103,7 +106,7 @@ def moved_by_keys(cell: Cell, keys: Keys, act: Callable[[str, ArmState], bool], 
     """Let a person move the arm until a key ends the motion; then halt the arm.
 
     Args:
-        cell: The cell, with its arm open.
+        cell: The cell, with arm and gripper open.
         keys: Keys of the person.
         act: Function called with every key that is not a direction; returns False to end.
         is_guided: True if the arm follows the guiding hand while no key is pressed; else it holds its pose.
@@ -125,6 +128,10 @@ def moved_by_keys(cell: Cell, keys: Keys, act: Callable[[str, ArmState], bool], 
             key = keys.next(now > until)
             if key in DIRECTIONS:
                 direction, until = DIRECTIONS[key], now + DEAD_MAN
+            elif key == GRIP:
+                cell.gripper.grip(config.params(GRASP).force)
+            elif key == OPEN:
+                cell.gripper.release(config.params(GRASP).opening)
             elif key == END or (key and not act(key, state)):
                 return
             if now > until and not is_guided:

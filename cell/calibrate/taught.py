@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from cell.calibrate.hand_motion import GRIP, OPEN
 from cell.calibrate.places import MOST_RACK, MOST_TILT, plane_through, point
 from drivers.figures_file import write_whole
 from drivers.frames import UP, angle_between
@@ -24,6 +25,8 @@ MEANINGS = {
     UNDO: "take the last one back",
     WRITE: "write and end",
     "x y z X Y Z": "move the tool while held",
+    GRIP: "close the fingers",
+    OPEN: "open the fingers",
     "q": "end",
 }
 """Meaning of each key."""
@@ -97,8 +100,10 @@ def _no_plate(shown: Shown) -> str | None:
         return "hole area: 1 corner; 2 or more allowed, of them two opposite ones"
     if len(surface) >= 3:
         (x, y, _), uneven = plane_through(surface)
-        tilt = float(np.hypot(x, y))
-        if tilt > MOST_TILT:
+        tilt, off = float(np.hypot(x, y)), surface[:, :2] - surface[:, :2].mean(axis=0)
+        # Places in one line do not determine the tilt: an error of height e tilts a plane of width w by e/w.
+        width = float(np.linalg.svd(off, compute_uv=False)[-1]) / np.sqrt(len(off))
+        if tilt > MOST_TILT and width > MOST_TAUGHT_UNEVEN / MOST_TILT:
             return f"plate: tilt {tilt:.3f} rad; at most {MOST_TILT:g} rad allowed"
         if uneven > MOST_TAUGHT_UNEVEN:
             return f"plate: uneven by {uneven:.4f} m; at most {MOST_TAUGHT_UNEVEN:g} m allowed"

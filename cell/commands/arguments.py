@@ -5,6 +5,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
+from cell.commands.terminal import say
 from cell.config.nearest import did_you_mean
 from drivers.errors import ConfigError, FaultCode
 
@@ -13,6 +14,10 @@ if TYPE_CHECKING:
     from cell.config.load import LoadedConfig
     from cell.records.journal import Journal
     from cell.records.run_query import RunQuery
+
+
+DEVICES = ("arm", "gripper", "skin", "switch")
+"""Names of the devices of a cell."""
 
 
 class Parser(argparse.ArgumentParser):
@@ -60,6 +65,28 @@ def add_config(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help="replace one key")
 
 
+def add_simulate(parser: argparse.ArgumentParser) -> None:
+    """Add --simulate."""
+    parser.add_argument(
+        "--simulate",
+        type=devices,
+        default=(),
+        metavar="DEVICES",
+        help="simulate these devices instead of those of the config: arm,gripper,skin,switch",
+    )
+
+
+def devices(text: str) -> tuple[str, ...]:
+    """Return the names of devices, separated by commas.
+
+    Raises:
+        ConfigError: One is no device.
+    """
+    for name in (names := tuple(text.split(","))):
+        require_known("device", name, DEVICES)
+    return names
+
+
 def add_calibration_folder(parser: argparse.ArgumentParser) -> None:
     """Add --out of a command that writes a measured file."""
     parser.add_argument(
@@ -82,6 +109,12 @@ def add_journal(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--journal", type=Path, metavar="DIR", help="folder of the records of runs")
 
 
+def add_records(parser: argparse.ArgumentParser) -> None:
+    """Add --journal, and --sql of a command that only reads records."""
+    add_journal(parser)
+    parser.add_argument("--sql", action="store_true", help="print the SQL queries of the result instead of it")
+
+
 def load_config(args: argparse.Namespace, default_pace: str | None = None) -> "LoadedConfig":
     """Return the config named by --config and --set, at `default_pace` unless --set replaces it.
 
@@ -93,7 +126,7 @@ def load_config(args: argparse.Namespace, default_pace: str | None = None) -> "L
     sets = list(args.set)
     if default_pace is not None and not any(text.startswith("sim.pace=") for text in sets):
         sets.append(f"sim.pace={default_pace}")
-    return load(args.config, sets=sets)
+    return load(args.config, sets=sets, simulate=getattr(args, "simulate", ()))
 
 
 def open_journal(args: argparse.Namespace, config: "JournalConfig") -> "Journal":
@@ -106,15 +139,43 @@ def open_journal(args: argparse.Namespace, config: "JournalConfig") -> "Journal"
 
 
 def read_journal(args: argparse.Namespace) -> "Journal":
-    """Return the journal for reading, not yet open: in --journal, or the user's data folder."""
-    from cell.records.journal import Journal, default_folder
+    """Return the journal for reading, not yet open: in --journal, or the user's data folder. With --sql, print its queries."""
+    from cell.records.journal import INDEX, Journal, default_folder
 
-    return Journal(args.journal or default_folder(), is_read_only=True)
+    folder, is_shown = args.journal or default_folder(), getattr(args, "sql", False)
+    if is_shown:
+        say(f"-- sqlite3 {folder / INDEX}")
+    trace = (lambda statement: say(f"{statement.strip()};")) if is_shown else None
+    return Journal(folder, is_read_only=True, trace=trace)
+
+
+def add_period(parser: argparse.ArgumentParser) -> None:
+    """Add --since and --until."""
+    parser.add_argument("--since", default="", metavar="WHEN", help="30m, 12h, 7d, 4w back, or a date in local time")
+    parser.add_argument("--until", default="", metavar="WHEN", help="end of the period, in the same forms")
+
+
+def period_of(args: argparse.Namespace, names: tuple[str, str] = ("--since", "--until")) -> tuple[str, str]:
+    """Return `since` and `until` as wall times, ISO 8601 UTC, empty for none; `names` are their options, for messages.
+
+    Raises:
+        ConfigError: One is no time, or the period ends before it starts.
+    """
+    from cell.records import wall_clock
+    from cell.records.run_query import moment
+
+    now = wall_clock.now()
+    since, until = (
+        moment(text, now, name) if text else "" for name, text in zip(names, (args.since, args.until), strict=True)
+    )
+    if until and until <= since:
+        raise ConfigError(f"{names[1]} {args.until}: not after {names[0]} {args.since}; a later time allowed")
+    return since, until
 
 
 def add_query(parser: argparse.ArgumentParser) -> None:
     """Add the options that select runs."""
-    parser.add_argument("--since", default="", metavar="WHEN", help="30m, 12h, 7d, 4w back, or a date in local time")
+    add_period(parser)
     parser.add_argument("--outcome", metavar="WORD", help="success, failure, aborted, fault, lost or running")
     parser.add_argument("--fault", type=positive, metavar="CODE", help="number of a fault, as in 2004")
     parser.add_argument("--part", metavar="SERIAL", help="serial number of the part")
@@ -128,15 +189,22 @@ def query_of(args: argparse.Namespace) -> "RunQuery":
     Raises:
         ConfigError: A time or a word in it is wrong.
     """
-    from cell.records import wall_clock
-    from cell.records.run_query import OUTCOMES, RunQuery, since_text
+    from cell.records.run_query import OUTCOMES, RunQuery
 
     if args.outcome is not None:
         require_known("--outcome", args.outcome, OUTCOMES)
-    if args.fault is not None:
-        require_known("--fault", str(args.fault), [str(int(code)) for code in FaultCode if code])
-    since = since_text(args.since, wall_clock.now()) if args.since else ""
-    return RunQuery(since, args.outcome, args.fault, args.part, args.program, args.recipe)
+    require_fault(args.fault)
+    return RunQuery(*period_of(args), args.outcome, args.fault, args.part, args.program, args.recipe)
+
+
+def require_fault(code: int | None) -> None:
+    """Require that a fault code exists, if one is given.
+
+    Raises:
+        ConfigError: It does not exist.
+    """
+    if code is not None:
+        require_known("--fault", str(code), [str(int(known)) for known in FaultCode if known])
 
 
 def require_program(query: "RunQuery") -> None:

@@ -39,11 +39,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Measure, write the file, and show the result."""
+    """Measure, slowly and gently until all is proven; write the file, and show the result."""
+    from cell.calibrate.proven import FILE, in_force
+
     today = date.today()
     if args.pegs is not None and args.device != "places":
         raise ConfigError("--pegs: only for places")
-    config = load_config(args).cell
+    config = in_force(load_config(args), calibration_folder(args) / FILE)[0].cell
     path = (args.out or calibration_folder(args)) / f"{args.device}_{today.isoformat()}.toml"
     try:
         return DEVICES[args.device](args, config, today, path)
@@ -61,7 +63,7 @@ def _skin(args: argparse.Namespace, config: "CellConfig", today: date, path: Pat
         bar = bars.add_task("angles")
         found = calibrate_skin(config, today, lambda done, of: bars.update(bar, completed=done, total=of), ask)
     found.write(path)
-    show(args, _skin_table(found, path), {**found.model_dump(mode="json"), "file": str(path)})
+    show(args, _named(_skin_table(found, path), args, path), {**found.model_dump(mode="json"), "file": str(path)})
     return GOOD
 
 
@@ -72,7 +74,9 @@ def _arm(args: argparse.Namespace, config: "CellConfig", today: date, path: Path
         bar = bars.add_task("motions")
         found = calibrate_arm(config, today, lambda done, of: bars.update(bar, completed=done, total=of))
     found.write(path)
-    show(args, _arm_table(found, config, path), {**found.model_dump(mode="json"), "file": str(path)})
+    show(
+        args, _named(_arm_table(found, config, path), args, path), {**found.model_dump(mode="json"), "file": str(path)}
+    )
     return GOOD
 
 
@@ -103,6 +107,13 @@ def _places(args: argparse.Namespace, config: "CellConfig", today: date, path: P
 
 DEVICES = {"skin": _skin, "arm": _arm, "places": _places}
 """Function that calibrates each device."""
+
+
+def _named(table: "Table", args: argparse.Namespace, path: Path) -> "Group":
+    """Return a table with the lines that name its file in the cell's file."""
+    from rich.console import Group
+
+    return Group(table, f'for the cell\'s file:\n\n[calibration]\n{args.device} = "{path.resolve()}"\n')
 
 
 def _skin_table(found: "SkinCalibration", path: Path) -> "Table":

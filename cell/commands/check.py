@@ -6,7 +6,15 @@ from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cell.commands.arguments import add_config, add_journal, calibration_folder, load_config, open_journal
+from cell.commands.arguments import (
+    add_config,
+    add_journal,
+    add_simulate,
+    calibration_folder,
+    devices,
+    load_config,
+    open_journal,
+)
 from cell.commands.terminal import FAULT, GOOD, NOT_GOOD, ask, complain, say, show
 from drivers.errors import ConfigError
 
@@ -38,6 +46,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add --config, --set and the options of commissioning."""
     add_config(parser)
     add_journal(parser)
+    add_simulate(parser)
+    parser.add_argument("--only", type=devices, default=(), metavar="DEVICES", help="check these devices alone: skin")
     parser.add_argument(
         "--prove",
         action="store_true",
@@ -60,6 +70,8 @@ def run(args: argparse.Namespace) -> int:
     """Open each device and the bridge's sockets, or run the commissioning; return GOOD if all checks pass."""
     if args.plc is None and (args.name or args.out is not None):
         raise ConfigError("--name, --out: only with --plc HOST")
+    if args.only and (args.plc or args.prove or args.loop):
+        raise ConfigError("--only: not together with --plc, --prove or --loop, which need the whole cell")
     loaded = load_config(args)
     if loaded.cell.is_simulated and (args.prove or args.loop):
         raise ConfigError('--prove, --loop: arm.kind = "sim": only for a physical cell')
@@ -69,8 +81,6 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _check(args: argparse.Namespace, loaded: "LoadedConfig") -> int:
-    from rich.table import Table
-
     from cell.config.parameters import PARAMETERS
     from cell.devices.assembly import assemble, check
     from cell.devices.checks import OK
@@ -78,6 +88,8 @@ def _check(args: argparse.Namespace, loaded: "LoadedConfig") -> int:
     from drivers.errors import CellError
     from plc_bridge.bridge import Bridge
 
+    if args.only:
+        return _report(args, check(assemble(loaded.cell), args.only))
     found = _computer(loaded) + check(assemble(loaded.cell))
     bridge = Bridge(loaded.cell.plc, PROGRAMS, PARAMETERS)
     try:
@@ -88,6 +100,15 @@ def _check(args: argparse.Namespace, loaded: "LoadedConfig") -> int:
     finally:
         bridge.close()
     found += _network(loaded.cell.plc) + _proven(args, loaded, dict(found))
+    return _report(args, found)
+
+
+def _report(args: argparse.Namespace, found: list[tuple[str, str]]) -> int:
+    """Show the verdicts, each bad one with the step that mends it; return GOOD if none is bad."""
+    from rich.table import Table
+
+    from cell.devices.checks import OK
+
     found = [(name, text if text.startswith(OK) else f"{text}; {_step(name)}") for name, text in found]
     table = Table("device", "found")
     for name, text in found:
@@ -156,9 +177,9 @@ def _prove(loaded: "LoadedConfig", path: Path, found: dict[str, str]) -> None:
     if wrong:
         raise NotCalibratedError(f"nothing proven: first mend {', '.join(wrong)}")
     measured = {name: found[name] for name in ("end effector", "load")}
-    with opened(assemble(loaded.cell), only="arm") as cell:
+    with opened(assemble(loaded.cell), "arm") as cell:
         measured["wrench"] = prove_wrench(cell, ask)
-    with opened(assemble(loaded.cell), only="switch") as cell:
+    with opened(assemble(loaded.cell), "switch") as cell:
         measured["switch"] = prove_switch(cell, ask)
     keep(path, loaded.cell, measured, date.today())
 

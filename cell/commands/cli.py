@@ -111,6 +111,7 @@ COMMANDS = {
     "learned": "cell.commands.learned",
     "runs": "cell.commands.runs",
     "show": "cell.commands.show",
+    "alarms": "cell.commands.alarms",
     "report": "cell.commands.report",
     "compare": "cell.commands.compare",
     "film": "cell.commands.film",

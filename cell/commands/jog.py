@@ -9,7 +9,7 @@ from cell.commands.terminal import GOOD, complain, say
 if TYPE_CHECKING:
     from drivers.quantities import ArmState
 
-SUMMARY = "move the tool by keys: x y z forth, X Y Z back, along the axes of the base frame; q ends"
+SUMMARY = "move the tool by keys: x y z forth, X Y Z back, along the axes of the base frame; g closes the fingers, o opens them; q ends"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -26,11 +26,11 @@ def run(args: argparse.Namespace) -> int:
     tell = complain if args.json else say
 
     def act(key: str, state: "ArmState") -> bool:
-        tell(f"{key}: no such key; x y z X Y Z and q allowed")
+        tell(f"{key}: no such key; x y z X Y Z g o and q allowed")
         return True
 
     config = load_config(args).cell
-    with opened(assemble(config), only="arm") as cell, keys() as pressed:
+    with opened(assemble(config), "arm", "gripper") as cell, keys() as pressed:
         tell(
             f"{SUMMARY}; {JOG_SPEED * 1e3:g} mm/s while a key is held, still {DEAD_MAN:g} s after it. Keep a hand on the stop."
         )

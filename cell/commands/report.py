@@ -2,24 +2,38 @@
 
 import argparse
 import gc
+import re
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cell.commands.arguments import add_journal, add_query, query_of, read_journal, require_program
+from cell.commands.arguments import add_query, add_records, query_of, read_journal, require_program
 from cell.commands.terminal import GOOD, show, written
 
 if TYPE_CHECKING:
     from cell.report.facts import Facts
 
+SHIFT_WIDTH = len("12-31 22:00")
+"""Width of the first column, which holds the start of a shift on one line, characters."""
 SUMMARY = "yield, times, reasons, forces and wear over many runs, of insert_peg unless --program says another"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the selection of runs, and the file."""
-    add_journal(parser)
+    add_records(parser)
     add_query(parser)
+    parser.add_argument(
+        "--shifts", type=shifts, metavar="TIMES", help="starts of the shifts, local time; default 06:00,14:00,22:00"
+    )
     parser.add_argument("--out", type=Path, metavar="FILE", help="*.html or *.pdf, with everything in it")
+
+
+def shifts(text: str) -> tuple[str, ...]:
+    """Return the starts of the shifts, `HH:MM`, in their order."""
+    starts = text.split(",")
+    if not all(re.fullmatch(r"([01]\d|2[0-3]):[0-5]\d", start) for start in starts) or len({*starts}) < len(starts):
+        raise argparse.ArgumentTypeError(f"{text!r}: times of a day, each once, allowed, as in 06:00,14:00,22:00")
+    return tuple(sorted(starts))
 
 
 def run(args: argparse.Namespace) -> int:
@@ -32,10 +46,12 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _report(args: argparse.Namespace) -> int:
+    from rich.box import SIMPLE_HEAD
     from rich.console import Group
     from rich.table import Table
 
     from cell.report.facts import facts_of
+    from cell.report.queries import SHIFTS
     from cell.report.words import require_kind, tables
     from cell.run.line import PROGRAMS
     from plc_bridge.protocol.messages import FIRST_PROGRAM
@@ -46,13 +62,13 @@ def _report(args: argparse.Namespace) -> int:
     if query.program is None:
         query = replace(query, program=PROGRAMS[FIRST_PROGRAM])
     with read_journal(args) as journal:
-        told = journal.told(query)
-    if not told.kind:
+        facts = facts_of(journal, query, args.shifts or SHIFTS)
+    if not facts.total.runs:
         require_program(query)
-    facts = facts_of(told, query.since)
     shown = []
     for title, head, rows in tables(facts):
-        table = Table(*head, title=title, title_justify="left")
+        table = Table(*head, title=title, title_justify="left", box=SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
+        table.columns[0].min_width = SHIFT_WIDTH
         for row in rows:
             table.add_row(*row)
         shown.append(table)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from cell.commands.arguments import (
     add_config,
     add_journal,
+    add_simulate,
     address,
     calibration_folder,
     load_config,
@@ -35,6 +36,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     names = f"{', '.join((*CATALOGUE, *TOLD))}; with --connect also {', '.join(c for c in CONTROLS if c not in TOLD)}"
     add_config(parser)
     add_journal(parser)
+    add_simulate(parser)
     parser.add_argument("name", metavar="NAME", help=names)
     parser.add_argument(
         "--connect", type=address, metavar="HOST:PORT", help="run it on a cell that is served at this address"
@@ -56,8 +58,8 @@ def _run_there(args: argparse.Namespace) -> int:
     from cell.commands import client, words
     from plc_bridge.protocol.messages import REMEDIES, Refusal, Result
 
-    if args.config is not None:
-        raise ConfigError("--config: not together with --connect, the cell there has its own; one of the two allowed")
+    if args.config is not None or args.simulate:
+        raise ConfigError("--config, --simulate: not together with --connect, the cell there has its own devices")
     parameters = client.raw_parameters(args.set)
     with progress() as bars:
         bar = bars.add_task(args.name, total=100)

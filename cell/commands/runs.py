@@ -11,8 +11,8 @@ from shutil import get_terminal_size
 from typing import TYPE_CHECKING
 
 from cell.commands.arguments import (
-    add_journal,
     add_query,
+    add_records,
     out_folder,
     positive,
     query_of,
@@ -42,7 +42,7 @@ FORMATS = ("parquet", "csv", "mcap")
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the folder of the records, the selection of runs, and the output."""
-    add_journal(parser)
+    add_records(parser)
     add_query(parser)
     parser.add_argument(
         "--last", type=positive, metavar="N", help=f"only the N newest; default {LAST}, or all with --export"

@@ -8,7 +8,15 @@ from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cell.commands.arguments import add_config, add_journal, calibration_folder, listening, load_config, open_journal
+from cell.commands.arguments import (
+    add_config,
+    add_journal,
+    add_simulate,
+    calibration_folder,
+    listening,
+    load_config,
+    open_journal,
+)
 from cell.commands.terminal import GOOD, say
 
 if TYPE_CHECKING:
@@ -32,6 +40,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of the cell, its page and its records."""
     add_config(parser)
     add_journal(parser)
+    add_simulate(parser)
     parser.add_argument(
         "--page",
         nargs="?",

@@ -51,7 +51,7 @@ def watch(config: CellConfig, seconds: float, show: Show, stop: Event) -> None:
     Raises:
         CellError: A device cannot be opened, or the skin has timed out.
     """
-    with opened(assemble(config), only="skin") as cell:
+    with opened(assemble(config), "skin") as cell:
         _watch(SkinLine(cell.skin, cell.clock, cell.skin_figures), 1.0 / config.scan_rate, seconds, show, stop)
 
 

@@ -48,7 +48,7 @@ def run(args: argparse.Namespace) -> int:
         taught.key_taken(shown, config.rack, tell, key, place, axis, float(np.abs(state.dq).max()))
         return True
 
-    with opened(assemble(config), only="arm") as cell, keys() as pressed:
+    with opened(assemble(config), "arm", "gripper") as cell, keys() as pressed:
         tell("Stay at the stop and guide the hand. Keys: " + ", ".join(f"{k}: {v}" for k, v in taught.MEANINGS.items()))
         moved_by_keys(cell, pressed, act, is_guided=True)
     found = taught.lines(shown, config.hole, config.rack)

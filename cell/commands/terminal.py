@@ -22,7 +22,12 @@ PIPE_WIDTH = 200
 
 
 def show(args: argparse.Namespace, picture: "RenderableType", data: object) -> None:
-    """Print a result at once: `picture` for people, each part of a group in turn, or with --json `data` for programs."""
+    """Print a result at once: `picture` for people, each part of a group in turn, or with --json `data` for programs.
+
+    With --sql, the queries are already printed.
+    """
+    if getattr(args, "sql", False):
+        return
     if args.json:
         print(json.dumps(data, indent=2))
     else:
@@ -71,9 +76,9 @@ def ask(text: str) -> None:
 
 
 def written(args: argparse.Namespace, files: Iterable[Path]) -> None:
-    """Print the names of the files that a command has written, unless its result is JSON."""
+    """Print the names of the files that a command has written, unless its result is JSON or SQL."""
     files = list(files)
-    if files and not args.json:
+    if files and not args.json and not getattr(args, "sql", False):
         say("written:", *files)
 
 

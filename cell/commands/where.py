@@ -23,7 +23,7 @@ def run(args: argparse.Namespace) -> int:
     from drivers.frames import end_point, quaternion
 
     config = load_config(args, default_pace="max").cell
-    with opened(assemble(config), only="arm") as cell:
+    with opened(assemble(config), "arm") as cell:
         state = cell.arm.read()
     joints = config.arm_model().joints
     tip, _ = end_point(state.tcp, 0.0, config.peg.length)

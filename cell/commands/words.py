@@ -5,10 +5,12 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 
+from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
+from cell.peg.ending import explained
 from cell.peg.part_state import READY, REMEDIES, in_words
-from cell.records.schema import RunRow, StageRow
+from cell.records.schema import EventKind, EventRow, RunRow, StageRow
 from cell.records.wall_clock import local
 from cell.run.states import BEFORE_RESET, State
 from drivers.errors import FAULTS, FaultCode
@@ -86,14 +88,23 @@ def run(row: RunRow, stages: Sequence[StageRow] = ()) -> Table:
         if text := _shown(name, getattr(row, name)):
             label, unit, _ = LABELS.get(name, (name.replace("_", " "), "", 1.0))
             table.add_row(label, f"{text} {unit}".rstrip())
-    if row.fault in set(FaultCode) and row.fault:
-        fault = FAULTS[FaultCode(row.fault)]
-        table.add_row("meaning", fault.meaning)
-        table.add_row("remedy", fault.remedy)
+    for name, text in asdict(why).items() if (why := explained(row.fault, row.reason)) else ():
+        table.add_row(name, text)
     for stage in stages:
         found = {name: value for name, value in json.loads(stage.facts).items() if not isinstance(value, dict | None)}
         if found:
             table.add_row(stage.name, ", ".join(f"{name} {_short(value)}" for name, value in found.items()))
+    return table
+
+
+def events(rows: Sequence[EventRow]) -> Table:
+    """Return the events of a run in words."""
+    table = Table("time", "event", "by", "details", box=SIMPLE_HEAD, pad_edge=False)
+    for row in rows:
+        name = row.name.lower().replace("_", " ")
+        code = f" {row.code}" if row.kind == EventKind.FAULT else ""
+        before = f"from {row.text.lower()}" if row.kind == EventKind.STATE else row.text
+        table.add_row(local(row.time)[11:19], f"{row.kind}{code}: {name}", row.source, before)
     return table
 
 

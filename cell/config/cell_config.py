@@ -59,6 +59,13 @@ from skills.tactile.estimators import ESTIMATORS, EstimatorEntry
 
 P = TypeVar("P", bound=SkillParams)
 E = TypeVar("E", bound=ConfigModel)
+SIMULATED: dict[str, type[ConfigModel]] = {
+    "arm": SimArmConfig,
+    "gripper": SimGripperConfig,
+    "skin": SimSkinConfig,
+    "switch": SimSwitchConfig,
+}
+"""Config of each device if it is simulated."""
 RECIPE_SECTIONS = frozenset({"preset", "peg", "hole", "rack", "corner", *(skill.section for skill in CATALOGUE.skills)})
 """Sections that a recipe can state: the part, its place and its handling, but not the hardware."""
 

@@ -10,8 +10,8 @@ from drivers.part.shapes import follow_shape
 
 Origins = Mapping[tuple[str, ...], str]
 """Origin of each value, a file, `--set` or `parameter`, by the path of its key."""
-SET = "--set"
-"""Origin of the single keys of a command line."""
+SET, SIMULATE = "--set", "--simulate"
+"""Origins of the single keys and of the simulated devices of a command line."""
 
 
 def parse_set(text: str) -> tuple[tuple[str, ...], Any]:

@@ -7,10 +7,10 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from cell.config.cell_config import RECIPE_SECTIONS, CellConfig
+from cell.config.cell_config import RECIPE_SECTIONS, SIMULATED, CellConfig
 from cell.config.errors import explain
 from cell.config.files import DEFAULT, find_preset, layers, read_toml, recipe_files
-from cell.config.layers import SET, Origins, lay_layer, lay_over, nested, parse_set
+from cell.config.layers import SET, SIMULATE, Origins, lay_layer, lay_over, nested, parse_set
 from drivers.errors import ConfigError
 
 
@@ -25,10 +25,12 @@ class LoadedConfig:
     """Origin of each value that is not a default, by recipe."""
 
 
-def load(path: Path | None = None, preset: str | None = None, sets: Iterable[str] = ()) -> LoadedConfig:
+def load(
+    path: Path | None = None, preset: str | None = None, sets: Iterable[str] = (), simulate: Iterable[str] = ()
+) -> LoadedConfig:
     """Load a cell from layers, each laid over those before.
 
-    The order is: the file's `base`, the file, its world, its preset, the file of each recipe, single keys. The folders
+    The order is: the file's `base`, the file, its world, its preset, the file of each recipe, simulated devices, single keys. The folders
     `worlds/`, `presets/` and `recipes/` are beside the file. If a world or a preset is missing there, the shipped one is
     used.
 
@@ -36,6 +38,7 @@ def load(path: Path | None = None, preset: str | None = None, sets: Iterable[str
         path: TOML file of the cell; None for the shipped simulated cell.
         preset: Name of the preset that replaces the file's own.
         sets: Single keys, `KEY=VALUE`; the value is TOML, or a bare word for a text.
+        simulate: Names of the devices that are simulated, whatever their kind in the file.
 
     Raises:
         ConfigError: One line with file, key, the value found and the permitted values.
@@ -45,9 +48,9 @@ def load(path: Path | None = None, preset: str | None = None, sets: Iterable[str
     keys = [parse_set(text) for text in sets]
     if preset is not None:
         keys.append((("preset",), preset))
-    merged = {0: _merge(path, below, None, keys)}
+    merged = {0: _merge(path, below, None, keys, simulate)}
     for number, file in recipe_files(path):
-        merged[number] = _merge(path, below, file, keys)
+        merged[number] = _merge(path, below, file, keys, simulate)
     recipes = {number: cell for number, (cell, _) in merged.items()}
     return LoadedConfig(recipes[0], recipes, {number: origins for number, (_, origins) in merged.items()})
 
@@ -80,6 +83,7 @@ def _merge(
     below: list[tuple[str, dict[str, Any]]],
     recipe: Path | None,
     keys: list[tuple[tuple[str, ...], Any]],
+    simulate: Iterable[str],
 ) -> tuple[CellConfig, Origins]:
     merged: dict[str, Any] = {}
     source: dict[tuple[str, ...], str] = {}
@@ -99,11 +103,16 @@ def _merge(
             order.append(str(file))
     lay_layer(merged, part, str(recipe), source)
     merged |= named
+    for name in simulate:
+        # The keys that a simulated device has too stay, for example its model; a calibration belongs to the real device.
+        stated = {key: value for key, value in merged[name].items() if key in SIMULATED[name].model_fields}
+        merged[name], source[name, "kind"] = {**stated, "kind": "sim"}, SIMULATE
+        merged.get("calibration", {}).pop(name, None)
     single: dict[str, Any] = {}
     for keyed, value in keys:
         lay_over(single, nested(keyed, value), SET, {})
     lay_layer(merged, single, SET, source)
-    return _validated(merged, source, str(path), [*order, str(recipe), SET], path.parent), source
+    return _validated(merged, source, str(path), [*order, str(recipe), SIMULATE, SET], path.parent), source
 
 
 def _validated(

@@ -4,7 +4,7 @@ Only this module names hardware and simulated classes together; here the type ch
 protocol. Simulated classes are imported only if a config needs them.
 """
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field, replace
 from datetime import date
@@ -460,8 +460,8 @@ def _serial_switch(config: SerialSwitchConfig, clock: Clock) -> SerialSuccessSwi
 
 
 @contextmanager
-def opened(cell: Cell, only: str = "") -> Iterator[Cell]:
-    """Open every device, or the one named `only`; at the end halt the arm and close the devices in reverse order.
+def opened(cell: Cell, *only: str) -> Iterator[Cell]:
+    """Open every device, or those named; at the end halt the arm and close the devices in reverse order.
 
     Raises:
         CellError: A device cannot be opened; those opened before it are closed again.
@@ -471,7 +471,7 @@ def opened(cell: Cell, only: str = "") -> Iterator[Cell]:
             stack.callback(board.close)
             board.open()
         for name, device in cell.devices():
-            if only not in ("", name):
+            if only and name not in only:
                 continue
             stack.callback(device.close)
             device.open()
@@ -480,8 +480,8 @@ def opened(cell: Cell, only: str = "") -> Iterator[Cell]:
         yield cell
 
 
-def check(cell: Cell) -> list[tuple[str, str]]:
-    """Open each device, read it once and close it; return the name of each with "ok" or its fault.
+def check(cell: Cell, only: Sequence[str] = ()) -> list[tuple[str, str]]:
+    """Open each device, or those named `only`, read it once and close it; return the name of each with "ok" or its fault.
 
     Raises:
         DeviceNotOpenedError: An emulated board cannot be powered.
@@ -490,8 +490,8 @@ def check(cell: Cell) -> list[tuple[str, str]]:
         for board in cell.boards:
             stack.callback(board.close)
             board.open()
-        found = _check_devices(cell)
-    if isinstance(cell.clock, WallClock):
+        found = _check_devices(cell, only)
+    if isinstance(cell.clock, WallClock) and not only:
         found.append(("clock", check_clock(cell.clock, 1.0 / cell.config.scan_rate)))
     return found
 
@@ -502,9 +502,11 @@ def loop_figures(config: CellConfig, seconds: float, stop: Event) -> LoopFigures
     Raises:
         CellError: The arm cannot be opened, times out or is stopped.
     """
-    with opened(assemble(config), only="arm") as cell:
+    with opened(assemble(config), "arm") as cell:
         assert isinstance(cell.arm, FrankaArm)
-        stop.wait(seconds)
+        end = cell.clock.now() + seconds
+        while cell.clock.now() < end and not stop.is_set():
+            cell.clock.wait_until(cell.clock.now() + LOOP_TIME)
         cell.arm.read()
         return cell.arm.figures()
 
@@ -524,7 +526,7 @@ def _franka_facts(cell: Cell, arm: FrankaArm) -> list[tuple[str, str]]:
     ]
 
 
-def _check_devices(cell: Cell) -> list[tuple[str, str]]:
+def _check_devices(cell: Cell, only: Sequence[str]) -> list[tuple[str, str]]:
     readers: dict[str, Callable[[], object]] = {
         "arm": cell.arm.read,
         "gripper": cell.gripper.read,
@@ -533,6 +535,8 @@ def _check_devices(cell: Cell) -> list[tuple[str, str]]:
     }
     found = []
     for name, device in cell.devices():
+        if only and name not in only:
+            continue
         try:
             device.open()
             told = verdict(readers[name](), cell.config.skin.layout)

@@ -1,5 +1,6 @@
 """Plots of one run from its samples, and of both fingers."""
 
+from collections.abc import Mapping
 from itertools import pairwise
 from pathlib import Path
 
@@ -23,8 +24,15 @@ ON_SURFACE = 0.005
 """Largest height above the tip's median height at which the plan shows the tip, m."""
 
 
-def plot_run(row: RunRow, samples: dict[str, Vector], path: Path) -> None:
-    """Draw one run: tip over the plate, angles, taxels with the hole event, forces, all by stage."""
+def plot_run(row: RunRow, samples: dict[str, Vector], path: Path, faults: Mapping[str, float]) -> None:
+    """Draw one run: tip over the plate, angles, taxels with the hole event, forces, all by stage.
+
+    Args:
+        row: Row of the run.
+        samples: Samples of the run.
+        path: File of the picture.
+        faults: Times of its faults on the cell's clock, s, by code.
+    """
     figure = Figure(figsize=(13, 8), layout="constrained")
     grid = figure.add_gridspec(3, 2, width_ratios=(2, 3))
     plan = figure.add_subplot(grid[:, 0])
@@ -57,6 +65,8 @@ def plot_run(row: RunRow, samples: dict[str, Vector], path: Path) -> None:
     forces.set_xlabel("time since the first scan (s)")
     for axes in (angles, taxels, forces):
         _shade_stages(axes, time, stage)
+        for code, stamp in faults.items():
+            axes.axvline(stamp - samples["stamp"][0], color="#bb4455", lw=1.5, label=f"fault {code}")
         axes.legend(loc="upper left", fontsize=8)
         axes.margins(x=0)
     ending = f"{row.outcome} {row.reason}".strip()

@@ -1,12 +1,15 @@
 """Studies that compare variants of the cell on the same seeds: the variants of variants.toml, and how they are run."""
 
 import argparse
+import math
 import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from importlib import import_module
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from cell.commands.arguments import out_folder, require_known
 from cell.config.cell_config import CellConfig
@@ -17,7 +20,8 @@ from cell.lab.report import StudyReport, finite
 from cell.lab.rows import write_rows
 from cell.lab.tables import TURNS, VARIANTS, Columns, table
 from cell.lab.trials import TABLE, MakeProbe, TrialRow, read_table
-from cell.records.statistics import RateTest
+from cell.records.statistics import Z95, RateTest
+from skills.contract import Outcome
 
 FILE = Path(__file__).parent / "variants.toml"
 NAMES: Columns = {"variant": lambda line: line.family, "": lambda line: line.variant}
@@ -104,6 +108,22 @@ def compared(
     return Compared(lines, rows, title_of(seeds, of_each), folder)
 
 
+def beside_first(found: Compared) -> Columns:
+    """Return a column: mean difference of time to the first line, s, on the seeds that both inserted, and its 95 % half width."""
+    first = _times(found.rows[0])
+    texts = {}
+    for line, rows in zip(found.lines, found.rows, strict=True):
+        times = _times(rows)
+        longer = np.array([times[seed] - first[seed] for seed in times.keys() & first.keys()])
+        error = Z95 * float(longer.std(ddof=1)) / math.sqrt(longer.size) if longer.size > 1 else math.nan
+        texts[line] = f"{longer.mean():+.2f} ± {error:.2f}" if longer.size and rows is not found.rows[0] else ""
+    return {"beside the first (s)": lambda line: texts[line]}
+
+
+def _times(rows: Sequence[TrialRow]) -> dict[int, float]:
+    return {row.seed: row.total_time for row in rows if row.outcome == Outcome.SUCCESS and row.total_time is not None}
+
+
 def config_of(args: argparse.Namespace) -> CellConfig:
     """Return the simulated cell of --config and --set."""
     return load_simulated(args, f"study {args.name}").cell
@@ -119,4 +139,6 @@ def run(args: argparse.Namespace) -> StudyReport:
         draw_rows(found.bars(), found.title, found.folder / f"{args.name}.png"),
     ]
     result = {"title": found.title, "lines": [asdict(line) for line in found.lines]}
-    return StudyReport([table(found.title, NAMES, {**VARIANTS, **TURNS}, found.lines)], finite(result), files)
+    return StudyReport(
+        [table(found.title, NAMES, {**beside_first(found), **VARIANTS, **TURNS}, found.lines)], finite(result), files
+    )

@@ -135,7 +135,7 @@ def draw_demo(result: DemoResult, journal: Journal, folder: Path) -> list[Path]:
         (row for row in result.rows if row.outcome == Outcome.SUCCESS), result.rows[0] if result.rows else None
     )
     if shown is not None:
-        plot_run(shown, read_samples(journal.samples_path(shown.run)), folder / RUN_PICTURE)
+        plot_run(shown, read_samples(journal.samples_path(shown.run)), folder / RUN_PICTURE, {})
         pictures.append(folder / RUN_PICTURE)
     plot_speed_accuracy([Point.of_total(stage_table(result.tried())[-1])], folder / CHART)
     return [*pictures, folder / CHART]

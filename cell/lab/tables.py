@@ -12,6 +12,7 @@ from cell.lab.published import PUBLISHED, PUBLISHED_ATTEMPTS, PUBLISHED_SUCCESSE
 from cell.lab.trials import LOADS, TrialRow, load
 from cell.records.statistics import mean, wilson
 from sim.world.metering import JERK_BANDWIDTH, OVER_FORCE
+from skills.contract import Outcome
 
 LOADED = (
     ("largest contact force (N)", 1),
@@ -20,6 +21,14 @@ LOADED = (
     ("largest jerk elsewhere (m/s³)", 0),
 )
 """Name and decimals of each of `LOADS`."""
+
+PHASES = (
+    ("grasp", "grasp_time"),
+    ("search", "search_time"),
+    ("insertion", "insert_time"),
+    ("adjustment and seating", "adjust_time"),
+)
+"""Parts of the cycle with a column of their own."""
 
 
 def stages(lines: Sequence[StageLine], cycles: Sequence[float]) -> Table:
@@ -42,6 +51,20 @@ def stages(lines: Sequence[StageLine], cycles: Sequence[float]) -> Table:
         )
     cycle = mean(cycles)
     table.add_row("cycle", "", "", "-" if cycle is None else f"{cycle:.1f}", "", "-")
+    return table
+
+
+def phases(rows: Sequence[TrialRow]) -> Table:
+    """Return the mean time of each part of the cycle over the successful runs, and its share of the cycle."""
+    table = Table(title="Where the time goes", caption="means of the successes; transfers end where a skill begins")
+    for name in ("part of the cycle", "time (s)", "%"):
+        table.add_column(name, justify="left" if name == "part of the cycle" else "right")
+    good = [row for row in rows if row.outcome == Outcome.SUCCESS]
+    times = {label: mean([getattr(row, name) or 0.0 for row in good]) or 0.0 for label, name in PHASES}
+    cycle = mean([row.cycle_time for row in good]) or math.nan
+    times["transfers and release"] = cycle - sum(times.values())
+    for label, time in (*times.items(), ("cycle", cycle)):
+        table.add_row(label, f"{time:.1f}", f"{100 * time / cycle:.0f}")
     return table
 
 

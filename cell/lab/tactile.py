@@ -30,7 +30,7 @@ from drivers.errors import ConfigError
 from drivers.parts import Peg
 from drivers.quantities import TaxelFrame, Vector
 from drivers.skin.health import SkinHealth
-from drivers.skin.layout import LAYOUTS, Layout, module_of
+from drivers.skin.layout import LAYOUTS, Layout, layout_of, module_of
 from sim.config import SimSkinConfig
 from sim.hand.pads import PadLoad, Pads
 from sim.hand.skin import Taxels
@@ -194,9 +194,8 @@ def made(
             elif condition.dead == "unknown":
                 feels = np.not_equal(module, number_of)
             rest = np.zeros(number_of.shape)
-            health = SkinHealth(
-                skin.health, np.array([taxels.measure(rest, 0.0) for _ in range(skin.health.baseline_frames)])
-            )
+            still = np.array([taxels.measure(rest, 0.0) for _ in range(skin.health.baseline_frames)])
+            health = SkinHealth(skin.health, still, layout_of(layout).full_scale)
         offset = rng.normal(0.0, OFFSET)
         if condition.off_centre is not None:
             offset = rng.choice([-1.0, 1.0]) * rng.uniform(*condition.off_centre)

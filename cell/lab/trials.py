@@ -239,11 +239,10 @@ def _insert(watcher: Watcher, program: Program) -> tuple[list[StageRecord], Endi
 def trial_in(
     cell: Cell,
     seed: int,
-    each: Callable[[], None] = lambda: None,
     probe: MakeProbe = no_probe,
     program: Program = insert_peg,
 ) -> TrialRow:
-    """Run a program once in an opened cell, and call `each` in every scan.
+    """Run a program once in an opened cell.
 
     A fault ends the trial as a failure, with the fault's name as the reason. The whole time of its stage is included.
     """
@@ -256,7 +255,6 @@ def trial_in(
     def record(seen: Observation, setpoint: ImpedanceSetpoint | None) -> None:
         watcher.record(seen, setpoint)
         probed.record(seen, setpoint)
-        each()
 
     ctx.callbacks = replace(ctx.callbacks, ended=watcher.clock.end, record=record)
     records, ending, outcome, reason = _insert(watcher, program)

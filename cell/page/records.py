@@ -11,9 +11,11 @@ from pathlib import Path
 
 from cell.page import telling
 from cell.page.scene import replay
+from cell.peg.ending import explained
 from cell.records import wall_clock
+from cell.records.alarms import Alarm
 from cell.records.journal import Journal
-from cell.records.run_query import RunQuery
+from cell.records.run_query import RunQuery, moment
 from cell.records.schema import LOST, RUNNING, RunRow
 from cell.records.statistics import wilson
 from cell.run.line import PROGRAMS
@@ -27,9 +29,11 @@ PRODUCT = PROGRAMS[FIRST_PROGRAM]
 """Program whose runs count for the yield."""
 SHIFT = timedelta(hours=8)
 """Period up to now for the yield; runs that started in it count."""
-RECENT = 200
-"""Number of runs searched for the last faults."""
+ALARMS = 200
+"""Largest number of alarms in one answer."""
 OUTCOMES = tuple(str(each) for each in Outcome)
+REPORT = "report.html"
+"""File of the last report made for the page."""
 WAITING = 8
 """Largest number of waiting requests for films; further ones are refused."""
 LONGEST = 7200.0
@@ -44,21 +48,22 @@ class Records:
     def __init__(self, folder: Path) -> None:
         """Keep the folder of the records; each query opens the journal again, because it may be moved or created later."""
         self._folder = folder
-        self._reading, self._drawing = asyncio.Lock(), asyncio.Lock()
+        self._reading, self._making = asyncio.Lock(), asyncio.Lock()
         self._films: dict[int, asyncio.Task[None]] = {}
         """Films in work or waiting, by run."""
 
     def summary(self) -> dict[str, object]:
-        """Return the last runs, and the yield of the shift; empty lists if the journal cannot be read."""
+        """Return the last runs, the last alarm, and the yield of the shift; empty lists if the journal cannot be read."""
         rows: list[RunRow] = []
+        alarms: list[Alarm] = []
         counts: dict[str, int] = {}
         since = wall_clock.now() - SHIFT
         with suppress(JournalError, TypeError, ValueError), self._journal() as journal:
-            rows = journal.runs(RECENT)
+            rows, alarms = journal.runs(LAST), journal.alarms(1)
             counts = journal.outcomes(RunQuery(since.isoformat(timespec="milliseconds"), program=PRODUCT))
         return {
-            "runs": [telling.row(row) for row in rows[:LAST]],
-            "faults": [telling.row(row) for row in rows if row.fault][:LAST],
+            "runs": [telling.row(row) for row in rows],
+            "alarm": [asdict(alarm) for alarm in alarms],
             "shift": shift(counts),
         }
 
@@ -70,12 +75,36 @@ class Records:
         """
         with self._journal() as journal:
             row = journal.find(run)
+            why = explained(row.fault, row.reason)
             return {
                 **asdict(row),
+                "why": why and asdict(why),
                 "stages": [asdict(stage) for stage in journal.stages(run)],
                 "events": [asdict(event) for event in journal.events(run=run)],
                 "film": self._film_state(run, _can_be_drawn(journal, row)),
             }
+
+    def alarms(self, since: str) -> list[dict[str, object]]:
+        """Return the newest alarms since a span or a date, as the command line takes it; empty for all.
+
+        Raises:
+            ConfigError: `since` is neither a span nor a date.
+            JournalError: The journal cannot be read.
+        """
+        with self._journal() as journal:
+            found = journal.alarms(ALARMS, moment(since, wall_clock.now()) if since else "")
+        return [{**asdict(alarm), "meaning": telling.meaning(alarm.code, "")} for alarm in found]
+
+    async def report(self, since: str) -> Path | None:
+        """Make the report of the runs since a span or a date, empty for all, in another process; None if that fails."""
+        period = ["--since", since] if since else []
+        async with self._making:
+            return self.path_of_report if await self._make(["report", *period], self.path_of_report) else None
+
+    @property
+    def path_of_report(self) -> Path:
+        """Path of the last report; the file may not exist."""
+        return self._folder / REPORT
 
     def config(self, run: int) -> str | None:
         """Return the config of a run as JSON; None if it is not on record.
@@ -126,15 +155,18 @@ class Records:
         return "drawing" if run in self._films else "missing" if can_be_drawn else "none"
 
     async def _draw(self, run: int) -> None:
-        """Draw the film of a run; if the process is stopped, remove the partial file."""
-        path = self.film_path(run)
+        async with self._making:
+            await self._make(["film", str(run)], self.film_path(run))
+
+    async def _make(self, command: Sequence[str], path: Path) -> bool:
+        """Make a file by a command with --out; if the process is stopped, remove the partial file."""
         part = path.with_stem(f"{path.stem}-part")
-        async with self._drawing:
-            try:
-                if await _run(["film", str(run), "--json", "--journal", str(self._folder), "--out", str(part)]):
-                    part.replace(path)
-            finally:
-                part.unlink(missing_ok=True)
+        try:
+            if is_made := await _run([*command, "--json", "--journal", str(self._folder), "--out", str(part)]):
+                part.replace(path)
+        finally:
+            part.unlink(missing_ok=True)
+        return is_made
 
     def _journal(self) -> Journal:
         return Journal(self._folder, is_read_only=True)

@@ -20,12 +20,12 @@ from cell.page.front import Front, Guarded, HttpServer
 from cell.page.guard import part_of
 from cell.page.hub import PERIOD, SPECTATOR, PageHub
 from cell.page.metrics import KIND, CellCollector
-from cell.page.records import Records
+from cell.page.records import REPORT, Records
 from cell.page.socket import PageSocket
 from cell.page.token import page_token
 from cell.run.exposure import is_local
 from cell.run.live import Live
-from drivers.errors import FAULTS, JournalError
+from drivers.errors import FAULTS, ConfigError, JournalError
 from plc_bridge.bridge import Bridge
 from plc_bridge.modbus.tls import browser_context
 
@@ -41,6 +41,8 @@ KINDS = {
 }
 PIECE = 256 * 1024
 """Block size for sending a file, bytes."""
+REPORT_POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; frame-ancestors 'none'"
+"""Content policy of a report, which is one file without scripts."""
 PINGS = 3
 """Number of pings within the timeout of a link."""
 
@@ -97,6 +99,8 @@ class PageServer(HttpServer):
             [
                 ("/live", PageSocket, {"hub": self._hub, "bridge": self._bridge, "token": self.token}),
                 ("/faults", Catalogue),
+                ("/alarms", Alarms, {"records": records}),
+                (f"/{REPORT}", Report, {"records": records, "token": self.token}),
                 (r"/runs/(\d{1,9})/(data|config)", RunData, {"records": records, "token": self.token}),
                 (r"/runs/(\d{1,9})/replay", RunReplay, {"records": records}),
                 (r"/runs/(\d{1,9})/film\.mp4", RunFilm, {"records": records, "token": self.token}),
@@ -198,6 +202,27 @@ class Catalogue(Guarded):
         self.finish(json.dumps([{"code": code, **asdict(text)} for code, text in FAULTS.items() if code]))
 
 
+class Alarms(Guarded):
+    """Handler of the alarms on record."""
+
+    def initialize(self, records: Records) -> None:
+        """Keep the records."""
+        self._records = records
+
+    def get(self) -> None:
+        """Send the newest alarms since the argument `since` as JSON."""
+        try:
+            found = self._records.alarms(self.get_argument("since", ""))
+        except ConfigError as error:
+            logger.info("page: %s", error)
+            raise HTTPError(400, reason="since: 30m, 12h, 7d, 4w or a date allowed") from None
+        except JournalError as error:
+            logger.info("page: %s", error)
+            raise HTTPError(404, reason="the records cannot be read") from None
+        self.set_header("Content-Type", "application/json")
+        self.finish(json.dumps(found))
+
+
 class RunData(Guarded):
     """Handler of the record of one run; its config is sent only with the token."""
 
@@ -254,6 +279,29 @@ class RunFilm(FileHandler):
             path = self._records.film(int(number))
         self.set_status(202 if path is None else 200)
         self.finish("being drawn\n" if path is None else "there\n")
+
+
+class Report(FileHandler):
+    """Handler of the report of a period: reading the last one is free, making one needs the token."""
+
+    def initialize(self, records: Records, token: str) -> None:
+        """Keep the records and the token."""
+        self._records, self._token = records, token
+
+    async def get(self) -> None:
+        """Send the report; its style is inside it."""
+        path = self._records.path_of_report
+        if not path.is_file():
+            raise HTTPError(404, reason="no report was made yet")
+        self.set_header("Content-Security-Policy", REPORT_POLICY)
+        await self.send(path)
+
+    async def post(self) -> None:
+        """Make the report since the argument `since`."""
+        self.require_token(self._token)
+        if await self._records.report(self.get_argument("since", "")) is None:
+            raise HTTPError(404, reason="the report cannot be made here; cell report says why")
+        self.finish("there\n")
 
 
 @contextmanager

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import replace
 
+from cell.peg.ending import explained
 from cell.peg.part_state import REMEDIES, PartState, described
 from cell.records.schema import RunRow
 from cell.run.states import ASKED, Event, State, is_permitted
@@ -181,9 +182,14 @@ def own(image: Report) -> dict[str, object]:
     }
 
 
+def meaning(fault: int, reason: str) -> str:
+    """Return the meaning of a fault, or of a reason without one; empty if there is none."""
+    why = explained(fault, reason)
+    return "" if why is None else why.meaning
+
+
 def row(run: RunRow) -> dict[str, object]:
     """Return a recorded run for the page's list."""
-    fault = FAULTS[FaultCode(run.fault)].meaning if run.fault in set(FaultCode) and run.fault else ""
     return {
         "run": run.run,
         "started": run.started,
@@ -195,7 +201,7 @@ def row(run: RunRow) -> dict[str, object]:
         "stage": run.stage,
         "reason": run.reason,
         "fault": run.fault,
-        "meaning": fault,
+        "meaning": meaning(run.fault, run.reason),
         "message": run.message,
         "cycle_time": round(run.cycle_time, 2) if run.cycle_time is not None else None,
         "peak_force": round(run.peak_force, 1) if run.peak_force is not None else None,

@@ -17,7 +17,7 @@ from skills.contract import Observation, Outcome, Reason
 from skills.entry import Claim
 from skills.flow import StageRecord
 from skills.search.surface import Plane, nominal
-from skills.seating.decision import BORNE_WITHIN, CLOSED_TOLERANCE, DOUBTED, MOST_DEEP, MOST_SHALLOW, Footing
+from skills.seating.decision import BORNE_WITHIN, CLOSED_TOLERANCE, DOUBTED, GIVE, MOST_DEEP, MOST_SHALLOW, Footing
 from skills.seating.latch_likelihood import Signature
 from skills.seating.signature import LIFTED, Curve
 
@@ -78,7 +78,7 @@ class Proof:
     def after(self, seen: Observation, setpoint: ImpedanceSetpoint | None = None) -> "Proof":
         """Return the proof after one more scan and its setpoint; if the switch opens while the peg is held, the proof is void."""
         if seen.switch is SwitchState.OPEN and seen.gripper.is_gripping:
-            return Proof(was_open=True)
+            return _OPEN
         if seen.switch is SwitchState.OPEN:
             return self if self.was_open else replace(self, was_open=True)
         if not self.was_open or seen.switch is not SwitchState.CLOSED or not seen.gripper.is_gripping:
@@ -109,15 +109,19 @@ class Proof:
         depth, low, high = surface.depth(self.seated_tip), job.hole.depth - less, job.hole.depth + more
         if plane is not None and self.borne_tip is not None:
             low, high = job.hole.depth - DOUBTED, job.hole.depth + CLOSED_TOLERANCE
-            gained = surface.depth(self.borne_tip) - depth
-            if gained > MOST_SHALLOW:
+            # The hand sinks further in soft pads while the bottom already supports the peg.
+            gained, most = surface.depth(self.borne_tip) - depth, MOST_SHALLOW + GIVE * self.footing.push
+            if gained > most:
                 raise SwitchDisagreesError(
-                    f"switch closed {1e3 * gained:.1f} mm above the bottom that bore the peg then; {1e3 * MOST_SHALLOW:.1f} mm allowed"
+                    f"switch closed {1e3 * gained:.1f} mm above the bottom that supported the peg then; {1e3 * most:.1f} mm allowed"
                 )
         if not low <= depth <= high:
             raise SwitchDisagreesError(
                 f"switch closed with the tip {1e3 * depth:.1f} mm deep; {1e3 * low:.1f} to {1e3 * high:.1f} mm expected"
             )
+
+
+_OPEN = Proof(was_open=True)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

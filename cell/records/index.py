@@ -4,7 +4,7 @@ import json
 import logging
 import os
 import sqlite3
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import asdict
 from pathlib import Path
@@ -21,7 +21,6 @@ from cell.records.schema import (
     is_present,
     names,
 )
-from cell.records.told import told_row
 from cell.records.wall_clock import now_text
 from drivers.errors import JournalError
 
@@ -100,6 +99,10 @@ class Index:
         self._connection.text_factory = lambda text: text.decode(errors="replace")
         self._set_aside: set[str] = set()
 
+    def trace(self, say: Callable[[str], None] | None) -> None:
+        """Pass every further statement to `say`, with its values; None passes it to nobody."""
+        self._connection.set_trace_callback(say)
+
     def is_in_place(self) -> bool:
         """Return True if the path still names the opened file."""
         try:
@@ -175,7 +178,7 @@ class Index:
             logger.error("%s; the row is set aside in %s", why, path)
 
     def put_ended(self, row: RunRow, stages: Sequence[StageRow]) -> None:
-        """Write the end of a run, the tries of its stages, and its figures for reports.
+        """Write the end of a run and the tries of its stages.
 
         If the run's row cannot be written, record the run as lost.
 
@@ -189,9 +192,8 @@ class Index:
             self.put(row, then=_IF_SAME)
         for stage in stages:
             self.put(stage, how="INSERT OR REPLACE")
-        self.put(told_row(row, stages), how="INSERT OR REPLACE")
 
-    def execute(self, statement: str, values: list[object]) -> list[tuple[Any, ...]]:
+    def execute(self, statement: str, values: list[object] | dict[str, object]) -> list[tuple[Any, ...]]:
         """Execute one statement and return the rows that it selects.
 
         Raises:

@@ -1,17 +1,17 @@
 """The journal: an SQLite index of runs, stages, events and configs, and one file of samples per run."""
 
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import closing
 from pathlib import Path
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING, Any, Self
 
+from cell.records.alarms import ALARMS, Alarm
 from cell.records.index import INDEX as INDEX
 from cell.records.index import Index
 from cell.records.provenance import versions
-from cell.records.run_query import RunQuery
+from cell.records.run_query import NEVER, RunQuery
 from cell.records.schema import ConfigRow, EventRow, RunRow, StageRow
-from cell.records.told import Told, told_columns
 from drivers.errors import JournalError, UnknownRunError
 
 if TYPE_CHECKING:
@@ -37,16 +37,24 @@ class Journal:
     all records are written.
     """
 
-    def __init__(self, folder: Path, *, is_read_only: bool = False, keep: "Keep | None" = None) -> None:
+    def __init__(
+        self,
+        folder: Path,
+        *,
+        is_read_only: bool = False,
+        keep: "Keep | None" = None,
+        trace: Callable[[str], None] | None = None,
+    ) -> None:
         """Keep the folder; `open` creates it.
 
         Args:
             folder: Folder of the index and the samples.
             is_read_only: True to create and write nothing; a folder without an index then has no runs.
             keep: Limits of age and size of the records; None keeps everything.
+            trace: Function that is called with each SQL statement of a journal that is only read.
         """
         self.folder = folder
-        self._is_read_only, self._keep = is_read_only, keep
+        self._is_read_only, self._keep, self._trace = is_read_only, keep, trace
         self._index: Index | None = None
         self._writer: JournalWriter | None = None
 
@@ -70,6 +78,7 @@ class Journal:
             self._writer = writer
         else:
             self._index = Index(self.folder, is_read_only=True)
+            self._index.trace(self._trace)
 
     def close(self) -> None:
         """Write the waiting records and close; idempotent."""
@@ -189,11 +198,14 @@ class Journal:
         where, values = query.where()
         return self._reading().rows(RunRow, f"WHERE {where} ORDER BY run DESC LIMIT ?", [*values, last])
 
-    def told(self, query: RunQuery) -> Told:
-        """Return the report figures of the ended runs that a query selects."""
-        where, values = query.where()
-        asked = f"FROM runs JOIN told USING (run) WHERE {where} AND outcome != 'running' ORDER BY started"
-        return told_columns(self._reading().execute(f"SELECT kind, figures {asked}", values))
+    def ask(self, statement: str, values: Sequence[object] = ()) -> list[tuple[Any, ...]]:
+        """Execute an SQL statement on the index, which is read only, and return the rows that it selects."""
+        return self._reading().execute(statement, list(values))
+
+    def alarms(self, last: int, since: str = "", until: str = "", code: int | None = None) -> list[Alarm]:
+        """Return the newest `last` alarms that came in a period, ISO 8601 UTC, newest first; with `code`, of one fault only."""
+        values: dict[str, object] = {"last": last, "since": since, "until": until or NEVER, "code": code}
+        return [Alarm(*row) for row in self._reading().execute(ALARMS, values)]
 
     def events(self, since: str = "", run: int | None = None) -> list[EventRow]:
         """Return the events at or after `since`, ISO 8601 UTC, oldest first; with `run`, only those of this run."""

@@ -8,6 +8,8 @@ from drivers.errors import ConfigError
 
 OUTCOMES = ("success", "failure", "aborted", "fault", "lost", "running")
 """Outcomes of recorded runs, that of the present run included."""
+NEVER = "9999"
+"""Text after every wall time of the records."""
 _SPAN = re.compile(r"(\d{1,6})([mhdw])")
 _UNITS = {"m": "minutes", "h": "hours", "d": "days", "w": "weeks"}
 
@@ -18,6 +20,8 @@ class RunQuery:
 
     since: str = ""
     """Earliest start of a run, wall time, ISO 8601 UTC."""
+    until: str = ""
+    """Time before which a run started, wall time, ISO 8601 UTC; empty for no limit."""
     outcome: str | None = None
     fault: int | None = None
     serial: str | None = None
@@ -35,22 +39,22 @@ class RunQuery:
             "recipe": self.recipe,
         }
         given = {name: value for name, value in wanted.items() if value is not None}
-        text = " AND ".join(["started >= ?", *(f"{name} = ?" for name in given)])
-        return text, [self.since, *given.values()]
+        text = " AND ".join(["started >= ?", "started < ?", *(f"{name} = ?" for name in given)])
+        return text, [self.since, self.until or NEVER, *given.values()]
 
 
-def since_text(text: str, now: datetime) -> str:
+def moment(text: str, now: datetime, option: str = "--since") -> str:
     """Return the wall time, in the format of records, of a span before `now`, such as 7d, or of a date and time.
 
     Raises:
-        ConfigError: The text is neither a span nor a date.
+        ConfigError: The text is neither a span nor a date; `option` gave it.
     """
     span = _SPAN.fullmatch(text)
     try:
         back = timedelta(**{_UNITS[span[2]]: int(span[1])}) if span else timedelta()
-        moment = now - back if span else datetime.fromisoformat(text)
+        found = now - back if span else datetime.fromisoformat(text)
     except (ValueError, OverflowError):
         raise ConfigError(
-            f"--since {text}: 30m, 12h, 7d, 4w or a date as 2025-01-31 or 2025-01-31T06:00 in local time allowed"
+            f"{option} {text}: 30m, 12h, 7d, 4w or a date as 2025-01-31 or 2025-01-31T06:00 in local time allowed"
         ) from None
-    return moment.astimezone(UTC).isoformat(timespec="milliseconds")
+    return found.astimezone(UTC).isoformat(timespec="milliseconds")

@@ -2,7 +2,7 @@
 
 import csv
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -60,11 +60,8 @@ class SampleFile:
         Raises:
             JournalError: The file cannot be written.
         """
-        taxels = np.array(block.taxels).reshape(block.used, -1) if block.used else np.empty((0, 0))
-        ends = np.arange(block.used + 1, dtype=np.int32) * taxels.shape[1]
-        columns = [pa.array(column[: block.used]) for column in block.values]
-        columns.append(pa.ListArray.from_arrays(ends, taxels.reshape(-1)))
-        columns += [pa.array(block.joints[name], type=_SCHEMA.field(name).type) for name in JOINT_COLUMNS]
+        columns = [_numbers(column[: block.used]) for column in block.values]
+        columns += [_lists(block.taxels), *(_lists(block.joints[name]) for name in JOINT_COLUMNS)]
         batch = pa.record_batch(columns, schema=_SCHEMA)
         with self._told():
             if ending:
@@ -105,9 +102,17 @@ def _require_empty(path: Path) -> None:
         os.close(number)
 
 
-def prepare() -> None:
-    """Make Arrow load its dependencies now: at its first column it imports pandas if installed, which is slow."""
-    pa.array([0.0])
+def _numbers(values: Vector) -> pa.Array:
+    """Return values as a column that shares their memory; `pa.array` would import pandas if installed, which is slow."""
+    return pa.Array.from_buffers(pa.float64(), values.size, [None, pa.py_buffer(values)])
+
+
+def _lists(rows: Sequence[Vector | Sequence[float]]) -> pa.ListArray:
+    """Return rows of equal length as a column of lists."""
+    values = np.array(rows, dtype=float).reshape(len(rows), -1) if rows else np.empty((0, 0))
+    ends = np.arange(len(rows) + 1, dtype=np.int32) * values.shape[1]
+    offsets = pa.Array.from_buffers(pa.int32(), ends.size, [None, pa.py_buffer(ends)])
+    return pa.ListArray.from_arrays(offsets, _numbers(values.reshape(-1)))
 
 
 def read_samples(path: Path) -> dict[str, Vector]:
@@ -129,14 +134,20 @@ def read_samples(path: Path) -> dict[str, Vector]:
 def _columns(table: pa.Table) -> dict[str, Vector]:
     missing = np.full(table.num_rows, np.nan)
     samples: dict[str, Vector] = {
-        name: table.column(name).to_numpy().astype(float) if name in table.column_names else missing for name in COLUMNS
+        name: _values(table.column(name).combine_chunks()) if name in table.column_names else missing
+        for name in COLUMNS
     }
     for name in ("taxels", *JOINT_COLUMNS):
         values = np.empty(0)
         if name in table.column_names:
-            values = table.column(name).combine_chunks().flatten().to_numpy(zero_copy_only=False).astype(float)
+            values = _values(table.column(name).combine_chunks().flatten())
         samples[name] = values.reshape(table.num_rows, values.size // max(table.num_rows, 1))
     return samples
+
+
+def _values(column: pa.Array) -> Vector:
+    """Return the values of a column; `to_numpy` would import pandas if installed, which is slow."""
+    return np.from_dlpack(column).astype(float)
 
 
 def read_facts(path: Path) -> SceneFacts:

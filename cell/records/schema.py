@@ -6,7 +6,6 @@
 | `stages`  | try of a stage in a run                                                                   |
 | `events`  | change of state, command, refusal, fault, warning                                         |
 | `configs` | config of runs, whole, under the digest that runs hold in `config_hash`                   |
-| `told`    | run that has ended: its figures for reports, packed; see `journal_told`                   |
 
 The number of the layout is the index's `PRAGMA user_version`; `LAYOUT` is the present one.
 """
@@ -18,7 +17,7 @@ from typing import Any
 
 from drivers.errors import JournalError
 
-LAYOUT = 7
+LAYOUT = 8
 """Number of the present layout."""
 RUNNING = "running"
 """Outcome of a run that has not ended."""
@@ -138,6 +137,8 @@ class EventKind(StrEnum):
     """A fault, in a run or outside one; `name` and `code` are the fault's, `text` its message."""
     WARNING = "warning"
     """A warning that does not stop the cell; " is over" after its name means that it has cleared."""
+    NOTE = "note"
+    """A repair of the records, or a jump of the computer's clock."""
     REHEARSAL = "rehearsal"
     """`source` has requested a cable fault in a simulated cell; `name` is the fault."""
 
@@ -175,22 +176,10 @@ class ConfigRow:
     """The config as JSON."""
 
 
-@dataclass(frozen=True, slots=True)
-class ToldRow:
-    """Report figures of one ended run; a report of 100,000 runs reads only this narrow table."""
-
-    run: int
-    kind: str
-    """Ending and stages of the run, as `journal_told` writes them; equal for all runs of one kind."""
-    figures: bytes
-    """Figures as `journal_told` packs them."""
-
-
 _TYPES: dict[Any, str] = {
     int: "INTEGER NOT NULL",
     float: "REAL NOT NULL",
     str: "TEXT NOT NULL",
-    bytes: "BLOB NOT NULL",
     int | None: "INTEGER",
     float | None: "REAL",
 }
@@ -198,22 +187,22 @@ _KEYS = {
     RunRow: "run INTEGER PRIMARY KEY AUTOINCREMENT",
     EventRow: "event INTEGER PRIMARY KEY AUTOINCREMENT",
     ConfigRow: "config_hash TEXT PRIMARY KEY",
-    ToldRow: "run INTEGER PRIMARY KEY",
 }
 TABLES: dict[type, str] = {
     RunRow: "runs",
     StageRow: "stages",
     EventRow: "events",
     ConfigRow: "configs",
-    ToldRow: "told",
 }
 """Name of the table of each row."""
 _INDICES = (
-    # The index covers all columns that queries and reports need, so that neither reads the long rows.
-    "CREATE INDEX runs_asked ON runs (started, program, outcome, fault, serial, recipe, stage, reason)",
+    # The first two cover all columns that reports need, so that a report does not read the long rows.
+    "CREATE INDEX runs_asked ON runs (started, program, outcome, fault, serial, recipe, stage, reason, cycle_time, peak_force)",
+    "CREATE INDEX stages_asked ON stages (run, name, counted, began, ended, residual)",
     "CREATE UNIQUE INDEX stages_run ON stages (run, place)",
     "CREATE INDEX events_time ON events (time)",
     "CREATE INDEX events_run ON events (run)",
+    "CREATE INDEX events_kind ON events (kind, name)",
 )
 
 

@@ -93,7 +93,7 @@ def made_again(folder: Path, why: str) -> Index:
         for run, path in sorted(runs.items()):
             _restore(index, run, path)
         text = f"{why}; kept as {aside.name}; {len(runs)} runs restored from their samples"
-        index.put(event(EventKind.WARNING, "index_damaged", text), is_numbered_here=True)
+        index.put(event("index_damaged", text), is_numbered_here=True)
     logger.warning("%s: damaged: %s", folder / INDEX, text)
     return index
 
@@ -140,7 +140,7 @@ def warn_of_clock(index: Index, folder: Path, keep: Keep) -> None:
         f"computer's clock {(wall_clock.now() - newest) / timedelta(days=1):.1f} days ahead of the newest run, at most {keep.days} (journal.days)"
         " believed: that time ages no record; set the clock if it is wrong"
     )
-    index.put(event(EventKind.WARNING, "clock_ahead", text), is_numbered_here=True)
+    index.put(event("clock_ahead", text), is_numbered_here=True)
     logger.warning("%s: %s", folder / INDEX, text)
 
 
@@ -172,8 +172,7 @@ def _delete_aged(index: Index, folder: Path, days: int) -> None:
         where = "outcome != 'running' AND run <= ?"
         last: list[object] = [_last_aged(index, "runs", "run", "started", days)]
         old = [int(run) for (run,) in index.execute(f"SELECT run FROM runs WHERE {where}", last)]
-        for table in ("stages", "told"):
-            index.execute(f"DELETE FROM {table} WHERE run IN (SELECT run FROM runs WHERE {where})", last)
+        index.execute(f"DELETE FROM stages WHERE run IN (SELECT run FROM runs WHERE {where})", last)
         index.execute(f"DELETE FROM runs WHERE {where}", last)
         index.execute("DELETE FROM events WHERE event <= ?", [_last_aged(index, "events", "event", "time", days)])
         index.execute("DELETE FROM configs WHERE config_hash NOT IN (SELECT config_hash FROM runs)", [])
@@ -195,9 +194,9 @@ def _delete_beyond_size(index: Index, folder: Path, most: int) -> None:
         excess -= sizes[run]
 
 
-def event(kind: EventKind, name: str, text: str, run: int = 0) -> EventRow:
+def event(name: str, text: str, run: int = 0) -> EventRow:
     """Return an event of the journal itself; its time on the cell's clock is 0."""
-    return EventRow(0, wall_clock.now_text(), 0.0, kind, name, run=run, text=text)
+    return EventRow(0, wall_clock.now_text(), 0.0, EventKind.NOTE, name, run=run, text=text)
 
 
 def ending_text(row: RunRow, stages: list[StageRow]) -> str:
@@ -215,7 +214,7 @@ def _restore(index: Index, run: int, path: Path, row: RunRow = UNKNOWN_RUN) -> N
     ended, stages = _as_recorded(run, path, row)
     index.put_ended(ended, stages)
     if ended.outcome == LOST:
-        index.put(event(EventKind.WARNING, "run_lost", ended.message, run), is_numbered_here=True)
+        index.put(event("run_lost", ended.message, run), is_numbered_here=True)
         logger.warning("run %d: %s", run, ended.message)
 
 

@@ -21,7 +21,6 @@ from threading import Condition, Thread
 from cell.records.index import OWNER_ONLY, OWNERS_FOLDER, DamagedIndexError, Index, require_own
 from cell.records.run_samples import RunSamples
 from cell.records.sample_blocks import SampleBlock
-from cell.records.samples import prepare
 from cell.records.schema import ConfigRow, EventRow, RunRow, StageRow
 from cell.records.upkeep import (
     Keep,
@@ -185,7 +184,6 @@ class JournalWriter:
             self._tidy()
         self._claim()
         self._look_at_disk()
-        prepare()  # so that the first block of a run need not wait for it
         with self._changed:
             self._is_open = True
             self._changed.notify_all()

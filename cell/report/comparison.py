@@ -1,4 +1,4 @@
-"""Two runs side by side; pure."""
+"""Two runs, or the runs of two periods, side by side; pure."""
 
 import json
 import math
@@ -6,6 +6,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from cell.records.schema import RunRow, StageRow
+from cell.report.facts import Facts
+from cell.report.words import overview
 
 ComparedLine = tuple[str, str, str]
 """Title of a compared value, and the value in each run."""
@@ -49,6 +51,19 @@ def compared(
         flat = [dict(_flat(json.loads(text or "{}"))) for text in configs]
         tables.append(("config key that differs", _differences(flat[0], flat[1])))
     return [(title, lines) for title, lines in tables if lines]
+
+
+def compared_periods(first: Facts, second: Facts) -> list[tuple[str, list[ComparedLine]]]:
+    """Return tables of the runs of two periods: yield, times and losses."""
+    found = []
+    pairs = [{title: (head, rows) for title, head, rows in overview(facts)} for facts in (first, second)]
+    for title in dict.fromkeys([*pairs[0], *pairs[1]]):
+        head = (pairs[0].get(title) or pairs[1][title])[0]
+        cells = [{row[0]: " / ".join(row[1:]) for row in pair[title][1]} if title in pair else {} for pair in pairs]
+        names = dict.fromkeys([*cells[0], *cells[1]])
+        lines = [(name, cells[0].get(name, "-"), cells[1].get(name, "-")) for name in names]
+        found.append((f"{title}: {' / '.join(head[1:])}", lines))
+    return found
 
 
 def _stages(stages: Sequence[Sequence[StageRow]]) -> list[ComparedLine]:

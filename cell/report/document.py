@@ -41,11 +41,12 @@ def _write_html(facts: Facts, path: Path) -> None:
     draw(facts).savefig(picture, format="png", dpi=130)
     image = base64.b64encode(picture.getvalue()).decode()
     parts = [_table(table) for table in tables(facts)]
-    title = f"Report of the cell, runs since {local(facts.since)}" if facts.since else "Report of the cell, all runs"
+    limits = [f"{word} {local(time)}" for word, time in (("since", facts.since), ("until", facts.until)) if time]
+    title = f"Report of the cell, {' '.join(['runs', *limits]) if limits else 'all runs'}"
     text = (
         f'<!doctype html>\n<html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width, initial-scale=1"><title>{escape(title)}</title>'
         f"<style>{STYLE}</style></head>\n<body><h1>{escape(title)}</h1>\n{''.join(parts)}"
-        f'<img alt="Yield by day, reasons, times by stage, forces and residual of theta" '
+        f'<img alt="Yield and times by shift, losses, times by stage, forces and residual of theta" '
         f'src="data:image/png;base64,{image}"></body></html>\n'
     )
     path.write_text(text, encoding="utf-8")

@@ -7,12 +7,14 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from cell.records.statistics import spread
-from cell.report.facts import Facts
+from cell.report.facts import WORN, Facts
 from drivers.quantities import Vector
 
 GOOD, BAD, PLAIN, FAINT = "#228833", "#bb4455", "#4477aa", "#9aa5ad"
 """Colours that colour-blind readers can distinguish."""
-MOST_LOSSES, MOST_DAYS = 8, 31
+MOST_LOSSES, MOST_SHIFTS = 8, 93
+"""Largest numbers of kinds of losses and of shifts in a drawing; three shifts a day for a month."""
+COLOURS = ("#222222", "#bbbbbb", "#4477aa", "#66ccee", "#228833", "#ccbb44", "#ee6677", "#aa3377")
 MOST_POINTS, SPANS = 2000, 100
 """Largest number of runs drawn as single points, and number of spans for more runs."""
 
@@ -20,9 +22,12 @@ MOST_POINTS, SPANS = 2000, 100
 def draw(facts: Facts) -> Figure:
     """Return one figure with the drawings of a report, with the proportions of A4."""
     figure = Figure(figsize=(11.7, 8.3), layout="constrained")
-    places = figure.subplot_mosaic([["yield", "losses"], ["stages", "losses"], ["forces", "drift"]])
+    places = figure.subplot_mosaic(
+        [["yield", "losses"], ["trends", "losses"], ["stages", "drift"], ["forces", "drift"]]
+    )
     kinds: dict[str, Callable[[Axes, Facts], None]] = {
         "yield": _yield,
+        "trends": _trends,
         "losses": _losses,
         "stages": _stages,
         "forces": _forces,
@@ -36,17 +41,39 @@ def draw(facts: Facts) -> Figure:
 
 
 def _yield(axes: Axes, facts: Facts) -> None:
-    days = list(facts.by_day)[-MOST_DAYS:]
-    axes.set_title(f"Yield by day with its 95 % interval, n = {facts.total.runs}")
-    for place, (_, day) in enumerate(days):
-        low, high = day.interval
-        axes.plot([place, place], [100 * low, 100 * high], color=FAINT, lw=4)
-        axes.plot(place, 100 * (day.share or 0.0), "o", color=GOOD)
-    every = max(1, len(days) // 8)
-    axes.set_xticks(range(0, len(days), every), [f"{day[5:]}\n{found.runs}" for day, found in days[::every]])
+    shifts = facts.shifts[-MOST_SHIFTS:]
+    axes.set_title(f"Yield with its 95 % interval, and availability, n = {facts.total.runs}")
+    for place, shift in enumerate(shifts):
+        low, high = shift.runs.interval
+        axes.plot([place, place], [100 * low, 100 * high], color=FAINT, lw=3)
+        axes.plot(place, 100 * (shift.runs.share or 0.0), "o", color=GOOD, ms=4)
+    axes.plot(
+        [100 * (np.nan if shift.availability is None else shift.availability) for shift in shifts], color=PLAIN, lw=1
+    )
     axes.set_ylim(0, 103)
-    axes.set_ylabel("yield (%)")
-    axes.set_xlabel("day, local time, and its runs")
+    axes.set_ylabel("%; blue: available")
+    _name_shifts(axes, [shift.start for shift in shifts])
+
+
+def _trends(axes: Axes, facts: Facts) -> None:
+    axes.set_title("Mean times of successful runs by shift, with their limits")
+    shifts = [shift.start for shift in facts.shifts[-MOST_SHIFTS:]]
+    for trend, colour in zip(facts.trends, COLOURS, strict=False):
+        means = [trend.means.get(shift, np.nan) for shift in shifts]
+        axes.plot(means, ".-", color=colour, lw=1, ms=4, label=trend.name.replace("_", " "))
+        for limit in trend.limits or ():
+            axes.axhline(limit, color=colour, lw=0.6, ls="--")
+    if facts.trends:
+        axes.legend(fontsize=6, loc="upper left")
+    axes.set_ylim(bottom=0)
+    axes.set_ylabel("s, with transfers")
+    _name_shifts(axes, shifts)
+
+
+def _name_shifts(axes: Axes, shifts: list[str]) -> None:
+    every = max(1, -(-len(shifts) // 8))
+    axes.set_xticks(range(0, len(shifts), every), [shift[5:].replace(" ", "\n") for shift in shifts[::every]])
+    axes.tick_params(axis="x", labelsize=7)
 
 
 def _losses(axes: Axes, facts: Facts) -> None:
@@ -112,6 +139,8 @@ def _drift(axes: Axes, facts: Facts) -> None:
         if facts.drift is not None:
             middle = value.mean() + facts.drift.per_day * (time - time.mean())
             axes.plot(time, middle, color=BAD if facts.drift.is_shown else PLAIN, lw=1.5)
+        axes.axhline(WORN, color=BAD, lw=0.8, ls="--", label=f"limit {WORN}: change the pads")
+        axes.legend(fontsize=8)
     axes.set_ylim(bottom=0)
     axes.set_xlabel("days since the first run; pads that wear let it rise")
     axes.set_ylabel("residual (0 to 1)")
@@ -124,4 +153,3 @@ def _spans(axes: Axes, time: Vector, value: Vector) -> None:
     low, median, high = np.array([np.percentile(span, (10, 50, 90)) for span in spans[1]]).T
     axes.fill_between(middle, low, high, color=FAINT, lw=0, alpha=0.5, label=f"8 of 10 of {len(time) // SPANS} runs")
     axes.plot(middle, median, color=FAINT, lw=1.5, label="their median")
-    axes.legend(fontsize=8)

@@ -1,15 +1,15 @@
-"""Yield, times, reasons, forces and the drift of the pads over many runs; pure."""
+"""Yield, times, reasons, forces, trends and the drift of the pads over many runs, counted by the index of the journal."""
 
-from collections import Counter, defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from datetime import UTC, datetime
 
 import numpy as np
 
+from cell.records import wall_clock
+from cell.records.journal import Journal
+from cell.records.run_query import RunQuery
 from cell.records.statistics import Z95, spread, wilson
-from cell.records.told import Kind, Told
-from cell.report.figures import Figures, unpacked
+from cell.report import queries
 from drivers.errors import FAULTS, FaultCode
 from drivers.quantities import Vector
 from skills.catalogue import CATALOGUE, GRASP
@@ -17,10 +17,8 @@ from skills.contract import Outcome
 
 LEAST_DRIFT = 10
 """Least number of runs for the computation of a drift."""
-DAY, QUARTER = 86400.0, 900.0
-"""Length of a day and of a quarter of an hour, s."""
-LONGEST_STOP = 3600.0
-"""Longest time between two starts that counts as lost to the first run, s; a longer one is a break of the line."""
+WORN = 0.3
+"""Residual of theta at which the pads must be changed, fraction; above it `robust` trusts a frame only within its noise."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,7 +58,7 @@ class Loss:
     what: str
     count: int
     minutes: float
-    """Time from the starts of these runs to the starts of the next ones, at most `LONGEST_STOP` each, min."""
+    """Time from the starts of these runs to the starts of the next ones, at most `queries.LONGEST_STOP` each, min."""
     cumulative: float
     """Share of this kind and all kinds that cost more time in the lost time."""
 
@@ -70,6 +68,8 @@ class Drift:
     """Trend of the residual of theta right after the grasp; it grows as the pads wear."""
 
     n: int
+    present: float
+    """Residual of the line at the last run, fraction."""
     per_day: float
     """Slope of the least-squares line, 1/day."""
     low: float
@@ -81,20 +81,56 @@ class Drift:
         """True if the whole interval is above zero."""
         return self.low > 0.0
 
+    @property
+    def days_left(self) -> float | None:
+        """Return the days until the line reaches `WORN`; None if it does not rise."""
+        return max(WORN - self.present, 0.0) / self.per_day if self.is_shown else None
+
+
+@dataclass(frozen=True, slots=True)
+class Shift:
+    """One shift with at least one run."""
+
+    start: str
+    """Date and time of its start, local time."""
+    runs: Yield
+    minutes: float
+    """Time lost by runs without success, min, as in `Loss`."""
+    availability: float | None
+    """Share of the shift, from the first run of the report on, in which the cell needed no reset after an abort or fault."""
+
+
+@dataclass(frozen=True, slots=True)
+class Trend:
+    """Means of a time by shift, with their limits."""
+
+    name: str
+    """Stage, or `queries.CYCLE`; the times of stages are those with transfers."""
+    means: Mapping[str, float]
+    """Mean of successful runs, s, by the start of the shift."""
+    limits: tuple[float, float] | None
+    """Limits of a mean whose shift is like the others, s; None if there are too few shifts."""
+
+    def is_beyond(self, shift: str) -> bool:
+        """Return True if the mean of a shift is outside the limits."""
+        return self.limits is not None and not self.limits[0] <= self.means[shift] <= self.limits[1]
+
 
 @dataclass(frozen=True, slots=True)
 class Facts:
     """Facts of a report."""
 
     since: str
-    """Earliest wall time, ISO 8601 UTC; empty for all records."""
+    until: str
+    """Limits of the starts, wall time, ISO 8601 UTC; empty for none."""
     first: str
     last: str
     """Starts of the first and the last run, wall time, ISO 8601 UTC."""
     outcomes: Mapping[str, int]
     total: Yield
-    by_day: Sequence[tuple[str, Yield]]
-    """Date in local time and its yield."""
+    shifts: Sequence[Shift]
+    trends: Sequence[Trend]
+    """Cycle and stages by shift."""
     cycle: dict[str, float] | None
     """Time from command to answer, s, of successful runs."""
     insertion: dict[str, float] | None
@@ -108,28 +144,34 @@ class Facts:
     drift: Drift | None
 
 
-def facts_of(told: Told, since: str = "") -> Facts:
-    """Return the facts of the ended runs."""
-    figures = unpacked(told)
-    is_good, started = figures.is_good, figures.of_run["started"]
-    time, residual = _residuals(figures)
-    outcomes: Counter[str] = Counter()
-    for kind, places in figures.kinds:
-        outcomes[kind.outcome] += len(places)
+def facts_of(journal: Journal, query: RunQuery, starts: Sequence[str] = queries.SHIFTS) -> Facts:
+    """Return the facts of the ended runs that a query selects; `starts` are those of the shifts, `HH:MM`, local time."""
+    ends = min(query.until or wall_clock.now_text(), wall_clock.now_text())
+    for statement, values in queries.prepared(query, starts, ends):
+        journal.ask(statement, values)
+    totals = journal.ask(queries.TOTALS)
+    outcomes = {outcome: count for outcome, count, _, _ in totals}
+    residuals = journal.ask(queries.RESIDUALS, [GRASP.name])
+    marks = ", ".join("?" * len(CATALOGUE.counted))
     return Facts(
-        since=since,
-        first=_moment(started[:1]),
-        last=_moment(started[-1:]),
-        outcomes=dict(outcomes),
-        total=Yield(int(is_good.sum()), len(is_good)),
-        by_day=_by_day(figures),
-        cycle=spread(_known(figures.of_run["cycle_time"][is_good])),
-        insertion=spread(_insertions(figures)),
-        stages=_stage_times(figures),
-        losses=_losses(figures),
-        forces=_known(figures.of_run["peak_force"]).tolist(),
-        residuals=list(zip(time.tolist(), residual.tolist(), strict=True)),
-        drift=drift_of(time, residual),
+        since=query.since,
+        until=query.until,
+        first=min((first for _, _, first, _ in totals), default=""),
+        last=max((last for _, _, _, last in totals), default=""),
+        outcomes=outcomes,
+        total=Yield(outcomes.get(Outcome.SUCCESS, 0), sum(outcomes.values())),
+        shifts=[
+            Shift(start, Yield(good, runs), minutes, share)
+            for start, good, runs, minutes, share in journal.ask(queries.by_shift(starts), [ends])
+        ],
+        trends=_trends(journal),
+        cycle=spread(_column(journal.ask(queries.CYCLES))),
+        insertion=spread(_column(journal.ask(queries.INSERTIONS.format(marks=marks), CATALOGUE.counted))),
+        stages=_stage_times(journal),
+        losses=_losses(journal),
+        forces=_column(journal.ask(queries.FORCES)),
+        residuals=residuals,
+        drift=drift_of(*np.array(residuals).reshape(-1, 2).T),
     )
 
 
@@ -143,88 +185,44 @@ def drift_of(time: Vector, value: Vector) -> Drift | None:
     slope = float(spent @ (value - value.mean())) / scatter
     left = value - value.mean() - slope * spent
     error = float(np.sqrt(left @ left / (len(value) - 2) / scatter))
-    return Drift(len(value), slope, slope - Z95 * error, slope + Z95 * error)
+    present = float(value.mean() + slope * spent.max())
+    return Drift(len(value), present, slope, slope - Z95 * error, slope + Z95 * error)
 
 
-def _known(values: Vector) -> Vector:
-    """Return the values without NaN."""
-    return values[~np.isnan(values)]
+def _column(rows: Sequence[tuple[float, ...]]) -> list[float]:
+    return [value for (value,) in rows]
 
 
-def _moment(seconds: Vector) -> str:
-    """Return a wall time of the records as text; empty without times."""
-    known = _known(seconds).tolist()
-    return datetime.fromtimestamp(known[0], UTC).isoformat(timespec="milliseconds") if known else ""
+def _trends(journal: Journal) -> list[Trend]:
+    limits = {name: (low, high) for name, low, high in journal.ask(queries.LIMITS)}
+    means: dict[str, dict[str, float]] = {}
+    for shift, name, mean in journal.ask(queries.MEANS):
+        means.setdefault(name, {})[shift] = mean
+    names = [name for name in (queries.CYCLE, *CATALOGUE.stages.values()) if name in means]
+    return [Trend(name, means[name], limits.get(name)) for name in names]
 
 
-def _insertions(figures: Figures) -> Vector:
-    """Return the total time of the counted stages, s, of each successful run with any of them on record."""
-    counted = [figures.of_stage[name]["counted"] for name in CATALOGUE.counted if name in figures.of_stage]
-    if not counted:
-        return np.empty(0)
-    times = np.array(counted)[:, figures.is_good]
-    is_known = ~np.isnan(times).all(axis=0)
-    sums: Vector = np.nansum(times, axis=0)[is_known]
-    return sums
-
-
-def _by_day(figures: Figures) -> list[tuple[str, Yield]]:
-    # Every time zone changes its offset at a full quarter of an hour.
-    started = figures.of_run["started"]
-    quarters, place = np.unique(np.floor(_known(started) / QUARTER).astype(int), return_inverse=True)
-    good = np.bincount(place, figures.is_good[~np.isnan(started)], len(quarters)).astype(int)
-    days: dict[str, list[int]] = defaultdict(lambda: [0, 0])
-    for quarter, *counts in zip(quarters.tolist(), good.tolist(), np.bincount(place).tolist(), strict=True):
-        day = days[datetime.fromtimestamp(QUARTER * quarter).astimezone().date().isoformat()]
-        day[0] += counts[0]
-        day[1] += counts[1]
-    return [(day, Yield(good, runs)) for day, (good, runs) in days.items()]
-
-
-def _stage_times(figures: Figures) -> list[StageTimes]:
+def _stage_times(journal: Journal) -> list[StageTimes]:
     found = []
     for name in CATALOGUE.stages.values():
-        # Journals of layout 1 hold only the times counted by skills, which are used only for the insertion time.
-        of_stage = figures.of_stage.get(name)
-        if of_stage is not None and (is_known := figures.is_good & ~np.isnan(of_stage["whole"])).any():
-            counted, whole = (_known(of_stage[which][is_known]) for which in ("counted", "whole"))
-            found.append(StageTimes(name, len(whole), spread(counted), spread(whole)))
+        if rows := journal.ask(queries.STAGE, [name]):
+            counted = [time for time, _ in rows if time is not None]
+            found.append(StageTimes(name, len(rows), spread(counted), spread([whole for _, whole in rows])))
     return found
 
 
-def _losses(figures: Figures) -> list[Loss]:
+def _losses(journal: Journal) -> list[Loss]:
     """Return the kinds of runs without success, the most expensive in time first."""
-    lost = _lost(figures)
-    ways: dict[str, list[float]] = defaultdict(list)
-    for kind, places in figures.kinds:
-        if kind.outcome != Outcome.SUCCESS:
-            ways[_way(kind)] += lost[np.array(places)].tolist()
-    whole, so_far, found = sum(map(sum, ways.values())), 0.0, []
-    for what, times in sorted(ways.items(), key=lambda way: (-sum(way[1]), way[0])):
-        so_far += sum(times)
-        found.append(Loss(what, len(times), sum(times) / 60.0, so_far / whole if whole else 1.0))
+    rows = journal.ask(queries.LOSSES)
+    whole, so_far, found = sum(minutes for *_, minutes in rows), 0.0, []
+    for fault, stage, reason, count, minutes in rows:
+        so_far += minutes
+        found.append(Loss(_way(fault, stage, reason), count, minutes, so_far / whole if whole else 1.0))
     return found
 
 
-def _lost(figures: Figures) -> Vector:
-    """Return the time from the start of each run to the start of the next, or to its own end if it is the last, s."""
-    started, cycle = figures.of_run["started"], np.nan_to_num(figures.of_run["cycle_time"])
-    after = np.append(started[1:], np.nan) - started
-    return np.clip(np.where(np.isnan(after), cycle, after), 0.0, LONGEST_STOP)
-
-
-def _way(kind: Kind) -> str:
-    if kind.fault:
-        known = FaultCode(kind.fault) if kind.fault in set(FaultCode) else None
-        return f"fault {kind.fault}" + (f": {FAULTS[known].meaning}" if known is not None else "")
-    words = (kind.reason or kind.outcome).replace("_", " ")
-    return f"{words} in {kind.stage.replace('_', ' ')}" if kind.stage else words
-
-
-def _residuals(figures: Figures) -> tuple[Vector, Vector]:
-    """Return the time since the first run, days, and the residual of theta right after the grasp, of runs with a residual."""
-    if GRASP.name not in figures.of_stage:
-        return np.empty(0), np.empty(0)
-    started, values = figures.of_run["started"], figures.of_stage[GRASP.name]["residual"]
-    is_known = ~np.isnan(values) & ~np.isnan(started)
-    return (started[is_known] - np.nanmin(started)) / DAY, values[is_known]
+def _way(fault: int, stage: str, reason: str) -> str:
+    if fault:
+        known = FaultCode(fault) if fault in set(FaultCode) else None
+        return f"fault {fault}" + (f": {FAULTS[known].meaning}" if known is not None else "")
+    return (f"{reason} in {stage}" if stage else reason).replace("_", " ")

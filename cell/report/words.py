@@ -5,11 +5,13 @@ from pathlib import Path
 
 from cell.records.statistics import spread
 from cell.records.wall_clock import local
-from cell.report.facts import Facts
+from cell.report.facts import WORN, Facts, Trend
 from drivers.errors import ConfigError
 
 HTML, PDF = ".html", ".pdf"
 """Suffixes of the file formats of a report."""
+MOST_SHIFTS = 21
+"""Largest number of shifts in a table: a week of three a day."""
 
 Table = tuple[str, tuple[str, ...], Sequence[tuple[str, ...]]]
 """Title, head and rows of a table."""
@@ -27,8 +29,13 @@ def require_kind(path: Path) -> None:
 
 def tables(facts: Facts) -> list[Table]:
     """Return the content of a report as tables."""
+    return [*overview(facts), *([_shifts(facts), _trends(facts)] if facts.shifts else [])]
+
+
+def overview(facts: Facts) -> list[Table]:
+    """Return yield, times and losses as tables; the first cell of each row is its name."""
     low, high = facts.total.interval
-    share = "no runs" if facts.total.share is None else f"{100 * facts.total.share:.1f} %"
+    share = "no runs" if facts.total.share is None else _percent(facts.total.share)
     times = [
         ("cycle: command to answer", _time(facts.cycle, "median"), _time(facts.cycle, "p95"), _n(facts.cycle)),
         (
@@ -41,7 +48,9 @@ def tables(facts: Facts) -> list[Table]:
     for stage in facts.stages:
         name = stage.name.replace("_", " ")
         times.append((name, _time(stage.counted, "median"), _time(stage.counted, "p95"), _n(stage.counted)))
-        times.append(("with its transfer", _time(stage.whole, "median"), _time(stage.whole, "p95"), _n(stage.whole)))
+        times.append(
+            (f"{name} with its transfer", _time(stage.whole, "median"), _time(stage.whole, "p95"), _n(stage.whole))
+        )
     counts = ", ".join(f"{count} {outcome}" for outcome, count in facts.outcomes.items())
     found: list[Table] = [
         (
@@ -53,7 +62,7 @@ def tables(facts: Facts) -> list[Table]:
                 ("first run", local(facts.first)),
                 ("last run", local(facts.last)),
                 ("largest force", _forces(facts)),
-                ("residual of theta", _drift(facts)),
+                ("wear: residual of theta", _drift(facts)),
             ],
         ),
         ("Times of successful runs", ("time", "median (s)", "p95 (s)", "n"), times),
@@ -65,6 +74,54 @@ def tables(facts: Facts) -> list[Table]:
         ]
         found.append(("Where time was lost", ("what", "runs", "lost until the next start (min)", "together"), rows))
     return found
+
+
+def _shifts(facts: Facts) -> Table:
+    rows = []
+    for shift in facts.shifts[-MOST_SHIFTS:]:
+        low, high = shift.runs.interval
+        rows.append(
+            (
+                shift.start[5:],
+                str(shift.runs.runs),
+                _percent(shift.runs.share),
+                f"{100 * low:.1f} to {100 * high:.1f} %",
+                _percent(shift.availability),
+                f"{shift.minutes:.1f}",
+            )
+        )
+    head = ("shift from", "runs", "yield", "95 % interval", "available", "lost (min)")
+    return f"Shifts, {_last(facts)}; available: no abort or fault waits for its reset", head, rows
+
+
+def _trends(facts: Facts) -> Table:
+    rows = [
+        (shift.start[5:], *(_mean(trend, shift.start) for trend in facts.trends))
+        for shift in facts.shifts[-MOST_SHIFTS:]
+    ]
+    for place, name in enumerate(("lower limit", "upper limit")):
+        rows.append((name, *("-" if trend.limits is None else f"{trend.limits[place]:.2f}" for trend in facts.trends)))
+    head = ("shift from", *(trend.name.replace("_", " ") for trend in facts.trends))
+    return (
+        f"Mean times of successful runs with transfers (s), {_last(facts)}; * outside the limits of all shifts",
+        head,
+        rows,
+    )
+
+
+def _mean(trend: Trend, shift: str) -> str:
+    if shift not in trend.means:
+        return "-"
+    return f"{trend.means[shift]:.2f}{'*' * trend.is_beyond(shift)}"
+
+
+def _last(facts: Facts) -> str:
+    shown = min(len(facts.shifts), MOST_SHIFTS)
+    return f"the last {shown} of {len(facts.shifts)}" if shown < len(facts.shifts) else f"all {shown}"
+
+
+def _percent(share: float | None) -> str:
+    return "-" if share is None else f"{100 * share:.1f} %"
 
 
 def _time(times: dict[str, float] | None, which: str) -> str:
@@ -86,5 +143,9 @@ def _drift(facts: Facts) -> str:
     drift = facts.drift
     if drift is None:
         return f"{len(facts.residuals)} on record, too few for a trend"
-    verdict = "rises: look at the pads" if drift.is_shown else "does not rise beyond chance"
-    return f"{verdict}; {drift.per_day:+.4f} a day ({drift.low:+.4f} to {drift.high:+.4f}, n = {drift.n})"
+    left = drift.days_left
+    verdict = "does not rise beyond chance" if left is None else f"rises, {left:.0f} days to the limit"
+    return (
+        f"{drift.present:.3f} now, at most {WORN}: {verdict}; "
+        f"{drift.per_day:+.4f} a day ({drift.low:+.4f} to {drift.high:+.4f}, n = {drift.n})"
+    )

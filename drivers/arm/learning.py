@@ -88,12 +88,6 @@ def figures_of(state: Vector) -> tuple[Vector, Vector]:
     return state[LEARNT:COVARIANCE].reshape(JOINTS, FIGURES).copy(), np.sqrt(np.einsum("ijj->ij", covariance))
 
 
-def unexplained(state: Vector) -> Vector:
-    """Return the observer's estimate of the commanded torque that did not become motion, shape (7,), N·m, one value a joint."""
-    observed: Vector = -state[RESIDUAL : RESIDUAL + JOINTS]
-    return observed
-
-
 @njit(cache=True, inline="always")
 def observe(state: Vector, M: Vector, dq: Vector, period: float, is_free: bool) -> None:  # pragma: no cover
     """Update the observer by the torques commanded since the last update, and learn if the hand moves freely.

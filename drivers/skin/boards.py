@@ -21,7 +21,7 @@ from drivers.skin.dialogue import RETRY, RawScan
 from drivers.skin.figures import SkinFigures
 from drivers.skin.health import SkinHealth
 from drivers.skin.host_file import HostFile
-from drivers.skin.layout import shape_of
+from drivers.skin.layout import layout_of, shape_of
 from drivers.skin.order import TaxelOrder
 from drivers.skin.port import HubOnCan, HubOnSerial, IcubOnCan, SkinPort
 from drivers.transport.wires import ByteLink, CanLink
@@ -38,7 +38,7 @@ LEAST_RATE = 0.8
 """Least measured rate for opening a skin, fraction of the configured rate."""
 
 
-class _BoardSkin:
+class BoardSkin:
     """Common parts of a skin on every wire: baseline, mask, time stamps, and the restart of a lost board."""
 
     def __init__(self, config: BoardSkinConfig, port: SkinPort, clock: Clock) -> None:
@@ -148,7 +148,9 @@ class _BoardSkin:
                 f"skin: {still[0].counts.size} taxels read; {wanted_shape[0] * wanted_shape[1]} in skin.layout = "
                 f'"{config.layout}": name the layout of this skin'
             )
-        self._health = SkinHealth(config.health, np.array([scan.counts for scan in still]))
+        self._health = SkinHealth(
+            config.health, np.array([scan.counts for scan in still]), layout_of(config.layout).full_scale
+        )
         self._order = TaxelOrder(config.layout, self._health.noise)
         values, trusted = self._health.update(still[-1].counts, still[-1].stamp)
         self._frame = TaxelFrame(values, trusted, still[-1].stamp, 0)
@@ -200,7 +202,7 @@ class _BoardSkin:
         return self._lost_line or self._port.trouble()
 
 
-class CanSkin(_BoardSkin):
+class CanSkin(BoardSkin):
     """A skin board on a CAN bus: a CySkin hub, or an iCub board."""
 
     def __init__(self, config: CanSkinConfig, bus: CanLink, clock: Clock) -> None:
@@ -211,7 +213,7 @@ class CanSkin(_BoardSkin):
         super().__init__(config, port, clock)
 
 
-class SerialSkin(_BoardSkin):
+class SerialSkin(BoardSkin):
     """A skin board on a serial line."""
 
     def __init__(self, config: SerialSkinConfig, line: ByteLink, clock: Clock) -> None:
@@ -219,7 +221,7 @@ class SerialSkin(_BoardSkin):
         super().__init__(config, HubOnSerial(line, config.board, 1.0 / config.rate), clock)
 
 
-class HostSkin(_BoardSkin):
+class HostSkin(BoardSkin):
     """A skin board that the makers' host program reads."""
 
     def __init__(self, config: HostSkinConfig, clock: Clock) -> None:

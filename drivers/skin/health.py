@@ -51,8 +51,8 @@ class SkinHealthConfig(ConfigModel):
     """
     touch: Annotated[float, Field(ge=3.0, le=20.0), Quantity("standard deviations")] = 5.0
     """Height above the baseline at which a taxel counts as touched, standard deviations of its noise."""
-    least_touch: Annotated[float, Field(ge=1.0, le=5000.0), Quantity("counts")] = 50.0
-    """Smallest change that counts as a touch, counts, independent of the noise."""
+    least_touch: Annotated[float, Field(gt=0.0, le=0.25), Quantity("fraction")] = 0.0025
+    """Smallest change that counts as a touch, fraction of the skin's full scale, independent of the noise."""
 
 
 class SkinHealth:
@@ -64,12 +64,13 @@ class SkinHealth:
     frame is frozen. The baseline follows drift only while nothing touches the skin.
     """
 
-    def __init__(self, config: SkinHealthConfig, still: Counts) -> None:
+    def __init__(self, config: SkinHealthConfig, still: Counts, full_scale: float) -> None:
         """Measure the baseline.
 
         Args:
             config: Conditions under which a taxel is not trusted.
             still: Raw frames without a load, shape (n, …), n >= `config.baseline_frames`.
+            full_scale: Largest reading under a firm touch, counts.
 
         Raises:
             ValueError: There are too few frames.
@@ -93,7 +94,7 @@ class SkinHealth:
         """Reading without a load, counts."""
         self.noise: Vector = spread
         """Standard deviation of a reading without a load, counts."""
-        self._touch = np.maximum(config.touch * spread, config.least_touch)
+        self._touch = np.maximum(config.touch * spread, config.least_touch * full_scale)
         """Height above the baseline at which a single taxel counts as touched, counts."""
         self._last = still[-1].copy()
         self._equal = np.ones(still.shape[1:], dtype=np.int64)

@@ -43,9 +43,13 @@ class SkinLayout(ConfigModel):
     """
     pad: tuple[PadSide, PadSide]
     """Length (along x) and width (along y) of the rubber that can touch a peg, m."""
-    beside: Annotated[float, Field(gt=0.0, le=65_535.0)]
-    """Largest reading of the least pressed fifth of a finger's taxels while the hand holds a peg, counts; if it is exceeded, the finger
-    has an offset.
+    full_scale: Annotated[float, Field(gt=0.0, le=65_535.0)]
+    """Largest reading under a firm touch, counts."""
+    noise: Annotated[float, Field(gt=0.0, lt=0.2)]
+    """Standard deviation of a reading, with what the model of the pads leaves unexplained, fraction of `full_scale`."""
+    beside: Annotated[float, Field(gt=0.0, lt=1.0)]
+    """Largest reading of the least pressed fifth of a finger's taxels while the hand holds a peg, fraction of `full_scale`; if it is
+    exceeded, the finger has an offset.
     """
     modules: Annotated[int, Field(ge=1)] = 1
     """Number of modules of a finger: equal parts of `places` in their order, each with a plug of its own. If there are two, the second
@@ -71,7 +75,9 @@ def _shipped(module: Vector) -> SkinLayout:
     return SkinLayout(
         places=tuple((float(x), float(y)) for x, y in both),
         pad=(float(np.ptp(x)), float(np.ptp(y) + spacing)),
-        beside=1500.0,  # below 510 with round and flat pegs of 8 and 12 mm at 30 and 70 N, on the pads of the simulation
+        full_scale=20_000.0,  # [cyskin], highest touch peak
+        noise=0.015,
+        beside=0.075,  # below 0.026 with round and flat pegs of 8 and 12 mm at 30 and 70 N, on the pads of the simulation
         modules=2,
     )
 

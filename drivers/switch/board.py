@@ -12,8 +12,8 @@ from drivers.transport.wires import ByteLink, LineLostError
 
 logger = logging.getLogger(__name__)
 
-OLDEST, NEWEST = 1, 2
-"""Numbers of the oldest and the newest supported firmware."""
+FIRMWARE = 2
+"""Number of the supported firmware."""
 STALE = 0.1
 """Age at which a report is too old, s; four heartbeats."""
 DRIFT = 0.02
@@ -89,11 +89,8 @@ class SerialSuccessSwitch:
         age = self._clock.now() - self._stamp
         if age > STALE:
             return f"{where}: newest report {age:.3f} s old > {STALE} s limit; check supply and cable"
-        if not OLDEST <= report.firmware <= NEWEST:
-            return (
-                f"{where}: firmware {report.firmware}; {OLDEST} to {NEWEST} allowed: "
-                "make -C drivers/switch/firmware flash"
-            )
+        if report.firmware != FIRMWARE:
+            return f"{where}: firmware {report.firmware}; {FIRMWARE} allowed: make -C drivers/switch/firmware flash"
         if report.is_memory_broken or report.is_program_broken:
             part = "memory" if report.is_memory_broken else "program"
             return f"{where}: its self-test found the {part} broken; flash it again, then change the board"

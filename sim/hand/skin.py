@@ -11,7 +11,7 @@ import numpy as np
 from drivers.errors import DeviceNotOpenedError, SkinSilentError
 from drivers.quantities import Mask, TaxelFrame, Vector
 from drivers.skin.health import Counts, SkinHealth
-from drivers.skin.layout import Layout, module_of, shape_of
+from drivers.skin.layout import Layout, layout_of, module_of, shape_of
 from drivers.skin.order import TaxelOrder
 from sim.config import SimSkinConfig
 from sim.hand.pads import PadLoad, Pads
@@ -148,7 +148,7 @@ class SimSkin:
         pressure = self._pressure()
         frames = self._config.health.baseline_frames
         still = np.array([self._taxels.measure(pressure, 0.0) for _ in range(frames)])
-        self._health = SkinHealth(self._config.health, still)
+        self._health = SkinHealth(self._config.health, still, layout_of(self._config.layout).full_scale)
         self._order = TaxelOrder(self._config.layout, self._health.noise)
         self._start = self._measured = self._source.now()
         self._due, self._frame = 0, None
@@ -163,9 +163,9 @@ class SimSkin:
         if self._health is None or self._taxels is None:
             raise DeviceNotOpenedError("skin: read before it was opened")
         now = self._source.now()
-        passed = math.floor((now - self._start) * self._config.rate + 1e-6)
+        passed = (now - self._start) * self._config.rate + 1e-6
         if passed >= self._due:
-            self._measure(self._taxels, self._health, now, passed)
+            self._measure(self._taxels, self._health, now, math.floor(passed))
         # A board measures before it is opened, so that its first frame is available at once.
         while self._under_way and (self._frame is None or now >= self._under_way[0].stamp + self._truth.age):
             self._frame = self._under_way.popleft()

@@ -25,7 +25,7 @@ class Pace:
 
     def ticks_until(self, stamp: float) -> int:
         """Return the number of ticks from now to a time, s."""
-        return round((stamp - self.now()) / self.timestep)
+        return round((stamp - self.ticks * self.timestep) / self.timestep)
 
     def keep(self) -> None:
         """Wait until the wall clock has reached simulated time; no wait at pace "max"."""

@@ -17,7 +17,7 @@ from sim.contact import shapes
 from sim.contact.plate import Plate
 from sim.hand import slip
 from sim.hand.pads import PadLoad, load_of
-from sim.world import engine, metering, native
+from sim.world import metering, native
 from sim.world.disturb import Draw, draw, in_fixture
 from sim.world.pace import Pace
 from sim.world.reality import NO_ERRORS, Errors
@@ -58,6 +58,8 @@ class World:
         self.now = self._pace.now
         """Returns the simulated time, s."""
         self.stepper = Stepper(arm, sim, self.pad, self._pace)
+        self.control = self.stepper.control
+        """Commands written by the devices."""
         native.log_warnings()
         self.restock(job, sim.seed)
 
@@ -92,11 +94,6 @@ class World:
         while ticks > 0:
             ticks -= self.stepper.advance(min(ticks, self.stepper.law_every * MOST_PERIODS))
         self._pace.keep()
-
-    @property
-    def control(self) -> engine.Drives:
-        """Commands written by the devices."""
-        return self.stepper.control
 
     @property
     def meters(self) -> Vector:

@@ -45,7 +45,7 @@ def has_fallen_out(turn: float, contact: float) -> bool:
         turn: Angle of the hinge, rad.
         contact: Length of the peg between the pads, m.
     """
-    return abs(turn) > LOST_TURN or contact < LEAST_CONTACT
+    return not -LOST_TURN <= turn <= LOST_TURN or contact < LEAST_CONTACT
 
 
 def is_in_grip(pad_force: float, grip_force: float, height: float) -> bool:

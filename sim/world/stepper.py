@@ -65,9 +65,8 @@ class Stepper:
         self._load: Vector = np.zeros(6)
         self._carried = 0.0, 0.0
         self._is_resting = False
-        self._lie: tuple[float, ...] = ()
-        """Pose of the peg at the last computation of the grip limits, and those limits."""
-        self._limits = GripLimits(0.0, 0.0, 0.0, 0.0)
+        self._grip_force = math.nan
+        """Grip force in the present limits of friction, N; NaN before a grasp."""
 
     @property
     def has_twins(self) -> bool:
@@ -85,17 +84,16 @@ class Stepper:
         self.scene, self._pad_friction, self._noise = scene, pad_friction, noise
         self.meters = metering.new_meters()
         self._change_arm(scene.arm)
-        self.control = self.control._replace(latch=scene.latch.copy())
+        self.control.latch[:] = scene.latch
         self.enter_free(float(self.control.drive[engine.DRIVE_WIDTH]), scene.racked())
 
     def _change_arm(self, truth: ArmTruth) -> None:
         """Replace the arm by another one at the same pose, under the last torques commanded by the law."""
-        timestep, period, law = self._pace.timestep, self._arm.control_period, self.control.law
-        joints = joint_drive.words_of(truth, period, (timestep, engine.COARSE * timestep))
-        joint_drive.fill(joints, law[impedance.TORQUE : impedance.TORQUE + JOINTS])
-        senses = arm_senses.words_of(truth, period)
-        arm_senses.fill(senses, self.q if self._is_begun else self._q, self.dq if self._is_begun else self._dq)
-        self.control = self.control._replace(joints=joints, senses=senses)
+        timestep, period, control = self._pace.timestep, self._arm.control_period, self.control
+        control.joints[:] = joint_drive.words_of(truth, period, (timestep, engine.COARSE * timestep))
+        joint_drive.fill(control.joints, control.law[impedance.TORQUE : impedance.TORQUE + JOINTS])
+        control.senses[:] = arm_senses.words_of(truth, period)
+        arm_senses.fill(control.senses, self.q if self._is_begun else self._q, self.dq if self._is_begun else self._dq)
         self._real = impedance.figures(truth.model)
 
     # Changes of situation; they carry positions and velocities along.
@@ -225,7 +223,7 @@ class Stepper:
         )
         self._set_near(self.scene.hole)
         self._in_grip_since = self._loose_since = now
-        self._lie = ()
+        self._grip_force = math.nan
 
     def _set_near(self, hole: Vector) -> None:
         addresses = [model._address for model in self._steppers]
@@ -245,8 +243,8 @@ class Stepper:
             SimulationUnstableError: The state is no longer finite.
         """
         if self.peg is PegSituation.HELD:
-            shear, carried = self.scene.shear_stiffness, self._carried
-            slip.bear(self.control.grip, self.grip_limits(), float(self.running.data.qpos[BESIDE]), shear, carried)
+            if self.control.drive[engine.DRIVE_FORCE] != self._grip_force:
+                self._bear()
         else:
             self._let_rest()
         pace = self._pace
@@ -269,6 +267,13 @@ class Stepper:
         if self.control.senses[arm_senses.IS_IDEAL] > 0.0:
             return NO_NOISE
         return self._noise.standard_normal((ticks // self.law_every + 1, arm_senses.NOISES))
+
+    def _bear(self) -> GripLimits:
+        """Update the friction of the pads on the held peg, and return its limits."""
+        limits, beside = self.grip_limits(), float(self.running.data.qpos[BESIDE])
+        slip.bear(self.control.grip, limits, beside, self.scene.shear_stiffness, self._carried)
+        self._grip_force = self.control.drive[engine.DRIVE_FORCE]
+        return limits
 
     def _let_rest(self) -> None:
         """Take a peg at rest and out of the pads' reach out of the physics; put it back before the pads reach it."""
@@ -299,7 +304,7 @@ class Stepper:
         """Change the peg's situation if the last ticks require it."""
         grip_force = float(self.control.drive[engine.DRIVE_FORCE])
         if self.peg is PegSituation.HELD:
-            if situation.has_fallen_out(self.theta(), self.grip_limits().length):
+            if situation.has_fallen_out(float(self.running.data.qpos[HINGE]), self._bear().length):
                 self.fall()
             elif grip_force <= 0.0:
                 self.enter_free(self.scene.size.thickness, self.peg_pose())
@@ -376,12 +381,8 @@ class Stepper:
 
     def pivot(self) -> tuple[float, Vector]:
         """Return the true in-hand angle, rad, NaN if no hand holds the peg, and the centre of the peg's end face, m."""
-        theta = self.theta() if self.peg is PegSituation.HELD else math.nan
+        theta = float(self.running.data.qpos[HINGE]) if self.peg is PegSituation.HELD else math.nan
         return theta, self.end()
-
-    def theta(self) -> float:
-        """Return the angle of the held peg's hinge, rad."""
-        return float(self.running.data.qpos[HINGE])
 
     def pad_force(self) -> float:
         """Return the smaller of the forces between the pads and the peg, N."""
@@ -394,20 +395,14 @@ class Stepper:
 
     def grip_limits(self) -> GripLimits:
         """Return the largest loads from friction of the pads on the held peg in its present pose."""
-        lie = *self.running.data.qpos[HINGE : BESIDE + 1].tolist(), self.pad_force()
-        if lie != self._lie:
-            (theta, along, beside, force), (length, width) = lie, self._pad
-            reach_tip = self.peg_length - along
-            self._lie, self._limits = (
-                lie,
-                grip_limits(
-                    theta=theta,
-                    offset=beside,
-                    grip_force=force,
-                    reach=(reach_tip, 2 * self.scene.size.half - reach_tip),
-                    half=(length / 2, width / 2),
-                    friction=self._pad_friction,
-                    flat=self.scene.size.flat,
-                ),
-            )
-        return self._limits
+        (theta, along, beside), (length, width) = self.running.data.qpos[HINGE : BESIDE + 1].tolist(), self._pad
+        reach_tip = self.peg_length - along
+        return grip_limits(
+            theta=theta,
+            offset=beside,
+            grip_force=float(self.control.drive[engine.DRIVE_FORCE]),
+            reach=(reach_tip, 2 * self.scene.size.half - reach_tip),
+            half=(length / 2, width / 2),
+            friction=self._pad_friction,
+            flat=self.scene.size.flat,
+        )

@@ -39,22 +39,18 @@ class Rest:
     def __init__(self, arm: Arm) -> None:
         """Store the arm; it may move until `seek` is called."""
         self._arm = arm
-        self._since: float | None = None
-        self._calm = 0
+        self._since, self._calm = 0.0, 0
         self._place: tuple[Vector, float] | None = None
         """Joint positions and time of the reference for staying in place."""
         self._is_in_place = False
+        self.is_sought = False
+        """True if the arm is being brought to rest, or is at rest."""
         self.is_reached = False
         """True if the arm is at rest and has not been released since."""
 
-    @property
-    def is_sought(self) -> bool:
-        """True if the arm is being brought to rest, or is at rest."""
-        return self._since is not None
-
     def leave(self) -> None:
         """Release the arm: it may move from now on."""
-        self._since, self.is_reached = None, False
+        self.is_sought = self.is_reached = False
 
     def seek(self, now: float) -> None:
         """Halt the arm at the time `now`, s, and start to bring it to rest.
@@ -62,7 +58,8 @@ class Rest:
         Raises:
             CellError: The arm rejects the halt.
         """
-        self._since, self._calm, self.is_reached = now, 0, False
+        self._since, self._calm = now, 0
+        self.is_sought, self.is_reached = True, False
         self._place, self._is_in_place = None, False
         self._arm.halt()
 
@@ -73,7 +70,7 @@ class Rest:
             ArmRestlessError: The arm still moves `LONGEST` seconds after the halt.
             CellError: The arm rejects the halt.
         """
-        if self._since is None or self.is_reached:
+        if not self.is_sought or self.is_reached:
             return self.is_reached
         passed = now - self._since
         speed = float(np.max(np.abs(arm.dq)))
@@ -119,7 +116,7 @@ class Rest:
         try:
             arm = self._arm.read()
         except CellError:
-            if self._since is None or now - self._since > BRAKE_TIME:
+            if now - self._since > BRAKE_TIME:
                 raise
             self._arm.halt()
             return False

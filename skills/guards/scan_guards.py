@@ -9,10 +9,11 @@ import numpy as np
 from pydantic import Field
 
 from drivers.config_model import ConfigModel, Quantity
-from drivers.errors import NotFiniteError, ScanOverrunError, SkinUntrustedError, TrackingError
+from drivers.errors import NotFiniteError, ScanOverrunError, SkinUntrustedError
 from drivers.frames import end_point
 from drivers.parts import Fraction
 from drivers.quantities import FINGER_NAMES, ArmState, GripperState, ImpedanceSetpoint, TaxelFrame
+from drivers.skin.layout import Layout, layout_of
 from skills.tactile.pose import PegPose
 
 OVERRUN_WINDOW = 100
@@ -21,8 +22,6 @@ LONGEST_STEP = 3.0
 """Largest advance of a path in one scan, periods of the scan; if a scan is later, it slows the path. At the speed of a transfer the
 setpoint then jumps by 7.5 mm, which the arm follows with 11 N.
 """
-TRACKING_LIMIT = 0.1
-"""Largest distance between the controlled point and its setpoint, m; the skills' pushes lead by less than half of it."""
 FREE_SHARE = 5
 """Divisor of the number of a finger's taxels: at least this part of them is beside any peg."""
 MOST_COUNTS = 65535.0
@@ -87,8 +86,9 @@ class ScanTiming:
                 f"scan: {1e3 * self.passed:.0f} ms after the one before; scan.longest = {self._limits.longest:g} s allowed: "
                 "stop other programs"
             )
+        # Only a late scan raises their number.
         most = self._limits.late * OVERRUN_WINDOW
-        if sum(self._late) > most + 1e-9:
+        if self._late[-1] and sum(self._late) > most + 1e-9:
             late = sum(self._late)
             self._late.clear()
             raise ScanOverrunError(
@@ -110,23 +110,6 @@ def way_back(paused: ArmState, held: ImpedanceSetpoint, stamp: float, scan_perio
         twist=None,
         valid_until=stamp + 10.0 * scan_period,
     )
-
-
-def require_tracking(arm: ArmState, held: ImpedanceSetpoint) -> None:
-    """Check that the arm is close to its setpoint.
-
-    Raises:
-        TrackingError: The arm is blocked, or the setpoint is out of reach.
-    """
-    point = arm.tcp.position
-    if held.in_hand is not None:
-        point, _ = end_point(arm.tcp, held.in_hand.theta, held.in_hand.length)
-    lag = math.dist(point, held.tip)
-    if lag > TRACKING_LIMIT:
-        raise TrackingError(
-            f"arm: controlled point {lag * 1e3:.0f} mm from its setpoint > {TRACKING_LIMIT * 1e3:.0f} mm limit; "
-            "it is blocked, or the setpoint cannot be reached"
-        )
 
 
 def require_finite_skin(frame: TaxelFrame) -> None:
@@ -151,7 +134,7 @@ def require_finite_hand(hand: GripperState) -> GripperState:
     Raises:
         NotFiniteError: The width is not plausible.
     """
-    if not abs(hand.width) <= WIDEST:
+    if not -WIDEST <= hand.width <= WIDEST:
         raise NotFiniteError(f"hand: width: {hand.width}; a number needed")
     return hand
 
@@ -166,16 +149,18 @@ def require_finite_theta(pose: PegPose) -> None:
         raise NotFiniteError(f"theta: {pose.theta}; a number needed from the estimator of insert.estimator")
 
 
-def require_level_skin(frame: TaxelFrame, most: float) -> None:
+def require_level_skin(frame: TaxelFrame, layout: Layout) -> None:
     """Check that no finger has an offset on all taxels; a peg presses only some of them.
 
     Args:
         frame: The frame.
-        most: Largest reading beside a held peg, counts, see `SkinLayout.beside`.
+        layout: Layout of its taxels, with the largest reading beside a held peg.
 
     Raises:
         SkinUntrustedError: A finger has an offset; the message names the finger and the offset.
     """
+    skin = layout_of(layout)
+    most = skin.beside * skin.full_scale
     for name, values, trusted in zip(FINGER_NAMES, frame.values, frame.trusted, strict=True):
         told = np.sort(values[trusted])
         if not told.size:

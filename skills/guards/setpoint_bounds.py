@@ -30,6 +30,8 @@ STEP_SLACK = 1e-3
 """Addition to the longest step, m: an integral or a new frame of the skin can move a setpoint at rest."""
 LEAD = 0.02
 """Largest distance from the arm at which a motion may start, m; a correct skill starts a push at most 13 mm ahead."""
+TRACKING_LIMIT = 0.1
+"""Largest distance between the controlled point and its setpoint, m; the skills' pushes lead by less than half of it."""
 POSTURE_SLACK = 0.02
 """Addition to the longest step of a posture, rad."""
 POSTURE_LEAD = 0.2

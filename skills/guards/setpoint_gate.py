@@ -15,7 +15,15 @@ from drivers.protocols import Arm
 from drivers.quantities import ArmState, ImpedanceSetpoint, Vector
 from skills.guards import setpoint_rules as rules
 from skills.guards.limits import Limits
-from skills.guards.setpoint_bounds import AGE_SLACK, LEAD, LONGEST_VALIDITY, MOST_ASKEW, ArmBounds, require_numbers
+from skills.guards.setpoint_bounds import (
+    AGE_SLACK,
+    LEAD,
+    LONGEST_VALIDITY,
+    MOST_ASKEW,
+    TRACKING_LIMIT,
+    ArmBounds,
+    require_numbers,
+)
 
 LONGEST_UNTAKEN = 0.2
 """Longest time for which the arm may report an older setpoint than the last one sent, or none, s; its control loop takes milliseconds.
@@ -24,8 +32,13 @@ Source: chosen, not measured; reason in decision 0013.
 
 
 LONGEST_UNCHANGED = 0.15
-"""Longest time for which all readings of an arm may be identical to the last digit while it follows a setpoint, s: 15 scans at 100 Hz, and
+"""Longest time for which all readings of an arm may be identical to the last digit while its setpoint moves, s: 15 scans at 100 Hz, and
 a fault within 0.2 s.
+"""
+MOVED, TURNED = 5e-4, 5e-3
+"""Distance, m, and angle, rad, by which the setpoint has moved meanwhile. The spring then pushes the hand with 0.2 N or turns it with 0.2 N·m
+more, so that a live arm reports another place or another force. At rest, readings can be identical: the makers publish neither resolution nor
+noise of joint positions (franka_ros#112), and the estimated force has been exactly zero (libfranka#25).
 """
 
 
@@ -75,14 +88,14 @@ def require_sound(asked: Vector, state: Vector, before: Vector, bounds: Vector) 
 
     Raises:
         SetpointError: The setpoint is not finite, outside the workspace, too far, too fast or out of the arm's bounds.
-        TrackingError: The arm lags so far behind that the spring would exceed the force limit.
+        TrackingError: The arm lags too far behind, or so far that the spring would exceed the force limit.
     """
-    found = np.empty(rules.FOUND)
-    if rule := rules.broken_rule(asked, state, before, bounds, found):
+    rule, *found = rules.broken_rule(asked, state, before, bounds)
+    if rule:
         if rule == rules.NUMBER:
             _require_numbers(asked)
-        message = _message(rule, asked, bounds, found.tolist())
-        if rule == rules.BLOCKED:
+        message = _message(rule, asked, bounds, found)
+        if rule in (rules.BLOCKED, rules.LAGGING):
             raise TrackingError(f"arm: blocked, or its setpoint cannot be reached: a setpoint {message}")
         raise SetpointError(f"setpoint: {message}")
 
@@ -119,10 +132,19 @@ def _message(rule: int, asked: Vector, bounds: Vector, found: Sequence[float]) -
         rules.TIP_STEP: f"step of {1e3 * a:.0f} mm; at most {1e3 * b:.0f} mm allowed",
         rules.PRESSING: pressing,
         rules.BLOCKED: pressing,
+        rules.LAGGING: f"{1e3 * a:.0f} mm from the controlled point; at most {1e3 * TRACKING_LIMIT:.0f} mm allowed",
         rules.FIRST_BEGINNING: f"{begins}; at most {1e3 * LEAD:g} mm allowed",
         rules.BEGINNING: f"{begins}, and a step of {1e3 * b:.0f} mm; at most {1e3 * LEAD:g} mm or {1e3 * c:.0f} mm allowed",
     }
     return messages[rule]
+
+
+def _has_moved(first: Vector, held: Vector) -> bool:
+    """Return True if a setpoint differs from an earlier one by more than `MOVED` or `TURNED`."""
+    tip, axis, roll = (
+        held[k : k + 3] - first[k : k + 3] for k in (setpoint_words.TIP, setpoint_words.AXIS, setpoint_words.ROLL)
+    )
+    return bool(np.linalg.norm(tip) > MOVED or np.linalg.norm(axis) > TURNED or np.linalg.norm(roll) > TURNED)
 
 
 class GatedArm:
@@ -137,11 +159,11 @@ class GatedArm:
         """Words of the last setpoint sent, with the time of the arm's state used to check it."""
         self._untaken_since: float | None = None
         """Time of the first setpoint that the arm has not adopted, s; None if it follows the last one sent."""
-        self._unchanged: tuple[list[float], float] | None = None
-        """Readings and time, s, of the first of the newest identical states; None if no setpoint is held."""
+        self._unchanged: tuple[list[float], float, Vector] | None = None
+        """Readings, time, s, and setpoint of the first of the newest identical states; None if no setpoint is held."""
         # The first calls of a process compile code, which must not happen while the arm moves.
         rules.is_plausible(np.zeros(rules.STATE_WORDS))
-        rules.broken_rule(NOTHING, np.zeros(rules.STATE_WORDS), NOTHING, self._bounds, np.empty(rules.FOUND))
+        rules.broken_rule(NOTHING, np.zeros(rules.STATE_WORDS), NOTHING, self._bounds)
 
     def open(self) -> None:
         """Open the arm."""
@@ -156,7 +178,7 @@ class GatedArm:
 
         Raises:
             SetpointError: The setpoint is not finite, outside the workspace, too far, too fast or out of the arm's bounds.
-            TrackingError: The arm lags so far behind that the spring would exceed the force limit.
+            TrackingError: The arm lags too far behind, or so far that the spring would exceed the force limit.
         """
         state = self._state
         if state is None:
@@ -177,7 +199,7 @@ class GatedArm:
             NotFiniteError: A reading is not plausible. If the arm follows a setpoint, it is halted once; repeated halts would let it sink
                 by the error of its gravity model.
             TrackingError: The arm does not adopt its setpoints; it is halted, once.
-            ArmSilentError: The readings do not change while the arm follows a setpoint; it is halted.
+            ArmSilentError: The readings do not change although the setpoint moves; the arm is halted.
             CellError: The arm's own `read` raised it.
         """
         state = self._arm.read()
@@ -213,18 +235,20 @@ class GatedArm:
             raise TrackingError(f"arm: takes no setpoint for {untaken:.2f} s; {LONGEST_UNTAKEN:g} s allowed")
 
     def _require_live(self, words: Vector, stamp: float) -> None:
-        """Check that the readings change while the arm follows a setpoint, at rest too; noise changes at least the last digits."""
-        if self._before is NOTHING:
+        """Check that the readings change while the setpoint moves."""
+        held = self._before
+        if held is NOTHING:
             self._unchanged = None
             return
         readings = words[: rules.TORQUE].tolist()
         if self._unchanged is None or readings != self._unchanged[0]:
-            self._unchanged = readings, stamp
+            self._unchanged = readings, stamp, held
             return
-        if (time := stamp - self._unchanged[1]) > LONGEST_UNCHANGED:
+        _, since, first = self._unchanged
+        if (time := stamp - since) > LONGEST_UNCHANGED and _has_moved(first, held):
             self.halt()
             raise ArmSilentError(
-                f"arm: readings unchanged to the last digit for {time:.2f} s, while it followed a setpoint"
+                f"arm: readings unchanged to the last digit for {time:.2f} s, while its setpoint moved"
             )
 
     def halt(self) -> None:

@@ -1,6 +1,6 @@
 """Rules of the setpoint gate, compiled: one call checks a packed setpoint against a packed state of the arm; pure.
 
-`broken_rule` returns the number of the first broken rule and stores the figures of its message. `skills.guards.setpoint_gate` composes
+`broken_rule` returns the number of the first broken rule and the figures of its message. `skills.guards.setpoint_gate` composes
 the message. A setpoint is packed by `drivers.setpoint_words.pack`; its `STAMP` is the time of the arm's state used to check it.
 """
 
@@ -43,6 +43,7 @@ from skills.guards.setpoint_bounds import (
     POSTURE_LEAD,
     POSTURE_SLACK,
     STEP_SLACK,
+    TRACKING_LIMIT,
     UNIT_TOLERANCE,
 )
 
@@ -83,8 +84,8 @@ the weakest joint, corners of the workspace, ranges and speeds of the joints."""
 SOUND, NUMBER, UNIT_AXIS, NEGATIVE, VALIDITY, WORKSPACE, ASKEW, ROLLED, TURNING, JOINT_RANGE, POSTURE_STEP, TIP_STEP = (
     range(12)
 )
-PRESSING, BLOCKED, FIRST_BEGINNING, BEGINNING = range(12, 16)
-RANGE = 16
+PRESSING, BLOCKED, LAGGING, FIRST_BEGINNING, BEGINNING = range(12, 17)
+RANGE = 17
 """Numbers of the rules; those of `RANGES` follow from `RANGE` on."""
 RANGES = (
     ("speed", "m/s"),
@@ -98,8 +99,8 @@ RANGES = (
     ("length in the hand", "m"),
 )
 """Name and unit of the values with a permitted range, in the order of their checks."""
-FOUND = 3
-"""Number of figures of a message."""
+Broken = tuple[int, float, float, float]
+"""Number of a broken rule, or `SOUND`, and the figures of its message."""
 
 
 def pack_state(arm: ArmState) -> Vector:
@@ -127,16 +128,16 @@ def is_plausible(state: Vector) -> bool:  # pragma: no cover
 
 
 @njit(cache=True)
-def broken_rule(asked: Vector, state: Vector, before: Vector, bounds: Vector, found: Vector) -> int:  # pragma: no cover
-    """Return the number of the first rule that a setpoint breaks, or `SOUND`.
+def broken_rule(asked: Vector, state: Vector, before: Vector, bounds: Vector) -> Broken:  # pragma: no cover
+    """Return the number of the first rule that a setpoint breaks, or `SOUND`, and the figures of its message.
 
     Args:
         asked: The packed setpoint.
         state: The packed state of the arm.
         before: The previous setpoint, packed; its id is NaN if there is none.
         bounds: The packed bounds.
-        found: Figures of the rule's message, shape (FOUND,); written if a rule is broken.
     """
+    found = np.zeros(3)
     rule = _broken_value(asked, bounds, found)
     if rule == SOUND:
         rule = _broken_place(asked, state, bounds, found)
@@ -146,7 +147,7 @@ def broken_rule(asked: Vector, state: Vector, before: Vector, bounds: Vector, fo
         rule = _broken_posture(asked, state, before, bounds, found)
     if rule == SOUND:
         rule = _broken_motion(asked, state, before, bounds, found)
-    return int(rule)
+    return int(rule), found[0], found[1], found[2]
 
 
 @njit(cache=True, inline="always")
@@ -316,6 +317,8 @@ def _broken_motion(
     found[0], found[1] = away, force
     if force > bounds[MOST_FORCE]:
         return BLOCKED if goes_on else PRESSING
+    if goes_on and away > TRACKING_LIMIT:
+        return LAGGING
     found[1], found[2] = moved, allowed
     if goes_on or away <= LEAD:
         return SOUND

@@ -51,22 +51,6 @@ class WrenchZero:
     noise: float = 0.0
     """Standard deviation of a component of the force from scan to scan, N."""
 
-    def taken_from(self, arm: ArmState) -> ArmState:
-        """Return the state with the offset subtracted from its wrench."""
-        felt = Wrench(arm.wrench.force - self.force, arm.wrench.torque - self.torque)
-        # `dataclasses.replace` would take three times as long, at every scan.
-        return ArmState(
-            stamp=arm.stamp,
-            q=arm.q,
-            dq=arm.dq,
-            tcp=arm.tcp,
-            wrench=felt,
-            elbow=arm.elbow,
-            setpoint_age=arm.setpoint_age,
-            commanded=arm.commanded,
-            unexplained=arm.unexplained,
-        )
-
     def guarded(self, threshold: float, scans: int) -> float:
         """Return the threshold, N, for the mean of `scans` readings, raised if noise requires it."""
         # max(threshold, GUARD sigma / sqrt(n))
@@ -132,7 +116,20 @@ class ZeroedWrench:
     def taken_from(self, arm: ArmState) -> ArmState:
         """Record the reported wrench of one scan, and return the state without the offset."""
         self._reported.append(arm.wrench)
-        return self.zero.taken_from(arm)
+        zero = self.zero
+        felt = Wrench(arm.wrench.force - zero.force, arm.wrench.torque - zero.torque)
+        # `dataclasses.replace` would take three times as long, at every scan.
+        return ArmState(
+            stamp=arm.stamp,
+            q=arm.q,
+            dq=arm.dq,
+            tcp=arm.tcp,
+            wrench=felt,
+            elbow=arm.elbow,
+            setpoint_age=arm.setpoint_age,
+            commanded=arm.commanded,
+            unexplained=arm.unexplained,
+        )
 
     def set_zero(self) -> None:
         """Set the offset to the mean over the last scans; the hand must have rested in free air.

@@ -59,8 +59,8 @@ class Bearing:
         """Take the force along z in one scan, N, and return whether the plate bears the push, N."""
         forces = self._forces
         forces.append(force)
-        is_full = len(forces) == forces.maxlen
-        return is_full and sum(forces) / len(forces) > self._zero.guarded(TOUCHED * push, len(forces))
+        count = len(forces)
+        return count == forces.maxlen and sum(forces) / count > self._zero.guarded(TOUCHED * push, count)
 
     def require_sense(self, push: float) -> None:
         """Make sure that a plate which did not bear the push, N, does not seem to pull instead.

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from drivers.frames import rotation_about
 from drivers.quantities import Pose, Vector
 from skills.paths import spiral_at_speed
 from skills.search.course import Course
@@ -28,7 +29,7 @@ class Detour:
     offset: Vector
     """Offset from the course to the setpoint at that time, shape (2,), m."""
     axis: Vector
-    """Axis of the peg at that time without its turn in the hand, see `Felt.hand_axis`, unit, shape (3,), base frame."""
+    """Axis of the peg at that time without its rotation in the hand since the search began, unit, shape (3,), base frame."""
     closing: Vector
     """Closing axis of the hand at that time, unit, shape (3,), base frame."""
 
@@ -52,8 +53,8 @@ class Felt:
     """End point of the peg, shape (3,), m, base frame."""
     axis: Vector
     """Axis of the peg, unit, shape (3,), base frame."""
-    hand_axis: Vector
-    """Axis that the peg would have if it had not turned in the hand since the search began, unit, shape (3,), base frame."""
+    turned: float
+    """Rotation of the peg in the hand since the search began, rad."""
     below: float
     """Depth of the lowest point of the peg below the plate, m."""
     is_pressed: bool
@@ -152,7 +153,9 @@ def after_rest(phase: Resting, felt: Felt, params: SpraySearchParams, course: Co
     """Return the phase where the resting tip was not deep enough: probe the place once, then slide on."""
     is_probed = not phase.was_probed and not phase.is_gone(felt, params)
     goal = phase.place if is_probed else course.middle + point
-    detour = Detour(felt.elapsed, felt.tip[:2] - goal, felt.hand_axis, felt.tcp.rotation[:, 2])
+    closing = felt.tcp.rotation[:, 2]
+    hand_axis = rotation_about(closing, -felt.turned) @ felt.axis
+    detour = Detour(felt.elapsed, felt.tip[:2] - goal, hand_axis, closing)
     return Probing(detour, phase.place, felt.below) if is_probed else Sliding(detour)
 
 

@@ -89,7 +89,7 @@ class SurfaceEstimate:
         if self._scans == 0:
             return 0.0
         row = self._row(edge, sense)
-        return self.dip(edge, sense) - math.sqrt(float(row @ self._covariance @ row))
+        return float(row @ self._values - edge[2]) - math.sqrt(float(row @ self._covariance @ row))
 
     def dip(self, edge: Vector, sense: int) -> float:
         """Return the depth of the point `edge` below the estimated plane, m; 0 before the first update."""

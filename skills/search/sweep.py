@@ -83,15 +83,16 @@ class Sweep:
         felt = self._felt(seen, *self._evidence.update(seen, edge, sense, self._along < course.likely_until))
         before = self._phase
         self._enter(next_phase(before, felt, params, course, point))
-        if isinstance(before, ComingDown) and isinstance(self._phase, Sliding):
+        if self._phase is before:
+            if isinstance(before, Sliding):
+                self._evidence.learn(edge, sense)
+        elif isinstance(before, ComingDown) and isinstance(self._phase, Sliding):
             if self._has_come_down_in_decoy(felt, edge):
                 self._pass_over()
             elif felt.is_pressed:
                 self._measure_length(edge, felt)
             else:
                 self._bearing.require_sense(self._push.stiffness * params.push_offset)
-        if isinstance(before, Sliding) and self._phase is before:
-            self._evidence.learn(edge, sense)
         if isinstance(self._phase, Resting) and self._phase.is_over(felt, params):
             if felt.below >= params.fall:
                 return True
@@ -183,7 +184,7 @@ class Sweep:
         return ImpedanceSetpoint(
             id=self._identity,
             tip=target,
-            axis=self._turned(1.0, seen, between(self._course.axis, phase.detour.axis, back)),
+            axis=self._turned(seen, between(self._course.axis, phase.detour.axis, back)),
             roll=between(self._course.closing, phase.detour.closing, back),
             stiffness=stiffness,
             damping_ratio=damping_ratio,
@@ -192,13 +193,13 @@ class Sweep:
             twist=Twist(velocity, np.zeros(3)),
         )
 
-    def _turned(self, sense: float, seen: Observation, axis: Vector) -> Vector:
-        """Return an axis turned with the peg in the hand since the search began, or back again where `sense` is -1.
+    def _turned(self, seen: Observation, axis: Vector) -> Vector:
+        """Return an axis turned with the peg in the hand since the search began.
 
         A setpoint that turns with the peg keeps the hand as it is. A hand that turned after a peg whose tip the plate holds would only
         turn in its pads: it would never catch up with the measured angle.
         """
-        return rotation_about(seen.arm.tcp.rotation[:, 2], sense * (seen.peg.theta - self._theta)) @ axis
+        return rotation_about(seen.arm.tcp.rotation[:, 2], seen.peg.theta - self._theta) @ axis
 
     def _measure_length(self, edge: Vector, felt: Felt) -> None:
         """Take from a touch-down how far the peg reaches from the hand; after the first one it may have slipped."""
@@ -239,7 +240,7 @@ class Sweep:
             tcp=seen.arm.tcp,
             tip=seen.tip,
             axis=seen.axis,
-            hand_axis=self._turned(-1.0, seen, seen.axis),
+            turned=seen.peg.theta - self._theta,
             below=below,
             is_pressed=self._bearing.after(float(seen.arm.wrench.force[2]), push),
             is_edge=is_edge or is_held,
@@ -253,9 +254,7 @@ class Sweep:
         # Also where the plate was felt too early the setpoint comes down no faster than this.
         share = min(seen.elapsed * params.descent / (course.first[2] - depth), 1.0)
         target, velocity = np.array([0.0, 0.0, course.first[2] + (depth - course.first[2]) * share]), np.zeros(3)
-        if isinstance(phase, Probing):
-            target[:2] = phase.place + phase.looked(seen.elapsed, params) + back * phase.detour.offset
-        elif isinstance(phase, Sliding):
+        if isinstance(phase, Sliding):
             # Under a smaller push the peg falls less far in the same time.
             run_up = min((seen.elapsed - phase.detour.since) / params.run_up, 1.0)
             pace = self._push.stiffness / params.push_stiffness * run_up
@@ -263,6 +262,8 @@ class Sweep:
             target[:2] = course.middle + self._point + back * phase.detour.offset
             velocity[:2] = pace * self._velocity
             self._lag = abs(float(target[course.fast] - seen.tip[course.fast]))
+        elif isinstance(phase, Probing):
+            target[:2] = phase.place + phase.looked(seen.elapsed, params) + back * phase.detour.offset
         else:
             target[:2] = course.middle + self._point
         return target, velocity

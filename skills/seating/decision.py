@@ -29,6 +29,10 @@ BORNE_WITHIN = 3e-4
 """Largest change of the tip's height during a rest, m."""
 LEAST_PUSH = 4.0
 """Least push during a rest, N; joint friction alone can hold the hand against a smaller push."""
+GIVE = 2.0e-4
+"""Distance that the hand sinks along a peg on the bottom, m/N, in the softest pads: 5 kN/m in shear, see `grip.shear_stiffness` of
+config/reality.toml.
+"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,16 +43,19 @@ class Footing:
     """Height of the tip when it came to rest, m, base frame."""
     since: float = math.inf
     """Start of the rest under a push, s; infinite if the peg is not pushed."""
+    push: float = 0.0
+    """Push at the start of the rest, N."""
 
     def after(self, seen: Observation, setpoint: ImpedanceSetpoint | None) -> "Footing":
         """Return the footing after one more scan with the followed setpoint."""
         # Push of the spring along z: K_z (z - z*)
         height = float(seen.tip[2])
-        if setpoint is None or float(setpoint.stiffness[2] * (height - setpoint.tip[2])) < LEAST_PUSH:
+        push = 0.0 if setpoint is None else float(setpoint.stiffness[2] * (height - setpoint.tip[2]))
+        if push < LEAST_PUSH:
             return Footing()
         if abs(height - self.height) <= BORNE_WITHIN:
             return self
-        return Footing(height, seen.stamp)
+        return Footing(height, seen.stamp, push)
 
     def is_firm(self, now: float) -> bool:
         """Return True if the rest has lasted `BORNE_FOR` at the time `now`, s."""

@@ -10,7 +10,7 @@ from drivers.config_model import ConfigModel, Figure, Quantity
 from drivers.errors import ConfigError
 from drivers.parts import Fraction
 from drivers.quantities import TaxelFrame, Vector
-from drivers.skin.layout import PITCH, Layout, finger_positions
+from drivers.skin.layout import PITCH, Layout, finger_positions, layout_of
 from skills.tactile.plausible import is_print
 from skills.tactile.pose import PegPose
 
@@ -26,14 +26,10 @@ class ImageParams(ConfigModel):
 
     pixel: Annotated[float, Figure("m"), Field(exclude=True)] = 1e-3
     """Side of a pixel, m."""
-    full_scale: Annotated[float, Figure("counts"), Field(exclude=True)] = 20e3
-    """Reading at which a pixel saturates, counts; [gibbons], Eq. (1). Source: [cyskin], highest touch peak; method of
-    [gibbons], Eq. (1).
-    """
     threshold: Annotated[Fraction, Quantity("fraction")] = 0.5
     """Brightness below which a pixel is background, fraction of the brightest."""
-    least_peak: Annotated[float, Figure("counts"), Field(exclude=True)] = 2000.0
-    """Least brightness of the brightest pixel if the frame shows a peg, counts."""
+    least_peak: Annotated[float, Figure("fraction"), Field(exclude=True)] = 0.1
+    """Least brightness of the brightest pixel if the frame shows a peg, fraction of the skin's full scale, at which a pixel saturates."""
     least_elongation: Annotated[float, Figure("ratio"), Field(exclude=True)] = 1.5
     """Least ratio of the ellipse's axes for its direction to be used, ratio."""
     most_width: Annotated[float, Figure("m"), Field(exclude=True)] = 4e-3
@@ -71,7 +67,8 @@ class ImageEstimator:
             )
         self._lattice_error = LATTICE_ERROR[layout]
         self._taxels: Vector = finger_positions(layout).reshape(-1, 2)
-        self._projector = Projector(layout, params.pixel, params.full_scale)
+        full_scale = layout_of(layout).full_scale
+        self._projector, self._least_peak = Projector(layout, params.pixel, full_scale), params.least_peak * full_scale
 
     def image(self, frame: TaxelFrame) -> Vector:
         """Return I of [gibbons], Eq. (1), before the threshold, counts; rows along +y, columns along +x."""
@@ -84,7 +81,7 @@ class ImageEstimator:
         image = self._projector.image(frame.values, frame.trusted)
         peak = float(image.max())
         trusted = int(np.count_nonzero(frame.trusted))
-        if peak < params.least_peak or peak <= 0.0 or trusted < params.least_trusted * frame.trusted.size:
+        if peak < self._least_peak or peak <= 0.0 or trusted < params.least_trusted * frame.trusted.size:
             return PegPose(0.0, 0.0, math.pi / 2, 1.0, False, frame.stamp)
         ellipse = self._projector.ellipse(image, params.threshold * peak)
         # Signed distance of the axis from the finger centre: offset = y cos(theta) - x sin(theta)

@@ -25,8 +25,6 @@ class RobustParams(ConfigModel):
 
     templates: TemplateParams = TemplateParams()
     """Model of the pad, from the maker's data."""
-    noise: Annotated[float, Figure("counts"), Field(exclude=True)] = 300.0
-    """Standard deviation of a taxel's reading, counts."""
     gain_spread: Annotated[float, Figure("fraction"), Field(exclude=True)] = 0.08
     """Standard deviation of a taxel's gain and of the template error, fraction of the reading."""
     offset_spread: Annotated[float, Figure("m"), Field(exclude=True)] = 7e-4
@@ -41,8 +39,8 @@ class RobustParams(ConfigModel):
     """Standard deviation of the rise over 20 mm that both loads share, fraction of their mean."""
     wide_misfit: Annotated[float, Figure("ratio"), Field(exclude=True)] = 3.0
     """Misfit above which all offsets are searched, ratio of squared residuals to those expected."""
-    least_load: Annotated[float, Figure("counts"), Field(exclude=True)] = 1500.0
-    """Least mean load of a held peg, as the reading directly under the peg, counts; five times the noise."""
+    least_load: Annotated[float, Figure("standard deviations"), Field(exclude=True)] = 5.0
+    """Least mean load of a held peg, as the reading directly under the peg, standard deviations of a reading's noise."""
     most_sigma: Annotated[float, Figure("rad"), Field(exclude=True)] = 0.1
     """Standard deviation of theta above which it is not reported, rad."""
     most_misfit: Annotated[float, Figure("ratio"), Field(exclude=True)] = 12.0
@@ -139,18 +137,21 @@ class Bank:
         return Found(*posterior(is_wide, *expected, values, weights, *arguments))
 
 
-def weights_of(params: RobustParams, values: Vector, trusted: Mask) -> Vector:
-    """Return the inverse of each reading's expected variance, shape (2 n,), 0 if the taxel is not trusted."""
+def weights_of(params: RobustParams, noise: float, values: Vector, trusted: Mask) -> Vector:
+    """Return the inverse of each reading's expected variance, shape (2 n,), 0 if the taxel is not trusted.
+
+    `noise` is the standard deviation of a reading, counts.
+    """
     # w = 1 / (noise² + (gain_spread · max(y, 0))²)
     expected = params.gain_spread * np.maximum(values, 0.0)
-    weights: Vector = trusted / (params.noise**2 + expected * expected)
+    weights: Vector = trusted / (noise**2 + expected * expected)
     return weights
 
 
-def pose_of(params: RobustParams, found: Found, frame: TaxelFrame) -> PegPose:
+def pose_of(params: RobustParams, noise: float, found: Found, frame: TaxelFrame) -> PegPose:
     """Return the result of a comparison as a pose; `healthy` is True if it meets all limits of `params`."""
     healthy = (
-        found.load >= params.least_load
+        found.load >= params.least_load * noise
         and found.sigma <= params.most_sigma
         and found.misfit <= params.most_misfit
         and (found.residual <= params.most_residual or found.misfit <= params.wide_misfit)

@@ -18,7 +18,7 @@ import numpy as np
 
 from drivers.parts import Peg
 from drivers.quantities import Mask, TaxelFrame, Vector
-from drivers.skin.layout import Layout, module_exchanges, module_of
+from drivers.skin.layout import Layout, layout_of, module_exchanges, module_of
 from skills.tactile.likelihood import UNKNOWN_LOAD, Bank, Found, RobustParams, pose_of, weights_of
 from skills.tactile.pose import PegPose
 from skills.tactile.templates import Templates, broad_templates, reaching_templates
@@ -170,6 +170,9 @@ class RobustEstimator:
     def __init__(self, params: RobustParams, layout: Layout, peg: Peg) -> None:
         """Make the templates of every explanation."""
         self._params, self._exchanges = params, module_exchanges(layout)
+        skin = layout_of(layout)
+        self._noise = skin.noise * skin.full_scale
+        """Standard deviation of a reading, counts."""
         self._module = module_of(layout).ravel()
         near = tuple(max(peg.overhang + reach, 0.0) for reach in REACHES)
         short = tuple(overhang for overhang in OVERHANGS if overhang < peg.overhang)
@@ -192,9 +195,9 @@ class RobustEstimator:
         """Return the pose of the peg in `frame`; see `skills.tactile.pose.Estimator`."""
         params = self._params
         values = frame.values.ravel()
-        trusted = frame.trusted.ravel() & (values > BELOW * params.noise)
-        weights = weights_of(params, values, trusted)
-        is_loud = (values > SILENT * params.noise) & (weights > 0.0)
+        trusted = frame.trusted.ravel() & (values > BELOW * self._noise)
+        weights = weights_of(params, self._noise, values, trusted)
+        is_loud = (values > SILENT * self._noise) & (weights > 0.0)
         if not is_loud.any():
             return PegPose(0.0, 0.0, math.pi / 2, 1.0, False, frame.stamp)
         bank: Prints = self._usual
@@ -203,7 +206,7 @@ class RobustEstimator:
         if found.misfit > params.doubt or silent:
             found, bank, weights = self._think_again(values, weights, silent, found)
         seen = TaxelFrame(frame.values, (weights > 0.0).reshape(frame.trusted.shape), frame.stamp, 0)
-        pose = pose_of(params, found, seen)
+        pose = pose_of(params, self._noise, found, seen)
         if pose.healthy:
             self._load.learn(found)
             if bank is self._usual:
@@ -213,14 +216,14 @@ class RobustEstimator:
     def order_odds(self, frame: TaxelFrame) -> Vector:
         """Return the log odds of exchanged modules; see `skills.tactile.order.TellsOrder`."""
         params = self._params
-        values, trusted = frame.values.ravel(), frame.trusted.ravel() & (frame.values.ravel() > BELOW * params.noise)
-        as_told = self._usual.compare(values, weights_of(params, values, trusted))
+        values, trusted = frame.values.ravel(), frame.trusted.ravel() & (frame.values.ravel() > BELOW * self._noise)
+        as_told = self._usual.compare(values, weights_of(params, self._noise, values, trusted))
         odds, found = np.zeros(len(self._exchanges)), [as_told]
         for number, told in enumerate(self._exchanges.values()):
             moved = values[told]
-            found.append(self._usual.compare(moved, weights_of(params, moved, trusted[told])))
+            found.append(self._usual.compare(moved, weights_of(params, self._noise, moved, trusted[told])))
             odds[number] = found[-1].chance - as_told.chance
-        if max(each.load for each in found) < params.least_load:
+        if max(each.load for each in found) < params.least_load * self._noise:
             return np.zeros_like(odds)
         # If the noise exceeds the configured noise, all log likelihoods are scaled down by the same factor.
         return odds / max(1.0, min(each.misfit for each in found))

@@ -17,8 +17,11 @@ NEEDED = 3
 
 If the skin is noisy or the grip weak, most frames show the peg, but not all. Source: docs/tried/grasp.md.
 """
-STEADY = 3500.0
-"""Largest median change of a module's readings between two frames while the peg rests, counts. Source: docs/tried/grasp.md."""
+STEADY = 0.175
+"""Largest median change of a module's readings between two frames while the peg rests, fraction of full scale.
+
+Source: docs/tried/grasp.md.
+"""
 
 
 class GraspPrint:
@@ -76,6 +79,6 @@ def restless_modules(before: TaxelFrame, frame: TaxelFrame, layout: Layout) -> M
     """Return a mask of the modules whose median change between two frames exceeds `STEADY`."""
     known = before.trusted & frame.trusted
     change = np.abs(frame.values - before.values)
-    number = module_of(layout)
+    number, most = module_of(layout), STEADY * layout_of(layout).full_scale
     modules = [change[known & (module == number)] for module in range(int(number.max()) + 1)]
-    return np.array([taxels.size > 0 and float(np.median(taxels)) > STEADY for taxels in modules])
+    return np.array([taxels.size > 0 and float(np.median(taxels)) > most for taxels in modules])

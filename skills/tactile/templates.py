@@ -210,7 +210,7 @@ def _beside(lines: Vector, face: Vector, whole: float) -> NDArray[np.float32]:
     """Return the readings under a face, in units of `whole`, as the weighted sum over its lines.
 
     Args:
-        lines: Readings under lines, shape (n, m + size of the face - 1, 20).
+        lines: Readings under lines, shape (n, m + size of the face - 1, taxels).
         face: Weights of the face's lines.
         whole: Reading of a taxel under the face of an endless peg.
     """

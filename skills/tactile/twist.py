@@ -1,13 +1,14 @@
 """Twist of the peg in soft pads by a moment about the closing axis, between two frames of the skin; pure."""
 
+import math
 from collections import deque
 
 MEMORY = 10
 """Number of frames over which the compliance is learnt."""
 NOISE = 0.014
 """Standard deviation of the difference of theta between two frames, rad: sqrt(2) times the 0.01 rad of one frame."""
-OLDEST = 0.5
-"""Largest age of a moment that is kept, s; frames are younger."""
+KEPT = 500
+"""Number of scans whose moments are kept; frames are younger."""
 
 
 class Twist:
@@ -16,29 +17,32 @@ class Twist:
     def __init__(self, softest: float) -> None:
         """Start from a stiff grip; the softest one twists by `softest`, rad/(N·m)."""
         self._softest = softest
-        self._moments = deque[tuple[float, float]]()
+        self._moments = deque[tuple[float, float]](maxlen=KEPT)
         self._crossed = self._squares = 0.0
-
-    @property
-    def compliance(self) -> float:
+        self.compliance = 0.0
         """Twist by a moment, rad/(N·m)."""
-        if self._crossed <= 0.0 or self._softest == 0.0:
-            return 0.0
-        # c = sum(dM dtheta) / (sum(dM^2) + sigma^2 / c_0^2), the mode of its posterior.
-        return min(self._crossed / (self._squares + (NOISE / self._softest) ** 2), self._softest)
 
     def feel(self, stamp: float, moment: float) -> None:
         """Record the moment at a time, N·m and s."""
         self._moments.append((stamp, moment))
-        while self._moments[0][0] < stamp - OLDEST:
-            self._moments.popleft()
 
     def moment(self, stamp: float) -> float:
         """Return the moment that was measured nearest to a time, N·m."""
-        return min(self._moments, key=lambda felt: abs(felt[0] - stamp))[1]
+        nearest, least = 0.0, math.inf
+        for felt_at, felt in reversed(self._moments):
+            away = felt_at - stamp if felt_at > stamp else stamp - felt_at
+            if away > least:
+                break
+            nearest, least = felt, away
+        return nearest
 
     def learn(self, moment: float, theta: float) -> None:
         """Update the compliance by the changes of moment, N·m, and theta, rad, from one frame to the next."""
         kept = 1.0 - 1.0 / MEMORY
         self._crossed = kept * self._crossed + moment * theta
         self._squares = kept * self._squares + moment * moment
+        if self._crossed <= 0.0 or self._softest == 0.0:
+            self.compliance = 0.0
+            return
+        # c = sum(dM dtheta) / (sum(dM^2) + sigma^2 / c_0^2), the mode of its posterior.
+        self.compliance = min(self._crossed / (self._squares + (NOISE / self._softest) ** 2), self._softest)

@@ -10,8 +10,6 @@ import pytest
 
 from cell.config.load import load
 from cell.devices.assembly import assemble
-from drivers.arm.franka import FrankaArm
-from drivers.arm.franka_config import FrankaArmConfig
 from drivers.errors import SkinSilentError
 from drivers.gripper.franka import FrankaGripper
 from drivers.gripper.franka_config import FrankaGripperConfig
@@ -97,10 +95,9 @@ def franka():
 def _franka_arm(franka) -> Bench:
     host, world = franka
     world.horizon = math.inf
-    config = FrankaArmConfig(
-        kind="franka", model="panda", host=host, collision_torque=60.0, collision_force=60.0, realtime="ignore"
-    )
-    return Bench(FrankaArm(config, world.world.arm, world), world, clear=lambda: setattr(world, "horizon", math.inf))
+    from tests.franka.simulated import arm_at
+
+    return Bench(arm_at(host, world.world.arm, world), world, clear=lambda: setattr(world, "horizon", math.inf))
 
 
 @pytest.fixture(params=["fake", "sim", "franka", "hardware"])

@@ -1,18 +1,26 @@
-"""The boards of a physical cell on a desk: `python -m tests.franka.desk [run insert_peg]` runs that command of `cell` with them.
+"""The boards of a physical cell on a desk: `python -m tests.franka.desk` opens a shell in which `cell` finds them.
 
-`config/cell_01.toml` is the cell's file, with nothing replaced but the addresses: a skin hub on a CAN bus between
+The shell's folder holds the cell's file, `config/cell_01.toml` with the desk's addresses: a skin hub on a CAN bus between
 processes, the switch's firmware on an emulated chip behind a serial port, an arm and its hand at an address of the
-loopback. The boards keep wall time; the world behind them goes as fast as the arm's states leave, one a millisecond
-where the machine is quick enough, and a cell that expects a second to be a second notices where it is not.
+loopback. Everything keeps the time of the world behind the boards, the cell too, and the world waits for the cell: a busy
+computer makes all of it slower.
+
+Files in that folder are what a person does: `push` contains a force on the hand, N along x, y and z; `lever` presses the
+lever of the switch; `rod` contains the angle of a rod in the closed fingers, degrees; `empty` takes the pegs out of the rack,
+which else has one in every slot.
 """
 
 import json
 import math
+import os
+import shutil
 import socket
 import subprocess
 import sys
+import tempfile
 import threading
 import time
+import tomllib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -21,6 +29,7 @@ from typing import Any
 
 import numpy as np
 
+from cell.calibrate.skin import ROD_HALF
 from cell.config.files import SHIPPED
 from cell.config.load import load
 from drivers.quantities import Vector
@@ -28,107 +37,163 @@ from drivers.skin.board_config import CanSkinConfig
 from drivers.transport.can_bus import CanBus
 from sim.boards.board_links import CanCable, emulated_can
 from sim.boards.switch_board import EmulatedSwitchBoard
+from sim.hand.bench import CalibrationBench
+from sim.world.situation import PegSituation
 from tests.franka.simulated import Arm, Seen, address, served
 
 STEP = 0.002
-"""Between two looks at the boards, s."""
-FILE = SHIPPED / "cell_01.toml"
-PUSH = 15.0
-"""Force of a finger, N."""
+"""Between two looks at the boards, s of wall time."""
+AHEAD = 0.02
+"""Longest time by which the world is ahead of the cell's process, s."""
+FILE = "cell_01.toml"
+CONFIG = load(sets=["reality.scale=0.0", "arm.model=fr3"]).cell
+"""The world behind the boards."""
 
 
-@dataclass
 class Person:
-    """Pushes the hand and presses the lever every other half second, when asked to."""
+    """Pushes, presses, holds a rod and fills the rack."""
 
-    is_pushing: bool = False
-    is_pressing: bool = False
+    def __init__(self, folder: Path, world: Arm) -> None:
+        """Take the folder of the files, and the world."""
+        self._folder, self._world = folder, world
+        self._bench = CalibrationBench(CONFIG.peg.part.thickness, ROD_HALF)
+        self.force, self.is_pressing = np.zeros(3), False
+        world.push = lambda: self.force
 
-    def push(self) -> Vector:
-        """Return the force on the hand, shape (3,), N."""
-        return np.array([0.0, PUSH * (self.is_pushing and _is_time()), 0.0])
+    def rod(self) -> Any:
+        """Return the load of the rod on the pads; None without a rod."""
+        return self._bench.pad_load()
 
+    def look(self) -> None:
+        """Do what the files state, and put a peg into the slot under the hand."""
+        self.force = self._numbers("push", 3)
+        self.is_pressing = (self._folder / "lever").exists()
+        if (self._folder / "rod").exists():
+            self._bench.hold(math.radians(self._numbers("rod", 1)[0]))
+        else:
+            self._bench.release()
+        with self._world.lock:
+            if not (self._folder / "empty").exists():
+                self._fill()
+            elif self._world.world.peg is PegSituation.FREE:
+                self._world.world.take_away()
 
-def _is_time() -> bool:
-    return time.monotonic() % 1.0 < 0.5
+    def _numbers(self, name: str, count: int) -> Vector:
+        try:
+            found = np.array([float(word) for word in (self._folder / name).read_text(encoding="utf-8").split()])
+        except (OSError, ValueError):
+            return np.zeros(count)
+        return found if found.shape == (count,) else np.zeros(count)
+
+    def _fill(self) -> None:
+        """Fill the slot under the hand. The world has one peg: it is taken from where it is, unless it is in use."""
+        world, rack = self._world.world, CONFIG.rack
+        apart = world.tcp().position - np.array(rack.first)
+        slot = round(apart[1] / rack.pitch)
+        is_above = 0 <= slot < rack.slots and np.hypot(apart[0], apart[1] - slot * rack.pitch) < rack.pitch / 2.0
+        if not is_above or apart[2] < CONFIG.peg.length or world.peg is PegSituation.HELD:
+            return
+        mouth = np.array(rack.first[:2]) + np.array([0.0, slot * rack.pitch])
+        is_there = world.peg is PegSituation.FREE and math.dist(world.peg_pose().position[:2], mouth) < rack.pitch / 2.0
+        if not is_there and not world.truth().is_in_hole:
+            world.restock(CONFIG.job(slot=slot), 0)
 
 
 class OnTheDesk(Seen):
-    """The world as boards see it that have their own quartz."""
+    """The world as the boards see it, with a person beside it."""
 
     def __init__(self, arm: Arm, person: Person) -> None:
         super().__init__(arm)
         self._person = person
 
-    def now(self) -> float:
-        return time.monotonic()
+    def pad_load(self) -> Any:
+        return self._person.rod() or super().pad_load()
 
     def is_switch_pressed(self) -> bool:
-        return (self._person.is_pressing and _is_time()) or super().is_switch_pressed()
+        return self._person.is_pressing or super().is_switch_pressed()
 
 
 @dataclass
 class Desk:
-    """Boards at their wires."""
+    """Boards at their wires, and a folder with the cell's file."""
 
+    folder: Path
     world: Arm
     switch: EmulatedSwitchBoard
     lock: threading.Lock
     """Of the boards, which live in a thread of their own."""
-    sets: list[str]
-    """What a cell's file has to say of them."""
-    person: Person
-    file: Path = FILE
-    """The cell's file."""
 
     def pull_switch(self) -> None:
         """Pull the switch board's plug."""
         with self.lock:
             self.switch.close()
 
+    @property
+    def environment(self) -> dict[str, str]:
+        """Environment of a command of `cell`."""
+        here = Path(__file__)
+        paths = str(here.parent / "desk_time"), str(here.parents[2]), os.environ.get("PYTHONPATH", "")
+        scripts = str(Path(sys.executable).parent), os.environ.get("PATH", "")
+        return {
+            **os.environ,
+            "DESK_TIME": str(self.folder / "time"),
+            "PYTHONPATH": os.pathsep.join(filter(None, paths)),
+            "PATH": os.pathsep.join(scripts),
+            "XDG_DATA_HOME": str(self.folder / "data"),
+        }
+
     def run(self, *arguments: str) -> subprocess.CompletedProcess[str]:
         """Run a command of `cell` that takes a config with this desk's."""
-        return subprocess.run(self._command(*arguments), capture_output=True, text=True, check=False)
+        command = [sys.executable, "-m", "cell", *arguments, "--config", FILE]
+        return subprocess.run(
+            command, capture_output=True, text=True, check=False, cwd=self.folder, env=self.environment
+        )
 
-    def prove(self) -> str:
-        """Run `cell check --prove`, do what it asks for, and return its standard output."""
-        pipe = subprocess.PIPE
-        with subprocess.Popen(self._command("check", "--prove", "--json"), stdin=pipe, stdout=pipe, stderr=pipe) as run:
-            assert run.stdin is not None
-            assert run.stdout is not None
-            assert run.stderr is not None
-            asked = b""
-            while letter := run.stderr.read(1):
-                asked += letter
-                if asked.endswith(b": ") and b"Enter" in asked:
-                    self.person.is_pushing, self.person.is_pressing = b"push" in asked, b"lever" in asked
-                    asked = b""
-                    run.stdin.write(b"\n")
-                    run.stdin.flush()
-            self.person.is_pushing = self.person.is_pressing = False
-            return run.stdout.read().decode()
+    def write(self, lines: str) -> None:
+        """Enter lines of the form of a config file into the cell's file."""
+        file = self.folder / FILE
+        text = file.read_text(encoding="utf-8")
+        for section, keys in tomllib.loads(lines).items():
+            for key, value in keys.items():
+                text = _entered(text, section, key, json.dumps(value))
+        file.write_text(text, encoding="utf-8")
 
-    def _command(self, *arguments: str) -> list[str]:
-        sets = [word for key in self.sets for word in ("--set", key)]
-        return [sys.executable, "-m", "cell", *arguments, "--config", str(self.file), *sets]
+
+def _entered(text: str, section: str, key: str, value: str) -> str:
+    """Return a config's text with one key replaced or added."""
+    head, _, body = text.partition(f"[{section}]\n")
+    kept, mark, rest = body.partition("\n[")
+    rows = [row for row in kept.rstrip().splitlines() if row.split(" = ")[0] != key]
+    return f"{head.rstrip()}\n\n[{section}]\n" + "\n".join([*rows, f"{key} = {value}", ""]) + mark + rest
 
 
 @contextmanager
-def desk(number: int) -> Iterator[Desk]:
-    """Yield the boards; `number` distinguishes this process's desks."""
+def desk(number: int, folder: Path) -> Iterator[Desk]:
+    """Yield the boards, with the cell's file in `folder`; `number` distinguishes this process's desks."""
     host, bus = address(number), f"239.74.163.2:{_free_port()}"
-    config = load(sets=["reality.scale=0.0"]).cell
-    described = CanSkinConfig(kind="can", rate=config.skin.rate)
-    with served(config, host) as (world, _):
-        person = Person()
+    described = CanSkinConfig(kind="can", rate=CONFIG.skin.rate)
+    for name in (FILE, "sim.toml"):
+        shutil.copy(SHIPPED / name, folder)
+    with (folder / FILE).open("a", encoding="utf-8") as file:
+        file.write("\n[plc.modbus]\nport = 0\n")
+    with served(CONFIG, host) as (world, _):
+        world.shown = np.memmap(folder / "time", dtype=float, mode="w+", shape=2)
+        world.shown[:] = world.now(), math.inf
+        person = Person(folder, world)
         source: Any = OnTheDesk(world, person)
-        world.push = person.push
-        hub = emulated_can(described, config.boards.skin, source, source.draw.skin, 0)
+        hub = emulated_can(described, CONFIG.boards.skin, source, source.draw.skin, 0)
         far, switch = CanBus("udp_multicast", bus, described.bitrate), EmulatedSwitchBoard(source)
         cable, lock, is_over = CanCable(hub, far), threading.Lock(), threading.Event()
 
         def live() -> None:
             while not is_over.wait(STEP):
+                person.look()
+                horizon = float(world.shown[1]) + AHEAD
+                if not world.has_client() and world.now() < horizon:
+                    world.wait_until(world.now() + STEP)
+                with world.lock:
+                    world.horizon = horizon
+                    world.lock.notify_all()
                 with lock:
                     cable.advance()
                     hub.advance()
@@ -141,22 +206,13 @@ def desk(number: int) -> Iterator[Desk]:
         world.horizon = math.inf
         thread = threading.Thread(target=live)
         thread.start()
+        boards = Desk(folder, world, switch, lock)
+        boards.write(
+            f'[arm]\nhost = "{host}"\nrealtime = "ignore"\n[gripper]\nhost = "{host}"\n'
+            f'[skin]\ninterface = "udp_multicast"\nchannel = "{bus}"\n[switch]\nport = "{switch.port}"\n'
+        )
         try:
-            yield Desk(
-                world,
-                switch,
-                lock,
-                [
-                    f"arm.host={host}",
-                    "arm.realtime=ignore",
-                    f"gripper.host={host}",
-                    "skin.interface=udp_multicast",
-                    f"skin.channel={bus}",
-                    f"switch.port={switch.port}",
-                    "plc.modbus.port=0",
-                ],
-                person,
-            )
+            yield boards
         finally:
             is_over.set()
             thread.join()
@@ -172,11 +228,12 @@ def _free_port() -> int:
 
 
 def main() -> None:
-    """Run one command against the boards and say what the world then is like."""
-    with desk(9) as boards:
+    """Open a shell, or run the given command in its place, and print the state of the world at its end."""
+    with tempfile.TemporaryDirectory() as folder, desk(9, Path(folder)) as boards:
         began, simulated = time.monotonic(), boards.world.now()
-        done = boards.run(*(sys.argv[1:] or ["check"]))
-        print(done.stdout, done.stderr, sep="", end="")
+        done = subprocess.run(
+            sys.argv[1:] or [os.environ.get("SHELL", "sh")], cwd=folder, env=boards.environment, check=False
+        )
         truth = boards.world.world.truth()
         told = {
             "status": done.returncode,

@@ -15,10 +15,8 @@ from typing import Any
 import numpy as np
 
 from cell.config.load import load
-from drivers.arm.franka import FrankaArm
-from drivers.arm.franka_config import FrankaArmConfig
 from drivers.quantities import ImpedanceSetpoint
-from tests.franka.simulated import address, served
+from tests.franka.simulated import address, arm_at, served
 
 
 def main() -> None:
@@ -38,11 +36,8 @@ def main() -> None:
 def held(seconds: float) -> dict[str, Any]:
     """Hold a setpoint for so long, s of wall time, and return the figures of the loop."""
     host = address(1)
-    config = FrankaArmConfig(
-        kind="franka", model="panda", host=host, collision_torque=60.0, collision_force=60.0, realtime="ignore"
-    )
     with served(load(sets=["reality.scale=0.0"]).cell, host) as (world, server):
-        arm = FrankaArm(config, world.world.arm, world)
+        arm = arm_at(host, world.world.arm, world)
         arm.open()
         state = arm.read()
         arm.follow(

@@ -19,7 +19,6 @@ from cell.devices.assembly import Cell
 from cell.devices.assembly import opened as cell_opened
 from cell.lab.trials import run_trial
 from drivers.arm.franka import FrankaArm
-from drivers.arm.franka_config import FrankaArmConfig
 from drivers.errors import CellError
 from drivers.gripper.franka import FrankaGripper
 from drivers.gripper.franka_config import FrankaGripperConfig
@@ -28,6 +27,7 @@ from skills.catalogue import CATALOGUE
 from skills.contract import Outcome
 from skills.flow import StageRecord
 from tests.franka import apart
+from tests.franka.simulated import arm_at
 from tests.wired import Wires
 
 CLEARING = 0.5
@@ -51,13 +51,10 @@ class WiredCell:
 @contextmanager
 def opened(config: CellConfig, host: str) -> Iterator[WiredCell]:
     """Yield a cell with arm and hand on `host`, an address of the loopback, and skin and switch on emulated boards."""
-    franka = FrankaArmConfig(
-        kind="franka", model="panda", host=host, collision_torque=60.0, collision_force=60.0, realtime="ignore"
-    )
     with apart.bench(config, host) as bench:
         wires = Wires(config, bench, bench.skin_noise())
         model = config.arm_model()
-        arm = FrankaArm(franka, model, wires.clock)
+        arm = arm_at(host, model, wires.clock)
         gripper = FrankaGripper(FrankaGripperConfig(kind="franka", host=host), model.hand.stroke)
 
         def act(name: str, seconds: float) -> Callable[[], None]:

@@ -26,6 +26,10 @@ from franka_sim.gripper.backend import GripperBackend, GripperStateData
 
 from cell.config.cell_config import CellConfig
 from drivers import impedance
+from drivers.arm.franka import FrankaArm
+from drivers.arm.franka_config import FrankaArmConfig
+from drivers.arm.model import ArmModel
+from drivers.protocols import Clock
 from drivers.quantities import Vector
 from sim.hand.gripper import SimGripper
 from sim.world.physics import World
@@ -85,6 +89,8 @@ class Arm:
     """Function that returns the force of a person on the hand, shape (3,), N, base frame."""
     has_client: Callable[[], bool] = lambda: False
     """Function that returns True while states are sent to a client."""
+    shown: Vector = field(default_factory=lambda: np.full(2, np.inf))
+    """Time of the world for another process, and the time that it has seen, infinite if there is none, shape (2,), s."""
 
     def __post_init__(self) -> None:
         self.figures = impedance.figures(self.world.arm)
@@ -160,6 +166,7 @@ class Arm:
             most = np.array(self.world.arm.joints.torque)
             place, _, axes, origins = impedance.forward(self.figures, self.world.q)
             self.world.step(np.clip(torque, -most, most) + np.cross(axes, place - origins) @ self.push())
+            self.shown[0] = self.world.now()
             self.lock.notify_all()
 
     def between_steps(self, act: Callable[P, None]) -> Callable[P, None]:
@@ -319,6 +326,11 @@ class Server(FrankaSimServer):  # type: ignore[misc]  # no hints
         """End the connection from this side, as a pulled plug does in the end."""
         self.client_socket.shutdown(socket.SHUT_RDWR)
 
+    @property
+    def _DRAIN_GATE_TIMEOUT(self) -> float:  # noqa: N802  # the server's name of its longest wait for an answer that has arrived
+        longest: float = PATIENCE if self.is_patient else super()._DRAIN_GATE_TIMEOUT
+        return longest
+
     def _drain_gate(self, answer_deadline: float = 0.0) -> float:
         if self.is_patient and self.comm.awaiting_answer:
             answer_deadline = time.perf_counter() + PATIENCE
@@ -335,6 +347,15 @@ class Server(FrankaSimServer):  # type: ignore[misc]  # no hints
 def address(number: int) -> str:
     """Return one of this process's own addresses of the loopback: the protocol's ports are fixed."""
     return f"127.{os.getpid() % 200 + 2}.{os.getpid() // 200 % 250}.{number}"
+
+
+def arm_at(host: str, model: ArmModel, clock: Clock, realtime: str = "ignore") -> FrankaArm:
+    """Return the driver of an arm on `host` that keeps a clock, not yet open."""
+    config = FrankaArmConfig.model_validate(
+        {"kind": "franka", "model": "panda", "host": host, "realtime": realtime}
+        | {"collision_torque": 60.0, "collision_force": 60.0}
+    )
+    return FrankaArm(config, model, clock)
 
 
 @contextmanager

@@ -14,9 +14,9 @@ from tests.franka.desk import desk
 pytestmark = pytest.mark.alone
 
 
-def test_a_cell_is_found_whole_by_its_file_and_a_board_that_is_pulled_is_named():
+def test_a_cell_is_found_whole_by_its_file_and_a_board_that_is_pulled_is_named(tmp_path):
     emulated_or_skip()
-    with desk(7) as boards:
+    with desk(7, tmp_path) as boards:
         found = {line["device"]: line["found"] for line in json.loads(boards.run("check", "--json").stdout)}
         boards.pull_switch()
         then = {line["device"]: line["found"] for line in json.loads(boards.run("check", "--json").stdout)}

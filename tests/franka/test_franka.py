@@ -21,8 +21,6 @@ from cell.calibrate.hand_motion import DEAD_MAN, JOG_SPEED, moved_by_keys
 from cell.calibrate.places import measured_places
 from cell.config.load import load
 from drivers.arm import franka as module
-from drivers.arm.franka import FrankaArm
-from drivers.arm.franka_config import FrankaArmConfig
 from drivers.arm.link import LoopPhase
 from drivers.errors import ArmReflexError, ArmSilentError, ArmStoppedError, CellError, DeviceNotOpenedError
 from drivers.gripper.franka import FrankaGripper
@@ -30,7 +28,7 @@ from drivers.gripper.franka_config import FrankaGripperConfig
 from drivers.quantities import ImpedanceSetpoint
 from tests.emulation import emulated_or_skip
 from tests.franka.insertion import inserted, opened
-from tests.franka.simulated import address, served
+from tests.franka.simulated import address, arm_at, served
 
 HOST = address(1)
 FIGURES = load(sets=["reality.scale=0.0"]).cell.arm_model()
@@ -53,10 +51,7 @@ def simulated():
 def arm(simulated):
     world, server = simulated
     server.is_patient = True
-    config = FrankaArmConfig(
-        kind="franka", model="panda", host=HOST, collision_torque=60.0, collision_force=60.0, realtime="ignore"
-    )
-    made = FrankaArm(config, world.world.arm, world)
+    made = arm_at(HOST, world.world.arm, world)
     world.horizon = math.inf
     made.open()
     yield made
@@ -253,16 +248,11 @@ def test_keys_jog_the_arm_and_the_dead_man_ends_it(simulated, arm):
     assert 0.0005 < arm.read().tcp.position[2] - start[2] < 1.5 * JOG_SPEED * DEAD_MAN
 
 
-def test_a_lost_connection_is_a_silent_arm_until_a_reset_connects_again(simulated, arm):
-    _, server = simulated
-    server.cut()
-    assert comes_to(raises(arm, ArmSilentError))
-    arm.reset()
-    assert arm.phase is LoopPhase.RUNNING
-
-
-def test_a_killed_loop_is_a_silent_arm_until_a_reset_starts_it_again(simulated, arm):
-    os.kill(arm.process_id, signal.SIGKILL)
+@pytest.mark.parametrize(
+    "lose", [lambda server, arm: server.cut(), lambda server, arm: os.kill(arm.process_id, signal.SIGKILL)]
+)
+def test_a_lost_connection_or_a_killed_loop_is_a_silent_arm_until_a_reset(simulated, arm, lose):
+    lose(simulated[1], arm)
     assert comes_to(raises(arm, ArmSilentError))
     arm.reset()
     assert arm.phase is LoopPhase.RUNNING
@@ -270,16 +260,8 @@ def test_a_killed_loop_is_a_silent_arm_until_a_reset_starts_it_again(simulated, 
 
 def test_no_arm_at_an_address_is_told(simulated):
     world, _ = simulated
-    config = FrankaArmConfig(
-        kind="franka",
-        model="panda",
-        host="127.254.254.254",
-        collision_torque=60.0,
-        collision_force=60.0,
-        realtime="ignore",
-    )
     with pytest.raises(DeviceNotOpenedError, match=r"^arm at 127\.254\.254\.254: [^\n]+$"):
-        FrankaArm(config, world.world.arm, world).open()
+        arm_at("127.254.254.254", world.world.arm, world).open()
 
 
 def test_a_grasp_that_closes_on_nothing_grips_nothing(simulated, gripper):
@@ -297,9 +279,8 @@ def test_a_grasp_that_closes_on_nothing_grips_nothing(simulated, gripper):
 @pytest.mark.skipif(Path("/sys/kernel/realtime").exists(), reason="this kernel is a real-time kernel")
 def test_a_kernel_that_is_not_real_time_is_told(simulated):
     world, _ = simulated
-    config = FrankaArmConfig(kind="franka", model="panda", host=HOST, collision_torque=60.0, collision_force=60.0)
     with pytest.raises(DeviceNotOpenedError, match="kernel does not have realtime capabilities"):
-        FrankaArm(config, world.world.arm, world).open()
+        arm_at(HOST, world.world.arm, world, "enforce").open()
 
 
 FORCE = ["hole.latch={kind='detent',force=5.0,height=0.003}", "hole.evidence=force"]

@@ -15,11 +15,11 @@ pytest.importorskip(
 from cell.config.load import load
 from cell.run.states import State
 from drivers.errors import FaultCode
-from plc_bridge.protocol.messages import Result
+from plc_bridge.protocol.messages import Control, Result
 from tests.emulation import emulated_or_skip
 from tests.franka.insertion import opened
 from tests.franka.simulated import address
-from tests.wired import Rehearsal
+from tests.simulated_line import running
 
 pytestmark = [pytest.mark.alone, pytest.mark.by_hand, pytest.mark.timeout(3600)]
 
@@ -27,7 +27,7 @@ pytestmark = [pytest.mark.alone, pytest.mark.by_hand, pytest.mark.timeout(3600)]
 def test_whatever_is_killed_in_the_middle_ends_in_its_fault_and_serves_again_after_a_reset(tmp_path):
     emulated_or_skip()
     loaded = load(sets=["sim.pace=max", "reality.scale=0.0", "sim.seed=2"])
-    with opened(loaded.cell, address(5)) as wired, Rehearsal(wired.cell, loaded, tmp_path) as rehearsal:
+    with opened(loaded.cell, address(5)) as wired, running(wired.cell, loaded, tmp_path) as rehearsal:
 
         def kill(what):
             return lambda: os.kill(what.process_id, signal.SIGKILL)
@@ -41,9 +41,9 @@ def test_whatever_is_killed_in_the_middle_ends_in_its_fault_and_serves_again_aft
             assert (report.result, report.fault, report.state) == (Result.FAULT, fault, State.ABORTED)
             if fault is not FaultCode.ARM_SILENT:
                 rehearsal.wait(1.0)
-            assert rehearsal.reset().state == State.IDLE
+            assert rehearsal.command(Control.RESET).state == State.IDLE
             rehearsal.wait(1.0)
-        assert rehearsal.insert().result is Result.SUCCESS
+        assert rehearsal.insert().result == Result.SUCCESS
         truth = wired.bench.truth()
         assert truth.switch_closed
         assert not truth.is_void

@@ -15,8 +15,8 @@ from drivers.quantities import ImpedanceSetpoint
 from sim.arm import joint_drive
 from sim.arm.arm_truth import JointFriction, Payload, StateReading, TorquePath, WrenchReading, every, ideal
 from sim.arm.device import SimArm
-from sim.world.physics import World
 from skills.catalogue import CATALOGUE
+from tests.rigs import world_of
 
 SOFT = 400.0
 """Stiffness that shows what pulls at the arm, N/m."""
@@ -27,10 +27,9 @@ NEVER = 2**40
 CURVE = JointFriction.published_curve(load().cell.arm_model().joints)
 
 
-def world_of(timestep=5e-4, **departure):
+def departing(timestep=5e-4, **departure):
     """Return a world whose arm differs from the cell's model, at rest where it waits."""
-    config = load(sets=["sim.pace=max", "reality.scale=0.0", f"sim.timestep={timestep}"]).cell
-    world = World(config.arm_model(), config.sim, config.contact, config.grip, config.skin.layout, config.job())
+    world = world_of(f"sim.timestep={timestep}")
     world.begin(world.job, replace(world.draw, arm=replace(world.draw.arm, **departure)))
     return world
 
@@ -54,35 +53,11 @@ def torqued(world, torque, seconds):
         yield world
 
 
-def test_smooth_friction_holds_nothing_still_and_dry_friction_does():
-    wrist, push = 6, (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.15)
-    dry, smooth = (world_of(gravity=push, **law) for law in ({}, {"friction": CURVE}))
-    for world in (dry, smooth):
-        for _ in torqued(world, np.zeros(7), 1.0):
-            pass
-    assert abs(dry.dq[wrist]) < 1e-5
-    balance = joint_drive.friction(smooth.control.joints, wrist, smooth.dq[wrist])
-    assert balance == pytest.approx(push[wrist], rel=0.02)
-    assert smooth.dq[wrist] > 0.05
-
-
-def test_smooth_friction_only_takes_energy_from_an_arm_in_motion():
-    world = world_of(friction=CURVE)
-    model, data = world.physics()
-    data.qvel[:7] = [0.5, -0.3, 0.4, 0.6, -1.0, 0.8, 2.0]
-    M, energies = np.zeros((model.nv, model.nv)), []
-    for _ in torqued(world, np.zeros(7), 0.4):
-        mujoco.mj_fullM(model, data, M)
-        energies.append(0.5 * world.dq @ M[:7, :7] @ world.dq)
-    assert np.diff(energies).max() <= 1e-6 * energies[0]
-    assert energies[-1] < 0.8 * energies[0]
-
-
 def test_a_rotors_inertia_adds_to_that_of_its_joint():
     rotors = np.array([0.2, 0.2, 0.2, 0.2, 0.07, 0.07, 0.07])
     tau, rates = np.array([2.0, -1.0, 1.0, 2.0, 0.5, -0.5, 0.3]), []
     for inertia in (np.zeros(7), rotors):
-        world = world_of(friction=JointFriction(), rotor_inertia=tuple(inertia))
+        world = departing(friction=JointFriction(), rotor_inertia=tuple(inertia))
         model, data = world.physics()
         M = np.zeros((model.nv, model.nv))
         mujoco.mj_fullM(model, data, M)
@@ -99,7 +74,7 @@ def test_fingers_beside_their_place_are_there_in_the_physics_and_unknown_to_the_
     offset, turn = (0.0005, -0.0008, 0.001), (0.01, 0.005, -0.02)
     arm = ideal(load().cell.arm_model()).model
     longer = arm.model_copy(update={"kinematics": arm.kinematics.model_copy(update={"flange": 0.1073})})
-    world = world_of(model=longer, tcp_offset=offset, tcp_turn=turn)
+    world = departing(model=longer, tcp_offset=offset, tcp_turn=turn)
     model, data = world.physics()
     fingers = [model.body(name).id for name in ("left", "right")]
     real, told = world.tcp(), SimArm(world).read().tcp
@@ -110,16 +85,8 @@ def test_fingers_beside_their_place_are_there_in_the_physics_and_unknown_to_the_
     np.testing.assert_allclose(way, [offset[2] + 0.0003, offset[0], offset[1]], atol=1e-12)
 
 
-def test_a_wrong_zero_puts_the_tip_where_the_cell_does_not_see_it():
-    zero = (0.0, 0.002, 0.0, 0.0, 0.0, 0.0, 0.0)
-    world = world_of(reading=StateReading(zero=zero))
-    told, real = SimArm(world).read().tcp.position, world.tcp().position
-    _, _, axes, origins = impedance.forward(world.control.arm, world.q)
-    np.testing.assert_allclose(told - real, 0.002 * np.cross(axes[1], real - origins[1]), atol=2e-6)
-
-
 def test_a_payload_pulls_the_arm_down_and_is_told_as_a_force():
-    world = world_of(payload=Payload(0.5, (0.0, 0.0, 0.1034)))
+    world = departing(payload=Payload(0.5, (0.0, 0.0, 0.1034)))
     arm, height = SimArm(world), world.tcp().position[2]
     hold_softly(arm)
     world.wait_until(1.5)
@@ -132,7 +99,7 @@ def test_a_payload_pulls_the_arm_down_and_is_told_as_a_force():
 @pytest.mark.parametrize(("times", "share", "swings"), [(1.0, 0.0, False), (HEAVY, 0.0, True), (HEAVY, 0.4, False)])
 def test_late_torques_swing_a_halted_arm_only_where_it_believes_in_more_inertia_than_it_has(times, share, swings):
     believed = times * np.array(load().cell.arm_model().joints.rotor_inertia)
-    world = world_of(friction=JointFriction(), rotor_inertia=tuple(share * believed), path=TorquePath(2, 100.0))
+    world = departing(friction=JointFriction(), rotor_inertia=tuple(share * believed), path=TorquePath(2, 100.0))
     first = impedance.MASSES + dynamics.ROTORS
     world.control.arm[first : first + 7] = believed
     SimArm(world).halt()
@@ -148,7 +115,7 @@ def test_late_torques_swing_a_halted_arm_only_where_it_believes_in_more_inertia_
 
 def motion(timestep):
     """Return where the tip goes, m, when a departing arm holds still against a payload, at one time step."""
-    world = world_of(
+    world = departing(
         timestep,
         friction=CURVE,
         rotor_inertia=every(0.05),

@@ -2,13 +2,11 @@
 
 import math
 import re
-import signal
 from datetime import date, timedelta
 
 import numpy as np
 import pytest
 
-from cell.calibrate import arm as module
 from cell.calibrate.arm import Sweep, calibrate_arm
 from cell.commands.cli import NOT_GOOD, WRONG_USE, main
 from cell.config.files import ERRORS_FILE
@@ -57,11 +55,6 @@ def test_friction_and_offset_are_what_was_drawn_within_their_intervals(measured)
     assert np.all(np.abs(np.array(found.offset.value) - true) < found.offset.interval)
 
 
-def test_a_run_of_the_arm_that_was_calibrated_says_nothing(measured, capsys, tmp_path):
-    main(["run", "grasp_from_rack", *SEED, "--set", f"calibration.arm={measured[1]}", "--journal", str(tmp_path)])
-    assert "calibration" not in capsys.readouterr().err
-
-
 def test_a_run_of_an_arm_that_has_changed_says_so_and_puts_it_on_record(measured, capsys, tmp_path):
     changed = ["--set", "reality.scale=0", "--set", f"calibration.arm={measured[1]}"]
     main(["run", "grasp_from_rack", *SEED, *changed, "--journal", str(tmp_path)])
@@ -89,23 +82,6 @@ def test_a_force_that_nothing_explains_ends_the_calibration_without_a_file(capsy
     assert main(["calibrate", "arm", *SEED, "--set", "limits.force=3", "--out", str(tmp_path)]) == NOT_GOOD
     assert "FORCE_LIMIT" in capsys.readouterr().err
     assert list(tmp_path.iterdir()) == []
-
-
-def test_whoever_breaks_it_off_finds_the_arm_at_rest_and_the_old_file(monkeypatch, capsys, tmp_path):
-    old, seen = tmp_path / f"arm_{date.today().isoformat()}.toml", []
-    old.write_text("old\n", encoding="utf-8")
-
-    def broken_off(arm, *rest):
-        seen.append(rest[2])
-        signal.raise_signal(signal.SIGINT)
-
-    monkeypatch.setattr(module, "_to_and_fro", broken_off)
-    assert main(["calibrate", "arm", *SEED, "--out", str(tmp_path)]) == NOT_GOOD
-    assert capsys.readouterr().err == "cell: stopped\n"
-    assert old.read_text(encoding="utf-8") == "old\n"
-    assert list(tmp_path.iterdir()) == [old]
-    (ctx,) = seen
-    assert ctx.lead.rest.is_reached
 
 
 def test_an_arm_that_tells_no_torques_is_not_calibrated(monkeypatch):

@@ -10,19 +10,24 @@ import can.interfaces.slcan
 import pytest
 
 from drivers.errors import CellError
-from drivers.transport.can_bus import MOST_ERRORS as PATIENCE_OF_BUS
-from drivers.transport.can_bus import CanBus
+from drivers.transport.can_bus import MOST_ERRORS, CanBus
 from drivers.transport.wires import CanFrame, CanLostError
 from plc_bridge.bridge import Bridge
 from plc_bridge.config import CanConfig, ModbusConfig, PlcConfig
 from plc_bridge.protocol.messages import Report, Result
-from tests.can_hubs import SlcanHub, SocketcandHub
 from tests.can_peer import CanPeer
+from tests.hubs import SlcanHub, SocketcandHub
 from tests.scan_thread import take
 
 PROGRAM = 100
 PATIENT = {"plc_timeout": 60.0}  # a busy computer makes a late PLC
-MOST_ERRORS = 10.0
+PATIENCE = 10.0  # s
+
+
+@pytest.fixture(autouse=True)
+def hub_that_is_ready_at_once(monkeypatch):
+    """Spare the two seconds that a serial adapter needs after its port opens."""
+    monkeypatch.setattr(can.interfaces.slcan, "time", SimpleNamespace(sleep=lambda seconds: None, time=time.time))
 
 
 @pytest.fixture
@@ -30,11 +35,8 @@ def two_ends(request):
     """Two configs, the cell's and the PLC's, of one bus of the interface that the test names."""
     interface = request.param
     if interface == "slcan":
-        patch = pytest.MonkeyPatch()  # an adapter needs two seconds after its port opens; a hub does not
-        patch.setattr(can.interfaces.slcan, "time", SimpleNamespace(sleep=lambda seconds: None, time=time.time))
         with closing(SlcanHub()) as hub:
             yield [CanConfig(interface=interface, channel=end, **PATIENT) for end in hub.ends]
-        patch.undo()
     elif interface == "socketcand":
         with closing(SocketcandHub()) as hub:
             yield [CanConfig(interface=interface, channel=f"127.0.0.1:{hub.port}/can0", **PATIENT)] * 2
@@ -49,13 +51,17 @@ def two_ends(request):
         yield [CanConfig(interface=interface, channel=request.node.name, **PATIENT)] * 2
 
 
-def or_skip(config):
+def opened(config):
     bus = CanBus(config.interface, config.channel, config.bitrate)
+    bus.open()
+    return bus
+
+
+def or_skip(config):
     try:
-        bus.open()
+        opened(config).close()
     except CellError as error:
         pytest.skip(str(error))
-    bus.close()
     return config
 
 
@@ -83,23 +89,16 @@ class Cell:
 
 
 @pytest.mark.parametrize("two_ends", ["virtual", "udp_multicast", "socketcand", "slcan", "socketcan"], indirect=True)
-def test_commands_run_over_every_interface(two_ends):
+def test_frames_with_29_bit_identifiers_and_commands_pass_over_every_interface(two_ends):
     here, there = two_ends
-    with closing(Cell(here)), closing(CanPeer(there, period=0.002, timeout=MOST_ERRORS)) as peer:
-        peer.connect()
-        runs = [peer.run(PROGRAM, recipe=n, serial=f"SN {n:030}", timeout=MOST_ERRORS).run for n in range(1, 11)]
-    assert runs == list(range(1, 11))
-
-
-@pytest.mark.parametrize("two_ends", ["virtual", "udp_multicast", "socketcand", "slcan", "socketcan"], indirect=True)
-def test_frames_with_29_bit_identifiers_pass_over_every_interface(two_ends):
-    here, there = (CanBus(config.interface, config.channel, config.bitrate) for config in two_ends)
-    here.open()
-    there.open()
-    with closing(here), closing(there):
+    with closing(opened(here)) as bus, closing(opened(there)) as other:
         for sent in (CanFrame(0x17FFFFFF, b"out", is_extended=True), CanFrame(0x5FF, b"on")):
-            here.write(sent)
-            assert there.read(MOST_ERRORS) == sent
+            bus.write(sent)
+            assert other.read(PATIENCE) == sent
+    with closing(Cell(here)), closing(CanPeer(there, period=0.002, timeout=PATIENCE)) as peer:
+        peer.connect()
+        runs = [peer.run(PROGRAM, recipe=n, serial=f"SN {n:030}", timeout=PATIENCE).run for n in range(1, 11)]
+    assert runs == list(range(1, 11))
 
 
 def test_a_socketcand_server_may_go_and_come_back():
@@ -108,32 +107,27 @@ def test_a_socketcand_server_may_go_and_come_back():
     with closing(Cell(config)) as cell:
         hub.close()
         hub = SocketcandHub(hub.port)
-        with closing(hub), closing(CanPeer(config, period=0.002, timeout=MOST_ERRORS)) as peer:
+        with closing(hub), closing(CanPeer(config, period=0.002, timeout=PATIENCE)) as peer:
             peer.connect()
-            assert peer.run(PROGRAM, timeout=MOST_ERRORS).result == Result.SUCCESS
+            assert peer.run(PROGRAM, timeout=PATIENCE).result == Result.SUCCESS
         assert cell.bridge.diagnostics.dropped >= 1
 
 
-def test_noise_on_a_serial_adapter_is_no_lost_bus(monkeypatch):
-    monkeypatch.setattr(can.interfaces.slcan, "time", SimpleNamespace(sleep=lambda seconds: None, time=time.time))
+def test_noise_on_a_serial_adapter_is_no_lost_bus():
     with closing(SlcanHub()) as hub:
-        bus, other = (CanBus("slcan", end, 250_000) for end in hub.ends)
-        bus.open()
-        other.open()
-        with closing(bus), closing(other):
-            other._bus._write("t1234zz")
+        here, there = (CanConfig(interface="slcan", channel=end, bitrate=250_000) for end in hub.ends)
+        with closing(opened(here)) as bus, closing(opened(there)) as other:
+            hub.say(0, b"t1234zz\r")
             other.write(CanFrame(0x123, b"good"))
-            got = [frame for frame in (bus.read(MOST_ERRORS) for _ in range(2)) if frame]
+            got = [frame for frame in (bus.read(PATIENCE) for _ in range(2)) if frame]
             assert (got, bus.bad_frames) == ([CanFrame(0x123, b"good")], 1)
 
 
-def test_an_adapter_that_is_pulled_is_a_lost_bus(monkeypatch):
-    monkeypatch.setattr(can.interfaces.slcan, "time", SimpleNamespace(sleep=lambda seconds: None, time=time.time))
+def test_an_adapter_that_is_pulled_is_a_lost_bus():
     hub = SlcanHub()
-    bus = CanBus("slcan", hub.ends[0], 250_000)
-    bus.open()
+    bus = opened(CanConfig(interface="slcan", channel=hub.ends[0], bitrate=250_000))
     hub.close()
-    for _ in range(PATIENCE_OF_BUS - 1):
+    for _ in range(MOST_ERRORS - 1):
         bus.read(0.0)
     with closing(bus), pytest.raises(CanLostError):
         bus.read(0.0)

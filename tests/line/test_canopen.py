@@ -1,33 +1,24 @@
-"""The CANopen node on a bus: canopen's own RemoteNode against it, then a PLC in another process's cell."""
+"""The CANopen node on a bus: canopen's own RemoteNode against it."""
 
 import queue
-import socket
-import subprocess
-import sys
 import threading
 from contextlib import closing
 
 import canopen
 import pytest
 
-from cell.records.journal import Journal
 from drivers.errors import CellError, FaultCode
-from drivers.transport.can_bus import CanBus
 from plc_bridge.bridge import Bridge
-from plc_bridge.canopen.node import ANYBODY
 from plc_bridge.canopen.objects import dictionary
 from plc_bridge.config import CanConfig, ModbusConfig, PlcConfig
-from plc_bridge.peer import CellSilentError
-from plc_bridge.protocol.messages import UNNUMBERED, Command, Control, LeaseState, Refusal, Report, Result
+from plc_bridge.protocol.messages import Command, Report, Result
 from plc_bridge.protocol.registers import Parameter, table
-from skills.catalogue import CATALOGUE
-from tests.can_peer import CanPeer, SdoRefusedError
+from tests.can_peer import CanPeer
 from tests.scan_thread import take
 
 NODE, PLC, PROGRAM = 16, 1, 100
 PATIENCE = 10.0
 PARAMETERS = (Parameter("search.speed", "m/s", 1e-4, 0.001, 0.5, "peak speed"),)
-GROUP = "239.74.163.2"
 
 
 @pytest.fixture
@@ -38,10 +29,9 @@ def config(request):
 @pytest.fixture
 def bridge(config):
     plc = PlcConfig(life_timeout=60.0, lease_timeout=60.0, modbus=ModbusConfig(port=0), can=config)
-    bridge = Bridge(plc, {PROGRAM: "insert_peg"}, PARAMETERS)
-    bridge.start()
-    yield bridge
-    bridge.close()
+    with closing(Bridge(plc, {PROGRAM: "insert_peg"}, PARAMETERS)) as bridge:
+        bridge.start()
+        yield bridge
 
 
 class Remote:
@@ -99,14 +89,11 @@ def next_command(bridge):
     raise AssertionError("no command came")
 
 
-def test_canopen_starts_the_node_and_sees_its_heartbeat(remote):
+def test_canopen_starts_the_node_sees_its_heartbeat_and_reads_the_mapping(remote):
     remote.wait_for_state(127)
     remote.start()
     remote.node.nmt.state = "STOPPED"
     remote.wait_for_state(4)
-
-
-def test_canopen_reads_the_mapping_over_the_bus(remote):
     names = [variable.name for variable in remote.node.rpdo[1]]
     assert names == [f"command.command_{name}" for name in ("life", "sequence", "code", "recipe")]
     assert remote.node.tpdo[1].cob_id == 0x180 + NODE
@@ -138,163 +125,9 @@ def test_canopen_hears_a_fault(bridge, remote):
     assert error.get_desc() == "Device Specific"
 
 
-def test_a_bus_that_fails_is_rebuilt_and_serves_again(monkeypatch, bridge, remote):
-    """The first frames after the cut meet a bus whose every call raises; python-can's notifier would have died."""
-    remote.wait_for_state(127)
-    broken = threading.Event()
-
-    def fail(*_):
-        broken.set()
-        raise OSError("cut")
-
-    node_bus = next(s for s in bridge._servers if hasattr(s, "step"))._bus._bus
-    monkeypatch.setattr(node_bus, "recv", fail)
-    monkeypatch.setattr(node_bus, "send", fail)
-    assert broken.wait(PATIENCE)
-    error = remote.errors.get(timeout=PATIENCE)
-    assert error.code == 0x8140
-    assert bridge.diagnostics.dropped == 1
-    assert remote.node.sdo[0x1000].raw == 0
-
-
-# Our own PLC.
-
-
-@pytest.fixture
-def served(bridge):
-    """A bridge whose commands all succeed at the second look; returns the commands it got."""
-    got, stop = [], threading.Event()
-
-    def scan():
-        report = Report(state=4)
-        while not stop.wait(0.002):
-            command = take(bridge)
-            if command is not None:
-                got.append(command)
-                if command.code == PROGRAM:
-                    bridge.publish(Report(sequence=command.sequence, state=6))
-                    report = Report(
-                        command.sequence, 17, Result.SUCCESS, run=len(got), stage_times=(0.5,), total_time=2
-                    )
-            bridge.publish(report)
-
-    thread = threading.Thread(target=scan)
-    thread.start()
-    yield got
-    stop.set()
-    thread.join()
-
-
-@pytest.fixture
-def peer(served, config):
-    with closing(CanPeer(config, period=0.002, timeout=PATIENCE)) as peer:
-        peer.connect()
-        yield peer
-
-
-def test_the_plc_runs_a_command_and_reads_everything_of_it(peer, served):
-    report = peer.run(PROGRAM, 3, "SN-4711-long enough for segments", [(0, 500)], timeout=PATIENCE)
-    assert (report.result, report.code, report.lease, report.holder) == (
-        Result.SUCCESS,
-        PROGRAM,
-        LeaseState.YOURS,
-        f"node {PLC}",
-    )
-    assert (report.stage_times[0], report.total_time) == (0.5, 2.0)
-    assert (served[0].serial, served[0].recipe) == ("SN-4711-long enough for segments", 3)
-    assert served[0].parameters == (("search.speed", pytest.approx(0.05)),)
-
-
-def test_fifty_commands_run_fifty_times(peer, served):
-    results = [peer.run(PROGRAM, timeout=PATIENCE).result for _ in range(50)]
-    assert results == [Result.SUCCESS] * 50
-    assert [command.code for command in served].count(PROGRAM) == 50
-
-
-def test_a_plc_that_comes_back_goes_on_from_the_last_number(served, config):
-    for _ in range(2):
-        with closing(CanPeer(config, period=0.002, timeout=PATIENCE)) as peer:
-            peer.connect()
-            assert peer.run(PROGRAM, timeout=PATIENCE).result == Result.SUCCESS
-    assert [command.code for command in served].count(PROGRAM) == 2
-
-
-def test_the_plc_learns_at_once_that_a_value_is_beyond_its_limits(peer):
-    with pytest.raises(SdoRefusedError, match="written too high"):
-        peer.trigger(PROGRAM, parameters=[(0, 5001)])
-
-
-def test_the_lease_is_taken_and_released_over_can(peer, bridge):
-    assert peer.take()
-    assert bridge.holder == f"node {PLC}"
-    peer.release()
-    assert bridge.holder == ""
-
-
-def test_who_holds_the_lease_elsewhere_is_said_over_can(peer, bridge):
-    bridge.take("terminal")
-    assert not peer.take()
-    assert peer.trigger(PROGRAM).refusal == Refusal.NOT_HOLDER
-    assert peer.read_report().holder == "terminal"
-
-
-def test_the_plc_stops_the_cell_by_the_stop_object(bridge, config):
-    with closing(CanPeer(config, timeout=PATIENCE)) as peer:
-        peer.connect()
-        peer.stop()
-        assert next_command(bridge) == Command(UNNUMBERED, Control.STOP, source=ANYBODY)
-
-
 def test_a_silent_cell_is_said_in_one_line(config):
     with (
         closing(CanPeer(config, timeout=0.1)) as peer,
         pytest.raises(CellError, match=r"^CANopen node 16[^\n]*no report"),
     ):
         peer.connect()
-
-
-# A whole cell, from another process.
-
-
-def free_port():
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
-
-
-def test_a_run_in_another_process_stops_when_the_heartbeat_of_the_plc_ends(tmp_path):
-    config = CanConfig(interface="udp_multicast", channel=f"{GROUP}:{free_port()}")
-    bus = CanBus(config.interface, config.channel, config.bitrate)
-    try:
-        bus.open()
-    except CellError as error:
-        pytest.skip(f"no multicast on this computer: {error}")
-    bus.close()
-    sets = ["plc.modbus.port=0", 'plc.can.interface="udp_multicast"', f'plc.can.channel="{config.channel}"']
-    sets += ["plc.life_timeout=60.0", "plc.can.plc_timeout=60.0"]  # a busy computer makes a late PLC
-    command = [sys.executable, "-m", "cell", "serve", "--journal", str(tmp_path)]
-    command += [word for text in sets for word in ("--set", text)]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True) as process:
-        try:
-            process.stdout.readline()
-            with closing(CanPeer(config, timeout=PATIENCE)) as peer:
-                peer.connect()
-                peer.trigger(CATALOGUE["insert_peg"].code, serial="SN 1")
-                while peer.cycle().stage == 0:
-                    pass
-                peer.end_heartbeat()
-                peer._node.sdo[0x1016][1].raw = config.plc_node << 16 | 200  # from the next beat on
-                peer._wire.send_message(0x700 + config.plc_node, b"\x05")
-                with pytest.raises(CellSilentError, match="PRE-OPERATIONAL"):
-                    peer.wait_for_result(PATIENCE)
-                peer.close()
-                peer.resume()
-                report = peer.wait_for_result(PATIENCE)
-            assert (report.result, report.fault) == (Result.FAULT, FaultCode.PLC_LOST)
-            process.terminate()
-            process.wait(PATIENCE)
-        finally:
-            process.kill()
-    with Journal(tmp_path) as journal:
-        row = journal.find(1)
-    assert (row.source, row.serial, row.outcome, row.fault) == ("node 1", "SN 1", "fault", FaultCode.PLC_LOST)

@@ -1,21 +1,20 @@
-"""A skill and an estimator that somebody adds, each one file and one entry, at work from terminal, Modbus and CAN."""
+"""A skill and an estimator that somebody adds, each one file and one entry, at work from terminal and PLC."""
 
 import json
 import os
 import shutil
-import socket
 import subprocess
 import sys
+from contextlib import closing
 from pathlib import Path
 
 import pytest
 
-from drivers.errors import CellError
-from drivers.transport.can_bus import CanBus
-from plc_bridge.config import CanConfig
+from plc_bridge.peer import Peer
 from plc_bridge.protocol.messages import Result
 from plc_bridge.protocol.registers import STAGES
 from skills.catalogue import CATALOGUE
+from tests.serving import address_of, process
 
 HERE = Path(__file__).resolve().parents[2]
 PACKAGES = ("cell", "config", "drivers", "plc_bridge", "sim", "skills")
@@ -101,24 +100,6 @@ class FixedEstimator:
         """See `skills.tactile.pose.Estimator`."""
         return PegPose(self._params.theta, 0.0, 0.01, 0.0, True, frame.stamp)
 '''
-PLC = """
-import json, sys
-from contextlib import closing
-from can_peer import CanPeer
-from plc_bridge.config import CanConfig
-from plc_bridge.peer import Peer
-
-bus, where, code, patience = sys.argv[1], sys.argv[2], int(sys.argv[3]), float(sys.argv[4])
-if bus == "can":
-    made = CanPeer(CanConfig(interface="udp_multicast", channel=where, plc_timeout=patience), timeout=patience)
-else:
-    made = Peer(where.split(":")[0], int(where.split(":")[1]), timeout=patience)
-with closing(made) as peer:
-    peer.connect()
-    assert peer.take()
-    reports = [peer.run(code, recipe=recipe, timeout=patience) for recipe in (0, 2)]
-print(json.dumps([[r.result, r.stage, r.reason, r.stage_times, r.total_time] for r in reports]))
-"""
 ESTIMATOR_ENTRY = """    EstimatorEntry("{name}", fixed.FixedParams, lambda params, setup: fixed.FixedEstimator(params)),
 """
 
@@ -134,7 +115,6 @@ def build(folder, code=CODE, stage=STAGE, name="fixed", room=STAGE):
     """Copy the program, its map with room for so many stages at least, and add to the copy what an engineer adds."""
     for package in PACKAGES:
         shutil.copytree(HERE / package, folder / package)
-    shutil.copy(HERE / "tests" / "can_peer.py", folder)
     if room > STAGES:
         table = folder / "plc_bridge" / "protocol" / "registers.py"
         told = table.read_text(encoding="utf-8")
@@ -151,13 +131,10 @@ def build(folder, code=CODE, stage=STAGE, name="fixed", room=STAGE):
     return folder
 
 
-def command(house, *words):
-    """Return the command line and the environment of `cell` as it is in `house`."""
-    return [sys.executable, "-m", "cell", *words], {**os.environ, "PYTHONPATH": str(house)}
-
-
 def told(house, *words):
-    line, environment = command(house, *words)
+    """Return what `cell` does as it is in `house`."""
+    environment = {**os.environ, "PYTHONPATH": str(house)}
+    line = [sys.executable, "-m", "cell", *words]
     return subprocess.run(line, env=environment, cwd=house, capture_output=True, text=True, check=False)
 
 
@@ -168,45 +145,10 @@ def house(tmp_path_factory):
 
 @pytest.fixture
 def served(house, tmp_path):
-    """Yield where Modbus listens, and the config of the bus, of the cell as it is in `house`."""
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        bus = CanConfig(
-            interface="udp_multicast", channel=f"239.74.163.2:{probe.getsockname()[1]}", plc_timeout=PATIENCE
-        )
-    sets = ["plc.modbus.port=0", f"plc.life_timeout={PATIENCE}", "insert.estimator=fixed", "sim.pace=max"]
-    if has_multicast(bus):
-        sets += [f'plc.can.{name}="{getattr(bus, name)}"' for name in ("interface", "channel")]
-        sets.append(f"plc.can.plc_timeout={PATIENCE}")
-    line, environment = command(house, "serve", "--journal", str(tmp_path))
-    line += [word for text in sets for word in ("--set", text)]
-    with subprocess.Popen(line, env=environment, cwd=house, stdout=subprocess.PIPE, text=True) as process:
-        try:
-            yield process.stdout.readline().split()[-1], bus
-        finally:
-            process.terminate()
-
-
-def has_multicast(config):
-    bus = CanBus(config.interface, config.channel, config.bitrate)
-    try:
-        bus.open()
-    except CellError:
-        return False
-    bus.close()
-    return True
-
-
-def assert_read_back(house, bus, where):
-    """Run the skill by the default recipe, which expects the estimator's angle, and by recipe 2, which does not."""
-    line = [sys.executable, "-c", PLC, bus, where, str(CODE), str(PATIENCE)]
-    environment = {**os.environ, "PYTHONPATH": str(house)}
-    done = subprocess.run(line, env=environment, cwd=house, capture_output=True, text=True, check=True)
-    seen, unseen = json.loads(done.stdout)
-    assert seen[:3] == [Result.SUCCESS, STAGE, 0]
-    assert unseen[:3] == [Result.FAILURE, STAGE, OWN]
-    for *_, times, total in (seen, unseen):
-        assert (times[STAGE - 1], total) == pytest.approx((0.5, 0.5))
+    """Yield where the cell listens as it is in `house`."""
+    sets = [f"plc.life_timeout={PATIENCE}", "insert.estimator=fixed", "sim.pace=max"]
+    with process(tmp_path, sets, cwd=house, env={**os.environ, "PYTHONPATH": str(house)}) as (_, (place,)):
+        yield address_of(place)
 
 
 def test_the_terminal_runs_them(house, tmp_path):
@@ -222,14 +164,15 @@ def test_the_terminal_runs_them(house, tmp_path):
     assert (bad.returncode, row["outcome"], row["reason"]) == (1, "failure", "other_angle")
 
 
-def test_a_plc_on_modbus_runs_them_and_reads_the_time_back(house, served):
-    assert_read_back(house, "modbus", served[0])
-
-
-def test_a_plc_on_can_runs_them_and_reads_the_time_back(house, served):
-    if not has_multicast(served[1]):
-        pytest.skip("no multicast on this computer")
-    assert_read_back(house, "can", served[1].channel)
+def test_a_plc_runs_them_and_reads_the_time_back(house, served):
+    """The default recipe expects the estimator's angle, and recipe 2 does not."""
+    with closing(Peer(*served, timeout=PATIENCE)) as peer:
+        peer.connect()
+        seen, unseen = (peer.run(CODE, recipe=recipe, timeout=PATIENCE) for recipe in (0, 2))
+    assert (seen.result, seen.stage, seen.reason) == (Result.SUCCESS, STAGE, 0)
+    assert (unseen.result, unseen.stage, unseen.reason) == (Result.FAILURE, STAGE, OWN)
+    for report in (seen, unseen):
+        assert report.total_time == pytest.approx(0.5)
 
 
 def test_the_map_names_them(house):

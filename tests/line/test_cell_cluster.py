@@ -1,4 +1,4 @@
-"""Trials on a real Dask scheduler with real workers on loopback, and on processes that are killed."""
+"""Trials on real worker processes and on a real Dask scheduler on loopback: the same rows whoever is killed or interrupted."""
 
 import json
 import logging
@@ -19,7 +19,7 @@ from cell.commands.cli import FAULT, main
 from cell.config.load import load
 from cell.lab import workers
 from cell.lab.trials import PARTIAL, run_trial, run_trials
-from cell.lab.workers import on_cluster
+from cell.lab.workers import Pool, _deaf_children, on_cluster, on_processes
 from drivers.errors import CellError
 
 SHORT = ["search.timeout=2.0"]
@@ -138,3 +138,37 @@ def test_an_address_where_nobody_schedules_is_told_in_one_line(capsys, monkeypat
     told = capsys.readouterr()
     assert (told.out, told.err.count("\n")) == ("", 1)
     assert f"scheduler {address}: no answer" in told.err
+
+
+def test_rows_do_not_depend_on_the_number_of_workers(config, tmp_path):
+    by_two = run_trials(config, range(5, 8), 2, tmp_path, lambda row: None)
+    alone = [run_trial(config, seed) for seed in range(5, 8)]
+    assert [replace(row, wall_time=0.0) for row in by_two] == [replace(row, wall_time=0.0) for row in alone]
+
+
+def test_every_seed_draws_its_own_hole_and_start(config):
+    rows = [run_trial(config, seed) for seed in (1, 2)]
+    assert len({(row.hole_x, row.hole_y) for row in rows}) == 2
+    assert len({(row.start_x, row.start_y) for row in rows}) == 2
+
+
+STUCK = partial(signal.sigtimedwait, {signal.SIGUSR1})
+"""A task that waits for its seed's seconds."""
+
+
+def test_whoever_interrupts_does_not_wait_for_trials_under_way():
+    rows = on_processes(STUCK, [0, 100_000, 100_001], 2)
+    assert next(rows) is None
+    rows.close()  # as an interruption does; it would wait for a day
+
+
+def test_a_pool_that_is_left_waits_for_none_of_its_tasks():
+    with Pool(1) as pool:
+        pool.submit(STUCK, 100_000)
+
+
+def test_workers_leave_a_ctrl_c_to_their_parent():
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, ())
+    with _deaf_children():
+        assert signal.SIGINT in signal.pthread_sigmask(signal.SIG_BLOCK, ())
+    assert signal.pthread_sigmask(signal.SIG_BLOCK, ()) == before

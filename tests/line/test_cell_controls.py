@@ -23,8 +23,8 @@ from plc_bridge.protocol.messages import Control, PartPlace, Result
 from skills.catalogue import CATALOGUE
 from skills.guards.rest import REST_SPEED
 from tests.fakes import FakePlc
+from tests.simulated_line import INSERT, ScanClock
 
-INSERT = CATALOGUE["insert_peg"].code
 LENGTHS = {
     "grasp_from_rack": 320,
     "spray_search": 700,
@@ -39,21 +39,6 @@ PAUSE = 50
 """Scans on hold."""
 CREEP = 0.001
 """Way of a halted arm, m: the hand goes on closing, on a peg that stands in the rack."""
-
-
-class ScanClock:
-    """The cell's clock, which calls its listeners after each scan."""
-
-    def __init__(self, clock):
-        self._clock, self.every = clock, []
-
-    def now(self):
-        return self._clock.now()
-
-    def wait_until(self, stamp):
-        self._clock.wait_until(stamp)
-        for action in self.every:
-            action()
 
 
 class HeardBridge(Bridge):

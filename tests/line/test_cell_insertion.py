@@ -1,7 +1,6 @@
 """The main job, whole: a PLC's command on a socket, a simulated cell with physics, and the answer on the same socket."""
 
 import re
-import shutil
 import subprocess
 import threading
 from collections.abc import Iterator
@@ -19,6 +18,7 @@ from plc_bridge.protocol.images import COMMAND, REPORT
 from plc_bridge.protocol.messages import Result
 from plc_bridge.protocol.registers import Lease
 from skills.catalogue import CATALOGUE
+from tests import mbpoll
 from tests.serving import serving
 
 RECOVER = CATALOGUE["recover"].code
@@ -48,16 +48,10 @@ def test_a_plc_has_a_peg_inserted_and_the_next_command_runs(served, tmp_path):
         assert [(row.program, row.serial) for row in journal.runs(2)] == [("recover", ""), ("insert_peg", "A-1")]
 
 
-def mbpoll(address: tuple[str, int], *arguments: str) -> list[str]:
-    """Return the command line of a Modbus client that is not ours, zero-based addresses."""
-    host, port = address
-    return ["mbpoll", "-m", "tcp", "-p", str(port), "-0", "-a", "1", *arguments[:-1], host, *arguments[-1].split()]
-
-
 def polled(address: tuple[str, int], name: str) -> Iterator[int]:
     """Yield what mbpoll reads in one input register, ten times a second, until nobody listens."""
     place = next(register.address for register in REPORT.registers if register.name == name)
-    command = mbpoll(address, "-t", "3", "-r", str(place), "-c", "1", "-l", "100", "")
+    command = mbpoll.Mbpoll.tcp(address).command("input", place, "-c", "1", "-l", "100")
     with subprocess.Popen(["stdbuf", "-oL", *command], stdout=subprocess.PIPE, text=True) as process:
         try:
             assert process.stdout is not None
@@ -68,18 +62,11 @@ def polled(address: tuple[str, int], name: str) -> Iterator[int]:
             process.terminate()
 
 
-def send(address: tuple[str, int], **values: int) -> None:
-    """Write the head of the command block in one request."""
-    head = [register.name.removeprefix("command_") for register in COMMAND.registers[:7]]
-    words = " ".join(str(values.get(name, 0)) for name in head)
-    subprocess.run(mbpoll(address, "-t", "4", "-r", "0", words), check=True, capture_output=True, timeout=LONGEST)
-
-
-@pytest.mark.skipif(shutil.which("mbpoll") is None, reason="mbpoll is not installed: apt-get install mbpoll")
+@mbpoll.needed
 def test_a_client_that_is_not_ours_has_a_peg_inserted(served):
     cell, address, begin = served
-    send(address, sequence=1, lease=Lease.TAKE_FOR_HOST)
-    send(address, sequence=2, code=INSERT, lease=Lease.TAKE_FOR_HOST)
+    for sequence, code in ((1, 0), (2, INSERT)):
+        mbpoll.Mbpoll.tcp(address).write("holding", COMMAND.start, 0, sequence, code, 0, 0, Lease.TAKE_FOR_HOST)
     begin.set()
     result = next(value for value in polled(address, "report_result") if value != Result.NONE)
     assert result == Result.SUCCESS

@@ -4,17 +4,13 @@ import numpy as np
 import pytest
 
 from cell.config.load import load
-from cell.devices.assembly import assemble, opened
 from cell.lab.charts import draw_panels
 from cell.lab.compare import variants_of
 from cell.lab.seating import hanging, line_of, panel
 from cell.lab.trials import run_trial
 from drivers.parts import Latch
-from skills.catalogue import GRASP
-from skills.held_peg import HeldPeg
 from skills.seating.latch_likelihood import GRID, SHEAR, Way, resistance
 
-CONFIG = load().cell
 CASES = {variant.family: variant for variant in variants_of("seating")}
 
 
@@ -49,12 +45,3 @@ def test_deviations_that_last_longer_have_a_longer_correlation_length():
 
     assert GRID <= length(4e-4) < length(1.6e-3)
     assert hanging(Way((), ()), latch) is None
-
-
-def test_ways_down_of_another_peg_are_forgotten_at_the_next_grasp():
-    cell = assemble(CONFIG.model_copy(update={"sim": CONFIG.sim.model_copy(update={"pace": "max"})}))
-    with opened(cell):
-        ctx = cell.context(1)
-        ctx.peg = HeldPeg(ways=(Way((0.1,), (0.0,)),))
-        GRASP.run(CONFIG.skill_set(), ctx)
-    assert ctx.peg.ways == ()

@@ -1,85 +1,22 @@
 """The simulated cell and its peg: what is dropped lies there, starts are refused, `recover` frees what it can, nothing is torn out."""
 
-from contextlib import contextmanager
-from dataclasses import dataclass, replace
-
 import numpy as np
 import pytest
 
-from cell.config.load import load
-from cell.config.parameters import PARAMETERS
-from cell.devices.assembly import Cell, assemble, opened
 from cell.peg.custody import Custody
-from cell.records.journal import Journal
-from cell.run.line import PROGRAMS
 from cell.run.states import State
-from cell.run.supervisor import Supervisor
 from drivers.quantities import SwitchState
-from plc_bridge.bridge import Bridge
 from plc_bridge.protocol.messages import Control, PartPlace, Refusal, Result
-from sim.world.physics import World
 from sim.world.situation import PegSituation
-from skills.catalogue import CATALOGUE
 from skills.contract import Reason
-from tests.fakes import FakePlc
-from tests.line.test_cell_controls import ScanClock
-
-INSERT, GRASP, RELEASE, RECOVER = (
-    CATALOGUE[name].code for name in ("insert_peg", "grasp_from_rack", "release_and_retract", "recover")
-)
-
+from tests.simulated_line import GRASP, INSERT, RECOVER, RELEASE, Says, line
 
 SEARCH_STAGE = 2
 
 
-@dataclass
-class Line:
-    """A simulated cell, its supervisor and a PLC in the cell's own time."""
-
-    cell: Cell
-    world: World
-    supervisor: Supervisor
-    plc: FakePlc
-
-    def command(self, code, **changes):
-        """Let the cell obey to the end, and return what the PLC reads then."""
-        self.plc.trigger(code, **changes)
-        for _ in range(3):
-            self.supervisor.scan()
-        return self.plc.report
-
-    def stop_when(self, is_due):
-        """Stop the run, once, when the report is so."""
-
-        def stop():
-            if is_due(self.plc.report):
-                self.cell.clock.every.remove(stop)
-                self.plc.stop()
-
-        self.cell.clock.every.append(stop)
-
-    def wait(self, scans):
-        for _ in range(scans):
-            self.supervisor.scan()
-
-
-@contextmanager
-def line(folder, *sets, seed=1, **devices):
-    """Yield a line; `devices` makes a device out of the one that the cell has, by name."""
-    loaded = load(sets=["sim.pace=max", "reality.scale=0.0", f"sim.seed={seed}", *sets])
-    with opened(assemble(loaded.cell)) as cell, Journal(folder) as journal:
-        world = cell.clock
-        clock = ScanClock(world)
-        cell = replace(cell, clock=clock, **{name: make(cell) for name, make in devices.items()})
-        bridge = Bridge(loaded.cell.plc, PROGRAMS, PARAMETERS, now=clock.now)
-        supervisor = Supervisor(cell, loaded, bridge, journal)
-        yield Line(cell, world, supervisor, FakePlc(bridge, clock))
-        supervisor._part.flush()  # as at the end of `serve`
-
-
 def test_a_dropped_peg_lies_where_it_fell_until_a_person_takes_it_away(tmp_path):
     with line(tmp_path) as made:
-        made.stop_when(lambda report: report.stage == SEARCH_STAGE and report.progress > 0)
+        made.when(lambda report: report.stage == SEARCH_STAGE and report.progress > 0, made.plc.stop)
         assert made.command(INSERT).part == PartPlace.IN_HAND
         assert made.command(Control.RESET).state == State.IDLE
         report = made.command(RELEASE)
@@ -139,7 +76,7 @@ def test_the_next_program_is_told_what_the_hand_of_the_last_one_held(tmp_path):
     with line(tmp_path) as made:
         made.command(GRASP)
     with line(tmp_path) as made:
-        made.wait(2)
+        made.scan(2)
         assert made.plc.report.part == PartPlace.UNKNOWN  # a new world, in which the hand is empty
         assert made.command(INSERT).refusal == Refusal.PART_UNRESOLVED
         made.command(Control.CLEARED)
@@ -147,23 +84,8 @@ def test_the_next_program_is_told_what_the_hand_of_the_last_one_held(tmp_path):
     assert Custody(tmp_path, "sim")._kept.place is PartPlace.IN_HAND
 
 
-class Says:
-    """A switch that reports the state it was set to."""
-
-    def __init__(self, state):
-        self.state = state
-
-    def open(self): ...
-
-    def close(self): ...
-
-    def read(self):
-        return self.state
-
-
 @pytest.mark.parametrize(
-    ("state", "refusal"),
-    [(SwitchState.CLOSED, Refusal.HOLE_OCCUPIED), (SwitchState.UNKNOWN, Refusal.SWITCH_UNKNOWN)],
+    ("state", "refusal"), [(SwitchState.CLOSED, Refusal.HOLE_OCCUPIED), (SwitchState.UNKNOWN, Refusal.SWITCH_UNKNOWN)]
 )
 def test_a_switch_that_is_closed_or_unknown_refuses_a_start_before_anything_moves(tmp_path, state, refusal):
     with line(tmp_path, switch=lambda cell: Says(state)) as made:

@@ -1,15 +1,13 @@
 """`cell serve` as a process: it ends on a signal with the arm stopped and the run on record."""
 
-import os
 import signal
 import subprocess
-import sys
 import time
-from contextlib import closing, contextmanager, suppress
+from contextlib import closing, contextmanager
 
 import pytest
 
-from cell.commands.cli import FAULT, NOT_GOOD, REPEATED
+from cell.commands.cli import NOT_GOOD, REPEATED
 from cell.records.journal import Journal
 from cell.records.schema import EventKind
 from cell.run.states import State
@@ -17,6 +15,7 @@ from cell.run.supervisor import EXIT_BLOCKED
 from drivers.errors import FaultCode
 from plc_bridge.peer import Peer
 from skills.catalogue import CATALOGUE
+from tests.serving import address_of, process
 
 INSERT = CATALOGUE["insert_peg"].code
 
@@ -40,24 +39,17 @@ sys.exit(main(sys.argv[1:]))
 
 
 @contextmanager
-def served(folder, program=("-m", "cell"), sets=()):
-    """Yield the process, and host and port, of a cell that is served, at the pace of the wall clock by default."""
-    words = [word for key in ("plc.modbus.port=0", *sets) for word in ("--set", key)]
-    command = [sys.executable, *program, "serve", *words, "--journal", str(folder)]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True) as process:
-        try:
-            assert process.stdout is not None
-            host, port = process.stdout.readline().split()[-1].rsplit(":", 1)
-            yield process, (host, int(port))
-        finally:
-            process.kill()
+def served(folder, program=("-m", "cell")):
+    """Yield the process, and host and port, of a cell that is served at the pace of the wall clock."""
+    with process(folder, (), program=program) as (running, (place,)):
+        yield running, address_of(place)
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_a_signal_ends_an_idle_cell(tmp_path, number):
-    with served(tmp_path) as (process, _):
-        process.send_signal(number)
-        assert process.wait(30) == 0
+    with served(tmp_path) as (running, _):
+        running.send_signal(number)
+        assert running.wait(30) == 0
 
 
 def test_whoever_connects_first_meets_a_cell_that_has_scanned(tmp_path):
@@ -66,14 +58,14 @@ def test_whoever_connects_first_meets_a_cell_that_has_scanned(tmp_path):
 
 
 def test_a_signal_in_the_middle_of_a_run_stops_it_first(tmp_path):
-    with served(tmp_path) as (process, address):
+    with served(tmp_path) as (running, address):
         with closing(Peer(*address)) as peer:
             peer.connect()
             report = peer.trigger(INSERT)
             while report.stage == 0:
                 report = peer.cycle()
-        process.send_signal(signal.SIGTERM)
-        assert process.wait(30) == 0
+        running.send_signal(signal.SIGTERM)
+        assert running.wait(30) == 0
     with Journal(tmp_path) as journal:
         row = journal.find(1)
     assert (row.outcome, row.stage, row.reason) == ("aborted", "grasp_from_rack", "stopped")
@@ -102,77 +94,24 @@ LOCKED = "import ctypes; lock = (ctypes.CDLL(None).pthread_mutex_lock, ctypes.cr
 
 @pytest.mark.parametrize("wait", ["time.sleep(0.01)", LOCKED])
 def test_a_device_that_hangs_keeps_no_idle_cell_from_ending(tmp_path, mark, wait):
-    with served(tmp_path / "runs", hanging("read", mark, wait)) as (process, _):
+    with served(tmp_path / "runs", hanging("read", mark, wait)) as (running, _):
         hang(mark)
-        process.send_signal(signal.SIGTERM)
-        assert process.wait(30) == EXIT_BLOCKED
+        running.send_signal(signal.SIGTERM)
+        assert running.wait(30) == EXIT_BLOCKED
     with Journal(tmp_path / "runs", is_read_only=True) as journal:
         (fault,) = [event for event in journal.events() if event.kind == EventKind.FAULT]
     assert (fault.code, fault.text[:14]) == (FaultCode.SCAN_OVERRUN, "scan: no scan ")
 
 
-def test_a_device_that_hangs_keeps_no_run_from_ending_however_fast_its_simulation_goes(tmp_path, mark):
-    program, sets = hanging("read", mark), ["sim.pace=max"]
-    with served(tmp_path / "runs", program, sets) as (process, address), closing(Peer(*address)) as peer:
-        peer.connect()
-        report = peer.trigger(INSERT)
-        while report.stage == 0:
-            report = peer.cycle()
-        hang(mark)
-        process.send_signal(signal.SIGTERM)
-        assert process.wait(30) == EXIT_BLOCKED
-    with Journal(tmp_path / "runs", is_read_only=True) as journal:
-        row = journal.find(1)
-    assert (row.outcome, row.fault, row.message[:26]) == ("fault", FaultCode.SCAN_OVERRUN, "grasp_from_rack: no scan f")
-
-
 def test_a_second_signal_ends_a_cell_whose_device_does_not_let_go(tmp_path, mark):
-    with served(tmp_path / "runs", hanging("close", mark)) as (process, address):
+    with served(tmp_path / "runs", hanging("close", mark)) as (running, address):
         with closing(Peer(*address)) as peer:
             life = peer.look().life
             while peer.look().life == life:
                 pass  # until it listens to signals
         mark.touch()
-        process.send_signal(signal.SIGTERM)
+        running.send_signal(signal.SIGTERM)
         with pytest.raises(subprocess.TimeoutExpired):
-            process.wait(1.5 * REPEATED)
-        process.send_signal(signal.SIGTERM)
-        assert process.wait(30) == NOT_GOOD
-
-
-DIVERGES = """
-import sys
-import numpy as np
-from skills import grasp_from_rack
-from sim.world.physics import World
-worlds, made, run = [], World.__init__, grasp_from_rack.run
-def remembered(world, *given, **named):
-    worlds.append(world)
-    made(world, *given, **named)
-def diverging(*given, **named):
-    worlds[-1].physics()[1].qvel[:7] = np.inf
-    return run(*given, **named)
-World.__init__, grasp_from_rack.run = remembered, diverging
-from cell.commands.cli import main
-sys.exit(main(["run", "insert_peg", "--set", "sim.pace=max", "--journal", sys.argv[1]]))
-"""
-"""A run whose simulated physics diverge."""
-
-
-def test_physics_that_diverge_end_a_program_whose_standard_error_is_full_and_read_by_nobody(tmp_path):
-    reader, writer = os.pipe()
-    os.set_blocking(writer, False)
-    with suppress(BlockingIOError):
-        while True:
-            os.write(writer, b"x" * 4096)
-    os.set_blocking(writer, True)
-    command = [sys.executable, "-c", DIVERGES, str(tmp_path / "runs")]
-    with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=writer, cwd=tmp_path) as process:
-        try:
-            assert process.wait(60) == FAULT
-        finally:
-            process.kill()
-            os.close(reader)
-            os.close(writer)
-    with Journal(tmp_path / "runs", is_read_only=True) as journal:
-        assert (journal.find(1).outcome, journal.find(1).fault) == ("fault", FaultCode.SIMULATION_UNSTABLE)
+            running.wait(1.5 * REPEATED)
+        running.send_signal(signal.SIGTERM)
+        assert running.wait(30) == NOT_GOOD

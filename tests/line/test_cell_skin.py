@@ -139,67 +139,47 @@ def test_wrong_use_is_told_in_one_line(arguments, said, capsys, tmp_path, monkey
     assert said in line
 
 
-def test_sound_skin_is_ok(capsys):
-    for wire in (CAN, SERIAL):
-        assert checked(capsys, *wire, status=GOOD) == "ok"
-
-
-def test_dead_module_is_named_with_its_finger_and_taxels(capsys):
-    found = checked(capsys, *CAN, "--set", "boards.skin.dead_modules=1")
-    assert "right finger, module 1 (taxels 10 to 19): dead" in found
-    assert found.startswith("fault 1002")
-
-
-def test_dead_taxels_are_named(capsys):
-    found = checked(capsys, *FAST, "--set", "skin.dead_taxels=2", status=GOOD)
-    assert found.startswith("ok, but skin: ")
-    assert "finger, taxels " in found
-
-
-def test_silent_board_is_named(capsys):
-    away = ["--set", "boards.skin.faults.unplugged=[[0.0, 100.0]]"]
-    assert "hub 1 does not answer" in checked(capsys, *CAN, *away)
-    assert "no such port: plug it in" in checked(capsys, *SERIAL, *away)
-
-
-def test_wire_that_is_too_slow_is_named(capsys):
-    slow = ["--set", "skin.rate=100", "--set", "skin.baud_rate=57600"]
-    assert "80% of skin.rate" in checked(capsys, *SERIAL, *slow)
-
-
-def test_wire_that_loses_data_is_named(capsys):
-    found = checked(capsys, *SERIAL, "--set", "boards.skin.faults.corrupt=0.003")
-    assert "messages refused: mend the wiring" in found
-
-
-def test_port_that_is_not_there_is_named(capsys):
-    found = checked(capsys, *SERIAL, "--set", "skin.port=/dev/ttyNO7")
-    assert (
-        found
-        == "fault 1007: serial port /dev/ttyNO7: no such port: plug it in, or name another one; docs/first-day.md, step 5"
-    )
-
-
-def test_line_on_which_nobody_answers_is_named(capsys):
+@pytest.fixture
+def nobody():
+    """Yield a serial port at which nobody answers."""
     far, near = pty.openpty()
-    try:
-        found = checked(capsys, *SERIAL, "--set", f"skin.port={os.ttyname(near)}", "--set", "skin.open_timeout=0.2")
-    finally:
-        os.close(far)
-        os.close(near)
-    assert found.startswith("fault 1001: skin: hub 1 does not answer: check its supply and cable")
-    assert "skin.baud_rate" in found
+    yield os.ttyname(near)
+    os.close(far)
+    os.close(near)
 
 
-def test_bus_on_which_nobody_answers_is_named(capsys):
-    found = checked(
-        capsys,
-        *CAN,
-        "--set",
-        "skin.interface=virtual",
-        "--set",
-        "skin.channel=nobody",
-        "--set",
-        "skin.open_timeout=0.2",
-    )
-    assert found.startswith("fault 1001: skin: hub 1 does not answer: check its supply, the wires with a terminator")
+HUB_SILENT = "fault 1001: skin: hub 1 does not answer: check its supply"
+FINDINGS = {
+    "sound on CAN": (CAN, [], "ok"),
+    "sound on a serial line": (SERIAL, [], "ok"),
+    "dead module": (CAN, ["boards.skin.dead_modules=1"], "fault 1002.*right finger, module 1 .taxels 10 to 19.: dead"),
+    "dead taxels": (FAST, ["skin.dead_taxels=2"], "ok, but skin: .*finger, taxels "),
+    "silent hub": (CAN, ["boards.skin.faults.unplugged=[[0.0, 100.0]]"], "fault 1001.*hub 1 does not answer"),
+    "unplugged adapter": (SERIAL, ["boards.skin.faults.unplugged=[[0.0, 100.0]]"], ".*no such port: plug it in"),
+    "slow wire": (SERIAL, ["skin.rate=100", "skin.baud_rate=57600"], ".*80% of skin.rate"),
+    "losses": (SERIAL, ["boards.skin.faults.corrupt=0.003"], ".*messages refused: mend the wiring"),
+    "no port": (
+        SERIAL,
+        ["skin.port=/dev/ttyNO7"],
+        "fault 1007: serial port /dev/ttyNO7: no such port: .*; docs/first-day.md, step 5$",
+    ),
+    "nobody on the line": (
+        SERIAL,
+        ["skin.port={nobody}", "skin.open_timeout=0.2"],
+        f"{HUB_SILENT} and cable.*skin.baud_rate",
+    ),
+    "nobody on the bus": (
+        CAN,
+        ["skin.interface=virtual", "skin.channel=nobody", "skin.open_timeout=0.2"],
+        f"{HUB_SILENT}, the wires with a terminator",
+    ),
+}
+"""Skins: the options of their wire, keys of what is wrong, and the beginning of what `check` finds."""
+
+
+@pytest.mark.parametrize("skin", FINDINGS)
+def test_check_names_what_is_wrong_with_the_skin(skin, capsys, nobody):
+    wire, keys, found = FINDINGS[skin]
+    words = [word for key in keys for word in ("--set", key.format(nobody=nobody))]
+    status = GOOD if found.startswith("ok") else FAULT
+    assert re.match(found, checked(capsys, *wire, *words, status=status))

@@ -7,9 +7,6 @@ import pytest
 from cell.config.load import load
 from cell.devices.assembly import assemble, opened
 from cell.lab.trials import run_trial
-from drivers.frames import rotation_about
-from drivers.quantities import Pose
-from sim.world import metering, truth
 from sim.world.physics import World
 from sim.world.situation import PegSituation
 from sim.world.truth import VOID_PENETRATION
@@ -45,19 +42,3 @@ def test_a_square_peg_is_held_by_two_of_its_faces() -> None:
         assert load_now is not None
         assert load_now.is_flat
         assert result.theta == pytest.approx(physics.truth().theta, abs=math.radians(3.0))
-
-
-def test_a_square_peg_at_rest_in_its_hole_stays_at_rest() -> None:
-    with opened(assemble(load(sets=(*SQUARE, "sim.seed=4")).cell)) as cell:
-        physics = cell.clock
-        assert isinstance(physics, World)
-        up = physics.plate.rotation[:, 2]
-        leaning = rotation_about(physics.plate.rotation[:, 0], math.radians(0.1)) @ physics.plate.rotation
-        half = physics.stepper.scene.size.half
-        physics.stepper.enter_free(width=0.08, peg=Pose(physics.plate.position + up * (half - 0.019), leaning))
-        physics.wait_until(physics.now() + 2.0)
-        before = physics.truth().tip
-        assert physics.truth().switch_closed
-        physics.wait_until(physics.now() + 30.0)
-        assert math.dist(physics.truth().tip, before) < 2e-6
-        assert physics.meters[metering.SUSTAINED] < truth.VOID_PENETRATION

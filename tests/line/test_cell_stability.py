@@ -1,29 +1,21 @@
 """The map of stability on the whole arm: theory's boundary holds, the observer takes it away, the guard sees what crosses it."""
 
-import csv
-import io
-import json
-from contextlib import redirect_stdout
-
 import pytest
 
-from cell.commands.cli import GOOD, main
+from tests.studies import is_chart, rows_of, studied
 
 
 @pytest.fixture(scope="module")
 def study(tmp_path_factory):
     """Return what the command printed, and its folder."""
     out = tmp_path_factory.mktemp("stability")
-    with redirect_stdout(io.StringIO()) as printed:
-        assert main(["study", "stability", "--quick", "--json", "--out", str(out)]) == GOOD
-    return json.loads(printed.getvalue()), out
+    return studied(out, "stability", "--quick"), out
 
 
 @pytest.fixture(scope="module")
 def rows(study):
     figures, folder = study
-    with (folder / "stability.csv").open(encoding="utf-8") as file:
-        found = list(csv.DictReader(file))
+    found = rows_of(folder / "stability.csv")
     assert len(found) == figures["cases"]
     return found
 
@@ -65,4 +57,4 @@ def test_every_shipped_gain_has_the_margin_that_is_asked_for(figures):
 
 def test_both_charts_are_drawn(study):
     for kind in ("translation", "rotation"):
-        assert (study[1] / f"stability_{kind}.png").read_bytes().startswith(b"\x89PNG")
+        assert is_chart(study[1] / f"stability_{kind}.png")

@@ -113,7 +113,7 @@ def test_an_error_of_the_line_in_a_run_is_a_fault_on_record(world):
     assert (journal.find(1).outcome, journal.find(1).fault) == ("fault", FaultCode.SOFTWARE)
 
 
-def test_physics_that_diverge_end_the_program_with_the_run_on_record(world):
+def test_physics_that_diverge_end_the_program_with_the_run_on_record(world, tmp_path):
     loaded, cell, journal = world
     physics = cell.arm._world
     assert isinstance(physics, World)
@@ -126,6 +126,7 @@ def test_physics_that_diverge_end_the_program_with_the_run_on_record(world):
         Supervisor(cell, loaded, Ended(at), journal).serve()
     assert journal.find(1).outcome == "fault"
     assert [event.code for event in journal.events() if event.kind == "fault"][-1] == FaultCode.SIMULATION_UNSTABLE
+    assert not list(tmp_path.glob("MUJOCO*"))
 
 
 def test_a_skill_that_blocks_halts_the_arm_and_is_told_by_its_name(served, monkeypatch):

@@ -18,24 +18,9 @@ from skills.insert.tactile_insert import TactileInsertResult
 from skills.release_and_retract import ReleaseAndRetractResult
 from skills.search import spray_search
 from skills.search.spray_search import SpraySearchResult
-from tests.line.test_cell_part import INSERT, RECOVER, Says, line
+from tests.simulated_line import INSERT, RECOVER, Says, line
 
 ADJUST_STAGE = 4
-
-
-class EarlySwitch:
-    """A switch that closes 4 mm before the peg is seated."""
-
-    def __init__(self, cell):
-        self._truth, self._depth = cell.truth, cell.config.hole.depth - 0.004
-
-    def open(self): ...
-
-    def close(self): ...
-
-    def read(self):
-        truth = self._truth()
-        return SwitchState.CLOSED if truth.is_in_hole and truth.depth >= self._depth else SwitchState.OPEN
 
 
 class StuckHand:
@@ -60,24 +45,6 @@ class StuckHand:
         return self._hand.read()
 
 
-class SlackHand(StuckHand):
-    """A stuck hand: after the command to open it reports that it neither grips nor moves, while its width stays."""
-
-    is_asked = False
-
-    def grip(self, force):
-        self.is_asked = False
-        super().grip(force)
-
-    def release(self, width):
-        self.is_asked = True
-        super().release(width)
-
-    def read(self):
-        told = super().read()
-        return replace(told, is_gripping=False, is_moving=False) if self.is_asked and told.is_gripping else told
-
-
 def test_an_insertion_tells_every_bus_where_the_peg_is_and_the_next_one_finds_a_new_workpiece(tmp_path):
     with line(tmp_path) as made:
         report = made.command(INSERT)
@@ -87,15 +54,9 @@ def test_an_insertion_tells_every_bus_where_the_peg_is_and_the_next_one_finds_a_
         assert math.dist(report.hole, truth.hole[:2]) < 1e-3
         assert 0.0 < report.peak_force < made.cell.config.limits.force
         made.plc.acknowledge()
-        made.wait(3)
+        made.scan(3)
         assert made.command(INSERT).part == PartPlace.SEATED
         assert made.world.truth().hole[:2] != truth.hole[:2]
-
-
-def test_a_switch_that_closes_4_mm_early_makes_no_success(tmp_path):
-    with line(tmp_path, switch=EarlySwitch) as made:
-        report = made.command(INSERT)
-        assert (report.result, report.fault) == (Result.FAULT, FaultCode.SWITCH_DISAGREES)
 
 
 def test_a_hand_that_does_not_open_is_never_drawn_away_from_the_seated_peg(tmp_path):
@@ -113,17 +74,9 @@ def test_a_hand_that_does_not_open_is_never_drawn_away_from_the_seated_peg(tmp_p
         assert made.world.truth().switch_closed
 
 
-def test_a_hand_that_grips_no_more_but_is_as_wide_as_the_peg_is_never_drawn_away_from_it(tmp_path):
-    with line(tmp_path, gripper=SlackHand) as made:
-        for code in (INSERT, RECOVER):
-            report = made.command(code)
-            assert (report.result, report.reason) == (Result.FAILURE, Reason.STILL_HELD)
-            assert made.world.truth().switch_closed
-
-
 def stopped_in_the_hole(made, depth):
     """Stop an insertion while the peg is so deep in the hole, m, and reset."""
-    made.stop_when(lambda report: report.stage == ADJUST_STAGE and made.world.truth().depth > depth)
+    made.when(lambda report: report.stage == ADJUST_STAGE and made.world.truth().depth > depth, made.plc.stop)
     report = made.command(INSERT)
     assert (report.state, report.part) == (State.STOPPED, PartPlace.IN_HOLE)
     assert made.command(Control.RESET).state == State.IDLE
@@ -179,12 +132,10 @@ def test_skills_that_lie_make_no_success(tmp_path):
 @pytest.mark.usefixtures("liars")
 def test_skills_that_lie_make_no_success_with_a_switch_that_closes_for_nothing(tmp_path):
     with line(tmp_path, switch=lambda cell: Says(SwitchState.OPEN)) as made:
-        made.cell.clock.every.append(
-            lambda: setattr(
-                made.cell.switch,
-                "state",
-                SwitchState.CLOSED if made.cell.gripper.read().is_gripping else SwitchState.OPEN,
-            )
-        )
+
+        def follow_the_hand():
+            made.cell.switch.state = SwitchState.CLOSED if made.cell.gripper.read().is_gripping else SwitchState.OPEN
+
+        made.clock.every.append(follow_the_hand)
         report = made.command(INSERT)
         assert (report.result, report.fault) == (Result.FAULT, FaultCode.SWITCH_DISAGREES)

@@ -8,9 +8,10 @@ from cell.config.load import load
 from cell.devices.assembly import assemble, opened
 from cell.run.states import State
 from drivers.errors import FaultCode
-from plc_bridge.protocol.messages import Result
+from plc_bridge.protocol.messages import Control, Result
 from tests.emulation import emulated_or_skip
-from tests.wired import Rehearsal, Wires
+from tests.simulated_line import running
+from tests.wired import Wires
 
 
 @pytest.fixture
@@ -21,7 +22,7 @@ def wired(tmp_path):
     plain = assemble(loaded.cell)
     wires = Wires(loaded.cell, plain.clock, plain.clock.draw.skin)
     cell = replace(plain, clock=wires.clock, skin=wires.skin, switch=wires.switch, boards=(wires,))
-    with opened(cell), Rehearsal(cell, loaded, tmp_path) as rehearsal:
+    with opened(cell), running(cell, loaded, tmp_path) as rehearsal:
         yield rehearsal, wires, cell.truth
 
 
@@ -45,8 +46,8 @@ def test_killed_and_revived_boards_end_runs_in_their_fault_and_never_in_a_succes
         report = rehearsal.insert(stage, 0.2, kill)
         assert (report.result, report.fault, report.state) == (Result.FAULT, fault, State.ABORTED)
         put_back()
-        assert rehearsal.reset().state == State.IDLE
-    assert rehearsal.insert().result is Result.SUCCESS
+        assert rehearsal.command(Control.RESET).state == State.IDLE
+    assert rehearsal.insert().result == Result.SUCCESS
     assert truth().switch_closed
 
 
@@ -54,7 +55,7 @@ def test_a_reset_while_the_boards_are_away_does_not_arm_the_cell(wired):
     rehearsal, wires, _ = wired
     wires.unplug_skin()
     rehearsal.wait(1.0)
-    report = rehearsal.reset()
+    report = rehearsal.command(Control.RESET)
     assert (report.state, report.fault) == (State.ABORTED, FaultCode.SKIN_SILENT)
 
 
@@ -65,5 +66,5 @@ def test_boards_that_are_back_in_time_serve_a_true_success(wired):
         wires.switch_board.close()
         wires.switch_board.open()
 
-    assert rehearsal.insert("spray_search", 0.2, replug).result is Result.SUCCESS
+    assert rehearsal.insert("spray_search", 0.2, replug).result == Result.SUCCESS
     assert truth().switch_closed

@@ -9,11 +9,10 @@ from pathlib import Path
 
 import pytest
 
-from plc_bridge.config import CanConfig, ModbusConfig, PlcConfig, RtuConfig, TlsConfig
-from tests.cable import Cable
-from tests.can_hubs import SocketcandHub
+from plc_bridge.config import CanConfig, ModbusConfig, PlcConfig, RtuConfig
 from tests.certificates import Authority, utf8
 from tests.foreign import by_canopen, by_node, call, go_client, has_go, has_libmodbus, has_node, libmodbus_client
+from tests.hubs import Cable, SocketcandHub
 from tests.quick_cell import quick_cell
 
 CLIENTS = Path(__file__).parents[1] / "clients"
@@ -69,9 +68,7 @@ def test_go_over_tcp(served, go):
 
 def test_go_over_tls(loaded, tmp_path, go):
     authority = Authority(tmp_path / "certificates")
-    certificate, key = authority.sign("cell")
-    files = {"certificate": certificate, "key": key, "authority": authority.certificate}
-    tls = TlsConfig(port=0, roles={"Operator": ("read", "command")}, **files)
+    tls = authority.cell(roles={"Operator": ("read", "command")})
     with quick_cell(loaded, PlcConfig(**PATIENT, tls=tls), tmp_path / "journal") as served:
         host, port = served.bridge.secure_address
         client = authority.sign("plc", utf8("Operator"))
@@ -84,15 +81,7 @@ def test_go_over_tls(loaded, tmp_path, go):
 def test_node_over_opcua_loses_its_session_and_finds_its_result(loaded, tmp_path):
     pytest.importorskip("asyncua", reason="the extra opcua is not installed")
     authority = Authority(tmp_path / "certificates")
-    certificate, key = authority.sign("cell", uri="urn:test:cell")
-    tls = TlsConfig(
-        host="127.0.0.1",
-        port=0,
-        certificate=certificate,
-        key=key,
-        authority=authority.certificate,
-        roles={"Operator": ("read", "command")},
-    )
+    tls = authority.cell("urn:test:cell", host="127.0.0.1", roles={"Operator": ("read", "command")})
     plc, opcua = PlcConfig(**PATIENT, tls=tls), ("127.0.0.1", 0)
     authority.sign("plc", utf8("Operator"), uri="urn:test:plc")
     with quick_cell(loaded, plc, tmp_path / "journal", opcua=opcua) as served:

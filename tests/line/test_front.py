@@ -13,13 +13,14 @@ from cell.config.cell_config import PageConfig
 from cell.page.front import HttpServer
 from cell.page.guard import is_private
 from cell.page.server import MetricsServer, PageServer
-from plc_bridge.config import TlsConfig
 from tests.browser import browsing
 from tests.certificates import Authority
 from tests.quick_cell import QuickCell
 
 EXAMPLES = {
     "/faults$": "/faults",
+    "/alarms$": "/alarms",
+    "/report.html$": "/report.html",
     "/live$": "/live",
     r"/runs/(\d{1,9})/(data|config)$": "/runs/1/data",
     r"/runs/(\d{1,9})/replay$": "/runs/1/replay",
@@ -80,9 +81,7 @@ def test_every_route_answers_its_own_page(server):
 def with_keys(loaded, folder, **page):
     """Return the config of a cell that has keys, and the context of whoever trusts them."""
     authority = Authority(folder)
-    certificate, key = authority.sign("cell")
-    tls = TlsConfig(certificate=certificate, key=key, authority=authority.certificate)
-    plc = loaded.cell.plc.model_copy(update={"tls": tls})
+    plc = loaded.cell.plc.model_copy(update={"tls": authority.cell()})
     cell = loaded.cell.model_copy(update={"plc": plc, "page": PageConfig(**page)})
     return replace(loaded, cell=cell), authority.client()
 

@@ -10,19 +10,17 @@ from cell.config.load import load
 from cell.lab.trials import run_trial
 from drivers.errors import ConfigError
 from drivers.part.round import Round
-from sim.contact import rig, shapes
+from sim.contact import rig
 from sim.contact import table as contact
 from sim.contact.decoys import ROOM, cut
-from sim.contact.plate import Plate, geoms, words
+from sim.contact.plate import Plate
 from sim.contact.section import section_depth
-from sim.world import metering, native
-from sim.world.physics import World
 from sim.world.truth import VOID_PENETRATION
+from tests.rigs import over, pushed, world_of
 
 PEG, HOLE, DECOY = Round(0.008), Round(0.0081), Round(0.0095)
 APART, FLOOR = 0.016, 0.003
 """Distance between hole and decoy along x, and depth of the decoy's floor, m."""
-DT = 5e-4
 
 
 def plate_with_a_decoy():
@@ -33,50 +31,22 @@ def plate_with_a_decoy():
     return Plate(own.position, own.rotation, own.half, own.depth, (0.0, 0.0, 0.1, 0.1), tiles=(own, decoy))
 
 
-def model_over(plate, tilt, friction=0.0):
-    """Return a tilted peg on three slides over a plate, and the data; its end's middle is at the slides' origin."""
-    shapes.install(Round(0.008))
-    axes, turn = rig.attitude(tilt, 0.3), np.empty(4)
-    mujoco.mju_mat2Quat(turn, axes.flatten())
-    model = mujoco.MjModel.from_xml_string(
-        f"""<mujoco><option timestep="{DT}" gravity="0 0 0" cone="elliptic" impratio="10" tolerance="1e-14" iterations="60">
-        <flag autoreset="disable"/></option><size nuser_geom="{contact.USER}" nuserdata="{native.NUSERDATA}"/>
-        <worldbody>{"".join(geoms("plate", plate, friction, DT))}
-        <body><joint type="slide" axis="1 0 0"/><joint type="slide" axis="0 1 0"/><joint type="slide" axis="0 0 1"/>
-        <geom name="peg" {shapes.peg_geom(PEG, 0.025)} pos="{words(axes[:, 2] * 0.025)}"
-        quat="{words(turn)}" mass="0.5" contype="0" conaffinity="1"/></body></worldbody></mujoco>"""
-    )
-    return model, mujoco.MjData(model)
-
-
-def pressed(tilt, at):
-    """Return the depth of the lowest point of a peg that was pressed down at a place along x, and its deepest lasting penetration, m."""
-    model, data = model_over(plate_with_a_decoy(), tilt)
-    edge, meters = rig.lowest(PEG, tilt, 0.3), metering.new_meters()
-    data.qpos[:] = at - 0.3 * edge[0], -0.3 * edge[1], 1e-4 - edge[2]
-    for _ in range(4000):
-        data.qfrc_applied[:] = -5.0 * data.qvel
-        data.qfrc_applied[2] -= 10.0
-        metering.clear(data.userdata)
-        mujoco.mj_step(model, data)
-        metering.judge(meters, data.userdata, metering.window(DT))
-    return -float(edge[2] + data.qpos[2]), float(meters[metering.SUSTAINED])
-
-
 @pytest.mark.parametrize("degrees", [2, 15, 45])
 @pytest.mark.parametrize(("hole", "at"), [(HOLE, 0.0), (DECOY, APART)])
 def test_a_peg_goes_as_deep_into_either_hole_as_geometry_allows(degrees, hole, at):
     tilt = math.radians(degrees)
     floor = 0.03 if hole is HOLE else FLOOR
-    depth, penetration = pressed(tilt, at)
+    axes = rig.attitude(tilt, 0.3)
+    start = np.array([at, 0.0]) - 0.3 * rig.lowest(PEG, tilt, 0.3)[:2]
+    depth, lasted = pushed(plate_with_a_decoy(), PEG, axes, start, steps=4000)
     assert depth == pytest.approx(
         min(section_depth(PEG.diameter, hole.diameter, tilt, 4001), floor), rel=0.01, abs=2e-5
     )
-    assert penetration < VOID_PENETRATION
+    assert lasted < VOID_PENETRATION
 
 
 def test_nothing_is_felt_where_two_tiles_meet():
-    model, data = model_over(plate_with_a_decoy(), 0.3, friction=0.2)
+    model, data = over(plate_with_a_decoy(), PEG, rig.attitude(0.3, 0.3), 0.2)
     data.qpos[:] = APART / 2 - 0.002 - rig.lowest(PEG, 0.3, 0.3)[0], 0.03, -rig.lowest(PEG, 0.3, 0.3)[2]
     heights = []
     for step in range(400):
@@ -91,7 +61,7 @@ def test_nothing_is_felt_where_two_tiles_meet():
 def dragged(rubbing, speed, at=(0.0, 0.0)):
     """Return the friction, over the push, of a peg that slides along x at a speed, m/s, at a place, m."""
     plate = Plate(np.zeros(3), np.eye(3), (contact.SOLID, contact.SOLID), 0.03, rubbing=rubbing)
-    model, data = model_over(plate, 0.3, friction=0.2)
+    model, data = over(plate, PEG, rig.attitude(0.3, 0.3), 0.2)
     data.qpos[:] = [*at, 0.0] - rig.lowest(PEG, 0.3, 0.3)
     data.qvel[0] = speed
     felt = 0.0
@@ -125,11 +95,6 @@ def test_tiles_cover_the_plate_once_and_each_holds_its_hole():
         assert all(np.all(low <= a) and np.all(b <= high) for (a, b), (low, high) in zip(needed, tiles, strict=True))
         assert sum(np.prod(high - low) for low, high in tiles) == pytest.approx(0.14**2)
     assert tried > 20
-
-
-def world_of(*sets):
-    config = load(sets=("sim.pace=max", "reality.scale=0.0", *sets)).cell
-    return World(config.arm_model(), config.sim, config.contact, config.grip, config.skin.layout, config.job())
 
 
 def test_decoys_are_drawn_from_the_seed_and_shift_nothing_else():

@@ -5,7 +5,6 @@ import math
 import numpy as np
 import pytest
 
-from cell.config.load import load
 from drivers.frames import compose, peg_in_finger
 from drivers.quantities import Pose, Vector
 from sim.arm.device import SimArm
@@ -14,6 +13,7 @@ from sim.world import engine
 from sim.world.physics import World
 from sim.world.situation import PegSituation
 from sim.world.stepper import HINGE
+from tests.rigs import world_of
 
 GRIP = 30.0
 """N."""
@@ -23,11 +23,7 @@ ENOUGH = 2e-4
 
 def holding(theta: float = 0.0, beside: float = 0.0) -> World:
     """Return a world whose hand holds a peg of no weight at this in-hand angle, rad, so far beside the finger centre, m."""
-    config = load(sets=('sim.pace="max"', "reality.scale=0.0", "grip.friction=0.4", "peg.mass=1e-3")).cell
-    assert config.sim is not None
-    assert config.contact is not None
-    assert config.grip is not None
-    world = World(config.arm_model(), config.sim, config.contact, config.grip, config.skin.layout, config.job())
+    world = world_of("grip.friction=0.4", "peg.mass=1e-3")
     SimArm(world).halt()
     world.control.drive[engine.DRIVE_FORCE] = GRIP
     held = compose(world.tcp(), peg_in_finger(theta, world.job.peg.length))

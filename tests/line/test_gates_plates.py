@@ -12,7 +12,7 @@ from drivers.part.round import Round
 from sim.contact import rig
 from sim.contact.plate import outline_of
 from sim.contact.table import ENDLESS, PLATE
-from sim.world.physics import World
+from tests.rigs import world_of
 
 FIELDS = PLATE.names
 assert FIELDS is not None
@@ -68,11 +68,7 @@ def test_outline_covers_the_rectangle_also_for_a_plate_that_is_turned() -> None:
 
 def test_a_rack_beside_the_plate_at_another_height_disturbs_nothing() -> None:
     """The rack stands 0.05 m higher than the plate, within 0.1 m of the hole: its surface is no ceiling over the plate."""
-    config = load(sets=('sim.pace="max"', "rack.first=[0.5, -0.09, 0.15]", "rack.slots=1")).cell
-    assert config.sim is not None
-    assert config.contact is not None
-    assert config.grip is not None
-    world = World(config.arm_model(), config.sim, config.contact, config.grip, config.skin.layout, config.job())
+    world = world_of("rack.first=[0.5, -0.09, 0.15]", "rack.slots=1")
     stepper = world.stepper
     peg = world.peg_pose()
     under = peg.position.copy()

@@ -14,7 +14,7 @@ def test_a_filled_journal_answers_as_one_that_the_cell_has_written(tmp_path):
         assert [row.run for row in rows] == list(range(RUNS, 0, -1))
         assert {row.outcome for row in rows[-2:]} == {"failure", "fault"}
         assert journal.select(RunQuery(fault=measure.FAULT))
-        assert len(journal.told(RunQuery(serial=f"SN{RUNS:07d}")).kind) == 1
+        assert len(journal.select(RunQuery(serial=f"SN{RUNS:07d}"))) == 1
         assert journal.stages(RUNS)
         assert journal.events(run=RUNS)
     asked = measure.questions(RUNS, tmp_path / "report")

@@ -8,7 +8,6 @@ from prometheus_client.parser import text_string_to_metric_families
 
 from cell.page.server import MetricsServer
 from drivers.errors import DeviceNotOpenedError
-from plc_bridge.config import TlsConfig
 from plc_bridge.protocol.intervals import Intervals
 from plc_bridge.protocol.messages import Control
 from tests.certificates import Authority
@@ -41,9 +40,7 @@ def test_figures_are_those_of_the_cell(served, loaded):
 
 
 def test_the_age_of_the_keys_is_a_figure(served, loaded, tmp_path):
-    authority = Authority(tmp_path / "keys")
-    certificate, key = authority.sign("cell", lifetime=timedelta(days=50))
-    tls = TlsConfig(certificate=certificate, key=key, authority=authority.certificate)
+    tls = Authority(tmp_path / "keys").cell(lifetime=timedelta(days=50))
     cell = loaded.cell.model_copy(update={"plc": loaded.cell.plc.model_copy(update={"tls": tls})})
     with MetricsServer(("127.0.0.1", 0), served.bridge, cell) as server:
         assert read(server.address)["cell_key_days", "plc.tls.certificate"] == pytest.approx(50.0, abs=0.01)

@@ -7,23 +7,21 @@ import ssl
 import struct
 
 import pytest
-from pymodbus.client import ModbusTlsClient
 
 from drivers.errors import DeviceNotOpenedError
 from plc_bridge.bridge import Bridge
-from plc_bridge.config import ModbusConfig, PlcConfig, TlsConfig
+from plc_bridge.config import ModbusConfig, PlcConfig
 from plc_bridge.protocol.messages import FIRST_PROGRAM, Control
-from plc_bridge.protocol.registers import COILS, VERSION
+from plc_bridge.protocol.registers import COILS, Lease
 from tests.certificates import Authority, utf8
 from tests.scan_thread import take
-from tests.sockets import receive
+from tests.sockets import PATIENCE, answer, ask, frame, is_closed
 
-HEADER = struct.Struct(">HHHB")
 READ = bytes.fromhex("04 0001 0001")
 WRITE = bytes.fromhex("06 0003 0007")
 STOP = struct.pack(">BHH", 5, COILS["stop"], 0xFF00)
 EXCHANGE = bytes.fromhex("17 0000 0001 0003 0001 02 0007")
-PATIENCE = 10.0
+START = [struct.pack(">BHHBHH", 16, 1, 2, 4, *command) for command in ((1, 0), (2, FIRST_PROGRAM))]
 ROLES = {"Operator": ["read", "command"], "Watcher": ["read"], "Guard": ["stop"]}
 
 
@@ -40,9 +38,7 @@ def contexts(authority):
 
 
 def start(authority, **settings):
-    certificate, key = authority.sign("cell")
-    files = {"certificate": certificate, "key": key, "authority": authority.certificate}
-    tls = TlsConfig(**{"port": 0, "roles": ROLES, **files, **settings})
+    tls = authority.cell(**{"roles": ROLES, **settings})
     bridge = Bridge(PlcConfig(modbus=ModbusConfig(port=0), tls=tls), {FIRST_PROGRAM: "insert_peg"})
     bridge.start()
     return bridge
@@ -50,33 +46,23 @@ def start(authority, **settings):
 
 @pytest.fixture
 def bridge(authority):
-    bridge = start(authority)
-    yield bridge
-    bridge.close()
+    with contextlib.closing(start(authority)) as bridge:
+        yield bridge
+
+
+def knock(bridge):
+    """Return a connection without TLS."""
+    return socket.create_connection(bridge.secure_address, timeout=PATIENCE)
 
 
 def connect(bridge, context):
-    plain = socket.create_connection(bridge.secure_address, timeout=PATIENCE)
+    plain = knock(bridge)
     plain.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
     try:
         return context.wrap_socket(plain, server_hostname="127.0.0.1")
     except OSError:
         plain.close()
         raise
-
-
-def frame(pdu, transaction=1, protocol=0):
-    return HEADER.pack(transaction, protocol, len(pdu) + 1, 1) + pdu
-
-
-def answer(client):
-    transaction, _, length, _ = HEADER.unpack(receive(client, HEADER.size))
-    return transaction, receive(client, length - 1)
-
-
-def ask(client, pdu):
-    client.sendall(frame(pdu))
-    return answer(client)[1]
 
 
 def is_refused(bridge, context):
@@ -89,6 +75,9 @@ def is_refused(bridge, context):
     return False
 
 
+# Who gets in.
+
+
 @pytest.mark.parametrize("version", [ssl.TLSVersion.TLSv1_2, ssl.TLSVersion.TLSv1_3])
 def test_client_with_a_certificate_is_served(bridge, authority, version):
     context = authority.client(*authority.sign("client", utf8("Operator")))
@@ -98,48 +87,59 @@ def test_client_with_a_certificate_is_served(bridge, authority, version):
         assert ask(client, READ)[0] == 4
 
 
-def test_client_without_a_certificate_is_refused_and_counted(bridge, authority):
-    assert is_refused(bridge, authority.client())
+def other_authority(authority, folder):
+    return authority.client(*Authority(folder, "other").sign("client", utf8("Operator")))
+
+
+def run_out(authority, folder):
+    return authority.client(*authority.sign("late", utf8("Operator"), lifetime=datetime.timedelta(days=-1)))
+
+
+def old_tls(authority, folder):
+    context = authority.client(*authority.sign("old", utf8("Operator")))
+    context.minimum_version = context.maximum_version = ssl.TLSVersion.TLSv1_1
+    context.set_ciphers("ALL:@SECLEVEL=0")
+    return context
+
+
+STRANGERS = {
+    "no certificate": lambda authority, folder: authority.client(),
+    "another authority": other_authority,
+    "run out": run_out,
+    "two roles in one": lambda authority, folder: authority.client(*authority.sign("odd", utf8("Operator") * 2)),
+    "role of another type": lambda authority, folder: authority.client(*authority.sign("odd", b"\x13\x02AB")),
+    "older TLS": old_tls,
+}
+
+
+@pytest.mark.filterwarnings("ignore:ssl.TLSVersion.TLSv1_1 is deprecated")
+@pytest.mark.parametrize("stranger", STRANGERS)
+def test_client_without_a_valid_certificate_is_refused_and_counted(bridge, authority, tmp_path, stranger):
+    assert is_refused(bridge, STRANGERS[stranger](authority, tmp_path))
     bridge.close()  # the client may notice before the server counts it
     assert (bridge.diagnostics.forbidden, bridge.diagnostics.accepted) == (1, 0)
 
 
-def test_certificate_of_another_authority_is_refused(bridge, authority, tmp_path):
-    context = authority.client(*Authority(tmp_path, "other").sign("client", utf8("Operator")))
-    assert is_refused(bridge, context)
-
-
 def test_a_revoked_certificate_is_refused_and_another_one_served(authority):
     taken = authority.sign("taken", utf8("Operator"))
-    bridge = start(authority, revoked=authority.revoke(taken[0]))
-    try:
-        with pytest.raises((ssl.SSLError, ConnectionError)):  # noqa: SIM117
-            with connect(bridge, authority.client(*taken)) as client:
-                ask(client, READ)
-        with connect(bridge, authority.client(*authority.sign("kept", utf8("Operator")))) as client:
-            assert ask(client, READ)[0] == READ[0]
-    finally:
-        bridge.close()
+    with contextlib.closing(start(authority, revoked=authority.revoke(taken[0]))) as bridge:
+        assert is_refused(bridge, authority.client(*taken))
+        assert not is_refused(bridge, authority.client(*authority.sign("kept", utf8("Operator"))))
 
 
-def test_certificate_that_has_run_out_is_refused(bridge, authority):
-    files = authority.sign("late", utf8("Operator"), lifetime=datetime.timedelta(days=-1))
-    assert is_refused(bridge, authority.client(*files))
-
-
-@pytest.mark.parametrize("value", [utf8("Operator") * 2, b"\x13\x02AB"])
-def test_certificate_whose_role_is_not_one_string_is_refused_and_counted(bridge, authority, value):
-    assert is_refused(bridge, authority.client(*authority.sign("odd", value)))
+def test_address_that_is_not_allowed_never_gets_to_a_handshake(authority, contexts):
+    bridge = start(authority, allow=["10.0.0.0/8"])
+    assert is_refused(bridge, contexts["Operator"])
     bridge.close()
     assert bridge.diagnostics.forbidden == 1
 
 
-@pytest.mark.filterwarnings("ignore:ssl.TLSVersion.TLSv1_1 is deprecated")
-def test_older_tls_is_refused(bridge, authority, contexts):
-    context = authority.client(*authority.sign("old", utf8("Operator")))
-    context.minimum_version = context.maximum_version = ssl.TLSVersion.TLSv1_1
-    context.set_ciphers("ALL:@SECLEVEL=0")
-    assert is_refused(bridge, context)
+def test_unusable_certificate_is_said_and_leaves_nothing_open(authority, tmp_path):
+    with pytest.raises(DeviceNotOpenedError, match=r"plc\.tls\.key"):
+        start(authority, key=tmp_path / "none.key")
+
+
+# Who may do what.
 
 
 @pytest.mark.parametrize(
@@ -171,39 +171,31 @@ def test_stop_right_does_not_reach_the_other_coils(bridge, contexts):
 
 
 def test_certificate_without_a_role_has_what_the_table_gives_it(authority, contexts):
-    bridge = start(authority, without_role=["read"])
-    with connect(bridge, contexts[""]) as client:
+    with contextlib.closing(start(authority, without_role=["read"])) as bridge, connect(bridge, contexts[""]) as client:
         assert (ask(client, READ)[0], ask(client, WRITE)) == (4, b"\x86\x01")
-    bridge.close()
 
 
-def test_command_carries_role_and_address(bridge, contexts):
-    with connect(bridge, contexts["Operator"]) as client:
-        port = client.getsockname()[1]
-        ask(client, struct.pack(">BHHBHH", 16, 1, 2, 4, 1, 0))
-        ask(client, struct.pack(">BHHBHH", 16, 1, 2, 4, 2, FIRST_PROGRAM))
+def test_command_carries_role_and_address_and_a_guard_stops_it(bridge, contexts):
+    with connect(bridge, contexts["Operator"]) as operator, connect(bridge, contexts["Guard"]) as guard:
+        ask(operator, *START)
         command = take(bridge)
-        assert (command.code, command.source) == (FIRST_PROGRAM, f"Operator@127.0.0.1:{port}")
+        assert (command.code, command.source) == (FIRST_PROGRAM, f"Operator@127.0.0.1:{operator.getsockname()[1]}")
         assert bridge.holder == command.source
+        ask(guard, STOP)
+        command = take(bridge)
+    assert (command.code, command.source.partition(":")[0]) == (Control.STOP, "Guard@127.0.0.1")
 
 
 def test_plain_client_of_the_same_address_inherits_nothing(bridge, contexts):
     with connect(bridge, contexts["Operator"]) as client:
-        ask(client, struct.pack(">BHHBHHHHH", 16, 1, 5, 10, 1, 0, 0, 0, 2))
+        ask(client, struct.pack(">BHH", 6, 5, Lease.TAKE_FOR_HOST))
     assert bridge.holder == "Operator@127.0.0.1"
     with socket.create_connection(bridge.address, timeout=PATIENCE) as plain:
-        ask(plain, struct.pack(">BHHBHH", 16, 1, 2, 4, 1, 0))
-        ask(plain, struct.pack(">BHHBHH", 16, 1, 2, 4, 2, FIRST_PROGRAM))
+        ask(plain, *START)
     assert bridge.poll() is None
 
 
-def test_guard_stops_what_the_operator_runs(bridge, contexts):
-    with connect(bridge, contexts["Operator"]) as operator, connect(bridge, contexts["Guard"]) as guard:
-        ask(operator, struct.pack(">BHHBHH", 16, 1, 2, 4, 1, 0))
-        ask(operator, struct.pack(">BHHBHH", 16, 1, 2, 4, 2, FIRST_PROGRAM))
-        ask(guard, STOP)
-        command = take(bridge)
-    assert (command.code, command.source.partition(":")[0]) == (Control.STOP, "Guard@127.0.0.1")
+# Frames and handshakes.
 
 
 def test_frame_may_be_cut_into_records_anywhere(bridge, contexts):
@@ -222,96 +214,43 @@ def test_pipelined_requests_are_all_answered_in_order(bridge, contexts):
         assert [answer(client)[0] for _ in range(count)] == list(range(count))
 
 
-def test_malformed_header_closes_the_connection(bridge, contexts):
-    with connect(bridge, contexts["Operator"]) as client:
-        client.sendall(frame(READ, protocol=3))
-        with pytest.raises(OSError, match=r"."):
-            answer(client)
-    assert bridge.diagnostics.malformed == 1
-
-
 def test_plain_modbus_on_the_tls_port_is_refused_and_others_are_served(bridge, contexts):
-    with socket.create_connection(bridge.secure_address, timeout=PATIENCE) as plain:
-        plain.sendall(frame(READ))
-        with pytest.raises(OSError, match=r"."):
-            receive(plain, 64)
-    with connect(bridge, contexts["Operator"]) as client:
-        assert ask(client, READ)[0] == 4
+    with knock(bridge) as plain, pytest.raises(OSError, match=r"."):
+        ask(plain, READ)
+    assert not is_refused(bridge, contexts["Operator"])
     bridge.close()
     assert bridge.diagnostics.forbidden == 1
 
 
-def test_handshake_that_never_ends_is_cut_off(authority):
-    bridge = start(authority, idle_timeout=0.05)
-    with (
-        socket.create_connection(bridge.secure_address, timeout=PATIENCE) as silent,
-        pytest.raises(OSError, match="closed"),
-    ):
-        receive(silent, 1)
+@pytest.mark.parametrize(("idle_timeout", "said"), [(0.05, b""), (60.0, b"\x16\x03\x01")])
+def test_handshake_that_never_ends_is_cut_off_by_time_or_by_the_end_of_the_cell(authority, idle_timeout, said):
+    bridge = start(authority, idle_timeout=idle_timeout)
+    with knock(bridge) as silent:
+        silent.sendall(said)
+        if said:
+            bridge.close()
+        assert is_closed(silent)
     bridge.close()
 
 
 def test_handshakes_that_never_end_leave_room_for_others(authority, contexts):
     bridge = start(authority, connections=1)
-    with socket.create_connection(bridge.secure_address, timeout=PATIENCE) as silent:
-        with connect(bridge, contexts["Operator"]) as client:
-            assert ask(client, READ)[0] == 4
-        with pytest.raises(OSError, match="closed"):
-            receive(silent, 1)
+    with knock(bridge) as silent:
+        assert not is_refused(bridge, contexts["Operator"])
+        assert is_closed(silent)
     bridge.close()
     assert bridge.diagnostics.dropped == 1
 
 
-def test_cell_closes_while_a_handshake_is_under_way(authority):
-    bridge = start(authority)
-    with socket.create_connection(bridge.secure_address, timeout=PATIENCE) as silent:
-        silent.sendall(b"\x16\x03\x01")
-        bridge.close()
-        with pytest.raises(OSError, match=r"."):
-            receive(silent, 1)
-
-
-def test_address_that_is_not_allowed_never_gets_to_a_handshake(authority, contexts):
-    bridge = start(authority, allow=["10.0.0.0/8"])
-    assert is_refused(bridge, contexts["Operator"])
-    bridge.close()
-    assert bridge.diagnostics.forbidden == 1
-
-
-def test_newcomer_gets_the_place_of_the_one_that_was_idle_longest(authority, contexts):
-    bridge = start(authority, connections=1)
-    with connect(bridge, contexts["Operator"]) as idle, connect(bridge, contexts["Operator"]) as newcomer:
-        assert ask(newcomer, READ)[0] == 4
-        with pytest.raises(OSError, match=r"."):
-            ask(idle, READ)
-    bridge.close()
-
-
-def test_unusable_certificate_is_said_and_leaves_nothing_open(authority, tmp_path):
-    with pytest.raises(DeviceNotOpenedError, match=r"plc\.tls\.key"):
-        start(authority, key=tmp_path / "none.key")
-
-
-def test_client_that_is_not_ours_reads_writes_and_is_refused(bridge, authority):
-    for role, is_allowed in (("Operator", True), ("Watcher", False)):
-        context = authority.client(*authority.sign(f"foreign {role}", utf8(role)))
-        context.check_hostname = False  # this client does not check the name of the server
-        client = ModbusTlsClient("127.0.0.1", port=bridge.secure_address[1], sslctx=context, retries=0)
-        assert client.connect()
-        assert client.read_input_registers(1, count=10).registers[0] == VERSION
-        assert client.write_register(3, 7).isError() is not is_allowed
-        client.close()
-
-
 def test_handshakes_that_never_end_take_no_place_of_one_that_spoke(authority, contexts):
-    bridge = start(authority, connections=4)
-    with connect(bridge, contexts["Operator"]) as plc, contextlib.ExitStack() as crowd:
+    with (
+        contextlib.closing(start(authority, connections=4)) as bridge,
+        connect(bridge, contexts["Operator"]) as plc,
+        contextlib.ExitStack() as crowd,
+    ):
         ask(plc, READ)
         for _ in range(30):
-            half = crowd.enter_context(socket.create_connection(bridge.secure_address, timeout=PATIENCE))
-            half.sendall(b"\x16\x03\x01\x00\x05\x01\x00")
+            crowd.enter_context(knock(bridge)).sendall(b"\x16\x03\x01\x00\x05\x01\x00")
         assert ask(plc, READ)[0] == 4
         crowd.close()
-        with connect(bridge, contexts["Operator"]) as newcomer:
-            assert ask(newcomer, READ)[0] == 4
-    bridge.close()
+        assert not is_refused(bridge, contexts["Operator"])

@@ -1,10 +1,8 @@
 """The page in a real browser: a run watched, held and let go on, faults, leases, two pages, a server that comes back."""
 
 import signal
-import subprocess
-import sys
 from collections.abc import Callable, Iterator
-from contextlib import closing, contextmanager
+from contextlib import closing
 
 import pytest
 
@@ -12,7 +10,6 @@ from cell.commands.cli import GOOD, main
 from cell.film.recorded import recorded
 from cell.page.server import PageServer
 from cell.records.journal import Journal
-from cell.run.states import State
 from drivers.errors import SkinSilentError
 from plc_bridge.peer import Peer
 from plc_bridge.protocol.messages import Refusal
@@ -20,6 +17,7 @@ from tests.browser import PageView, browsing
 from tests.filmed_runs import require_rendering
 from tests.plc_wire import Wire
 from tests.quick_cell import CODE, QuickCell
+from tests.serving import address_of, process
 
 WIRE_CUT = "skin: no frame for 0.5 s"
 
@@ -64,6 +62,9 @@ def page(open_page, server) -> PageView:
 
 
 def test_a_run_is_held_let_go_on_and_ended_from_the_page(served, page):
+    serial = "SN-0123456789-ABCDEFGHIJKLMNOPQR"
+    assert len(serial) == 32
+    page.front().find_element("id", "serial").send_keys(serial)
     served.program.may_end.clear()
     page.press("start")
     page.until_text("state", "Execute")
@@ -75,6 +76,7 @@ def test_a_run_is_held_let_go_on_and_ended_from_the_page(served, page):
     served.program.may_end.set()
     page.until_text("state", "Complete")
     page.until_text("run-rows", "success")
+    page.until_text("run-rows", serial)
     assert served.record(1).source.startswith("page 127.0.0.1")
     assert page.complaints() == []
 
@@ -116,10 +118,16 @@ def test_a_fault_says_what_to_do_and_is_reset_from_the_page(served, page):
     assert page.text("fault-title") == "Fault 1001: no taxel frame arrived in time"
     assert page.text("fault-message") == WIRE_CUT
     assert "check the board's supply and cable" in page.text("fault-remedy")
-    page.until_text("fault-list", "1001")
+    page.until_text("fault-list", "active")
     page.until_text("age", "no news for")
     page.press("reset")
+    page.until_text("answer", "Reset: the cell is idle.")
     page.until_text("state", "Idle")
+    page.until_text("fault-list", "over")
+    for wanted, found in (("1001", "no taxel frame arrived in time"), ("2003", "None on record.")):
+        page.front().find_element("id", "alarm-search").clear()
+        page.front().find_element("id", "alarm-search").send_keys(wanted)
+        page.until_text("fault-list", found)
     page.until(lambda: not page.text("fault-title"))
 
 
@@ -154,22 +162,6 @@ def test_while_a_plc_holds_the_lease_the_page_may_only_stop(served, page, plc: W
     assert served.record(1).outcome == "aborted"
 
 
-def test_a_page_that_forges_its_buttons_is_refused_like_any_link(served, page, plc: Wire):
-    served.program.may_end.clear()
-    plc.order((1, 0), (2, CODE))
-    page.until_text("state", "Execute")
-    page.script(
-        "const s = new WebSocket(`ws://${location.host}/live`); window.heard = [];"
-        "s.onmessage = (e) => { const d = JSON.parse(e.data); window.heard.push(d.kind + ':' + (d.refusal || d.why || ''));"
-        " if (d.kind === 'hello') s.send(JSON.stringify({ask: 'hold'})), s.send(JSON.stringify({ask: 'unlock', token:"
-        " sessionStorage.getItem('cell-token')})), s.send(JSON.stringify({ask: 'hold'})); }"
-    )
-    page.until(lambda: any("somebody else holds the lease" in text for text in page.script("return window.heard")))
-    assert "refused:this page may only look; show the token first" in page.script("return window.heard")
-    assert plc.report().state == State.EXECUTE
-    served.program.may_end.set()
-
-
 def test_a_page_without_the_token_may_only_look(served, open_page):
     page = open_page()
     assert "may only look" in page.text("locked")
@@ -194,7 +186,11 @@ def test_two_pages_show_the_same_and_one_of_them_holds_the_lease(served, page, o
     served.program.may_end.set()
 
 
-def test_everything_is_reached_by_keyboard_and_has_a_name(page):
+def test_the_page_loads_from_the_cell_alone_and_everything_is_reached_by_keyboard_and_has_a_name(page):
+    hosts = page.script(
+        "return [...new Set(performance.getEntriesByType('resource').map((e) => new URL(e.name).host))]"
+    )
+    assert hosts == [page.script("return location.host")]
     nameless = page.script(
         "return [...document.querySelectorAll('button,input,select,canvas,progress,[tabindex]')].filter((e) =>"
         " !(e.textContent.trim() || e.getAttribute('aria-label') || e.getAttribute('aria-labelledby') ||"
@@ -205,18 +201,6 @@ def test_everything_is_reached_by_keyboard_and_has_a_name(page):
         page.script("document.querySelector('[data-ask=hold]').focus(); return document.activeElement.textContent")
         == "Hold"
     )
-
-
-def test_the_page_loads_from_the_cell_alone_and_fits_a_phone(page):
-    page.front().execute_cdp_cmd(
-        "Emulation.setDeviceMetricsOverride", {"width": 360, "height": 740, "deviceScaleFactor": 1, "mobile": True}
-    )
-    hosts = page.script(
-        "return [...new Set(performance.getEntriesByType('resource').map((e) => new URL(e.name).host))]"
-    )
-    assert hosts == [page.script("return location.host")]
-    assert page.script("return document.documentElement.scrollWidth") <= 360
-    assert page.complaints() == []
 
 
 WAYS = [
@@ -267,39 +251,14 @@ def test_stop_and_abort_stay_in_view_at_one_place_in_every_state(served, page, s
     assert page.script("return document.documentElement.scrollWidth") <= width
 
 
-def test_a_long_serial_number_is_kept_whole(served, page):
-    serial = "SN-0123456789-ABCDEFGHIJKLMNOPQR"
-    assert len(serial) == 32
-    page.front().find_element("id", "serial").send_keys(serial)
-    page.press("start")
-    page.until_text("run-rows", serial)
-
-
-def test_the_answer_to_reset_is_the_state_that_followed(served, page):
-    served.program.may_end.clear()
-    served.program.fault = SkinSilentError(WIRE_CUT)
-    page.press("start")
-    page.until_text("state", "Aborted")
-    page.press("reset")
-    page.until_text("answer", "Reset: the cell is idle.")
-
-
-@contextmanager
-def process(folder, port=0):
-    """Yield the process of a cell that is served with its page, and the page's port."""
-    command = [sys.executable, "-m", "cell", "serve", "--journal", str(folder), "--page", f"127.0.0.1:{port}"]
-    command += ["--set", "plc.modbus.port=0", "--set", "sim.pace=max"]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True) as running:
-        try:
-            assert running.stdout is not None
-            modbus = running.stdout.readline().split()[-1]
-            yield running, int(running.stdout.readline().split()[2].rsplit(":", 1)[1].strip("/")), modbus
-        finally:
-            running.kill()
+def page_of(folder, port=0):
+    """Return what yields a cell that is served with its page; see `process`."""
+    return process(folder, ["sim.pace=max"], "--page", f"127.0.0.1:{port}", lines=2)
 
 
 def test_a_real_run_is_watched_and_a_page_outlives_a_killed_server(browser, tmp_path):
-    with process(tmp_path) as (running, port, _):
+    with page_of(tmp_path) as (running, (_, page_at)):
+        port = address_of(page_at)[1]
         page = view(browser, ("127.0.0.1", port), (tmp_path / "page-token").read_text())
         page.until(lambda: page.is_enabled("start"))
         page.press("start")
@@ -317,12 +276,11 @@ def test_a_real_run_is_watched_and_a_page_outlives_a_killed_server(browser, tmp_
         page.until_text("link", "live")
         running.send_signal(signal.SIGKILL)
         page.until_text("lost", "No connection to the cell")
-    with process(tmp_path, port) as (_, _, modbus):
+    with page_of(tmp_path, port) as (_, (modbus, _)):
         page.until_text("link", "live")
         page.until_text("state", "Idle")
         page.until(lambda: page.is_enabled("start"))
-        host, number = modbus.rsplit(":", 1)
-        with closing(Peer(host, int(number))) as peer:
+        with closing(Peer(*address_of(modbus))) as peer:
             assert peer.look().refusal == Refusal.NONE
     page.complaints()  # those of the time without a server, which the next page shall not be asked about
     page.close()

@@ -19,9 +19,10 @@ from cell.records.schema import ConfigRow, RunRow
 from cell.records.wall_clock import now_text
 from drivers.errors import DeviceNotOpenedError
 from plc_bridge.protocol.messages import Control
-from tests.browser import patience
+from tests.browser import PATIENCE, patience
 from tests.plc_wire import Wire
 from tests.quick_cell import CODE, QuickCell
+from tests.scenes import played
 
 
 @pytest.fixture
@@ -33,7 +34,7 @@ def server(served: QuickCell, loaded) -> Iterator[PageServer]:
 
 
 def get(server, path, method="GET", **headers):
-    connection = http.client.HTTPConnection(*server.address, timeout=10)
+    connection = http.client.HTTPConnection(*server.address, timeout=PATIENCE)
     connection.request(method, path, headers=headers)
     answer = connection.getresponse()
     body = answer.read()
@@ -64,6 +65,12 @@ async def hear(page, kind):
             return data
 
 
+async def closed(page):
+    """Wait until the cell closes a page."""
+    while await asyncio.wait_for(page.read_message(), 10) is not None:
+        pass
+
+
 def ask(page, what, **more):
     page.write_message(json.dumps({"ask": what, **more}))
 
@@ -92,10 +99,22 @@ def test_a_browser_may_load_from_the_cell_alone(server):
         ("/runs/9/film.mp4", 404),
         ("/runs/9/replay", 404),
         ("/runs/9/picture.png", 404),
+        ("/report.html", 404),
+        ("/alarms?since=yesterday", 400),
     ],
 )
 def test_what_there_is_not_is_answered_so(server, path, status):
     assert get(server, path)[0].status == status
+
+
+def test_the_token_has_the_report_of_a_period_made(server, recorded):
+    assert get(server, "/report.html?since=7d", "POST")[0].status == 401
+    own = {"Authorization": f"Bearer {server.token}"}
+    assert get(server, "/report.html?since=never", "POST", **own)[0].status == 404
+    assert get(server, "/report.html?since=7d", "POST", **own)[0].status == 200
+    answer, body = get(server, "/report.html")
+    assert b"Times of successful runs" in body
+    assert "script-src" not in answer.headers["Content-Security-Policy"]
 
 
 def test_a_port_in_use_is_said_in_one_line(server, served, loaded):
@@ -105,54 +124,50 @@ def test_a_port_in_use_is_said_in_one_line(server, served, loaded):
     other.close()
 
 
-def test_without_the_token_nothing_moves_and_guessing_ends(server, served):
-    async def guess():
-        async with connected(server, Origin=origin(server)) as page:
-            for what in ("start", "stop", "take", "abort"):
-                ask(page, what, program="insert_peg")
-                assert "may only look" in (await hear(page, "refused"))["why"]
-            for _ in range(TRIES):
-                ask(page, "unlock", token="guess")
-            while await asyncio.wait_for(page.read_message(), 10) is not None:
-                pass
-
-    asyncio.run(guess())
+@played
+async def test_without_the_token_nothing_moves_and_guessing_ends(server, served):
+    async with connected(server, Origin=origin(server)) as page:
+        for what in ("start", "stop", "take", "abort"):
+            ask(page, what, program="insert_peg")
+            assert "may only look" in (await hear(page, "refused"))["why"]
+        for _ in range(TRIES):
+            ask(page, "unlock", token="guess")
+        await closed(page)
     assert (served.bridge.run, served.bridge.holder) == (0, "")
 
 
-def test_a_page_that_goes_away_in_a_run_is_a_plc_that_falls_silent(server, served):
-    async def leave():
-        async with connected(server, Origin=origin(server)) as page:
-            ask(page, "unlock", token=server.token)
-            source = (await hear(page, "unlocked"))["source"]
-            ask(page, "start", program="insert_peg")
-            while not (await hear(page, "own"))["answered"]:
-                pass
-            assert source in served.bridge.kept
-            page.close()
-            return source
-
+@played
+async def test_a_page_that_goes_away_in_a_run_is_a_plc_that_falls_silent(server, served):
     served.program.may_end.clear()
-    source = asyncio.run(leave())
+    async with connected(server, Origin=origin(server)) as page:
+        ask(page, "unlock", token=server.token)
+        source = (await hear(page, "unlocked"))["source"]
+        ask(page, "start", program="insert_peg")
+        while not (await hear(page, "own"))["answered"]:
+            pass
+        assert source in served.bridge.kept
     assert source in served.bridge.kept  # its host may come back before the time-outs pass
     served.program.may_end.set()
 
 
-def test_an_old_hand_on_the_lease_is_let_go_by_releasing_it(server, served, plc: Wire):
-    async def hold_it():
-        async with connected(server, Origin=origin(server)) as page:
-            ask(page, "unlock", token=server.token)
-            ask(page, "take")
-            assert (await hear(page, "own"))["lease"] in ("free", "yours")
-            await asyncio.to_thread(patience, lambda: served.bridge.holder.startswith("page"))
-            plc.order((1, Control.NONE), (2, CODE))
-            assert plc.answer(2).refusal == 5  # NOT_HOLDER
-            ask(page, "release")
-            await asyncio.to_thread(patience, lambda: served.bridge.holder == "")
-
-    asyncio.run(hold_it())
-    plc.order((3, CODE))
-    assert plc.answer(3).refusal == 0
+@played
+async def test_an_old_hand_on_the_lease_is_let_go_by_releasing_it(server, served, plc: Wire):
+    served.program.may_end.clear()
+    async with connected(server, Origin=origin(server)) as page:
+        ask(page, "unlock", token=server.token)
+        ask(page, "take")
+        assert (await hear(page, "own"))["lease"] in ("free", "yours")
+        await asyncio.to_thread(patience, lambda: served.bridge.holder.startswith("page"))
+        plc.order((1, Control.NONE), (2, CODE))
+        assert plc.answer(2).refusal == 5  # NOT_HOLDER
+        ask(page, "release")
+        await asyncio.to_thread(patience, lambda: served.bridge.holder == "")
+        plc.order((3, CODE))
+        assert plc.answer(3).refusal == 0
+        ask(page, "hold")
+        while "somebody else holds the lease" not in ((await hear(page, "own"))["refusal"] or ""):
+            pass
+    served.program.may_end.set()
 
 
 @pytest.fixture
@@ -162,78 +177,64 @@ def crowded(server, monkeypatch) -> PageServer:
     return server
 
 
-def test_an_operator_gets_in_however_many_only_look(crowded):
-    async def crowd():
-        async with AsyncExitStack() as open_pages:
-            viewers = [await open_pages.enter_async_context(connected(crowded)) for _ in range(PLACES)]
-            for viewer in viewers:
-                await hear(viewer, "hello")
-            late = await open_pages.enter_async_context(connected(crowded))
-            assert "32 pages are open" in (await hear(late, "full"))["why"]
-            operator = await open_pages.enter_async_context(connected(crowded))
-            ask(operator, "unlock", token=crowded.token)
-            assert (await hear(operator, "unlocked"))["source"].startswith("page 127.0.0.1")
-            while await asyncio.wait_for(viewers[-1].read_message(), 10) is not None:
-                pass
-            assert viewers[-1].close_code == 1013
-            ask(viewers[0], "take")
-            await hear(viewers[0], "refused")  # it is still shown everything
-            while await asyncio.wait_for(late.read_message(), 10) is not None:
-                pass
-            assert late.close_code == 1013
-
-    asyncio.run(crowd())
+@played
+async def test_an_operator_gets_in_however_many_only_look(crowded):
+    async with AsyncExitStack() as open_pages:
+        viewers = [await open_pages.enter_async_context(connected(crowded)) for _ in range(PLACES)]
+        for viewer in viewers:
+            await hear(viewer, "hello")
+        late = await open_pages.enter_async_context(connected(crowded))
+        assert "32 pages are open" in (await hear(late, "full"))["why"]
+        operator = await open_pages.enter_async_context(connected(crowded))
+        ask(operator, "unlock", token=crowded.token)
+        assert (await hear(operator, "unlocked"))["source"].startswith("page 127.0.0.1")
+        await closed(viewers[-1])
+        assert viewers[-1].close_code == 1013
+        ask(viewers[0], "take")
+        await hear(viewers[0], "refused")  # it is still shown everything
+        await closed(late)
+        assert late.close_code == 1013
 
 
-def test_pages_with_the_token_leave_for_nobody(crowded):
-    async def crowd():
-        async with AsyncExitStack() as open_pages:
-            for _ in range(PLACES):
-                page = await open_pages.enter_async_context(connected(crowded))
-                ask(page, "unlock", token=crowded.token)
-                await hear(page, "unlocked")
-            late = await open_pages.enter_async_context(connected(crowded))
-            ask(late, "unlock", token=crowded.token)
-            while await asyncio.wait_for(late.read_message(), 10) is not None:
-                pass
-            assert late.close_code == 1013
-
-    asyncio.run(crowd())
+@played
+async def test_pages_with_the_token_leave_for_nobody(crowded):
+    async with AsyncExitStack() as open_pages:
+        for _ in range(PLACES):
+            page = await open_pages.enter_async_context(connected(crowded))
+            ask(page, "unlock", token=crowded.token)
+            await hear(page, "unlocked")
+        late = await open_pages.enter_async_context(connected(crowded))
+        ask(late, "unlock", token=crowded.token)
+        await closed(late)
+        assert late.close_code == 1013
 
 
-def test_one_address_has_only_so_many_places_to_look(server):
-    async def crowd():
-        async with AsyncExitStack() as open_pages:
-            for _ in range(PLACES_OF_ONE):
-                await hear(await open_pages.enter_async_context(connected(server)), "hello")
-            late = await open_pages.enter_async_context(connected(server))
-            assert "16 of them without the token at this address" in (await hear(late, "full"))["why"]
-
-    asyncio.run(crowd())
+@played
+async def test_one_address_has_only_so_many_places_to_look(server):
+    async with AsyncExitStack() as open_pages:
+        for _ in range(PLACES_OF_ONE):
+            await hear(await open_pages.enter_async_context(connected(server)), "hello")
+        late = await open_pages.enter_async_context(connected(server))
+        assert "16 of them without the token at this address" in (await hear(late, "full"))["why"]
 
 
 @pytest.mark.parametrize("text", ["[" * 2000, '{"ask": "unlock", "token": "\\ud800"}', "9" * 2000, "NaN", "\x00"])
-def test_what_no_parser_can_read_is_answered_in_one_line_and_logged_in_none(server, caplog, text):
-    async def send():
-        async with connected(server) as page:
-            for _ in range(50):
-                page.write_message(text)
-                assert (await hear(page, "refused"))["why"] in ("not JSON", "an object with `ask` allowed")
-
-    asyncio.run(send())
+@played
+async def test_what_no_parser_can_read_is_answered_in_one_line_and_logged_in_none(server, caplog, text):
+    async with connected(server) as page:
+        for _ in range(50):
+            page.write_message(text)
+            assert (await hear(page, "refused"))["why"] in ("not JSON", "an object with `ask` allowed")
     assert caplog.text == ""
 
 
-def test_wrong_tokens_fill_no_log(server, caplog):
-    async def guess():
-        for _ in range(5):
-            async with connected(server) as page:
-                for _ in range(TRIES):
-                    ask(page, "unlock", token="x" * 30)
-                while await asyncio.wait_for(page.read_message(), 10) is not None:
-                    pass
-
-    asyncio.run(guess())
+@played
+async def test_wrong_tokens_fill_no_log(server, caplog):
+    for _ in range(5):
+        async with connected(server) as page:
+            for _ in range(TRIES):
+                ask(page, "unlock", token="x" * 30)
+            await closed(page)
     assert len(caplog.records) == 1
 
 
@@ -260,14 +261,11 @@ def test_only_the_token_has_a_config_shown_or_a_file_made(server, served, record
             assert str(served.folder).encode() not in get(server, path, method=method, **own)[1]
 
 
-def test_too_long_a_text_closes_the_page(server):
-    async def flood():
-        async with connected(server) as page:
-            page.write_message("x" * 10_000)
-            while await asyncio.wait_for(page.read_message(), 10) is not None:
-                pass
-
-    asyncio.run(flood())
+@played
+async def test_too_long_a_text_closes_the_page(server):
+    async with connected(server) as page:
+        page.write_message("x" * 10_000)
+        await closed(page)
 
 
 def test_a_run_on_record_is_told_whole(server, recorded):

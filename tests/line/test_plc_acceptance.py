@@ -197,8 +197,9 @@ def test_stop_ends_the_own_run_and_reset_makes_ready(plc, served):
 
 def test_hold_waits_and_unhold_goes_on(plc, served):
     run = begin(plc, served)
-    plc.trigger(Control.HOLD)
-    until(plc.cycle, in_state(State.HELD))
+    held = plc.run(Control.HOLD, timeout=PATIENCE)
+    assert (held.sequence, held.result) == (run.sequence + 1, Result.SUCCESS)
+    assert until(plc.cycle, in_state(State.HELD)).sequence == run.sequence
     served.program.may_end.set()
     assert plc.read_report().transition == Control.HOLD
     assert {plc.cycle().state for _ in range(20)} == {State.HELD}

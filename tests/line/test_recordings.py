@@ -23,6 +23,7 @@ from skills.tactile.image import ImageEstimator, ImageParams
 from skills.tactile.robust import RobustEstimator, RobustParams
 from tests.skins import ScriptedWorld
 
+FULL_SCALE = LAYOUTS["parallelogram"].full_scale
 RECORDINGS = Path(__file__).parents[3] / "shared" / "data"
 UNTOUCHED = ["cyskin_0_finger_01.txt", "cyskin_0_finger_02.txt"]
 TOUCHED = [f"cyskin_{fingers}_finger_0{number}.txt" for fingers in (1, 2) for number in (1, 2)]
@@ -42,7 +43,7 @@ def _recording(name):
 
 def _patch_health():
     """Return the health of the patch that was recorded in 60 frames without a touch."""
-    return SkinHealth(SkinHealthConfig(), np.concatenate([_recording(name)[1] for name in UNTOUCHED]))
+    return SkinHealth(SkinHealthConfig(), np.concatenate([_recording(name)[1] for name in UNTOUCHED]), FULL_SCALE)
 
 
 def _fingers(module, values, trusted):
@@ -57,7 +58,7 @@ def test_dead_module_of_the_quiet_patch_is_found():
     module, frames = _recording("cyskin_quiet_patch.txt")
     silent = [number for number in np.unique(module) if not frames[:, module == number].any()]
     assert len(silent) == 1
-    assert dead_groups(SkinHealth(SkinHealthConfig(), frames[:50]).dead, module) == silent
+    assert dead_groups(SkinHealth(SkinHealthConfig(), frames[:50], FULL_SCALE).dead, module) == silent
 
 
 @pytest.mark.parametrize("name", TOUCHED)
@@ -208,9 +209,6 @@ def test_drawn_noise_of_taxels_is_that_of_the_recording(name):
     modules = [real[module == number] for number in np.unique(module)]
     within, simulated = (
         np.median([np.nanpercentile(each, 90) / np.nanpercentile(each, 10) for each in several])
-        for several in (
-            [each for each in modules if np.isfinite(each).sum() >= 8],
-            levels.reshape(-1, MODULE_TAXELS),
-        )
+        for several in ([each for each in modules if np.isfinite(each).sum() >= 8], levels.reshape(-1, MODULE_TAXELS))
     )
     assert simulated == pytest.approx(within, rel=0.2)

@@ -8,7 +8,7 @@ import pytest
 
 from cell.run.states import State
 from drivers.errors import ArmReflexError, FaultCode
-from drivers.quantities import Pose, SwitchState
+from drivers.quantities import Pose
 from drivers.transport.wires import CanFrame
 from plc_bridge.canopen.node import CanopenNode
 from plc_bridge.protocol.images import PACKML, REPORT
@@ -71,31 +71,7 @@ def hold_in_hole(rig, depth):
     rig.arm.tcp = Pose(hole + np.array([0.003, -0.002, length - depth]), HAND_DOWN)
 
 
-def test_the_place_of_the_peg(buses):
-    rig = buses.rig
-    rig.scan()
-    assert buses.read("report_part") == PartPlace.RACK
-    rig.command(GRASP)
-    assert buses.read("report_part") == PartPlace.IN_HAND
-    rig.command(RECOVER)
-    assert buses.read("report_part") == PartPlace.BIN
-
-
-def test_the_depth_of_the_peg_and_that_it_is_seated(buses):
-    rig = buses.rig
-    hold_in_hole(rig, 0.0123)
-    rig.scan()
-    assert (buses.read("report_part"), buses.read("report_part_depth")) == (
-        PartPlace.IN_HOLE,
-        pytest.approx(0.0123, abs=1e-6),
-    )
-    hold_in_hole(rig, rig.loaded.cell.hole.depth)
-    rig.switch.state = SwitchState.CLOSED
-    rig.scan()
-    assert buses.read("report_part") == PartPlace.SEATED
-
-
-def test_the_evidence_of_the_place(buses):
+def test_the_place_of_the_peg_its_depth_and_their_evidence(buses):
     rig, bit = buses.rig, PartEvidence
     rig.scan()
     assert buses.read("report_part_evidence") == bit.HAND_EMPTY | bit.SKIN_FREE | bit.SWITCH_OPEN
@@ -104,6 +80,7 @@ def test_the_evidence_of_the_place(buses):
     held = bit.HAND_HOLDS | bit.SKIN_TOUCHED | bit.TIP_IN_HOLE | bit.SWITCH_OPEN
     assert buses.read("report_part_evidence") == held
     assert buses.read("report_part_width") == pytest.approx(rig.loaded.cell.peg.part.thickness)
+    assert buses.read("report_part_depth") == pytest.approx(0.0123, abs=1e-6)
     rig.command(Control.CLEARED)  # said in error: the hand still holds it
     assert (buses.read("report_part"), buses.read("report_part_evidence")) == (PartPlace.IN_HOLE, held)
     rig.gripper.has_peg = False
@@ -111,18 +88,6 @@ def test_the_evidence_of_the_place(buses):
     rig.scan()
     rig.command(Control.CLEARED)
     assert (buses.read("report_part"), buses.read("report_part_evidence")) == (PartPlace.RACK, bit.PERSON)
-
-
-def test_a_cell_that_stands_after_a_fault_still_tells_where_its_peg_is_and_why(buses):
-    rig, bit = buses.rig, PartEvidence
-    hold_in_hole(rig, 0.0123)
-    rig.scan()
-    rig.arm.fault = ArmReflexError("arm: reflex")
-    rig.scan()
-    assert buses.read("report_state") == State.ABORTED
-    assert buses.read("report_part") == PartPlace.IN_HOLE
-    held = bit.HAND_HOLDS | bit.SKIN_TOUCHED | bit.TIP_IN_HOLE | bit.SWITCH_OPEN
-    assert buses.read("report_part_evidence") == held
 
 
 def test_the_place_of_the_hole_and_the_largest_force_of_the_run(buses):

@@ -1,14 +1,10 @@
 """The study of hole events, with a few short searches."""
 
-import csv
-import io
-import json
 import math
-from contextlib import redirect_stdout
 
-from cell.commands.cli import main
 from cell.config.load import load
 from cell.lab.events import EventRow, line_of, watch
+from tests.studies import rows_of, studied
 
 SEED = 101
 """Seed of a search that slides over the hole within four seconds."""
@@ -42,10 +38,7 @@ def test_a_fall_after_a_false_event_does_not_count():
 
 
 def test_the_quick_study_writes_a_row_for_every_search(tmp_path):
-    arguments = ["study", "events", "--quick", "--json", "--trials", "1", "--seed", str(SEED), "--workers", "1"]
-    with redirect_stdout(io.StringIO()) as printed:
-        assert main([*arguments, "--set", "world=v1", "--out", str(tmp_path)]) == 0
-    line = json.loads(printed.getvalue())["line"]
+    words = ("--quick", "--trials", "1", "--seed", str(SEED), "--workers", "1", "--set", "world=v1")
+    line = studied(tmp_path, "events", *words)["line"]
     assert (line["searches"], line["stopped"], line["falls"], line["detected"]) == (1, 0, 1, 1)
-    with (tmp_path / "events.csv").open() as file:
-        assert len(list(csv.DictReader(file))) == 2
+    assert len(rows_of(tmp_path / "events.csv")) == 2

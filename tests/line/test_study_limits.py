@@ -1,25 +1,17 @@
 """The study of limits, with one trial of each preset: every phase takes at least the time of its bound."""
 
-import csv
-import io
-import json
-from contextlib import redirect_stdout
-
 import pytest
 
-from cell.commands.cli import main
-from cell.commands.terminal import GOOD
 from cell.lab.limits import COVER, DAMPED, DOWN, TURN, WALLS
+from tests.studies import is_chart, rows_of, studied
 
 
 @pytest.fixture(scope="module")
 def study(tmp_path_factory):
     """Return what the command printed, and its folder."""
     folder = tmp_path_factory.mktemp("limits")
-    words = ["--quick", "--json", "--workers", "1", "--seed", "5", "--set", "hole.area=[0.02,0.02]"]
-    with redirect_stdout(io.StringIO()) as printed:
-        assert main(["study", "limits", *words, "--out", str(folder)]) == GOOD
-    return json.loads(printed.getvalue()), folder
+    words = ("--quick", "--workers", "1", "--seed", "5", "--set", "hole.area=[0.02,0.02]")
+    return studied(folder, "limits", *words), folder
 
 
 @pytest.mark.parametrize("phase", [TURN, DOWN, DAMPED])
@@ -33,6 +25,5 @@ def test_every_phase_has_a_line_for_each_preset(study):
     found, folder = study
     phases = [(variant, phase) for variant in ("default", "fast") for phase in (COVER, TURN, DOWN, DAMPED, WALLS)]
     assert [(line["variant"], line["phase"]) for line in found["lines"]] == phases
-    with (folder / "limits.csv").open() as file:
-        assert len(list(csv.DictReader(file))) == len(phases)
-    assert (folder / "limits.png").read_bytes()[:4] == b"\x89PNG"
+    assert len(rows_of(folder / "limits.csv")) == len(phases)
+    assert is_chart(folder / "limits.png")

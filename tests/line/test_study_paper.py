@@ -1,20 +1,16 @@
 """The study of the published method: trials are judged as in the paper, on other seeds than those of its fit."""
 
-import csv
-import io
-import json
 import math
-from contextlib import redirect_stdout
 from dataclasses import replace
 
 import pytest
 
-from cell.commands.cli import main
 from cell.config.load import load
 from cell.lab import paper
 from cell.lab.published import PUBLISHED
 from cell.lab.trials import TABLE, VOID, read_table
 from skills import catalogue
+from tests.studies import is_chart, rows_of, studied
 from tests.trial_rows import SEATED
 
 SEARCH, INSERT, ADJUST = (stage.name for stage in PUBLISHED)
@@ -47,12 +43,9 @@ def test_what_is_printed_stands_in_the_preset_and_is_not_searched() -> None:
 
 
 def test_the_method_is_judged_stage_by_stage_on_seeds_of_its_own(tmp_path) -> None:
-    command = ["study", "paper", "--json", "--workers", "1", "--seed", "7", "--trials", "1"]
-    with redirect_stdout(io.StringIO()) as printed:
-        assert main([*command, "--set", "search.timeout=0.5", "--out", str(tmp_path)]) == 0
-    found = json.loads(printed.getvalue())
+    words = ("--workers", "1", "--seed", "7", "--trials", "1", "--set", "search.timeout=0.5")
+    found = studied(tmp_path, "paper", *words)
     assert [stage["name"] for stage in found["stages"]] == [SEARCH, INSERT, ADJUST, "total"]
     assert {row.seed for row in read_table(tmp_path / "judge-kept" / TABLE)} == {507}
-    with (tmp_path / "paper.csv").open(encoding="utf-8") as file:
-        assert len(list(csv.DictReader(file))) == 4
-    assert (tmp_path / "paper.png").stat().st_size > 10_000
+    assert len(rows_of(tmp_path / "paper.csv")) == 4
+    assert is_chart(tmp_path / "paper.png")

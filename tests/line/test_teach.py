@@ -1,4 +1,4 @@
-"""The simulated arm, moved and taught by keys on standard input."""
+"""The simulated arm: where it is, and how it is moved and taught by keys on standard input."""
 
 import io
 import json
@@ -11,6 +11,8 @@ from cell.calibrate.hand_motion import DEAD_MAN, GUIDE_SPEED, JOG_SPEED, moved_b
 from cell.commands.cli import GOOD, NOT_GOOD, WRONG_USE, main
 from cell.config.load import load
 from cell.devices.assembly import assemble, opened
+from drivers import impedance
+from drivers.frames import quaternion
 
 ELSEWHERE = ["--set", "rack.first=[0.45, 0.2, 0.1]"]
 """A rack beside the plate wherever that is shown."""
@@ -34,6 +36,17 @@ def where(typed):
     return json.loads(typed("", "where", "--json")[1])
 
 
+def test_where_tells_joints_and_the_pose_that_belongs_to_them(typed):
+    found, arm = where(typed), load().cell.arm_model()
+    position, rotation, _, _ = impedance.forward(impedance.figures(arm), np.array(found["q"]))
+    assert found["position"] == pytest.approx(position)
+    assert found["quaternion"] == pytest.approx(quaternion(rotation))
+    assert found["q"] == pytest.approx(arm.home, abs=0.01)
+    _, told, _ = typed("", "where")
+    assert "finger centre (m)" in told
+    assert "end of a straight peg (m)" in told
+
+
 def place_of(told):
     return [float(word) for word in told.rpartition("finger centre at ")[2].removesuffix(" m\n").split(", ")]
 
@@ -47,10 +60,26 @@ def test_ten_keys_jog_the_tool_by_ten_steps(typed):
     assert place_of(told)[1:] == pytest.approx(start[1:], abs=2e-3)
 
 
-def test_an_arm_that_nobody_guides_stays_in_place(typed):
-    start, (status, told, _) = where(typed)["tip"], typed("kkkkkkkkp", "teach")
-    assert status == NOT_GOOD
-    assert json.loads(told.rpartition("p: ")[2].partition(" m")[0]) == pytest.approx(start, abs=2e-3)
+def test_keys_close_and_open_the_fingers():
+    with opened(assemble(load(sets=["sim.pace=max", "reality.scale=0"]).cell), "arm", "gripper") as cell:
+        widths = []
+
+        def act(key, state):
+            widths.append(cell.gripper.read().width)
+            return True
+
+        moved_by_keys(cell, Typed("kg" + 200 * "-" + "ko" + 200 * "-" + "kq"), act, is_guided=False)
+    assert widths[1] < 0.001 < 0.039 < widths[2]
+
+
+class Typed:
+    """A person who types a key in each scan, or none for `-`."""
+
+    def __init__(self, text):
+        self._keys = iter(text)
+
+    def next(self, is_waiting):
+        return next(self._keys).replace("-", "")
 
 
 class Push:
@@ -75,7 +104,7 @@ class Push:
 @pytest.mark.parametrize(("force", "is_followed"), [(5.0, False), (15.0, True)])
 def test_an_arm_with_honest_errors_follows_a_push_and_stays_where_it_is_left(force, is_followed):
     config = load(sets=["sim.pace=max", "sim.seed=7"]).cell
-    with opened(assemble(config), only="arm") as cell:
+    with opened(assemble(config), "arm") as cell:
         push = Push(cell, force)
         moved_by_keys(cell, push, lambda key, state: True, is_guided=True)
     steps = np.linalg.norm(np.diff([place for _, *place in push.places], axis=0), axis=1)

@@ -40,6 +40,12 @@ PLANS = {
         "trials of each variant; default 20, with --quick 1",
         options=ONLY,
     ),
+    "modelling": Plan(
+        "cell.lab.compare",
+        "what each model of the stand-in changes: the same trials with one of them in a simpler form",
+        "trials of each variant; default 60, with --quick 1",
+        options=ONLY,
+    ),
     "seating": Plan(
         "cell.lab.seating",
         "holes without a switch: seated parts that are missed, and others taken for seated, by force against depth",

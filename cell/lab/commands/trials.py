@@ -35,7 +35,7 @@ def run(args: argparse.Namespace) -> int:
 
     from cell.lab.charts import CHART, Point, plot_speed_accuracy
     from cell.lab.published import stage_table
-    from cell.lab.tables import loads, outcomes, stages
+    from cell.lab.tables import loads, outcomes, phases, stages
     from cell.lab.trials import SUMMARY as TOLD
     from cell.lab.trials import TABLE, run_trials
 
@@ -53,6 +53,6 @@ def run(args: argparse.Namespace) -> int:
     summary = json.loads((args.out / TOLD).read_text(encoding="utf-8"))
     cycles = [row.cycle_time for row in rows if row.outcome == "success"]
     pace = f"{summary['trials_per_minute']:.1f} trials per minute"
-    show(args, Group(stages(lines, cycles), outcomes(rows), loads(rows), pace), summary)
+    show(args, Group(stages(lines, cycles), phases(rows), outcomes(rows), loads(rows), pace), summary)
     written(args, [args.out / name for name in (TABLE, TOLD, CHART)])
     return GOOD

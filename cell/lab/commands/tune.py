@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from cell.commands.arguments import add_config, natural, out_folder, positive
 from cell.commands.terminal import GOOD, NOT_GOOD, complain, progress, show, written
 from cell.lab.arguments import load_simulated
+from drivers.errors import ConfigError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -16,7 +17,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from cell.lab.trials import TrialRow
-    from cell.lab.tune.measure import Candidate
+    from cell.lab.tune.measure import Candidate, Space
 
 SUMMARY = "a recipe that fulfils a wish for time, force and success, searched for in simulation"
 RECIPE = "recipe.toml"
@@ -30,6 +31,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--want", required=True, metavar="WISH", help='as in "p95<=8 s, force<=20 N, success>=98 %%"; mean<= as well'
     )
+    parser.add_argument(
+        "--method", metavar="NAME", help="method of `cell study frontier` to tune; default the cell's own"
+    )
+    parser.add_argument("--scene", metavar="NAME", help="scene of --method; default its first")
     parser.add_argument("--candidates", type=positive, default=18, metavar="N", help="settings to try; default 18")
     parser.add_argument(
         "--trials", type=positive, default=16, metavar="N", help="insertions by each setting at most; default 16"
@@ -59,7 +64,7 @@ def run(args: argparse.Namespace) -> int:
 
     wishes = wishes_of(args.want)
     load_simulated(args, "tune")
-    space = measure.Space(args.config, args.set)
+    space = _space(args)
     folder, seeds = out_folder(args.out), range(args.seed, args.seed + args.trials)
     with progress() as bars:
         bar = bars.add_task("settings", total=args.candidates * len(seeds))
@@ -69,7 +74,7 @@ def run(args: argparse.Namespace) -> int:
         best = tried[0]
         bar = bars.add_task("judging", total=args.judge)
         fresh = range(args.seed + AWAY, args.seed + AWAY + args.judge)
-        rows = measure.judge(space, best.sets, fresh, args.workers, folder / "judged", lambda row: bars.advance(bar))
+        rows = measure.judge(space, best, fresh, args.workers, folder / "judged", lambda row: bars.advance(bar))
     evidence = [(wish.text, wish.found(rows), wish.holds(rows)) for wish in wishes]
     is_good = all(holds for _, _, holds in evidence)
     recipe = folder / RECIPE
@@ -82,6 +87,24 @@ def run(args: argparse.Namespace) -> int:
     return GOOD if is_good else NOT_GOOD
 
 
+def _space(args: argparse.Namespace) -> "Space":
+    """Return the settings to choose from.
+
+    Raises:
+        ConfigError: A method or scene is unknown, or a scene has no method.
+    """
+    from cell.lab.frontier.methods import METHODS, SCENES, require_methods
+    from cell.lab.tune.measure import Space
+
+    if args.method is None:
+        if args.scene is not None:
+            raise ConfigError(f"--scene {args.scene}: needs --method")
+        return Space(args.config, args.set)
+    scene = args.scene or next(iter(SCENES))
+    require_methods([args.method], [scene])
+    return METHODS[args.method].space(scene, args.config, args.set)
+
+
 def _recipe(
     want: str,
     best: "Candidate",
@@ -92,11 +115,10 @@ def _recipe(
     from cell.lab.tune.measure import toml
     from cell.records.provenance import versions
 
-    style = ", ".join(f"{name} {place:.2f}" for name, place in best.style.items())
     seeds = [row.seed for row in rows]
     lines = [
         f"Wished: {want}. Found by `cell tune` on {datetime.now(UTC):%Y-%m-%d}, code {versions()['code']},",
-        f"among {len(tried)} settings between the presets (0 careful, 1 balanced, 2 fast): {style}.",
+        f"among {len(tried)} settings. A section is between the presets (0 careful, 1 balanced, 2 fast): {_figures(best)}.",
         f"Judged on {len(rows)} simulated insertions, seeds {min(seeds)} to {max(seeds)}, that it was not chosen by:",
         *(f"{wish}: {found}{'' if holds else ' - NOT fulfilled'}" for wish, found, holds in evidence),
     ]
@@ -129,6 +151,9 @@ def _table(evidence: "Sequence[tuple[str, str, bool]]", best: "Candidate") -> "T
         table.add_column(name)
     for wish, found, holds in evidence:
         table.add_row(wish, found, "yes" if holds else "no")
-    place = ", ".join(f"{name} {each:.2f}" for name, each in best.style.items())
-    table.caption = f"0 careful, 1 balanced, 2 fast: {place}"
+    table.caption = f"sections: 0 careful, 1 balanced, 2 fast. {_figures(best)}"
     return table
+
+
+def _figures(best: "Candidate") -> str:
+    return ", ".join(f"{name} = {value:.4g}" for name, value in best.figures.items())

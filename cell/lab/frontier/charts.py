@@ -79,31 +79,46 @@ def points(lines: Sequence[FrontierLine]) -> list[Point]:
 
 
 def draw(lines: Sequence[FrontierLine], conditions: str, folder: Path) -> list[Path]:
-    """Draw both charts into `folder` and return their files."""
-    files = [folder / "frontier.png", folder / "frontier_errors.png"]
+    """Draw the charts of the scenes that have lines into `folder`, each with its errors, and return their files."""
+    shown = {name: scene.chart for name, scene in SCENES.items() if any(_has(lines, each, name) for each in METHODS)}
+    return [
+        path
+        for chart in dict.fromkeys(shown.values())
+        for path in _pair(lines, [name for name in shown if shown[name] == chart], conditions, folder / chart)
+    ]
+
+
+def _has(lines: Sequence[FrontierLine], method: str, scene: str) -> bool:
+    return any(line.family == family(method, scene) for line in lines)
+
+
+def _pair(lines: Sequence[FrontierLine], scenes: Sequence[str], conditions: str, stem: Path) -> list[Path]:
+    """Draw success, and errors, of some scenes against time, and return both files."""
+    files = [stem.with_suffix(".png"), stem.with_name(f"{stem.name}_errors.png")]
     for path, rows in zip(files, (SUCCESS, ERRORS), strict=True):
-        figure = Figure(figsize=(11.5, 3.2 + 2.3 * len(rows)), layout="constrained")
-        grid = figure.subplots(len(rows), len(SCENES), sharex=True, sharey="row", squeeze=False)
+        figure = Figure(figsize=(1.5 + 5.0 * len(scenes), 3.2 + 2.3 * len(rows)), layout="constrained")
+        grid = figure.subplots(len(rows), len(scenes), sharex=True, sharey="row", squeeze=False)
         for row, (name, value) in zip(grid, rows, strict=True):
             row[0].set_ylabel(name)
-            for axes, scene in zip(row, SCENES, strict=True):
+            for axes, scene in zip(row, scenes, strict=True):
                 _draw(axes, {method: curve(lines, method, scene) for method in METHODS}, value)
             if value is not success:
                 row[0].set_ylim(bottom=0.0)
-        for axes, scene in zip(grid[0], SCENES, strict=True):
+        for axes, scene in zip(grid[0], scenes, strict=True):
             axes.set_title(scene, fontsize=11)
         for axes in grid[-1]:
             axes.set_xlabel(TIME)
         if rows is SUCCESS:
-            for axes, scene in zip(grid[0], SCENES, strict=True):
+            for axes, scene in zip(grid[0], scenes, strict=True):
                 _mark(axes, lines, scene)
         handles = [
-            Line2D([], [], marker="o", color=method.colour, label=_legend(lines, name))
+            Line2D([], [], marker="o", color=method.colour, label=_legend(lines, name, scenes))
             for name, method in METHODS.items()
         ]
         figure.legend(handles=handles, loc="outside lower center", ncols=len(handles), fontsize=9, frameon=False)
         figure.suptitle(
-            finding(lines) if rows is SUCCESS else "Errors and force: medians over all trials of a point", fontsize=12
+            finding(lines, scenes) if rows is SUCCESS else "Errors and force: medians over all trials of a point",
+            fontsize=12,
         )
         figure.text(0.995, 0.005, conditions, fontsize=5.5, ha="right", color="#888888")
         figure.savefig(path, dpi=130)
@@ -140,9 +155,9 @@ def _draw(axes: Axes, curves: Mapping[str, Sequence[FrontierLine]], value: Calla
     axes.grid(alpha=0.25)
 
 
-def _legend(lines: Sequence[FrontierLine], method: str) -> str:
+def _legend(lines: Sequence[FrontierLine], method: str, scenes: Sequence[str]) -> str:
     """Return the name of a method; with its count if it has no success, and so no point."""
-    of = [line for line in lines if line.family in {family(method, scene) for scene in SCENES} and line.trials]
+    of = [line for line in lines if line.family in {family(method, scene) for scene in scenes} and line.trials]
     is_hidden = of and not any(line.successes for line in of)
     return f"{method}: 0 of {sum(line.trials for line in of)}" if is_hidden else method
 
@@ -151,7 +166,7 @@ def _mark(axes: Axes, lines: Sequence[FrontierLine], scene: str) -> None:
     """Draw the presets; in the first scene, which is that of the real insertions, also those, and labels."""
     is_first = scene == next(iter(SCENES))
     above: dict[str, Any] = {"xytext": (0, 10), "textcoords": "offset points", "ha": "center", "fontsize": 9}
-    for method, points in ((name, each.points or {}) for name, each in METHODS.items()):
+    for method, points in ((name, each.points) for name, each in METHODS.items()):
         for line in (each for each in lines if each.family == family(method, scene) and each.variant in points):
             at = line.mean, success(line)
             axes.plot(*at, "D", ms=8, color=METHODS[method].colour, mec=INK, mew=1.0, zorder=5)
@@ -170,10 +185,10 @@ def curve(lines: Sequence[FrontierLine], method: str, scene: str) -> list[Fronti
     return sorted((line for line in of if _scale(line) is not None), key=lambda line: _scale(line) or 0.0)
 
 
-def finding(lines: Sequence[FrontierLine]) -> str:
+def finding(lines: Sequence[FrontierLine], scenes: Sequence[str]) -> str:
     """Return the finding in one sentence: the least mean time with `SURE` inserted, or the best success."""
     told = []
-    for scene in SCENES:
+    for scene in scenes:
         found = {
             method: _quickest([line for line in lines if line.family == family(method, scene)]) for method in TITLED
         }

@@ -33,21 +33,28 @@ BORNE = 10
 class ForceSearch:
     """Parameters of the search."""
 
-    speed: float
+    speed: float = 0.08
     """Speed of the tip along the spiral, m/s."""
-    pitch: float
+    pitch: float = 0.006
     """Distance between neighbouring turns, m."""
-    push: float
+    push: float = 6.0
     """Push on the plate, N."""
-    drop: float
+    drop: float = 0.0005
     """Depth of the tip below the surface estimate at which the hand stops, and at which it then has found the hole, m."""
 
 
-def insert_by_force(cell: Cell, ctx: SkillContext, search: ForceSearch) -> list[StageRecord]:
-    """Take a peg, search, turn it upright and press it down by force alone; search again as often as the cell's own program does."""
+def insert_by_force(cell: Cell, ctx: SkillContext, **figures: float) -> list[StageRecord]:
+    """Take a peg, search, turn it upright and press it down by force alone; search again as often as the cell's own program does.
+
+    Args:
+        cell: The simulated cell.
+        ctx: The skills' context.
+        figures: Fields of `ForceSearch` that differ from its own.
+    """
     take_for_straight(cell, ctx)
     # The plan of a later attempt: that of the first one judges the depth of the peg by theta.
     skills, plan = cell.config.skill_set(), cell.config.plan(attempt=1)
+    search = ForceSearch(**figures)
     search = replace(search, speed=search.speed * cell.config.speed_scale)
     records, attempt = GRASP.run(skills, ctx), 0
     while records[-1].result.outcome is Outcome.SUCCESS or records[-1].retried:

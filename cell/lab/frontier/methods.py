@@ -1,15 +1,18 @@
-"""Methods, scenes and speeds of the chart, as data."""
+"""Methods, scenes and speeds of the chart, from methods.toml."""
 
+import tomllib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
+from pathlib import Path
+from pkgutil import resolve_name
+from typing import Any
 
 from cell.commands.arguments import require_known
 from cell.devices.assembly import Cell
-from cell.lab.frontier.force import ForceSearch, insert_by_force
-from cell.lab.frontier.hands import insert_with_exact_theta, insert_with_frozen_theta
 from cell.lab.frontier.measure import Variant
-from cell.lab.trials import Program, insert_peg
+from cell.lab.trials import Program
+from cell.lab.tune.measure import SECTIONS, Ranges, Space
 from cell.records.statistics import RateTest
 from skills.contract import Request, SkillContext
 from skills.flow import StageRecord
@@ -28,30 +31,51 @@ class Method:
     """One method: a program and its parameters."""
 
     colour: str
-    program: Program = insert_peg
+    ranges: Ranges
+    """Figures that `cell tune` changes."""
+    program: str = "cell.lab.trials:insert_peg"
     preset: str | None = None
-    sets: tuple[str, ...] = ()
-    points: Mapping[str, str] | None = None
-    """Further points at the method's own speed: a preset by its label."""
+    tuned: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    """Figures by scene; a scene without its own takes those of the first scene."""
+    points: Sequence[str] = ()
+    """Presets to mark, at the method's own speed."""
+
+    def made(self, figures: Mapping[str, float]) -> Program:
+        """Return the program with the figures that are its own parameters."""
+        own = {name: value for name, value in figures.items() if "." not in name and name not in SECTIONS}
+        return partial(timed, partial(resolve_name(self.program), **own))
+
+    def space(self, scene: str, path: Path | None = None, sets: Sequence[str] = ()) -> Space:
+        """Return the settings of the method in a scene."""
+        return Space(path, [*sets, *SCENES[scene].sets], self.ranges, self.preset, self.made)
+
+    def figures(self, scene: str) -> Mapping[str, float]:
+        """Return the tuned setting for a scene; without one, that of the method as it was before."""
+        return self.tuned.get(scene) or self.tuned.get(next(iter(SCENES))) or {}
 
 
-METHODS: Mapping[str, Method] = {
-    "shipped": Method("#4477aa", points={"careful": "careful", "fast": "fast"}),
-    "theta known exactly": Method("#228833", insert_with_exact_theta),
-    "theta frozen after the grasp": Method("#ccbb44", insert_with_frozen_theta),
-    "force alone": Method(
-        "#ee6677", partial(insert_by_force, search=ForceSearch(speed=0.08, pitch=0.006, push=6.0, drop=0.0005))
-    ),
-    "printed": Method("#aa3377", preset="paper"),
-}
-"""Methods by name. The first three have the shipped parameters, the printed one those of `cell study paper`."""
-SCENES: Mapping[str, tuple[str, ...]] = {
-    "firm grip": (),
-    "peg turns in the hand": ("grasp.force=15.0", "grip.friction=0.3"),
-}
-"""Keys of each scene, both with honest errors: the part of [gibbons], and the same in a grip that lets the peg turn by
-tens of degrees, as [gibbons] reports.
-"""
+@dataclass(frozen=True, slots=True)
+class Scene:
+    """One scene, a column of a chart."""
+
+    chart: str = "frontier"
+    """Name of the chart."""
+    sets: Sequence[str] = ()
+    """Keys of the config."""
+
+
+def _read() -> tuple[dict[str, Method], dict[str, Scene]]:
+    data: dict[str, Any] = tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))
+    methods = {
+        name: Method(
+            **{**each, "ranges": {figure: (float(low), float(high)) for figure, (low, high) in each["ranges"].items()}}
+        )
+        for name, each in data["method"].items()
+    }
+    return methods, {each.pop("name"): Scene(**each) for each in data["scene"]}
+
+
+METHODS, SCENES = _read()
 
 
 def timed(program: Program, cell: Cell, ctx: SkillContext) -> list[StageRecord]:
@@ -66,30 +90,38 @@ def family(method: str, scene: str) -> str:
     return f"{method}, {scene}"
 
 
+def require_methods(methods: Sequence[str], scenes: Sequence[str]) -> None:
+    """Raise ConfigError if a method or a scene does not exist."""
+    for name in methods:
+        require_known("--method", name, METHODS)
+    for name in scenes:
+        require_known("--scene", name, SCENES)
+
+
 def variants(methods: Sequence[str], scenes: Sequence[str], scales: Sequence[float]) -> list[Variant]:
     """Return the points of the named methods in the named scenes; the order of speeds lets an interrupted study show every curve.
 
     Raises:
         ConfigError: A method or a scene does not exist.
     """
-    for name in methods:
-        require_known("--method", name, METHODS)
-    for name in scenes:
-        require_known("--scene", name, SCENES)
+    require_methods(methods, scenes)
     pairs = [(method, scene) for scene in scenes for method in methods]
+    settings = {
+        (method, scene): METHODS[method].space(scene).sets(METHODS[method].figures(scene)) for method, scene in pairs
+    }
     found = [
         Variant(
             family(method, scene),
             f"{scale:g}",
             METHODS[method].preset,
-            (*METHODS[method].sets, *SCENES[scene], f"speed_scale={scale:g}"),
-            program=partial(timed, METHODS[method].program),
+            (*SCENES[scene].sets, *settings[method, scene], f"speed_scale={scale:g}"),
+            program=METHODS[method].made(METHODS[method].figures(scene)),
         )
         for scale in scales
         for method, scene in pairs
     ]
     return found + [
-        Variant(family(method, scene), label, preset, SCENES[scene], program=partial(timed, METHODS[method].program))
+        Variant(family(method, scene), preset, preset, tuple(SCENES[scene].sets), program=METHODS[method].made({}))
         for method, scene in pairs
-        for label, preset in (METHODS[method].points or {}).items()
+        for preset in METHODS[method].points
     ]

@@ -24,7 +24,9 @@ from cell.config.cell_config import CellConfig
 from cell.config.load import LoadedConfig
 from cell.devices.assembly import assemble, opened
 from cell.lab.speed.starts import processor_time, start_of
-from cell.lab.trials import run_trial, seeded, trial_in
+from cell.lab.trials import NoProbe, run_trial, seeded, trial_in
+from drivers.quantities import ImpedanceSetpoint
+from skills.contract import Observation
 
 SEED = 1
 """Seed of the measured trial."""
@@ -58,6 +60,17 @@ def stored() -> tuple[dict[str, Stored], dict[str, Stored]]:
     return counts, ratios
 
 
+@dataclass(frozen=True, slots=True)
+class Each(NoProbe):
+    """Calls a function in every scan."""
+
+    note: Callable[[], None]
+
+    def record(self, seen: Observation, setpoint: ImpedanceSetpoint | None) -> None:
+        """Call the function."""
+        self.note()
+
+
 def counts_of_a_scan(config: CellConfig) -> dict[str, float]:
     """Return calls and temporary memory per scan of a trial with compiled functions."""
     scans = round(run_trial(config, SEED).sim_time * config.scan_rate)
@@ -75,7 +88,7 @@ def counts_of_a_scan(config: CellConfig) -> dict[str, float]:
 
     with opened(assemble(seeded(config, SEED))) as cell:
         tracemalloc.start()
-        trial_in(cell, SEED, note)
+        trial_in(cell, SEED, lambda cell, ctx: Each(note))
         tracemalloc.stop()
     calls = sum(entry.callcount for entry in watch.getstats())
     return {"calls": calls / scans, "memory": statistics.fmean(peaks)}
@@ -201,7 +214,7 @@ def trial_time(config: CellConfig, watch: cProfile.Profile | None = None) -> Tri
 
         with native.clocked(), watch or nullcontext():
             began, clock, started = world.now(), time.perf_counter(), time.thread_time()
-            trial_in(cell, SEED, note)
+            trial_in(cell, SEED, lambda cell, ctx: Each(note))
             total, wall, simulated = time.thread_time() - started, time.perf_counter() - clock, world.now() - began
     # MuJoCo measures its steps by the wall clock; other programs lengthen both times equally.
     return TrialTime(simulated, round(simulated * config.scan_rate), total, stepped / wall * total)
@@ -242,7 +255,7 @@ def profile(config: CellConfig) -> tuple[TrialTime, dict[str, float]]:
     return plain, dict(sorted(large.items(), key=lambda part: -part[1]))
 
 
-ENGINE, OTHERS = "sim/engine", "libraries"
+ENGINE, OTHERS = "sim/world", "libraries"
 
 
 def _package(code: object) -> str:

@@ -1,11 +1,13 @@
-"""Settings between the shipped presets, selected by an optimiser, and the best one judged on other seeds.
+"""Settings within ranges, selected by an optimiser, and the best one judged on other seeds.
 
-Three numbers represent all gains: one each for search, insertion and adjustment, from 0, the gentlest preset, over 1 to
-2, the fastest. Every setting is therefore between shipped settings. The optimiser is Optuna's tree-structured Parzen
-estimator. If a setting is clearly worse than the best one on the same seeds, Optuna's Wilcoxon pruner ends it early.
+The default ranges have three figures for all gains: one each for search, insertion and adjustment, from 0, the gentlest
+preset, over 1 to 2, the fastest. Every setting is therefore between shipped settings. The optimiser is Optuna's
+tree-structured Parzen estimator. If a setting is clearly worse than the best one on the same seeds, Optuna's Wilcoxon
+pruner ends it early.
 """
 
 import json
+import math
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -16,7 +18,7 @@ import numpy as np
 
 from cell.config.cell_config import CellConfig
 from cell.config.load import load
-from cell.lab.trials import TrialRow, run_trials
+from cell.lab.trials import Program, TrialRow, insert_peg, run_trials
 from cell.lab.tune.wish import Wish, cost
 from drivers.errors import ConfigError
 from drivers.quantities import Vector
@@ -30,6 +32,10 @@ SECTIONS = ("search", "insert", "adjust")
 """Sections with a number of their own."""
 QUICKEST = float(len(STYLES) - 1)
 Sets = tuple[str, ...]
+Ranges = Mapping[str, tuple[float, float]]
+"""Least and largest value of each figure of a setting."""
+STYLED: Ranges = dict.fromkeys(SECTIONS, (0.0, QUICKEST))
+"""Ranges of the sections between the presets."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,8 +43,7 @@ class Candidate:
     """One tested setting."""
 
     number: int
-    style: Mapping[str, float]
-    """Number of each section, 0 to 2."""
+    figures: Mapping[str, float]
     sets: Sets
     """Keys of the setting on top of the config's own, `KEY=VALUE`."""
     trials: int
@@ -49,18 +54,36 @@ class Candidate:
 
 
 class Space:
-    """Settings between the presets of one cell."""
+    """Settings of one cell, each a value for every figure of its ranges.
 
-    def __init__(self, path: Path | None, sets: Sequence[str]) -> None:
+    The figure of a section interpolates the section's keys between the presets. Any other figure is a key of the
+    config if its name has a dot, and else a parameter of the program.
+    """
+
+    def __init__(
+        self,
+        path: Path | None,
+        sets: Sequence[str],
+        ranges: Ranges = STYLED,
+        preset: str | None = None,
+        make: Callable[[Mapping[str, float]], Program] = lambda figures: insert_peg,
+    ) -> None:
         """Read the presets on top of a cell's file and single keys.
+
+        Args:
+            path: TOML file of the cell.
+            sets: Keys of every setting, `KEY=VALUE`.
+            ranges: Range of each figure.
+            preset: Preset of every setting; None keeps the config's.
+            make: Function that returns the program for the figures of a setting.
 
         Raises:
             ConfigError: The cell or one of the presets is invalid.
         """
-        self._path, self._own = path, tuple(sets)
+        self._path, self._own, self._preset, self.ranges, self.program = path, tuple(sets), preset, ranges, make
         cells = [load(path, style, [*sets, "sim.pace=max"]).cell for style in STYLES]
         leaves = [dict(_numbers(cell.model_dump(mode="json"))) for cell in cells]
-        self._base = dict(_numbers(load(path, None, sets).cell.model_dump(mode="json")))
+        self._base = dict(_numbers(load(path, preset, sets).cell.model_dump(mode="json")))
         self._figures = {
             key: tuple(each[key] for each in leaves)
             for key in leaves[0]
@@ -69,17 +92,28 @@ class Space:
             and any((each[key] != leaves[0][key]).any() for each in leaves)
         }
 
-    def sets(self, style: Mapping[str, float]) -> Sets:
-        """Return the keys of a setting that differ from the config's own, each interpolated between two presets."""
+    def sets(self, figures: Mapping[str, float]) -> Sets:
+        """Return the keys of a setting that differ from the config's own."""
         found = []
-        for key, figures in self._figures.items():
-            place = min(max(style[key.split(".")[0]], 0.0), QUICKEST)
-            below = min(int(place), len(figures) - 2)
-            value = figures[below] + (place - below) * (figures[below + 1] - figures[below])
+        for key, values in self._figures.items():
+            place = figures.get(key.split(".")[0])
+            if place is None:
+                continue
+            place = min(max(place, 0.0), QUICKEST)
+            below = min(int(place), len(values) - 2)
+            value = values[below] + (place - below) * (values[below + 1] - values[below])
             if not np.allclose(value, self._base.get(key, np.nan)):
                 rounded = [float(f"{each:.4g}") for each in np.atleast_1d(value)]
                 found.append(f"{key}={json.dumps(rounded if value.ndim else rounded[0])}")
-        return tuple(found)
+        keys = [f"{name}={value:.4g}" for name, value in figures.items() if "." in name]
+        return (*found, *keys)
+
+    def starts(self) -> list[dict[str, float]]:
+        """Return the settings that are tested first: every preset, each with the middle of the other ranges."""
+        middle = {name: math.sqrt(low * high) for name, (low, high) in self.ranges.items() if name not in SECTIONS}
+        styled = [name for name in self.ranges if name in SECTIONS]
+        places = range(len(STYLES)) if styled else range(1)
+        return [{**dict.fromkeys(styled, float(place)), **middle} for place in places]
 
     def config(self, sets: Sets) -> CellConfig:
         """Return the simulated cell with these keys.
@@ -87,7 +121,7 @@ class Space:
         Raises:
             ConfigError: The keys are inconsistent, for example unstable gains.
         """
-        return load(self._path, None, [*self._own, "sim.pace=max", *sets]).cell
+        return load(self._path, self._preset, [*self._own, "sim.pace=max", *sets]).cell
 
 
 def tune(
@@ -120,13 +154,16 @@ def tune(
         sampler=optuna.samplers.TPESampler(seed=seeds[0], n_startup_trials=max(candidates // 3, len(STYLES))),
         pruner=optuna.pruners.WilcoxonPruner(p_threshold=0.1, n_startup_steps=min(4, len(seeds))),
     )
-    for place in range(len(STYLES)):
-        study.enqueue_trial(dict.fromkeys(SECTIONS, float(place)))
+    for start in space.starts():
+        study.enqueue_trial(start)
     found = []
     for number in range(candidates):
         asked = study.ask()
-        style = {name: asked.suggest_float(name, 0.0, QUICKEST) for name in SECTIONS}
-        sets = space.sets(style)
+        figures = {
+            name: asked.suggest_float(name, low, high, log=name not in SECTIONS)
+            for name, (low, high) in space.ranges.items()
+        }
+        sets = space.sets(figures)
         try:
             config = space.config(sets)
         except ConfigError:
@@ -134,19 +171,27 @@ def tune(
             done(len(seeds))
             continue
         left = _Left(asked, wishes)
-        rows = run_trials(config, seeds, workers, folder / f"setting-{number:03d}", lambda row: done(1), None, left)
+        rows = run_trials(
+            config,
+            seeds,
+            workers,
+            folder / f"setting-{number:03d}",
+            lambda row: done(1),
+            is_enough=left,
+            program=space.program(figures),
+        )
         done(len(seeds) - len(rows))
         mean = sum(cost(row, wishes) for row in rows) / len(rows)
         study.tell(asked, mean)
-        found.append(Candidate(number, style, sets, len(rows), mean, len(rows) < len(seeds)))
+        found.append(Candidate(number, figures, sets, len(rows), mean, len(rows) < len(seeds)))
     return sorted(found, key=lambda each: (each.is_left, each.cost))
 
 
 def judge(
-    space: Space, sets: Sets, seeds: Sequence[int], workers: int, folder: Path, done: Callable[[TrialRow], None]
+    space: Space, best: Candidate, seeds: Sequence[int], workers: int, folder: Path, done: Callable[[TrialRow], None]
 ) -> list[TrialRow]:
     """Return the trials of a setting on seeds that the choice did not use."""
-    return run_trials(space.config(sets), seeds, workers, folder, done)
+    return run_trials(space.config(best.sets), seeds, workers, folder, done, program=space.program(best.figures))
 
 
 def toml(sets: Sets) -> str:

@@ -1,10 +1,11 @@
-// The yield of the shift, the last runs and the last faults.
+// The yield of the shift, the last runs and the alarms.
 
+import { loadAlarms } from "./alarms.js";
 import { byId, clock, make, put, toRun, words } from "./text.js";
 
 const percent = (share, digits = 1) => `${(100 * share).toFixed(digits)} %`;
 
-export function showRecords({ runs, faults, shift }) {
+export function showRecords({ runs, shift }) {
   put("shift-hours", String(shift.hours));
   put("yield", shift.yield === null ? "–" : percent(shift.yield, 1));
   put("yield-words", shift.runs ? `${shift.runs} runs; 95 % interval ${percent(shift.low)} to ${percent(shift.high)}` : "No run has ended yet.");
@@ -19,7 +20,7 @@ export function showRecords({ runs, faults, shift }) {
     return pair;
   }));
   byId("run-rows").replaceChildren(...runs.map(row));
-  byId("fault-list").replaceChildren(...(faults.length ? faults.map(fault) : [make("li", "None on record.", { class: "note" })]));
+  loadAlarms();
 }
 
 function row(run) {
@@ -31,10 +32,4 @@ function row(run) {
   outcome.append(make("span", run.outcome, { class: `outcome ${run.outcome}` }), ` ${why}`);
   line.append(link, make("td", clock(run.started)), make("td", words(run.program)), make("td", run.serial), make("td", run.cycle_time === null ? "" : `${run.cycle_time.toFixed(1)} s`), make("td", run.source), outcome);
   return line;
-}
-
-function fault(run) {
-  const item = make("li");
-  item.append(toRun(run.run, `${run.fault}`), ` ${run.meaning} · ${clock(run.started)}, run ${run.run}`);
-  return item;
 }

@@ -18,6 +18,7 @@ function show(data) {
   const facts = {
     "Started": clock(data.started), "Asked by": data.source, "Recipe": data.recipe, "Serial number": data.serial,
     "Fault": data.fault ? `${data.fault} ${data.message}` : "", "Last stage": words(data.stage),
+    "Meaning": data.why?.meaning ?? "", "Usual causes": data.why?.cause ?? "", "What to do": data.why?.remedy ?? "",
     "Cycle time": data.cycle_time === null ? "" : `${data.cycle_time.toFixed(2)} s from command to answer`,
     "Largest force": data.peak_force === null ? "" : `${data.peak_force.toFixed(1)} N`,
     "Retries": data.retries || "",

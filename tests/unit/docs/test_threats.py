@@ -24,6 +24,6 @@ def test_every_threat_has_a_guard_and_a_test(threat: Threat):
     assert found(threat.guard) is not None
     file, _, name = threat.test.partition("::")
     tree = ast.parse((ROOT / Path(file)).read_text(encoding="utf-8"))
-    tests = {each.name for each in tree.body if isinstance(each, ast.FunctionDef)}
+    tests = {each.name for each in tree.body if isinstance(each, ast.FunctionDef | ast.AsyncFunctionDef)}
     assert tests
     assert not name or name in tests

@@ -1,5 +1,6 @@
 """Proofs of a cell, changes that make a new proof necessary, and actions permitted in commissioning."""
 
+import shutil
 from dataclasses import replace
 from datetime import date
 
@@ -9,6 +10,8 @@ import pytest
 from cell.calibrate.hand_motion import MOST_FORCE
 from cell.calibrate.proofs import ALONG, LEAST_FORCE, LEAST_WAY, prove_switch, prove_wrench, sense
 from cell.calibrate.proven import FACTS, FILE, SLOW, commissioning, in_force, keep, missing, read
+from cell.commands import calibrate
+from cell.commands.cli import GOOD, main
 from cell.config.files import SHIPPED
 from cell.config.load import load
 from cell.devices.computer import UNLIMITED, settings
@@ -70,6 +73,18 @@ def test_a_proven_cell_is_as_its_file_says(physical, proven, tmp_path):
 )
 def test_a_change_of_arm_hand_skin_switch_or_plate_asks_for_the_proof_again(physical, proven, sections, asked):
     assert missing(changed(physical.cell, **sections), proven) == asked
+
+
+def test_a_calibration_moves_slowly_and_gently_until_all_is_proven(physical, tmp_path, monkeypatch):
+    for name in ("cell_01.toml", "sim.toml"):
+        shutil.copy(SHIPPED / name, tmp_path)
+    found = []
+    monkeypatch.setitem(calibrate.DEVICES, "probe", lambda args, config, today, path: found.append(config) or GOOD)
+    command = ["calibrate", "probe", "--config", str(tmp_path / "cell_01.toml")]
+    main(command)
+    keep(tmp_path / "calibration" / FILE, physical.cell, dict.fromkeys(FACTS, "measured"), TODAY)
+    main(command)
+    assert [config.speed_scale for config in found] == [SLOW, physical.cell.speed_scale]
 
 
 def test_a_damaged_file_proves_nothing(physical, proven, tmp_path):

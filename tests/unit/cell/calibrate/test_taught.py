@@ -54,6 +54,16 @@ def test_lines_are_sections_of_a_file():
     assert "\n[rack]\nfirst = [0.45000, -0.25000, 0.10000]\n" in text
 
 
+def test_two_opposite_corners_of_plate_and_area_in_one_line_suffice():
+    line = [
+        ("p", (0.449, -0.048, 0.099)),
+        ("h", (0.468, -0.028, 0.1)),
+        ("h", (0.529, 0.033, 0.101)),
+        ("p", (0.549, 0.052, 0.098)),
+    ]
+    assert judged(*line) is None
+
+
 @pytest.mark.parametrize(
     ("places", "why"),
     [

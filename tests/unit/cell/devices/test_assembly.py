@@ -1,11 +1,12 @@
 """A cell of hardware: what its config makes of it, without any hardware."""
 
+import json
 import subprocess
 import sys
 
 import pytest
 
-from cell.commands.cli import FAULT, WRONG_USE, main
+from cell.commands.cli import FAULT, GOOD, WRONG_USE, main
 from cell.config.files import SHIPPED
 from cell.config.load import load
 from cell.devices.assembly import assemble, check
@@ -121,3 +122,53 @@ def test_what_needs_a_simulated_cell_leaves_a_physical_one_alone(capsys, tmp_pat
 def test_the_skin_is_shown_without_the_rest_of_the_cell(capsys):
     assert main(["skin", "--config", str(SHIPPED / "cell_01.toml"), "--set", "skin.channel=can-none"]) == FAULT
     assert "CAN bus socketcan can-none" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("simulated", "simulated_kinds"),
+    [
+        (("arm", "gripper"), ["SimArm", "SimGripper", "CanSkin", "SerialSuccessSwitch"]),
+        (("arm", "gripper", "switch"), ["SimArm", "SimGripper", "CanSkin", "SimSwitch"]),
+        (("arm", "gripper", "skin"), ["SimArm", "SimGripper", "SimSkin", "SerialSuccessSwitch"]),
+    ],
+)
+def test_named_devices_are_simulated_and_the_others_stay(simulated, simulated_kinds):
+    cell = load(SHIPPED / "cell_01.toml", simulate=simulated).cell
+    assert cell.arm.model == "fr3"
+    assert [type(device).__name__ for _, device in assemble(cell).devices()] == simulated_kinds
+
+
+def test_a_calibration_does_not_go_over_to_a_simulated_device(tmp_path):
+    file = tmp_path / "cell.toml"
+    file.write_text(f'{(SHIPPED / "cell_01.toml").read_text()}\n[calibration]\narm = "arm.toml"\nskin = "skin.toml"\n')
+    for name in ("arm.toml", "skin.toml"):
+        (tmp_path / name).touch()
+    calibration = load(file, simulate=("arm", "gripper")).cell.calibration
+    assert (calibration.arm, calibration.skin) == (None, tmp_path / "skin.toml")
+
+
+@pytest.mark.parametrize(
+    ("options", "complaint"),
+    [
+        (
+            ["--simulate", "arm,skim"],
+            "device skim: no such name; arm, gripper, skin, switch allowed; did you mean skin?",
+        ),
+        (["--simulate", ""], "device : no such name"),
+        (["--simulate", "skin"], 'skin.kind = "sim": needs a simulated arm'),
+        (["--simulate", "arm"], 'gripper.kind = "franka": needs the real arm'),
+        (["--only", "skim"], "device skim: no such name"),
+        (["--only", "skin", "--prove"], "--only: not together with"),
+    ],
+)
+def test_a_wrong_choice_of_devices_is_answered_in_one_line(options, complaint, capsys):
+    assert main(["check", *options, "--config", str(SHIPPED / "cell_01.toml")]) == WRONG_USE
+    told = capsys.readouterr().err
+    assert complaint in told
+    assert told.count("\n") == 1
+
+
+@pytest.mark.parametrize("only", ["arm", "skin", "gripper,switch"])
+def test_chosen_devices_are_checked_alone(only, capsys):
+    assert main(["check", "--json", "--only", only]) == GOOD
+    assert [each["device"] for each in json.loads(capsys.readouterr().out)] == only.split(",")

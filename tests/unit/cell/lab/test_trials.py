@@ -8,7 +8,7 @@ import pytest
 from rich.console import Console
 
 from cell.lab import trials
-from cell.lab.tables import loads
+from cell.lab.tables import loads, phases
 from cell.lab.trials import COLUMNS, MORE, PARTIAL, read_table, run_trials, summarise, write_table
 from cell.records.provenance import config_hash, versions
 from drivers.errors import ConfigError
@@ -187,3 +187,9 @@ def test_the_table_of_loads_fits_eighty_columns_and_counts_what_keeps_to_20_newt
     told = console.export_text()
     assert "1 of 2 trials within 20 N" in told
     assert re.search(r"time above 20 N \(s\) +│ +0\.15 │ +0\.2\d │ +0\.30", told)
+
+
+def test_the_parts_of_a_cycle_add_up_to_it():
+    console = Console(width=80, record=True, file=io.StringIO())
+    console.print(phases([replace(ROW, adjust_time=2.0, cycle_time=25.0), replace(ROW, outcome="failure")]))
+    assert re.search(r"transfers and release +│ +6\.0 │ +24 ", console.export_text())

@@ -17,7 +17,16 @@ from skills.entry import Claim
 from skills.flow import StageRecord
 from skills.search.spray_search import SpraySearchResult
 from skills.search.surface import Plane
-from skills.seating.decision import BORNE_FOR, CLOSED_TOLERANCE, DOUBTED, LEAST_PUSH, MOST_DEEP, MOST_SHALLOW
+from skills.seating.decision import (
+    BORNE_FOR,
+    CLOSED_TOLERANCE,
+    DOUBTED,
+    GIVE,
+    LEAST_PUSH,
+    MOST_DEEP,
+    MOST_SHALLOW,
+    Footing,
+)
 
 OPEN, CLOSED = SwitchState.OPEN, SwitchState.CLOSED
 WIDE, CLOSED_HAND = GripperState(0.04, False, False), GripperState(0.008, True, False)
@@ -102,14 +111,16 @@ def test_a_peg_that_the_bottom_bears_may_have_been_pushed_up_in_the_hand(job, de
         judge(job, proof=proof)
 
 
-@pytest.mark.parametrize(("gained", "is_early"), [(MOST_SHALLOW - 1e-5, False), (MOST_SHALLOW + 1e-5, True)])
-def test_a_switch_is_early_by_what_the_peg_gains_after_it_closed(job, gained, is_early):
+@pytest.mark.parametrize("push", [0.0, 11.0])
+@pytest.mark.parametrize(("beyond", "is_early"), [(-1e-5, False), (1e-5, True)])
+def test_after_a_switch_closed_the_hand_sinks_by_what_soft_pads_give(job, push, beyond, is_early):
+    gained = MOST_SHALLOW + GIVE * push + beyond
     proof = proven(job, job.hole.depth - 0.0015)
-    proof = replace(proof, borne_tip=proof.seated_tip - gained * UP)
+    proof = replace(proof, borne_tip=proof.seated_tip - gained * UP, footing=Footing(push=push))
     if not is_early:
         assert judge(job, proof=proof) is SUCCESS
         return
-    with pytest.raises(SwitchDisagreesError, match=r"closed 1\.0 mm above the bottom that bore the peg"):
+    with pytest.raises(SwitchDisagreesError, match=r"mm above the bottom that supported the peg"):
         judge(job, proof=proof)
 
 
@@ -272,7 +283,9 @@ def test_depths_are_told_to_a_tenth_of_a_millimetre(at_origin):
     deep = at_origin.model_copy(update={"hole": at_origin.hole.model_copy(update={"depth": 0.06044})})
     with pytest.raises(SwitchDisagreesError, match=r"tip 40\.0 mm deep; 59\.4 to 62\.4 mm expected$"):
         judge(deep, proof=seated_at(deep, 0.04004))
-    with pytest.raises(SwitchDisagreesError, match=r"closed 11\.0 mm above the bottom that bore the peg then; 1\.0 mm"):
+    with pytest.raises(
+        SwitchDisagreesError, match=r"closed 11\.0 mm above the bottom that supported the peg then; 1\.0 mm"
+    ):
         judge(deep, proof=seated_at(deep, 0.05, borne=0.06104))
 
 

@@ -15,7 +15,6 @@ from cell.records.run_query import RunQuery
 from cell.records.sample_blocks import BATCH, COLUMNS, JOINT_COLUMNS, SampleBlock, SampleStream, taxel_columns
 from cell.records.samples import SampleFile, export_csv, read_facts, read_samples
 from cell.records.schema import LAYOUT, ConfigRow, EventKind, EventRow, RunRow, StageRow
-from cell.records.told import Kind
 from cell.run.record import scene_facts
 from drivers.errors import JournalError
 from drivers.frames import rotation_about, rotation_of
@@ -180,9 +179,6 @@ def test_stages_come_back_in_order_with_what_is_not_known_left_open(journal):
     ]
     journal.finish(replace(row, outcome="fault"), stages)
     assert journal.stages(row.run) == stages
-    (kind,) = journal.told(RunQuery("2025")).kind
-    assert Kind(*json.loads(kind)) == ("fault", "", "", 0, ["grasp_from_rack", "spray_search"])
-    assert journal.told(RunQuery("2026")) == ((), ())
 
 
 def test_events_come_back_oldest_first_by_time_and_by_run(journal):

@@ -1,6 +1,6 @@
 """Questions to the records: which runs, what they say together, two side by side, and files for other tools."""
 
-import json
+from collections import Counter
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -11,19 +11,18 @@ import pytest
 
 from cell.records.index import Index
 from cell.records.journal import Journal
-from cell.records.run_query import RunQuery, since_text
+from cell.records.run_query import RunQuery, moment
 from cell.records.schema import ConfigRow, RunRow, StageRow
-from cell.records.told import Kind, told_columns
 from cell.report.comparison import compared
 from cell.report.document import write
-from cell.report.facts import LEAST_DRIFT, LONGEST_STOP, Facts, drift_of, facts_of
+from cell.report.facts import LEAST_DRIFT, Facts, drift_of, facts_of
+from cell.report.queries import LONGEST_STOP
 from cell.report.words import tables
 from drivers.errors import ConfigError
 from skills.catalogue import ADJUST, CATALOGUE, GRASP, SEARCH
 
 NOW = datetime(2025, 6, 15, 12, tzinfo=UTC)
 EVIL = "PN7[a]-[/x]<script>"
-NOTHING = told_columns([])
 SUCCESS = {"outcome": "success", "stage": "release_and_retract", "cycle_time": 20.0, "peak_force": 15.0}
 
 
@@ -42,7 +41,7 @@ def told(runs: list[RunRow], stages: list[StageRow] = ()) -> Facts:
             index.put_ended(each, [tried for tried in stages if tried.run == each.run])
         index.close()
         with Journal(Path(folder), is_read_only=True) as journal:
-            return facts_of(journal.told(RunQuery()))
+            return facts_of(journal, RunQuery())
 
 
 def stage(run: int, name: str, counted: float, **what) -> StageRow:
@@ -67,41 +66,41 @@ def journal(tmp_path):
     ("query", "found"),
     [
         (RunQuery(), [4, 3, 2, 1]),
-        (RunQuery(since=since_text("7d", NOW)), [4, 3, 2]),
+        (RunQuery(since=moment("7d", NOW)), [4, 3, 2]),
         (RunQuery(outcome="failure"), [3]),
         (RunQuery(fault=2004), [2]),
         (RunQuery(serial=EVIL), [3]),
-        (RunQuery(since=since_text("36h", NOW), outcome="success"), [4]),
+        (RunQuery(since=moment("36h", NOW), outcome="success"), [4]),
         (RunQuery(program="recover"), []),
         (RunQuery(recipe=0), [4, 3, 2, 1]),
     ],
 )
 def test_a_question_finds_its_runs_and_their_stages(journal, query, found):
     assert [run.run for run in journal.select(query)] == found
-    told = journal.told(query)
-    assert [Kind(*json.loads(kind)).outcome for kind in told.kind] == [journal.find(n).outcome for n in sorted(found)]
-    assert all(SEARCH.name in kind for kind in told.kind)
+    facts = facts_of(journal, query)
+    assert facts.outcomes == Counter(journal.find(number).outcome for number in found)
+    assert sum(stage.n for stage in facts.stages) == facts.outcomes.get("success", 0)
 
 
 @pytest.mark.parametrize("text", ["7", "d7", "yesterday", "9999999w", "999999w", "2025-13-01"])
 def test_a_time_that_is_none_is_answered_with_what_is_allowed(text):
     with pytest.raises(ConfigError, match="12h, 7d, 4w or a date"):
-        since_text(text, NOW)
+        moment(text, NOW)
 
 
 def test_a_date_is_in_local_time_and_a_span_ends_now():
     local = datetime.fromisoformat("2025-01-31T06:00").astimezone(UTC)
-    assert since_text("2025-01-31T06:00", NOW) == local.isoformat(timespec="milliseconds")
-    assert since_text("30m", NOW) == "2025-06-15T11:30:00.000+00:00"
+    assert moment("2025-01-31T06:00", NOW) == local.isoformat(timespec="milliseconds")
+    assert moment("30m", NOW) == "2025-06-15T11:30:00.000+00:00"
 
 
 def test_yield_counts_ended_runs_and_says_how_sure_it_is(journal):
-    facts = facts_of(journal.told(RunQuery()))
+    facts = facts_of(journal, RunQuery())
     assert (facts.total.good, facts.total.runs, facts.total.share) == (2, 4, 0.5)
     low, high = facts.total.interval
     assert (low, high) == pytest.approx((0.150, 0.850), abs=1e-3)  # [wilson] of 2 in 4
     assert facts.outcomes == {"success": 2, "fault": 1, "failure": 1}
-    assert [(day.good, day.runs) for _, day in facts.by_day] == [(1, 1), (0, 1), (0, 1), (1, 1)]
+    assert [(shift.runs.good, shift.runs.runs) for shift in facts.shifts] == [(1, 1), (0, 1), (0, 1), (1, 1)]
 
 
 MINUTE = 1.0 / 1440.0
@@ -148,7 +147,7 @@ def test_a_pad_that_wears_shows_and_one_that_does_not_stays_quiet():
 
 
 def test_no_runs_are_no_error(tmp_path):
-    facts = facts_of(NOTHING)
+    facts = told([])
     write(facts, tmp_path / "none.html")
     assert ("yield", "no runs, 95 % interval 0.0 to 100.0 %") in tables(facts)[0][2]
 
@@ -157,7 +156,7 @@ def test_a_report_is_one_file_that_asks_nobody_and_prints_what_comes_from_outsid
     lost = row(9, outcome="failure", stage="spray_search", reason=EVIL)
     begun = journal.begin(replace(lost, outcome="running"))
     journal.finish(replace(lost, run=begun.run))
-    facts = facts_of(journal.told(RunQuery()))
+    facts = facts_of(journal, RunQuery())
     write(facts, tmp_path / "report.html")
     write(facts, tmp_path / "report.pdf")
     text = (tmp_path / "report.html").read_text()
@@ -170,7 +169,7 @@ def test_a_report_is_one_file_that_asks_nobody_and_prints_what_comes_from_outsid
 @pytest.mark.parametrize("name", ["report.docx", "report"])
 def test_another_ending_is_refused(tmp_path, name):
     with pytest.raises(ConfigError, match=r"\*\.html, \*\.pdf allowed"):
-        write(facts_of(NOTHING), tmp_path / name)
+        write(told([]), tmp_path / name)
 
 
 def test_two_runs_differ_where_their_configs_do():

@@ -6,6 +6,7 @@ import pytest
 from drivers.errors import DeviceNotOpenedError, SkinSilentError
 from drivers.skin.boards import RECENT, CanSkin
 from drivers.skin.health import BASELINE_FRAMES, SkinHealth, SkinHealthConfig
+from drivers.skin.layout import LAYOUTS
 from drivers.transport.wires import CanFrame
 from sim.boards.cyskin_board import TEMPERATURE_COUNTS
 from sim.config import WireFaults
@@ -13,6 +14,7 @@ from tests.cyskin_makers import SENT
 from tests.skins import WIRED, BoardRig, can_config, held_peg, serial_config
 
 STEADY = SkinHealthConfig(drift_time=1e5)
+FULL_SCALE = LAYOUTS["parallelogram"].full_scale
 """A baseline that follows nothing."""
 
 
@@ -46,7 +48,7 @@ def test_every_count_that_the_board_measures_comes_through(name):
     frames = {frame.sequence: frame for frame in rig.scan(2.0)}
     raw = np.array([counts for _, counts in measured])
     first = BASELINE_FRAMES - 1
-    health = SkinHealth(STEADY, raw[: first + 1])
+    health = SkinHealth(STEADY, raw[: first + 1], FULL_SCALE)
     wanted = [health.update(counts, 0.0) for counts in raw[first:]]
     assert len(frames) > 15
     for sequence, frame in frames.items():
@@ -324,7 +326,9 @@ def test_what_was_lost_while_nobody_listened_is_no_silence_but_a_silent_board_st
 
 def test_a_board_with_other_taxels_than_the_layout_is_not_opened(tmp_path):
     path = tmp_path / "three.toml"
-    path.write_text("places = [[0.0, 0.0], [0.0, 0.007], [0.007, 0.0]]\npad = [0.03, 0.02]\nbeside = 2000.0\n")
+    path.write_text(
+        "places = [[0.0, 0.0], [0.0, 0.007], [0.007, 0.0]]\npad = [0.03, 0.02]\nfull_scale = 20_000.0\nnoise = 0.015\nbeside = 0.1\n"
+    )
     config = WIRED["can"]
     rig = BoardRig(config)
     skin = CanSkin(config.model_copy(update={"layout": str(path)}), rig.link, rig.clock)

@@ -7,6 +7,7 @@ from drivers.skin.health import ERROR_COUNT, SkinHealth, SkinHealthConfig, dead_
 
 CONFIG = SkinHealthConfig(stuck_frames=10, drift_time=10.0)
 TAXELS = 8
+FULL_SCALE = 20_000.0
 
 
 def _still(seed=0, frames=50, level=5000.0, noise=300.0):
@@ -15,7 +16,7 @@ def _still(seed=0, frames=50, level=5000.0, noise=300.0):
 
 
 def _health(still=None):
-    return SkinHealth(CONFIG, _still() if still is None else still)
+    return SkinHealth(CONFIG, _still() if still is None else still, FULL_SCALE)
 
 
 def test_too_short_a_baseline_is_refused():
@@ -116,7 +117,7 @@ def test_group_is_dead_when_all_of_it_is():
 
 def test_zero_far_below_the_baseline_is_no_measurement():
     still = np.full((50, 3), 5000, dtype=np.uint16) + (np.arange(150).reshape(50, 3) % 7).astype(np.uint16)
-    health = SkinHealth(SkinHealthConfig(), still)
+    health = SkinHealth(SkinHealthConfig(), still, FULL_SCALE)
     _, trusted = health.update(np.array([5001, 0, 4000], dtype=np.uint16), 1.0)
     assert trusted.tolist() == [True, False, True]
 
@@ -124,7 +125,7 @@ def test_zero_far_below_the_baseline_is_no_measurement():
 def test_zero_near_a_baseline_of_zero_is_a_measurement():
     """Recordings have their baseline removed already."""
     still = (np.arange(150).reshape(50, 3) % 4).astype(np.uint16)
-    health = SkinHealth(SkinHealthConfig(), still)
+    health = SkinHealth(SkinHealthConfig(), still, FULL_SCALE)
     assert health.update(np.zeros(3, dtype=np.uint16), 1.0)[1].all()
 
 
@@ -132,7 +133,7 @@ def test_the_baseline_keeps_up_with_the_drift_of_a_skin_that_is_gripped_most_of_
     """Forty parts, each in the hand for 20 s, with 5 s of an open hand before the next; noise and drift as in [cyskin]."""
     rng, noise, period = np.random.default_rng(7), 200.0, 0.1
     offset, stamp = np.full(TAXELS, 5000.0), 0.0
-    health = SkinHealth(SkinHealthConfig(), _still(noise=noise))
+    health = SkinHealth(SkinHealthConfig(), _still(noise=noise), FULL_SCALE)
     behind = []
     for _ in range(40):
         for load in [8000.0] * 200 + [0.0] * 50:
@@ -217,7 +218,7 @@ def test_a_taxel_that_is_at_the_rail_throughout_has_a_baseline_of_zero():
 def test_the_baseline_follows_up_to_a_touch_by_noise_or_by_counts(noise, share, follows):
     still = _still(noise=noise, level=20_000.0)
     health = _health(still)
-    height = max(CONFIG.touch * health.noise[4], CONFIG.least_touch)
+    height = max(CONFIG.touch * health.noise[4], CONFIG.least_touch * FULL_SCALE)
     raw = np.rint(health.baseline).astype(np.uint16)
     raw[4] = round(health.baseline[4] + share * height)
     if noise < 10.0:  # a single count more or less
@@ -234,7 +235,7 @@ def _skin(noise=300.0, taxels=40, frames=50, seed=0):
 
 def test_the_baseline_does_not_eat_a_print_that_no_taxel_shows_by_itself():
     """A third of the taxels at three times their noise is the print of a grip of 10 N."""
-    health, pressed = SkinHealth(CONFIG, _skin()), 900.0 * (np.arange(40) % 3 == 0)
+    health, pressed = SkinHealth(CONFIG, _skin(), FULL_SCALE), 900.0 * (np.arange(40) % 3 == 0)
     before = health.baseline.copy()
     for number, raw in enumerate(_skin(seed=1, frames=100)):
         health.update((raw + pressed).astype(np.uint16), 0.1 * number)
@@ -242,7 +243,7 @@ def test_the_baseline_does_not_eat_a_print_that_no_taxel_shows_by_itself():
 
 
 def test_the_baseline_follows_a_skin_that_warms_up_all_over():
-    health = SkinHealth(CONFIG, _skin())
+    health = SkinHealth(CONFIG, _skin(), FULL_SCALE)
     for number, raw in enumerate(_skin(seed=1, frames=600)):
         values, _ = health.update((raw + 600.0).astype(np.uint16), 0.1 * number)
     assert abs(values.mean()) < 150.0
@@ -278,7 +279,7 @@ def even(level):
     """Return the health of taxels whose baseline is exactly this, counts."""
     still = np.full((50, 4), level - 1, dtype=np.uint16)
     still[::2] += 2
-    return SkinHealth(SkinHealthConfig(), still)
+    return SkinHealth(SkinHealthConfig(), still, FULL_SCALE)
 
 
 def follows(health, above):
@@ -312,7 +313,7 @@ def test_the_baseline_follows_up_to_exactly_a_touch_of_one_taxel_and_a_faint_and
 def test_taxels_that_are_not_trusted_do_not_hide_a_print_of_the_others():
     still = _skin()
     still[:, 10:] = 0
-    health = SkinHealth(CONFIG, still)
+    health = SkinHealth(CONFIG, still, FULL_SCALE)
     assert not follows(health, 4.0 * health.noise * (np.arange(40) % 2))
 
 

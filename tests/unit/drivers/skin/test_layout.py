@@ -65,7 +65,7 @@ def test_pad_reaches_as_far_as_the_taxels(layout):
 )
 def test_a_file_that_is_no_layout_is_refused_in_one_line(tmp_path, figures, said):
     path = tmp_path / "other.toml"
-    path.write_text(f"pad = [0.03, 0.02]\nbeside = 2000.0\n{figures}\n")
+    path.write_text(f"pad = [0.03, 0.02]\nfull_scale = 20_000.0\nnoise = 0.015\nbeside = 0.1\n{figures}\n")
     with pytest.raises(ConfigError, match=said) as caught:
         layout_of(str(path))
     assert "\n" not in str(caught.value)

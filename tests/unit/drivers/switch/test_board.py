@@ -4,7 +4,7 @@ import pytest
 
 from drivers.errors import DeviceNotOpenedError
 from drivers.quantities import SwitchState
-from drivers.switch.board import REOPEN_PERIOD, STALE, SerialSuccessSwitch
+from drivers.switch.board import FIRMWARE, REOPEN_PERIOD, STALE, SerialSuccessSwitch
 from drivers.switch.board_config import SerialSwitchConfig
 from drivers.switch.wire import Contacts, SwitchReport, encode
 from sim.boards.terminal import Terminal
@@ -18,7 +18,7 @@ class Board:
 
     def __init__(self, clock: FakeClock) -> None:
         self.clock, self.terminal = clock, Terminal("test-switch")
-        self.report: SwitchReport | None = SwitchReport(1, Contacts.OPEN, 0, normally_closed=True)
+        self.report: SwitchReport | None = SwitchReport(FIRMWARE, Contacts.OPEN, 0, normally_closed=True)
         self.noise = b""
         self.due = HEARTBEAT
         self.delay = 0.0
@@ -111,8 +111,8 @@ def test_a_wrong_baud_rate_is_named(switch, board):
 @pytest.mark.parametrize(
     ("changes", "told"),
     [
-        ({"firmware": 0}, "firmware 0; 1 to 2 allowed"),
-        ({"firmware": 3}, "firmware 3; 1 to 2 allowed: make -C drivers/switch/firmware flash"),
+        ({"firmware": 1}, "firmware 1; 2 allowed"),
+        ({"firmware": 3}, "firmware 3; 2 allowed: make -C drivers/switch/firmware flash"),
         ({"is_program_broken": True}, "program broken"),
         ({"is_memory_broken": True}, "memory broken"),
         ({"contacts": Contacts.DISAGREE, "normally_closed": False}, "no contact conducts: a broken wire"),

@@ -23,9 +23,10 @@ from skills.guards.setpoint_bounds import (
     POSTURE_LEAD,
     POSTURE_SLACK,
     STEP_SLACK,
+    TRACKING_LIMIT,
     ArmBounds,
 )
-from skills.guards.setpoint_gate import NOTHING, GatedArm, pack_bounds, require_readings, require_sound
+from skills.guards.setpoint_gate import MOVED, NOTHING, TURNED, GatedArm, pack_bounds, require_readings, require_sound
 from skills.guards.setpoint_rules import pack_state
 from skills.tactile.pose import NO_PEG
 from tests.fakes import HAND_DOWN, FakeArm, FakeClock
@@ -93,6 +94,16 @@ def test_an_arm_that_stays_behind_its_setpoint_is_blocked():
     before = (setpoint(off(0.039)), 0.0)
     with pytest.raises(TrackingError, match="blocked"):
         judge(setpoint(off(0.041)), arm_at(stamp=PERIOD), before)
+
+
+@pytest.mark.parametrize(("beyond", "is_sound"), [(-1e-4, True), (1e-4, False)])
+def test_a_soft_arm_may_lag_behind_its_setpoint_by_100_mm(beyond, is_sound):
+    asked = setpoint(off(TRACKING_LIMIT + beyond), stiffness=np.array([100.0] * 3 + [40.0] * 3))
+    if is_sound:
+        judge(asked, before=(asked, 0.0))
+        return
+    with pytest.raises(TrackingError, match=r"blocked.*100 mm from the controlled point; at most 100 mm allowed"):
+        judge(asked, before=(asked, 0.0))
 
 
 @pytest.mark.parametrize(("beyond", "is_sound"), [(-1e-4, True), (1e-4, False)])
@@ -264,21 +275,46 @@ def led(arm, steps, step):
     return None
 
 
-@pytest.mark.parametrize("step", [-5e-5, 0.0])
-def test_readings_that_stand_still_are_a_fault_within_a_fifth_of_a_second(step):
-    """An arm that only presses has a setpoint at rest."""
+def test_readings_that_stand_still_are_a_fault_within_a_fifth_of_a_second():
     arm = FakeArm(FakeClock())
     arm.is_blocked = True
-    assert led(arm, 100, step) is None  # its readings have noise
+    assert led(arm, 100, -5e-5) is None  # its readings have noise
     arm.is_frozen = True
     began = arm.clock.time
-    assert led(arm, 100, step) - began <= 0.2
+    assert led(arm, 100, -5e-5) - began <= 0.2
 
 
 def test_readings_that_stand_still_for_less_are_borne():
     arm = FakeArm(FakeClock())
-    arm.is_frozen = True
+    arm.is_frozen = arm.is_blocked = True
     assert led(arm, 15, -5e-5) is None
+
+
+@pytest.mark.parametrize(("way", "is_fault"), [(0.0, False), (0.999 * MOVED, False), (1.001 * MOVED, True)])
+def test_an_arm_at_exact_rest_is_a_fault_only_once_its_setpoint_has_moved(way, is_fault):
+    arm = FakeArm(FakeClock())
+    arm.is_frozen = arm.is_blocked = True
+    scans = 100
+    assert (led(arm, scans, -way / (scans - 1)) is not None) == is_fault
+
+
+@pytest.mark.parametrize(("angle", "is_fault"), [(0.999 * TURNED, False), (1.001 * TURNED, True)])
+def test_an_arm_at_exact_rest_is_a_fault_only_once_its_axis_has_turned(angle, is_fault):
+    arm = FakeArm(FakeClock())
+    gated, place = GatedArm(arm, BOUNDS, LIMITS), arm.tcp.position.copy()
+    arm.is_frozen = arm.is_blocked = True
+    gated.follow(setpoint(place))
+    gated.read()
+    arm.clock.time += 0.09
+    gated.read()
+    half = 2.0 * math.asin(angle / 2.0)  # the angle whose chord is compared
+    gated.follow(setpoint(place, axis=np.array([math.sin(half), 0.0, math.cos(half)]), valid_until=0.2))
+    arm.clock.time += 0.09
+    if is_fault:
+        with pytest.raises(ArmSilentError):
+            gated.read()
+    else:
+        gated.read()
 
 
 def test_after_a_halt_a_setpoint_is_judged_from_where_the_arm_is():
@@ -345,7 +381,7 @@ SOFT = np.array([100.0] * 3 + [40.0] * 3)
 
 
 def test_a_setpoint_may_press_with_exactly_the_force_limit():
-    asked = setpoint(off(0.25), stiffness=np.full(6, LIMITS.force / 0.25))
+    asked = setpoint(off(0.0625), stiffness=np.array([LIMITS.force / 0.0625] * 3 + [40.0] * 3))
     judge(asked, before=(asked, 0.0))
 
 

@@ -109,12 +109,12 @@ def _weights(layout, pixel):
     return centres[covered], weights[covered]
 
 
-def _moments_theta(params, centres, weights, frame):
+def _moments_theta(params, full_scale, centres, weights, frame):
     """Return theta by the image's moments in plain numpy, rad: the same method without OpenCV."""
     known = frame.trusted.ravel()
     share = weights @ known / weights.sum(axis=1)
     image = weights @ np.where(known, frame.values.ravel(), 0.0) * (share >= 0.25) / np.maximum(share, 0.25)
-    image = np.clip(image, 0.0, params.full_scale)
+    image = np.clip(image, 0.0, full_scale)
     image[image < params.threshold * image.max()] = 0.0
     apart = centres - np.average(centres, axis=0, weights=image)
     (xx, xy), (_, yy) = np.einsum("n,ni,nj->ij", image, apart, apart)
@@ -131,7 +131,11 @@ def test_theta_is_that_of_the_moments_in_plain_numpy_within_a_tenth_of_a_degree(
         load = replace(LOAD, theta=theta, offset=rng.normal(0.0, 0.7e-3), across=across, tilting=0.05 * across)
         dead = None if number % 2 else rng.integers(4) == module_of("parallelogram")
         frame = _frame(layout, load, rng, dead)
-        errors.append(_turned(estimator.estimate(frame).theta - _moments_theta(params, *reference, frame)))
+        errors.append(
+            _turned(
+                estimator.estimate(frame).theta - _moments_theta(params, LAYOUTS[layout].full_scale, *reference, frame)
+            )
+        )
     assert len(errors) == 400
     assert np.degrees(np.abs(errors).max()) < 0.1
 
@@ -142,11 +146,9 @@ def test_a_threshold_at_the_brightest_pixel_keeps_it():
 
 
 def test_sum_of_the_images_is_saturated():
-    frame = _frame("parallelogram", replace(LOAD, grip_force=70.0))
-    assert (
-        ImageEstimator(ImageParams().model_copy(update={"full_scale": 9000.0}), "parallelogram").image(frame).max()
-        == 9000.0
-    )
+    frame = _frame("parallelogram", replace(LOAD, grip_force=700.0))
+    full_scale = LAYOUTS["parallelogram"].full_scale
+    assert ImageEstimator(ImageParams(), "parallelogram").image(frame).max() == full_scale
 
 
 @pytest.mark.parametrize("layout", LAYOUTS)

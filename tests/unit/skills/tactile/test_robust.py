@@ -16,6 +16,8 @@ from skills.tactile.robust import LOAD_SPREAD, MOST_FRAMES, Load, RobustEstimato
 from skills.tactile.templates import make_templates
 from tests.pegs import ALL, LOAD, SKIN, folded, framed, pushed, readings, rms_degrees, shipped, swept
 
+NOISE = LAYOUTS["parallelogram"].noise * LAYOUTS["parallelogram"].full_scale
+
 
 @lru_cache
 def _made(layout):
@@ -36,11 +38,11 @@ class Plain:
 
     def estimate(self, frame):
         values, trusted = frame.values.ravel(), frame.trusted.ravel()
-        weights = weights_of(self._params, values, trusted)
+        weights = weights_of(self._params, NOISE, values, trusted)
         found = self._bank.compare(values, weights)
         if found.misfit > self._params.wide_misfit:
             found = self._bank.compare(values, weights, is_wide=True)
-        return pose_of(self._params, found, frame)
+        return pose_of(self._params, NOISE, found, frame)
 
 
 @lru_cache
@@ -273,6 +275,8 @@ def test_load_of_another_grip_is_learnt():
 def test_prints_of_which_some_are_impossible_have_no_endless_chance():
     """A module is dead and the peg ends between the pads, so that few taxels are left and broad prints fit with no load at all."""
     values = readings("parallelogram", replace(LOAD, theta=np.radians(45.0), reach_back=4e-3)).ravel()
-    weights = np.where(module_of("parallelogram").ravel() == 3, 0.0, weights_of(RobustParams(), values, ALL.ravel()))
+    weights = np.where(
+        module_of("parallelogram").ravel() == 3, 0.0, weights_of(RobustParams(), NOISE, values, ALL.ravel())
+    )
     bank = _made("parallelogram")._usual._breadths
     assert bank.compare(values, weights, believed=(3.0, 1.0)).chance < -1e-6 * NEVER

@@ -1,4 +1,4 @@
-"""Buses that need no kernel: hubs that pass every frame on to everybody else, in the words of two adapters."""
+"""Serial cables and CAN buses that need no kernel: hubs that pass on to everybody else what they get."""
 
 import os
 import select
@@ -22,17 +22,23 @@ class _Hub:
         os.close(self._cut)
         os.close(self._knife)
 
+    def __enter__(self):
+        return self
 
-class SlcanHub(_Hub):
-    """Serial adapters of the LAWICEL kind on pseudo terminals; `ends` are their ports."""
+    def __exit__(self, *_):
+        self.close()
 
-    def __init__(self, adapters=2):
-        pairs = [os.openpty() for _ in range(adapters)]
+
+class Cable(_Hub):
+    """Pseudo terminals that pass on to each other what they get; `ends` are their ports."""
+
+    def __init__(self, ends=2):
+        pairs = [os.openpty() for _ in range(ends)]
         for _, end in pairs:
             tty.setraw(end)
         self.ends = [os.ttyname(end) for _, end in pairs]
-        self._ends = [end for _, end in pairs]  # kept open, so that a bus may close its own
-        self._inner = {inner: b"" for inner, _ in pairs}
+        self._ends = [end for _, end in pairs]  # kept open, so that a client may close its own
+        self._inner = [inner for inner, _ in pairs]
         super().__init__()
 
     def _serve(self):
@@ -41,16 +47,34 @@ class SlcanHub(_Hub):
             if self._cut in ready:
                 return
             for inner in ready:
-                *lines, self._inner[inner] = (self._inner[inner] + os.read(inner, 4096)).split(b"\r")
-                for line in lines:
-                    for other in self._inner if line.startswith((b"t", b"T")) else ():
-                        if other != inner:
-                            os.write(other, line + b"\r")
+                data = self._passed(inner, os.read(inner, 4096))
+                for other in self._inner if data else ():
+                    if other != inner:
+                        os.write(other, data)
+
+    def _passed(self, inner, data):
+        return data
+
+    def say(self, end, data):
+        """Let these bytes come to the program at one end."""
+        os.write(self._inner[end], data)
 
     def close(self):
         super().close()
         for end in (*self._ends, *self._inner):
             os.close(end)
+
+
+class SlcanHub(Cable):
+    """Serial adapters of the LAWICEL kind, which pass on whole frames alone."""
+
+    def __init__(self):
+        self._begun = {}
+        super().__init__()
+
+    def _passed(self, inner, data):
+        *lines, self._begun[inner] = (self._begun.get(inner, b"") + data).split(b"\r")
+        return b"".join(line + b"\r" for line in lines if line.startswith((b"t", b"T")))
 
 
 class SocketcandHub(_Hub):

@@ -1,0 +1,46 @@
+"""`cell alarms`: past and present faults and warnings, with their durations."""
+
+import argparse
+from dataclasses import asdict
+from shutil import get_terminal_size
+
+from cell.commands.arguments import add_period, add_records, period_of, positive, read_journal, require_fault
+from cell.commands.terminal import GOOD, show
+from cell.records.wall_clock import local
+
+LAST = 20
+"""Default number of shown alarms."""
+TAKEN = 58
+"""Width of the columns before the details, characters."""
+SUMMARY = "faults and warnings on record, with duration and state, by code and period"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the folder of the records, the period, and the code."""
+    add_records(parser)
+    add_period(parser)
+    parser.add_argument("--last", type=positive, default=LAST, metavar="N", help=f"only the N newest; default {LAST}")
+    parser.add_argument("--fault", type=positive, metavar="CODE", help="number of a fault, as in 2004")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Show one line per alarm, newest first."""
+    from rich.box import SIMPLE_HEAD
+    from rich.table import Table
+
+    require_fault(args.fault)
+    with read_journal(args) as journal:
+        alarms = journal.alarms(args.last, *period_of(args), args.fault)
+    table = Table(
+        "came", "alarm", "state", "s", "run", "details", box=SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0)
+    )
+    table.columns[3].justify = table.columns[4].justify = "right"
+    room = max(get_terminal_size().columns - TAKEN, 12)
+    table.caption = "s: time until it was over, for a fault until the reset; acknowledged: cleared, not reset"
+    for alarm in alarms:
+        what = str(alarm.code) if alarm.code else alarm.name
+        lasted = "" if alarm.duration is None else f"{alarm.duration:.1f}"
+        text = alarm.text if len(alarm.text) <= room else f"{alarm.text[: room - 1]}…"
+        table.add_row(local(alarm.time)[:19], what, alarm.state, lasted, str(alarm.run or ""), text)
+    show(args, table, [asdict(alarm) for alarm in alarms])
+    return GOOD
