@@ -17,7 +17,7 @@ PATIENCE = 60.0
 
 
 @contextmanager
-def browsing(*names: str) -> Iterator[webdriver.Chrome]:
+def browsing(*names: str, has_webgl: bool = False) -> Iterator[webdriver.Chrome]:
     """Yield a browser that reaches this computer alone, to which `names` lead too, or skip."""
     binary, driver = next(filter(None, map(shutil.which, BROWSERS)), None), shutil.which("chromedriver")
     if binary is None or driver is None:
@@ -29,6 +29,9 @@ def browsing(*names: str) -> Iterator[webdriver.Chrome]:
         "--headless=new",
         "--no-sandbox",  # browsers refuse a sandbox to root
         "--disable-dev-shm-usage",
+        "--enable-unsafe-swiftshader"
+        if has_webgl
+        else "--disable-3d-apis",  # without a graphics processor it takes much time
         "--disable-background-networking",
         f"--host-resolver-rules={rules}MAP * ~NOTFOUND, EXCLUDE 127.0.0.1, EXCLUDE localhost",
         f"--window-size={SIZE[0]},{SIZE[1]}",
@@ -92,7 +95,8 @@ class PageView:
 
     def complaints(self) -> list[str]:
         """Return what the browser's console has had to say since the last call."""
-        return [entry["message"] for entry in self.front().get_log("browser")]
+        found = [entry["message"] for entry in self.front().get_log("browser")]
+        return [message for message in found if "GL Driver Message" not in message]  # how fast WebGL is here
 
     def close(self) -> None:
         """Close the tab."""

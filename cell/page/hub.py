@@ -8,11 +8,11 @@ from typing import Protocol
 from cell.config.load import LoadedConfig
 from cell.page import telling
 from cell.page.records import Records
+from cell.page.scene import scene
 from cell.page.traces import NAMES, POINTS, Traces, touch
 from cell.records.versions import PROGRAM, installed
 from cell.run.live import Live, Look, Pull
-from drivers.quantities import FINGER_NAMES
-from drivers.skin.layout import finger_positions, triangles
+from cell.run.record import scene_facts
 from plc_bridge.bridge import Bridge
 from plc_bridge.protocol.messages import Report
 from skills.catalogue import CATALOGUE
@@ -80,6 +80,7 @@ class PageHub:
         self._cables = tuple(cables)
         self._bridge, self._live, self._loaded, self._records = bridge, live, loaded, records
         self._build = build
+        self._scene = scene(scene_facts(loaded.cell))
         self.pages: list[Page] = []
         """Admitted pages, oldest first."""
         self._lobby: deque[Page] = deque()
@@ -193,7 +194,6 @@ class PageHub:
 
     def _hello(self) -> Mapping[str, object]:
         cell = self._loaded.cell
-        hole = cell.hole
         return {
             "build": self._build,
             "version": installed(PROGRAM),
@@ -206,10 +206,7 @@ class PageHub:
             "names": NAMES,
             "points": POINTS,
             "force_limit": cell.limits.force,
-            "hole": {"centre": hole.centre, "area": hole.area, "depth": hole.depth},
-            "fingers": FINGER_NAMES,
-            "taxels": finger_positions(cell.skin.layout).round(6).tolist(),
-            "triangles": triangles(cell.skin.layout).tolist(),
+            "scene": self._scene,
         }
 
 

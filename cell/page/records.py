@@ -11,6 +11,7 @@ from datetime import timedelta
 from pathlib import Path
 
 from cell.page import telling
+from cell.page.scene import replay
 from cell.peg.ending import explained
 from cell.records import wall_clock
 from cell.records.alarms import Alarm
@@ -32,15 +33,12 @@ SHIFT = timedelta(hours=8)
 ALARMS = 200
 """Largest number of alarms in one answer."""
 OUTCOMES = tuple(str(each) for each in Outcome)
-FILM = "film.mp4"
-FILES = {"picture.png": "show", FILM: "film"}
-"""Files that can be requested of a run, and the command that makes each."""
 REPORT = "report.html"
 """File of the last report made for the page."""
 WAITING = 8
-"""Largest number of waiting requests for files; further ones are refused."""
+"""Largest number of waiting requests for films; further ones are refused."""
 LONGEST = 7200.0
-"""Longest time to make one file, s; on a busy computer, a film of a long run takes an hour."""
+"""Longest time to draw one film, s; on a busy computer, a film of a long run takes an hour."""
 GRACE = 2.0
 """Time between SIGTERM and SIGKILL for a process, s."""
 
@@ -51,8 +49,8 @@ class Records:
     def __init__(self, folder: Path) -> None:
         """Keep the folder of the records; each query opens the journal again, because it may be moved or created later."""
         self._folder = folder
-        self._making, self._waiting = asyncio.Lock(), 0
-        self._films: dict[int, asyncio.Task[Path | None]] = {}
+        self._reading, self._making = asyncio.Lock(), asyncio.Lock()
+        self._films: dict[int, asyncio.Task[None]] = {}
         """Films in work or waiting, by run."""
 
     def summary(self) -> dict[str, object]:
@@ -84,9 +82,7 @@ class Records:
                 "why": why and asdict(why),
                 "stages": [plain(stage) for stage in journal.stages(run)],
                 "events": [asdict(event) for event in journal.events(run=run)],
-                "files": list(FILES) if _can_be_drawn(journal, row) else [],
-                "made": [name for name in FILES if self.path(run, name).is_file()],
-                "is_filmed": run in self._films,
+                "film": self._film_state(run, _can_be_drawn(journal, row)),
             }
 
     def alarms(self, since: str) -> list[dict[str, object]]:
@@ -120,32 +116,21 @@ class Records:
         with self._journal() as journal:
             return journal.config(journal.find(run).config_hash)
 
-    async def file(self, run: int, name: str) -> Path | None:
-        """Return a file of a run; if it is missing, another process makes it. None if that fails.
-
-        Files are made one at a time, at low priority, so that the scan keeps the processor.
+    async def replay(self, run: int) -> bytes:
+        """Return the samples of a run for its replay; one run is read at a time, so that readers share one core.
 
         Raises:
-            JournalError: The run is not on record.
+            JournalError: The run is not on record, or has no samples that can be drawn.
         """
         with self._journal() as journal:
-            if not _can_be_drawn(journal, journal.find(run)):
-                return None
-        path = self.path(run, name)
-        if not path.is_file() and self._waiting < WAITING:
-            self._waiting += 1
-            try:
-                async with self._making:
-                    if not path.is_file() and name == FILM:
-                        await self._make([FILES[name], str(run)], path)
-                    elif not path.is_file():
-                        await self._run([FILES[name], str(run)])
-            finally:
-                self._waiting -= 1
-        return path if path.is_file() else None
+            path = journal.samples_path(journal.find(run).run)
+        async with self._reading:
+            return await asyncio.to_thread(replay, path)
 
     def film(self, run: int) -> Path | None:
-        """Return the film of a run; if it is missing, start to make it, which takes minutes, and return None.
+        """Return the film of a run; if it is missing, start to draw it, which takes minutes, and return None.
+
+        Films are drawn by another process, one at a time, at low priority, so that the scan keeps the processor.
 
         Raises:
             JournalError: The run is not on record, or cannot be drawn.
@@ -153,30 +138,36 @@ class Records:
         with self._journal() as journal:
             if not _can_be_drawn(journal, journal.find(run)):
                 raise JournalError(f"run {run}: no samples of an ended run are on record")
-        path = self.path(run, FILM)
+        path = self.film_path(run)
         if path.is_file():
             return path
-        if run not in self._films:
-            self._films[run] = asyncio.create_task(self.file(run, FILM))
+        if run not in self._films and len(self._films) < WAITING:
+            self._films[run] = asyncio.create_task(self._draw(run))
             self._films[run].add_done_callback(lambda _: self._films.pop(run))
         return None
 
-    def path(self, run: int, name: str) -> Path:
-        """Return the path of a file of a run; the file may not exist."""
-        return self._folder / f"run-{run:06d}{Path(name).suffix}"
+    def film_path(self, run: int) -> Path:
+        """Return the path of a run's film; the file may not exist."""
+        return self._folder / f"run-{run:06d}.mp4"
+
+    def _film_state(self, run: int, can_be_drawn: bool) -> str:
+        if self.film_path(run).is_file():
+            return "made"
+        return "drawing" if run in self._films else "missing" if can_be_drawn else "none"
+
+    async def _draw(self, run: int) -> None:
+        async with self._making:
+            await self._make(["film", str(run)], self.film_path(run))
 
     async def _make(self, command: Sequence[str], path: Path) -> bool:
         """Make a file by a command with --out; if the process is stopped, remove the partial file."""
         part = path.with_stem(f"{path.stem}-part-{os.getpid()}")  # a server before this one may still write its own
         try:
-            if is_made := await self._run([*command, "--out", str(part)]):
+            if is_made := await _run([*command, "--json", "--journal", str(self._folder), "--out", str(part)]):
                 part.replace(path)
         finally:
             part.unlink(missing_ok=True)
         return is_made
-
-    async def _run(self, command: Sequence[str]) -> bool:
-        return await _run([*command, "--json", "--journal", str(self._folder)])
 
     def _journal(self) -> Journal:
         return Journal(self._folder, is_read_only=True)

@@ -21,7 +21,7 @@ from cell.page.front import Front, Guarded, HttpServer
 from cell.page.guard import part_of
 from cell.page.hub import PERIOD, SPECTATOR, PageHub
 from cell.page.metrics import KIND, CellCollector
-from cell.page.records import FILES, FILM, REPORT, Records
+from cell.page.records import REPORT, Records
 from cell.page.socket import PageSocket
 from cell.page.token import page_token
 from cell.run.exposure import is_local
@@ -38,7 +38,6 @@ KINDS = {
     ".js": "text/javascript; charset=utf-8",
     ".css": "text/css; charset=utf-8",
     ".svg": "image/svg+xml",
-    ".png": "image/png",
     ".mp4": "video/mp4",
 }
 PIECE = 256 * 1024
@@ -104,12 +103,14 @@ class PageServer(HttpServer):
                 ("/alarms", Alarms, {"records": records}),
                 (f"/{REPORT}", Report, {"records": records, "token": self.token}),
                 (r"/runs/(\d{1,9})/(data|config)", RunData, {"records": records, "token": self.token}),
-                (rf"/runs/(\d{{1,9}})/({'|'.join(FILES)})", RunFile, {"records": records, "token": self.token}),
+                (r"/runs/(\d{1,9})/replay", RunReplay, {"records": records}),
+                (r"/runs/(\d{1,9})/film\.mp4", RunFilm, {"records": records, "token": self.token}),
                 (r"/runs/\d{1,9}", Static, {"name": "run.html"}),
                 (r"/([\w-]+\.(?:html|js|css|svg))", Static),
                 ("/", Static, {"name": "index.html"}),
             ],
             self._loaded.cell.page.names,
+            compress_response=True,
             websocket_ping_interval=ping,
             websocket_ping_timeout=ping,
             websocket_max_message_size=MOST,
@@ -250,28 +251,40 @@ class RunData(Guarded):
         self.finish(text if what == "data" else json.dumps(json.loads(text), indent=2))  # indented for reading
 
 
-class RunFile(FileHandler):
-    """Handler of a file of a run: reading an existing file is free, making one needs the token."""
+class RunReplay(Guarded):
+    """Handler of the samples of one run, which the browser draws."""
+
+    def initialize(self, records: Records) -> None:
+        """Keep the records."""
+        self._records = records
+
+    async def get(self, number: str) -> None:
+        """Send the samples."""
+        with _found(int(number)):
+            samples = await self._records.replay(int(number))
+        self.set_header("Content-Type", "application/octet-stream")
+        self.finish(samples)
+
+
+class RunFilm(FileHandler):
+    """Handler of the film of a run: reading an existing one is free, drawing one needs the token."""
 
     def initialize(self, records: Records, token: str) -> None:
         """Keep the records and the token."""
         self._records, self._token = records, token
 
-    async def get(self, number: str, name: str) -> None:
-        """Send the file."""
-        path = self._records.path(int(number), name)
+    async def get(self, number: str) -> None:
+        """Send the film."""
+        path = self._records.film_path(int(number))
         if not path.is_file():
             raise HTTPError(404, reason=f"run {number}: not drawn yet")
         await self.send(path)
 
-    async def post(self, number: str, name: str) -> None:
-        """Make the file if it is missing; a film takes minutes, so the answer does not wait for it."""
+    async def post(self, number: str) -> None:
+        """Draw the film if it is missing; it takes minutes, so the answer does not wait for it."""
         self.require_token(self._token)
-        run = int(number)
-        with _found(run):
-            path = self._records.film(run) if name == FILM else await self._records.file(run, name)
-        if path is None and name != FILM:
-            raise HTTPError(404, reason=f"cell {FILES[name]} {run} cannot make it here")
+        with _found(int(number)):
+            path = self._records.film(int(number))
         self.set_status(202 if path is None else 200)
         self.finish("being drawn\n" if path is None else "there\n")
 

@@ -63,7 +63,7 @@ def _point(look: Look, time: float) -> Point:
 
 
 def touch(look: Look) -> dict[str, object]:
-    """Return both fingers' readings and the estimated angle of the peg, for a page to draw."""
+    """Return both fingers' readings, the estimated angle of the peg and the joint positions, for a page to draw."""
     seen = look.seen
     frame, peg = seen.frame, seen.peg
     return {
@@ -75,6 +75,7 @@ def touch(look: Look) -> dict[str, object]:
         "sigma": _number(peg.sigma, 4) if peg.healthy else None,
         "theta_age": _number(seen.stamp - peg.stamp, 3),
         "width": _number(seen.gripper.width, 5),
+        "joints": seen.arm.q.round(4).tolist(),
         "switch": seen.switch.name.lower(),
     }
 

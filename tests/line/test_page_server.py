@@ -98,6 +98,8 @@ def test_a_browser_may_load_from_the_cell_alone(server):
         ("/runs/9", 200),
         ("/runs/9/data", 404),
         ("/runs/9/film.mp4", 404),
+        ("/runs/9/replay", 404),
+        ("/runs/9/picture.png", 404),
         ("/report.html", 404),
         ("/alarms?since=yesterday", 400),
     ],
@@ -280,7 +282,7 @@ async def test_too_long_a_text_closes_the_page(server):
 def test_a_run_on_record_is_told_whole(server, recorded):
     answer, body = get(server, f"/runs/{recorded}/data")
     data = json.loads(body)
-    assert (answer.status, data["serial"], data["files"]) == (200, "PN7[a]-[/x]", [])
+    assert (answer.status, data["serial"], data["film"]) == (200, "PN7[a]-[/x]", "none")
 
 
 def test_damage_in_the_index_is_answered_in_one_line(server, served, recorded):

@@ -4,7 +4,7 @@ import { begin, colours, stageColour, step } from "./paint.js";
 
 const LEFT = 34, RIGHT = 8, TOP = 6, BOTTOM = 22, LEAST = 10;
 
-export function drawChart(canvas, ring, name, { ink, scale, low, high, limit }) {
+export function drawChart(canvas, ring, name, { ink, scale, low, high, limit, now }) {
   const { context, width, height } = begin(canvas);
   const tint = colours();
   const end = Math.max(ring.count ? ring.last("time") : 0, LEAST);
@@ -41,6 +41,10 @@ export function drawChart(canvas, ring, name, { ink, scale, low, high, limit }) 
     context.strokeStyle = tint.bad;
     line(context, LEFT, row(limit), width - RIGHT, row(limit));
     context.setLineDash([]);
+  }
+  if (now !== undefined) {
+    context.strokeStyle = tint.ink;
+    line(context, column(now), TOP, column(now), height - BOTTOM);
   }
   context.strokeStyle = tint[ink];
   context.lineWidth = 1.8;

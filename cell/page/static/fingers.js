@@ -1,19 +1,19 @@
-// Both fingers' readings as one picture each, interpolated between the taxels, with the peg's angle on them.
+// Both fingers' readings as one picture each, interpolated between the taxels, with their numbers and the peg's angle on them; the tip of the hand points down.
 
-import { begin } from "./paint.js";
+import { begin, felt, touchColour } from "./paint.js";
 
 const EDGE = 0.0035; // m beyond the outermost taxels
 const FINE = 2600; // pixels per m of the picture before it is stretched
-const FULL = 4000; // counts; the highest reading is drawn brightest, but none below this
-const FORGET = 0.995; // of the highest reading, from picture to picture
-const MAP = [[0, 0, 4], [31, 12, 72], [85, 15, 109], [136, 34, 106], [186, 54, 85], [227, 89, 51], [249, 140, 10], [249, 201, 50], [252, 255, 164]];
+const HEAD = 24, FOOT = 34; // pixels for the names and for the scale of colours
+const SHADES = 256;
 
 export class Fingers {
-  constructor(canvas, names, taxels, triangles) {
+  constructor(canvas, { fingers, taxels, triangles, colours }) {
     this.canvas = canvas;
-    this.names = names;
+    this.names = fingers;
     this.taxels = taxels;
-    this.highest = FULL;
+    this.colours = colours;
+    this.shades = Array.from({ length: SHADES }, (_, n) => touchColour(colours, (colours.most * n) / (SHADES - 1)));
     const all = taxels.flat();
     this.low = [0, 1].map((k) => Math.min(...all.map((place) => place[k])) - EDGE);
     this.high = [0, 1].map((k) => Math.max(...all.map((place) => place[k])) + EDGE);
@@ -47,21 +47,38 @@ export class Fingers {
 
   draw({ values, trusted, theta, sigma }) {
     const { context, width, height } = begin(this.canvas);
-    this.highest = Math.max(FULL, this.highest * FORGET, ...values.flat());
-    const scale = Math.min((height - 34) / (this.high[0] - this.low[0]), (width / 2 - 18) / (this.high[1] - this.low[1]));
+    const scale = Math.min((height - HEAD - FOOT) / (this.high[0] - this.low[0]), (width / 2 - 18) / (this.high[1] - this.low[1]));
     this.pads.forEach((pad, finger) => {
       const middle = (width / 4) * (1 + 2 * finger);
-      const origin = [middle - ((this.low[1] + this.high[1]) / 2) * scale, (height + 20) / 2 - ((this.low[0] + this.high[0]) / 2) * scale];
+      const origin = [middle - ((this.low[1] + this.high[1]) / 2) * scale, (height + HEAD - FOOT) / 2 - ((this.low[0] + this.high[0]) / 2) * scale];
       const at = (x, y) => [origin[0] + y * scale, origin[1] + x * scale];
-      this.fill(pad, values[finger]);
+      this.fill(pad, values[finger].map((counts) => felt(this.colours, counts)));
       const [left, top] = at(this.low[0], this.low[1]);
       context.drawImage(pad.picture, left, top, (this.high[1] - this.low[1]) * scale, (this.high[0] - this.low[0]) * scale);
       this.marks(context, this.taxels[finger], trusted[finger], at);
       if (theta !== null) angle(context, theta, sigma, at);
       context.fillStyle = "#c9d3dc";
       context.textAlign = "center";
-      context.fillText(this.names[finger], middle, 17);
+      context.fillText(`${this.names[finger]} finger`, middle, 17);
     });
+    this.legend(context, width, height);
+  }
+
+  /** The scale of colours, from the noise upward. */
+  legend(context, width, height) {
+    const long = Math.min(width - 40, 260), left = (width - long) / 2, { least, most } = this.colours;
+    for (let n = 0; n < long; n++) {
+      const [red, green, blue] = touchColour(this.colours, felt(this.colours, (most * n) / long));
+      context.fillStyle = `rgb(${red}, ${green}, ${blue})`;
+      context.fillRect(left + n, height - 28, 1.5, 9);
+    }
+    context.fillStyle = "#c9d3dc";
+    for (const [counts, text] of [[0, "0"], [most / 2, `${most / 2000}`], [most, `${most / 1000} k counts`]]) {
+      context.textAlign = counts === most ? "right" : "center";
+      context.fillText(text, left + (counts === most ? long + 16 : (long * counts) / most), height - 6);
+    }
+    context.textAlign = "left";
+    context.fillText(`noise < ${least / 1000}`, left + 12, height - 6);
   }
 
   fill(pad, values) {
@@ -69,31 +86,26 @@ export class Fingers {
     for (let pixel = 0; pixel < this.rows * this.columns; pixel++) {
       let value = 0;
       for (let k = 3 * pixel; k < 3 * pixel + 3; k++) if (corners[k] >= 0) value += weights[k] * values[corners[k]];
-      const place = Math.min(Math.max(value / this.highest, 0), 1) * (MAP.length - 1);
-      const below = Math.min(Math.floor(place), MAP.length - 2), part = place - below;
-      for (let k = 0; k < 3; k++) data.data[4 * pixel + k] = MAP[below][k] * (1 - part) + MAP[below + 1][k] * part;
+      const shade = this.shades[Math.round(Math.min(value / this.colours.most, 1) * (SHADES - 1))];
+      for (let k = 0; k < 3; k++) data.data[4 * pixel + k] = shade[k];
       data.data[4 * pixel + 3] = corners[3 * pixel] >= 0 ? 255 : 0;
     }
     pad.picture.getContext("2d").putImageData(data, 0, 0);
   }
 
+  /** The number of each taxel, as in faults and exports; a cross before those that are not trusted. */
   marks(context, places, trusted, at) {
+    context.textAlign = "center";
+    context.textBaseline = "middle";
     places.forEach(([x, y], taxel) => {
       const [column, row] = at(x, y);
-      context.fillStyle = context.strokeStyle = trusted[taxel] ? "#9fb0bd" : "#ff8a80";
-      context.beginPath();
-      if (trusted[taxel]) {
-        context.arc(column, row, 2, 0, 2 * Math.PI);
-        context.fill();
-      } else {
-        context.lineWidth = 2;
-        for (const sign of [1, -1]) {
-          context.moveTo(column - 4, row - 4 * sign);
-          context.lineTo(column + 4, row + 4 * sign);
-        }
-        context.stroke();
-      }
+      context.strokeStyle = "#101014";
+      context.lineWidth = 2.5;
+      context.strokeText(taxel, column, row);
+      context.fillStyle = trusted[taxel] ? "#d5dee6" : "#ff8a80";
+      context.fillText(trusted[taxel] ? taxel : `×${taxel}`, column, row);
     });
+    context.textBaseline = "alphabetic";
   }
 }
 

@@ -6,7 +6,7 @@ import { Fingers } from "./fingers.js";
 import "./help.js";
 import { CellLink } from "./link.js";
 import { drawPath } from "./path.js";
-import { stageColour } from "./paint.js";
+import { canDrawSolids, stageColour } from "./paint.js";
 import { showRecords } from "./records.js";
 import { Ring } from "./ring.js";
 import { byId, degrees, make, millimetres, number, put, toRun, words } from "./text.js";
@@ -16,14 +16,16 @@ const MOODS = { EXECUTE: "good", STARTING: "good", COMPLETING: "good", UNHOLDING
 
 const ELSEWHERE = ["rack", "bin", "seated", "on_plate"]; // places of the peg in which what an empty hand feels has no angle
 
-const view = { hello: null, state: null, ring: null, fingers: null, run: 0, touch: null, heard: 0, isDue: false };
+const SLOW = 4000; // ms; over a connection on which the page takes longer, the 3D view is loaded by request only
+
+const view = { hello: null, state: null, ring: null, fingers: null, scene: null, run: 0, touch: null, heard: 0, isDue: false };
 
 const heard = {
   hello(data) {
-    if (view.hello && view.hello.build !== data.build) location.reload();
+    if (view.hello && key(view.hello) !== key(data)) location.reload();
     view.hello = data;
     view.ring = new Ring(data.names, data.points);
-    view.fingers = new Fingers(byId("fingers"), data.fingers, data.taxels, data.triangles);
+    view.fingers = new Fingers(byId("fingers"), data.scene);
     document.body.dataset.link = "live";
     put("link", "live");
     byId("lost").hidden = true;
@@ -50,6 +52,7 @@ const heard = {
     showState(data, before);
     controls.showState(data);
     due();
+    if (!before) offerScene();
   },
   records: showRecords,
   own: (data) => controls.showOwn(data),
@@ -70,6 +73,34 @@ const link = new CellLink(
   },
 );
 const controls = new Controls(link);
+
+const key = ({ build, scene }) => JSON.stringify([build, scene]);
+
+/** The 3D view comes after state and controls; without WebGL the flat views stay alone. */
+function offerScene() {
+  const why = performance.now() > SLOW ? "this connection is slow" : canDrawSolids(true) ? "" : "this computer would draw it without a graphics processor";
+  if (!canDrawSolids()) return;
+  if (!why) return setTimeout(loadScene, 0);
+  put("why-no-scene", `The 3D view is not loaded: ${why}.`);
+  byId("load-scene").onclick = loadScene;
+  byId("scene-offer").hidden = false;
+}
+
+async function loadScene() {
+  byId("scene-offer").hidden = true;
+  const { CellScene } = await import("./scene.js");
+  view.scene = new CellScene(byId("scene-canvas"), view.hello.scene);
+  byId("scene").hidden = false;
+  document.body.classList.add("solid");
+  due();
+}
+
+/** Where the peg is drawn: in the hand, seated in the hole that was found, or not at all. */
+function pegOf(touch) {
+  const { peg: { length, overhang, open }, hole } = view.hello.scene, { part, hole: found } = view.state ?? {};
+  if (part === "seated" && found) return [...found, hole.centre[2] - hole.depth + (length + overhang) / 2, 1, 0, 0, 0];
+  return touch.theta !== null && touch.width <= open ? "held" : null;
+}
 
 function begin(run) {
   view.run = run;
@@ -138,8 +169,8 @@ function draw() {
   if (!view.hello) return;
   const { ring, hello, touch, state } = view;
   drawChart(byId("force-chart"), ring, "force", { ink: "force", scale: 1, low: 0, high: 12, limit: hello.force_limit });
-  drawChart(byId("depth-chart"), ring, "depth", { ink: "depth", scale: 1000, low: -10, high: 1000 * hello.hole.depth * 1.1, limit: 1000 * hello.hole.depth });
-  drawPath(byId("path"), ring, hello.hole, state?.hole);
+  drawChart(byId("depth-chart"), ring, "depth", { ink: "depth", scale: 1000, low: -10, high: 1000 * hello.scene.hole.depth * 1.1, limit: 1000 * hello.scene.hole.depth });
+  drawPath(byId("path"), ring, hello.scene.hole, state?.hole);
   put("force", number(ring.last("force"), 1, " N"));
   put("depth", millimetres(ring.last("depth")));
   put("place", ring.count ? `x ${millimetres(ring.last("x"), 2)}, y ${millimetres(ring.last("y"), 2)}` : "–");
@@ -149,6 +180,9 @@ function draw() {
 function showTouch(heard) {
   const touch = ELSEWHERE.includes(view.state?.part) ? { ...heard, theta: null, sigma: null, theta_age: null } : heard;
   view.fingers.draw(touch);
+  view.scene?.pose({ ...touch, peg: pegOf(touch), hole: view.state?.hole, isSeated: touch.switch === "closed" });
+  view.scene?.path(view.ring);
+  view.scene?.draw();
   put("theta", touch.theta === null ? "no peg" : degrees(touch.theta));
   put("sigma", touch.sigma === null ? "–" : degrees(touch.sigma, 2));
   put("age", number(touch.age === null ? null : 1000 * touch.age, 0, " ms"));

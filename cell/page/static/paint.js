@@ -35,3 +35,15 @@ export function step(range, parts) {
   const rough = range / parts, power = 10 ** Math.floor(Math.log10(rough));
   return power * [1, 2, 5, 10].find((factor) => factor * power >= rough);
 }
+
+/** Whether this browser has WebGL; with `isFast`, only where a graphics processor draws it. */
+export const canDrawSolids = (isFast = false) => Boolean(document.createElement("canvas").getContext("webgl2", { failIfMajorPerformanceCaveat: isFast }));
+
+/** A reading as it is drawn: noise is no touch. */
+export const felt = ({ least }, counts) => (counts < least ? 0 : counts);
+
+/** The colour of a reading: red, green, blue. */
+export function touchColour({ most, palette }, counts) {
+  const share = Math.min(counts / most, 1) * (palette.length - 1), below = Math.min(Math.floor(share), palette.length - 2);
+  return palette[below].map((part, k) => part + (share - below) * (palette[below + 1][k] - part));
+}

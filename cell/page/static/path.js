@@ -6,7 +6,8 @@ const NEAR = -0.012; // m above the plate: the way there would dwarf what happen
 const MARGIN = 22;
 const WORDS = 20; // pixels at the lower edge that hold the words
 
-export function drawPath(canvas, ring, hole, found) {
+/** `count` points of the ring are drawn. */
+export function drawPath(canvas, ring, hole, found, count = ring.count) {
   const { context, width, height } = begin(canvas);
   const tint = colours();
   const [cx, cy] = hole.centre, [ax, ay] = hole.area;
@@ -27,7 +28,7 @@ export function drawPath(canvas, ring, hole, found) {
   context.lineWidth = 1.8;
   context.lineJoin = "round";
   let stage = NaN, pen = false;
-  for (let n = 0; n < ring.count; n++) {
+  for (let n = 0; n < count; n++) {
     const isNear = ring.get(n, "depth") > NEAR;
     const point = at(ring.get(n, "x"), ring.get(n, "y"));
     if (isNear && pen && ring.get(n, "stage") === stage) {
@@ -43,8 +44,8 @@ export function drawPath(canvas, ring, hole, found) {
   }
   if (pen) context.stroke();
   if (found) cross(context, tint.bad, at(...found));
-  if (ring.count) {
-    const [x, y] = at(ring.last("x"), ring.last("y"));
+  if (count) {
+    const [x, y] = at(ring.get(count - 1, "x"), ring.get(count - 1, "y"));
     context.fillStyle = tint.ink;
     context.beginPath();
     context.arc(Math.min(Math.max(x, 6), width - 6), Math.min(Math.max(y, 6), height - WORDS), 5, 0, 2 * Math.PI);

@@ -26,6 +26,13 @@ export class Ring {
     return this.values[place * this.width + this.names.indexOf(name)];
   }
 
+  /** The number of points up to a time. */
+  upTo(time) {
+    let n = 0;
+    while (n < this.count && this.get(n, "time") <= time + 1e-6) n++;
+    return n;
+  }
+
   last(name) {
     return this.count ? this.get(this.count - 1, name) : NaN;
   }

@@ -1,5 +1,6 @@
-// One run on record: how it ended, its picture, its film.
+// One run on record: how it ended, its replay, its film.
 
+import { showReplay } from "./replay.js";
 import { byId, clock, make, put, words } from "./text.js";
 
 const PICTURES = 25, EFFORT = 0.5; // pictures of a second, and s of processor time for one
@@ -28,10 +29,7 @@ function show(data) {
   byId("stage-rows").replaceChildren(...data.stages.map(stage));
   byId("event-rows").replaceChildren(...data.events.map(happening));
   config();
-  if (data.files.includes("picture.png")) picture(data.made.includes("picture.png"));
-  else put("picture-note", "No samples of an ended run are on record.");
-  if (data.files.includes("film.mp4")) film(data);
-  else put("film-note", "No samples of an ended run are on record.");
+  film(data);
 }
 
 async function config() {
@@ -42,21 +40,12 @@ async function config() {
   link.hidden = false;
 }
 
-async function picture(isMade) {
-  const image = byId("picture"), link = byId("picture-link");
-  if (!isMade && !token) return put("picture-note", LOCKED);
-  put("picture-note", "Drawing …");
-  if (!isMade) await fetch(`/runs/${run}/picture.png`, { method: "POST", headers }).catch(() => null);
-  image.onload = () => { put("picture-note", ""); link.hidden = false; };
-  image.onerror = () => put("picture-note", `The picture cannot be drawn here; \`cell show ${run}\` says why.`);
-  image.src = link.href = `/runs/${run}/picture.png`;
-}
-
-function film({ cycle_time: length, made, is_filmed: isUnderWay }) {
+function film({ cycle_time: length, film: state }) {
   const minutes = Math.max(1, Math.round((length * PICTURES * EFFORT) / 60));
   byId("make-film").onclick = () => draw(minutes);
-  if (made.includes("film.mp4")) play();
-  else if (isUnderWay) wait(minutes);
+  if (state === "made") play();
+  else if (state === "drawing") wait(minutes);
+  else if (state === "none") put("film-note", "No samples of an ended run are on record.");
   else if (!token) put("film-note", LOCKED);
   else offer(length ? `Drawing the film takes this computer about ${minutes} min at the least; it is kept afterwards.` : "");
 }
@@ -79,8 +68,8 @@ async function draw(minutes) {
 async function wait(minutes) {
   for (const began = performance.now(); ; await new Promise((wake) => setTimeout(wake, LOOK))) {
     const answer = await fetch(`/runs/${run}/data`).catch(() => null), data = answer?.ok ? await answer.json() : null;
-    if (data?.made.includes("film.mp4")) return play();
-    if (data && !data.is_filmed) return offer(`The film was not drawn to its end; \`cell film ${run} --out FILE\` says why.`);
+    if (data?.film === "made") return play();
+    if (data && data.film !== "drawing") return offer(`The film was not drawn to its end; \`cell film ${run} --out FILE\` says why.`);
     const since = ((performance.now() - began) / 60000).toFixed(1);
     put("film-note", data ? `Drawing the film, for ${since} min here; it takes about ${minutes} min at the least, and goes on when this page is left.`
       : "No connection to the cell; the film is looked for again.");
@@ -114,6 +103,7 @@ function row(cells) {
   return line;
 }
 
+showReplay(run);
 const answer = await fetch(`/runs/${run}/data`);
 if (answer.ok) show(await answer.json());
 else put("ending", await answer.text());
