@@ -4,11 +4,11 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from tests.unit.drivers.arm.test_arm_calibration import calibration
 
 from cell.config.files import arm_file
 from cell.run.arm_watch import ArmWatch
 from drivers.arm.model import read_arm
+from tests.unit.drivers.arm.test_learning import calibration
 
 ARM = read_arm(arm_file("panda"))
 
