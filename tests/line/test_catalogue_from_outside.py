@@ -158,7 +158,7 @@ def test_the_terminal_runs_them(house, tmp_path):
     assert (good.returncode, row["outcome"], row["stage"]) == (0, "success", "look")
     assert row["stage_times"] == [["look", pytest.approx(0.5)]]
     (stage,) = json.loads(told(house, "show", str(row["run"]), "--json", "--journal", str(tmp_path)).stdout)["stages"]
-    assert json.loads(stage["facts"]) == {"theta": pytest.approx(0.1)}
+    assert stage["facts"] == {"theta": pytest.approx(0.1)}
     bad = told(house, *words, "--set", "insert.estimator=fixed", "--set", "fixed.theta=0.2")
     row = json.loads(bad.stdout)
     assert (bad.returncode, row["outcome"], row["reason"]) == (1, "failure", "other_angle")
