@@ -67,7 +67,7 @@ class Sweep:
         self.touched: Vector | None = None
         """Lowest point of the peg at its last touch-down, shape (3,), m, base frame, by the length that it told; None before."""
         self._rested = FAR_OFF
-        """Place of the newest rest in vain, shape (2,), m, base frame, and the number of rests there so far."""
+        """Place of the newest stop that found no hole, shape (2,), m, base frame, and the number of stops there so far."""
         self._is_doubted = False
         """Whether the last touch-down was below the plate beside a decoy."""
         self.rests = 0

@@ -121,7 +121,7 @@ class Desk:
     world: Arm
     switch: EmulatedSwitchBoard
     lock: threading.Lock
-    """Of the boards."""
+    """Held while the boards are read or changed."""
 
     def pull_switch(self) -> None:
         """Pull the switch board's plug."""
