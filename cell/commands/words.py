@@ -46,7 +46,7 @@ def report(image: Report) -> dict[str, object]:
 
 def typed(text: str) -> str:
     """Return an advice with what a person types, instead of what a PLC sends."""
-    return text.replace("run `recover`", "`cell run recover`").replace("give CLEARED", "`cell run cleared`")
+    return text.replace("run `recover`", "`cell run recover`").replace("send CLEARED", "`cell run cleared`")
 
 
 def _next(image: Report) -> str:

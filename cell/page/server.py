@@ -308,7 +308,7 @@ class Report(FileHandler):
         """Make the report since the argument `since`."""
         self.require_token(self._token)
         if await self._records.report(self.get_argument("since", "")) is None:
-            raise HTTPError(404, reason="the report cannot be made here; cell report says why")
+            raise HTTPError(404, reason="the report cannot be made here; run cell report for the reason")
         self.finish("there\n")
 
 

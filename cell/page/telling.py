@@ -144,7 +144,7 @@ def _next(state: State, part: PartState, unplugged: Sequence[str]) -> str:
     """Return the next step; at rest, add the remedies for unplugged cables and for the peg, with its place and evidence."""
     remedy = (
         REMEDIES[part.place]
-        .replace("give CLEARED", 'press "Peg taken away"')
+        .replace("send CLEARED", 'press "Peg taken away"')
         .replace("run `recover`", "start the program recover")
     )
     if state not in WAITING:

@@ -359,11 +359,11 @@ READY = "ready: "
 REMEDIES = {
     PartPlace.RACK: f"{READY}the next peg is in the rack",
     PartPlace.BIN: f"{READY}the last peg is in the reject bin",
-    PartPlace.SEATED: "the peg is seated: where the hand still holds it run `recover`; take the workpiece away before the next start",
+    PartPlace.SEATED: "the peg is seated: if the hand still holds it, run `recover`; take the workpiece away before the next start",
     PartPlace.IN_HAND: "the hand holds a peg: run `recover`",
-    PartPlace.IN_HOLE: "a peg stands in the hole: where the hand holds it run `recover`; else draw it out, then give CLEARED",
-    PartPlace.ON_PLATE: "a peg lies on the plate, or on what is below where it fell: a person must take it away, then give CLEARED",
-    PartPlace.UNKNOWN: "nobody knows where the peg is: look at hand, hole and plate, take it away, then give CLEARED",
+    PartPlace.IN_HOLE: "a peg stands in the hole: if the hand holds it, run `recover`; if not, draw it out, then send CLEARED",
+    PartPlace.ON_PLATE: "a peg lies on the plate or below it: a person must take it away, then send CLEARED",
+    PartPlace.UNKNOWN: "the place of the peg is unknown: look at hand, hole and plate, take it away, then send CLEARED",
 }
 """Remedy by the peg's place."""
 

@@ -31,5 +31,5 @@ async function report() {
   const headers = { Authorization: `Bearer ${sessionStorage.getItem("cell-token")}` };
   const answer = await fetch(`report.html?since=${byId("alarm-period").value}`, { method: "POST", headers }).catch(() => null);
   if (answer?.ok) location.href = "/report.html";
-  else put("report-note", answer?.status === 401 ? "Unlock the controls to have the report made." : "The report cannot be made here; `cell report` says why.");
+  else put("report-note", answer?.status === 401 ? "Unlock the controls to have the report made." : "The report cannot be made here; run `cell report` for the reason.");
 }

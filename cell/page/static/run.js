@@ -69,7 +69,7 @@ async function wait(minutes) {
   for (const began = performance.now(); ; await new Promise((wake) => setTimeout(wake, LOOK))) {
     const answer = await fetch(`/runs/${run}/data`).catch(() => null), data = answer?.ok ? await answer.json() : null;
     if (data?.film === "made") return play();
-    if (data && data.film !== "drawing") return offer(`The film was not drawn to its end; \`cell film ${run} --out FILE\` says why.`);
+    if (data && data.film !== "drawing") return offer(`The film was not drawn to its end; run \`cell film ${run} --out FILE\` for the reason.`);
     const since = ((performance.now() - began) / 60000).toFixed(1);
     put("film-note", data ? `Drawing the film, for ${since} min here; it takes about ${minutes} min at the least, and goes on when this page is left.`
       : "No connection to the cell; the film is looked for again.");

@@ -120,8 +120,8 @@ def test_a_peg_that_lies_on_the_plate_is_part_of_the_next_step_and_says_why():
     assert "part" not in telling.told(Report(state=State.EXECUTE, part=PartPlace.ON_PLATE), "", "")["next"]
     told = telling.told(Report(state=State.ABORTED, part=PartPlace.ON_PLATE), "", "fell from 20.0 mm above the plate")
     assert told["next"].endswith(
-        "The part: peg on plate (fell from 20.0 mm above the plate): a peg lies on the plate, "
-        'or on what is below where it fell: a person must take it away, then press "Peg taken away".'
+        "The part: peg on plate (fell from 20.0 mm above the plate): a peg lies on the plate or below it: "
+        'a person must take it away, then press "Peg taken away".'
     )
 
 
