@@ -157,7 +157,7 @@ def faulted(page, served, server):
     served.program.may_end.clear()
     served.program.fault = SkinSilentError("skin: no frame for 0.5 s")
     page.script(f"location.hash = 'token={server.token}'; location.reload()")
-    page.until(lambda: page.is_enabled("start"))
+    page.until(lambda: page.is_enabled("start") and page.script(SHOWN) > 100)  # drawing the cell moves the controls
     page.press("start")
     page.until_text("state", "Aborted")
     page.script("document.getElementById('help-drawer').open = true")
