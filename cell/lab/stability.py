@@ -359,7 +359,7 @@ def _held_peg(config: CellConfig, case: GridCase) -> Iterator[HeldPeg]:
     assert sim is not None
     changed = {
         "sim": sim.model_copy(update={"pace": "max"}),
-        # The map is that of the arm without errors; `cell study reality` measures their effect.
+        # The map is that of the arm without errors; `cell study margins` measures their effect.
         "reality": config.reality.model_copy(update={"scale": 0.0}),
         "skin": config.skin.model_copy(update={"rate": 1.0 / case.period}),
         "smoothing": config.smoothing if case.observer else Smoothing(),
