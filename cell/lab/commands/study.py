@@ -55,7 +55,7 @@ PLANS = {
         },
     ),
     "margins": Plan(
-        "cell.lab.margins",
+        "cell.lab.margins.study",
         "how large each error may be: the level at which a method falls to 90 % and to 50 % success, by bisection",
         "trials of each level at most; default 24, with --quick 6",
         options={

@@ -5,7 +5,7 @@ import pytest
 
 from cell.config.files import ERRORS_FILE, SHIPPED
 from cell.config.load import load
-from cell.lab.margins import SWEPT, boundary, next_level, size_of, wider
+from cell.lab.margins.study import SWEPT, boundary, next_level, size_of, wider
 from sim.config import RealityConfig
 from sim.world.reality import read
 

@@ -9,21 +9,20 @@ import json
 import math
 import tomllib
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 from pkgutil import resolve_name
 from typing import Any
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from cell.commands.arguments import out_folder, require_known
 from cell.config.files import ERRORS_FILE, SHIPPED
 from cell.config.load import load
 from cell.lab.arguments import advancing, load_simulated, seeds_of
-from cell.lab.charts import GREY
 from cell.lab.frontier.methods import METHODS, SCENES, require_methods
+from cell.lab.margins.charts import Margin, draw
 from cell.lab.report import StudyReport, finite
 from cell.lab.rows import write_rows
 from cell.lab.tables import table
@@ -43,12 +42,12 @@ SCENE = next(iter(SCENES))
 
 
 class Swept(ConfigModel):
-    """One error of margins.toml."""
+    """One error of errors.toml."""
 
     name: str
     unit: str = "times"
     levels: tuple[float, ...] = TIMES
-    """From honest to hardest."""
+    """Levels from the honest to the hardest one."""
     key: str = ""
     """Setting of the config, `KEY=VALUE` with {level} in the value."""
     error: str = ""
@@ -77,25 +76,6 @@ class Swept(ConfigModel):
     def made(self, program: Program, level: float) -> Program:
         """Return a method's program with this error."""
         return partial(resolve_name(self.program), program, self.factor * level) if self.program else program
-
-
-@dataclass(frozen=True, slots=True)
-class Margin:
-    """Levels of one error between which one method falls to a share of successes; NaN where there is none."""
-
-    method: str
-    error: str
-    share: float
-    holds: float
-    """Hardest level with at least this share of successes; NaN if the honest level has fewer."""
-    fails: float
-    """Next level, with fewer; NaN if every level holds."""
-    margin: float
-    """`holds` over the honest level, or the reverse, at least 1."""
-    size: str
-    """Size of the error at `holds`, in words."""
-    seen: str
-    """Successes of the trials at both levels."""
 
 
 def wider(error: AnyError, times: float) -> dict[str, Any]:
@@ -150,10 +130,10 @@ SWEPT = {
     swept.name: swept
     for swept in map(
         Swept.model_validate,
-        tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))["error"],
+        tomllib.loads(Path(__file__).with_name("errors.toml").read_text(encoding="utf-8"))["error"],
     )
 }
-"""Errors of margins.toml by name."""
+"""Errors of errors.toml by name."""
 
 
 class Study:
@@ -270,40 +250,3 @@ def run(args: argparse.Namespace) -> StudyReport:
         finite({"title": title, "margins": [asdict(line) for line in found]}),
         [folder / "margins.csv", draw(found, title, folder / "margins.png")],
     )
-
-
-def draw(margins: Sequence[Margin], title: str, path: Path) -> Path:
-    """Draw the margin of each error at 90 % as a bar and at 50 % as a ring, the least first; return the file."""
-    at = {(line.method, line.error, line.share): line for line in margins}
-    methods = list(dict.fromkeys(line.method for line in margins))
-    order = sorted({line.error for line in margins}, key=lambda error: -at[methods[0], error, 0.9].margin)
-    figure = Figure(figsize=(9.0, 1.6 + 0.36 * len(order)), layout="constrained")
-    axes = figure.add_subplot()
-    height = 0.8 / len(methods)
-    for number, method in enumerate(methods):
-        colour = METHODS[method].colour
-        for row, error in enumerate(order):
-            place = row + 0.4 - height * (number + 0.5)
-            line, half = at[method, error, 0.9], at[method, error, 0.5]
-            axes.barh(place, max(line.margin, 1.0) - 0.97, height, 0.97, color=colour, alpha=0.85)
-            if line.margin:
-                _mark_end(axes, line, place, colour)
-            if half.margin > line.margin:
-                axes.plot(half.margin, place, "o", mfc="none", color=colour, ms=5)
-        axes.bar(0, 0, color=colour, label=method)
-    axes.set_xscale("log")
-    ticks = [1, 1.4, 2, 3, 4, 6, 8, 12, 16]
-    axes.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
-    axes.set_xticks([], minor=True)
-    axes.set_yticks(range(len(order)), order, fontsize=9)
-    axes.set_xlabel("hardest level with 90 % success over the honest level (ring: with 50 %; arrow: range ends first)")
-    axes.grid(axis="x", alpha=0.25)
-    axes.legend(loc="lower right", fontsize=9)
-    axes.set_title(title, fontsize=9, color=GREY)
-    figure.savefig(path, dpi=130)
-    return path
-
-
-def _mark_end(axes: Any, line: Margin, place: float, colour: str) -> None:
-    if math.isnan(line.fails):
-        axes.plot(line.margin * 1.04, place, ">", color=colour, ms=5)
