@@ -280,6 +280,8 @@ class Server(FrankaSimServer):  # type: ignore[misc]  # no hints
     """Wait for the client's torques however busy the machine is; False counts a late answer as lost, as the arm does."""
     system = 10
     """Version of the control interface that the arm's system speaks; a client of another one is refused."""
+    is_hurried = False
+    """Send a state as soon as the client's torques for the last one are applied, not a millisecond of wall time later."""
     is_stopped = False
     """The stop button is pressed while a client connects."""
     loss = 0.0
@@ -347,7 +349,7 @@ class Server(FrankaSimServer):  # type: ignore[misc]  # no hints
         if self.is_patient and self.comm.awaiting_answer:
             answer_deadline = time.perf_counter() + PATIENCE
         waited: float = super()._drain_gate(answer_deadline)
-        return waited
+        return waited - self.physics_sim.world.arm.control_period if self.is_hurried else waited
 
     def _account_for_communication_cycle(self) -> None:
         super()._account_for_communication_cycle()
