@@ -35,7 +35,8 @@ def show(args: argparse.Namespace, picture: "RenderableType", data: object) -> N
 
         terminal = console(None if sys.stdout.isatty() else PIPE_WIDTH)
         for part in picture.renderables if isinstance(picture, Group) else (picture,):
-            terminal.print(_folded(part))
+            # Text stays in its lines, so that a line for a file can be copied whole.
+            terminal.print(_folded(part), soft_wrap=isinstance(part, str))
             sys.stdout.flush()
     sys.stdout.flush()  # the next part may take time
 
