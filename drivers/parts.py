@@ -154,6 +154,10 @@ class Hole(ConfigModel):
             raise ValueError(
                 f"hole.latch.height = {self.latch.height}: begins above the hole; less than hole.depth = {self.depth} allowed"
             )
+        return self
+
+    @model_validator(mode="after")
+    def _has_prior_inside(self) -> Self:
         if self.prior is not None:
             for axis, mean, centre, extent in zip("xy", self.prior.mean, self.centre, self.area, strict=False):
                 if abs(mean - centre) > extent / 2 + 1e-9:

@@ -73,27 +73,34 @@ def follow_shape(merged: Mapping[str, Any], layer: Mapping[str, Any]) -> list[tu
     shape = merged.get("peg", {}).get("shape", "round") if isinstance(merged.get("peg"), Mapping) else None
     if not isinstance(shape, str) or shape not in WORDS:
         return []
-    word = WORDS[shape]
-    other = SIDES if word == DIAMETER else DIAMETER
-    renamed = []
-    for name in SIZED:
-        section = merged.get(name)
-        if not isinstance(section, dict) or section.get(other) is None:
-            continue
-        found = section.pop(other)
-        said = layer.get(name)
-        if isinstance(said, Mapping) and said.get(other) is not None:
-            new = _RESIZED[word](found)
-            allowed = word if new is None else f"{word} = {new}"
-            raise ValueError(f'{name}.{other} = {found}: not for peg.shape = "{shape}"; {name}.{allowed} allowed')
-        if section.get(word) is None:
-            section[word] = _RESIZED[word](found)
-            if section[word] is None:
-                raise ValueError(
-                    f'{name}.{word}: missing; needed because peg.shape = "{shape}" and {name}.{other} was {found}'
-                )
-            renamed.append((name, other, word))
-    return renamed
+    other = SIDES if WORDS[shape] == DIAMETER else DIAMETER
+    return [
+        (name, other, WORDS[shape])
+        for name in SIZED
+        if isinstance(section := merged.get(name), dict) and _is_resized(name, section, layer.get(name), other, shape)
+    ]
+
+
+def _is_resized(name: str, section: dict[str, Any], said: object, other: str, shape: Shape) -> bool:
+    """Give a section its size by the key of the shape if it has only the other one; return True if it did.
+
+    Raises:
+        ValueError: As `follow_shape`.
+    """
+    word, found = WORDS[shape], section.get(other)
+    if found is None:
+        return False
+    del section[other]
+    new = _RESIZED[word](found)
+    if isinstance(said, Mapping) and said.get(other) is not None:
+        allowed = word if new is None else f"{word} = {new}"
+        raise ValueError(f'{name}.{other} = {found}: not for peg.shape = "{shape}"; {name}.{allowed} allowed')
+    if section.get(word) is not None:
+        return False
+    if new is None:
+        raise ValueError(f'{name}.{word}: missing; needed because peg.shape = "{shape}" and {name}.{other} was {found}')
+    section[word] = new
+    return True
 
 
 def _as_sides(diameter: Any) -> list[Any]:

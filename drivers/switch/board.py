@@ -86,13 +86,8 @@ class SerialSuccessSwitch:
             return f"{where}: newest report {age:.3f} s old > {STALE} s limit; check supply and cable"
         if report.firmware != FIRMWARE:
             return f"{where}: firmware {report.firmware}; {FIRMWARE} allowed: make -C drivers/switch/firmware flash"
-        if report.is_memory_broken or report.is_program_broken:
-            part = "memory" if report.is_memory_broken else "program"
-            return f"{where}: its self-test found the {part} broken; flash it again, then change the board"
-        if report.contacts is Contacts.DISAGREE:
-            both = "both contacts conduct: a short" if report.normally_open else "no contact conducts: a broken wire"
-            return f"{where}: {both}, or a stuck lever"
-        return f"{where}: started again, contacts not yet debounced" if report.contacts is Contacts.UNKNOWN else ""
+        wrong = _wrong_in(report)
+        return f"{where}: {wrong}" if wrong else ""
 
     def _silence(self) -> str:
         """Return the reason why no report has arrived."""
@@ -140,3 +135,14 @@ class SerialSuccessSwitch:
             logger.warning("switch on %s: its watchdog has restarted it", self._port)
         if report.was_starved and (last is None or not last.was_starved):
             logger.warning("switch on %s: its supply fell too low and it restarted", self._port)
+
+
+def _wrong_in(report: SwitchReport) -> str:
+    """Return the reason why the state in a report is unknown; empty if it is known."""
+    if report.is_memory_broken or report.is_program_broken:
+        part = "memory" if report.is_memory_broken else "program"
+        return f"its self-test found the {part} broken; flash it again, then change the board"
+    if report.contacts is Contacts.DISAGREE:
+        both = "both contacts conduct: a short" if report.normally_open else "no contact conducts: a broken wire"
+        return f"{both}, or a stuck lever"
+    return "started again, contacts not yet debounced" if report.contacts is Contacts.UNKNOWN else ""

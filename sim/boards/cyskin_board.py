@@ -90,9 +90,12 @@ class EmulatedHub:
         if command == 0x3C:
             return [sealed(0x3C, self._structure())]
         if command == 0x3D:
-            asked = range(len(self.modules)) if payload == bytes([EVERYBODY]) else payload
-            return [sealed(0x3D, self._details(number)) for number in asked if number < len(self.modules)]
+            return [sealed(0x3D, self._details(number)) for number in self._asked(payload)]
         return [sealed(0x13, bytes([command, UNSUPPORTED]))]
+
+    def _asked(self, payload: bytes) -> list[int]:
+        known = range(len(self.modules))
+        return list(known) if payload == bytes([EVERYBODY]) else [number for number in payload if number in known]
 
     def _structure(self) -> bytes:
         counts = bytes(len(module.names) for module in self.modules)

@@ -79,11 +79,6 @@ def lowest(peg: Part, tilt: float, azimuth: float) -> Vector:
     return peg.lowest(np.zeros(3), axes[:, 2], axes[:, 0])
 
 
-def tilted_axis(tilt: float, azimuth: float) -> Vector:
-    """Return the axis of a peg tilted by `tilt` towards `azimuth`, rad, from its end upward; unit vector, shape (3,)."""
-    return np.array([math.sin(tilt) * math.cos(azimuth), math.sin(tilt) * math.sin(azimuth), math.cos(tilt)])
-
-
 @dataclass(frozen=True, slots=True)
 class Pushed:
     """Result of a push."""

@@ -1,14 +1,15 @@
 """Dither the peg down the hole, pushing, and sweep it if it jams, until it is seated."""
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 
 import numpy as np
 
 from drivers.frames import angle_between, cross
+from drivers.parts import Job
 from drivers.quantities import ArmState, ImpedanceSetpoint, Twist, Vector
-from skills.contract import Outcome, Reason, SkillContext, SkillResult
+from skills.contract import Observation, Outcome, Reason, SkillContext, SkillResult
 from skills.insert.guided_peg import LET_GO, Aim, Descent, Guide, Stall, TiltSweep
 from skills.insert.play import allowed_tilt
 from skills.insert.spiral_params import SpiralAdjustParams
@@ -92,6 +93,78 @@ class Swing:
         return 1.0 / (1.0 + SWING_PUSH * self._beyond)
 
 
+@dataclass(slots=True)
+class SeatingProof:
+    """Evidence of a seated peg: the switch with the depth, or the force of a latch."""
+
+    is_felt: bool
+    """True if the search has estimated the surface."""
+    looks: Looks
+    arrival: Arrival = field(default_factory=Arrival)
+
+    def is_given(self, seen: Observation, tip: Vector, plane: Plane, ctx: SkillContext) -> bool:
+        """Take one scan; return True if the peg is seated."""
+        hole = ctx.job.hole
+        if hole.latch is not None and hole.evidence == "force":
+            beyond = plane.depth(seen.tip) - hole.depth
+            self.looks = self.looks.after(seen, ctx.lead.held, hole.latch, beyond)
+            ctx.peg = replace(ctx.peg, ways=self.looks.curve.ways)
+            return self.looks.is_shown
+        if not is_seated(seen.switch, tip, hole):
+            return False
+        short = hole.depth - plane.depth(seen.tip) if self.is_felt else 0.0
+        self.arrival = self.arrival.after(seen, ctx.lead.held, short)
+        return self.arrival.is_over(seen.stamp)
+
+
+class Guidance:
+    """Peg on its way down the hole: its aim, its progress, and the motions that free it if it jams."""
+
+    def __init__(self, params: SpiralAdjustParams, ctx: SkillContext, plane: Plane, descent: Descent) -> None:
+        """Start along the plate's normal."""
+        self._params, self._ctx, self._plane, self._descent = params, ctx, plane, descent
+        self._stall, self._guide, self._sweep = Stall(), Guide(), TiltSweep()
+        self.aim = Aim(ctx.in_hand(), plane.normal)
+        """Assumed pose of the peg and direction of the push."""
+
+    def is_stalled(self, tip: Vector, elapsed: float, is_lifting: bool) -> bool:
+        """Take the place of the tip, m; return True if the peg has made no progress for too long."""
+        depth, hole = self._plane.depth(tip), self._ctx.job.hole
+        self._stall = Stall(depth, elapsed) if is_lifting else self._stall.after(depth, elapsed, self._params.jammed)
+        return elapsed - self._stall.since > given_up_after(depth_of(tip, hole), hole.depth, self._params)
+
+    def free(self, seen: Observation, is_lifting: bool) -> Vector:
+        """Free the peg if it jams; return its end point by the aim, shape (3,), m, base frame."""
+        elapsed, tcp, params = seen.elapsed, seen.arm.tcp, self._params
+        depth = self._plane.depth(self.aim.tip(tcp))
+        if self._sweep.is_on(elapsed, params) and self._descent.rest < LET_GO:
+            self.aim, self._sweep = self.aim.kept(tcp), replace(self._sweep, began=-math.inf)
+        # The periods of the dither begin again after a sweep.
+        is_swept = self._sweep.is_on(elapsed, params)
+        self._guide = Guide(elapsed, reached=depth) if is_swept else self._guide.after(depth, elapsed, params)
+        if self._guide.is_jammed and not is_lifting:
+            self._aim_anew(seen, depth)
+        tip = self.aim.tip(tcp)
+        self._descent = self._descent.after(self._plane.depth(tip), self._ctx.schedule.period)
+        return tip
+
+    def _aim_anew(self, seen: Observation, before: float) -> None:
+        """Aim with the newest theta, and sweep; `before` is the depth by the previous one, m."""
+        self.aim = self.aim.freed(self._ctx.in_hand(), seen.arm.tcp, self._plane.normal)
+        depth = self._plane.depth(self.aim.tip(seen.arm.tcp))
+        self._guide, self._descent = replace(self._guide, reached=depth), Descent(depth)
+        self._stall = self._stall.measured_anew(depth, before)
+        peg, hole = (2.0 * part.half[1] for part in (self._ctx.job.peg.part, self._ctx.job.hole.part))
+        tilt = allowed_tilt(depth, peg, hole)
+        self._sweep = self._sweep.next(seen.elapsed, seen.arm.tcp, tilt, self.aim.in_hand.length)
+
+    def offsets(self, elapsed: float) -> list[Vector]:
+        """Return the offsets of the finger centre from the line of the aim, now and one scan later, shape (2,), m."""
+        is_swept = self._sweep.is_on(elapsed, self._params)
+        moves = self._sweep.offset if is_swept else partial(self._guide.offset, share=self._descent.rest)
+        return [moves(elapsed + ahead, self._params) for ahead in (0.0, self._ctx.schedule.period)]
+
+
 def run(
     params: SpiralAdjustParams, ctx: SkillContext, plane: Plane | None = None, turns_freely: bool = False
 ) -> SpiralAdjustResult:
@@ -104,62 +177,52 @@ def run(
         turns_freely: Whether the hand's yaw gives way, as it must where walls keep the peg's; a torque about the peg's axis
             would press its faces against them, by its ratio to half a side.
     """
-    hole, is_felt, plane = ctx.job.hole, plane is not None, plane or nominal(ctx.job.hole)
-    first, arrival, looks = ctx.observe(), Arrival(), Looks(StrokeCurve(earlier=ctx.peg.ways))
-    aim, stall, guide, descent = Aim(ctx.in_hand(), plane.normal), Stall(), Guide(), Descent(plane.depth(first.tip))
+    is_felt, plane = plane is not None, plane or nominal(ctx.job.hole)
+    hole, first, proof = ctx.job.hole, ctx.observe(), SeatingProof(is_felt, Looks(StrokeCurve(earlier=ctx.peg.ways)))
+    down = Guidance(params, ctx, plane, Descent(plane.depth(first.tip)))
     swing = at_rest = Swing(first.arm.tcp.rotation[:, 0], first.arm.stamp)
-    sweep, across = TiltSweep(), (2.0 * ctx.job.peg.part.half[1], 2.0 * hole.part.half[1])
     identity, offset, tip, running = ctx.new_id(), np.zeros(2), first.tip, 0.0
     for seen in ctx.scan(params.timeout, holding=True):
-        elapsed, running, tip, is_done = seen.elapsed, seen.running, aim.tip(seen.arm.tcp), False
-        if hole.latch is not None and hole.evidence == "force":
-            looks = looks.after(seen, ctx.lead.held, hole.latch, plane.depth(seen.tip) - hole.depth)
-            is_done, ctx.peg = looks.is_shown, replace(ctx.peg, ways=looks.curve.ways)
-        elif is_seated(seen.switch, tip, hole):
-            arrival = arrival.after(seen, ctx.lead.held, hole.depth - plane.depth(seen.tip) if is_felt else 0.0)
-            is_done = arrival.is_over(seen.stamp)
-        if is_done:
+        elapsed, running, tip = seen.elapsed, seen.running, down.aim.tip(seen.arm.tcp)
+        if proof.is_given(seen, tip, plane, ctx):
             return _result(Outcome.SUCCESS, Reason.NONE, running, offset, depth_of(tip, hole))
-        if depth_of(tip, hole) > hole.depth + CLOSED_TOLERANCE:
-            break  # the fingers have slid down the peg, which the next touch-down measures, or the hole is another one
-        depth = plane.depth(tip)
-        stall = Stall(depth, elapsed) if looks.is_lifting else stall.after(depth, elapsed, params.jammed)
-        is_stalled = elapsed - stall.since > given_up_after(depth_of(tip, hole), hole.depth, params)
-        if looks.is_over or is_stalled or depth < -(ctx.job.peg.part.inscribed / 2.0 + RAISED):
+        if (
+            _has_left(tip, plane, ctx.job)
+            or down.is_stalled(tip, elapsed, proof.looks.is_lifting)
+            or proof.looks.is_over
+        ):
             break
-        if sweep.is_on(elapsed, params) and descent.rest < LET_GO:
-            aim, sweep = aim.kept(seen.arm.tcp), replace(sweep, began=-math.inf)
-        # The periods of the dither begin again after a sweep.
-        guide = Guide(elapsed, reached=depth) if sweep.is_on(elapsed, params) else guide.after(depth, elapsed, params)
-        if guide.is_jammed and not looks.is_lifting:
-            aim = aim.freed(ctx.in_hand(), seen.arm.tcp, plane.normal)
-            tip = aim.tip(seen.arm.tcp)
-            guide, descent = replace(guide, reached=plane.depth(tip)), Descent(plane.depth(tip))
-            stall = stall.measured_anew(guide.reached, depth)
-            sweep = sweep.next(elapsed, seen.arm.tcp, allowed_tilt(guide.reached, *across), aim.in_hand.length)
-        descent = descent.after(plane.depth(tip), ctx.schedule.period)
-        moves = sweep.offset if sweep.is_on(elapsed, params) else partial(guide.offset, share=descent.rest)
-        offset, next_offset = (moves(elapsed + ahead, params) for ahead in (0.0, ctx.schedule.period))
+        tip = down.free(seen, proof.looks.is_lifting)
+        offset, next_offset = down.offsets(elapsed)
         ctx.callbacks.progress(elapsed / params.timeout)
         swing = swing.after(seen.arm) if running < params.swing_time else at_rest
         stiffness, damping_ratio = _compliance(params, swing, depth_of(tip, hole) > hole.depth - params.arrival)
-        looks = looks.pulling(swing.push * params.push_offset, ctx.schedule.period)
+        proof.looks = proof.looks.pulling(swing.push * params.push_offset, ctx.schedule.period)
         ctx.follow(
             ImpedanceSetpoint(
                 id=identity,
-                tip=_target(tip, first.tip, looks.pull),
-                axis=aim.axis(offset),
-                twist=_spin(aim.axis(offset), aim.axis(next_offset), ctx.schedule.period),
+                tip=_target(tip, first.tip, proof.looks.pull),
+                axis=down.aim.axis(offset),
+                twist=_spin(down.aim.axis(offset), down.aim.axis(next_offset), ctx.schedule.period),
                 roll=(seen if turns_freely else first).arm.tcp.rotation[:, 2],
                 stiffness=stiffness,
                 damping_ratio=damping_ratio,
                 valid_until=seen.stamp + VALIDITY,
-                in_hand=aim.in_hand,
+                in_hand=down.aim.in_hand,
             )
         )
     if hole.evidence == "switch":
         require_short_of_bottom(tip, hole)
     return _result(Outcome.FAILURE, Reason.NOT_SEATED, running, offset, depth_of(tip, hole))
+
+
+def _has_left(tip: Vector, plane: Plane, job: Job) -> bool:
+    """Return True if nothing holds the peg above the surface, or if its end seems to be below the bottom.
+
+    In the latter case the fingers have slid down the peg, which the next touch-down measures, or the hole is another one.
+    """
+    is_above = plane.depth(tip) < -(job.peg.part.inscribed / 2.0 + RAISED)
+    return is_above or depth_of(tip, job.hole) > job.hole.depth + CLOSED_TOLERANCE
 
 
 def _target(tip: Vector, found: Vector, pull: float) -> Vector:
