@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 SUMMARY = "measure skin, arm or places and write a dated file"
 FRICTION_RANGE = (0.5, 2.0)
-"""Permitted ratio of measured to published friction; the range of `config/reality.toml`, tested by `cell study reality`."""
+"""Permitted ratio of measured to published friction; the range of `config/reality.toml`, tested by `cell study margins`."""
 MOST_PEGS = 20
 """Largest number of pegs for measuring the places if a feeder refills the rack."""
 OFFSET_RANGE = 2.0

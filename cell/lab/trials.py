@@ -341,17 +341,24 @@ def run_trials(
         for row in rows.values():
             done(row)
         order = sorted(seeds)
-        missing = [seed for seed in seeds if seed not in rows]
+
+        def is_over() -> bool:
+            return _ending(rows, order, is_enough) is not None
+
+        missing = [] if is_over() else [seed for seed in seeds if seed not in rows]
         task = partial(run_trial, config, probe=probe, program=program)
-        results = on_cluster(task, missing, scheduler) if scheduler else on_processes(task, missing, workers)
         began, taken_up = time.perf_counter(), len(rows)
+        if scheduler:
+            results = on_cluster(task, missing, scheduler, is_over)
+        else:
+            results = on_processes(task, missing, workers, is_over)
         with closing(results):
-            while (ordered := _ending(rows, order, is_enough)) is None:
-                row = next(results)
+            for row in results:
                 rows[row.seed] = row
                 kept.write(json.dumps(asdict(row)) + "\n")
                 kept.flush()
                 done(row)
+        ordered = _ending(rows, order, is_enough) or []
     minutes = (time.perf_counter() - began) / 60.0
     write_table(ordered, folder / TABLE)
     summary = summarise(ordered, config) | {"trials_per_minute": (len(rows) - taken_up) / minutes}

@@ -21,8 +21,6 @@ from skills.seating.decision import CLOSED_TOLERANCE, depth_of
 
 IN_HOLE_DEPTH = 0.004
 """Depth from which the end of a held peg counts as in the hole, m; the arm measures heights with about this accuracy."""
-UPRIGHT = 0.25
-"""Tilt below which a peg lost at the surface can slide into the hole, rad; `insert.aligned` is 0.1 by default."""
 HOLE_MARGIN = 0.005
 """Margin around `hole.area` within which the tip counts as over the hole, m."""
 SLOT_REACH = 0.01
@@ -54,10 +52,10 @@ class PegEvidence:
     theta: float
     """In-hand angle, rad; from the skin."""
     switch: SwitchState
-    tilt: float = math.pi / 2
-    """Angle between a peg in the hand and the vertical, rad; from arm and skin."""
     is_felt: bool | None = None
     """True if the skin measures a peg; None without a trusted frame."""
+    is_inserting: bool = False
+    """True in a stage after the search, whose peg may lean in the hole."""
     push: float = 0.0
     """Axial force on the peg, away from its end, N; above the grip's friction limit the peg slides between the fingers."""
 
@@ -76,7 +74,7 @@ class PartState:
     tip: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """Last measured position of the peg's end, m, base frame; zeros before the first grasp."""
     was_in_hole: bool = False
-    """True if the peg has been in the hole, or upright at it, since the grasp."""
+    """True if the peg has been in the hole, or at it after the search, since the grasp."""
     basis: PartEvidence = PartEvidence.NOTHING
     """Evidence of the place as bits, as sent on the buses."""
     width: float = 0.0
@@ -114,7 +112,13 @@ def places_of(job: Job, bin_at: Point, bears: float = math.inf) -> Places:
 
 
 def evidence_of(
-    arm: ArmState, hand: GripperState, switch: SwitchState, tip: Vector, theta: float, is_felt: bool | None
+    arm: ArmState,
+    hand: GripperState,
+    switch: SwitchState,
+    tip: Vector,
+    theta: float,
+    is_felt: bool | None,
+    is_inserting: bool = False,
 ) -> PegEvidence:
     """Return the evidence from readings of the devices at one instant.
 
@@ -125,15 +129,15 @@ def evidence_of(
         tip: Position of the end of a peg in the hand, shape (3,), m, base frame.
         theta: In-hand angle, rad.
         is_felt: True if the skin measures a peg; None without a trusted frame.
+        is_inserting: True in a stage after the search.
     """
     where = arm.tcp.position if not np.isfinite(tip).all() else tip
     x, y, z = (float(value) for value in where)
     along = arm.tcp.position - where
-    if not along.any():
-        return PegEvidence(hand.width, hand.is_gripping, hand.is_moving, (x, y, z), theta, switch, is_felt=is_felt)
-    tilt = math.atan2(math.hypot(along[0], along[1]), along[2])
-    push = float(arm.wrench.force @ along) / math.hypot(*along)
-    return PegEvidence(hand.width, hand.is_gripping, hand.is_moving, (x, y, z), theta, switch, tilt, is_felt, push)
+    push = float(arm.wrench.force @ along) / math.hypot(*along) if along.any() else 0.0
+    return PegEvidence(
+        hand.width, hand.is_gripping, hand.is_moving, (x, y, z), theta, switch, is_felt, is_inserting, push
+    )
 
 
 def at_start(kept: PartState | None, seen: PegEvidence, places: Places) -> PartState:
@@ -178,7 +182,7 @@ def _after(before: PartState, seen: PegEvidence, places: Places, is_running: boo
     """Return the state after one more reading, without evidence bits; `before` itself if nothing changed."""
     if _is_between(seen, places):
         now = _held(seen, places, _slid(before, seen, places))
-        was_in_hole = now.place in IN_THE_HOLE or _stands_at_hole(seen, places)
+        was_in_hole = now.place in IN_THE_HOLE or _is_at_hole(seen, places.hole)
         return replace(now, was_in_hole=was_in_hole or (before.is_held and before.was_in_hole))
     if before.is_held:
         if seen.is_moving:
@@ -330,10 +334,10 @@ def _is_over_hole(tip: tuple[float, float, float], hole: Hole) -> bool:
     return all(abs(tip[k] - hole.centre[k]) <= hole.area[k] / 2 + HOLE_MARGIN for k in range(2))
 
 
-def _stands_at_hole(seen: PegEvidence, places: Places) -> bool:
-    """Return True if an upright held peg is so close to the hole's surface that the arm cannot measure whether it is in."""
-    is_near = abs(depth_of(np.array(seen.tip), places.hole)) < IN_HOLE_DEPTH
-    return is_near and seen.tilt < UPRIGHT and _is_over_hole(seen.tip, places.hole)
+def _is_at_hole(seen: PegEvidence, hole: Hole) -> bool:
+    """Return True if the end of a peg is so close to the hole that was found that the arm cannot measure whether it is in."""
+    is_near = abs(depth_of(np.array(seen.tip), hole)) < IN_HOLE_DEPTH
+    return is_near and seen.is_inserting and _is_over_hole(seen.tip, hole)
 
 
 def refusal_of(part: PartState, switch: SwitchState, is_rack_empty: bool, recovers_first: bool) -> Refusal:

@@ -17,7 +17,7 @@ from drivers.errors import CellError, SwitchDisagreesError, SwitchUnknownError
 from drivers.frames import end_point
 from drivers.quantities import ArmState, GripperState, SwitchState
 from plc_bridge.protocol.messages import PartPlace, Refusal, Report
-from skills.catalogue import GRASP, RECOVER, SEARCH
+from skills.catalogue import ADJUST, GRASP, INSERT, RECOVER, SEARCH
 from skills.contract import Observation, Outcome, SkillContext, is_trusted
 from skills.entry import Claim, Entry
 from skills.flow import StageRecord
@@ -77,7 +77,8 @@ class PartWatch:
         self._switch = seen.switch
         self._felt_at, self._frame = max(self._felt_at, seen.peg.stamp), seen.frame.sequence
         is_felt = seen.frame.stamp - self._felt_at <= FELT_WITHIN
-        evidence = evidence_of(seen.arm, seen.gripper, seen.switch, seen.tip, seen.peg.theta, is_felt)
+        is_inserting = self._context.stage in (INSERT.name, ADJUST.name)
+        evidence = evidence_of(seen.arm, seen.gripper, seen.switch, seen.tip, seen.peg.theta, is_felt, is_inserting)
         self._tell(self._custody.see(evidence, self._places, self._is_running))
         if not self._is_running:
             return

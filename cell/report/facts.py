@@ -12,7 +12,7 @@ from cell.records.statistics import Z95, spread, wilson
 from cell.report import queries
 from drivers.errors import FAULTS, FaultCode
 from drivers.quantities import Vector
-from skills.catalogue import CATALOGUE, GRASP
+from skills.catalogue import CATALOGUE
 from skills.contract import Outcome
 
 LEAST_DRIFT = 10
@@ -151,8 +151,7 @@ def facts_of(journal: Journal, query: RunQuery, starts: Sequence[str] = queries.
         journal.ask(statement, values)
     totals = journal.ask(queries.TOTALS)
     outcomes = {outcome: count for outcome, count, _, _ in totals}
-    residuals = journal.ask(queries.RESIDUALS, [GRASP.name])
-    marks = ", ".join("?" * len(CATALOGUE.counted))
+    residuals = journal.ask(queries.RESIDUALS)
     return Facts(
         since=query.since,
         until=query.until,
@@ -166,7 +165,7 @@ def facts_of(journal: Journal, query: RunQuery, starts: Sequence[str] = queries.
         ],
         trends=_trends(journal),
         cycle=spread(_column(journal.ask(queries.CYCLES))),
-        insertion=spread(_column(journal.ask(queries.INSERTIONS.format(marks=marks), CATALOGUE.counted))),
+        insertion=spread(_column(journal.ask(queries.INSERTIONS))),
         stages=_stage_times(journal),
         losses=_losses(journal),
         forces=_column(journal.ask(queries.FORCES)),
@@ -205,7 +204,7 @@ def _trends(journal: Journal) -> list[Trend]:
 def _stage_times(journal: Journal) -> list[StageTimes]:
     found = []
     for name in CATALOGUE.stages.values():
-        if rows := journal.ask(queries.STAGE, [name]):
+        if rows := journal.ask(queries.STAGE.format(name=name)):
             counted = [time for time, _ in rows if time is not None]
             found.append(StageTimes(name, len(rows), spread(counted), spread([whole for _, whole in rows])))
     return found

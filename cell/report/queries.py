@@ -6,6 +6,7 @@ The first statements make temporary tables, from which the others count. `cell r
 from collections.abc import Sequence
 
 from cell.records.run_query import RunQuery
+from skills.catalogue import CATALOGUE, GRASP
 
 SHIFTS = ("06:00", "14:00", "22:00")
 """Default starts of the shifts, local time."""
@@ -16,26 +17,30 @@ LEAST_SHIFTS = 10
 CYCLE = "cycle"
 """Name of the cycle time among the trends."""
 
-ASKED = """
-CREATE TEMP TABLE asked AS
-SELECT run, started, julianday(started) AS day, {shift} AS shift, outcome, outcome = 'success' AS is_good,
-    stage, reason, fault, cycle_time, peak_force,
+ASKED = "CREATE TEMP TABLE asked (run INTEGER PRIMARY KEY, started, day, shift, outcome, is_good, stage, reason, fault, cycle_time, peak_force, lost)"
+FILLED = """
+INSERT INTO asked
+WITH chosen AS MATERIALIZED (
+    SELECT run, started, julianday(started) AS day, datetime(started, 'localtime') AS local, outcome, stage, reason, fault,
+        cycle_time, peak_force FROM runs WHERE {where} AND outcome != 'running'
+)
+SELECT run, started, day, {shift}, outcome, outcome = 'success', stage, reason, fault, cycle_time, peak_force,
     -- time until the next start, or of the run itself if it is the last, s
-    min({longest}, max(0.0, coalesce(
-        86400.0 * (julianday(lead(started) OVER (ORDER BY started, run)) - julianday(started)), cycle_time, 0.0))) AS lost
-FROM runs WHERE {where} AND outcome != 'running'
+    min({longest}, max(0.0, coalesce(86400.0 * (lead(day) OVER (ORDER BY started) - day), cycle_time, 0.0)))
+FROM chosen
 """
 TRIED = """
 CREATE TEMP TABLE tried AS
-SELECT run, day, shift, is_good, name,
-    sum(counted) AS counted, sum(stages.ended - stages.began) AS whole, max(residual) AS residual
-FROM asked JOIN stages USING (run) GROUP BY run, name
+SELECT run, day, shift, is_good, {times},
+    sum(counted) FILTER (WHERE name IN ({marks})) AS insertion, max(residual) FILTER (WHERE name = '{grasp}') AS residual
+FROM asked JOIN stages USING (run) GROUP BY run
 """
-"""All tries of a stage in a run together."""
+"""All tries of each stage in a run together."""
 TREND = f"""
 CREATE TEMP TABLE trend AS
+WITH means AS MATERIALIZED (SELECT shift, {{means}} FROM tried WHERE is_good GROUP BY shift)
 SELECT '{CYCLE}' AS name, shift, avg(cycle_time) AS mean FROM asked WHERE is_good AND cycle_time IS NOT NULL GROUP BY shift
-UNION ALL SELECT name, shift, avg(whole) FROM tried WHERE is_good GROUP BY name, shift
+{{each}}
 """
 OUTAGES = """
 CREATE TEMP TABLE outages AS
@@ -72,13 +77,10 @@ GROUP BY name HAVING count(*) >= {LEAST_SHIFTS}
 """Limits of a chart of individual values: mean and 2.66 times the mean moving range, [nist-charts]."""
 CYCLES = "SELECT cycle_time FROM asked WHERE is_good AND cycle_time IS NOT NULL"
 FORCES = "SELECT peak_force FROM asked WHERE peak_force IS NOT NULL"
-STAGE = "SELECT counted, whole FROM tried WHERE is_good AND name = ?"
-INSERTIONS = """
-SELECT sum(counted) FROM tried WHERE is_good AND name IN ({marks}) GROUP BY run HAVING sum(counted) IS NOT NULL
-"""
+STAGE = "SELECT {name}_counted, {name} FROM tried WHERE is_good AND {name} IS NOT NULL"
+INSERTIONS = "SELECT insertion FROM tried WHERE is_good AND insertion IS NOT NULL"
 RESIDUALS = """
-SELECT day - (SELECT min(day) FROM asked), residual FROM tried
-WHERE name = ? AND residual IS NOT NULL AND day IS NOT NULL ORDER BY day
+SELECT day - (SELECT min(day) FROM asked), residual FROM tried WHERE residual IS NOT NULL AND day IS NOT NULL
 """
 
 
@@ -91,8 +93,20 @@ def prepared(query: RunQuery, shifts: Sequence[str], ends: str) -> list[tuple[st
         ends: End of an outage that still lasts, wall time, ISO 8601 UTC.
     """
     where, values = query.where()
-    asked = ASKED.format(shift=_shift(shifts), longest=LONGEST_STOP, where=where)
-    tables: list[tuple[str, list[object]]] = [(asked, values), (TRIED, []), (TREND, []), (OUTAGES, [ends])]
+    names = tuple(CATALOGUE.stages.values())
+    every = "sum({0}) FILTER (WHERE name = '{1}') AS {1}{2}"
+    spans = [(("stages.ended - stages.began", name, ""), ("counted", name, "_counted")) for name in names]
+    times = ", ".join(every.format(*one) for both in spans for one in both)
+    marks = ", ".join(f"'{name}'" for name in CATALOGUE.counted)
+    means = ", ".join(f"avg({name}) AS {name}" for name in names)
+    each = "".join(f"UNION ALL SELECT '{name}', shift, {name} FROM means WHERE {name} IS NOT NULL\n" for name in names)
+    tables: list[tuple[str, list[object]]] = [
+        (ASKED, []),
+        (FILLED.format(shift=_shift(shifts), longest=LONGEST_STOP, where=where), values),
+        (TRIED.format(times=times, marks=marks, grasp=GRASP.name), []),
+        (TREND.format(means=means, each=each), []),
+        (OUTAGES, [ends]),
+    ]
     return [(f"DROP TABLE IF EXISTS temp.{name}", []) for name in ("asked", "tried", "trend", "outages")] + tables
 
 
@@ -107,7 +121,6 @@ def by_shift(shifts: Sequence[str]) -> str:
 def _shift(shifts: Sequence[str]) -> str:
     """Return the start of a run's shift, local time, as an SQL expression."""
     whens = " ".join(
-        f"WHEN time(started, 'localtime') >= '{start}' THEN date(started, 'localtime') || ' {start}'"
-        for start in reversed(shifts)
+        f"WHEN substr(local, 12) >= '{start}' THEN substr(local, 1, 11) || '{start}'" for start in reversed(shifts)
     )
-    return f"CASE {whens} ELSE date(started, 'localtime', '-1 day') || ' {shifts[-1]}' END"
+    return f"CASE {whens} ELSE date(local, '-1 day') || ' {shifts[-1]}' END"

@@ -8,7 +8,10 @@ from pathlib import Path
 
 import pytest
 
+from cell.calibrate import proven
 from cell.config.load import load
+from cell.page.token import page_token
+from cell.peg.custody import Custody
 from cell.run.learning import FILE, read_learned
 from drivers.arm.calibration import read_arm_calibration
 from drivers.errors import ConfigError
@@ -188,3 +191,25 @@ def test_a_damaged_file_is_read_or_refused_in_one_line(tmp_path: Path, name, who
             told.append(str(error))
     assert len(told) > FILES // 2
     assert all(name in text and len(text.splitlines()) == 1 for text in told)
+
+
+PART = b'{"place":"SEATED","evidence":"switch closed","is_held":false,"basis":"switch","emptied":3}'
+FACT = b'{"facts":{"load":{"date":"2026-01-01","measured":"0.2 kg","devices":"fr3 1","of":"0a1b"}}}'
+
+
+@pytest.mark.parametrize(
+    ("name", "whole", "read"),
+    [
+        ("part-sim.json", PART, lambda path: Custody(path.parent, "sim")),
+        ("proven.json", FACT, proven.read),
+        ("page-token", b"0123456789abcdefghijklmn", lambda path: page_token(path.parent)),
+    ],
+)
+def test_a_damaged_kept_file_stops_no_start_and_is_named_in_one_line(tmp_path: Path, caplog, name, whole, read):
+    rng, path = random.Random(8), tmp_path / name
+    for _ in range(FILES):
+        path.write_bytes(changed(whole, rng))
+        path.chmod(0o600)
+        read(path)
+    assert len(caplog.messages) > FILES // 2
+    assert all(name in text and len(text.splitlines()) == 1 for text in caplog.messages)

@@ -13,7 +13,6 @@ from cell.peg.part_state import (
     REMEDIES,
     SLOT_REACH,
     UNRESOLVED,
-    UPRIGHT,
     PartState,
     PegEvidence,
     after,
@@ -51,11 +50,11 @@ class Peg:
     def __init__(self, places):
         self.places, self.state = places, EMPTY
 
-    def evidence(self, tip=None, *, gripping=True, width=None, moving=False, switch=OPEN, tilt=math.pi / 4, felt=None):
+    def evidence(self, tip=None, *, gripping=True, width=None, moving=False, switch=OPEN, felt=None, inserts=False):
         """Return what a look finds, with the end of the peg where it was unless given."""
         if width is None:
             width = self.places.thickness if gripping else 0.04
-        return PegEvidence(width, gripping, moving, tip or self.state.tip, 0.0, switch, tilt, felt)
+        return PegEvidence(width, gripping, moving, tip or self.state.tip, 0.0, switch, felt, inserts)
 
     def look(self, tip=None, *, is_running=True, push=0.0, **how):
         """Take a look, and return what is known then."""
@@ -181,27 +180,26 @@ def test_a_peg_that_is_let_go_above_bin_or_slot_is_in_it(peg, place_of, below, p
 
 
 @pytest.mark.parametrize(
-    ("tip", "tilt", "place"),
+    ("tip", "place"),
     [
-        ((BIN_REACH, 4.0, 0.2), 0.0, BIN),
-        ((SLOT_REACH, 2.0, -0.01), 0.0, RACK),
-        ((0.0, 2.0, 0.0), 0.0, ON_PLATE),
-        ((0.0, 0.0, IN_HOLE_DEPTH), 0.0, ON_PLATE),
-        ((0.0, 0.0, 0.0), UPRIGHT, ON_PLATE),
-        ((0.0, 0.0, 0.0), UPRIGHT - 1e-9, NOWHERE),
+        ((BIN_REACH, 4.0, 0.2), BIN),
+        ((SLOT_REACH, 2.0, -0.01), RACK),
+        ((0.0, 2.0, 0.0), ON_PLATE),
+        ((0.0, 0.0, IN_HOLE_DEPTH), ON_PLATE),
+        ((0.0, 0.0, IN_HOLE_DEPTH - EPSILON), NOWHERE),
     ],
 )
-def test_bin_slot_hole_and_upright_end_exactly_at_their_limits(at_origin, tip, tilt, place):
-    at_origin.look(tip, tilt=tilt)
+def test_bin_slot_and_hole_end_exactly_at_their_limits(at_origin, tip, place):
+    at_origin.look(tip, inserts=True)
     assert at_origin.gone().place is place
 
 
 @pytest.mark.parametrize(
-    ("depth", "tilt", "place"),
-    [(1e-3, 0.05, NOWHERE), (-1e-3, 0.05, NOWHERE), (1e-3, math.pi / 4, ON_PLATE), (-0.02, 0.05, ON_PLATE)],
+    ("depth", "inserts", "place"),
+    [(1e-3, True, NOWHERE), (-1e-3, True, NOWHERE), (1e-3, False, ON_PLATE), (-0.02, True, ON_PLATE)],
 )
-def test_a_peg_lost_upright_at_the_hole_may_be_in_it(peg, depth, tilt, place):
-    assert peg.held(depth, tilt=tilt).place is IN_HAND
+def test_a_peg_lost_at_the_hole_that_was_found_may_lean_in_it(peg, depth, inserts, place):
+    assert peg.held(depth, inserts=inserts).place is IN_HAND
     assert peg.gone().place is place
 
 
