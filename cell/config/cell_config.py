@@ -259,7 +259,7 @@ class CellConfig(Catalogued):
         require_reach(place, self.hole, self.limits)
         require_stable(self.steered(), self.skin.rate, place)
         require_steady(self.followed(), place)
-        require_permitted(self.followed(), self.ways(), place.arm)
+        require_permitted(self.followed(), place.arm)
         return self
 
     @model_validator(mode="after")

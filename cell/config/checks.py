@@ -15,7 +15,7 @@ from skills.grasp_from_rack import GraspFromRackParams
 from skills.guards.limits import Limits
 from skills.insert.grip import grip_of
 from skills.insert.spiral_params import SpiralAdjustParams
-from skills.motion import Gains, Transfer
+from skills.motion import Gains
 from skills.paper.params import PaperParams
 from skills.plan import is_cornered
 from skills.search.params import TOUCHED_TIME, SpraySearchParams
@@ -99,22 +99,19 @@ def require_workspace_in_reach(limits: Limits, arm: ArmModel) -> None:
                 )
 
 
-def require_permitted(followed: Mapping[str, Gains], ways: Mapping[str, Transfer], arm: ArmModel) -> None:
-    """Require that every gain and speed is within the arm's bounds.
+def require_permitted(followed: Mapping[str, Gains], arm: ArmModel) -> None:
+    """Require that every gain is within the arm's bounds.
 
     Args:
         followed: Gains by the key of their section.
-        ways: Transfers through free space by the key of their section.
         arm: Figures of the arm.
 
     Raises:
-        ValueError: A gain or a speed is above its bound; one line.
+        ValueError: A gain is above its bound; one line.
     """
     asked = [
         *((f"{key}.translation", gains.translation, arm.stiffness, "stiffness") for key, gains in followed.items()),
         *((f"{key}.rotation", gains.rotation, arm.turn_stiffness, "turn_stiffness") for key, gains in followed.items()),
-        *((f"{key}.speed", way.speed, arm.tool_speed, "tool_speed") for key, way in ways.items()),
-        *((f"{key}.turn_speed", way.turn_speed, arm.tool_turn_speed, "tool_turn_speed") for key, way in ways.items()),
     ]
     for key, value, most, figure in asked:
         if value > most:

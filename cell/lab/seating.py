@@ -33,8 +33,8 @@ from skills.catalogue import ADJUST
 from skills.contract import Observation, Outcome, Reason, SkillContext
 from skills.entry import Claim
 from skills.flow import StageRecord
-from skills.seating.latch_likelihood import GRID, Signature, Way, resistance, told_by
-from skills.seating.signature import Curve as Force
+from skills.seating.latch_likelihood import GRID, InsertionStroke, Signature, resistance, told_by
+from skills.seating.signature import StrokeCurve as Force
 
 ON_BOTTOM = 3e-4
 """Largest distance of a seated peg's end from the bottom in the simulation, m."""
@@ -88,7 +88,7 @@ class Seating:
             "latch_force": None if said is None else said.force,
             "latch_offset": None if said is None else said.offset,
             "doubt": None if said is None else said.doubt,
-            "hanging": None if said is None else hanging(Way(shown.heights, shown.forces), self._latch),
+            "hanging": None if said is None else hanging(InsertionStroke(shown.heights, shown.forces), self._latch),
             "ways": float(len(shown.ways)),
         }
         texts = {name: "" if value is None else f"{value:.6g}" for name, value in found.items()}
@@ -106,7 +106,7 @@ def _is_believed(proof: Evidence, records: Sequence[StageRecord], look: LastLook
     return True
 
 
-def hanging(way: Way, latch: Latch) -> float | None:
+def hanging(way: InsertionStroke, latch: Latch) -> float | None:
     """Return the correlation length of a curve's deviations from its best-fit latch, m; None if the curve shows no
     latch.
 

@@ -19,7 +19,7 @@ from skills.flow import StageRecord
 from skills.search.surface import Plane, nominal
 from skills.seating.decision import BORNE_WITHIN, CLOSED_TOLERANCE, DOUBTED, GIVE, MOST_DEEP, MOST_SHALLOW, Footing
 from skills.seating.latch_likelihood import Signature
-from skills.seating.signature import LIFTED, Curve
+from skills.seating.signature import LIFTED, StrokeCurve
 
 PLANE_TOLERANCE = 0.005
 """Largest distance of the measured surface from the job's plate surface, m."""
@@ -130,7 +130,7 @@ class ForceProof:
 
     latch: Latch
     """The latch as the recipe states it."""
-    curve: Curve = field(default_factory=Curve)
+    curve: StrokeCurve = field(default_factory=StrokeCurve)
     """Force against depth of the held peg."""
     seated_tip: Vector | None = None
     """End of the held peg when it rested behind its latch, shape (3,), m, base frame."""
