@@ -23,7 +23,7 @@ from cell.lab.tables import share, table
 from cell.lab.trials import TrialRow
 from cell.peg.ending import Ending
 from cell.peg.part_state import PartState
-from cell.peg.success import Evidence, LastLook, evidence_for, judged
+from cell.peg.success import LastLook, SeatingProof, evidence_for, judged
 from drivers.errors import CellError
 from drivers.parts import Latch
 from drivers.quantities import ImpedanceSetpoint
@@ -57,7 +57,7 @@ class Seating:
         self._proof = evidence_for(ctx.job.hole)
         self._curve, self._shown = Force(), Force()
         self._said: Signature | None = None
-        self._proofs: list[Evidence] = []
+        self._proofs: list[SeatingProof] = []
         """Evidence of a seated peg in some scan; a skill with false reports could have ended there."""
         self._truth: Truth = cell.truth()
 
@@ -96,7 +96,7 @@ class Seating:
         return {**texts, "heights": heights, "forces": " ".join(f"{force:.3f}" for force in shown.forces)}
 
 
-def _is_believed(proof: Evidence, records: Sequence[StageRecord], look: LastLook, ctx: SkillContext) -> bool:
+def _is_believed(proof: SeatingProof, records: Sequence[StageRecord], look: LastLook, ctx: SkillContext) -> bool:
     """Return True if the gate accepts a reported success of a seated peg."""
     told, nobody = Ending(Outcome.SUCCESS, ADJUST.name, Reason.NONE), PartState(PartPlace.UNKNOWN, "")
     try:

@@ -20,7 +20,7 @@ from cell.lab.published import PUBLISHED, Tried, stage_table
 from cell.lab.workers import on_cluster, on_processes
 from cell.peg.ending import Ending, ending_of
 from cell.peg.part_state import PartState
-from cell.peg.success import Evidence, LastLook, Proof, evidence_for, judged
+from cell.peg.success import LastLook, Proof, SeatingProof, evidence_for, judged
 from cell.records.provenance import config_hash, versions
 from cell.records.statistics import spread, wilson
 from cell.run.record import StageClock
@@ -157,7 +157,7 @@ class Watcher:
     clock: StageClock = field(default_factory=StageClock)
     ending: "Truth | None" = None
     """True state at the end of the insertion, before the removal of any part."""
-    proof: Evidence = field(default_factory=Proof)
+    proof: SeatingProof = field(default_factory=Proof)
     """Evidence of the trial so far, of the kind required for the job's hole."""
     found_error: float | None = None
     """Distance of the peg's end from the hole's axis in the first scan after the last search, m; None before."""

@@ -32,13 +32,14 @@ Source: chosen, not measured; reason in decision 0013.
 
 
 LONGEST_UNCHANGED = 0.15
-"""Longest time for which all readings of an arm may be identical to the last digit while its setpoint moves, s: 15 scans at 100 Hz, and
-a fault within 0.2 s. Source: chosen, not measured.
+"""Longest time for which the force of an arm, or all readings of one whose force has no noise, may be identical to the last digit
+while its setpoint moves, s: 15 scans at 100 Hz, and a fault within 0.2 s. An exact zero has no noise: libfranka#25.
+Source: chosen, not measured.
 """
 MOVED, TURNED = 5e-4, 5e-3
 """Distance, m, and angle, rad, by which the setpoint has moved meanwhile. The spring then pushes the hand with 0.2 N or turns it with 0.2 N·m
 more, so that a live arm reports another place or another force. At rest, readings can be identical: the makers publish neither resolution nor
-noise of joint positions (franka_ros#112), and the estimated force has been exactly zero (libfranka#25). Source: chosen, not measured.
+noise of joint positions (franka_ros#112). Source: chosen, not measured.
 """
 
 
@@ -161,6 +162,8 @@ class GatedArm:
         """Time of the first setpoint that the arm has not adopted, s; None if it follows the last one sent."""
         self._unchanged: tuple[list[float], float, Vector] | None = None
         """Readings, time, s, and setpoint of the first of the newest identical states; None if no setpoint is held."""
+        self._is_noisy: bool | None = None
+        """True if the force differed between the first two readings, as torque sensors make it; None before them."""
         # The first calls of a process compile code, which must not happen while the arm moves.
         rules.is_plausible(np.zeros(rules.STATE_WORDS))
         rules.broken_rule(NOTHING, np.zeros(rules.STATE_WORDS), NOTHING, self._bounds)
@@ -210,6 +213,9 @@ class GatedArm:
             if self._before is not NOTHING:
                 self.halt()
             raise
+        if self._is_noisy is None and self._state is not None and state.stamp > self._state[rules.STATE_STAMP]:
+            force = slice(rules.FORCE, rules.TORQUE)
+            self._is_noisy = bool((words[force] != self._state[force]).any())
         self._state = words
         self._require_taken(state)
         self._require_live(words, state.stamp)
@@ -235,12 +241,13 @@ class GatedArm:
             raise TrackingError(f"arm: takes no setpoint for {untaken:.2f} s; {LONGEST_UNTAKEN:g} s allowed")
 
     def _require_live(self, words: Vector, stamp: float) -> None:
-        """Check that the readings change while the setpoint moves."""
+        """Check that the readings change while the setpoint moves: the force alone if it has noise."""
         held = self._before
         if held is NOTHING:
             self._unchanged = None
             return
-        readings = words[: rules.TORQUE].tolist()
+        has_noise = self._is_noisy and words[rules.FORCE : rules.TORQUE].any()
+        readings = words[rules.FORCE if has_noise else 0 : rules.TORQUE].tolist()
         if self._unchanged is None or readings != self._unchanged[0]:
             self._unchanged = readings, stamp, held
             return

@@ -116,7 +116,7 @@ def _slide(
             return seen, spent + seen.running
         if sweep.is_to_lift(seen):
             return None, spent + seen.running
-        ctx.callbacks.progress((spent + seen.running) / params.timeout)
+        ctx.callbacks.progress(sweep.progress)
         ctx.follow(sweep.setpoint(seen))
     return None, params.timeout
 

@@ -166,6 +166,11 @@ class SearchSweep:
         return self._course.axis
 
     @property
+    def progress(self) -> float:
+        """Return the covered part of the area, 0 to 1."""
+        return min(self._along / self._course.path.cover, 1.0)
+
+    @property
     def left(self) -> Left:
         """Rest of the path over the area that was not swept yet."""
         return Left(self._course.path, self._along)

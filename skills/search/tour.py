@@ -22,6 +22,10 @@ Stroke = tuple[Point, Point]
 class Path(Protocol):
     """A path in the plane of the area."""
 
+    @property
+    def cover(self) -> float:
+        """Return the time along the path until the area is covered once, s, > 0."""
+
     def at(self, time: float) -> tuple[Vector, Vector]:
         """Return the point, m, and its velocity, m/s, at `time`, s, each shape (2,), from the middle of the area."""
 
@@ -79,6 +83,11 @@ class Tour:
     def duration(self) -> float:
         """Time of the strokes, s."""
         return _end(self.legs)
+
+    @property
+    def cover(self) -> float:
+        """Return the time along the path until the area is covered once, s."""
+        return self.duration + max(self.then.path.cover - self.then.since, 0.0)
 
     def at(self, time: float) -> tuple[Vector, Vector]:
         """Return the point, m, and its velocity, m/s, at `time`, each shape (2,), from the middle of the area."""

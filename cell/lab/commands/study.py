@@ -56,7 +56,7 @@ PLANS = {
     ),
     "margins": Plan(
         "cell.lab.margins.study",
-        "how large each error may be: the level at which a method falls to 90 % and to 50 % success, by bisection",
+        "how large each error may be: the levels at which a method loses a tenth and half of its pegs, by bisection",
         "trials of each level at most; default 24, with --quick 6",
         options={
             "--method": {"action": "append", "metavar": "NAME", "help": "a method; all of them if not given"},

@@ -435,6 +435,15 @@ def test_readings_that_stand_still_are_a_fault_within_a_fifth_of_a_second(arm, g
     assert arm.is_halted
 
 
+@pytest.mark.parametrize(("noise", "is_fault"), [(1e-9, True), (0.0, False)])
+def test_a_force_that_stands_still_in_motion_is_a_fault_if_it_has_noise(gated, arm, noise, is_fault):
+    forces, read = itertools.chain([0.2 + noise], itertools.repeat(0.2)), arm.read
+    arm.read = lambda: replace(read(), wrench=Wrench(np.array([0.0, 0.0, next(forces)]), np.zeros(3)))
+    led(arm, gated, 16, -5e-5)
+    with pytest.raises(ArmSilentError) if is_fault else nullcontext():
+        led(arm, gated, 5, -5e-5)
+
+
 @pytest.mark.parametrize(("way", "is_fault"), [(0.0, False), (0.999 * MOVED, False), (1.001 * MOVED, True)])
 def test_an_arm_at_exact_rest_is_a_fault_only_once_its_setpoint_has_moved(arm, gated, way, is_fault):
     arm.is_frozen = arm.is_blocked = True

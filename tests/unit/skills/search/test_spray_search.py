@@ -68,8 +68,10 @@ def test_a_search_finds_the_hole_on_its_lanes_and_tells_where_and_how_long_it_to
     lowest = bench.part.lowest(bench.seen[-1].tip, bench.seen[-1].axis, bench.seen[-1].arm.tcp.rotation[:, 2])
     assert (*ended.edge, bench.level - 2e-3) == pytest.approx(tuple(lowest), abs=1e-9)
     assert ended.elapsed == pytest.approx(bench.seen[-1].running)
-    assert bench.progress == pytest.approx([seen.running / 20.0 for seen in bench.seen[-1 - len(bench.progress) : -1]])
-    assert (ended.offset, ended.noise, ended.excess) == ((3.0, -2.0, 5.0), 0.0, 0.0)
+    assert bench.progress[-1] == pytest.approx(ended.left.since / ended.left.path.cover, abs=0.01)
+    assert (np.diff(bench.progress) >= 0.0).all()
+    assert (*ended.offset, ended.noise) == pytest.approx((3.0, -2.0, 5.0, 0.0))
+    assert ended.excess == 0.0
     assert ended.start + ended.left.path.at(ended.left.since)[0] == pytest.approx(
         np.array(ended.tip[:2]) + ended.left.path.at(0.0)[0], abs=2e-3
     )
@@ -89,6 +91,12 @@ def test_the_course_is_drawn_by_the_generator_of_the_context_and_what_is_known_o
         np.testing.assert_allclose(told, asked, atol=1e-5)
     assert (last.in_hand.theta, last.in_hand.length) == (0.0, bench.length)
     np.testing.assert_array_equal(last.stiffness, PARAMS.transfer.stiffness())
+
+
+def test_progress_reaches_the_end_when_the_area_is_covered_once(bench):
+    bench.search(timeout=10.0)
+    assert bench.progress.index(1.0) > 100
+    assert max(np.diff(bench.progress)) < 0.02
 
 
 def test_a_search_without_a_hole_ends_at_its_time(bench):
@@ -177,9 +185,6 @@ def test_the_time_in_which_the_peg_is_lifted_off_counts(bench):
     assert math.dist(ended.edge, hole) < 4.1e-3
     begun = next(each.valid_until for each in bench.commanded if not each.is_free) - VALIDITY
     assert ended.elapsed == pytest.approx(bench.seen[-1].stamp - begun, abs=3 * PERIOD)
-    shares = np.diff(bench.progress)
-    assert (shares > 0.0).all()
-    assert shares.max() * 20.0 > 0.5
 
 
 def test_a_search_whose_time_is_up_while_the_peg_is_lifted_off_ends(bench):

@@ -231,3 +231,11 @@ def test_behind_the_strokes_the_rest_of_the_other_path_follows_without_a_jump():
     assert (after[0], after[1]) == (pytest.approx(place), pytest.approx(rate))
     assert way.at(way.duration + 0.4)[0] == pytest.approx(rest.path.at(1.7)[0])
     assert tour([], 0.1, rest).duration == 0.0
+
+
+def test_the_area_is_covered_once_the_strokes_and_the_rest_of_the_path_are_over():
+    whole = make_course(PARAMS, JOB, np.random.default_rng(7)).path
+    strokes = [((0.0, 0.0), (0.0, 0.03))]
+    for since, rest in ((1.3, whole.cover - 1.3), (whole.cover, 0.0), (whole.cover + 5.0, 0.0)):
+        way = tour(strokes, 0.1, Left(whole, since))
+        assert way.cover == pytest.approx(way.duration + rest)
