@@ -11,11 +11,12 @@ from drivers.arm.model import ArmModel
 from drivers.config_model import ConfigModel
 from drivers.parts import Job
 from drivers.quantities import Pose, Vector
-from drivers.skin.layout import Layout
+from drivers.skin.layout import LAYOUTS, Layout
 
-BRIGHT = 15_000.0
+_SKIN = LAYOUTS["parallelogram"]
+BRIGHT = 0.75 * _SKIN.full_scale
 """Reading of a taxel under high pressure, counts; every picture shows it in the brightest colour."""
-NOISE = 900.0
+NOISE = 3.0 * _SKIN.noise * _SKIN.full_scale
 """Reading below which every picture shows no touch, counts: three standard deviations of the noise that the estimate of theta assumes."""
 PALETTE = (
     (0, 0, 4),

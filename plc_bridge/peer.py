@@ -219,7 +219,6 @@ class Peer(PlcPeer):
     Args:
         host: Address of the cell.
         port: Port of the cell.
-        period: Time between two cycles while waiting, s.
         timeout: Longest wait for one answer, s.
         wait: Waits this number of seconds.
         now: Monotonic time, s.
@@ -230,12 +229,11 @@ class Peer(PlcPeer):
         host: str,
         port: int,
         *,
-        period: float = 0.02,
         timeout: float = 3.0,
         wait: Callable[[float], None] = time.sleep,
         now: Callable[[], float] = time.monotonic,
     ) -> None:
-        super().__init__(f"{host}:{port}", period, wait, now)
+        super().__init__(f"{host}:{port}", wait=wait, now=now)
         self._client: Any = ModbusTcpClient(  # some of its methods carry no types
             host, port=port, timeout=timeout, retries=0
         )

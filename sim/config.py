@@ -1,14 +1,14 @@
 """Config models of the simulated parts and of their common world; imports no physics."""
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, NamedTuple
 
 from pydantic import Field, NonNegativeInt
 
 from drivers.arm.model import ArmName
-from drivers.config_model import ConfigModel, FilePath, Quantity
+from drivers.config_model import ConfigModel, Figure, FilePath, Quantity
 from drivers.parts import Fraction
 from drivers.skin.health import SkinHealthConfig
-from drivers.skin.layout import Layout
+from drivers.skin.layout import SOFTEST_SHEAR, STIFFEST_SHEAR, Layout
 
 
 class PadConfig(ConfigModel):
@@ -17,10 +17,10 @@ class PadConfig(ConfigModel):
     Sources: [gibbons] for the elastomer; `assumed` values are the developer's choice; studies vary them.
     """
 
-    stiffness: Annotated[float, Field(ge=1e3, le=1e6), Quantity("N/m")] = 10e3
+    stiffness: Annotated[float, Figure("N/m"), Field(exclude=True)] = 10e3
     """Stiffness of one pad at small depth, under a contact as long as the pad, N/m; assumed, studies vary it by 0.5 to
     2."""
-    thickness: Annotated[float, Field(ge=2e-4, le=1e-2), Quantity("m")] = 1.1e-3
+    thickness: Annotated[float, Figure("m"), Field(exclude=True)] = 1.1e-3
     """Depth at which the pad is fully compressed, m; 1 mm of elastomer ([gibbons], Sec. VI) and part of the cover
     (assumed)."""
     exponent: Annotated[float, Field(ge=0.3, le=3.0), Quantity("number")] = 1.0
@@ -28,7 +28,7 @@ class PadConfig(ConfigModel):
     of a foam. Source: set for each trial."""
     blur: Annotated[float, Field(ge=1e-4, le=1e-2), Quantity("m")] = 1.2e-3
     """Standard deviation of the point spread through 1 mm of elastomer, m; assumed, close to the thickness."""
-    taxel_diameter: Annotated[float, Field(ge=1e-3, le=7e-3), Quantity("m")] = 4e-3
+    taxel_diameter: Annotated[float, Figure("m"), Field(exclude=True)] = 4e-3
     """Diameter of the round area that one taxel averages over, m; assumed, about half the pitch of [gibbons], Sec. VI.
     """
 
@@ -43,22 +43,8 @@ class SkinModel(ConfigModel):
     noise: Annotated[float, Field(ge=0.0, le=0.2), Quantity("fraction")] = 0.0094
     """Standard deviation of the white noise, fraction of full scale; 188 counts, the median of the modules of [cyskin],
     see `skin.module_noise` of config/reality.toml."""
-    gain_spread: Annotated[float, Field(ge=0.0, le=0.3), Quantity("fraction")] = 0.05
-    """Standard deviation of a taxel's gain about 1, fraction; assumed, the remainder after calibration."""
     drift: Annotated[float, Field(ge=0.0, le=0.01), Quantity("fraction")] = 1.0e-3
     """Random walk of a taxel's offset in one second, fraction of full scale; 0.11 of the noise, as in [cyskin]."""
-    creep: Annotated[Fraction, Quantity("fraction")] = 0.05
-    """Delayed part of the response to a step, fraction; assumed, usual for silicone."""
-    creep_time: Annotated[float, Field(ge=0.01, le=1e3), Quantity("s")] = 5.0
-    """Time constant of the delayed part of the response, s; assumed."""
-    sensitivity: Annotated[float, Field(ge=1e-4, le=10.0), Quantity("counts/Pa")] = 0.05
-    """Sensitivity of a taxel, counts/Pa; set so that touch peaks equal those of [cyskin], see `full_scale`."""
-    full_scale: Annotated[float, Field(ge=1e3, le=43e3), Quantity("counts")] = 20e3
-    """Reading to which the fractions of noise and drift refer, counts; the highest published touch peak of [cyskin]."""
-    offset: Annotated[float, Field(ge=0.0, le=43e3), Quantity("counts")] = 5000.0
-    """Mean raw reading of an unloaded taxel, counts; assumed, [cyskin] publishes readings without it."""
-    dead_taxels: NonNegativeInt = 0
-    """Number of taxels, drawn at random, that read zero. Source: set for each trial."""
     dead_modules: NonNegativeInt = 0
     """Number of modules, drawn at random, that read zero, as one module in [cyskin]. Source: set for each trial."""
     pad: PadConfig = PadConfig()
@@ -74,8 +60,20 @@ class SimSkinConfig(SkinModel):
     """Rate of the frames, Hz; [gibbons], Sec. VI."""
     layout: Layout = "parallelogram"
     """Arrangement of the two modules of a finger; [gibbons] does not state it. Source: assumed."""
-    silent_frames: Annotated[float, Field(ge=1.5, le=100.0), Quantity("multiple")] = 3.5
-    """Time without a frame before the skin times out, multiple of the period. Source: chosen, not measured."""
+    gain_spread: Annotated[float, Field(ge=0.0, le=0.3), Quantity("fraction")] = 0.05
+    """Standard deviation of a taxel's gain about 1, fraction; assumed, the remainder after calibration."""
+    creep: Annotated[Fraction, Quantity("fraction")] = 0.05
+    """Delayed part of the response to a step, fraction; assumed, usual for silicone."""
+    creep_time: Annotated[float, Figure("s"), Field(exclude=True)] = 5.0
+    """Time constant of the delayed part of the response, s; assumed."""
+    sensitivity: Annotated[float, Field(ge=1e-4, le=10.0), Quantity("counts/Pa")] = 0.05
+    """Sensitivity of a taxel, counts/Pa; set so that touch peaks equal those of [cyskin], see `full_scale`."""
+    full_scale: Annotated[float, Field(ge=1e3, le=43e3), Quantity("counts")] = 20e3
+    """Reading to which the fractions of noise and drift refer, counts; the highest published touch peak of [cyskin]."""
+    offset: Annotated[float, Field(ge=0.0, le=43e3), Quantity("counts")] = 5000.0
+    """Mean raw reading of an unloaded taxel, counts; assumed, [cyskin] publishes readings without it."""
+    dead_taxels: NonNegativeInt = 0
+    """Number of taxels, drawn at random, that read zero. Source: set for each trial."""
     health: SkinHealthConfig = SkinHealthConfig()
     """Conditions under which a taxel is excluded."""
 
@@ -144,10 +142,9 @@ class GripConfig(ConfigModel):
     pivot's break-away torque. Source: assumed."""
     angle: Annotated[float, Field(ge=0.0, le=0.3), Quantity("rad")]
     """Largest in-hand angle of a peg in the rack, rad. Source: assumed."""
-    shear_stiffness: Annotated[float, Field(ge=5e3, le=5e4), Quantity("N/m")] = 5e4
-    """Stiffness of both pads in their plane under the closed grip, as the cell assumes, N/m; assumed: rubber of 60 kPa
-    shear modulus, 180 mm² a pad under an 8 mm peg, 0.4 mm of it left. Each trial draws a lower true value, see
-    `grip.shear_stiffness` of config/reality.toml."""
+    shear_stiffness: Annotated[float, Field(ge=SOFTEST_SHEAR, le=STIFFEST_SHEAR), Quantity("N/m")] = STIFFEST_SHEAR
+    """Stiffness of both pads in their plane under the closed grip, as the cell assumes, N/m; assumed. Each trial draws a lower true
+    value, see `grip.shear_stiffness` of config/reality.toml."""
 
 
 class ModelConfig(ConfigModel):
@@ -173,20 +170,12 @@ class FixtureConfig(ConfigModel):
     area."""
 
 
-Times = Annotated[float, Field(gt=0.0, le=5.0)]
+class DecoyKind(NamedTuple):
+    """One kind of decoy; each value is the interval of a uniform draw."""
 
-
-class DecoyKind(ConfigModel):
-    """One kind of decoy; each value is the interval of a uniform draw.
-
-    Source: chosen, not measured.
-    """
-
-    size: Annotated[tuple[Times, Times], Quantity("ratio")]
+    size: tuple[float, float]
     """Size of the decoy relative to the hole, ratio."""
-    depth: Annotated[
-        tuple[Annotated[float, Field(ge=1e-4, le=0.1)], Annotated[float, Field(ge=1e-4, le=0.1)]], Quantity("m")
-    ]
+    depth: tuple[float, float]
     """Depth of the decoy's floor, m."""
 
 
@@ -200,11 +189,11 @@ class DecoyConfig(ConfigModel):
         tuple[Annotated[int, Field(ge=0, le=5)], Annotated[int, Field(ge=0, le=5)]], Quantity("count")
     ] = (0, 0)
     """Smallest and largest number of decoys on a plate, count."""
-    blind: DecoyKind = DecoyKind(size=(0.8, 1.3), depth=(0.001, 0.005))
+    blind: Annotated[DecoyKind, Figure(""), Field(exclude=True)] = DecoyKind(size=(0.8, 1.3), depth=(0.001, 0.005))
     """A blind hole, as for a screw or a pin."""
-    through: DecoyKind = DecoyKind(size=(1.5, 2.5), depth=(0.1, 0.1))
+    through: Annotated[DecoyKind, Figure(""), Field(exclude=True)] = DecoyKind(size=(1.5, 2.5), depth=(0.1, 0.1))
     """A hole through the plate that is too large."""
-    dent: DecoyKind = DecoyKind(size=(0.5, 2.0), depth=(0.0004, 0.001))
+    dent: Annotated[DecoyKind, Figure(""), Field(exclude=True)] = DecoyKind(size=(0.5, 2.0), depth=(0.0004, 0.001))
     """A dent with straight walls, deeper than the dip depth that stops a search."""
 
 

@@ -138,7 +138,7 @@ LONGEST_BLIND = 0.7
 within a second of the last healthy frame. Source: decision 0021.
 """
 LATEST_STATE = 0.1
-"""Largest age of the arm's state, s; if a device repeats an old state, it counts as timed out."""
+"""Largest age of the arm's state, s; if a device repeats an old state, it counts as timed out. Source: chosen, not measured."""
 LEAST_TRUSTED = 0.5
 """Least share of trusted taxels of both fingers during a skill, fraction, for example one module of two on each finger."""
 

@@ -1,6 +1,6 @@
 """Entries of the catalogue of skills and programs, and the checks that their names and numbers are distinct."""
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum, IntEnum
 from typing import Any, Generic, TypeVar
@@ -131,15 +131,8 @@ class Catalogue(Mapping[str, Entry]):
             ConfigError: Two entries have the same value; the message names both entries and the value.
         """
         skills = sorted((entry for entry in entries if isinstance(entry, Skill)), key=lambda skill: skill.stage)
-        _require_distinct("name", ((entry.name, entry.name) for entry in entries))
-        _require_distinct("command code", ((entry.code, entry.name) for entry in entries))
-        _require_distinct("stage", ((skill.stage, skill.name) for skill in skills))
-        _require_distinct("config section", ((skill.section, skill.name) for skill in skills))
-        for skill in skills:
-            _require_sound(skill)
         own = [(reason, skill.name) for skill in skills for reason in skill.reasons or ()]
-        _require_distinct("reason", ((reason.value, name) for reason, name in own))
-        _require_distinct("reason", ((reason.name, name) for reason, name in own))
+        _require_sound(entries, skills, own)
         self._entries = {entry.name: entry for entry in entries}
         self.by_code = {entry.code: entry for entry in entries}
         self.skills: tuple[Skill[Any], ...] = tuple(skills)
@@ -201,13 +194,28 @@ def _require_distinct(what: str, claims: Iterable[tuple[Any, str]]) -> None:
         owners[value] = name
 
 
-def _require_sound(skill: Skill[Any]) -> None:
+def _require_sound(entries: Sequence[Entry], skills: Sequence[Skill[Any]], own: Sequence[tuple[IntEnum, str]]) -> None:
+    """Check that names and numbers are distinct and the fields of each skill consistent; `own` has reasons and their skills."""
+    for what, field, owners in (
+        ("name", "name", entries),
+        ("command code", "code", entries),
+        ("stage", "stage", skills),
+        ("config section", "section", skills),
+    ):
+        _require_distinct(what, ((getattr(entry, field), entry.name) for entry in owners))
+    for skill in skills:
+        _require_consistent(skill)
+    for field in ("value", "name"):
+        _require_distinct("reason", ((getattr(reason, field), name) for reason, name in own))
+
+
+def _require_consistent(skill: Skill[Any]) -> None:
     """Check that an entry's fields are consistent."""
     if skill.stage < 1:
         raise ConfigError(f"skill catalogue: {skill.name}: stage {skill.stage}: numbers from 1 on allowed")
     for name in skill.steered:
         field = skill.params.model_fields.get(name)
-        if field is None or field.annotation is not Gains:
+        if field is None or not (isinstance(field.annotation, type) and issubclass(field.annotation, Gains)):
             raise ConfigError(f"skill catalogue: {skill.name}: steered {name!r}: a parameter of type Gains allowed")
     for reason in skill.reasons or ():
         where = f"skill catalogue: {skill.name}: reason {reason.value} {reason.name}"

@@ -13,6 +13,7 @@ from drivers.frames import UP, angle_between
 from drivers.quantities import Twist, Vector
 from skills.contract import Observation, Outcome, Reason, SkillContext, SkillParams, SkillResult
 from skills.motion import VALIDITY, Goal, Transfer, Trim, move, stay
+from skills.release_and_retract import HAND_TIME
 from skills.tactile.order import PrintOrder
 from skills.tactile.steady import GraspPrint
 
@@ -22,9 +23,9 @@ ACROSS_RACK: Vector = np.array([0.0, -1.0, 0.0])
 CENTRED = (2e-4, math.radians(0.2))
 """Error of the hand's position, m, and of its directions, rad, below which it closes at once. Source: docs/tried/grasp.md."""
 RESTING = 2e-3
-"""Speed of the hand below which it is at rest, m/s; when static friction releases, a moving hand overshoots the slot."""
+"""Speed of the hand below which it is at rest, m/s; when static friction releases, a moving hand overshoots the slot. Source: chosen, not measured."""
 CENTRING_TIME = 2.0
-"""Longest time to centre the hand on the slot, s."""
+"""Longest time to centre the hand on the slot, s. Source: chosen, not measured."""
 NEAR = (1e-3, math.radians(1.0))
 """Largest error of the hand's position, m, and of its directions, rad, for closing: the clearance of the slot.
 Source: docs/tried/grasp.md.
@@ -32,9 +33,9 @@ Source: docs/tried/grasp.md.
 TRIM = Trim(rate=6.0, limit=0.01)
 """Integral that trims the hand's position over the slot, along each axis."""
 INTEGRAL_GAIN, INTEGRAL_LIMIT = 300.0, 6.0
-"""Integral gain of the arm's orientation over the slot, N·m/(rad·s), and its saturation, N·m."""
+"""Integral gain of the arm's orientation over the slot, N·m/(rad·s), and its saturation, N·m. Source: chosen, not measured."""
 PRINT_TIME = 5.0
-"""Longest wait for the frames that show the peg, s; at 10 Hz they take 0.9 s, and a skin that times out raises a fault earlier."""
+"""Longest wait for the frames that show the peg, s; at 10 Hz they take 0.9 s, and a skin that times out raises a fault earlier. Source: chosen, not measured."""
 DRAWING_TIME = 2.0
 """Time limit of the draw, multiple of its time at the drawing speed."""
 
@@ -45,7 +46,7 @@ class GraspFromRackParams(SkillParams):
     Source: chosen, not measured.
     """
 
-    transfer: Transfer = Transfer()
+    transfer: Annotated[Transfer, Figure(""), Field(exclude=True)] = Transfer()
     """Motion of the hand to the slot and away from it."""
     force: Annotated[float, Field(gt=0.0, le=70.0), Quantity("N")]
     """Grip force, N."""
@@ -60,8 +61,6 @@ class GraspFromRackParams(SkillParams):
     """Distance between the pads during the approach, m."""
     clearance: Annotated[float, Field(gt=0.0, le=0.3), Quantity("m")]
     """Height of the fingers above the slot before and after the grasp, m."""
-    closing_time: Annotated[float, Field(gt=0.0, le=10.0), Quantity("s")]
-    """Longest time for the fingers to close, s."""
     width_tolerance: Annotated[float, Field(gt=0.0, le=0.005), Quantity("m")]
     """Largest difference between the pads' distance and the peg's width between them, m."""
     drawing_speed: Annotated[float, Figure("m/s", Tempo.SPEED), Field(exclude=True)] = 0.05
@@ -169,7 +168,7 @@ class Centring:
 def _close(params: GraspFromRackParams, centring: Centring, ctx: SkillContext) -> bool:
     """Close the hand while `centring` continues; return True if it holds a peg."""
     ctx.devices.gripper.grip(params.force)
-    for seen in ctx.scan(params.closing_time):
+    for seen in ctx.scan(HAND_TIME):
         if seen.gripper.is_gripping or not seen.gripper.is_moving:
             break
         centring.follow(seen, CENTRED)

@@ -3,7 +3,7 @@
 from dataclasses import dataclass, replace
 
 from skills.search.surface import Plane
-from skills.seating.latch_likelihood import Way
+from skills.seating.latch_likelihood import InsertionStroke
 from skills.tactile.pose import NO_PEG, PegPose
 
 SLIPPED = 0.5
@@ -22,7 +22,7 @@ class HeldPeg:
     """Assumed share of the grip after slips, fraction."""
     surface: Plane | None = None
     """Surface estimate of the last search that found the hole; None before."""
-    ways: tuple[Way, ...] = ()
+    ways: tuple[InsertionStroke, ...] = ()
     """Insertion strokes that ended in a rest, over all attempts."""
     unseen_since: float | None = None
     """Time since which the hand has held the peg without a healthy pose, s; None if the pose is healthy or no peg is held."""

@@ -15,7 +15,7 @@ from skills.contract import Observation, SkillContext
 from skills.guards.clearance import SAMPLES, Attitude, require_clear
 
 VALIDITY = 0.1
-"""Validity of a setpoint, s; without a newer setpoint, the arm then holds still."""
+"""Validity of a setpoint, s; without a newer setpoint, the arm then holds still. Source: chosen, not measured."""
 
 LONGEST_MOVE = 10.0
 """Time limit of a move on the cell's clock, multiple of its planned time; late scans slow a move."""
@@ -39,7 +39,7 @@ class Gains(ConfigModel):
     """Translational stiffness, N/m."""
     rotation: Annotated[PositiveFloat, Quantity("N·m/rad")]
     """Rotational stiffness, N·m/rad."""
-    damping_ratio: Annotated[PositiveFloat, Quantity("multiple")] = 1.0
+    damping_ratio: Annotated[float, Figure("multiple"), Field(exclude=True)] = 1.0
     """Damping ratio of every mode, multiple of the critical damping at the arm's own inertia. Source: decision 0011."""
 
     def stiffness(self) -> Vector:
@@ -51,31 +51,26 @@ class Gains(ConfigModel):
         return np.array([self.damping_ratio] * 6)
 
 
-class TransferGains(Gains):
-    """Stiffness and damping ratio of a move through free space.
+class DampedGains(Gains):
+    """Gains whose damping ratio a config can set."""
 
-    Source: chosen, not measured.
-    """
-
-    translation: Annotated[PositiveFloat, Quantity("N/m")] = 1500.0
-    """Translational stiffness, N/m."""
-    rotation: Annotated[PositiveFloat, Quantity("N·m/rad")] = 60.0
-    """Rotational stiffness, N·m/rad."""
+    damping_ratio: Annotated[PositiveFloat, Quantity("multiple")] = 1.0
+    """Damping ratio of every mode, multiple of the critical damping at the arm's own inertia. Source: decision 0011."""
 
 
 class Transfer(ConfigModel):
-    """Parameters of a move through free space.
+    """Figures of a move through free space.
 
     Source: chosen, not measured.
     """
 
-    gains: TransferGains = TransferGains()
+    gains: Annotated[Gains, Figure(""), Field(exclude=True)] = Gains(translation=1500.0, rotation=60.0)
     """Stiffness and damping ratio during the move."""
-    speed: Annotated[PositiveFloat, Quantity("m/s", Tempo.SPEED)] = 0.25
+    speed: Annotated[float, Figure("m/s", Tempo.SPEED), Field(exclude=True)] = 0.25
     """Largest speed of the tip, m/s."""
-    turn_speed: Annotated[PositiveFloat, Quantity("rad/s", Tempo.SPEED)] = 1.0
+    turn_speed: Annotated[float, Figure("rad/s", Tempo.SPEED), Field(exclude=True)] = 1.0
     """Largest turning rate, rad/s."""
-    elbow: Annotated[float, Field(ge=-math.pi, le=math.pi), Quantity("rad")] = 0.05
+    elbow: Annotated[float, Figure("rad"), Field(exclude=True)] = 0.05
     """Goal of the elbow's joint in the null space, rad; without it the elbow would drift from run to run."""
     clearance: Annotated[float, Figure("m"), Field(exclude=True)] = 0.002
     """Least distance of hand and peg from plate and rack during a move, m; a move that starts or ends nearer may come as near. Source: decision 0013."""
@@ -132,7 +127,7 @@ def move(
         tip, axis = first.arm.tcp.position, -first.arm.tcp.rotation[:, 0]
     else:
         tip, axis = first.tip, first.axis
-    way = Way(Goal(tip, axis, first.arm.tcp.rotation[:, 2]), goal)
+    way = TransferPath(Goal(tip, axis, first.arm.tcp.rotation[:, 2]), goal)
     if limited:
         places = [way.at(share)[0] for share in np.linspace(0.0, 1.0, SAMPLES + 1)]
         require_clear([Attitude(at.tip, at.axis, at.roll) for at in places], ctx.job, in_hand, transfer.clearance)
@@ -162,7 +157,7 @@ def move(
         yield seen
 
 
-class Way:
+class TransferPath:
     """Path between two goals: a straight line of the tip, a rotation of the peg's axis, and a rotation about the peg."""
 
     def __init__(self, start: Goal, goal: Goal) -> None:

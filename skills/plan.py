@@ -3,7 +3,7 @@
 Skills take their figures from the plan as they are; only `plan_insertion` derives figures from others.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Generic, TypeVar
 
@@ -18,7 +18,7 @@ from skills.insert.play import allowed_depth
 from skills.insert.spiral_params import SpiralAdjustParams
 from skills.insert.tactile_insert import TactileInsertParams
 from skills.motion import Gains
-from skills.pace import scaled, within
+from skills.pace import Pace, scaled, within
 from skills.paper.params import PaperParams
 from skills.search.params import SpraySearchParams
 from skills.search.size import fastest, firm, shallow
@@ -128,37 +128,52 @@ def plan_insertion(skills: SkillSet, peg: Peg, hole: Hole, grip_share: float = 1
     search = _Stage("search", _section(skills, "search", SpraySearchParams))
     insert = _Stage("insert", _section(skills, "insert", TactileInsertParams))
     adjust = _Stage("adjust", _section(skills, "adjust", SpiralAdjustParams))
-    corner = _Stage("corner", skills.corner) if is_cornered(peg.part) and skills.corner is not None else None
-    paper = None if skills.paper is None else _Stage("paper", skills.paper)
+    corner = _optional("corner", skills.corner if is_cornered(peg.part) else None)
+    paper = _optional("paper", skills.paper)
+    adjust.become(GRIP, grip.adjusting(adjust.params, peg.length))
     if corner is None:
         _over_the_edge(search, insert, grip, peg, hole, attempt)
-        retries = skills.retries
+        _first_of_several(adjust, attempt, skills.retries)
     else:
         _over_a_corner(search, corner, grip, peg, attempt)
-        retries = corner.params.retries
     most = fastest(search.params.dip_threshold, hole.part.inscribed)
     if search.params.speed > most:
         search.become("hole", _but(search.params, speed=most))
-    adjust.become(GRIP, grip.adjusting(adjust.params, peg.length))
-    if corner is None and attempt == 0 < retries:
-        adjust.become(ATTEMPT, _but(adjust.params, stall_timeout=FIRST_STALL * adjust.params.stall_timeout))
     adjust.become("adjust.stall_timeout", _but(adjust.params, stall_at_bottom=AT_BOTTOM * adjust.params.stall_timeout))
-    known = (search.name, insert.name, adjust.name)
-    others = [_Stage(name, params) for name, params in skills.sections.items() if name not in known]
-    stages: list[_Stage[Any]] = [each for each in (*others, search, insert, adjust, corner, paper) if each is not None]
-    for stage in stages:
-        stage.become("speed_scale", scaled(stage.params, skills.pace.scale))
-        stage.become(ARM, within(stage.params, skills.pace))
+    used = {"search": search, "insert": None if corner else insert, "adjust": adjust, "corner": corner, "paper": paper}
+    others = {name: _Stage(name, params) for name, params in skills.sections.items() if name not in used}
+    stages = {**others, **used}
     return InsertionPlan(
-        search=search.params,
-        insert=insert.params if corner is None else None,
-        adjust=adjust.params,
-        corner=None if corner is None else corner.params,
-        paper=None if paper is None else paper.params,
-        others={stage.name: stage.params for stage in others},
-        retries=retries,
-        reasons={name: why for stage in stages for name, why in stage.reasons.items()},
+        **{name: _in_force(stage, skills.pace) for name, stage in used.items()},
+        others={name: _in_force(stage, skills.pace) for name, stage in others.items()},
+        retries=skills.retries if corner is None else corner.params.retries,
+        reasons=_reasons(stages.values()),
     )
+
+
+def _optional(name: str, params: P | None) -> _Stage[P] | None:
+    """Return the stage of a section that a config can leave out."""
+    return None if params is None else _Stage(name, params)
+
+
+def _in_force(stage: _Stage[Any] | None, pace: Pace) -> Any:
+    """Return the figures of a stage at a pace; None without a stage."""
+    if stage is None:
+        return None
+    stage.become("speed_scale", scaled(stage.params, pace.scale))
+    stage.become(ARM, within(stage.params, pace))
+    return stage.params
+
+
+def _reasons(stages: Iterable[_Stage[Any] | None]) -> dict[str, tuple[str, ...]]:
+    """Return what changed each figure of the stages."""
+    return {name: why for stage in stages if stage is not None for name, why in stage.reasons.items()}
+
+
+def _first_of_several(adjust: _Stage[SpiralAdjustParams], attempt: int, retries: int) -> None:
+    """Give a jammed peg up sooner in the first of several attempts."""
+    if attempt == 0 < retries:
+        adjust.become(ATTEMPT, _but(adjust.params, stall_timeout=FIRST_STALL * adjust.params.stall_timeout))
 
 
 def _over_the_edge(

@@ -14,10 +14,10 @@ from skills.paths import dither
 SHARE = 0.625
 """Largest pull from the setpoint's lead over the tip, fraction of the force limit."""
 LONGEST = 10.0
-"""Longest time to pull, s."""
+"""Longest time to pull, s. Source: chosen, not measured."""
 
 
-class Pull(ConfigModel):
+class PullOut(ConfigModel):
     """Motion that pulls a peg out of a hole."""
 
     speed: Annotated[float, Figure("m/s", Tempo.SPEED), Field(exclude=True)] = 0.05
@@ -30,7 +30,7 @@ class Pull(ConfigModel):
     """Period of the dither, s."""
 
 
-def pull_out(height: float, pull: Pull, gains: Gains, ctx: SkillContext, limited: bool = True) -> Vector | None:
+def pull_out(height: float, pull: PullOut, gains: Gains, ctx: SkillContext, limited: bool = True) -> Vector | None:
     """Pull the peg along the plate's estimated normal until its tip is at `height`, m, base frame.
 
     Without a surface estimate, the pull is straight up.
@@ -73,7 +73,7 @@ def pull_out(height: float, pull: Pull, gains: Gains, ctx: SkillContext, limited
     return tip
 
 
-def approach(goal: Goal, transfer: Transfer, pull: Pull, ctx: SkillContext) -> Vector | None:
+def approach(goal: Goal, transfer: Transfer, pull: PullOut, ctx: SkillContext) -> Vector | None:
     """Move the peg above a point on the plate and zero the wrench there; if the tip is lower than the goal, pull it up first.
 
     Returns:

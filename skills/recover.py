@@ -28,13 +28,13 @@ from drivers.quantities import SwitchState, Vector
 from skills.contract import Interrupted, Observation, Outcome, Reason, SkillContext, SkillParams, SkillResult
 from skills.grasp_from_rack import ACROSS_RACK
 from skills.motion import Goal, Transfer, move
-from skills.pull_out import Pull, pull_out
+from skills.pull_out import PullOut, pull_out
 from skills.release_and_retract import let_go
 
 MARGIN = 0.01
-"""Distance to keep from the edge of the workspace, m."""
+"""Distance to keep from the edge of the workspace, m. Source: chosen, not measured."""
 CLEAR = 0.005
-"""Height of a held peg's end over the surface above which the hole cannot hold it, m."""
+"""Height of a held peg's end over the surface above which the hole cannot hold it, m. Source: chosen, not measured."""
 
 
 class RecoverParams(SkillParams):
@@ -43,7 +43,7 @@ class RecoverParams(SkillParams):
     Source: chosen, not measured.
     """
 
-    transfer: Transfer = Transfer()
+    transfer: Annotated[Transfer, Figure(""), Field(exclude=True)] = Transfer()
     """Motion of the hand to the bin."""
     height: Annotated[float, Field(gt=0.0, le=0.3), Quantity("m")]
     """Distance to rise first, m."""
@@ -51,11 +51,9 @@ class RecoverParams(SkillParams):
     """Position above the reject bin for releasing the peg, m, base frame. Source: set for each cell."""
     opening: Annotated[float, Field(gt=0.0, le=0.08), Quantity("m")]
     """Distance between the pads that releases the peg, m."""
-    opening_time: Annotated[float, Field(gt=0.0, le=10.0), Quantity("s")]
-    """Longest time for the fingers to open, s."""
     first: bool = False
     """True if a start with a peg in the hand first removes the peg; otherwise such a start is refused. Source: decision 0021."""
-    pull: Annotated[Pull, Figure(""), Field(exclude=True)] = Pull()
+    pull: Annotated[PullOut, Figure(""), Field(exclude=True)] = PullOut()
     """Motion that pulls a jammed peg out of the hole."""
 
 
@@ -77,12 +75,12 @@ def run(params: RecoverParams, ctx: SkillContext) -> RecoverResult:
         if is_seated or is_jammed:
             held = False
             _relax(ctx)
-            if not let_go(params.opening, params.opening_time, ctx):
+            if not let_go(params.opening, ctx):
                 return _result(Outcome.FAILURE, Reason.STILL_HELD, ctx, first, dropped=False)
     _draw_up(params, ctx)
     for _ in move(Goal(np.array(params.bin), UP, ACROSS_RACK), params.transfer, ctx, None):
         pass
-    if not let_go(params.opening, params.opening_time, ctx):
+    if not let_go(params.opening, ctx):
         return _result(Outcome.FAILURE, Reason.STILL_HELD, ctx, first, dropped=False)
     if is_jammed:
         return _result(Outcome.FAILURE, Reason.JAMMED, ctx, first, dropped=False)

@@ -14,15 +14,15 @@ from skills.grasp_from_rack import ACROSS_RACK
 from skills.motion import VALIDITY, Goal, Transfer, move
 
 TOUCH = 4.0
-"""Mean force along z at which the surface counts as touched, N; higher if the noise requires it."""
+"""Mean force along z at which the surface counts as touched, N; higher if the noise requires it. Source: chosen, not measured."""
 MOST = 12.0
-"""Largest push from the setpoint's lead over the tip, N; joint friction reduces it."""
+"""Largest push from the setpoint's lead over the tip, N; joint friction reduces it. Source: chosen, not measured."""
 SCANS = 5
 """Number of scans in the mean of the force, and in the mean of the height."""
 CLEAR = 0.012
-"""Height over the stated surface at which the descent starts, m; the longest plausible peg does not touch it there."""
+"""Height over the stated surface at which the descent starts, m; the longest plausible peg does not touch it there. Source: chosen, not measured."""
 DEEPEST = 0.012
-"""Depth below the stated surface at which the descent ends, m."""
+"""Depth below the stated surface at which the descent ends, m. Source: chosen, not measured."""
 
 
 class TouchOff(ConfigModel):

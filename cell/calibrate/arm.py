@@ -55,7 +55,7 @@ AWAKE = 0.5
 
 
 @dataclass(frozen=True, slots=True)
-class Sweep:
+class JointSweep:
     """Parameters of the joint motions."""
 
     speeds: tuple[float, ...] = (0.06, 0.15, 0.35)
@@ -78,7 +78,7 @@ class Sample:
 
 
 def calibrate_arm(
-    config: CellConfig, today: date, done: Callable[[int, int], None], sweep: Sweep = Sweep()
+    config: CellConfig, today: date, done: Callable[[int, int], None], sweep: JointSweep = JointSweep()
 ) -> ArmCalibration:
     """Move every joint and return the arm's calibration; in any case, bring the arm to rest.
 
@@ -151,7 +151,12 @@ def _go_to_middle(config: CellConfig, ctx: SkillContext) -> Vector:
 
 
 def _to_and_fro(
-    arm: ArmModel, start: Vector, config: CellConfig, ctx: SkillContext, sweep: Sweep, done: Callable[[int, int], None]
+    arm: ArmModel,
+    start: Vector,
+    config: CellConfig,
+    ctx: SkillContext,
+    sweep: JointSweep,
+    done: Callable[[int, int], None],
 ) -> list[Pass]:
     """Move each joint in turn to and fro at every speed, and return the means of the passes."""
     passes = []

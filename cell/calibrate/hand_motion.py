@@ -120,7 +120,7 @@ def moved_by_keys(cell: Cell, keys: Keys, act: Callable[[str, ArmState], bool], 
     arm, period = GatedArm(cell.arm, bounds_of(config.arm_model()), limits), 1.0 / config.scan_rate
     held, number, until, direction, before = None, 0, -math.inf, np.zeros(3), None
     try:
-        while True:
+        while True:  # one scan a turn, whole: what moves the arm is read in one place
             state = arm.read()
             now = clock.now()
             _require_slow(state, before)

@@ -58,26 +58,41 @@ def fit(passes: Sequence[Pass], speeds: Sequence[float]) -> JointFit:
     """
     passes = [replace(each, torque=each.torque - ROTOR * each.drift) for each in passes]
     groups = {(s, sense): [p.torque for p in passes if p.speed == sense * s] for s in speeds for sense in (-1.0, 1.0)}
-    freedom = sum(len(group) - 1 for group in groups.values())
-    scatter = math.sqrt(sum(float(np.var(group)) * len(group) for group in groups.values()) / freedom)
-    quantile = student(freedom)
-    frictions, middles = [], []
-    dry, smooth = _levels(passes, float(np.mean([np.mean(group) for group in groups.values()])))
-    for speed in speeds:
-        back, there = groups[speed, -1.0], groups[speed, 1.0]
-        drift = float(
-            np.mean([each.drift * math.copysign(1.0, each.speed) for each in passes if abs(each.speed) == speed])
-        )
-        had = float(np.mean([abs(p.rate) for p in passes if abs(p.speed) == speed]))
-        # If a joint was slightly slower than commanded, the fitted curve corrects its torque to the commanded speed.
-        slower = smooth[0] * (math.tanh(speed / SMOOTH_RATE) - math.tanh(had / SMOOTH_RATE))
-        half = 0.5 * (float(np.mean(there)) - float(np.mean(back))) + slower
-        statistical = 0.5 * quantile * scatter * math.sqrt(1 / len(there) + 1 / len(back))
-        frictions.append((half, _interval(half, math.hypot(statistical, ROTOR * drift))))
-        middles.append(0.5 * (float(np.mean(there)) + float(np.mean(back))))
+    dry, smooth = _levels(passes, float(np.mean([*map(np.mean, groups.values())])))
+    error = _error([*groups.values()])
+    frictions = tuple(
+        _friction([p for p in passes if abs(p.speed) == speed], smooth[0], speed, error) for speed in speeds
+    )
+    middles = [0.5 * (float(np.mean(groups[s, 1.0])) + float(np.mean(groups[s, -1.0]))) for s in speeds]
     offset = float(np.mean(middles))
     apart = student(len(speeds) - 1) * float(np.std(middles, ddof=1)) / math.sqrt(len(speeds))
-    return JointFit(dry, smooth, (offset, _interval(offset, apart)), tuple(frictions))
+    return JointFit(dry, smooth, (offset, _interval(offset, apart)), frictions)
+
+
+def _error(groups: Sequence[Sequence[float]]) -> float:
+    """Return the half width of the interval of a single pass, N·m, from the scatter within groups of like passes."""
+    freedom = sum(len(group) - 1 for group in groups)
+    scatter = math.sqrt(sum(float(np.var(group)) * len(group) for group in groups) / freedom)
+    return student(freedom) * scatter
+
+
+def _friction(passes: Sequence[Pass], smooth: float, speed: float, error: float) -> tuple[float, float]:
+    """Return the friction of the passes at one speed with its interval, N·m.
+
+    Args:
+        passes: Passes at this speed in both directions.
+        smooth: Level of the smooth friction, N·m.
+        speed: Commanded speed, rad/s.
+        error: Half width of the interval of a single pass, N·m, from the scatter of all passes.
+    """
+    back, there = ([each.torque for each in passes if each.speed * sense > 0.0] for sense in (-1.0, 1.0))
+    drift = float(np.mean([each.drift * math.copysign(1.0, each.speed) for each in passes]))
+    had = float(np.mean([abs(each.rate) for each in passes]))
+    # If a joint was slightly slower than commanded, the fitted curve corrects its torque to the commanded speed.
+    slower = smooth * (math.tanh(speed / SMOOTH_RATE) - math.tanh(had / SMOOTH_RATE))
+    half = 0.5 * (float(np.mean(there)) - float(np.mean(back))) + slower
+    statistical = 0.5 * error * math.sqrt(1 / len(there) + 1 / len(back))
+    return half, _interval(half, math.hypot(statistical, ROTOR * drift))
 
 
 def _levels(passes: Sequence[Pass], offset: float) -> tuple[tuple[float, float], tuple[float, float]]:

@@ -56,7 +56,7 @@ class PegTouches:
 
 
 @dataclass(frozen=True, slots=True)
-class Places:
+class MeasuredPlaces:
     """Results of all pegs; lengths in m, pairs are a value and half the width of its 95 % interval."""
 
     date: date
@@ -119,7 +119,9 @@ class Places:
         write_whole(path, head + self.sections, "places")
 
 
-def calibrate_places(config: CellConfig, today: date, done: Callable[[int, int], None], pegs: int = PEGS) -> Places:
+def calibrate_places(
+    config: CellConfig, today: date, done: Callable[[int, int], None], pegs: int = PEGS
+) -> MeasuredPlaces:
     """Take pegs from the rack, touch the plate with each, bring the arm to rest, and return the measured places.
 
     Args:
@@ -138,7 +140,7 @@ def calibrate_places(config: CellConfig, today: date, done: Callable[[int, int],
         return measured_places(cell, today, done, pegs)
 
 
-def measured_places(cell: Cell, today: date, done: Callable[[int, int], None], pegs: int = PEGS) -> Places:
+def measured_places(cell: Cell, today: date, done: Callable[[int, int], None], pegs: int = PEGS) -> MeasuredPlaces:
     """Do the work of `calibrate_places` with an open cell."""
     config, ctx = cell.config, cell.context(0)
     ctx.limits = config.limits.model_copy(update={"force": min(config.limits.force, MOST_FORCE)})
@@ -212,7 +214,7 @@ def mouth(hand: Pose, theta: float, offset: float, config: CellConfig) -> Vector
     return across[:2]
 
 
-def places_of(touched: Sequence[PegTouches], config: CellConfig, today: date) -> Places:
+def places_of(touched: Sequence[PegTouches], config: CellConfig, today: date) -> MeasuredPlaces:
     """Return the results of all pegs; each gives the plane of its plate."""
     middle = np.array(config.hole.centre)
     planes = [plane_through(each.points - middle) for each in touched]
@@ -224,7 +226,7 @@ def places_of(touched: Sequence[PegTouches], config: CellConfig, today: date) ->
     rack = slots.mean(axis=0)
     sure = quantile * math.hypot(float(heights.std(ddof=1)), REPEATED) / math.sqrt(len(touched))
     first = (config.rack.first[0] + float(rack[0]), config.rack.first[1] + float(rack[1]), config.rack.first[2])
-    return Places(
+    return MeasuredPlaces(
         date=today,
         unit=config.arm_unit(),
         height=height,
@@ -249,7 +251,7 @@ def plane_through(points: Vector) -> tuple[Vector, float]:
     return np.asarray(values), float(np.sqrt(np.mean((points[:, 2] - rows @ values) ** 2)))
 
 
-def implausible(found: Places, config: CellConfig) -> str | None:
+def implausible(found: MeasuredPlaces, config: CellConfig) -> str | None:
     """Return the first implausible value in words; None if all are plausible."""
     checks = (
         ("plate: height off by", found.height - config.hole.centre[2], MOST_HEIGHT, "m", "see hole.centre"),

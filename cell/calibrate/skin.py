@@ -108,7 +108,7 @@ class HandHeldRod:
 
     def release(self) -> None:
         """Request that the person opens the fingers."""
-        self._have_done("open the fingers, touch nothing; then Enter: ")
+        self._have_done("open the fingers, take the rod away, touch nothing; then Enter: ")
 
     def _have_done(self, text: str) -> None:
         asked = Thread(target=self._ask, args=(text,), daemon=True)
@@ -124,7 +124,7 @@ def sweep(
     """Return the rod's readings at each angle, and the mask of taxels trusted in all of them.
 
     Before every angle the fingers stay open for `RECOVERY`, because offsets drift and the elastomer keeps a trace of the
-    last angle.
+    last angle. At the end they are open and empty.
 
     Args:
         skin: The opened skin.
@@ -146,6 +146,7 @@ def sweep(
         readings.append(held - empty)
         trusted = trusted & is_empty_trusted & is_held_trusted
         turned(number, len(angles))
+    rod.release()
     return np.array(readings), trusted
 
 

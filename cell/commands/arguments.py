@@ -40,11 +40,13 @@ class Parser(argparse.ArgumentParser):
         for word in args or ():
             if word == "--" or (self._subparsers is not None and not word.startswith("-")):
                 break  # the rest belongs to a command
-            option = word.split("=", 1)[0]
-            if option.startswith("--") and not any(known.startswith(option) for known in self._option_string_actions):
-                known = [name for name in self._option_string_actions if name.startswith("--")]
-                raise ConfigError(f"{option}: no such option of {self.prog}{did_you_mean(option, known)}")
+            self._require_option(word.split("=", 1)[0])
         return super().parse_known_args(args, namespace)
+
+    def _require_option(self, word: str) -> None:
+        known = [name for name in self._option_string_actions if name.startswith("--")]
+        if word.startswith("--") and not any(name.startswith(word) for name in known):
+            raise ConfigError(f"{word}: no such option of {self.prog}{did_you_mean(word, known)}")
 
     def _check_value(self, action: argparse.Action, value: Any) -> None:
         if action.choices is not None and value not in action.choices:
@@ -207,6 +209,16 @@ def require_fault(code: int | None) -> None:
         require_known("--fault", str(code), [str(int(known)) for known in FaultCode if known])
 
 
+def require_recipe(number: int, loaded: "LoadedConfig") -> None:
+    """Require that a cell has a recipe of this number.
+
+    Raises:
+        ConfigError: It does not exist.
+    """
+    if number not in loaded.recipes:
+        raise ConfigError(f"--recipe {number}: no such recipe; {', '.join(map(str, loaded.recipes))} allowed")
+
+
 def require_program(query: "RunQuery") -> None:
     """If a query found no run, require that its program exists.
 
@@ -259,28 +271,29 @@ def natural(text: str) -> int:
 
 def address(text: str) -> tuple[str, int]:
     """Return host and port of a text `HOST:PORT`."""
-    host, colon, port = text.rpartition(":")
-    if not colon or not host or not port.isdigit() or not 0 < int(port) < 65536:
-        raise argparse.ArgumentTypeError(f"{text!r}: HOST:PORT allowed, as in 127.0.0.1:5020")
-    return host.strip("[]"), int(port)
+    return _endpoint(text, range(1, 65536), "as in 127.0.0.1:5020")
 
 
 def listening(text: str) -> tuple[str, int]:
     """Return host and port to listen on of a text `HOST:PORT`; port 0 takes a free one."""
-    host, colon, port = text.rpartition(":")
-    if not colon or not host or not port.isdigit() or int(port) > 65535:
-        raise argparse.ArgumentTypeError(f"{text!r}: HOST:PORT allowed, as in 127.0.0.1:8080; port 0 takes a free one")
+    return _endpoint(text, range(65536), "as in 127.0.0.1:8080; port 0 takes a free one")
+
+
+def _endpoint(text: str, ports: range, example: str) -> tuple[str, int]:
+    host, _, port = text.rpartition(":")
+    if not host or not port.isdigit() or int(port) not in ports:
+        raise argparse.ArgumentTypeError(f"{text!r}: HOST:PORT allowed, {example}")
     return host.strip("[]"), int(port)
 
 
 def scheduler(text: str) -> str:
     """Return the address of a Dask scheduler unchanged."""
-    protocol, colon, place = text.partition("://")
+    protocol, _, place = text.partition("://")
     try:
         address(place)
     except argparse.ArgumentTypeError:
-        colon = ""
-    if not colon or protocol not in ("tcp", "tls"):
+        protocol = ""
+    if protocol not in ("tcp", "tls"):
         raise argparse.ArgumentTypeError(
             f"{text!r}: tcp://HOST:PORT or tls://HOST:PORT allowed, as in tcp://127.0.0.1:8786"
         )

@@ -7,21 +7,21 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from cell.commands.arguments import add_calibration_folder, add_config, calibration_folder, load_config, positive
-from cell.commands.terminal import GOOD, NOT_GOOD, ask, complain, progress, show
+from cell.commands.terminal import GOOD, NOT_GOOD, ask, complain, counting, show
 from drivers.errors import ConfigError, NotCalibratedError
 
 if TYPE_CHECKING:
     from rich.console import Group
     from rich.table import Table
 
-    from cell.calibrate.places import Places
+    from cell.calibrate.places import MeasuredPlaces
     from cell.config.cell_config import CellConfig
     from drivers.arm.calibration import ArmCalibration
     from drivers.skin.calibration import SkinCalibration
 
 SUMMARY = "measure skin, arm or places and write a dated file"
 FRICTION_RANGE = (0.5, 2.0)
-"""Permitted ratio of measured to published friction; the range of `config/reality.toml`, tested by `cell study reality`."""
+"""Permitted ratio of measured to published friction; the range of `config/reality.toml`, tested by `cell study margins`."""
 MOST_PEGS = 20
 """Largest number of pegs for measuring the places if a feeder refills the rack."""
 OFFSET_RANGE = 2.0
@@ -59,9 +59,8 @@ def _skin(args: argparse.Namespace, config: "CellConfig", today: date, path: Pat
 
     if not config.is_skin_simulated() and not sys.stdin.isatty():
         raise ConfigError("calibrate skin: somebody has to turn a rod between the pads; a terminal needed")
-    with progress() as bars:
-        bar = bars.add_task("angles")
-        found = calibrate_skin(config, today, lambda done, of: bars.update(bar, completed=done, total=of), ask)
+    with counting("angles") as done:
+        found = calibrate_skin(config, today, done, ask)
     found.write(path)
     show(args, _named(_skin_table(found, path), args, path), {**found.model_dump(mode="json"), "file": str(path)})
     return GOOD
@@ -70,9 +69,8 @@ def _skin(args: argparse.Namespace, config: "CellConfig", today: date, path: Pat
 def _arm(args: argparse.Namespace, config: "CellConfig", today: date, path: Path) -> int:
     from cell.calibrate.arm import calibrate_arm
 
-    with progress() as bars:
-        bar = bars.add_task("motions")
-        found = calibrate_arm(config, today, lambda done, of: bars.update(bar, completed=done, total=of))
+    with counting("motions") as done:
+        found = calibrate_arm(config, today, done)
     found.write(path)
     show(
         args, _named(_arm_table(found, config, path), args, path), {**found.model_dump(mode="json"), "file": str(path)}
@@ -92,9 +90,8 @@ def _places(args: argparse.Namespace, config: "CellConfig", today: date, path: P
         raise ConfigError('rack.slots = 1: two pegs needed; 2 or more, or rack.refill = "feeder" allowed')
     if not 2 <= pegs <= most:
         raise ConfigError(f"--pegs {pegs}: 2 to {most} allowed")
-    with progress() as bars:
-        bar = bars.add_task("touches")
-        found = calibrate_places(config, today, lambda done, of: bars.update(bar, completed=done, total=of), pegs)
+    with counting("touches") as done:
+        found = calibrate_places(config, today, done, pegs)
     found.write(path)
     if not config.is_simulated:
         keep(
@@ -179,7 +176,7 @@ def _verdict(found: "ArmCalibration", joint: int, friction: float, offset: float
     return "; ".join(told) or "as expected"
 
 
-def _places_table(found: "Places", config: "CellConfig", path: Path) -> "Group":
+def _places_table(found: "MeasuredPlaces", config: "CellConfig", path: Path) -> "Group":
     import math
 
     from rich.console import Group

@@ -68,16 +68,23 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Open each device and the bridge's sockets, or run the commissioning; return GOOD if all checks pass."""
-    if args.plc is None and (args.name or args.out is not None):
-        raise ConfigError("--name, --out: only with --plc HOST")
-    if args.only and (args.plc or args.prove or args.loop):
-        raise ConfigError("--only: not together with --plc, --prove or --loop, which need the whole cell")
-    loaded = load_config(args)
-    if loaded.cell.is_simulated and (args.prove or args.loop):
-        raise ConfigError('--prove, --loop: arm.kind = "sim": only for a physical cell')
+    loaded = _loaded(args)
     if args.loop:
         return _loop(args, loaded)
     return _check(args, loaded) if args.plc is None else _commission(args, loaded)
+
+
+def _loaded(args: argparse.Namespace) -> "LoadedConfig":
+    """Return the config; require options that go together and fit the cell."""
+    needs_arm = args.prove or args.loop
+    if args.plc is None and (args.name or args.out is not None):
+        raise ConfigError("--name, --out: only with --plc HOST")
+    if args.only and (args.plc or needs_arm):
+        raise ConfigError("--only: not together with --plc, --prove or --loop, which need the whole cell")
+    loaded = load_config(args)
+    if loaded.cell.is_simulated and needs_arm:
+        raise ConfigError('--prove, --loop: arm.kind = "sim": only for a physical cell')
+    return loaded
 
 
 def _check(args: argparse.Namespace, loaded: "LoadedConfig") -> int:

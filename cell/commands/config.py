@@ -6,7 +6,7 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cell.commands.arguments import Parser, add_config, add_shared, load_config, natural
+from cell.commands.arguments import Parser, add_config, add_shared, load_config, natural, require_recipe
 from cell.commands.terminal import GOOD, say, show
 from cell.config.nearest import did_you_mean
 from drivers.errors import ConfigError
@@ -136,17 +136,12 @@ def _show(args: argparse.Namespace) -> int:
     from cell.config.text import as_toml
 
     loaded = load_config(args)
-    if args.recipe not in loaded.recipes:
-        raise ConfigError(f"--recipe {args.recipe}: no such recipe; {', '.join(map(str, loaded.recipes))} allowed")
+    require_recipe(args.recipe, loaded)
     if args.section and not find(args.section):
         raise ConfigError(f"config show {args.section}: no such section or key{_meant(args.section)}")
     if args.in_force:
         return _show_plan(args, loaded)
-    settings = [
-        setting
-        for setting in in_force(loaded, args.recipe)
-        if not args.section or f"{setting.key.name}.".startswith(f"{args.section}.")
-    ]
+    settings = [each for each in in_force(loaded, args.recipe) if _is_in(each.key.name, args.section)]
     if args.json:
         data = [
             {"key": each.key.name, "value": toml(each.value), "unit": each.key.unit, "from": each.origin}
@@ -161,19 +156,20 @@ def _show(args: argparse.Namespace) -> int:
 def _show_plan(args: argparse.Namespace, loaded: "LoadedConfig") -> int:
     from cell.config.keys import planned, toml
 
-    found = [
-        each
-        for each in planned(loaded, args.recipe, args.attempt)
-        if not args.section or f"{each.name}.".startswith(f"{args.section}.")
-    ]
+    found = [each for each in planned(loaded, args.recipe, args.attempt) if _is_in(each.name, args.section)]
     if args.json:
         say(json.dumps([asdict(each) for each in found], indent=2))
         return GOOD
     for each in found:
         why = f"changed by {', '.join(each.reasons)}" if each.reasons else ""
         notes = (each.unit, _short(each.origin), why, "CAPPED" if each.is_capped else "")
-        say(f"{each.name} = {toml(each.value)}  # {', '.join(note for note in notes if note)}")
+        say(f"{each.name} = {toml(each.value)}  # {', '.join(filter(None, notes))}")
     return GOOD
+
+
+def _is_in(name: str, section: str) -> bool:
+    """Return True if a key belongs to a section or is the section itself; every key belongs to the empty one."""
+    return not section or f"{name}.".startswith(f"{section}.")
 
 
 def _short(origin: str) -> str:

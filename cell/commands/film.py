@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 
 from cell.commands.arguments import add_journal, out_folder, positive, read_journal
-from cell.commands.terminal import GOOD, NOT_GOOD, complain, progress, show, written
+from cell.commands.terminal import GOOD, NOT_GOOD, complain, counting, show, written
 
 SUMMARY = "a run on record as a film, or one picture of it"
 
@@ -29,13 +29,8 @@ def run(args: argparse.Namespace) -> int:
         found = recorded(journal, args.number)
         lack = torn(journal.samples_path(args.number), found.samples, found.row.samples)
     out_folder(args.out.parent)
-    with progress() as bars:
-        bar = bars.add_task("pictures", total=None)
-
-        def watch(done: int, of: int) -> None:
-            bars.update(bar, completed=done, total=of)
-
-        pictures, of = write_film(found, args.out, args.at, watch, args.stop.is_set)
+    with counting("pictures") as done:
+        pictures, of = write_film(found, args.out, args.at, done, args.stop.is_set)
     if lack:
         complain(f"warning: {lack}")
     if pictures < of:

@@ -1,14 +1,24 @@
 """`cell learned`: show or delete the learnt places of the fixtures."""
 
 import argparse
+from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cell.commands.arguments import add_config, add_journal, load_config, natural, open_journal, require_known
+from cell.commands.arguments import (
+    add_config,
+    add_journal,
+    load_config,
+    natural,
+    open_journal,
+    require_known,
+    require_recipe,
+)
 from cell.commands.terminal import GOOD, show
-from drivers.errors import ConfigError
 
 if TYPE_CHECKING:
     from rich.table import Table
+
+    from cell.config.load import LoadedConfig
 
 SUMMARY = "where the cell has learnt that holes are; `forget` begins anew"
 ACTIONS = ("show", "forget")
@@ -31,29 +41,26 @@ def run(args: argparse.Namespace) -> int:
     require_known("learned", args.action, ACTIONS)
     loaded = load_config(args)
     folder = open_journal(args, loaded.cell.journal).folder
-    if args.recipe is not None and args.recipe not in loaded.recipes:
-        known = ", ".join(str(number) for number in sorted(loaded.recipes))
-        raise ConfigError(f"--recipe {args.recipe}: no such recipe; {known} allowed")
+    if args.recipe is not None:
+        require_recipe(args.recipe, loaded)
     if args.action == "forget":
         forgotten = forget(folder, args.recipe)
         told = f"forgotten: recipe {', '.join(map(str, forgotten))}" if forgotten else "nothing was learnt"
         show(args, told, {"forgotten": forgotten})
         return GOOD
-    rows = _rows(args)
+    rows = _rows(args.recipe, loaded, folder)
     show(args, _table(rows) if rows else "nothing was learnt", rows)
     return GOOD
 
 
-def _rows(args: argparse.Namespace) -> list[dict[str, object]]:
-    """Return the learnt place of each recipe, as words and figures in SI units."""
+def _rows(recipe: int | None, loaded: "LoadedConfig", folder: Path) -> list[dict[str, object]]:
+    """Return the learnt place of one recipe or of each, as words and figures in SI units."""
     from cell.records import wall_clock
     from cell.run.learning import read_learned, unusable
 
-    loaded = load_config(args)
-    folder = open_journal(args, loaded.cell.journal).folder
     rows: list[dict[str, object]] = []
     for number, place in sorted(read_learned(folder).places.items(), key=lambda item: int(item[0])):
-        if args.recipe is not None and int(number) != args.recipe:
+        if recipe is not None and int(number) != recipe:
             continue
         config = loaded.recipes.get(int(number))
         now = wall_clock.now()
@@ -81,8 +88,8 @@ def _table(rows: list[dict[str, object]]) -> "Table":
     for row in rows:
         table.add_row(
             str(row["recipe"]),
-            _millimetres(row["mean"], 2),
-            _millimetres(row["deviation"], 2),
+            _millimetres(row["mean"]),
+            _millimetres(row["deviation"]),
             str(row["parts"]),
             f"{float(str(row['age'])) / 3600:.1f}",
             str(row["use"]),
@@ -90,5 +97,5 @@ def _table(rows: list[dict[str, object]]) -> "Table":
     return table
 
 
-def _millimetres(pair: object, digits: int) -> str:
-    return ", ".join(f"{value * 1e3:.{digits}f}" for value in pair) if isinstance(pair, tuple) else ""
+def _millimetres(pair: object) -> str:
+    return ", ".join(f"{value * 1e3:.2f}" for value in pair) if isinstance(pair, tuple) else ""

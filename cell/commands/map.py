@@ -33,24 +33,7 @@ def run(args: argparse.Namespace) -> int:
     if form is None and sys.stdout.isatty():
         show(args, _picture(registers), None)
         return GOOD
-    form = form or "md"
-    if form in ("st", "xml", "scl", "h"):
-        text = _program(form, registers)
-    elif form == "eds":
-        from plc_bridge.exports.eds import as_eds
-
-        text = as_eds(registers)
-    else:
-        from plc_bridge.exports import map_formats
-
-        write = {
-            "md": map_formats.as_markdown,
-            "csv": map_formats.as_csv,
-            "json": map_formats.as_json,
-            "bytes": map_formats.as_bytes,
-        }[form]
-        text = write(registers)
-    say(text.rstrip("\n"))
+    say(_text(form or "md", registers).rstrip("\n"))
     return GOOD
 
 
@@ -78,24 +61,28 @@ def _picture(registers: "Sequence[Register]") -> "Group":
     return Group(RULES, table)
 
 
-def _program(form: str, registers: "Sequence[Register]") -> str:
-    """Return the declarations for a PLC program, in the requested language."""
+def _text(form: str, registers: "Sequence[Register]") -> str:
+    """Return the table in a format, or the declarations for a PLC program in a language."""
     from cell.run.line import PROGRAMS, WORDS
+    from plc_bridge.exports import c_header, map_formats, plcopen_xml, scl, structured_text
     from plc_bridge.exports.plc_names import plc_names
 
-    names = plc_names(PROGRAMS, WORDS)
-    if form == "xml":
-        from plc_bridge.exports.plcopen_xml import as_plcopen_xml
+    if form == "eds":
+        from plc_bridge.exports.eds import as_eds  # imported alone, with the library of CANopen
 
-        return as_plcopen_xml(registers, names)
-    if form == "scl":
-        from plc_bridge.exports.scl import as_scl
-
-        return as_scl(registers, names)
-    if form == "h":
-        from plc_bridge.exports.c_header import as_c_header
-
-        return as_c_header(registers, names)
-    from plc_bridge.exports.structured_text import as_structured_text
-
-    return as_structured_text(registers, names)
+        return as_eds(registers)
+    tables = {
+        "md": map_formats.as_markdown,
+        "csv": map_formats.as_csv,
+        "json": map_formats.as_json,
+        "bytes": map_formats.as_bytes,
+    }
+    if form in tables:
+        return tables[form](registers)
+    programs = {
+        "st": structured_text.as_structured_text,
+        "xml": plcopen_xml.as_plcopen_xml,
+        "scl": scl.as_scl,
+        "h": c_header.as_c_header,
+    }
+    return programs[form](registers, plc_names(PROGRAMS, WORDS))

@@ -15,12 +15,17 @@ from cell.commands.arguments import (
     natural,
     open_journal,
     require_known,
+    require_recipe,
 )
 from cell.commands.terminal import FAULT, GOOD, NOT_GOOD, complain, progress, show
 from drivers.errors import ConfigError
 
 if TYPE_CHECKING:
     from rich.progress import Progress, TaskID
+
+    from cell.config.load import LoadedConfig
+    from cell.run.supervisor import Supervisor
+    from plc_bridge.protocol.messages import Refusal
 
 SHOWN_EVERY = 0.1
 """Period of the progress display, s."""
@@ -85,24 +90,16 @@ def _run_there(args: argparse.Namespace) -> int:
 
 
 def _run_here(args: argparse.Namespace) -> int:
-    from rich.console import Group
-
     from cell.calibrate.proven import FILE, in_force
-    from cell.commands import words
     from cell.commands.warm_up import warm_up
     from cell.devices.assembly import assemble, opened
-    from cell.page.telling import REFUSED
-    from cell.peg.part_state import LOST_WITH_WORLD, REMEDIES
-    from cell.records.schema import plain
     from cell.run.line import TOLD, TerminalLine
     from cell.run.supervisor import Supervisor
-    from plc_bridge.protocol.messages import Command, PartPlace, Refusal, Report, Result
+    from plc_bridge.protocol.messages import Command, Report, Result
     from skills.catalogue import CATALOGUE
-    from skills.contract import Outcome
 
     loaded, _ = in_force(load_config(args), calibration_folder(args) / FILE)  # slow and gentle until all is proven
-    if args.recipe not in loaded.recipes:
-        raise ConfigError(f"--recipe {args.recipe}: no such recipe; {', '.join(map(str, loaded.recipes))} allowed")
+    require_recipe(args.recipe, loaded)
     code = CATALOGUE[args.name].code if args.name in CATALOGUE else TOLD[args.name]
     warm_up(loaded)
     command = Command(1, code, args.recipe, args.serial, source="terminal")
@@ -123,12 +120,23 @@ def _run_here(args: argparse.Namespace) -> int:
         line = TerminalLine(command, watch)
         supervisor = Supervisor(cell, loaded, line, journal, args.stop)
         supervisor.serve()
-    row = supervisor.last
-    where = words.typed(supervisor.where_the_peg_is)
-    if loaded.cell.is_simulated and (place := PartPlace(supervisor.report.part)) in LOST_WITH_WORLD:
-        where = f"{where.removesuffix(words.typed(REMEDIES[place]))}the simulated world ends with this command: `cell run cleared` before the next"
-    if line.refusal is not Refusal.NONE:
-        complain(f"refused: {line.refusal.name}: {REFUSED.get(line.refusal, 'not possible here')}; {where}")
+    return _told(args, loaded, supervisor, line.refusal)
+
+
+def _told(args: argparse.Namespace, loaded: "LoadedConfig", supervisor: "Supervisor", refusal: "Refusal") -> int:
+    """Print how the run ended and where the peg is, and return the exit status."""
+    from rich.console import Group
+
+    from cell.commands import words
+    from cell.page.telling import REFUSED
+    from cell.records.schema import plain
+    from cell.run.line import TOLD
+    from plc_bridge.protocol.messages import Refusal
+    from skills.contract import Outcome
+
+    row, where = supervisor.last, words.peg(supervisor.part, loaded.cell.is_simulated)
+    if refusal is not Refusal.NONE:
+        complain(f"refused: {refusal.name}: {REFUSED.get(refusal, 'not possible here')}; {where}")
         return NOT_GOOD
     if row is None and args.name in TOLD:
         show(args, where, {"peg": where})

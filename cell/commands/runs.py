@@ -68,12 +68,17 @@ def run(args: argparse.Namespace) -> int:
         folder = out_folder(args.out)
         if not args.json:  # show the runs first, because the export takes time
             show(args, _blocks(shown[:LAST]), [])
-        rows = journal.select(query, *([args.last] if args.last else []))
-        files = _exported(args, journal, rows, folder)
+        _export(args, journal, journal.select(query, *([args.last] if args.last else [])), folder)
+    return GOOD
+
+
+def _export(args: argparse.Namespace, journal: "Journal", rows: "Sequence[RunRow]", folder: Path) -> None:
+    from cell.records.schema import plain
+
+    files = _exported(args, journal, rows, folder)
     if args.json:
         show(args, "", {"runs": [plain(row) for row in rows], "files": [str(path) for path in files]})
     written(args, files[:3])
-    return GOOD
 
 
 def _blocks(rows: "Sequence[RunRow]") -> "Group":

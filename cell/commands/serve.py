@@ -41,30 +41,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_config(parser)
     add_journal(parser)
     add_simulate(parser)
-    parser.add_argument(
-        "--page",
-        nargs="?",
-        const=PAGE,
-        type=listening,
-        metavar="HOST:PORT",
-        help=f"also serve a page for browsers, by default at {PAGE}",
-    )
-    parser.add_argument(
-        "--opcua",
-        nargs="?",
-        const=OPCUA,
-        type=listening,
-        metavar="HOST:PORT",
-        help=f"also serve the cell as a PackML unit over OPC UA, by default at {OPCUA}",
-    )
-    parser.add_argument(
-        "--metrics",
-        nargs="?",
-        const=METRICS,
-        type=listening,
-        metavar="HOST:PORT",
-        help=f"also serve counters and timings as Prometheus text, by default at {METRICS}",
-    )
+    for option, default, what in (
+        ("--page", PAGE, "a page for browsers"),
+        ("--opcua", OPCUA, "the cell as a PackML unit over OPC UA"),
+        ("--metrics", METRICS, "counters and timings as Prometheus text"),
+    ):
+        text = f"also serve {what}, by default at {default}"
+        parser.add_argument(option, nargs="?", const=default, type=listening, metavar="HOST:PORT", help=text)
 
 
 def run(args: argparse.Namespace) -> int:

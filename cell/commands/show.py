@@ -3,10 +3,14 @@
 import argparse
 from dataclasses import asdict
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from cell.commands.arguments import add_records, out_folder, positive, read_journal
 from cell.commands.terminal import GOOD, complain, show, written
 from drivers.errors import JournalError
+
+if TYPE_CHECKING:
+    from cell.records.schema import RunRow
 
 SUMMARY = "one run on record: how and why it ended, its events and plots"
 
@@ -31,7 +35,8 @@ def run(args: argparse.Namespace) -> int:
     recorded = journal.samples_path(row.run)
     folder = out_folder(args.export) if args.export else journal.folder
     picture, table = (folder / f"run-{row.run:06d}.{kind}" for kind in ("png", "csv"))
-    files = ([picture, table] if args.export else [picture]) if recorded.exists() else []
+    tables = [table] if args.export else []
+    files = [picture, *tables] if recorded.exists() else []
     show(
         args,
         Group(words.run(row, stages), words.events(events)),
@@ -42,6 +47,14 @@ def run(args: argparse.Namespace) -> int:
             "files": [str(path) for path in files],
         },
     )
+    faults = {str(event.code): event.stamp for event in events if event.kind == EventKind.FAULT}
+    _draw(row, recorded, picture, tables, faults)
+    written(args, files)
+    return GOOD
+
+
+def _draw(row: "RunRow", recorded: Path, picture: Path, tables: list[Path], faults: dict[str, float]) -> None:
+    """Draw a run, unless its picture is up to date, and write its samples to tables."""
     # Imported late: the text must not wait for samples and charts.
     from cell.records.samples import export_csv, read_samples, torn
 
@@ -54,9 +67,6 @@ def run(args: argparse.Namespace) -> int:
     if not picture.exists() or picture.stat().st_mtime < recorded.stat().st_mtime:
         from cell.film.plots import plot_run
 
-        faults = {str(event.code): event.stamp for event in events if event.kind == EventKind.FAULT}
         plot_run(row, samples, picture, faults)
-    if args.export:
+    for table in tables:
         export_csv(samples, table)
-    written(args, files)
-    return GOOD

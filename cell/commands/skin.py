@@ -11,7 +11,7 @@ from cell.commands.arguments import add_config, load_config
 from cell.commands.terminal import GOOD, console, show
 
 if TYPE_CHECKING:
-    from cell.commands.skin_view import Seen
+    from cell.commands.skin_view import SeenFrame
 
 SUMMARY = "both fingers live, or as they were recorded"
 
@@ -35,10 +35,10 @@ def run(args: argparse.Namespace) -> int:
     config = load_config(args).cell
     is_live = sys.stdout.isatty() and not args.json
     seconds = args.seconds if args.seconds is not None else math.inf if is_live else 1.0
-    seen: list[Seen] = []
+    seen: list[SeenFrame] = []
     with Live(console=console(), auto_refresh=False) if is_live else nullcontext() as live:
 
-        def tell(now: "Seen") -> None:
+        def tell(now: "SeenFrame") -> None:
             seen[:] = [now]
             if live is not None:
                 live.update(skin_view.fingers(now, config.skin.layout), refresh=True)

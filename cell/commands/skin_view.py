@@ -29,14 +29,14 @@ _MM_PER_CHARACTER = 1.3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Seen:
+class SeenFrame:
     """One frame, and the reception figures of the skin if available."""
 
     frame: TaxelFrame
     figures: SkinFigures | None
 
 
-Show = Callable[[Seen], None]
+Show = Callable[[SeenFrame], None]
 
 
 def watch(config: CellConfig, seconds: float, show: Show, stop: Event) -> None:
@@ -76,7 +76,7 @@ def play(config: CellConfig, path: Path, seconds: float, show: Show, stop: Event
     _play(felt, 1.0 / config.scan_rate, seconds, show, stop)
 
 
-def as_data(seen: Seen) -> dict[str, Any]:
+def as_data(seen: SeenFrame) -> dict[str, Any]:
     """Return a frame as data for programs."""
     frame, figures = seen.frame, seen.figures
     data: dict[str, Any] = {
@@ -91,7 +91,7 @@ def as_data(seen: Seen) -> dict[str, Any]:
     return data
 
 
-def fingers(seen: Seen, layout: Layout) -> Group:
+def fingers(seen: SeenFrame, layout: Layout) -> Group:
     """Return both fingers for a terminal, each taxel at its position, with a line on the reception of the skin."""
     frame, figures = seen.frame, seen.figures
     table = Table(show_edge=False, pad_edge=False)
@@ -179,8 +179,8 @@ def _play(felt: SkinLine, period: float, seconds: float, show: Show, stop: Event
         raise ConfigError(f"recording: no frame: {reason}")
 
 
-def _seen(felt: SkinLine, frame: TaxelFrame) -> Seen:
-    return Seen(frame, None if felt.figures is None else felt.figures())
+def _seen(felt: SkinLine, frame: TaxelFrame) -> SeenFrame:
+    return SeenFrame(frame, None if felt.figures is None else felt.figures())
 
 
 def _finite(value: float) -> float | None:

@@ -4,8 +4,8 @@ import argparse
 import json
 import select
 import sys
-from collections.abc import Iterable
-from contextlib import suppress
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
@@ -35,7 +35,8 @@ def show(args: argparse.Namespace, picture: "RenderableType", data: object) -> N
 
         terminal = console(None if sys.stdout.isatty() else PIPE_WIDTH)
         for part in picture.renderables if isinstance(picture, Group) else (picture,):
-            terminal.print(_folded(part))
+            # Text stays in its lines, so that a line for a file can be copied whole.
+            terminal.print(_folded(part), soft_wrap=isinstance(part, str))
             sys.stdout.flush()
     sys.stdout.flush()  # the next part may take time
 
@@ -87,6 +88,14 @@ def console(width: int | None = None, is_error: bool = False) -> "Console":
     from rich.console import Console
 
     return Console(width=width, stderr=is_error, markup=False, emoji=False)
+
+
+@contextmanager
+def counting(name: str) -> Iterator[Callable[[int, int], None]]:
+    """Yield a function that shows, on a bar, how many steps are done and of how many."""
+    with progress() as bars:
+        bar = bars.add_task(name, total=None)
+        yield lambda done, of: bars.update(bar, completed=done, total=of)
 
 
 def progress() -> "Progress":

@@ -2,14 +2,25 @@
 
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
+from typing import Any
 
 from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
 from cell.peg.ending import explained
-from cell.peg.part_state import READY, REMEDIES, in_words
+from cell.peg.part_state import (
+    LOST_WITH_WORLD,
+    READY,
+    REMEDIES,
+    Action,
+    ActionWords,
+    PartState,
+    described,
+    in_words,
+    told,
+)
 from cell.records.schema import EventKind, EventRow, RunRow, StageRow
 from cell.records.wall_clock import local
 from cell.run.states import BEFORE_RESET, State
@@ -17,6 +28,9 @@ from drivers.errors import FAULTS, FaultCode
 from plc_bridge.protocol.images import Diagnostics
 from plc_bridge.protocol.messages import LeaseState, PartEvidence, PartPlace, Refusal, Report, Result
 from skills.catalogue import CATALOGUE
+
+TYPED: ActionWords = {Action.RECOVER: "`cell run recover`", Action.CLEARED: "`cell run cleared`"}
+"""Commands of a terminal for the actions at the peg."""
 
 
 def report(image: Report) -> dict[str, object]:
@@ -44,18 +58,20 @@ def report(image: Report) -> dict[str, object]:
     }
 
 
-def typed(text: str) -> str:
-    """Return an advice with what a person types, instead of what a PLC sends."""
-    return text.replace("run `recover`", "`cell run recover`").replace("send CLEARED", "`cell run cleared`")
-
-
 def _next(image: Report) -> str:
     """Return the next step as one line: the remedy of a fault, then the reset if the state needs one, then the peg's remedy."""
-    peg = typed(REMEDIES[PartPlace(image.part)])
+    peg = REMEDIES[PartPlace(image.part)].told(TYPED)
     steps = [FAULTS[FaultCode(image.fault)].remedy] if image.fault else []
     if image.state in BEFORE_RESET:
         steps.append("reset")
     return f"{', then '.join(steps)}; then {peg.removeprefix(READY)}" if steps else peg
+
+
+def peg(part: PartState, is_simulated: bool) -> str:
+    """Return the place of the peg, its evidence and the next step; the peg of a simulated cell may be gone with its world."""
+    if is_simulated and part.place in LOST_WITH_WORLD:
+        return f"{described(part)}: the simulated world ends with this command: {TYPED[Action.CLEARED]} before the next"
+    return told(part, TYPED)
 
 
 def _named(times: Sequence[float]) -> dict[str, float]:
@@ -115,19 +131,36 @@ def events(rows: Sequence[EventRow]) -> Table:
 
 def _shown(name: str, value: object) -> str:
     """Return a field of a run in words; empty if it is missing or has no content."""
-    if value is None or value in ("", "{}", "[]") or (name in ("fault", "recipe", "sequence") and value == 0):
+    if value in (None, "", "{}", "[]") or (name in _EMPTY_IF_ZERO and value == 0):
         return ""
-    if name in ("started", "ended"):
-        return local(str(value))
-    if name == "stage_times":
-        return ", ".join(f"{stage} {time:.3g} s" for stage, time in json.loads(str(value)))
-    if name in ("versions", "parameters"):
-        return ", ".join(f"{key} {_short(each)}" for key, each in json.loads(str(value)).items())
-    if name == "part":
-        return f"{str(value).replace('_', ' ')}: {typed(REMEDIES[PartPlace[str(value).upper()]])}"
-    if name == "is_simulated":
-        return "yes" if value else "no"
+    if name in _TEXTS:
+        return _TEXTS[name](value)
     return _short(value * LABELS[name][2]) if isinstance(value, float) and name in LABELS else str(value)
+
+
+def _times(value: str) -> str:
+    return ", ".join(f"{stage} {time:.3g} s" for stage, time in json.loads(value))
+
+
+def _pairs(value: str) -> str:
+    return ", ".join(f"{key} {_short(each)}" for key, each in json.loads(value).items())
+
+
+def _part(value: str) -> str:
+    return f"{value.replace('_', ' ')}: {REMEDIES[PartPlace[value.upper()]].told(TYPED)}"
+
+
+_EMPTY_IF_ZERO = ("fault", "recipe", "sequence")
+_TEXTS: dict[str, Callable[[Any], str]] = {
+    "started": local,
+    "ended": local,
+    "stage_times": _times,
+    "versions": _pairs,
+    "parameters": _pairs,
+    "part": _part,
+    "is_simulated": lambda value: "yes" if value else "no",
+}
+"""Function that returns the words of a field of a run."""
 
 
 def _short(value: object) -> str:

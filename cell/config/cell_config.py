@@ -197,6 +197,11 @@ class CellConfig(Catalogued):
     calibration: CalibrationConfig = CalibrationConfig()
     """Files of measured values."""
 
+    @field_validator("paper")
+    @classmethod
+    def _is_chosen(cls, paper: PaperParams | None) -> PaperParams | None:
+        return paper if paper is not None and paper.skills else None
+
     @model_validator(mode="after")
     def _fits(self) -> Self:
         peg, hole, rack = self.peg, self.hole, self.rack
@@ -208,37 +213,12 @@ class CellConfig(Catalogued):
             require_apart(hole, rack)
         require_clear_way(self.params(GRASP), self.params(SEARCH), rack, peg)
         require_workspace(self.limits)
-        return self
-
-    @model_validator(mode="after")
-    def _has_reachable_prior(self) -> Self:
-        require_prior_inside(self.hole, self.limits)
-        return self
-
-    @model_validator(mode="after")
-    def _presses_through(self) -> Self:
-        require_pressed(self.hole.latch, self.params(ADJUST), self.params(GRASP), self.peg, self.limits)
-        return self
-
-    @model_validator(mode="after")
-    def _is_turned_as_its_hole(self) -> Self:
-        require_turned_as_hole(self.params(SEARCH), self.peg)
-        return self
-
-    @field_validator("paper")
-    @classmethod
-    def _is_chosen(cls, paper: PaperParams | None) -> PaperParams | None:
-        return paper if paper is not None and paper.skills else None
-
-    @model_validator(mode="after")
-    def _is_printable(self) -> Self:
+        require_prior_inside(hole, self.limits)
+        require_pressed(hole.latch, self.params(ADJUST), self.params(GRASP), peg, self.limits)
+        require_turned_as_hole(self.params(SEARCH), peg)
         if self.paper is not None:
-            require_printable(self.paper, self.peg, self.hole)
-        return self
-
-    @model_validator(mode="after")
-    def _has_evidence(self) -> Self:
-        if self.switch.kind == "none" and self.hole.evidence == "switch":
+            require_printable(self.paper, peg, hole)
+        if self.switch.kind == "none" and hole.evidence == "switch":
             raise ValueError('hole.evidence = "switch": there is none, as switch.kind = "none"; "force" allowed')
         return self
 
@@ -251,23 +231,27 @@ class CellConfig(Catalogued):
                 f'arm.model = "{self.arm.model}": no such arm; {known} or a file of figures, *.toml, allowed'
             )
         require_workspace_in_reach(self.limits, read_arm(file))
-        return self
-
-    @model_validator(mode="after")
-    def _is_stable(self) -> Self:
         place = self.place()
         require_reach(place, self.hole, self.limits)
         require_stable(self.steered(), self.skin.rate, place)
         require_steady(self.followed(), place)
-        require_permitted(self.followed(), self.ways(), place.arm)
+        require_permitted(self.followed(), place.arm)
         return self
 
     @model_validator(mode="after")
     def _has_world(self) -> Self:
-        simulated = [name for name in ("arm", "gripper", "skin", "switch") if getattr(self, name).kind == "sim"]
+        simulated = self._simulated()
         for name in ("contact", "grip", "sim"):
             if simulated and getattr(self, name) is None:
                 raise ValueError(f'[{name}]: missing; needed because {simulated[0]}.kind = "sim"')
+        return self
+
+    def _simulated(self) -> list[str]:
+        return [name for name in SIMULATED if getattr(self, name).kind == "sim"]
+
+    @model_validator(mode="after")
+    def _suits_its_arm(self) -> Self:
+        simulated = self._simulated()
         if not simulated and self.is_skin_emulated():
             raise ValueError(f'skin.kind = "{self.skin.kind}": its board is "{EMULATED}", which needs a simulated arm')
         if not simulated and isinstance(self.switch, SerialSwitchConfig) and self.switch.port == EMULATED:

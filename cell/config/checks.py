@@ -15,7 +15,7 @@ from skills.grasp_from_rack import GraspFromRackParams
 from skills.guards.limits import Limits
 from skills.insert.grip import grip_of
 from skills.insert.spiral_params import SpiralAdjustParams
-from skills.motion import Gains, Transfer
+from skills.motion import Gains
 from skills.paper.params import PaperParams
 from skills.plan import is_cornered
 from skills.search.params import TOUCHED_TIME, SpraySearchParams
@@ -28,11 +28,7 @@ LEAST_TURN = 1e-3
 
 
 def require_shallow(peg: Peg, hole: Hole, rack: Rack) -> None:
-    """Require that the peg reaches the bottom of hole and slot.
-
-    Raises:
-        ValueError: The hole or the slot is deeper than the peg reaches; one line.
-    """
+    """Require that the peg reaches the bottom of hole and slot."""
     for name, depth in (("hole.depth", hole.depth), ("rack.depth", rack.depth)):
         if depth >= peg.length:
             raise ValueError(
@@ -41,11 +37,7 @@ def require_shallow(peg: Peg, hole: Hole, rack: Rack) -> None:
 
 
 def require_apart(hole: Hole, rack: Rack) -> None:
-    """Require that rack and plate of a simulated cell do not overlap.
-
-    Raises:
-        ValueError: They overlap; one line.
-    """
+    """Require that rack and plate of a simulated cell do not overlap."""
     (near, far), (least, most) = rack.bounds, hole.plate_bounds
     if all(near[i] < most[i] and least[i] < far[i] for i in range(2)):
         raise ValueError(
@@ -55,11 +47,7 @@ def require_apart(hole: Hole, rack: Rack) -> None:
 
 
 def require_clear_way(grasp: GraspFromRackParams, search: SpraySearchParams, rack: Rack, peg: Peg) -> None:
-    """Require that the peg leaves its slot completely, and reaches the plate within its timeout.
-
-    Raises:
-        ValueError: A height or a speed is too small; one line.
-    """
+    """Require that the peg leaves its slot completely, and reaches the plate within its timeout."""
     if grasp.clearance <= rack.depth:
         raise ValueError(
             f"grasp.clearance = {grasp.clearance}: leaves the peg in its slot; more than rack.depth = {rack.depth} allowed"
@@ -73,22 +61,14 @@ def require_clear_way(grasp: GraspFromRackParams, search: SpraySearchParams, rac
 
 
 def require_workspace(limits: Limits) -> None:
-    """Require a workspace with positive extent along every axis.
-
-    Raises:
-        ValueError: An extent is not positive; one line.
-    """
+    """Require a workspace with positive extent along every axis."""
     for low, high, axis in zip(limits.low, limits.high, "xyz", strict=True):
         if low >= high:
             raise ValueError(f"limits.low = {low} along {axis}: less than limits.high = {high} allowed")
 
 
 def require_workspace_in_reach(limits: Limits, arm: ArmModel) -> None:
-    """Require a workspace within the reach of the arm's hand.
-
-    Raises:
-        ValueError: A corner is further out along an axis than the arm reaches; one line.
-    """
+    """Require a workspace within the reach of the arm's hand."""
     shoulder, reach = arm.shoulder(), arm.reach()
     for name, corner in (("low", limits.low), ("high", limits.high)):
         for value, middle, axis in zip(corner, shoulder, "xyz", strict=True):
@@ -99,22 +79,19 @@ def require_workspace_in_reach(limits: Limits, arm: ArmModel) -> None:
                 )
 
 
-def require_permitted(followed: Mapping[str, Gains], ways: Mapping[str, Transfer], arm: ArmModel) -> None:
-    """Require that every gain and speed is within the arm's bounds.
+def require_permitted(followed: Mapping[str, Gains], arm: ArmModel) -> None:
+    """Require that every gain is within the arm's bounds.
 
     Args:
         followed: Gains by the key of their section.
-        ways: Transfers through free space by the key of their section.
         arm: Figures of the arm.
 
     Raises:
-        ValueError: A gain or a speed is above its bound; one line.
+        ValueError: A gain is above its bound; one line.
     """
     asked = [
         *((f"{key}.translation", gains.translation, arm.stiffness, "stiffness") for key, gains in followed.items()),
         *((f"{key}.rotation", gains.rotation, arm.turn_stiffness, "turn_stiffness") for key, gains in followed.items()),
-        *((f"{key}.speed", way.speed, arm.tool_speed, "tool_speed") for key, way in ways.items()),
-        *((f"{key}.turn_speed", way.turn_speed, arm.tool_turn_speed, "tool_turn_speed") for key, way in ways.items()),
     ]
     for key, value, most, figure in asked:
         if value > most:
@@ -127,9 +104,6 @@ def require_pressed(
     """Require that the adjustment presses the part through its latch, within the friction limit of the pads.
 
     The push must exceed `LATCH_MARGIN` times the latch's force, plus the loss by friction in the arm's joints.
-
-    Raises:
-        ValueError: The push, the grip or the force limit is too small for the latch; one line.
     """
     if latch is None:
         return
@@ -150,11 +124,7 @@ def require_pressed(
 
 
 def require_printable(paper: PaperParams, peg: Peg, hole: Hole) -> None:
-    """Require a round peg and a switch for the skills as printed in the paper.
-
-    Raises:
-        ValueError: The peg has corners, or the hole has no switch; one line.
-    """
+    """Require a round peg and a switch for the skills as printed in the paper."""
     if is_cornered(peg.part):
         raise ValueError(
             f'peg.shape = "{peg.shape}": a printed skill of paper.skills inserts round pegs; "round" allowed'
@@ -166,11 +136,7 @@ def require_printable(paper: PaperParams, peg: Peg, hole: Hole) -> None:
 
 
 def require_prior_inside(hole: Hole, limits: Limits) -> None:
-    """Require that the likely place of the hole is in the workspace.
-
-    Raises:
-        ValueError: It is outside; one line.
-    """
+    """Require that the likely place of the hole is in the workspace."""
     if hole.prior is not None:
         for low, high, mean, axis in zip(limits.low, limits.high, hole.prior.mean, "xyz", strict=False):
             if not low <= mean <= high:
@@ -181,11 +147,7 @@ def require_prior_inside(hole: Hole, limits: Limits) -> None:
 
 
 def require_turned_as_hole(search: SpraySearchParams, peg: Peg) -> None:
-    """Require that a peg with corners has the same rotation about the vertical as its hole.
-
-    Raises:
-        ValueError: The tilt azimuth rotates the peg relative to the hole; one line.
-    """
+    """Require that a peg with corners has the same rotation about the vertical as its hole."""
     azimuth, part = search.tilt_azimuth, peg.part
     turn = part.least_turn(azimuth)
     if min(turn, part.symmetry - turn) > LEAST_TURN:
@@ -196,11 +158,7 @@ def require_turned_as_hole(search: SpraySearchParams, peg: Peg) -> None:
 
 
 def require_reach(place: Place, hole: Hole, limits: Limits) -> None:
-    """Require that the arm reaches the hole and can press there with the force limit.
-
-    Raises:
-        ValueError: The hole is out of reach, or the largest push is below the limit; one line.
-    """
+    """Require that the arm reaches the hole and can press there with the force limit."""
     if not place.is_within_reach():
         raise ValueError(
             f"hole.centre = {hole.centre}: the arm, {place.arm.name}, does not reach it with the peg upright and"
@@ -220,9 +178,6 @@ def require_stable(steered: Mapping[str, Gains], rate: float, place: Place) -> N
         steered: Gains by the key of their section.
         rate: Rate of the skin's frames, Hz.
         place: Place and attitude of the arm at the hole.
-
-    Raises:
-        ValueError: A gain is too high; one line with the largest permitted one.
     """
     for name, gains in steered.items():
         found = too_high(gains, rate, place)
@@ -239,9 +194,6 @@ def require_steady(followed: Mapping[str, Gains], place: Place) -> None:
     Args:
         followed: Gains by the key of their section.
         place: Place and attitude of the arm at the hole.
-
-    Raises:
-        ValueError: The arm would oscillate with a gain or with the hold; one line.
     """
     path = place.arm.torque_path
     late = f"where they act {1e3 * path.transport:g} ms late behind {path.cutoff:g} Hz on {place.arm.name}; {MARGIN} times needed"

@@ -38,25 +38,33 @@ def explain(
     first = next((each for each in errors if each["type"] == "extra_forbidden"), errors[0])
     place, schema = _walk(first["loc"], _schema(model), tree)
     key = ".".join(place)
-    origin = next((source[place[:n]] for n in range(len(place), 0, -1) if place[:n] in source), file)
+    origin = _origin(place, source, file)
     kind, found = first["type"], first.get("input")
-    if kind in ("union_tag_invalid", "union_tag_not_found"):
-        tags = ", ".join(f'"{tag}"' for tag in schema["discriminator"]["mapping"])
-        if kind == "union_tag_not_found":
-            return f"{origin}: {key}.kind: missing; {tags} needed"
-        return f"{source.get((*place, 'kind'), origin)}: {key}.kind = {first['ctx']['tag']!r}: {tags} allowed"
+    if kind == "union_tag_not_found":
+        return f"{origin}: {key}.kind: missing; {_tags(schema)} needed"
+    if kind == "union_tag_invalid":
+        return f"{source.get((*place, 'kind'), origin)}: {key}.kind = {first['ctx']['tag']!r}: {_tags(schema)} allowed"
     if kind == "missing":
-        return f"{_beginner(place[:-1], source, order, file) or file}: {key}: missing; {allowed(schema, _schema(model))} needed"
+        return f"{_beginner(place[:-1], source, order, file)}: {key}: missing; {allowed(schema, _schema(model))} needed"
     if kind == "extra_forbidden":
         return f"{origin}: {key}: unknown key; {_known(place, schema, _schema(model))}"
     if kind == "value_error":
         text = first["msg"].removeprefix("Value error, ")
-        if not key:
-            return f"{_blamed(text, source, order) or file}: {text}"
         within = (*place, *text.split(" = ")[0].split("."))
+        if not key:
+            return f"{_blamed(text, source, order, file)}: {text}"
         # The message of a check within a section can name its key.
         return f"{source[within]}: {key}.{text}" if within in source else f"{origin}: {key}: {text}"
     return f"{origin}: {key} = {found!r}: {allowed(schema, _schema(model))} allowed{_hint(found, schema)}"
+
+
+def _origin(place: Place, source: Mapping[Place, str], file: str) -> str:
+    """Return the origin of a key, else of the innermost of its sections that has one, else the cell's file."""
+    return next((source[place[:n]] for n in range(len(place), 0, -1) if place[:n] in source), file)
+
+
+def _tags(schema: Mapping[str, Any]) -> str:
+    return ", ".join(f'"{tag}"' for tag in schema["discriminator"]["mapping"])
 
 
 @lru_cache(maxsize=4)
@@ -65,20 +73,20 @@ def _schema(model: type[BaseModel]) -> Mapping[str, Any]:
 
 
 def _beginner(section: Place, source: Mapping[Place, str], order: Sequence[str], file: str) -> str:
-    """Return the origin of a section that was first stated by a preset, a recipe or an option, after the cell's file."""
+    """Return the origin of a section if a preset, a recipe or an option stated it first, else the cell's file."""
     begun = {name for place, name in source.items() if section and place[: len(section)] == section}
     later = order[order.index(file) + 1 :] if file in order else ()
-    return min(begun, key=order.index) if begun and begun <= set(later) else ""
+    return min(begun, key=order.index) if begun and begun <= set(later) else file
 
 
-def _blamed(text: str, source: Mapping[Place, str], order: Sequence[str]) -> str:
-    """Return the origin of the key that caused a fault across sections; the text names the keys.
+def _blamed(text: str, source: Mapping[Place, str], order: Sequence[str], file: str) -> str:
+    """Return the origin of the key that caused a fault across sections, else the cell's file; the text names the keys.
 
     If this key is not the first one in the text, return its name too.
     """
     named = [place for word in _KEY.findall(text) if (place := tuple(word.split("."))) in source]
     if not named:
-        return ""
+        return file
     ranks = {name: rank for rank, name in enumerate(order)}
     worst = max(named, key=lambda place: ranks.get(source[place], -1))
     if ranks.get(source[worst], -1) == ranks.get(source[named[0]], -1):
@@ -94,16 +102,18 @@ def _known(place: Place, schema: Mapping[str, Any], root: Mapping[str, Any]) -> 
     near = did_you_mean(place[-1], names)
     if near and section:
         near = near.replace("mean ", f"mean {section}.")
-    if not near:
-        elsewhere = [
-            f"{name}.{inner}"
-            for name, each in root["properties"].items()
-            for variant in _variants(each, root)
-            for inner in variant.get("properties", {})
-            if inner == place[-1] and (name, inner) != place
-        ]
-        near = f"; did you mean {' or '.join(dict.fromkeys(elsewhere))}?" if elsewhere else ""
-    return f"{', '.join(names) or 'none'} allowed{near}"
+    return f"{', '.join(names) or 'none'} allowed{near or _elsewhere(place, root)}"
+
+
+def _elsewhere(place: Place, root: Mapping[str, Any]) -> str:
+    """Return the keys of this name in other sections as a suggestion; empty if there is none."""
+    found = [
+        f"{section}.{place[-1]}"
+        for section, each in root["properties"].items()
+        if (section, place[-1]) != place
+        if any(place[-1] in variant.get("properties", {}) for variant in _variants(each, root))
+    ]
+    return f"; did you mean {' or '.join(found)}?" if found else ""
 
 
 def _variants(schema: Mapping[str, Any], root: Mapping[str, Any]) -> list[Mapping[str, Any]]:
@@ -111,33 +121,28 @@ def _variants(schema: Mapping[str, Any], root: Mapping[str, Any]) -> list[Mappin
     return [_follow(branch, root) for branch in schema.get("anyOf", schema.get("oneOf", [schema]))]
 
 
+_BOUNDS = {"minimum": ">=", "exclusiveMinimum": ">", "maximum": "<=", "exclusiveMaximum": "<"}
 _WORDS = {"number": "a number", "integer": "an integer", "string": "a text", "boolean": "true or false"}
+_NO_DEFINITIONS: Mapping[str, Any] = {}
 _FORMATS = {"ipv4network": "a network or address", "ipv6network": "a network or address", "path": "a file"}
 
 
-def allowed(schema: Mapping[str, Any], root: Mapping[str, Any] | None = None) -> str:
+def allowed(schema: Mapping[str, Any], root: Mapping[str, Any] = _NO_DEFINITIONS) -> str:
     """Return the values permitted by a JSON schema, in words; never empty.
 
     Args:
         schema: Schema of one key.
-        root: The whole schema with the definitions; None if the key's schema has no references.
+        root: The whole schema with the definitions, which the key's schema may reference.
     """
-    schema = _follow(schema, root or {})
-    if "const" in schema:
-        return json.dumps(schema["const"])
-    if "enum" in schema:
-        return ", ".join(json.dumps(value) for value in schema["enum"])
+    schema = _follow(schema, root)
+    if "const" in schema or "enum" in schema:
+        return ", ".join(json.dumps(value) for value in schema.get("enum", [schema.get("const")]))
     either = schema.get("anyOf", schema.get("oneOf", ()))
     branches = [allowed(branch, root) for branch in either if branch.get("type") != "null"]
     if branches:
         return " or ".join(dict.fromkeys(branches))
-    if "properties" in schema:
-        needed = schema.get("required", ())
-        names = [f"{name} (needed)" if name in needed else name for name in schema["properties"]]
-        return f"a section with {', '.join(names)}"
     if schema.get("type") == "object":
-        others = schema.get("additionalProperties", {})
-        return f"a table, each value {allowed(others if isinstance(others, Mapping) else {}, root)}"
+        return _allowed_table(schema, root)
     if schema.get("type") == "array":
         return _allowed_list(schema, root)
     if schema.get("format") in _FORMATS:
@@ -145,7 +150,16 @@ def allowed(schema: Mapping[str, Any], root: Mapping[str, Any] | None = None) ->
     return _allowed_number(_WORDS.get(schema.get("type", ""), "another value"), schema)
 
 
-def _allowed_list(schema: Mapping[str, Any], root: Mapping[str, Any] | None) -> str:
+def _allowed_table(schema: Mapping[str, Any], root: Mapping[str, Any]) -> str:
+    if "properties" in schema:
+        needed = schema.get("required", ())
+        names = [f"{name} (needed)" if name in needed else name for name in schema["properties"]]
+        return f"a section with {', '.join(names)}"
+    others = schema.get("additionalProperties", {})
+    return f"a table, each value {allowed(others if isinstance(others, Mapping) else {}, root)}"
+
+
+def _allowed_list(schema: Mapping[str, Any], root: Mapping[str, Any]) -> str:
     inner = [allowed(each, root) for each in schema.get("prefixItems", ())]
     if not inner:
         return f"a list, each {allowed(schema.get('items', {}), root)}"
@@ -153,20 +167,10 @@ def _allowed_list(schema: Mapping[str, Any], root: Mapping[str, Any] | None) -> 
 
 
 def _allowed_number(name: str, schema: Mapping[str, Any]) -> str:
-    low, high = _bound(schema, "minimum"), _bound(schema, "maximum")
-    above, below = _bound(schema, "exclusiveMinimum"), _bound(schema, "exclusiveMaximum")
-    parts = []
-    if low is not None and high is not None:
-        return f"{name} from {low:g} to {high:g}"
-    if low is not None or above is not None:
-        parts.append(f">= {low:g}" if low is not None else f"> {above:g}")
-    if high is not None or below is not None:
-        parts.append(f"<= {high:g}" if high is not None else f"< {below:g}")
+    if "minimum" in schema and "maximum" in schema:
+        return f"{name} from {schema['minimum']:g} to {schema['maximum']:g}"
+    parts = [f"{sign} {schema[bound]:g}" for bound, sign in _BOUNDS.items() if bound in schema]
     return " ".join([name, " and ".join(parts)]).strip()
-
-
-def _bound(schema: Mapping[str, Any], name: str) -> float | None:
-    return schema.get(name)
 
 
 def _hint(found: Any, schema: Mapping[str, Any]) -> str:
@@ -188,10 +192,7 @@ def _walk(loc: tuple[int | str, ...], root: Mapping[str, Any], tree: Any) -> tup
     schema, place, value = _follow(root, root), [], tree
     for step in loc:
         if isinstance(step, int):
-            items = [branch for branch in schema.get("anyOf", [schema]) if branch.get("type") == "array"]
-            inner = items[0].get("prefixItems", []) if items else []
-            if step < len(inner):
-                schema = _follow(inner[step], root)
+            schema = _item(schema, step, root)
             place.append(str(step))
             continue
         variant = schema.get("discriminator", {}).get("mapping", {}).get(step)
@@ -203,12 +204,19 @@ def _walk(loc: tuple[int | str, ...], root: Mapping[str, Any], tree: Any) -> tup
         if known is not None:
             schema = _follow(known[step], root)
         elif not (isinstance(value, Mapping) and step in value):
-            tags = schema.get("discriminator", {}).get("mapping", {})
-            schema = _follow({"$ref": tags[step]}, root) if step in tags else schema
             continue
         place.append(step)
         value = value.get(step) if isinstance(value, Mapping) else None
     return tuple(place), schema
+
+
+def _item(schema: Mapping[str, Any], number: int, root: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Return the schema of an item of a list, or of the list if all of its items have the same."""
+    for branch in schema.get("anyOf", [schema]):
+        items = branch.get("prefixItems", ())
+        if number < len(items):
+            return _follow(items[number], root)
+    return schema
 
 
 def _follow(schema: Mapping[str, Any], root: Mapping[str, Any]) -> Mapping[str, Any]:

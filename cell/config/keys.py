@@ -185,14 +185,9 @@ def _of_model(model: type[BaseModel], field: str) -> tuple[str, ...]:
     return _stated(" ".join(inspect.cleandoc(_owner(model, field).__doc__ or "").split()))
 
 
-def first_sentence(text: str) -> str:
-    """Return the first sentence of a docstring, without its full stop."""
-    return _SENTENCE.split(text)[0].rstrip(".")
-
-
 def first_clause(text: str) -> str:
-    """Return the text before the first semicolon of a docstring's first sentence."""
-    return first_sentence(text).split(";")[0]
+    """Return the first sentence of a docstring up to its first semicolon, without its full stop."""
+    return _SENTENCE.split(text)[0].rstrip(".").split(";")[0]
 
 
 def _keys_of(model: type[BaseModel], place: str, kind: str, source: tuple[str, ...] = ()) -> Iterator[Key]:
@@ -283,10 +278,8 @@ def toml(value: Any) -> str:
     """Return a value in TOML, as in a config file."""
     if isinstance(value, BaseModel):
         return toml(value.model_dump(mode="json"))
-    if isinstance(value, bool):
-        return str(value).lower()
     if isinstance(value, int | float):
-        return repr(value)
+        return repr(value).lower()  # of a truth value too
     if isinstance(value, Mapping):
         inside = ", ".join(f"{key} = {toml(each)}" for key, each in value.items() if each is not None)
         return f"{{ {inside} }}" if inside else "{}"

@@ -2,7 +2,7 @@
 
 import re
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 from drivers.errors import ConfigError
@@ -30,11 +30,13 @@ def parse_set(text: str) -> tuple[tuple[str, ...], Any]:
         return path, literal.strip()
 
 
-def nested(place: tuple[str, ...], value: Any) -> dict[str, Any]:
-    """Return nested tables that hold one value at the path `place`."""
-    for name in reversed(place):
-        value = {name: value}
-    tables: dict[str, Any] = value
+def nested(values: Iterable[tuple[tuple[str, ...], Any]]) -> dict[str, Any]:
+    """Return nested tables that hold each value at its path; of several values at one path, the last one."""
+    tables: dict[str, Any] = {}
+    for place, value in values:
+        for name in reversed(place):
+            value = {name: value}
+        lay_over(tables, value, "", {})
     return tables
 
 

@@ -10,7 +10,7 @@ from pydantic import ValidationError
 from cell.config.cell_config import RECIPE_SECTIONS, SIMULATED, CellConfig
 from cell.config.errors import explain
 from cell.config.files import DEFAULT, find_preset, layers, read_toml, recipe_files
-from cell.config.layers import SET, SIMULATE, Origins, lay_layer, lay_over, nested, parse_set
+from cell.config.layers import SET, SIMULATE, Origins, lay_layer, nested, parse_set
 from drivers.errors import ConfigError
 
 
@@ -65,15 +65,13 @@ def with_parameters(config: CellConfig, parameters: Iterable[tuple[str, Any]]) -
     if not parameters:
         return config
     merged = config.model_dump()
-    layer: dict[str, Any] = {}
     source: dict[tuple[str, ...], str] = {}
-    for name, value in parameters:
-        place = tuple(name.split("."))
-        if place[0] not in RECIPE_SECTIONS - {"preset"}:
+    for name, _ in parameters:
+        if name.split(".")[0] not in RECIPE_SECTIONS - {"preset"}:
             raise ConfigError(
                 f"parameter {name}: not for a command; keys of {', '.join(sorted(RECIPE_SECTIONS))} allowed"
             )
-        lay_over(layer, nested(place, value), "parameter", {})
+    layer = nested((tuple(name.split(".")), value) for name, value in parameters)
     lay_layer(merged, layer, "parameter", source)
     return _validated(merged, source, "parameter", ["parameter"])
 
@@ -87,10 +85,7 @@ def _merge(
 ) -> tuple[CellConfig, Origins]:
     merged: dict[str, Any] = {}
     source: dict[tuple[str, ...], str] = {}
-    part = {} if recipe is None else read_toml(recipe)
-    for name in part:
-        if name not in RECIPE_SECTIONS:
-            raise ConfigError(f"{recipe}: {name}: not for a recipe; {', '.join(sorted(RECIPE_SECTIONS))} allowed")
+    part = {} if recipe is None else _read_recipe(recipe)
     order = [name for name, _ in below]
     for name, tree in below:
         lay_layer(merged, tree, name, source)
@@ -104,15 +99,25 @@ def _merge(
     lay_layer(merged, part, str(recipe), source)
     merged |= named
     for name in simulate:
-        # The keys that a simulated device has too stay, for example its model; a calibration belongs to the real device.
-        stated = {key: value for key, value in merged[name].items() if key in SIMULATED[name].model_fields}
-        merged[name], source[name, "kind"] = {**stated, "kind": "sim"}, SIMULATE
-        merged.get("calibration", {}).pop(name, None)
-    single: dict[str, Any] = {}
-    for keyed, value in keys:
-        lay_over(single, nested(keyed, value), SET, {})
-    lay_layer(merged, single, SET, source)
+        _simulate(merged, name)
+        source[name, "kind"] = SIMULATE
+    lay_layer(merged, nested(keys), SET, source)
     return _validated(merged, source, str(path), [*order, str(recipe), SIMULATE, SET], path.parent), source
+
+
+def _read_recipe(path: Path) -> dict[str, Any]:
+    part = read_toml(path)
+    for name in part:
+        if name not in RECIPE_SECTIONS:
+            raise ConfigError(f"{path}: {name}: not for a recipe; {', '.join(sorted(RECIPE_SECTIONS))} allowed")
+    return part
+
+
+def _simulate(merged: dict[str, Any], name: str) -> None:
+    """Make a device simulated: keys that a simulated one has too stay; a calibration belongs to the real device."""
+    stated = {key: value for key, value in merged[name].items() if key in SIMULATED[name].model_fields}
+    merged[name] = {**stated, "kind": "sim"}
+    merged.get("calibration", {}).pop(name, None)
 
 
 def _validated(

@@ -104,9 +104,7 @@ def _draft_7(schema: Any) -> Any:
     if not isinstance(schema, dict):
         return schema
     if "$ref" in schema:
-        target = {"$ref": schema["$ref"].replace("#/$defs/", "#/definitions/")}
-        beside = {name: value for name, value in schema.items() if name in ("description", "default")}
-        return {"allOf": [target], **beside} if beside else target
+        return _reference(schema)
     renamed = {"$defs": "definitions", "prefixItems": "items"}
     left_out = {"discriminator", "required", "title"}
     return {
@@ -116,3 +114,9 @@ def _draft_7(schema: Any) -> Any:
         for name, each in schema.items()
         if name not in left_out
     }
+
+
+def _reference(schema: Mapping[str, Any]) -> dict[str, Any]:
+    target = {"$ref": schema["$ref"].replace("#/$defs/", "#/definitions/")}
+    beside = {name: schema[name] for name in ("description", "default") if name in schema}
+    return {"allOf": [target], **beside} if beside else target

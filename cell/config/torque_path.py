@@ -46,9 +46,9 @@ def largest(gains: Gains, place: Place) -> float:
 
 
 @lru_cache(maxsize=64)
-def is_hold_steady(place: Place, factor: float = MARGIN) -> bool:
-    """Return True if a holding arm is stable with `factor` times its torques, peg tilted and upright."""
-    return _holds(_hold_cycles(place), factor)
+def is_hold_steady(place: Place) -> bool:
+    """Return True if a holding arm is stable with `MARGIN` times its torques, peg tilted and upright."""
+    return _holds(_hold_cycles(place), MARGIN)
 
 
 @lru_cache(maxsize=64)

@@ -283,7 +283,7 @@ def _hardware(config: CellConfig, arm: FrankaArmConfig, calibration: ArmCalibrat
     assert isinstance(config.gripper, FrankaGripperConfig)
     assert isinstance(config.switch, SerialSwitchConfig | NoSwitchConfig)
     clock = WallClock()
-    felt = _real_skin(config, clock)
+    felt = real_skin(config, clock)
     return Cell(
         config=config,
         clock=clock,
@@ -318,13 +318,9 @@ def _calibrated(config: CellConfig, skin: Skin) -> Skin:
     return CalibratedSkin(skin, _calibration(config.calibration.skin, config.skin.layout))
 
 
-def real_skin(config: CellConfig) -> SkinLine:
-    """Return the skin of a real board, without calibration, on wall time."""
-    return _real_skin(config, WallClock())
-
-
-def _real_skin(config: CellConfig, clock: Clock) -> SkinLine:
-    skin = config.skin
+def real_skin(config: CellConfig, clock: Clock | None = None) -> SkinLine:
+    """Return the skin of a real board, without calibration, by default on wall time."""
+    skin, clock = config.skin, clock or WallClock()
     if isinstance(skin, CanSkinConfig):
         from drivers.transport.can_bus import CanBus
 
@@ -372,7 +368,7 @@ def _world_skin(
         line = emulated_line(skin, model, source, rng, seed)
         return replace(_serial_skin(skin, line, BoardClock(source, (line,))), wire=line, cable=line)
     if isinstance(skin, CanSkinConfig | SerialSkinConfig | HostSkinConfig):
-        return _real_skin(config, source)
+        return real_skin(config, source)
     from sim.hand.skin import SimSkin, skin_truth
     from sim.world.reality import as_believed
 
@@ -460,16 +456,23 @@ def _serial_switch(config: SerialSwitchConfig, clock: Clock) -> SerialSuccessSwi
 
 
 @contextmanager
+def _powered(cell: Cell) -> Iterator[ExitStack]:
+    """Power the emulated boards; yield the stack that closes them after everything that is added to it."""
+    with ExitStack() as stack:
+        for board in cell.boards:
+            stack.callback(board.close)
+            board.open()
+        yield stack
+
+
+@contextmanager
 def opened(cell: Cell, *only: str) -> Iterator[Cell]:
     """Open every device, or those named; at the end halt the arm and close the devices in reverse order.
 
     Raises:
         CellError: A device cannot be opened; those opened before it are closed again.
     """
-    with ExitStack() as stack:
-        for board in cell.boards:
-            stack.callback(board.close)
-            board.open()
+    with _powered(cell) as stack:
         for name, device in cell.devices():
             if only and name not in only:
                 continue
@@ -486,10 +489,7 @@ def check(cell: Cell, only: Sequence[str] = ()) -> list[tuple[str, str]]:
     Raises:
         DeviceNotOpenedError: An emulated board cannot be powered.
     """
-    with ExitStack() as stack:
-        for board in cell.boards:
-            stack.callback(board.close)
-            board.open()
+    with _powered(cell):
         found = _check_devices(cell, only)
     if isinstance(cell.clock, WallClock) and not only:
         found.append(("clock", check_clock(cell.clock, 1.0 / cell.config.scan_rate)))

@@ -66,7 +66,10 @@ def write_film(
 
 def _write_png(path: Path, pictures: Iterator[Image], _: IsEnded) -> int:
     drawn = next(pictures, None)
-    return int(drawn is not None and cv2.imwrite(str(path), _bgr(drawn), [cv2.IMWRITE_PNG_COMPRESSION, 9]))
+    return int(
+        drawn is not None
+        and cv2.imwrite(str(path), np.ascontiguousarray(drawn[..., ::-1]), [cv2.IMWRITE_PNG_COMPRESSION, 9])
+    )
 
 
 def _write_mp4(path: Path, pictures: Iterator[Image], is_ended: IsEnded) -> int:
@@ -81,11 +84,12 @@ def _write_gif(path: Path, pictures: Iterator[Image], _: IsEnded) -> int:
         nonlocal frames
         for picture in pictures:
             frames += 1
-            yield _shrunk(picture).quantize(256, dither=Pillow.Dither.NONE)
+            shrunk = cv2.resize(picture, GIF_SIZE, interpolation=cv2.INTER_AREA)
+            yield Pillow.fromarray(shrunk).quantize(256, dither=Pillow.Dither.NONE)
 
     try:
-        for first in (shrunk := small()):
-            first.save(path, save_all=True, append_images=shrunk, duration=round(1e3 / GIF_RATE), loop=0)
+        for first in (rest := small()):
+            first.save(path, save_all=True, append_images=rest, duration=round(1e3 / GIF_RATE), loop=0)
     except OSError:
         return 0
     return frames
@@ -109,11 +113,3 @@ def instants(duration: float, rate: float) -> list[float]:
     """Return the times of a film's pictures, s, the last scan's included."""
     times = np.arange(0.0, duration, 1.0 / rate).tolist()
     return [*times, duration]
-
-
-def _shrunk(image: Image) -> Pillow.Image:
-    return Pillow.fromarray(cv2.resize(image, GIF_SIZE, interpolation=cv2.INTER_AREA))
-
-
-def _bgr(image: Image) -> Image:
-    return np.ascontiguousarray(image[..., ::-1])

@@ -108,28 +108,16 @@ def draw_fingers(frame: TaxelFrame, layout: Layout, path: Path) -> None:
 
 
 def _draw_plan(axes: Axes, samples: dict[str, Vector], stage: Vector) -> None:
+    x, y = 1e3 * samples["tip_x"], 1e3 * samples["tip_y"]
     for skill in (SEARCH, INSERT, ADJUST):
         here = stage == skill.stage
         if here.any():
             # With the approach in view, heights on the surface would be too small to read.
             here &= samples["tip_z"] < np.median(samples["tip_z"][here]) + ON_SURFACE
-            axes.plot(
-                1e3 * samples["tip_x"][here],
-                1e3 * samples["tip_y"][here],
-                lw=0.8,
-                color=_colour(skill.stage),
-                label=skill.name,
-            )
+            axes.plot(x[here], y[here], lw=0.8, color=_colour(skill.stage), label=skill.name)
     found = _hole_event(stage)
     if found is not None:
-        axes.plot(
-            1e3 * samples["tip_x"][found],
-            1e3 * samples["tip_y"][found],
-            "x",
-            color="#ee6677",
-            ms=9,
-            label="hole event",
-        )
+        axes.plot(x[found], y[found], "x", color="#ee6677", ms=9, label="hole event")
     axes.set_aspect("equal", adjustable="datalim")
     axes.set_xlabel("x, base frame (mm)")
     axes.set_ylabel("y, base frame (mm)")

@@ -91,7 +91,11 @@ def _placed(config: CellConfig, mode: Mode, first: int) -> CellConfig:
     """Return the cell with a fixture placed by the seed `first`; in the wrong-prior mode also with a displaced prior."""
     assert config.sim is not None
     sim = config.sim.model_copy(
-        update={"seed": first, "pace": "max", "fixture": config.sim.fixture or FixtureConfig(deviation=MOVES)}
+        update={
+            "seed": first,
+            "pace": "max",
+            "fixture": config.sim.fixture or FixtureConfig(deviation=MOVES),
+        }
     )
     config = config.model_copy(update={"sim": sim})
     if mode is not Mode.WRONG:

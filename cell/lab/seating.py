@@ -23,7 +23,7 @@ from cell.lab.tables import share, table
 from cell.lab.trials import TrialRow
 from cell.peg.ending import Ending
 from cell.peg.part_state import PartState
-from cell.peg.success import Evidence, LastLook, evidence_for, judged
+from cell.peg.success import LastLook, SeatingProof, evidence_for, judged
 from drivers.errors import CellError
 from drivers.parts import Latch
 from drivers.quantities import ImpedanceSetpoint
@@ -33,8 +33,8 @@ from skills.catalogue import ADJUST
 from skills.contract import Observation, Outcome, Reason, SkillContext
 from skills.entry import Claim
 from skills.flow import StageRecord
-from skills.seating.latch_likelihood import GRID, Signature, Way, resistance, told_by
-from skills.seating.signature import Curve as Force
+from skills.seating.latch_likelihood import GRID, InsertionStroke, Signature, resistance, told_by
+from skills.seating.signature import StrokeCurve as Force
 
 ON_BOTTOM = 3e-4
 """Largest distance of a seated peg's end from the bottom in the simulation, m."""
@@ -57,7 +57,7 @@ class Seating:
         self._proof = evidence_for(ctx.job.hole)
         self._curve, self._shown = Force(), Force()
         self._said: Signature | None = None
-        self._proofs: list[Evidence] = []
+        self._proofs: list[SeatingProof] = []
         """Evidence of a seated peg in some scan; a skill with false reports could have ended there."""
         self._truth: Truth = cell.truth()
 
@@ -88,7 +88,7 @@ class Seating:
             "latch_force": None if said is None else said.force,
             "latch_offset": None if said is None else said.offset,
             "doubt": None if said is None else said.doubt,
-            "hanging": None if said is None else hanging(Way(shown.heights, shown.forces), self._latch),
+            "hanging": None if said is None else hanging(InsertionStroke(shown.heights, shown.forces), self._latch),
             "ways": float(len(shown.ways)),
         }
         texts = {name: "" if value is None else f"{value:.6g}" for name, value in found.items()}
@@ -96,7 +96,7 @@ class Seating:
         return {**texts, "heights": heights, "forces": " ".join(f"{force:.3f}" for force in shown.forces)}
 
 
-def _is_believed(proof: Evidence, records: Sequence[StageRecord], look: LastLook, ctx: SkillContext) -> bool:
+def _is_believed(proof: SeatingProof, records: Sequence[StageRecord], look: LastLook, ctx: SkillContext) -> bool:
     """Return True if the gate accepts a reported success of a seated peg."""
     told, nobody = Ending(Outcome.SUCCESS, ADJUST.name, Reason.NONE), PartState(PartPlace.UNKNOWN, "")
     try:
@@ -106,7 +106,7 @@ def _is_believed(proof: Evidence, records: Sequence[StageRecord], look: LastLook
     return True
 
 
-def hanging(way: Way, latch: Latch) -> float | None:
+def hanging(way: InsertionStroke, latch: Latch) -> float | None:
     """Return the correlation length of a curve's deviations from its best-fit latch, m; None if the curve shows no
     latch.
 

@@ -20,7 +20,7 @@ from cell.lab.published import PUBLISHED, Tried, stage_table
 from cell.lab.workers import on_cluster, on_processes
 from cell.peg.ending import Ending, ending_of
 from cell.peg.part_state import PartState
-from cell.peg.success import Evidence, LastLook, Proof, evidence_for, judged
+from cell.peg.success import LastLook, Proof, SeatingProof, evidence_for, judged
 from cell.records.provenance import config_hash, versions
 from cell.records.statistics import spread, wilson
 from cell.run.record import StageClock
@@ -157,7 +157,7 @@ class Watcher:
     clock: StageClock = field(default_factory=StageClock)
     ending: "Truth | None" = None
     """True state at the end of the insertion, before the removal of any part."""
-    proof: Evidence = field(default_factory=Proof)
+    proof: SeatingProof = field(default_factory=Proof)
     """Evidence of the trial so far, of the kind required for the job's hole."""
     found_error: float | None = None
     """Distance of the peg's end from the hole's axis in the first scan after the last search, m; None before."""
@@ -341,17 +341,24 @@ def run_trials(
         for row in rows.values():
             done(row)
         order = sorted(seeds)
-        missing = [seed for seed in seeds if seed not in rows]
+
+        def is_over() -> bool:
+            return _ending(rows, order, is_enough) is not None
+
+        missing = [] if is_over() else [seed for seed in seeds if seed not in rows]
         task = partial(run_trial, config, probe=probe, program=program)
-        results = on_cluster(task, missing, scheduler) if scheduler else on_processes(task, missing, workers)
         began, taken_up = time.perf_counter(), len(rows)
+        if scheduler:
+            results = on_cluster(task, missing, scheduler, is_over)
+        else:
+            results = on_processes(task, missing, workers, is_over)
         with closing(results):
-            while (ordered := _ending(rows, order, is_enough)) is None:
-                row = next(results)
+            for row in results:
                 rows[row.seed] = row
                 kept.write(json.dumps(asdict(row)) + "\n")
                 kept.flush()
                 done(row)
+        ordered = _ending(rows, order, is_enough) or []
     minutes = (time.perf_counter() - began) / 60.0
     write_table(ordered, folder / TABLE)
     summary = summarise(ordered, config) | {"trials_per_minute": (len(rows) - taken_up) / minutes}

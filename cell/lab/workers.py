@@ -11,6 +11,7 @@ from concurrent.futures import Future as ProcessFuture
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from functools import partial
+from itertools import islice
 from multiprocessing import connection
 from queue import Empty, SimpleQueue
 from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
@@ -36,31 +37,42 @@ PATIENCE = 30.0
 _TAKE_UP = "the same command takes up where it was"
 
 
-def on_processes(task: Callable[[int], Row], seeds: Sequence[int], workers: int) -> Generator[Row, None, None]:
+def on_processes(
+    task: Callable[[int], Row], seeds: Sequence[int], workers: int, is_enough: Callable[[], bool] = lambda: False
+) -> Generator[Row, None, None]:
     """Yield the result of `task` for each seed, as it finishes, from `workers` processes of one thread each.
 
-    If a call ends with all its results, the next call with the same number of processes reuses them, already loaded.
+    The next call with the same number of processes reuses them, already loaded, unless this call is interrupted.
+
+    Args:
+        task: Function, pickled by its name.
+        seeds: Seeds, one call each, started in this order.
+        workers: Number of processes.
+        is_enough: Asked after each result; True ends the call. Results of the at most `workers` started calls are lost.
 
     Raises:
         CellError: A worker was killed.
     """
     if not seeds:
         return
-    pool = _waiting.pop(workers, None) or Pool(workers)
-    futures: list[ProcessFuture[Row]] = []
+    pool, waiting = _waiting.pop(workers, None) or Pool(workers), iter(seeds)
+    running: set[ProcessFuture[Row]] = set()
     try:
-        futures += [pool.submit(task, seed) for seed in seeds]
-        for future in as_completed(futures):
-            yield future.result()
+        while not is_enough():
+            running |= {pool.submit(task, seed) for seed in islice(waiting, workers - len(running))}
+            if not running:
+                break
+            finished = next(as_completed(running))
+            running.remove(finished)
+            yield finished.result()
     except BrokenProcessPool:
+        pool.leave()
         raise CellError(f"trials: a worker process was killed; {_TAKE_UP}") from None
-    finally:
-        if len(futures) == len(seeds) and all(future.done() and future.exception() is None for future in futures):
-            if _waiting.setdefault(workers, pool) is not pool:
-                pool.leave()
-        else:
-            # An interrupted call does not wait for running trials; the same command runs them again.
-            pool.leave()
+    except BaseException:  # an interrupted call does not wait for running trials; the same command runs them again
+        pool.leave()
+        raise
+    if _waiting.setdefault(workers, pool) is not pool:
+        pool.leave()
 
 
 def each_of(
@@ -130,7 +142,11 @@ def _deaf_children() -> Iterator[None]:
 
 
 def on_cluster(
-    task: Callable[[int], Row], seeds: Sequence[int], address: str, patience: float = PATIENCE
+    task: Callable[[int], Row],
+    seeds: Sequence[int],
+    address: str,
+    is_enough: Callable[[], bool] = lambda: False,
+    patience: float = PATIENCE,
 ) -> Generator[Row, None, None]:
     """Yield the result of `task` for each seed, as it finishes, from the workers of a Dask cluster.
 
@@ -140,6 +156,7 @@ def on_cluster(
         task: Function, pickled by its name; the workers need this program with the same code and packages.
         seeds: Seeds, one call each.
         address: Address of the scheduler, as in tcp://192.0.2.1:8786.
+        is_enough: Asked after each result; True ends the call.
         patience: Time to go on without any worker, s.
 
     Raises:
@@ -155,6 +172,8 @@ def on_cluster(
             future.add_done_callback(finished.put)
         for _ in seeds:
             yield _result(_next(client, finished, address, patience), address)
+            if is_enough():
+                break
     finally:
         client.close(timeout=CONNECT)
 

@@ -11,7 +11,7 @@ from cell.page.records import Records
 from cell.page.scene import scene
 from cell.page.traces import NAMES, POINTS, Traces, touch
 from cell.records.versions import PROGRAM, installed
-from cell.run.live import Live, Look, Pull
+from cell.run.live import CablePull, Live, Look
 from cell.run.record import scene_facts
 from plc_bridge.bridge import Bridge
 from plc_bridge.protocol.messages import Report
@@ -155,7 +155,7 @@ class PageHub:
             if page in pages:
                 pages.remove(page)
 
-    def pull(self, pull: Pull) -> str:
+    def pull(self, pull: CablePull) -> str:
         """Forward a cable request to the scan; return the reason if there is no such cable, else an empty text."""
         if pull.cable not in self._cables:
             known = ", ".join(self._cables) or "none: its devices are real"

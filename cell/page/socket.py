@@ -16,7 +16,7 @@ from cell.page.front import OPEN_LINE
 from cell.page.guard import is_private
 from cell.page.hub import PageHub
 from cell.page.token import is_token
-from cell.run.live import Pull
+from cell.run.live import CablePull
 from plc_bridge.bridge import Bridge
 from plc_bridge.protocol.images import CommandImage
 from plc_bridge.protocol.messages import FIRST_PROGRAM, Result
@@ -160,7 +160,7 @@ class PageSocket(WebSocketHandler):
 
     def _pull(self, ask: Ask) -> None:
         assert ask.cable is not None
-        if why := self._hub.pull(Pull(ask.cable, ask.is_out, self._source)):
+        if why := self._hub.pull(CablePull(ask.cable, ask.is_out, self._source)):
             self._say("refused", why=why)
 
     def _pass_on(self, ask: Ask) -> None:

@@ -4,7 +4,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from cell.peg.ending import explained
-from cell.peg.part_state import REMEDIES, PartState, described
+from cell.peg.part_state import REMEDIES, Action, ActionWords, PartState
+from cell.peg.part_state import told as told_peg
 from cell.records.schema import RunRow
 from cell.run.states import ASKED, Event, State, is_permitted
 from drivers.errors import FAULTS, FaultCode
@@ -41,16 +42,13 @@ WAITING = (State.IDLE, State.COMPLETE, State.STOPPED, State.ABORTED)
 BY_PERSON = ("cleared", "refilled")
 """Controls with which a person confirms an action at the cell."""
 
-_RECOVER = {"ask": "start", "program": "recover", "label": "Recover the peg"}
-_TAKEN_AWAY = {"ask": "cleared", "label": "Peg taken away"}
-STEPS = {
-    PartPlace.SEATED: (_RECOVER, _TAKEN_AWAY),
-    PartPlace.IN_HAND: (_RECOVER,),
-    PartPlace.IN_HOLE: (_RECOVER, _TAKEN_AWAY),
-    PartPlace.ON_PLATE: (_TAKEN_AWAY,),
-    PartPlace.UNKNOWN: (_TAKEN_AWAY,),
+BUTTONS = {
+    Action.RECOVER: {"ask": "start", "program": "recover", "label": "Recover the peg"},
+    Action.CLEARED: {"ask": "cleared", "label": "Peg taken away"},
 }
-"""Buttons for the remedies of the peg's place, the first one preferred; see `part_state.REMEDIES`."""
+"""Button of each action at the peg."""
+PRESSED: ActionWords = {Action.RECOVER: "start the program recover", Action.CLEARED: 'press "Peg taken away"'}
+"""Words of the page for the actions at the peg."""
 
 REFUSED = {
     Refusal.UNKNOWN_CODE: "this cell has no such program",
@@ -137,21 +135,16 @@ def steps(state: State, part: PartState) -> list[dict[str, str]]:
     if state not in WAITING:
         return []
     ready = [{"ask": "reset", "label": "Reset"}] if state in (State.STOPPED, State.ABORTED) else []
-    return [*ready, *STEPS.get(part.place, ())]
+    return [*ready, *(BUTTONS[action] for action in REMEDIES[part.place].actions)]
 
 
 def _next(state: State, part: PartState, unplugged: Sequence[str]) -> str:
     """Return the next step; at rest, add the remedies for unplugged cables and for the peg, with its place and evidence."""
-    remedy = (
-        REMEDIES[part.place]
-        .replace("send CLEARED", 'press "Peg taken away"')
-        .replace("run `recover`", "start the program recover")
-    )
     if state not in WAITING:
         return NEXT.get(state, "")
     plug = [f"Plug in what was pulled out: {', '.join(unplugged)}."] if unplugged else []
     is_in_place = part.place in (PartPlace.RACK, PartPlace.BIN)
-    peg = [] if is_in_place else [f"The part: {described(part)}: {remedy}."]
+    peg = [] if is_in_place else [f"The part: {told_peg(part, PRESSED)}."]
     if state in THEN and (plug or peg):
         return " ".join([*plug, *peg, THEN[state]])
     return " ".join([*plug, NEXT[state], *peg])

@@ -10,7 +10,9 @@ switch             --> closed or open         --'                          the j
 """
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from enum import StrEnum
 
 import numpy as np
 
@@ -181,9 +183,7 @@ def after(before: PartState, seen: PegEvidence, places: Places, is_running: bool
 def _after(before: PartState, seen: PegEvidence, places: Places, is_running: bool) -> PartState:
     """Return the state after one more reading, without evidence bits; `before` itself if nothing changed."""
     if _is_between(seen, places):
-        now = _held(seen, places, _slid(before, seen, places))
-        was_in_hole = now.place in IN_THE_HOLE or _is_at_hole(seen, places.hole)
-        return replace(now, was_in_hole=was_in_hole or (before.is_held and before.was_in_hole))
+        return _gripped(before, seen, places)
     if before.is_held:
         if seen.is_moving:
             return before
@@ -198,6 +198,12 @@ def _after(before: PartState, seen: PegEvidence, places: Places, is_running: boo
     if before.place is PartPlace.ON_PLATE and seen.switch is SwitchState.CLOSED:
         return replace(before, place=PartPlace.UNKNOWN, evidence=f"{before.evidence}, but the switch is closed")
     return _left_alone(before, seen, places) if not is_running else before
+
+
+def _gripped(before: PartState, seen: PegEvidence, places: Places) -> PartState:
+    now = _held(seen, places, _slid(before, seen, places))
+    was_in_hole = now.place in IN_THE_HOLE or _is_at_hole(seen, places.hole)
+    return replace(now, was_in_hole=was_in_hole or (before.is_held and before.was_in_hole))
 
 
 def by_hand_alone(
@@ -358,16 +364,51 @@ def refusal_of(part: PartState, switch: SwitchState, is_rack_empty: bool, recove
     return Refusal.RACK_EMPTY if is_rack_empty else Refusal.NONE
 
 
+class Action(StrEnum):
+    """Action that resolves the place of a peg; each user interface has its own words for it."""
+
+    RECOVER = "recover"
+    CLEARED = "cleared"
+
+
+ActionWords = Mapping[str, str]
+FOR_PLC: ActionWords = {Action.RECOVER: "run `recover`", Action.CLEARED: "send CLEARED"}
+"""Words for a PLC programmer, also in the log."""
+
+
+@dataclass(frozen=True, slots=True)
+class Remedy:
+    """Remedy for a place of the peg."""
+
+    text: str
+    """Text with the name of an action in braces where the words for it belong."""
+    actions: tuple[Action, ...] = ()
+    """Actions that can resolve the place, the preferred one first."""
+
+    def told(self, words: ActionWords = FOR_PLC) -> str:
+        """Return the text with the words of a user interface."""
+        return self.text.format_map(words)
+
+
 READY = "ready: "
 """First word of a remedy if the next peg can be taken."""
+_BOTH = (Action.RECOVER, Action.CLEARED)
 REMEDIES = {
-    PartPlace.RACK: f"{READY}the next peg is in the rack",
-    PartPlace.BIN: f"{READY}the last peg is in the reject bin",
-    PartPlace.SEATED: "the peg is seated: if the hand still holds it, run `recover`; take the workpiece away before the next start",
-    PartPlace.IN_HAND: "the hand holds a peg: run `recover`",
-    PartPlace.IN_HOLE: "a peg stands in the hole: if the hand holds it, run `recover`; if not, draw it out, then send CLEARED",
-    PartPlace.ON_PLATE: "a peg lies on the plate or below it: a person must take it away, then send CLEARED",
-    PartPlace.UNKNOWN: "the place of the peg is unknown: look at hand, hole and plate, take it away, then send CLEARED",
+    PartPlace.RACK: Remedy(f"{READY}the next peg is in the rack"),
+    PartPlace.BIN: Remedy(f"{READY}the last peg is in the reject bin"),
+    PartPlace.SEATED: Remedy(
+        "the peg is seated: if the hand still holds it, {recover}; take the workpiece away before the next start", _BOTH
+    ),
+    PartPlace.IN_HAND: Remedy("the hand holds a peg: {recover}", (Action.RECOVER,)),
+    PartPlace.IN_HOLE: Remedy(
+        "a peg stands in the hole: if the hand holds it, {recover}; if not, draw it out, then {cleared}", _BOTH
+    ),
+    PartPlace.ON_PLATE: Remedy(
+        "a peg lies on the plate or below it: a person must take it away, then {cleared}", (Action.CLEARED,)
+    ),
+    PartPlace.UNKNOWN: Remedy(
+        "the place of the peg is unknown: look at hand, hole and plate, take it away, then {cleared}", (Action.CLEARED,)
+    ),
 }
 """Remedy by the peg's place."""
 
@@ -403,9 +444,9 @@ def described(part: PartState) -> str:
     return f"peg {_word(part.place)}{depth} ({part.evidence})"
 
 
-def told(part: PartState) -> str:
-    """Return the place of the peg, its evidence and the remedy, one line for a technician."""
-    return f"{described(part)}: {REMEDIES[part.place]}"
+def told(part: PartState, words: ActionWords = FOR_PLC) -> str:
+    """Return the place of the peg, its evidence and the remedy, one line."""
+    return f"{described(part)}: {REMEDIES[part.place].told(words)}"
 
 
 def _word(place: PartPlace) -> str:

@@ -12,7 +12,7 @@ from cell.devices.assembly import Cell
 from cell.peg.custody import Custody
 from cell.peg.ending import Ending
 from cell.peg.part_state import UNRESOLVED, PartState, PegEvidence, Places, described, evidence_of, places_of, told
-from cell.peg.success import Evidence, LastLook, evidence_for, judged
+from cell.peg.success import LastLook, SeatingProof, evidence_for, judged
 from drivers.errors import CellError, SwitchDisagreesError, SwitchUnknownError
 from drivers.frames import end_point
 from drivers.quantities import ArmState, GripperState, SwitchState
@@ -47,7 +47,7 @@ class PartWatch:
         self._cell, self._context, self.commissioning = cell, context, cell.commissioning
         self._custody = Custody(folder, cell.config.arm.kind)
         self._places = _places(cell.config)
-        self._proof: Evidence = evidence_for(cell.config.hole)
+        self._proof: SeatingProof = evidence_for(cell.config.hole)
         self._is_running = self._has_looked = self._was_open = False
         self._needs_switch = False
         self.proof = ""
@@ -225,11 +225,6 @@ class PartWatch:
         """Last known state of the peg."""
         return self._custody.part
 
-    @property
-    def told(self) -> str:
-        """Place of the peg, its evidence and the remedy, one line."""
-        return told(self._custody.part)
-
     def _devices(self) -> tuple[ArmState, GripperState, SwitchState]:
         return self._context.devices.arm.read(), self._context.read_hand(), self._cell.switch.read()
 
@@ -273,7 +268,7 @@ class PartWatch:
         level = logging.INFO if self._has_looked else logging.WARNING
         if self._has_looked or not self.is_resolved:
             # During a run the remedy is left out, because the run handles the peg itself.
-            logger.log(level, "%s", described(self._custody.part) if self._is_running else self.told)
+            logger.log(level, "%s", (described if self._is_running else told)(self._custody.part))
         self._has_looked = True
 
 

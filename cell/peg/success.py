@@ -3,7 +3,6 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Protocol
 
 import numpy as np
 
@@ -19,7 +18,7 @@ from skills.flow import StageRecord
 from skills.search.surface import Plane, nominal
 from skills.seating.decision import BORNE_WITHIN, CLOSED_TOLERANCE, DOUBTED, GIVE, MOST_DEEP, MOST_SHALLOW, Footing
 from skills.seating.latch_likelihood import Signature
-from skills.seating.signature import LIFTED, Curve
+from skills.seating.signature import LIFTED, StrokeCurve
 
 PLANE_TOLERANCE = 0.005
 """Largest distance of the measured surface from the job's plate surface, m."""
@@ -35,29 +34,6 @@ class LastLook:
     tcp: Vector
     """Position of the finger centre, shape (3,), m, base frame."""
     switch: SwitchState
-
-
-class Evidence(Protocol):
-    """Evidence that the peg is seated; the recipe selects the kind."""
-
-    @property
-    def seated_hand(self) -> Vector | None:
-        """Position of the hand when the peg was seated, shape (3,), m, base frame; None before."""
-
-    @property
-    def told(self) -> str:
-        """Evidence in words for the record of a success; empty without proof."""
-
-    def after(self, seen: Observation, setpoint: ImpedanceSetpoint | None = None) -> "Evidence":
-        """Return the evidence after one more scan and its setpoint."""
-
-    def require_seated(self, plane: Plane | None, look: LastLook, job: Job) -> None:
-        """Require that the run has seated the peg and that it stayed; depth counts from `plane` if the search measured one.
-
-        Raises:
-            SuccessUnprovenError: The evidence is missing.
-            SwitchDisagreesError: The switch closed while the peg's end was not at the seated depth.
-        """
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -77,10 +53,8 @@ class Proof:
 
     def after(self, seen: Observation, setpoint: ImpedanceSetpoint | None = None) -> "Proof":
         """Return the proof after one more scan and its setpoint; if the switch opens while the peg is held, the proof is void."""
-        if seen.switch is SwitchState.OPEN and seen.gripper.is_gripping:
-            return _OPEN
         if seen.switch is SwitchState.OPEN:
-            return self if self.was_open else replace(self, was_open=True)
+            return _OPEN if seen.gripper.is_gripping else replace(self, was_open=True)
         if not self.was_open or seen.switch is not SwitchState.CLOSED or not seen.gripper.is_gripping:
             return self
         footing = self.footing.after(seen, setpoint)
@@ -92,11 +66,16 @@ class Proof:
 
     @property
     def told(self) -> str:
-        """Evidence in words for the record of a success."""
+        """Evidence in words for the record of a success; empty without proof."""
         return "" if self.seated_tip is None else "switch"
 
     def require_seated(self, plane: Plane | None, look: LastLook, job: Job) -> None:
-        """Require that the switch closed under a held peg at the hole's depth and is still closed."""
+        """Require that the switch closed under a held peg at the hole's depth and is still closed.
+
+        Raises:
+            SuccessUnprovenError: The evidence is missing.
+            SwitchDisagreesError: The switch closed while the peg's end was not at the seated depth.
+        """
         if not self.was_open:
             raise _unproven("the switch was never open in this run")
         if look.switch is not SwitchState.CLOSED:
@@ -130,7 +109,7 @@ class ForceProof:
 
     latch: Latch
     """The latch as the recipe states it."""
-    curve: Curve = field(default_factory=Curve)
+    curve: StrokeCurve = field(default_factory=StrokeCurve)
     """Force against depth of the held peg."""
     seated_tip: Vector | None = None
     """End of the held peg when it rested behind its latch, shape (3,), m, base frame."""
@@ -154,7 +133,11 @@ class ForceProof:
         return ForceProof(self.latch, curve, seen.tip.copy(), seen.arm.tcp.position.copy(), found)
 
     def require_seated(self, plane: Plane | None, look: LastLook, job: Job) -> None:
-        """Require that the held peg passed its latch and then rested at the hole's depth."""
+        """Require that the held peg passed its latch and then rested at the hole's depth.
+
+        Raises:
+            SuccessUnprovenError: The evidence is missing.
+        """
         if self.seated_tip is None:
             raise _unproven(
                 "force against depth did not show the latch with the bottom behind it while the hand held the peg"
@@ -168,14 +151,18 @@ class ForceProof:
 
     @property
     def told(self) -> str:
-        """Evidence in words for the record of a success."""
+        """Evidence in words for the record of a success; empty without proof."""
         if self.found is None:
             return ""
         force, offset = self.found.force, 1e3 * self.found.offset
         return f"force: a {self.latch.kind} of {force:.1f} N, {self.latch.force:g} N stated, {offset:+.1f} mm off its place"
 
 
-def evidence_for(hole: Hole) -> Evidence:
+SeatingProof = Proof | ForceProof
+"""Evidence that the peg is seated; depth counts from the surface that the search measured, else from the job's."""
+
+
+def evidence_for(hole: Hole) -> SeatingProof:
     """Return the kind of evidence that the hole's recipe requires, as at the start of a run."""
     return ForceProof(hole.latch) if hole.evidence == "force" and hole.latch is not None else Proof()
 
@@ -184,7 +171,7 @@ def judged(
     claim: Claim,
     ending: Ending,
     records: Sequence[StageRecord],
-    proof: Evidence,
+    proof: SeatingProof,
     look: LastLook,
     part: PartState,
     job: Job,
@@ -227,7 +214,7 @@ def _freed(ending: Ending, look: LastLook, part: PartState, job: Job) -> Ending:
     return ending
 
 
-def _require_gone(proof: Evidence, look: LastLook, job: Job) -> None:
+def _require_gone(proof: SeatingProof, look: LastLook, job: Job) -> None:
     if not look.hand.is_open(job.peg.part.thickness):
         raise _unproven(
             f"the hand is {1e3 * look.hand.width:.1f} mm open at the end of the run and must be open and empty"

@@ -39,6 +39,11 @@ LOCK_TIMEOUT = 1.0
 """Longest wait of a statement if another program has locked the index, s."""
 
 
+def samples_path(folder: Path, run: int) -> Path:
+    """Return the file of a run's samples."""
+    return folder / f"run-{run:06d}.arrows"
+
+
 def require_own(folder: Path) -> None:
     """Require that only its owner can write a journal's folder, if the folder exists.
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Self
 
 from cell.records.alarms import ALARMS, Alarm
 from cell.records.index import INDEX as INDEX
-from cell.records.index import Index
+from cell.records.index import Index, samples_path
 from cell.records.provenance import versions
 from cell.records.run_query import NEVER, RunQuery
 from cell.records.schema import ConfigRow, EventRow, RunRow, StageRow
@@ -99,7 +99,7 @@ class Journal:
         """Close."""
         self.close()
 
-    # Methods that write.
+    # Methods that write; each raises a JournalError if the journal is not open to write.
 
     def begin(self, row: RunRow, facts: "SceneFacts | None" = None) -> RunRow:
         """Record the start of a run; return its row with its number.
@@ -107,42 +107,23 @@ class Journal:
         Args:
             row: Row of the run at its start.
             facts: Facts of the scene for pictures of the run.
-
-        Raises:
-            JournalError: The journal is not open.
         """
         return self._writing().begin(row, facts)
 
     def write(self, run: int, block: "SampleBlock") -> None:
-        """Record samples of a run.
-
-        Raises:
-            JournalError: The journal is not open.
-        """
+        """Record samples of a run."""
         self._writing().write(run, block)
 
     def finish(self, row: RunRow, stages: Sequence[StageRow] = (), rest: "SampleBlock | None" = None) -> None:
-        """Record the end of a run and its stages, with the rest of its samples.
-
-        Raises:
-            JournalError: The journal is not open.
-        """
+        """Record the end of a run and its stages, with the rest of its samples."""
         self._writing().finish(row, stages, rest)
 
     def note(self, row: EventRow) -> None:
-        """Record an event; the index numbers it.
-
-        Raises:
-            JournalError: The journal is not open.
-        """
+        """Record an event; the index numbers it."""
         self._writing().note(row)
 
     def keep_config(self, row: ConfigRow) -> None:
-        """Record a whole config, once.
-
-        Raises:
-            JournalError: The journal is not open.
-        """
+        """Record a whole config, once."""
         self._writing().keep_config(row)
 
     @property
@@ -162,9 +143,9 @@ class Journal:
 
     # Methods that read.
 
-    def runs(self, last: int, since: str = "") -> list[RunRow]:
-        """Return the newest `last` runs, newest first, started at or after `since`, ISO 8601 UTC."""
-        return self.select(RunQuery(since), last)
+    def runs(self, last: int) -> list[RunRow]:
+        """Return the newest `last` runs, newest first."""
+        return self.select(RunQuery(), last)
 
     def find(self, run: int) -> RunRow:
         """Return one run.
@@ -220,7 +201,7 @@ class Journal:
 
     def samples_path(self, run: int) -> Path:
         """Return the file of a run's samples."""
-        return self.folder / f"run-{run:06d}.arrows"
+        return samples_path(self.folder, run)
 
     def _reading(self) -> Index:
         """Return the index for reading, after all earlier records are written."""

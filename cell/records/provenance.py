@@ -3,14 +3,15 @@
 import hashlib
 import json
 from functools import lru_cache
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+from cell.records.versions import PROGRAM, installed
 
 if TYPE_CHECKING:
     from cell.config.cell_config import CellConfig
 
-PACKAGES = ("tactile-insertion-cell", "mujoco", "numpy", "numba", "opencv-contrib-python-headless", "pymodbus")
+PACKAGES = (PROGRAM, "mujoco", "numpy", "numba", "opencv-contrib-python-headless", "pymodbus")
 """Packages whose versions are in each record."""
 OWN = ("cell", "drivers", "plc_bridge", "sim", "skills")
 """Packages of this program."""
@@ -19,7 +20,7 @@ OWN = ("cell", "drivers", "plc_bridge", "sim", "skills")
 @lru_cache
 def versions() -> dict[str, str]:
     """Return the versions for a record, and a fingerprint of this program's code and arm files."""
-    return {**{name: _version(name) for name in PACKAGES}, "code": _code_hash()}
+    return {**{name: installed(name) for name in PACKAGES}, "code": _code_hash()}
 
 
 def config_text(config: "CellConfig") -> str:
@@ -46,10 +47,3 @@ def _code_hash() -> str:
     for file in sorted((root / "config" / "arms").glob("*.toml")):
         digest.update(file.read_bytes())
     return digest.hexdigest()[:16]
-
-
-def _version(name: str) -> str:
-    try:
-        return version(name)
-    except PackageNotFoundError:
-        return "not installed"

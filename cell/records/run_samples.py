@@ -7,11 +7,11 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from cell.records.index import OWNER_ONLY
+from cell.records.index import OWNER_ONLY, samples_path
 from cell.records.sample_blocks import SampleBlock
 from cell.records.samples import SampleFile
 from cell.records.schema import RunRow, StageRow
-from cell.records.upkeep import beginning_text, ending_text, samples_path
+from cell.records.upkeep import beginning_text, ending_text
 from drivers.errors import JournalError
 from drivers.scene_facts import SceneFacts
 

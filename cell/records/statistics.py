@@ -22,17 +22,11 @@ def student(freedom: int) -> float:
     return FEW.get(freedom) or z + (z**3 + z) / (4 * freedom) + (5 * z**5 + 16 * z**3 + 3 * z) / (96 * freedom**2)
 
 
-def wilson(successes: int, attempts: int, z: float = Z95) -> tuple[float, float]:
-    """Return the Wilson score interval of a success rate, [wilson], by default at 95 %.
-
-    Args:
-        successes: Number of successes.
-        attempts: Number of attempts; with none, the interval is 0 to 1.
-        z: Quantile of the normal distribution.
-    """
+def wilson(successes: int, attempts: int) -> tuple[float, float]:
+    """Return the Wilson score interval of a success rate, [wilson], at 95 %; without attempts, it is 0 to 1."""
     if attempts == 0:
         return 0.0, 1.0
-    share, n = successes / attempts, attempts
+    share, n, z = successes / attempts, attempts, Z95
     middle = (share + z * z / (2 * n)) / (1 + z * z / n)
     half = z / (1 + z * z / n) * math.sqrt(share * (1 - share) / n + z * z / (4 * n * n))
     # If all or none succeeded, rounding can leave the rate itself just outside the interval.

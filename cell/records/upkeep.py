@@ -14,7 +14,7 @@ import numpy as np
 from pydantic import TypeAdapter, ValidationError
 
 from cell.records import wall_clock
-from cell.records.index import INDEX, DamagedIndexError, Index
+from cell.records.index import INDEX, DamagedIndexError, Index, samples_path
 from cell.records.samples import read_rows, read_samples
 from cell.records.schema import LOST, UNKNOWN_RUN, EventKind, EventRow, RunRow, StageRow
 from drivers.errors import JournalError
@@ -35,11 +35,6 @@ class Keep:
     """Total size of samples beyond which the oldest are deleted, bytes; their runs stay on record."""
     least_free: int = 0
     """Free space of the disk below which the cell warns, bytes; below a tenth of it no samples are recorded."""
-
-
-def samples_path(folder: Path, run: int) -> Path:
-    """Return the file of a run's samples."""
-    return folder / f"run-{run:06d}.arrows"
 
 
 def sampled_runs(folder: Path) -> dict[int, Path]:
@@ -103,11 +98,11 @@ def close_lost_runs(index: Index, folder: Path, under_way: Collection[int] = ())
 
     Runs `under_way` in this program stay unchanged.
     """
-    known = {row.run: row for row in index.rows(RunRow, "WHERE outcome = 'running'") if row.run not in under_way}
-    listed = {int(run) for (run,) in index.execute("SELECT run FROM runs", [])}
-    unlisted = {run: path for run, path in sampled_runs(folder).items() if run not in listed and run not in under_way}
+    lost = [row for row in index.rows(RunRow, "WHERE outcome = 'running'") if row.run not in under_way]
+    known = {int(run) for (run,) in index.execute("SELECT run FROM runs", [])} | set(under_way)
+    unlisted = {run: path for run, path in sampled_runs(folder).items() if run not in known}
     with index.at_once():
-        for row in known.values():
+        for row in lost:
             _restore(index, row.run, samples_path(folder, row.run), row)
         for run, path in sorted(unlisted.items()):
             if path.stat().st_size:

@@ -56,6 +56,20 @@ _BAD_CONTENT = (ArithmeticError, LookupError, TypeError, ValueError, struct.erro
 """Errors raised if the index holds values that this program cannot have written."""
 
 
+class _Period:
+    """A repeated time; the first one begins now."""
+
+    def __init__(self, length: float) -> None:
+        self._length, self._end = length, time.monotonic() + length
+
+    def is_over(self, now: float) -> bool:
+        """Return True if the time is over at the monotonic time `now`, s; the next one begins then."""
+        if now < self._end:
+            return False
+        self._end = now + self._length
+        return True
+
+
 class JournalWriter:
     """The writing side of a journal; every method except `open`, `close` and `flush` returns at once."""
 
@@ -77,6 +91,8 @@ class JournalWriter:
         self.is_disk_low = False
         """True if the free space of the disk is below `Keep.least_free`."""
         self._lock = -1
+        self._given_up = 0.0
+        """Monotonic time after which waiting records are lost, s; 0 before the end."""
 
     @property
     def trouble(self) -> str:
@@ -217,15 +233,13 @@ class JournalWriter:
         self._delete_old()
 
     def _write_until_closed(self) -> None:
-        upkeep, disk, retry, ending = time.monotonic() + UPKEEP_PERIOD, 0.0, 0.0, 0.0
+        disk, upkeep, retry = _Period(DISK_PERIOD), _Period(UPKEEP_PERIOD), 0.0
         while True:
             now = time.monotonic()
-            if now - disk > DISK_PERIOD:
+            if disk.is_over(now):
                 self._look_at_disk()
-                disk = now
-            if now >= upkeep:
+            if upkeep.is_over(now):
                 self._delete_old()
-                upkeep = now + UPKEEP_PERIOD
             self._claim()
             if now >= retry and not self._write_rows():
                 retry = time.monotonic() + (RETRY_AFTER if not self._is_closing else RETRY_AFTER / 10.0)
@@ -233,17 +247,25 @@ class JournalWriter:
             with self._changed:
                 self._is_busy = False
                 self._changed.notify_all()
-                if self._is_closing:
-                    ending = ending or now + CLOSING_TIME
-                    if not self._rows and not self._blocks:
-                        return
-                    if now > ending:
-                        logger.error("%d rows of the journal are lost: %s", len(self._rows), self.trouble)
-                        return
-                waits_for_index = bool(self._rows)
-                if not self._blocks and (not self._rows or now < retry):
-                    self._changed.wait(0.05 if self._is_closing else RETRY_AFTER if waits_for_index else DISK_PERIOD)
+                if self._is_closing and self._has_written_or_given_up(now):
+                    return
+                self._rest(is_retry_due=now >= retry)
                 self._is_busy = True
+
+    def _rest(self, is_retry_due: bool) -> None:
+        """Wait for records, or for the next attempt to write rows."""
+        if not self._blocks and not (self._rows and is_retry_due):
+            self._changed.wait(0.05 if self._is_closing else RETRY_AFTER if self._rows else DISK_PERIOD)
+
+    def _has_written_or_given_up(self, now: float) -> bool:
+        """Return True at the end if all records are written, or `CLOSING_TIME` is over."""
+        if not self._rows and not self._blocks:
+            return True
+        self._given_up = self._given_up or now + CLOSING_TIME
+        if now <= self._given_up:
+            return False
+        logger.error("%d rows of the journal are lost: %s", len(self._rows), self.trouble)
+        return True
 
     def _is_idle(self) -> bool:
         is_dead = self._thread is None or not self._thread.is_alive()

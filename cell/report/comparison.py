@@ -12,18 +12,8 @@ from cell.report.words import overview
 ComparedLine = tuple[str, str, str]
 """Title of a compared value, and the value in each run."""
 _PLAIN = (
-    "started",
-    "program",
-    "recipe",
-    "serial",
-    "source",
-    "outcome",
-    "stage",
-    "reason",
-    "fault",
-    "message",
-    "seed",
-    "retries",
+    *("started", "program", "recipe", "serial", "source", "outcome"),
+    *("stage", "reason", "fault", "message", "seed", "retries"),
 )
 _SCALED = {
     "cycle_time": ("cycle: command to answer", 1.0, " s"),
@@ -45,12 +35,15 @@ def compared(
     tables = [("record", record), ("stage, without and with transfer", _stages(stages))]
     versions = [json.loads(row.versions) for row in rows]
     tables.append(("version that differs", _differences(versions[0], versions[1])))
-    if None in configs:
-        tables.append(("config", [("config on record", *("not kept" if text is None else "kept" for text in configs))]))  # type: ignore[list-item]
-    else:
-        flat = [dict(_flat(json.loads(text or "{}"))) for text in configs]
-        tables.append(("config key that differs", _differences(flat[0], flat[1])))
+    tables.append(_configs(*configs))
     return [(title, lines) for title, lines in tables if lines]
+
+
+def _configs(first: str | None, second: str | None) -> tuple[str, list[ComparedLine]]:
+    if first is None or second is None:
+        one, other = ("not kept" if text is None else "kept" for text in (first, second))
+        return "config", [("config on record", one, other)]
+    return "config key that differs", _differences(dict(_flat(json.loads(first))), dict(_flat(json.loads(second))))
 
 
 def compared_periods(first: Facts, second: Facts) -> list[tuple[str, list[ComparedLine]]]:

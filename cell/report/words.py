@@ -37,20 +37,13 @@ def overview(facts: Facts) -> list[Table]:
     low, high = facts.total.interval
     share = "no runs" if facts.total.share is None else _percent(facts.total.share)
     times = [
-        ("cycle: command to answer", _time(facts.cycle, "median"), _time(facts.cycle, "p95"), _n(facts.cycle)),
-        (
-            "search + insert + adjust",
-            _time(facts.insertion, "median"),
-            _time(facts.insertion, "p95"),
-            _n(facts.insertion),
-        ),
+        ("cycle: command to answer", *_times(facts.cycle)),
+        ("search + insert + adjust", *_times(facts.insertion)),
     ]
     for stage in facts.stages:
         name = stage.name.replace("_", " ")
-        times.append((name, _time(stage.counted, "median"), _time(stage.counted, "p95"), _n(stage.counted)))
-        times.append(
-            (f"{name} with its transfer", _time(stage.whole, "median"), _time(stage.whole, "p95"), _n(stage.whole))
-        )
+        times.append((name, *_times(stage.counted)))
+        times.append((f"{name} with its transfer", *_times(stage.whole)))
     counts = ", ".join(f"{count} {outcome}" for outcome, count in facts.outcomes.items())
     found: list[Table] = [
         (
@@ -124,12 +117,9 @@ def _percent(share: float | None) -> str:
     return "-" if share is None else f"{100 * share:.1f} %"
 
 
-def _time(times: dict[str, float] | None, which: str) -> str:
-    return "-" if times is None else f"{times[which]:.2f}"
-
-
-def _n(times: dict[str, float] | None) -> str:
-    return "0" if times is None else str(int(times["n"]))
+def _times(times: dict[str, float] | None) -> tuple[str, str, str]:
+    """Return median, 95th percentile and number of the times."""
+    return ("-", "-", "0") if times is None else (f"{times['median']:.2f}", f"{times['p95']:.2f}", str(int(times["n"])))
 
 
 def _forces(facts: Facts) -> str:

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from cell.records.journal import Journal
 from cell.records.schema import EventKind, EventRow
 from cell.records.wall_clock import now_text
-from cell.run.live import Pull
+from cell.run.live import CablePull
 from cell.run.states import State
 from drivers.errors import CellError, JournalError
 from plc_bridge.protocol.messages import Command, Control, Refusal
@@ -49,7 +49,7 @@ class EventLog:
                 text = texts.get(bit, "") if now & bit else ""
                 self._note(EventKind.WARNING, name if now & bit else f"{name} is over", text=text)
 
-    def rehearsal(self, pull: Pull) -> None:
+    def rehearsal(self, pull: CablePull) -> None:
         """Record that a viewer unplugged or plugged in a cable of a simulated cell."""
         self._note(EventKind.REHEARSAL, f"{pull.cable} {'unplugged' if pull.is_out else 'plugged in'}", by=pull.source)
 

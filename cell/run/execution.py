@@ -94,14 +94,13 @@ class Execution:
             self._open(command, entry, config, taken)
             if entry.starts_empty and not self._part.is_resolved:
                 claim = RECOVER.claim
-                records.extend(RECOVER.run(config.skill_set(), self._context))
-            if self._part.is_resolved or not entry.starts_empty:
-                claim = entry.claim
-                self._take_peg(entry, config)
-                self._context.job = self.learning.prepared(self._context.job, command.recipe)
-                records.extend(entry.run(config.skill_set(), self._context))
-            for record in records:
-                CATALOGUE.require_known(record)
+                self._go(RECOVER, config, records)
+                if not self._part.is_resolved:
+                    return
+            claim = entry.claim
+            self._take_peg(entry, config)
+            self._context.job = self.learning.prepared(self._context.job, command.recipe)
+            self._go(entry, config, records)
 
         fault = fault_of(work)
         self._watch(False)
@@ -147,6 +146,12 @@ class Execution:
         ctx.perception = make_perception(config)
         self._desk.enter(Event.FINISHED)
         self._watch(True)
+
+    def _go(self, entry: Entry, config: CellConfig, records: list[StageRecord]) -> None:
+        """Run a program or a skill; `records` gets its stages."""
+        records.extend(entry.run(config.skill_set(), self._context))
+        for record in records:
+            CATALOGUE.require_known(record)
 
     def _take_peg(self, entry: Entry, config: CellConfig) -> None:
         """Select the next slot of the rack if the program starts with an empty hand."""

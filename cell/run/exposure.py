@@ -24,26 +24,21 @@ def exposures(
     plc: PlcConfig, page: Address | None = None, metrics: Address | None = None, opcua: Address | None = None
 ) -> list[str]:
     """Return one line for each open port: what unknown computers can do there."""
-    found = []
-    if not is_local(plc.modbus.host) and not plc.modbus.allow:
-        found.append(
-            f"plc.modbus {plc.modbus.host}:{plc.modbus.port}: open to every computer that reaches it, to read, command and stop;"
-            " plc.modbus.allow names those that may"
-        )
-    if opcua is not None and not is_local(opcua[0]) and plc.opcua_anonymous:
-        found.append(f"--opcua {opcua[0]}:{opcua[1]}: open to every computer that reaches it, to read")
-    if page is not None and not is_local(page[0]):
-        may = (
-            "anybody who has it may show the token"
-            if plc.tls is not None
-            else "the token is refused, for [plc.tls] is missing"
-        )
-        found.append(f"--page {page[0]}:{page[1]}: open to every computer that reaches it, to look; {may}")
-    if metrics is not None and not is_local(metrics[0]):
-        found.append(
-            f"--metrics {metrics[0]}:{metrics[1]}: open to every computer that reaches it, to read the figures"
-        )
-    return found
+    modbus = None if plc.modbus.allow else (plc.modbus.host, plc.modbus.port)
+    token = "anybody who has it may show the token"
+    if plc.tls is None:
+        token = "the token is refused, for [plc.tls] is missing"
+    served = (
+        ("plc.modbus", modbus, "read, command and stop; plc.modbus.allow names those that may"),
+        ("--opcua", opcua if plc.opcua_anonymous else None, "read"),
+        ("--page", page, f"look; {token}"),
+        ("--metrics", metrics, "read the figures"),
+    )
+    return [
+        f"{name} {at[0]}:{at[1]}: open to every computer that reaches it, to {what}"
+        for name, at, what in served
+        if at is not None and not is_local(at[0])
+    ]
 
 
 def key_days(tls: TlsConfig | None) -> Mapping[str, float]:

@@ -4,6 +4,7 @@ import hashlib
 import json
 import logging
 from collections.abc import Callable, Sequence
+from dataclasses import asdict
 from datetime import datetime
 from pathlib import Path
 from queue import Empty, SimpleQueue
@@ -207,15 +208,7 @@ class Learning:
                 hole,
                 estimate.parts,
             )
-        place = LearnedPlace(
-            job=digest(job),
-            mean=estimate.mean,
-            variance=estimate.variance,
-            scatter=estimate.scatter,
-            parts=estimate.parts,
-            stray=estimate.stray,
-            updated=self._now(),
-        )
+        place = LearnedPlace(job=digest(job), **asdict(estimate), updated=self._now())
         try:
             learned = self._known()
         except ConfigError as error:

@@ -23,7 +23,7 @@ class Look:
 
 
 @dataclass(frozen=True, slots=True)
-class Pull:
+class CablePull:
     """Request to unplug a cable of a simulated cell, or to plug it in again."""
 
     cable: str
@@ -39,7 +39,7 @@ class Live:
     def __init__(self) -> None:
         """Start empty."""
         self._looks: deque[Look] = deque(maxlen=KEPT)
-        self._pulls: deque[Pull] = deque(maxlen=KEPT)
+        self._pulls: deque[CablePull] = deque(maxlen=KEPT)
         self.fault = ""
         """Message of the last fault; the report shows whether it is still present."""
         self.evidence = ""
@@ -58,10 +58,10 @@ class Live:
             looks.append(self._looks.popleft())
         return looks
 
-    def pull(self, pull: Pull) -> None:
+    def pull(self, pull: CablePull) -> None:
         """Queue a cable request for the next scan."""
         self._pulls.append(pull)
 
-    def pulls(self) -> list[Pull]:
+    def pulls(self) -> list[CablePull]:
         """Return the cable requests since the last call, oldest first; for the scan thread."""
         return [self._pulls.popleft() for _ in range(len(self._pulls))]

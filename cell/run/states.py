@@ -48,20 +48,9 @@ ASKED = (Event.RESET, Event.STOP, Event.HOLD, Event.UNHOLD, Event.ABORT, Event.C
 The names in line, terminal and records are derived from these.
 """
 
-_STOPPABLE = (
-    State.STARTING,
-    State.IDLE,
-    State.SUSPENDED,
-    State.EXECUTE,
-    State.HOLDING,
-    State.HELD,
-    State.UNHOLDING,
-    State.SUSPENDING,
-    State.UNSUSPENDING,
-    State.RESETTING,
-    State.COMPLETING,
-    State.COMPLETE,
-)
+BEFORE_RESET = (State.ABORTING, State.ABORTED, State.CLEARING, State.STOPPING, State.STOPPED)
+"""States in which the cell must be reset before it can start; a requested RESET includes CLEAR in Aborted."""
+_STOPPABLE = tuple(state for state in State if state not in BEFORE_RESET)
 
 TRANSITIONS: dict[tuple[State, Event], State] = {
     (State.IDLE, Event.START): State.STARTING,
@@ -84,9 +73,6 @@ TRANSITIONS: dict[tuple[State, Event], State] = {
     **{(state, Event.ABORT): State.ABORTING for state in (*_STOPPABLE, State.STOPPED, State.STOPPING, State.CLEARING)},
 }
 """All permitted transitions; those into Suspending and Unsuspending are left out, because no event suspends this cell."""
-
-BEFORE_RESET = (State.ABORTING, State.ABORTED, State.CLEARING, State.STOPPING, State.STOPPED)
-"""States in which the cell must be reset before it can start; a requested RESET includes CLEAR in Aborted."""
 
 
 def is_permitted(state: State, event: Event) -> bool:

@@ -12,6 +12,7 @@ from threading import Timer
 from cell.config.cell_config import CellConfig
 from cell.config.load import LoadedConfig, with_parameters
 from cell.devices.assembly import Cell
+from cell.peg.part_state import PartState
 from cell.peg.part_watch import PartWatch
 from cell.records.journal import Journal
 from cell.records.schema import RunRow
@@ -101,9 +102,9 @@ class Supervisor:
         return self._execution.last
 
     @property
-    def where_the_peg_is(self) -> str:
-        """Place of the peg, its evidence and the remedy, one line."""
-        return self._part.told
+    def part(self) -> PartState:
+        """Last known state of the peg."""
+        return self._part.part
 
     @property
     def misfit(self) -> str:

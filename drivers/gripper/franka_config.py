@@ -4,7 +4,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from drivers.config_model import ConfigModel, Quantity
+from drivers.config_model import ConfigModel, Figure
 
 
 class FrankaGripperConfig(ConfigModel):
@@ -17,5 +17,5 @@ class FrankaGripperConfig(ConfigModel):
     """Kind of the gripper: a Franka hand behind the maker's control interface."""
     host: Annotated[str, Field(min_length=1)]
     """Network address of the arm's control interface, which the hand shares."""
-    speed: Annotated[float, Field(ge=0.01, le=0.1), Quantity("m/s")] = 0.05
+    speed: Annotated[float, Figure("m/s"), Field(exclude=True)] = 0.05
     """Speed at which the distance between the fingers changes, m/s. Source: chosen, not measured."""

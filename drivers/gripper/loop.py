@@ -30,13 +30,8 @@ def main() -> None:
         try:
             if gripper is None:
                 gripper = pylibfranka.Gripper(host)
-            readable, _, _ = select.select([sys.stdin], [], [], 0.0)
-            if readable:
-                line = sys.stdin.readline()
-                if not line:
-                    return
-                words = line.split()
-                print("done", words[0], int(_obey(gripper, words)), flush=True)
+            if not _serve_command(gripper):
+                return
             state = gripper.read_once()
             if time.monotonic() >= reported + REPORT_PERIOD:
                 reported = time.monotonic()
@@ -51,6 +46,17 @@ def main() -> None:
             readable, _, _ = select.select([sys.stdin], [], [], RECONNECT_PERIOD)
             if readable and not sys.stdin.readline():
                 return
+
+
+def _serve_command(gripper: Any) -> bool:
+    """Obey the next command, if there is one; return False if the cell has closed its end of the pipe."""
+    readable, _, _ = select.select([sys.stdin], [], [], 0.0)
+    if not readable:
+        return True
+    words = sys.stdin.readline().split()
+    if words:
+        print("done", words[0], int(_obey(gripper, words)), flush=True)
+    return bool(words)
 
 
 def _obey(gripper: Any, words: list[str]) -> bool:

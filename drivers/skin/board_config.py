@@ -78,8 +78,6 @@ class BoardSkinConfig(ConfigModel):
     """Scan rate that the board is set to, Hz; boards make 10 to 100. Source: [gibbons], Sec. VI."""
     layout: Layout = "parallelogram"
     """Arrangement of the two modules of a finger. Source: set for each cell."""
-    silent_frames: Annotated[float, Field(ge=1.5, le=100.0), Quantity("multiple")] = 3.5
-    """Time without a scan after which the skin is silent, multiple of the period."""
     open_timeout: Annotated[float, Field(ge=0.1, le=60.0), Quantity("s")] = 3.0
     """Longest wait for the board's first scan, s."""
     health: SkinHealthConfig = SkinHealthConfig()

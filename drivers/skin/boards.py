@@ -19,7 +19,7 @@ from drivers.skin.board_config import (
 )
 from drivers.skin.dialogue import RETRY, RawScan
 from drivers.skin.figures import SkinFigures
-from drivers.skin.health import SkinHealth
+from drivers.skin.health import SILENT_FRAMES, SkinHealth
 from drivers.skin.host_file import HostFile
 from drivers.skin.layout import layout_of, shape_of
 from drivers.skin.order import TaxelOrder
@@ -43,7 +43,7 @@ class BoardSkin:
 
     def __init__(self, config: BoardSkinConfig, port: SkinPort, clock: Clock) -> None:
         self._config, self._port, self._clock = config, port, clock
-        self._limit = config.silent_frames / config.rate
+        self._limit = SILENT_FRAMES / config.rate
         self._is_open = False
         self._forget()
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from drivers.config_model import ConfigModel, Quantity
+from drivers.config_model import ConfigModel, Figure, Quantity
 from drivers.errors import SkinUntrustedError
 from drivers.quantities import FINGER_NAMES, FINGERS, Mask, TaxelFrame, Vector
 from drivers.skin.layout import Layout, layout_of, module_of
@@ -19,6 +19,8 @@ Counts = NDArray[np.uint16]
 
 ERROR_COUNT = 43000
 """First count that marks an error instead of a pressure; host software of [cyskin]."""
+SILENT_FRAMES = 3.5
+"""Time without a frame after which a skin is silent, multiple of its period; chosen, not measured."""
 BASELINE_FRAMES = 50
 """Least number of frames of a baseline; with fewer, their noise would remain in the baseline."""
 
@@ -37,19 +39,19 @@ class SkinHealthConfig(ConfigModel):
 
     baseline_frames: Annotated[int, Field(ge=BASELINE_FRAMES, le=10_000)] = BASELINE_FRAMES
     """Number of frames without a load whose mean is the baseline."""
-    saturation: Annotated[int, Field(ge=1000, le=ERROR_COUNT), Quantity("counts")] = 42_900
+    saturation: Annotated[int, Figure("counts"), Field(exclude=True)] = 42_900
     """Reading at which the converter saturates, counts; the pressure is then at least this reading. Source: chosen just below
     the error codes of [cyskin].
     """
-    stuck_frames: Annotated[int, Field(ge=5, le=100_000)] = 30
+    stuck_frames: Annotated[int, Figure("count"), Field(exclude=True)] = 30
     """Number of equal readings in a row that mark a taxel as stuck, because noise changes a live taxel."""
-    frozen_frames: Annotated[int, Field(ge=2, le=100_000)] = 5
+    frozen_frames: Annotated[int, Figure("count"), Field(exclude=True)] = 5
     """Number of identical frames in a row that mark the board as frozen."""
-    drift_time: Annotated[float, Field(ge=1.0, le=1e5), Quantity("s")] = 3.0
+    drift_time: Annotated[float, Figure("s"), Field(exclude=True)] = 3.0
     """Time constant with which the baseline follows the untouched skin, s; derived from the noise and drift of [cyskin].
     Source: docs/tried/angle.md.
     """
-    touch: Annotated[float, Field(ge=3.0, le=20.0), Quantity("standard deviations")] = 5.0
+    touch: Annotated[float, Figure("standard deviations"), Field(exclude=True)] = 5.0
     """Height above the baseline at which a taxel counts as touched, standard deviations of its noise."""
     least_touch: Annotated[float, Field(gt=0.0, le=0.25), Quantity("fraction")] = 0.0025
     """Smallest change that counts as a touch, fraction of the skin's full scale, independent of the noise."""

@@ -27,6 +27,10 @@ ROW = PITCH * 0.75**0.5
 """Distance between neighbouring rows of a triangle, m."""
 GAP = 7.6e-3
 """Distance between the facing rows of the layout `base_to_base`, m."""
+SOFTEST_SHEAR, STIFFEST_SHEAR = 5e3, 5e4
+"""Stiffness of both pads in their plane under the closed grip, N/m, in the softest and in the stiffest skin: assumed; the latter is rubber of
+60 kPa shear modulus, 180 mm² a pad under an 8 mm peg, 0.4 mm of it left.
+"""
 MODULE_TAXELS = 10
 """Number of taxels of one module of the shipped layouts."""
 

@@ -80,12 +80,7 @@ class SerialSuccessSwitch:
         if self._lost:
             return self._lost
         if report is None:
-            if self._decoder.refused:
-                return (
-                    f"{where}: {self._decoder.refused} bytes came, none of them a valid report; "
-                    f"another board, a baud rate other than {BAUD_RATE}, or a bad cable"
-                )
-            return f"{where}: silent; check supply and cable, and whether this is the board's port"
+            return f"{where}: {self._silence()}"
         age = self._clock.now() - self._stamp
         if age > STALE:
             return f"{where}: newest report {age:.3f} s old > {STALE} s limit; check supply and cable"
@@ -97,9 +92,16 @@ class SerialSuccessSwitch:
         if report.contacts is Contacts.DISAGREE:
             both = "both contacts conduct: a short" if report.normally_open else "no contact conducts: a broken wire"
             return f"{where}: {both}, or a stuck lever"
-        if report.contacts is Contacts.UNKNOWN:
-            return f"{where}: started again, contacts not yet debounced"
-        return ""
+        return f"{where}: started again, contacts not yet debounced" if report.contacts is Contacts.UNKNOWN else ""
+
+    def _silence(self) -> str:
+        """Return the reason why no report has arrived."""
+        if not self._decoder.refused:
+            return "silent; check supply and cable, and whether this is the board's port"
+        return (
+            f"{self._decoder.refused} bytes came, none of them a valid report; "
+            f"another board, a baud rate other than {BAUD_RATE}, or a bad cable"
+        )
 
     def _forget(self) -> None:
         self._decoder = Decoder()

@@ -265,13 +265,7 @@ def is_traffic(path: Path) -> bool:
 
 
 def _read(path: Path) -> tuple[str, list[_Look]]:
-    try:
-        lines = path.read_text(encoding="utf-8").splitlines()
-    except (OSError, UnicodeDecodeError) as error:
-        raise ConfigError(f"{path}: cannot be read: {getattr(error, 'strerror', None) or 'not text'}") from None
-    wire = lines[0].removeprefix(HEAD) if lines and lines[0].startswith(HEAD) else ""
-    if wire not in ("can", "serial"):
-        raise ConfigError(f'{path}: no recorded traffic; a first line "{HEAD}can" or "{HEAD}serial" needed')
+    wire, lines = _lines(path)
     looks: list[_Look] = []
     parse: dict[str, Callable[[str], object]] = {
         "@": lambda text: looks.append(_Look(float(text))),
@@ -279,16 +273,27 @@ def _read(path: Path) -> tuple[str, list[_Look]]:
         ">": lambda text: looks[-1].sent.append(_hexadecimal(text)),
         "!": lambda text: setattr(looks[-1], "failed", text),
     }
-    for number, line in enumerate(lines[1:], 2):
+    for number, line in enumerate(lines, 2):
         try:
             parse[line[:1]](line[2:])
         except (KeyError, ValueError, IndexError):
-            if number == len(lines) and looks:
+            if number == len(lines) + 1 and looks:
                 break  # the recording was cut off in the middle of a line
             raise ConfigError(f"{path}: line {number}: {line[:40]!r}: no traffic") from None
     if not looks:
         raise ConfigError(f"{path}: no traffic in it")
     return wire, looks
+
+
+def _lines(path: Path) -> tuple[str, list[str]]:
+    """Return the kind of wire of a recording and its lines below the first."""
+    try:
+        first, *lines = path.read_text(encoding="utf-8").splitlines() or [""]
+    except (OSError, UnicodeDecodeError) as error:
+        raise ConfigError(f"{path}: cannot be read: {getattr(error, 'strerror', None) or 'not text'}") from None
+    if first not in (f"{HEAD}can", f"{HEAD}serial"):
+        raise ConfigError(f'{path}: no recorded traffic; a first line "{HEAD}can" or "{HEAD}serial" needed')
+    return first.removeprefix(HEAD), lines
 
 
 def _hexadecimal(text: str) -> str:

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from drivers.errors import CellError
-from drivers.transport.wires import CanFrame, CanLostError
+from drivers.transport.wires import CanFrame, CanLink, CanLostError
 from plc_bridge.canopen.node import CanopenNode
 from plc_bridge.config import CanConfig
 from plc_bridge.protocol.images import Diagnostics
@@ -32,23 +32,11 @@ FIRST_QUIET, LONGEST_QUIET = 5.0, 60.0
 """Shortest and longest silence after which a bus with previous traffic is reopened, s; some buses fail without an error."""
 
 
-class Bus(Protocol):
-    """A CAN bus, such as `drivers.transport.can_bus.CanBus`."""
+class Bus(CanLink, Protocol):
+    """A CAN bus with a name that counts bad frames, such as `drivers.transport.can_bus.CanBus`."""
 
     name: str
     bad_frames: int
-
-    def open(self) -> None:
-        """Open the bus."""
-
-    def close(self) -> None:
-        """Close the bus."""
-
-    def read(self, timeout: float) -> CanFrame | None:
-        """Return the next frame; None if none arrives within `timeout`, s."""
-
-    def write(self, frame: CanFrame) -> None:
-        """Send a frame."""
 
 
 @dataclass(slots=True)

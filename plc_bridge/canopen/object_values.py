@@ -14,7 +14,7 @@ _TOO_SHORT, _TOO_HIGH, _TOO_LOW = 0x06070013, 0x06090031, 0x06090032
 
 
 class Values:
-    """The values behind the dictionary: a `sdo.Objects`.
+    """The values behind the dictionary, as a client of the SDO server may access them.
 
     Args:
         dictionary: Dictionary of the node.

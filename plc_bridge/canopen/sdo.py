@@ -6,9 +6,10 @@ length and never bounds its buffer (seen in 2.4.1). Block transfer is refused, a
 
 import struct
 from dataclasses import dataclass
-from typing import Protocol
 
 from canopen import SdoAbortedError
+
+from plc_bridge.canopen.object_values import Values
 
 TOGGLE, COMMAND, LENGTH, TOO_LONG = 0x05030000, 0x05040001, 0x06070010, 0x06070012
 ABORT = 0x80
@@ -18,19 +19,6 @@ SEGMENT_TIMEOUT = 5.0
 _HEAD = struct.Struct("<BHB4s")
 _ABORT = struct.Struct("<BHBL")
 _TOGGLE_BIT, _LAST_BIT = 0x10, 0x01
-
-
-class Objects(Protocol):
-    """The object dictionary, as a client may access it; every method raises `SdoAbortedError` if the access is not permitted."""
-
-    def read(self, index: int, subindex: int) -> bytes:
-        """Return an object's value, little-endian."""
-
-    def write(self, index: int, subindex: int, data: bytes) -> None:
-        """Set an object's value."""
-
-    def room(self, index: int, subindex: int) -> int:
-        """Return the largest number of bytes for a write to an object."""
 
 
 @dataclass(slots=True)
@@ -52,7 +40,7 @@ class _Transfer:
 class SdoServer:
     """The default SDO server of one node; it has one client at a time."""
 
-    def __init__(self, objects: Objects) -> None:
+    def __init__(self, objects: Values) -> None:
         self._objects = objects
         self._transfer: _Transfer | None = None
 
@@ -67,29 +55,33 @@ class SdoServer:
             request: Payload of the frame.
             now: Monotonic time, s.
         """
-        command, index, subindex, data = _HEAD.unpack(request)
-        specifier = command >> 5
-        transfer = self._transfer
+        command, index, subindex, _ = _HEAD.unpack(request)
+        specifier, transfer = command >> 5, self._transfer
         if transfer is not None and now - transfer.stamp > SEGMENT_TIMEOUT:
             self._transfer = None
+        if specifier == 4:
+            self._transfer = None
+            return None
         if specifier in (0, 3):
             index, subindex = (transfer.index, transfer.subindex) if transfer is not None else (0, 0)
         try:
-            if specifier == 4:
-                self._transfer = None
-                return None
-            if specifier == 1:
-                return self._start_download(command, index, subindex, data, now)
-            if specifier == 2:
-                return self._start_upload(index, subindex, now)
-            if specifier == 0:
-                return self._take_segment(command, request[1:], now)
-            if specifier == 3:
-                return self._give_segment(command, now)
-            raise SdoAbortedError(COMMAND)
+            return self._serve(specifier, request, now)
         except SdoAbortedError as error:
             self._transfer = None
             return _ABORT.pack(ABORT, index, subindex, error.code)
+
+    def _serve(self, specifier: int, request: bytes, now: float) -> bytes:
+        command, index, subindex, data = _HEAD.unpack(request)
+        match specifier:
+            case 0:
+                return self._take_segment(command, request[1:], now)
+            case 1:
+                return self._start_download(command, index, subindex, data, now)
+            case 2:
+                return self._start_upload(index, subindex, now)
+            case 3:
+                return self._give_segment(command, now)
+        raise SdoAbortedError(COMMAND)
 
     def _start_download(self, command: int, index: int, subindex: int, data: bytes, now: float) -> bytes:
         self._transfer = None

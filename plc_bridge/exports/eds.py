@@ -32,7 +32,7 @@ def as_eds(registers: Sequence[Register]) -> str:
     objects = dictionary(registers)
     by_place = {(register.index, register.subindex): register for register in registers}
     year, month, day = VERSION_DATE.split("-")
-    made = {"Time": "12:00AM", "Date": f"{month}-{day}-{year}"}
+    time, date = "12:00AM", f"{month}-{day}-{year}"
     lines = [
         *_section(
             "FileInfo",
@@ -42,11 +42,11 @@ def as_eds(registers: Sequence[Register]) -> str:
                 "FileRevision": VERSION_MINOR,
                 "EDSVersion": "4.0",
                 "Description": f"{DEVICE_NAME}, register map {VERSION_MAJOR}.{VERSION_MINOR}",
-                "CreationTime": made["Time"],
-                "CreationDate": made["Date"],
+                "CreationTime": time,
+                "CreationDate": date,
                 "CreatedBy": "cell map",
-                "ModificationTime": made["Time"],
-                "ModificationDate": made["Date"],
+                "ModificationTime": time,
+                "ModificationDate": date,
                 "ModifiedBy": "cell map",
             },
         ),
@@ -54,17 +54,19 @@ def as_eds(registers: Sequence[Register]) -> str:
         *_section("DummyUsage", {f"Dummy{number:04d}": 0 for number in range(1, _DUMMIES + 1)}),
         *_section("Comments", {"Lines": 1, "Line1": "made by `cell map --format eds`"}),
     ]
-    lists = {
-        "MandatoryObjects": [index for index in objects if index in _MANDATORY],
-        "OptionalObjects": [i for i in objects if i not in _MANDATORY and i not in _MANUFACTURER],
-        "ManufacturerObjects": [index for index in objects if index in _MANUFACTURER],
-    }
-    for name, indices in lists.items():
+    for name in ("MandatoryObjects", "OptionalObjects", "ManufacturerObjects"):
+        indices = [index for index in objects if _list_of(index) == name]
         numbered = {str(n): f"0x{index:04X}" for n, index in enumerate(indices, 1)}
         lines += _section(name, {"SupportedObjects": len(indices), **numbered})
         for index in indices:
             lines += _object(objects, index, by_place)
     return "\r\n".join(lines)  # CiA 306 requires lines that end with CR LF
+
+
+def _list_of(index: int) -> str:
+    if index in _MANUFACTURER:
+        return "ManufacturerObjects"
+    return "MandatoryObjects" if index in _MANDATORY else "OptionalObjects"
 
 
 def _section(name: str, entries: Mapping[str, object], comment: str = "") -> Iterator[str]:

@@ -21,7 +21,18 @@ from plc_bridge.exports.function_block import (
 from plc_bridge.exports.function_block_body import Language
 from plc_bridge.protocol.registers import PARAMETERS, STAGES, Register
 
-DATA = "DB_InsertionCell"
+_DATA = """\
+DATA_BLOCK "DB_InsertionCell"
+{ S7_Optimized_Access := 'FALSE' }
+VERSION : 0.1
+    STRUCT
+        Command : "UDT_CellCommand"; // MB_CLIENT writes it to the holding registers from 0 on
+        Report : "UDT_CellReport"; // MB_CLIENT reads it from the input registers from 0 on
+    END_STRUCT;
+BEGIN
+END_DATA_BLOCK
+"""
+"""The data block for the Modbus client."""
 _TYPES = {"u16": "UInt", "u32": "UDInt", "i16": "Int", "i32": "DInt"}
 _UDTS = {COMMAND: "UDT_CellCommand", REPORT: "UDT_CellReport", NAMES: "UDT_CellNames", "TON": "TON_TIME"}
 _GROUPED = {"parameter": PARAMETERS, "stage_time": STAGES}
@@ -36,7 +47,7 @@ def as_scl(registers: Sequence[Register], names: Mapping[str, int]) -> str:
         *_udt("UDT_CellReport", _members(block.registers["Report"])),
         *_udt("UDT_CellNames", (f"{name} : UInt := {number};" for name, number in names.items())),
         *_block(block),
-        *_data(),
+        *_DATA.splitlines(),
     ]
     return "\r\n".join(lines) + "\r\n"
 
@@ -108,15 +119,3 @@ def _declaration(variable: Variable, block: FunctionBlock) -> str:
         kind = _UDTS[kind] if kind == "TON" else f'"{_UDTS[kind]}"'
     first = f" := {variable.initial}" if variable.initial else ""
     return f"{variable.name} : {kind}{first};" + (f" // {variable.meaning}" if variable.meaning else "")
-
-
-def _data() -> Iterator[str]:
-    yield f'DATA_BLOCK "{DATA}"'
-    yield "{ S7_Optimized_Access := 'FALSE' }"
-    yield "VERSION : 0.1"
-    yield "    STRUCT"
-    yield '        Command : "UDT_CellCommand"; // MB_CLIENT writes it to the holding registers from 0 on'
-    yield '        Report : "UDT_CellReport"; // MB_CLIENT reads it from the input registers from 0 on'
-    yield "    END_STRUCT;"
-    yield "BEGIN"
-    yield "END_DATA_BLOCK"

@@ -7,33 +7,18 @@ way; if there are only such connections, the newcomer is rejected.
 """
 
 from collections import Counter
-from collections.abc import Collection
-from typing import Protocol, TypeVar
+from collections.abc import Collection, Sequence
 
-
-class Guest(Protocol):
-    """The properties of a connection that admission needs."""
-
-    address: str
-    """Address of its host."""
-    arrived: float
-    """Time at which the connection was accepted, s."""
-    heard: float | None
-    """Time of its last request, s; None before the first."""
-
-    @property
-    def holds_stop(self) -> bool:
-        """True if the connection holds its stop coil at 1; if it closes, the coil falls to 0."""
-
-
-T = TypeVar("T", bound=Guest)
+from plc_bridge.modbus.connection import Connection
 
 
 class NoPlaceError(Exception):
     """No connection can be closed for a newcomer."""
 
 
-def who_leaves(guests: Collection[T], kept: Collection[T], address: str, places: int, places_of_host: int) -> T | None:
+def who_leaves(
+    guests: Collection[Connection], kept: Collection[Connection], address: str, places: int, places_of_host: int
+) -> Connection | None:
     """Return the connection to close for a newcomer, or None if there is a free place.
 
     Args:
@@ -56,6 +41,10 @@ def who_leaves(guests: Collection[T], kept: Collection[T], address: str, places:
     asked = [guest for guest in asked if guest not in kept]
     if not asked:
         raise NoPlaceError
+    return _least_needed(asked)
+
+
+def _least_needed(asked: Sequence[Connection]) -> Connection:
     silent = [guest for guest in asked if guest.heard is None]
     if not silent:
         return min(asked, key=lambda guest: (guest.holds_stop, guest.heard or 0.0))

@@ -7,14 +7,14 @@ cannot be served gets its exception. The unit identifier is not used for address
 import asyncio
 import socket
 import struct
-from typing import Protocol
+from typing import TYPE_CHECKING
 
 from plc_bridge.config import ALL_RIGHTS, Right
 from plc_bridge.modbus.pdu import is_exception, respond
-from plc_bridge.protocol.images import Diagnostics
-from plc_bridge.protocol.mailbox import Mailbox
-from plc_bridge.protocol.peer_log import PeerLog
 from plc_bridge.protocol.station import LinkStation
+
+if TYPE_CHECKING:
+    from plc_bridge.modbus.server import ModbusServer
 
 HEADER = struct.Struct(">HHHB")
 """Transaction, protocol, number of bytes after the length field, unit."""
@@ -28,29 +28,10 @@ SEND_BUFFER = 8192
 """Number of unsent bytes buffered here if a client does not read; the system buffers about twice as many."""
 
 
-class ServerOfConnections(Protocol):
-    """The part of its server that a connection needs."""
-
-    mailbox: Mailbox
-    counts: Diagnostics
-    log: PeerLog
-    loop: asyncio.AbstractEventLoop
-    crowd: int
-    """Number of connections with more requests than one turn answers."""
-    worked: float
-    """Time spent on requests since the start, s."""
-
-    def admit(self, connection: "Connection") -> bool:
-        """Give a connection its link, or reject it."""
-
-    def leave(self, connection: "Connection") -> None:
-        """Remove a connection that has ended."""
-
-
 class Connection(asyncio.Protocol):
     """One client."""
 
-    def __init__(self, server: ServerOfConnections) -> None:
+    def __init__(self, server: "ModbusServer") -> None:
         self._server = server
         self._identity = ""
         self._is_lost = False
@@ -65,7 +46,9 @@ class Connection(asyncio.Protocol):
         self.station: LinkStation | None = None
         """View of the registers; None until the connection is admitted."""
         self.arrived = 0.0
+        """Time at which it was accepted, s."""
         self.heard: float | None = None
+        """Time of its last request, s; None before the first."""
 
     @property
     def holds_stop(self) -> bool:

@@ -1,97 +1,45 @@
-"""One Modbus request in, one response out: strict about every length, count and value, with pymodbus's codec.
+"""One Modbus request in, one response out: strict about every length, count and value.
 
-The code is the same for every framing; the `Station` gives the words their meaning.
+The code is the same for every framing; the station gives the words their meaning. Source of the bytes: Modbus Application
+Protocol V1.1b3, chapter 6.
 """
 
 import struct
-from collections.abc import Sequence
-from typing import Protocol
+from collections.abc import Callable, Sequence
 
 from pymodbus.constants import ExcCodes
-from pymodbus.pdu import ModbusPDU
-from pymodbus.pdu.bit_message import (
-    ReadCoilsResponse,
-    ReadDiscreteInputsResponse,
-    WriteMultipleCoilsRequest,
-    WriteMultipleCoilsResponse,
-    WriteSingleCoilResponse,
-)
-from pymodbus.pdu.exceptionresponse import ExceptionResponse
-from pymodbus.pdu.register_message import (
-    MaskWriteRegisterResponse,
-    ReadHoldingRegistersResponse,
-    ReadInputRegistersResponse,
-    ReadWriteMultipleRegistersRequest,
-    ReadWriteMultipleRegistersResponse,
-    WriteMultipleRegistersRequest,
-    WriteMultipleRegistersResponse,
-    WriteSingleRegisterResponse,
-)
 
 from plc_bridge.modbus.identity import DEVICE_IDENTIFICATION, RETURN_QUERY_DATA, device_identification, server_id
+from plc_bridge.protocol.station import LinkStation
 
-MOST_BITS_READ, MOST_BITS_WRITTEN = 2000, 1968  # Modbus Application Protocol V1.1b3, 6.1, 6.11
-MOST_WORDS_READ, MOST_WORDS_WRITTEN, MOST_WORDS_EXCHANGED = 125, 123, 121  # the same, 6.3, 6.12, 6.17
+MOST_BITS_READ, MOST_BITS_WRITTEN = 2000, 1968  # 6.1, 6.11
+MOST_WORDS_READ, MOST_WORDS_WRITTEN, MOST_WORDS_EXCHANGED = 125, 123, 121  # 6.3, 6.12, 6.17
 COIL_ON, COIL_OFF = 0xFF00, 0x0000
-
-DIAGNOSTICS, SERVER_ID, MASK_WRITE, ENCAPSULATED = 8, 17, 22, 43  # the same, 6.8, 6.13, 6.16, 6.21
+DIAGNOSTICS, SERVER_ID, MASK_WRITE, ENCAPSULATED = 8, 17, 22, 43  # 6.8, 6.13, 6.16, 6.21
 
 _FIXED_LENGTH = {1: 5, 2: 5, 3: 5, 4: 5, 5: 5, 6: 5, SERVER_ID: 1, MASK_WRITE: 7, ENCAPSULATED: 4}
 _HEAD_LENGTH = {15: 6, 16: 6, 23: 10}
 """Number of bytes before the data, the last of which is the number of data bytes."""
+_HEAD = struct.Struct(">BHH")
+"""Function, address, and count or value."""
 
 
-class Station(Protocol):
-    """The registers and bits behind the requests, for one client.
+def respond(request: bytes, station: LinkStation) -> bytes:
+    """Return the response PDU to a request PDU of at least one byte; no client input makes it raise.
 
-    Unmapped addresses raise LookupError, accesses beyond the client's rights PermissionError, and values that are never
-    permitted ValueError.
+    The station raises LookupError for unmapped addresses, PermissionError for accesses beyond the client's rights, and
+    ValueError for values that are never permitted.
     """
-
-    def read_words(self, function: int, address: int, count: int) -> list[int]:
-        """Return holding registers (3) or input registers (4)."""
-
-    def read_bits(self, function: int, address: int, count: int) -> list[bool]:
-        """Return coils (1) or discrete inputs (2)."""
-
-    def write_words(self, address: int, words: Sequence[int]) -> None:
-        """Write holding registers, all or none."""
-
-    def write_bits(self, address: int, bits: Sequence[bool]) -> None:
-        """Write coils, all or none."""
-
-    def mask_word(self, address: int, kept: int, added: int) -> None:
-        """Write a holding register through two masks: bits in `kept` stay, the others come from `added`."""
-
-    def is_running(self) -> bool:
-        """Return True if the cell scans."""
-
-
-class _IllegalError(Exception):
-    """A request that cannot be served, with its Modbus exception."""
-
-    def __init__(self, code: ExcCodes) -> None:
-        super().__init__(code)
-        self.code = code
-
-
-def respond(request: bytes, station: Station) -> bytes:
-    """Return the response PDU to a request PDU of at least one byte; no client input makes it raise."""
-    function = request[0]
     try:
         _check_length(request)
-        if function in (DIAGNOSTICS, SERVER_ID, ENCAPSULATED):
-            return bytes([function]) + _tell(function, request[1:], station)
-        response = _serve(function, request[1:], station)
-    except _IllegalError as illegal:
-        response = ExceptionResponse(function & 0x7F, illegal.code)
-    except PermissionError:  # Modbus/TCP Security, R-31
-        response = ExceptionResponse(function & 0x7F, ExcCodes.ILLEGAL_FUNCTION)
+        return _SERVED[request[0]](request, station)
+    except (NotImplementedError, PermissionError):  # a missing right: Modbus/TCP Security, R-31
+        exception = ExcCodes.ILLEGAL_FUNCTION
     except ValueError:
-        response = ExceptionResponse(function & 0x7F, ExcCodes.ILLEGAL_VALUE)
+        exception = ExcCodes.ILLEGAL_VALUE
     except LookupError:
-        response = ExceptionResponse(function & 0x7F, ExcCodes.ILLEGAL_ADDRESS)
-    return bytes([response.function_code]) + response.encode()
+        exception = ExcCodes.ILLEGAL_ADDRESS
+    return bytes([request[0] | 0x80, exception])
 
 
 def is_exception(response: bytes) -> bool:
@@ -109,94 +57,122 @@ def _check_length(request: bytes) -> None:
     elif function == DIAGNOSTICS:
         is_whole = len(request) >= 5 and len(request) % 2 == 1
     else:
-        raise _IllegalError(ExcCodes.ILLEGAL_FUNCTION)
+        raise NotImplementedError(function)
     if not is_whole:
-        raise _IllegalError(ExcCodes.ILLEGAL_VALUE)
+        raise ValueError(len(request))
 
 
 def _check_count(count: int, most: int) -> None:
     if not 1 <= count <= most:
-        raise _IllegalError(ExcCodes.ILLEGAL_VALUE)
+        raise ValueError(count)
 
 
-def _tell(function: int, body: bytes, station: Station) -> bytes:
-    """Return the body of an answer about the device itself."""
-    is_running = station.is_running()  # a client that may not read is refused here
-    if function == SERVER_ID:
-        return server_id(is_running)
-    if function == DIAGNOSTICS:
-        if int.from_bytes(body[:2], "big") != RETURN_QUERY_DATA:
-            raise _IllegalError(ExcCodes.ILLEGAL_FUNCTION)
-        return body
-    kind, code, number = body
-    if kind != DEVICE_IDENTIFICATION:
-        raise _IllegalError(ExcCodes.ILLEGAL_FUNCTION)
-    return device_identification(code, number)
+def _check_size(size: int, needed: int) -> None:
+    if size != needed:
+        raise ValueError(size)
 
 
-def _serve(function: int, body: bytes, station: Station) -> ModbusPDU:
-    address, value = struct.unpack(">HH", body[:4])
-    match function:
-        case 1 | 2:
-            _check_count(value, MOST_BITS_READ)
-            bits = station.read_bits(function, address, value)
-            return ReadCoilsResponse(bits=bits) if function == 1 else ReadDiscreteInputsResponse(bits=bits)
-        case 3 | 4:
-            _check_count(value, MOST_WORDS_READ)
-            words = station.read_words(function, address, value)
-            if function == 3:
-                return ReadHoldingRegistersResponse(registers=words)
-            return ReadInputRegistersResponse(registers=words)
-        case 5:
-            if value not in (COIL_ON, COIL_OFF):
-                raise _IllegalError(ExcCodes.ILLEGAL_VALUE)
-            station.write_bits(address, [value == COIL_ON])
-            return WriteSingleCoilResponse(address=address, bits=[value == COIL_ON])
-        case 6:
-            station.write_words(address, [value])
-            return WriteSingleRegisterResponse(address=address, registers=[value])
-        case 15:
-            return _write_coils(body, station)
-        case 16:
-            return _write_registers(body, station)
-        case 22:  # MASK_WRITE
-            (added,) = struct.unpack(">H", body[4:])
-            station.mask_word(address, value, added)
-            return MaskWriteRegisterResponse(address=address, and_mask=value, or_mask=added)
-        case _:
-            return _exchange(body, station)
+def _words(data: bytes) -> Sequence[int]:
+    return struct.unpack(f">{len(data) // 2}H", data)
 
 
-def _write_coils(body: bytes, station: Station) -> ModbusPDU:
-    count, size = struct.unpack(">HB", body[2:5])
+def _with_words(function: int, words: Sequence[int]) -> bytes:
+    return struct.pack(f">BB{len(words)}H", function, 2 * len(words), *words)
+
+
+def _read_bits(request: bytes, station: LinkStation) -> bytes:
+    function, address, count = _HEAD.unpack(request)
+    _check_count(count, MOST_BITS_READ)
+    bits = station.read_bits(function, address, count)
+    data = sum(bit << place for place, bit in enumerate(bits)).to_bytes((count + 7) // 8, "little")
+    return bytes([function, len(data)]) + data
+
+
+def _read_words(request: bytes, station: LinkStation) -> bytes:
+    function, address, count = _HEAD.unpack(request)
+    _check_count(count, MOST_WORDS_READ)
+    return _with_words(function, station.read_words(function, address, count))
+
+
+def _write_bit(request: bytes, station: LinkStation) -> bytes:
+    _, address, value = _HEAD.unpack(request)
+    if value not in (COIL_ON, COIL_OFF):
+        raise ValueError(value)
+    station.write_bits(address, [value == COIL_ON])
+    return request
+
+
+def _write_word(request: bytes, station: LinkStation) -> bytes:
+    _, address, value = _HEAD.unpack(request)
+    station.write_words(address, [value])
+    return request
+
+
+def _write_bits(request: bytes, station: LinkStation) -> bytes:
+    _, address, count, size = struct.unpack_from(">BHHB", request)
     _check_count(count, MOST_BITS_WRITTEN)
-    if size != (count + 7) // 8:
-        raise _IllegalError(ExcCodes.ILLEGAL_VALUE)
-    request = WriteMultipleCoilsRequest()
-    request.decode(body)
-    station.write_bits(request.address, request.bits)
-    return WriteMultipleCoilsResponse(address=request.address, count=count)
+    _check_size(size, (count + 7) // 8)
+    data = int.from_bytes(request[6:], "little")
+    station.write_bits(address, [bool(data >> place & 1) for place in range(count)])
+    return request[:5]
 
 
-def _write_registers(body: bytes, station: Station) -> ModbusPDU:
-    count, size = struct.unpack(">HB", body[2:5])
+def _write_words(request: bytes, station: LinkStation) -> bytes:
+    _, address, count, size = struct.unpack_from(">BHHB", request)
     _check_count(count, MOST_WORDS_WRITTEN)
-    if size != 2 * count:
-        raise _IllegalError(ExcCodes.ILLEGAL_VALUE)
-    request = WriteMultipleRegistersRequest()
-    request.decode(body)
-    station.write_words(request.address, request.registers)
-    return WriteMultipleRegistersResponse(address=request.address, count=count)
+    _check_size(size, 2 * count)
+    station.write_words(address, _words(request[6:]))
+    return request[:5]
 
 
-def _exchange(body: bytes, station: Station) -> ModbusPDU:
-    _, read_count, _, write_count, size = struct.unpack(">HHHHB", body[:9])
-    _check_count(read_count, MOST_WORDS_READ)
-    _check_count(write_count, MOST_WORDS_EXCHANGED)
-    if size != 2 * write_count:
-        raise _IllegalError(ExcCodes.ILLEGAL_VALUE)
-    request = ReadWriteMultipleRegistersRequest()
-    request.decode(body)
-    station.read_words(3, request.read_address, read_count)  # an address error must come before the write
-    station.write_words(request.write_address, request.write_registers)
-    return ReadWriteMultipleRegistersResponse(registers=station.read_words(3, request.read_address, read_count))
+def _mask_word(request: bytes, station: LinkStation) -> bytes:
+    _, address, kept, added = struct.unpack(">BHHH", request)
+    station.mask_word(address, kept, added)
+    return request
+
+
+def _exchange(request: bytes, station: LinkStation) -> bytes:
+    function, source, wanted, address, count, size = struct.unpack_from(">BHHHHB", request)
+    _check_count(wanted, MOST_WORDS_READ)
+    _check_count(count, MOST_WORDS_EXCHANGED)
+    _check_size(size, 2 * count)
+    station.read_words(3, source, wanted)  # an address error must come before the write
+    station.write_words(address, _words(request[10:]))
+    return _with_words(function, station.read_words(3, source, wanted))
+
+
+def _echo(request: bytes, station: LinkStation) -> bytes:
+    station.is_running()  # refuses a client that may not read
+    if int.from_bytes(request[1:3]) != RETURN_QUERY_DATA:
+        raise NotImplementedError(DIAGNOSTICS)
+    return request
+
+
+def _identify(request: bytes, station: LinkStation) -> bytes:
+    station.is_running()  # refuses a client that may not read
+    function, kind, code, number = request
+    if kind != DEVICE_IDENTIFICATION:
+        raise NotImplementedError(kind)
+    return bytes([function]) + device_identification(code, number)
+
+
+def _tell_server(request: bytes, station: LinkStation) -> bytes:
+    return request + server_id(station.is_running())
+
+
+_SERVED: dict[int, Callable[[bytes, LinkStation], bytes]] = {
+    1: _read_bits,
+    2: _read_bits,
+    3: _read_words,
+    4: _read_words,
+    5: _write_bit,
+    6: _write_word,
+    DIAGNOSTICS: _echo,
+    15: _write_bits,
+    16: _write_words,
+    SERVER_ID: _tell_server,
+    MASK_WRITE: _mask_word,
+    23: _exchange,
+    ENCAPSULATED: _identify,
+}
+"""Function that answers each permitted request, by the number of the Modbus function."""

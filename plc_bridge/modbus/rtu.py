@@ -11,6 +11,7 @@ from collections.abc import Callable
 from typing import Protocol
 
 from drivers.errors import CellError
+from drivers.transport.wires import ByteLink
 from plc_bridge.config import RtuConfig
 from plc_bridge.modbus.pdu import is_exception, respond
 from plc_bridge.modbus.rtu_frames import BROADCAST, Receiver, with_check_sum
@@ -31,23 +32,10 @@ WRITES = frozenset({5, 6, 15, 16, 22})
 """Functions that are valid as broadcasts."""
 
 
-class RtuLine(Protocol):
-    """A serial line, such as `drivers.transport.serial_line.SerialLine`."""
+class RtuLine(ByteLink, Protocol):
+    """A serial line with the name of its port, such as `drivers.transport.serial_line.SerialLine`."""
 
     port: str
-    character_time: float
-
-    def open(self) -> None:
-        """Open the port."""
-
-    def close(self) -> None:
-        """Close the port."""
-
-    def read(self, timeout: float) -> bytes:
-        """Return the received bytes, or none after `timeout`, s."""
-
-    def write(self, data: bytes) -> None:
-        """Send `data`."""
 
 
 class RtuServer:

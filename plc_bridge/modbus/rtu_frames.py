@@ -9,10 +9,12 @@ from pymodbus.framer.rtu import FramerRTU
 
 SHORTEST, LONGEST = 4, 256  # Modbus over Serial Line V1.02, 2.5.1: unit, function, data, check sum
 BROADCAST = 0
-_SIMPLE = range(1, 7)
-_READS = range(1, 5)
-_FIXED = {8: 8, 17: 4, 22: 10, 43: 7}
-"""Length of other requests, including unit and check sum; function 8 is an echo with one word of data."""
+_FIXED = {1: 8, 2: 8, 3: 8, 4: 8, 5: 8, 6: 8, 8: 8, 17: 4, 22: 10, 43: 7}
+"""Length of requests by function, including unit and check sum; function 8 is an echo with one word of data."""
+_COUNTED = {15: (9, 6), 16: (9, 6), 23: (13, 10)}
+"""Length of other requests without their data, and the place of the byte with the number of data bytes."""
+_ANSWERED_WITH_DATA = (1, 2, 3, 4, 17, 23)
+"""Functions whose response has the number of data bytes in its third byte."""
 
 
 def with_check_sum(frame: bytes) -> bytes:
@@ -84,17 +86,12 @@ class Receiver:
     def _lengths(self, frame: bytes) -> list[int]:
         """Return the possible lengths of a frame with this beginning: as a request, and as another unit's response."""
         unit, function = frame[:2]
-        lengths = []
-        if function in _SIMPLE:
-            lengths.append(8)
-        elif function in _FIXED:
-            lengths.append(_FIXED[function])
-        elif function in (15, 16) and len(frame) > 6:
-            lengths.append(9 + frame[6])
-        elif function == 23 and len(frame) > 10:
-            lengths.append(13 + frame[10])
+        lengths = [_FIXED[function]] if function in _FIXED else []
+        length, place = _COUNTED.get(function, (0, LONGEST))
+        if place < len(frame):
+            lengths.append(length + frame[place])
         if unit not in (self._unit, BROADCAST):
-            if function in _READS or function in (17, 23):
+            if function in _ANSWERED_WITH_DATA:
                 lengths.append(5 + frame[2])
             elif function in (15, 16):
                 lengths.append(8)

@@ -37,7 +37,9 @@ class ModbusServer:
         self.counts = Diagnostics()
         self.log = PeerLog(logger)
         self.crowd = 0
+        """Number of connections with more requests than one turn answers."""
         self.worked = 0.0
+        """Time spent on requests since the start, s."""
         self.loop: asyncio.AbstractEventLoop
         self._stop: asyncio.Event
         self._socket: socket.socket | None = None

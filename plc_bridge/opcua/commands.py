@@ -121,10 +121,7 @@ class Commands:
         self, session: CellSession, sequence: int, code: int, recipe: int, serial: str | None, given: list[float] | None
     ) -> list[ua.Variant]:
         link, text, values = session.link, serial or "", given or []
-        is_bad = (len(text) > LONGEST_SERIAL, len(values) > PARAMETERS or any(map(math.isinf, values)))
-        if any(is_bad):
-            results = [ua.StatusCodes.BadOutOfRange if each else ua.StatusCodes.Good for each in (False,) * 3 + is_bad]
-            raise NotDoneError(ua.StatusCodes.BadInvalidArgument, results)
+        _require_sendable(text, values)
         scales = [each.scale for each in self._parameters] + [1.0] * PARAMETERS
         counts = tuple((n, round(value / scales[n])) for n, value in enumerate(values) if not math.isnan(value))
         session.image = CommandImage(sequence=sequence, code=code, recipe=recipe, serial=text, parameters=counts)
@@ -202,6 +199,18 @@ def _fits(given: ua.Variant, argument: ua.Argument) -> bool:
         return True
     kind = ua.VariantType(argument.DataType.Identifier)
     return bool(given.VariantType == kind) and isinstance(given.Value, list) == is_array
+
+
+def _require_sendable(serial: str, parameters: Sequence[float]) -> None:
+    """Require arguments of `Command` that fit into a command block.
+
+    Raises:
+        NotDoneError: The serial number is too long, or there are too many parameters, or an infinite one.
+    """
+    is_bad = (len(serial) > LONGEST_SERIAL, len(parameters) > PARAMETERS or any(map(math.isinf, parameters)))
+    if any(is_bad):
+        results = [ua.StatusCodes.BadOutOfRange if each else ua.StatusCodes.Good for each in (False,) * 3 + is_bad]
+        raise NotDoneError(ua.StatusCodes.BadInvalidArgument, results)
 
 
 async def _not_supported(_: ua.NodeId, *__: ua.Variant) -> ua.StatusCode:

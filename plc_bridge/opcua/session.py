@@ -82,15 +82,7 @@ class Trust:
             if self.is_open:
                 return "", frozenset({"read"})
             raise UntrustedError(ua.StatusCodes.BadIdentityTokenRejected, "it shows no certificate")
-        found = x509.load_der_x509_certificate(certificate)
-        try:
-            _VERIFIER.store(self._store).build_client_verifier().verify(found, [])
-        except verification.VerificationError as error:
-            raise UntrustedError(ua.StatusCodes.BadCertificateUntrusted, f"its certificate: {error}") from error
-        if self._revoked is not None and self._revoked.get_revoked_certificate_by_serial_number(found.serial_number):
-            raise UntrustedError(ua.StatusCodes.BadCertificateRevoked, "its certificate is revoked")
-        if uri not in application_uris(found):
-            raise UntrustedError(ua.StatusCodes.BadCertificateUriInvalid, f"its certificate does not name {uri!r}")
+        self._require_trusted(self._store, x509.load_der_x509_certificate(certificate), uri)
         try:
             role = role_of(certificate)
         except BadRoleError as error:
@@ -99,6 +91,16 @@ class Trust:
         if not rights:
             raise UntrustedError(ua.StatusCodes.BadUserAccessDenied, f"its role {role!r} has no rights")
         return role, rights
+
+    def _require_trusted(self, store: verification.Store, found: x509.Certificate, uri: str) -> None:
+        try:
+            _VERIFIER.store(store).build_client_verifier().verify(found, [])
+        except verification.VerificationError as error:
+            raise UntrustedError(ua.StatusCodes.BadCertificateUntrusted, f"its certificate: {error}") from error
+        if self._revoked is not None and self._revoked.get_revoked_certificate_by_serial_number(found.serial_number):
+            raise UntrustedError(ua.StatusCodes.BadCertificateRevoked, "its certificate is revoked")
+        if uri not in application_uris(found):
+            raise UntrustedError(ua.StatusCodes.BadCertificateUriInvalid, f"its certificate does not name {uri!r}")
 
 
 def _require_authority(

@@ -9,6 +9,7 @@ from plc_bridge.protocol.registers import VERSION
 
 IDLE, COMPLETE = 4, 17
 """States of PackML in which a start is accepted."""
+_NO_ORDER = Order(Command(0, Control.NONE))
 _ERRORS = (Result.FAILURE, Result.FAULT, Result.REFUSED)
 _OF_A_RUN = ("stage", "reason", "progress", "run", "stage_times", "total_time", "peak_force", "hole")
 """Fields of the report that belong to a run; the others belong to the cell or to the link."""
@@ -31,8 +32,7 @@ def answer_for(link: Link, orders: Orders, life: int = 0) -> Report:
     shown, answered = link.in_view, link.answered
     if not link.has_spoken:
         shown, answered = orders.run or orders.seen, orders.latest
-    shown = shown or Order(Command(0, Control.NONE))
-    answered = answered or Order(Command(0, Control.NONE))
+    shown, answered = shown or _NO_ORDER, answered or _NO_ORDER
     return replace(
         orders.report,
         **{name: getattr(shown.report, name) for name in _OF_A_RUN},
@@ -55,12 +55,12 @@ def inputs_for(link: Link, orders: Orders) -> Inputs:
     """Return the discrete inputs of `link`, for the last request of its coils, or for its last number."""
     order = link.executed or link.in_view
     if order is None or not _shows(order):
-        order = link.resetting
-    result = order.told_to(link) if order is not None else Result.NONE
+        order = link.resetting or _NO_ORDER
+    result = order.told_to(link)
     is_waiting = orders.report.state in (IDLE, COMPLETE) and orders.report.obstacle is Refusal.NONE
     return Inputs(
-        busy=order is not None and order.is_under_way,
-        done=order is not None and order.is_program and result is Result.SUCCESS,
+        busy=order.is_under_way,
+        done=order.is_program and result is Result.SUCCESS,
         error=result in _ERRORS,
         command_aborted=result is Result.ABORTED,
         ready=is_waiting and orders.run is None and not orders.stops_held and orders.lease.is_open_to(link),

@@ -121,7 +121,7 @@ class Handshake:
         self._expire(now)
         link = self._links[source]
         link.has_spoken = True
-        before, link.image = link.image, image
+        before, link.image = link.image or CommandImage(), image
         if not link.watchdog.see(image.life, image.life_tail, now):
             self.orders.take_torn(link, image)
             return
@@ -133,10 +133,10 @@ class Handshake:
             self._lease.take(link)
         elif image.lease == Lease.RELEASE:
             self._lease.release(link)
-        if image.acknowledge != (before.acknowledge if before else 0):
+        if image.acknowledge != before.acknowledge:
             self._acknowledge(link, image.acknowledge)
         if is_numbered:
-            self.orders.take_number(link, image, now, before.code if before else Control.NONE)
+            self.orders.take_number(link, image, now, before.code)
 
     def switched(self, source: str, coils: Mapping[str, bool], now: float, by: Hashable = None) -> None:
         """Take the coils that `source` has just written: execute, stop, reset; `by` names the connection if the link is shared."""
@@ -192,11 +192,6 @@ class Handshake:
         holder, runner = self._lease.holder, self._lease.runner
         return frozenset(link.source for link in (holder, runner) if link is not None)
 
-    @property
-    def stops_held(self) -> int:
-        """Number of connections that hold their stop coil at 1."""
-        return self.orders.stops_held
-
     def answer(self, source: str, life: int = 0) -> Report:
         """Return the report that `source` reads, with the life counter of the cell."""
         return answer_for(self._links[source], self.orders, life)
@@ -224,11 +219,9 @@ class Handshake:
         The link must write the run's own number, or the last number of the earlier link, for example after a hold.
         """
         link.has_resumed = False
-        for order in (self.orders.run, self.orders.seen):
-            earlier = order.link if order is not None else None
-            if order is None or earlier is None or not (link.follows(earlier) and earlier.gave(order)):
-                continue
-            if not (order.repeats(image) or _goes_on(image, earlier)):
+        for order in filter(None, (self.orders.run, self.orders.seen)):
+            earlier = _continued(link, order, image)
+            if earlier is None:
                 continue
             if image.code != Control.NONE and image.sequence == order.sequence:
                 order.is_acknowledged = False  # the request is repeated, so the PLC has not read the answer
@@ -257,6 +250,14 @@ class Handshake:
         link.forget()
         self._lease.lose(link)
         self.orders.stop(Order(Command(run.sequence, Control.LOST, source=link.source), is_decided=True))
+
+
+def _continued(link: Link, order: Order, image: CommandImage) -> Link | None:
+    """Return the earlier link whose order the block of a link continues; None if it does not."""
+    earlier = order.link
+    if earlier is None or not (link.follows(earlier) and earlier.gave(order)):
+        return None
+    return earlier if order.repeats(image) or _goes_on(image, earlier) else None
 
 
 def _goes_on(image: CommandImage, earlier: Link) -> bool:

@@ -56,6 +56,7 @@ class Mailbox:
         self.closed = self._locked(self._handshake.closed)
         self.lost = self._locked(self._handshake.lost)
         self.left = self._locked(self._handshake.left)
+        self.acknowledge = self._locked(self._handshake.acknowledge)
 
     def _locked(self, call: Callable[P, T]) -> Callable[P, T]:
         """Return a call of the handshake that holds the lock."""
@@ -114,7 +115,7 @@ class Mailbox:
     def diagnostics(self) -> Diagnostics:
         """Counts since the start, without those of the servers."""
         with self._lock:
-            return replace(self._handshake.counts, stops_held=self._handshake.stops_held)
+            return replace(self._handshake.counts, stops_held=self._handshake.orders.stops_held)
 
     def sight(self, host: str) -> PlcSight | None:
         """Return the cell's view of the PLC at `host`, an address, node or line; None if it is not connected."""
@@ -160,11 +161,6 @@ class Mailbox:
         """Take a control without a number, for a server; return its order."""
         with self._lock:
             return self._handshake.control(source, code, self._now())
-
-    def acknowledge(self, source: str, sequence: int) -> None:
-        """Take an acknowledgement, for a server."""
-        with self._lock:
-            self._handshake.acknowledge(source, sequence)
 
     def ended(self) -> list[Order]:
         """Return the programs that have ended since the last call; for one reader."""

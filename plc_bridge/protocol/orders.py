@@ -18,7 +18,7 @@ from plc_bridge.protocol.packml import PackTags
 from plc_bridge.protocol.peer_log import PeerLog
 from plc_bridge.protocol.refusals import CONTROLS, STOPS, BadParameterError, Rules
 from plc_bridge.protocol.registers import AFTER_A_LOSS
-from plc_bridge.protocol.sequence_numbers import Verdict
+from plc_bridge.protocol.sequence_numbers import NumberMeaning
 
 logger = logging.getLogger(__name__)
 
@@ -164,24 +164,28 @@ class Orders:
         """Process the number of a whole block; `code_before` is the code of the previous write."""
         numbers = link.numbers
         verdict = numbers.see(image.sequence, image.asked, image.life)
-        if verdict is Verdict.ANEW:
+        if verdict is NumberMeaning.ANEW:
             link.was_lost, link.executed, link.resetting = False, None, None
             link.aside = Order(_command(link, image.sequence, image), is_decided=True)
         if numbers.is_anew and not numbers.is_in_doubt:
             numbers.is_anew = False
             link.begin_anew()
-        if verdict is Verdict.LATE or (verdict is Verdict.DOUBT and image.code in STOPS):
+        if verdict is NumberMeaning.LATE or (verdict is NumberMeaning.DOUBT and image.code in STOPS):
             self._take_late(link, image)
-        elif verdict is Verdict.SAME:
+        elif verdict is NumberMeaning.SAME:
             self._take_same(link, image, code_before)
-        elif verdict in (Verdict.FIRST, Verdict.NEW):
-            link.executed = link.resetting = None
-            if verdict is Verdict.FIRST and image.code not in STOPS:
-                self._adopt(link, image)
-            elif image.code == Control.NONE:
-                self._empty(link, image)
-            else:
-                self.command(link, image.sequence, image, now)
+        elif verdict in (NumberMeaning.FIRST, NumberMeaning.NEW):
+            self._take_new(link, image, now, verdict is NumberMeaning.FIRST)
+
+    def _take_new(self, link: Link, image: CommandImage, now: float, is_first: bool) -> None:
+        """Process a number ahead of the last one; the first one of a count is adopted."""
+        link.executed = link.resetting = None
+        if is_first and image.code not in STOPS:
+            self._adopt(link, image)
+        elif image.code == Control.NONE:
+            self._empty(link, image)
+        else:
+            self.command(link, image.sequence, image, now)
 
     def _take_same(self, link: Link, image: CommandImage, code_before: int) -> None:
         """Process a repeated number: only a stop is obeyed; a number first written without a command cannot be used again."""

@@ -40,7 +40,7 @@ Asked = tuple[int, int, str] | None
 """Code, recipe and serial number of a block; None with code 0."""
 
 
-class Verdict(Enum):
+class NumberMeaning(Enum):
     """Meaning of a number on its link."""
 
     FIRST = auto()
@@ -137,36 +137,43 @@ class SequenceNumbers:
         """True if the last number may belong to an old block."""
         return self._doubted is not None
 
-    def see(self, number: int, asked: Asked = None, life: int = 0) -> Verdict:
+    def see(self, number: int, asked: Asked = None, life: int = 0) -> NumberMeaning:
         """Take the number of a block just written, with its command and life counter, and return its meaning."""
-        count, doubted = self._count, self._doubted
-        if count is None:
+        if self._count is None:
             self._begin(number, asked, life)
-            return Verdict.FIRST
-        if doubted is not None:
-            if doubted.goes_on(life, count.life):
-                self._count, self._doubted, self.is_anew, count = doubted, None, False, doubted
-            elif count.blocks >= CONFIRMED - 1 and _is_behind(count.life, life):
-                self._doubted = None
-            elif not count.repeats(number, asked) and doubted.had(number, asked, life):
-                if asked is None:
-                    return self._begin_anew(number, asked, life)
-                count.follow(life)
-                return Verdict.DOUBT
+            return NumberMeaning.FIRST
+        if self._is_doubted(self._count, number, asked, life):
+            if asked is None:
+                return self._begin_anew(number, asked, life)
+            self._count.follow(life)
+            return NumberMeaning.DOUBT
+        count = self._count
         if number == count.last:
             self.must_adopt = False
             count.take(number, asked, life)
-            return Verdict.SAME
+            return NumberMeaning.SAME
         if not _is_behind(number, count.last):
-            verdict = Verdict.FIRST if self.must_adopt else Verdict.NEW
+            verdict = NumberMeaning.FIRST if self.must_adopt else NumberMeaning.NEW
             self.must_adopt, self._doubted = False, None
             count.take(number, asked, life)
             return verdict
         is_old = _is_behind(life, count.life)
         if asked is None or is_old:
-            self._doubted = self._doubted or (count if is_old else None)
-            return self._begin_anew(number, asked, life)
-        return Verdict.LATE
+            return self._begin_anew(number, asked, life, count if is_old else None)
+        return NumberMeaning.LATE
+
+    def _is_doubted(self, count: _Count, number: int, asked: Asked, life: int) -> bool:
+        """Decide between two counts if a block settles the doubt; return True if it may be an old block of the previous count."""
+        doubted = self._doubted
+        if doubted is None:
+            return False
+        if doubted.goes_on(life, count.life):
+            self._count, self._doubted, self.is_anew = doubted, None, False
+        elif count.blocks >= CONFIRMED - 1 and _is_behind(count.life, life):
+            self._doubted = None
+        else:
+            return not count.repeats(number, asked) and doubted.had(number, asked, life)
+        return False
 
     def count_up(self) -> int:
         """Return the next number, for a command without one, and count it as received."""
@@ -185,10 +192,11 @@ class SequenceNumbers:
         """Return True if a number would be a new one."""
         return not self.must_adopt and self.last not in (None, number) and not _is_behind(number, self.last or 0)
 
-    def _begin_anew(self, number: int, asked: Asked, life: int) -> Verdict:
+    def _begin_anew(self, number: int, asked: Asked, life: int, doubted: _Count | None = None) -> NumberMeaning:
+        self._doubted = self._doubted or doubted
         self._begin(number, asked, life)
         self.is_anew = True
-        return Verdict.ANEW if asked is None else Verdict.LATE
+        return NumberMeaning.ANEW if asked is None else NumberMeaning.LATE
 
     def _begin(self, number: int, asked: Asked, life: int) -> None:
         self._count = _Count(number, number, life, seen={number: _Seen(asked, life, life)})

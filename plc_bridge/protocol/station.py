@@ -33,7 +33,7 @@ class LinkWords:
 
 
 class LinkStation:
-    """One client's view of the map, a `pdu.Station`.
+    """One client's view of the map.
 
     Args:
         mailbox: The bridge.

@@ -13,6 +13,7 @@ cycle old when its torque is computed, and the torque acts in the next cycle.
 
 import math
 from dataclasses import dataclass, field
+from operator import attrgetter
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -150,6 +151,14 @@ class Payload:
     """Position of the payload in the hand's frame, which lies at the flange, m."""
 
 
+NEVER_NEGATIVE = (
+    *("rotor_inertia", "friction.dry", "friction.span", "friction.slope", "friction.viscous", "payload.mass"),
+    *("reading.noise", "reading.backlash", "reading.rate_noise", "wrench.force_noise", "wrench.torque_noise"),
+    *("wrench.force_dead_zone", "wrench.torque_dead_zone"),
+)
+"""Figures of an arm, one or one per joint, that are 0 or more."""
+
+
 @dataclass(frozen=True, slots=True)
 class ArmTruth:
     """The true arm of one trial."""
@@ -190,24 +199,10 @@ class ArmTruth:
         for name, figure in positive:
             if not figure > 0.0:
                 raise ConfigError(f"arm truth: {name} = {figure}: more than 0 allowed")
-        never_negative = (
-            *(("rotor_inertia", x) for x in self.rotor_inertia),
-            *(("friction.dry", x) for x in self.friction.dry),
-            *(("friction.span", x) for x in self.friction.span),
-            *(("friction.slope", x) for x in self.friction.slope),
-            *(("friction.viscous", x) for x in self.friction.viscous),
-            ("payload.mass", self.payload.mass),
-            ("reading.noise", self.reading.noise),
-            ("reading.backlash", self.reading.backlash),
-            *(("reading.rate_noise", x) for x in self.reading.rate_noise),
-            ("wrench.force_noise", self.wrench.force_noise),
-            ("wrench.torque_noise", self.wrench.torque_noise),
-            ("wrench.force_dead_zone", self.wrench.force_dead_zone),
-            ("wrench.torque_dead_zone", self.wrench.torque_dead_zone),
-        )
-        for name, figure in never_negative:
-            if not 0.0 <= figure < math.inf:
-                raise ConfigError(f"arm truth: {name} = {figure}: 0 or more allowed")
+        for name in NEVER_NEGATIVE:
+            for figure in np.ravel(attrgetter(name)(self)).tolist():
+                if not 0.0 <= figure < math.inf:
+                    raise ConfigError(f"arm truth: {name} = {figure}: 0 or more allowed")
 
     def hand_body(self, mass: float) -> Inertial:
         """Return the inertial of a hand of this mass with the payload, about their common centre of mass."""

@@ -82,19 +82,22 @@ class EmulatedHub:
             self.next_scan = at + self._period if any(payload) else math.inf
             return []
         if command == 0x38:
-            period = payload[0] << 8 | payload[1] if len(payload) == 2 else 0
-            if not period:
+            period = int.from_bytes(payload, "big")
+            if len(payload) != 2 or not period:
                 return [sealed(0x13, bytes([command, INVALID]))]
             self._period = period / 1000.0
             return []
         if command == 0x3C:
-            counts = bytes(len(module.names) for module in self.modules)
-            started = b"" if self.are_modules_in_boot_loaders else bytes([0]) + counts
-            return [sealed(0x3C, bytes([len(self.modules)]) + started)]
+            return [sealed(0x3C, self._structure())]
         if command == 0x3D:
             asked = range(len(self.modules)) if payload == bytes([EVERYBODY]) else payload
             return [sealed(0x3D, self._details(number)) for number in asked if number < len(self.modules)]
         return [sealed(0x13, bytes([command, UNSUPPORTED]))]
+
+    def _structure(self) -> bytes:
+        counts = bytes(len(module.names) for module in self.modules)
+        started = b"" if self.are_modules_in_boot_loaders else bytes([0]) + counts
+        return bytes([len(self.modules)]) + started
 
     def _details(self, number: int) -> bytes:
         module = self.modules[number]

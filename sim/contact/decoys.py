@@ -92,18 +92,22 @@ def cut(needed: Sequence[Rectangle], whole: Rectangle) -> list[Rectangle] | None
     for axis in range(2):
         order = sorted(range(len(needed)), key=lambda i: float(needed[i][0][axis]))
         for first in range(1, len(order)):
-            ends = max(float(needed[i][1][axis]) for i in order[:first])
-            begins = float(needed[order[first]][0][axis])
-            if begins < ends:
-                continue
-            below, above = (np.array(corner) for corner in (whole[1], whole[0]))
-            below[axis] = above[axis] = (ends + begins) / 2
-            one = cut([needed[i] for i in order[:first]], (whole[0], below))
-            other = cut([needed[i] for i in order[first:]], (above, whole[1]))
-            if one and other:
-                found = dict(zip(order, [*one, *other], strict=True))
+            tiles = _cut_across([needed[i] for i in order], first, axis, whole)
+            if tiles:
+                found = dict(zip(order, tiles, strict=True))
                 return [found[i] for i in range(len(needed))]
     return None
+
+
+def _cut_across(needed: Sequence[Rectangle], first: int, axis: int, whole: Rectangle) -> list[Rectangle] | None:
+    """Divide a rectangle by a cut across `axis` before the rectangle `first` of those in order; None if the cut would meet one."""
+    ends, begins = max(float(high[axis]) for _, high in needed[:first]), float(needed[first][0][axis])
+    if begins < ends:
+        return None
+    below, above = (np.array(corner) for corner in (whole[1], whole[0]))
+    below[axis] = above[axis] = (ends + begins) / 2
+    one, other = cut(needed[:first], (whole[0], below)), cut(needed[first:], (above, whole[1]))
+    return [*one, *other] if one and other else None
 
 
 def _rectangle(outline: tuple[float, float, float, float]) -> Rectangle:

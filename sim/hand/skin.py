@@ -10,7 +10,7 @@ import numpy as np
 
 from drivers.errors import DeviceNotOpenedError, SkinSilentError
 from drivers.quantities import Mask, TaxelFrame, Vector
-from drivers.skin.health import Counts, SkinHealth
+from drivers.skin.health import SILENT_FRAMES, Counts, SkinHealth
 from drivers.skin.layout import Layout, layout_of, module_of, shape_of
 from drivers.skin.order import TaxelOrder
 from sim.config import SimSkinConfig
@@ -170,7 +170,7 @@ class SimSkin:
         while self._under_way and (self._frame is None or now >= self._under_way[0].stamp + self._truth.age):
             self._frame = self._under_way.popleft()
         last = self._start if self._frame is None else self._frame.stamp
-        limit = self._config.silent_frames / self._config.rate
+        limit = SILENT_FRAMES / self._config.rate
         if self._frame is None or now - last > limit:
             raise SkinSilentError(f"skin: no frame for {now - last:.3f} s > {limit:.3f} s limit")
         self._order.require()

@@ -63,7 +63,7 @@ def state_of(data: mujoco.MjData) -> Bodies:
     return Bodies(data._address, data.qpos, data.qvel, data.qfrc_applied, data.userdata)
 
 
-class Watch(NamedTuple):
+class Watched(NamedTuple):
     """Bodies that the meters observe, and the condition that ends the stepping."""
 
     peg: PegView
@@ -122,7 +122,7 @@ class Span(NamedTuple):
 
 @njit(cache=True)
 def advance(
-    models: Models, state: Bodies, watch: Watch, control: Drives, meters: Vector, span: Span
+    models: Models, state: Bodies, watch: Watched, control: Drives, meters: Vector, span: Span
 ) -> int:  # pragma: no cover
     """Advance the physics by a time span, with the torque law once every control period.
 
@@ -182,7 +182,7 @@ def compile_ahead() -> None:
     """Compile `advance`, or load it from the cache, for the argument types of the stepper."""
     row, rows = np.zeros(1), np.zeros((1, 1))
     models, bodies = Models(0, 0, row), Bodies(0, row, row, row, row)
-    watch = Watch(PegView(row, row, rows), row, 0, 0, 0.0, row, row, metering.HandView(row, row, row, row))
+    watch = Watched(PegView(row, row, rows), row, 0, 0, 0.0, row, row, metering.HandView(row, row, row, row))
     arguments = (
         models,
         bodies,

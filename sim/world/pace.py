@@ -4,7 +4,7 @@ import time
 from typing import Literal
 
 
-class Pace:
+class ClockPace:
     """Time of a simulated world."""
 
     def __init__(self, timestep: float, pace: float | Literal["max"]) -> None:

@@ -19,7 +19,7 @@ from sim.hand import slip
 from sim.hand.pads import PadLoad, load_of
 from sim.world import metering, native
 from sim.world.disturb import Draw, draw, in_fixture
-from sim.world.pace import Pace
+from sim.world.pace import ClockPace
 from sim.world.reality import NO_ERRORS, Errors
 from sim.world.situation import PegSituation
 from sim.world.stepper import Stepper
@@ -54,7 +54,7 @@ class World:
         self._described = described_arm.read(sim.described, arm) if sim.described else None
         self.pad = pad_size(layout)
         """Length and width of a pad, m."""
-        self._pace = Pace(sim.timestep, sim.pace)
+        self._pace = ClockPace(sim.timestep, sim.pace)
         self.now = self._pace.now
         """Returns the simulated time, s."""
         self.stepper = Stepper(arm, sim, self.pad, self._pace)

@@ -16,7 +16,7 @@ from sim.contact import latch, peg_distances
 from sim.hand import slip
 from sim.hand.pads import GripLimits, grip_limits
 from sim.world import engine, metering, situation
-from sim.world.pace import Pace
+from sim.world.pace import ClockPace
 from sim.world.situation import PegSituation
 from sim.world.trial_scene import Mechanism, TrialScene
 
@@ -42,7 +42,7 @@ class Stepper:
     running: Mechanism
     """Mechanism that is stepped; set by the first trial."""
 
-    def __init__(self, arm: ArmModel, sim: SimConfig, pad: tuple[float, float], pace: Pace) -> None:
+    def __init__(self, arm: ArmModel, sim: SimConfig, pad: tuple[float, float], pace: ClockPace) -> None:
         """Place the arm at its waiting pose; `pad` is length and width of a pad, m."""
         self._arm, self._long_steps, self._pad, self._pace = arm, sim.model.long_steps, pad, pace
         self.law_every = round(arm.control_period / sim.timestep)
@@ -210,7 +210,7 @@ class Stepper:
             data.geom_xmat[mechanism.peg_geom].reshape(3, 3),
         )
         self._state = engine.state_of(data)
-        self._watch = engine.Watch(
+        self._watch = engine.Watched(
             self.peg_view,
             data.xpos[mechanism.sides[0]],
             mechanism.plates,

@@ -23,7 +23,7 @@ from skills.search.surface import Plane, nominal
 from skills.seating.decision import depth_of, is_seated
 
 TURNED = 0.2
-"""Rotation in the hand above which the skill fails, because the tip no longer follows the hand, rad; several times the noise of theta."""
+"""Rotation in the hand above which the skill fails, because the tip no longer follows the hand, rad; several times the noise of theta. Source: chosen, not measured."""
 
 STRAYED_FOR = 0.15
 """Least time outside `strayed` for a loss of the hole, s: a few frames of the skin. Source: docs/tried/corners.md."""
@@ -41,9 +41,9 @@ class CornerAdjustParams(SkillParams):
     """Stiffness and damping ratio along x and y and in rotation. Source: chosen within the margin that `cell check` prints."""
     push_stiffness: Annotated[PositiveFloat, Quantity("N/m")]
     """Stiffness along z, which makes the push, N/m."""
-    push_damping_ratio: Annotated[PositiveFloat, Quantity("multiple")]
+    push_damping_ratio: Annotated[float, Figure("multiple"), Field(exclude=True)] = 1.5
     """Damping ratio along z, multiple of the critical damping."""
-    push_offset: Annotated[NonNegativeFloat, Quantity("m")]
+    push_offset: Annotated[float, Figure("m"), Field(exclude=True)] = 0.01
     """Depth of the tip's setpoint below the tip, m."""
     lead: Annotated[tuple[NonNegativeFloat, NonNegativeFloat], Quantity("m")]
     """Lead of the tip's setpoint over the tip, along the closing axis and across it, m; it keeps the corner in the hole's corner."""
@@ -59,9 +59,9 @@ class CornerAdjustParams(SkillParams):
     """Distance of the tip from its start, in the plate, at which the corner has left the hole, m."""
     dither_radius: Annotated[NonNegativeFloat, Quantity("m")]
     """Largest radius of the dither of the finger centre, m; it fades within each period."""
-    dither_rate: Annotated[PositiveFloat, Quantity("rad/s", Tempo.SPEED, "dither_radius")]
+    dither_rate: Annotated[float, Figure("rad/s", Tempo.SPEED, "dither_radius"), Field(exclude=True)] = 25.0
     """Turning rate of the dither, rad/s."""
-    dither_period: Annotated[PositiveFloat, Quantity("s", Tempo.WAIT)]
+    dither_period: Annotated[float, Figure("s", Tempo.WAIT), Field(exclude=True)] = 0.5
     """Period of the dither, s; the radius fades to zero within it."""
     turn: Annotated[PositiveFloat, Quantity("rad")]
     """Largest difference between the setpoint and the measured yaw, rad; times the stiffness it bounds the torque on the walls."""
@@ -161,7 +161,7 @@ class Entry:
 
 
 @dataclass(frozen=True, slots=True)
-class Watch:
+class EntryWatch:
     """State of the peg over the scans: corner in the hole, and guided by the walls but stuck; pure."""
 
     deepest: float = 0.0
@@ -171,7 +171,7 @@ class Watch:
     inside: float = 0.0
     """Last time at which the tip was within `strayed`, s."""
 
-    def after(self, elapsed: float, sunk: float, strayed: float, params: CornerAdjustParams) -> "Watch":
+    def after(self, elapsed: float, sunk: float, strayed: float, params: CornerAdjustParams) -> "EntryWatch":
         """Return the state after one more scan; if the walls guide the peg, it cannot stray.
 
         Args:
@@ -182,8 +182,8 @@ class Watch:
         """
         inside = elapsed if strayed <= params.strayed or sunk > params.caught else self.inside
         if sunk > self.deepest + SINKS * params.caught:
-            return Watch(sunk, elapsed, inside)
-        return Watch(self.deepest, self.since, inside)
+            return EntryWatch(sunk, elapsed, inside)
+        return EntryWatch(self.deepest, self.since, inside)
 
     def has_strayed(self, elapsed: float) -> bool:
         """Return True if the tip has strayed for longer than `STRAYED_FOR`, in which the skin measures any turn in the hand."""
@@ -206,7 +206,7 @@ def run(params: CornerAdjustParams, ctx: SkillContext, plane: Plane | None = Non
     first, identity = ctx.observe(), ctx.new_id()
     entry = Entry(params, ctx.in_hand(), plane.normal, first.axis, first.arm.tcp.rotation[:, 2])
     tip, running, left = first.tip, 0.0, angle_between(first.axis, plane.normal)
-    watch = Watch()
+    watch = EntryWatch()
     for seen in ctx.scan(params.timeout, holding=True):
         running = seen.running
         tip, _ = entry.end_point(seen)

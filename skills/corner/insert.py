@@ -36,7 +36,7 @@ class CornerInsertParams(SkillParams):
     """Share of the push while the peg is raised, fraction. Under the full push, the peg turns in the hand. Under too small a push,
     the lead lifts the corner over the edge. Source: docs/tried/corners.md.
     """
-    push_offset: Annotated[NonNegativeFloat, Quantity("m")]
+    push_offset: Annotated[float, Figure("m"), Field(exclude=True)] = 0.01
     """Depth of the tip's setpoint below the tip, m."""
     lead: Annotated[tuple[NonNegativeFloat, NonNegativeFloat], Quantity("m")]
     """Lead of the tip's setpoint over the tip, along the closing axis and across it, m; it keeps the corner in the
@@ -48,9 +48,9 @@ class CornerInsertParams(SkillParams):
     """Rate at which the hand follows a rotation of the peg in the hand, 1/s; if walls hold the tip and the hand follows at once, the peg
     only turns further in the pads. Source: docs/tried/search.md.
     """
-    integral_gain: Annotated[NonNegativeFloat, Quantity("N·m/(rad·s)")]
+    integral_gain: Annotated[float, Figure("N·m/(rad·s)"), Field(exclude=True)] = 5.0
     """Integral gain on orientation, N·m/(rad·s); K_I of [gibbons], Eq. (6)."""
-    integral_limit: Annotated[NonNegativeFloat, Quantity("N·m")]
+    integral_limit: Annotated[float, Figure("N·m"), Field(exclude=True)] = 3.0
     """Saturation of the integral, N·m."""
     settle: Annotated[NonNegativeFloat, Quantity("s", Tempo.WAIT)]
     """Time to settle after the setpoint is raised, s."""
@@ -84,9 +84,9 @@ class CornerInsertParams(SkillParams):
     """Largest radius of the dither of the finger centre, m; it fades within each period and releases static friction
     of the peg.
     """
-    dither_rate: Annotated[PositiveFloat, Quantity("rad/s", Tempo.SPEED, "dither_radius")]
+    dither_rate: Annotated[float, Figure("rad/s", Tempo.SPEED, "dither_radius"), Field(exclude=True)] = 25.0
     """Turning rate of the dither, rad/s."""
-    dither_period: Annotated[PositiveFloat, Quantity("s", Tempo.WAIT)]
+    dither_period: Annotated[float, Figure("s", Tempo.WAIT), Field(exclude=True)] = 0.5
     """Period of the dither, s; the radius fades to zero within it."""
     growth: Annotated[PositiveFloat, Quantity("rad")]
     """Increase of the yaw sweep's amplitude from one swing to the next, rad; small yaws of the hole are the likeliest

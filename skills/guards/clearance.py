@@ -18,9 +18,9 @@ RINGS, AROUND = 6, 12
 BALLS = 5
 """Number of balls that approximate a capsule of the hand."""
 DEEP = 1.0
-"""Depth of the boxes below their upper faces, m; it excludes paths below plate or rack."""
+"""Depth of the boxes below their upper faces, m; it excludes paths below plate or rack. Source: chosen, not measured."""
 TOLERANCE = 1e-4
-"""Tolerance on the clearance, m, so that rounding does not reject a path exactly at the limit."""
+"""Tolerance on the clearance, m, so that rounding does not reject a path exactly at the limit. Source: chosen, not measured."""
 _BALLS = np.linspace(-1.0, 1.0, BALLS)[:, None]
 _ANGLES = np.linspace(0.0, 2.0 * np.pi, AROUND, endpoint=False)
 _RING = np.column_stack([np.cos(_ANGLES), np.sin(_ANGLES)])

@@ -16,15 +16,15 @@ from enum import IntEnum
 from drivers.quantities import ImpedanceSetpoint, Pose
 
 WRIST = 0.15
-"""Distance behind the finger centre at which the arm's translational and rotational inertia decouple, m."""
+"""Distance behind the finger centre at which the arm's translational and rotational inertia decouple, m. Source: chosen, not measured."""
 MASS = 5.0
 """Mass of the arm at the decoupling point, kg; 4 to 9 kg in the simulated arm over poses and directions, with the hand
-free to turn or not.
+free to turn or not. Source: measured on the simulated arm.
 """
 INERTIA = 0.03
-"""Inertia of the arm about the decoupling point, kg·m²; 0.007 to 0.08 kg·m² in the simulated arm over poses and directions."""
+"""Inertia of the arm about the decoupling point, kg·m²; 0.007 to 0.08 kg·m² in the simulated arm over poses and directions. Source: measured on the simulated arm."""
 LEVER = 0.1
-"""Lever arm: the torque limit of the rotational spring is the force limit times this, m."""
+"""Lever arm: the torque limit of the rotational spring is the force limit times this, m. Source: chosen, not measured."""
 SOFTEN, STOP = 0.75, 1.0
 """Shares of the energy at the force limit at which the guard softens the motion and stops it, fraction."""
 SOFTENED = 0.5

@@ -14,7 +14,7 @@ from drivers.protocols import Arm, Clock
 from drivers.quantities import ArmState, Vector
 
 REST_SPEED = 0.01
-"""Largest speed of every joint of an arm at rest, rad/s."""
+"""Largest speed of every joint of an arm at rest, rad/s. Source: chosen, not measured."""
 REST_SCANS = 5
 """Number of successive scans below `REST_SPEED` after which the arm is at rest; a single scan can be a turning point of an oscillation."""
 BRAKE_SPEED = 0.03
@@ -26,11 +26,11 @@ BRAKE_TIME = 0.1
 force pulls it and it must be held. Source: decision 0014.
 """
 REST_TIME = 1.0
-"""Time after which an arm that stays in place is at rest at any measured speed, s; the measured speed of a real arm may never be zero."""
+"""Time after which an arm that stays in place is at rest at any measured speed, s; the measured speed of a real arm may never be zero. Source: chosen, not measured."""
 PLACE_TIME = 0.1
-"""Time over which the arm must stay in place, s; the limit of its motion is `REST_SPEED` times that."""
+"""Time over which the arm must stay in place, s; the limit of its motion is `REST_SPEED` times that. Source: chosen, not measured."""
 LONGEST = 3.0
-"""Longest time for an arm to come to rest, s; a longer motion is a fault."""
+"""Longest time for an arm to come to rest, s; a longer motion is a fault. Source: chosen, not measured."""
 
 
 class Rest:
@@ -79,12 +79,8 @@ class Rest:
         self.is_reached = self._calm >= REST_SCANS or (passed > REST_TIME and self._is_in_place)
         if speed > BRAKE_SPEED and passed <= BRAKE_TIME and not self.is_reached:
             self._arm.halt()
-        if passed > LONGEST and not self.is_reached:
-            joint = int(np.argmax(np.abs(arm.dq)))
-            raise ArmRestlessError(
-                f"arm: joint {joint + 1} moves at {abs(arm.dq[joint]):.3f} rad/s {passed:.1f} s after the halt; "
-                f"{REST_SPEED:g} rad/s allowed"
-            )
+        if not self.is_reached:
+            _require_time_left(arm, passed)
         return self.is_reached
 
     def _watch_place(self, q: Vector, now: float) -> None:
@@ -121,3 +117,13 @@ class Rest:
             self._arm.halt()
             return False
         return self.take(arm, now)
+
+
+def _require_time_left(arm: ArmState, passed: float) -> None:
+    """Check that a moving arm was halted at most `LONGEST` seconds ago."""
+    if passed > LONGEST:
+        joint = int(np.argmax(np.abs(arm.dq)))
+        raise ArmRestlessError(
+            f"arm: joint {joint + 1} moves at {abs(arm.dq[joint]):.3f} rad/s {passed:.1f} s after the halt; "
+            f"{REST_SPEED:g} rad/s allowed"
+        )

@@ -34,11 +34,12 @@ Source: chosen, not measured; reason in decision 0013.
 LONGEST_UNCHANGED = 0.15
 """Longest time for which the force of an arm, or all readings of one whose force has no noise, may be identical to the last digit
 while its setpoint moves, s: 15 scans at 100 Hz, and a fault within 0.2 s. An exact zero has no noise: libfranka#25.
+Source: chosen, not measured.
 """
 MOVED, TURNED = 5e-4, 5e-3
 """Distance, m, and angle, rad, by which the setpoint has moved meanwhile. The spring then pushes the hand with 0.2 N or turns it with 0.2 N·m
 more, so that a live arm reports another place or another force. At rest, readings can be identical: the makers publish neither resolution nor
-noise of joint positions (franka_ros#112).
+noise of joint positions (franka_ros#112). Source: chosen, not measured.
 """
 
 

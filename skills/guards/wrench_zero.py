@@ -15,7 +15,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from drivers.config_model import ConfigModel, Quantity
+from drivers.config_model import ConfigModel, Figure, Quantity
 from drivers.errors import WrenchOffsetError, WrenchReversedError
 from drivers.quantities import ArmState, Vector, Wrench
 
@@ -26,7 +26,7 @@ SCANS = 20
 GUARD = 4.0
 """Least distance of a mean of readings from 0 to exceed noise, standard deviations."""
 STILL = 2.0
-"""Largest change of the mean force from the first to the second half of the scans, N, in addition to noise."""
+"""Largest change of the mean force from the first to the second half of the scans, N, in addition to noise. Source: chosen, not measured."""
 
 
 class WrenchConfig(ConfigModel):
@@ -36,7 +36,7 @@ class WrenchConfig(ConfigModel):
     """Largest force that the arm may report in free air, N; a larger force is contact or a wrong payload, and not an offset.
     Source: docs/tried/search.md.
     """
-    noise: Annotated[float, Field(gt=0.0, le=20.0), Quantity("N")] = 5.0
+    noise: Annotated[float, Figure("N"), Field(exclude=True)] = 5.0
     """Largest standard deviation of a component of the force in free air, N. Source: docs/tried/search.md."""
 
 
@@ -91,9 +91,7 @@ def zero_of(wrenches: Sequence[Wrench], config: WrenchConfig) -> WrenchZero:
             " and the payload that the arm's controller knows"
         )
     if noise > config.noise:
-        raise WrenchOffsetError(
-            f"arm: force scatters by {noise:.1f} N in free air; wrench.noise = {config.noise:g} N allowed"
-        )
+        raise WrenchOffsetError(f"arm: force scatters by {noise:.1f} N in free air; {config.noise:g} N allowed")
     # Standard deviation of the difference of two means of n/2 readings, in three components: sigma sqrt(3 · 4 / n)
     if drift > STILL + GUARD * noise * math.sqrt(3.0 * 4.0 / len(forces)):
         raise WrenchOffsetError(

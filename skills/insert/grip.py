@@ -22,7 +22,7 @@ from skills.search.params import SpraySearchParams
 
 CONTACT = 0.036
 """Contact length l of the peg in the pads, m: the pads are 41 mm long, and the peg ends 15 mm behind their middle. A
-longer contact bears more moment, and a rotation then causes more slip.
+longer contact bears more moment, and a rotation then causes more slip. Source: derived for the shipped pads.
 """
 
 P = TypeVar("P", bound=ConfigModel)

@@ -13,7 +13,7 @@ from skills.paths import dither
 
 SLIDING = 0.03
 """Speed of the tip along the hole above which the peg is not dithered, m/s. Friction of a sliding peg opposes its motion
-and has no sideways component to release. A peg that is turned beyond its play while it descends hits the wall.
+and has no sideways component to release. A peg that is turned beyond its play while it descends hits the wall. Source: chosen, not measured.
 """
 CREEP = 10.0
 """Least depth gained in a period of the dither, multiple of `jammed`; with less, the peg counts as jammed. A pushed peg

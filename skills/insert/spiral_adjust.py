@@ -23,17 +23,17 @@ from skills.seating.decision import (
     require_short_of_bottom,
 )
 from skills.seating.latch_looks import Looks
-from skills.seating.signature import Curve
+from skills.seating.signature import StrokeCurve
 
 ARRIVING = 3.0
 """Factor on the damping along z close to the bottom."""
 RAISED = 0.005
 """Height of the tip above the surface, beyond half the peg's breadth, from which on nothing holds the peg and the attempt ends, m: the rim of a
 leaning peg stands on the plate with its middle at most half a breadth above it, and plate and theta err by millimetres. A hand whose joints
-rub more than they push is lifted by its own spiral.
+rub more than they push is lifted by its own spiral. Source: chosen, not measured.
 """
 SWINGING = 0.15
-"""Turning rate of the hand beyond which it swings, rad/s; the dither turns it at 0.1 rad/s."""
+"""Turning rate of the hand beyond which it swings, rad/s; the dither turns it at 0.1 rad/s. Source: chosen, not measured."""
 SWING_DAMPING = 10.0
 """Growth of the damping along z with the swing, by its value without one, s/rad. Source: docs/tried/adjustment.md."""
 MOST_SWING_DAMPING = 5.0
@@ -105,7 +105,7 @@ def run(
             would press its faces against them, by its ratio to half a side.
     """
     hole, is_felt, plane = ctx.job.hole, plane is not None, plane or nominal(ctx.job.hole)
-    first, arrival, looks = ctx.observe(), Arrival(), Looks(Curve(earlier=ctx.peg.ways))
+    first, arrival, looks = ctx.observe(), Arrival(), Looks(StrokeCurve(earlier=ctx.peg.ways))
     aim, stall, guide, descent = Aim(ctx.in_hand(), plane.normal), Stall(), Guide(), Descent(plane.depth(first.tip))
     swing = at_rest = Swing(first.arm.tcp.rotation[:, 0], first.arm.stamp)
     sweep, across = TiltSweep(), (2.0 * ctx.job.peg.part.half[1], 2.0 * hole.part.half[1])

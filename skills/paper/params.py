@@ -6,7 +6,7 @@ from pydantic import Field, PositiveFloat
 
 from drivers.config_model import Figure, Quantity, Tempo
 from skills.contract import SkillParams
-from skills.motion import Gains
+from skills.motion import DampedGains, Gains
 
 
 class PaperSearchParams(SkillParams):
@@ -33,13 +33,13 @@ class PaperInsertParams(SkillParams):
     Source: measured by `cell study paper`.
     """
 
-    gains: Gains
+    gains: DampedGains
     """Stiffness K along x and y and in rotation, and damping ratio. Source: measured by `cell study paper`."""
     integral_gain: Annotated[PositiveFloat, Quantity("N·m/(rad·s)")]
     """Integral gain K_I on orientation, N·m/(rad·s); [gibbons], Eq. (6)."""
     push_stiffness: Annotated[tuple[PositiveFloat, PositiveFloat], Quantity("N/m")]
     """K_min and K_max of [gibbons], Eq. (7), N/m. Source: chosen, not measured."""
-    timeout: Annotated[PositiveFloat, Quantity("s", Tempo.LIMIT)] = 60.0
+    timeout: Annotated[float, Figure("s", Tempo.LIMIT), Field(exclude=True)] = 60.0
     """Longest insertion, s. Source: chosen, not measured."""
 
 
@@ -55,7 +55,7 @@ class PaperAdjustParams(SkillParams):
     """Stiffness along z, N/m."""
     turn_rate: Annotated[PositiveFloat, Quantity("rad/s", Tempo.SPEED, "radius")]
     """Turning rate of the spiral, rad/s."""
-    timeout: Annotated[PositiveFloat, Quantity("s", Tempo.LIMIT)] = 60.0
+    timeout: Annotated[float, Figure("s", Tempo.LIMIT), Field(exclude=True)] = 60.0
     """Longest adjustment, s. Source: chosen, not measured."""
     radius: Annotated[float, Figure("m"), Field(exclude=True)] = 0.025
     """Largest radius of the spiral, m. Source: [gibbons], Sec. VII."""

@@ -23,7 +23,7 @@ ANYWHERE = Belief()
 """Distribution of the hole's place if only the area is known."""
 OUTSIDE = (2e-3, 4e-3)
 """Least and largest distance at which the peg comes down from the rim of a hole at the border of the area, m; drawn
-evenly between the two.
+evenly between the two. Source: chosen, not measured.
 """
 
 

@@ -10,20 +10,20 @@ from skills.search.params import TOUCHED_TIME, SpraySearchParams
 from skills.search.surface import Plane, SurfaceEstimate
 
 SLIP = 0.1
-"""Change of theta that counts as a slip of the peg in the hand, rad."""
+"""Change of theta that counts as a slip of the peg in the hand, rad. Source: chosen, not measured."""
 TOUCHED = 0.5
-"""Share of the push along z above which the plate counts as bearing it, fraction."""
+"""Share of the push along z above which the plate counts as bearing it, fraction. Source: chosen, not measured."""
 EXPLAINED = 1.5e-3
 """Difference of the peg's length from the job's that theta, the plate's height and the arm's own errors may explain, m; it is left as it is.
-At the tilt of the search 1 degree of theta is 0.9 mm of length, and 0.3 mm of height are 0.4 mm."""
+At the tilt of the search 1 degree of theta is 0.9 mm of length, and 0.3 mm of height are 0.4 mm. Source: chosen, not measured."""
 
 
 LATE = 0.06
 """Time after which a height teaches the surface estimate, s: a peg that falls while little of the plate is felt yet would take the
-estimate down with it, and the dip would not be seen. A peg that crosses half a hole of 8 mm at 0.14 m/s falls for 0.03 s."""
+estimate down with it, and the dip would not be seen. A peg that crosses half a hole of 8 mm at 0.14 m/s falls for 0.03 s. Source: chosen, not measured."""
 
 SUDDEN = 0.08
-"""Time within which the hand drops with a peg that falls into the hole, s: it is caught after 0.02 to 0.05 s."""
+"""Time within which the hand drops with a peg that falls into the hole, s: it is caught after 0.02 to 0.05 s. Source: chosen, not measured."""
 
 
 FALLING = 0.05
@@ -73,7 +73,7 @@ class Bearing:
 
 LONGEST_SLIP = 0.02
 """Largest slip of the peg up into the hand since it last touched the plate, m: half of what the pads are long. Nothing but a slip makes a peg
-shorter that has touched before."""
+shorter that has touched before. Source: chosen, not measured."""
 
 
 def excess_of(height: float, axis: Vector, bound: float, has_touched: bool = False) -> float | None:
@@ -98,7 +98,7 @@ def excess_of(height: float, axis: Vector, bound: float, has_touched: bool = Fal
     return excess if abs(excess) > EXPLAINED else 0.0
 
 
-class Evidence:
+class EdgeEvidence:
     """Watches the height of the plate for evidence of an edge; one object serves one search."""
 
     def __init__(self, params: SpraySearchParams, surface: SurfaceEstimate, scan_period: float) -> None:

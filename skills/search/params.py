@@ -7,13 +7,13 @@ from pydantic import Field, NonNegativeFloat, PositiveFloat
 
 from drivers.config_model import Figure, Quantity, Tempo
 from skills.contract import SkillParams
-from skills.motion import Gains, Transfer
-from skills.pull_out import Pull
+from skills.motion import DampedGains, Transfer
+from skills.pull_out import PullOut
 
 TOUCHED_TIME = 0.1
-"""Time for which the plate has to bear the push before it counts as touched, s; the blow at touch-down is shorter."""
+"""Time for which the plate has to bear the push before it counts as touched, s; the blow at touch-down is shorter. Source: chosen, not measured."""
 FREE_GAP = 1.5e-3
-"""Gap that a peg of the largest length leaves above the plate before its first touch-down, m: heights that err, a hand that lags."""
+"""Gap that a peg of the largest length leaves above the plate before its first touch-down, m: heights that err, a hand that lags. Source: chosen, not measured."""
 
 
 class SpraySearchParams(SkillParams):
@@ -22,9 +22,9 @@ class SpraySearchParams(SkillParams):
     Source: chosen, not measured.
     """
 
-    transfer: Transfer = Transfer()
+    transfer: Annotated[Transfer, Figure(""), Field(exclude=True)] = Transfer()
     """How the hand goes to the first point and down to the surface."""
-    gains: Gains
+    gains: DampedGains
     """Stiffness and damping ratio along the path and in rotation. Source: chosen within the margin that `cell check` prints."""
     push_stiffness: Annotated[PositiveFloat, Quantity("N/m")]
     """Stiffness along z, which makes the push, N/m."""
@@ -108,7 +108,7 @@ class SpraySearchParams(SkillParams):
 
     return_time: Annotated[float, Figure("s", Tempo.WAIT), Field(exclude=True)] = 0.4
     """Time in which the tip comes back to its course after a rest or a probe, s."""
-    pull: Annotated[Pull, Figure(""), Field(exclude=True)] = Pull()
+    pull: Annotated[PullOut, Figure(""), Field(exclude=True)] = PullOut()
     """Motion that pulls the peg out of the hole before another attempt."""
 
     def first_height(self, reach: float) -> float:

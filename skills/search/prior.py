@@ -17,7 +17,7 @@ from skills.search.tour import Point
 NEEDED = 2
 """Number of successive parts that must agree before their estimate is used."""
 LEAST_DEVIATION = 2e-4
-"""Smallest standard deviation of a prior, m: the accuracy of the arm for a seated peg."""
+"""Smallest standard deviation of a prior, m: the accuracy of the arm for a seated peg. Source: chosen, not measured."""
 MEMORY = 20
 """Number of parts in the average of the scatter."""
 

@@ -9,7 +9,7 @@ import math
 from skills.search.params import SpraySearchParams
 
 STATED = 8e-3
-"""Thickness of the peg for which `search.dip_threshold` and `search.fall` are stated, m."""
+"""Thickness of the peg for which `search.dip_threshold` and `search.fall` are stated, m. Source: [gibbons], Sec. VI."""
 THIN = 5e-3
 """Largest thickness of a thin peg, m; with 6 mm nothing was gained, and thicker pegs are searched with as stated. Source: docs/tried/search.md."""
 DIP = 0.025
@@ -22,7 +22,7 @@ CROSSINGS = 21.0
 a 4 mm peg 0.15 m/s over its hole, where few falls are missed. Source: docs/tried/search.md.
 """
 CROSSED_DIP = 3e-4
-"""Dip threshold with which `CROSSINGS` was found, m."""
+"""Dip threshold with which `CROSSINGS` was found, m. Source: docs/tried/search.md."""
 
 
 def fastest(dip: float, width: float) -> float:

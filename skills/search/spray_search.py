@@ -10,10 +10,10 @@ from skills.motion import Goal
 from skills.pull_out import LONGEST, approach
 from skills.search.belief import Belief
 from skills.search.course import ANYWHERE, Course, make_course
-from skills.search.feel import Evidence, excess_of
+from skills.search.feel import EdgeEvidence, excess_of
 from skills.search.params import SpraySearchParams
 from skills.search.surface import Plane, SurfaceEstimate
-from skills.search.sweep import Sweep
+from skills.search.sweep import SearchSweep
 from skills.search.tour import Left, Likely
 
 logger = logging.getLogger(__name__)
@@ -68,8 +68,8 @@ def run(
     start = (course.first[0], course.first[1])
     if (stuck := approach(_above(course), params.transfer, params.pull, ctx)) is not None:
         return SpraySearchResult(Outcome.FAILURE, Reason.NOT_SEATED, LONGEST, _point(stuck), start, 0, None)
-    evidence = Evidence(params, surface or SurfaceEstimate(), ctx.schedule.period)
-    sweep, spent = Sweep(params, ctx, course, evidence), 0.0
+    evidence = EdgeEvidence(params, surface or SurfaceEstimate(), ctx.schedule.period)
+    sweep, spent = SearchSweep(params, ctx, course, evidence), 0.0
     found, spent = _slide(params, ctx, sweep, spent)
     while found is None and spent < params.timeout:
         lifted = ctx.devices.clock.now()
@@ -98,7 +98,7 @@ def run(
 
 
 def _slide(
-    params: SpraySearchParams, ctx: SkillContext, sweep: Sweep, spent: float
+    params: SpraySearchParams, ctx: SkillContext, sweep: SearchSweep, spent: float
 ) -> tuple[Observation | None, float]:
     """Let the peg slide on, until it is in the hole, or the time is up, or it is to be lifted.
 
@@ -133,7 +133,7 @@ def _with_prior(belief: Belief, ctx: SkillContext) -> Belief:
     return replace(belief, likely=Likely(prior.mean, prior.deviation))
 
 
-def _referenced(plane: Plane, params: SpraySearchParams, ctx: SkillContext, sweep: Sweep) -> Plane:
+def _referenced(plane: Plane, params: SpraySearchParams, ctx: SkillContext, sweep: SearchSweep) -> Plane:
     """Return the plate's surface after what the peg has slipped along the fingers on it was taken into its length in the hand.
 
     Under a peg that slips up into the hand the plate seems to have sunk where it was touched down on; a tilted plate does not.

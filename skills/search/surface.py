@@ -45,7 +45,7 @@ class SurfaceEstimate:
     """Standard deviation of the sliding tip's height about the plane, m, for independent errors of the scans.
 
     The height has an error of 0.1 mm, mostly from theta. Ten or more scans use the same frame and have the same error. The
-    larger value gives these scans together about the weight of one.
+    larger value gives these scans together about the weight of one. Source: chosen, not measured.
     """
     DOUBT = 5.0
     """Factor on the noise of a height more than three deviations below the plane, so that an edge hardly moves the plane."""
@@ -53,7 +53,7 @@ class SurfaceEstimate:
     """Prior standard deviation of the plate's slopes; slopes are clipped to three times as much."""
 
     HEIGHT = 1e-3
-    """Prior standard deviation of the height, m; forgetting is limited to this value."""
+    """Prior standard deviation of the height, m; forgetting is limited to this value. Source: chosen, not measured."""
 
     def __init__(self) -> None:
         """Start from a level plate of unknown height."""

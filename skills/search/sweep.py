@@ -12,7 +12,7 @@ from skills.contract import Observation, SkillContext
 from skills.motion import VALIDITY, Trim, between
 from skills.search.course import Course
 from skills.search.decoys import BLIND, Decoy
-from skills.search.feel import EXPLAINED, Bearing, Evidence, Push, excess_of
+from skills.search.feel import EXPLAINED, Bearing, EdgeEvidence, Push, excess_of
 from skills.search.params import SpraySearchParams
 from skills.search.phases import (
     ComingDown,
@@ -34,20 +34,20 @@ REST_DAMPING = 2.5
 lets a light wrist swing where torques act late."""
 
 TRIMMED_BELOW = 5e-3
-"""Height of the setpoint over the plate, m, from which on the way down the trim works: in the air it would wind up against joints at rest."""
+"""Height of the setpoint over the plate, m, from which on the way down the trim works: in the air it would wind up against joints at rest. Source: chosen, not measured."""
 
 STUCK_WITHIN = 1e-3
-"""Largest distance between two rests of a peg that has not got away in between, m."""
+"""Largest distance between two rests of a peg that has not got away in between, m. Source: chosen, not measured."""
 STUCK_AFTER = 3
 """Number of rests in one place from which on the place is passed over."""
 FAR_OFF: tuple[Vector, int] = np.full(2, math.inf), 0
 """Rest of a peg that has not rested yet."""
 
 
-class Sweep:
+class SearchSweep:
     """Goes through the phases of a search; `skills.search.phases` decides on which phase follows."""
 
-    def __init__(self, params: SpraySearchParams, ctx: SkillContext, course: Course, evidence: Evidence) -> None:
+    def __init__(self, params: SpraySearchParams, ctx: SkillContext, course: Course, evidence: EdgeEvidence) -> None:
         """Begin above the first point of the course."""
         self._params, self._ctx, self._course, self._evidence = params, ctx, course, evidence
         self._identity = ctx.new_id()
@@ -87,12 +87,7 @@ class Sweep:
             if isinstance(before, Sliding):
                 self._evidence.learn(edge, sense)
         elif isinstance(before, ComingDown) and isinstance(self._phase, Sliding):
-            if self._has_come_down_in_decoy(felt, edge):
-                self._pass_over()
-            elif felt.is_pressed:
-                self._measure_length(edge, felt)
-            else:
-                self._bearing.require_sense(self._push.stiffness * params.push_offset)
+            self._take_touch_down(felt, edge)
         if isinstance(self._phase, Resting) and self._phase.is_over(felt, params):
             if felt.below >= params.fall:
                 return True
@@ -101,6 +96,15 @@ class Sweep:
             self._evidence.doubt()
             self._enter(after_rest(self._phase, felt, params, course, point))
         return False
+
+    def _take_touch_down(self, felt: Felt, edge: Vector) -> None:
+        """Measure the peg's length where it has come down on the plate, or pass over a decoy."""
+        if self._has_come_down_in_decoy(felt, edge):
+            self._pass_over()
+        elif felt.is_pressed:
+            self._measure_length(edge, felt)
+        else:
+            self._bearing.require_sense(self._push.stiffness * self._params.push_offset)
 
     def _has_come_down_in_decoy(self, felt: Felt, edge: Vector) -> bool:
         """Return whether the peg has come down below the plate beside a decoy; the next time it has slipped up into the hand."""

@@ -6,15 +6,16 @@ from dataclasses import dataclass
 from drivers.errors import SwitchDisagreesError, SwitchUnknownError
 from drivers.parts import Hole
 from drivers.quantities import ImpedanceSetpoint, SwitchState, Vector
+from drivers.skin.layout import SOFTEST_SHEAR
 from skills.contract import Observation
 
 CLOSED_TOLERANCE = 0.004
-"""Largest difference between the tip's depth by the arm and the hole's depth when the switch closes, m: the error of theta."""
+"""Largest difference between the tip's depth by the arm and the hole's depth when the switch closes, m: the error of theta. Source: chosen, not measured."""
 OPEN_TOLERANCE = 0.0015
-"""Distance from the hole's depth within which a resting tip should have closed the switch, m."""
+"""Distance from the hole's depth within which a resting tip should have closed the switch, m. Source: chosen, not measured."""
 
 MOST_SHALLOW = 0.001
-"""Largest shortfall from the hole's depth at which a closed switch seats the peg at once, m, by the surface estimate of the search."""
+"""Largest shortfall from the hole's depth at which a closed switch seats the peg at once, m, by the surface estimate of the search. Source: chosen, not measured."""
 DOUBTED = 0.002
 """Largest shortfall from the hole's depth at which a peg at rest on the bottom is seated, m. Surface and tip are measured at two attitudes of
 the hand. Their difference errs by 0.4 mm, and by 0.5 mm in a cell with twice the errors. Source: decision 0021.
@@ -24,15 +25,13 @@ MOST_DEEP = 0.002
 pushed the peg up in the hand, it appears deeper. Beyond this limit the peg must rest on the bottom. Source: decision 0021.
 """
 BORNE_FOR = 0.2
-"""Least time of a rest under a push, s; a guided peg descends by millimetres in this time."""
+"""Least time of a rest under a push, s; a guided peg descends by millimetres in this time. Source: chosen, not measured."""
 BORNE_WITHIN = 3e-4
-"""Largest change of the tip's height during a rest, m."""
+"""Largest change of the tip's height during a rest, m. Source: chosen, not measured."""
 LEAST_PUSH = 4.0
-"""Least push during a rest, N; joint friction alone can hold the hand against a smaller push."""
-GIVE = 2.0e-4
-"""Distance that the hand sinks along a peg on the bottom, m/N, in the softest pads: 5 kN/m in shear, see `grip.shear_stiffness` of
-config/reality.toml.
-"""
+"""Least push during a rest, N; joint friction alone can hold the hand against a smaller push. Source: chosen, not measured."""
+GIVE = 1.0 / SOFTEST_SHEAR
+"""Distance that the hand sinks along a peg on the bottom in the softest pads, m/N. Source: derived for `SOFTEST_SHEAR`."""
 
 
 @dataclass(frozen=True, slots=True)

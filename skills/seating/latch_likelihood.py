@@ -17,17 +17,16 @@ import numpy as np
 
 from drivers.parts import Latch
 from drivers.quantities import Vector
+from drivers.skin.layout import STIFFEST_SHEAR
 
 BEFORE = 0.0015
-"""Length of the stroke above the latch used to measure the force offset, m."""
+"""Length of the stroke above the latch used to measure the force offset, m. Source: chosen, not measured."""
 GRID = 1e-4
-"""Distance between the heights at which curve and latch are compared, m."""
+"""Distance between the heights at which curve and latch are compared, m. Source: chosen, not measured."""
 FLOOR = 2e-4
-"""Height above the resting position below which the curve is ignored, m: there the bottom already bears the push."""
-SHEAR = 2e-5
-"""Compliance of the pads along the fingers, m/N; assumed: two rubber pads of 60 kPa shear modulus, 180 mm² each, 0.4 mm thick under
-the grip. An error of half its value changes the measured height by 0.1 mm.
-"""
+"""Height above the resting position below which the curve is ignored, m: there the bottom already bears the push. Source: chosen, not measured."""
+SHEAR = 1.0 / STIFFEST_SHEAR
+"""Compliance of the pads along the fingers, m/N. An error of half its value changes the measured height by 0.1 mm. Source: derived for `STIFFEST_SHEAR`."""
 LEAST_POINTS = 8
 """Least number of scans in the curve; fewer do not show its shape."""
 FORCE_SHARE = 0.5
@@ -35,7 +34,7 @@ FORCE_SHARE = 0.5
 the stated one.
 """
 PLACE = 0.0005
-"""Largest difference between the measured and the stated height of the latch above the bottom, m: halfway to a bottom that is 1 mm higher."""
+"""Largest difference between the measured and the stated height of the latch above the bottom, m: halfway to a bottom that is 1 mm higher. Source: chosen, not measured."""
 DOUBT = 1e-3
 """Largest likelihood share of latches with another force or height for a seated peg, fraction. If half of the parts are seated, one in a
 thousand parts judged seated is not.
@@ -49,7 +48,7 @@ MOST_FORCE = 3.0
 FORCE_STEP = 0.1
 """Step of the considered forces, as a share of the stated one."""
 EXACT = 0.1
-"""Least sum a + b of a curve's deviations down and up, N: the best resolution of an arm's force."""
+"""Least sum a + b of a curve's deviations down and up, N: the best resolution of an arm's force. Source: chosen, not measured."""
 REMEMBERED = 64
 """Number of strokes whose likelihoods are cached; skill and gate evaluate them at every scan of a rest."""
 
@@ -77,7 +76,7 @@ class Signature:
 
 
 @dataclass(frozen=True, slots=True)
-class Way:
+class InsertionStroke:
     """One insertion stroke down to a rest."""
 
     heights: tuple[float, ...]
@@ -103,7 +102,7 @@ class Way:
         return grid, np.interp(grid, above, force)
 
 
-def told_by(ways: Sequence[Way], latch: Latch) -> Signature:
+def told_by(ways: Sequence[InsertionStroke], latch: Latch) -> Signature:
     """Return the estimate of the latch from several strokes to one bottom; strokes that do not show the latch are ignored.
 
     The likelihoods of independent strokes are multiplied for every force and height. A stroke with rubbing therefore adds
@@ -129,7 +128,7 @@ def considered(latch: Latch) -> tuple[Vector, Vector]:
 
 
 @lru_cache(maxsize=REMEMBERED)
-def unlikelihood(way: Way, latch: Latch) -> Vector | None:
+def unlikelihood(way: InsertionStroke, latch: Latch) -> Vector | None:
     """Return the negative log likelihood of every considered force and height of the latch, up to a constant, shape (n, m).
 
     A wall only opposes the motion of a rubbing peg. The residual r of the force therefore has a scale b above the latch's

@@ -17,7 +17,7 @@ from drivers.quantities import ImpedanceSetpoint
 from skills.contract import Observation
 from skills.seating.decision import BORNE_FOR, DOUBTED
 from skills.seating.latch_likelihood import BEFORE, Signature
-from skills.seating.signature import Curve
+from skills.seating.signature import StrokeCurve
 
 MOST_LOOKS = 5
 """Largest number of strokes without a detected latch; chosen, not measured: strokes accumulate, and each takes two seconds.
@@ -26,14 +26,14 @@ Source: decision 0022.
 LEAST_LOOKS = 2
 """Least number of strokes before the peg is given up, because the first can have wedged just above the bottom. Source: decision 0022."""
 TURNING_BACK = 0.05
-"""Speed of the setpoint from push to pull and back, m/s."""
+"""Speed of the setpoint from push to pull and back, m/s. Source: chosen, not measured."""
 
 
 @dataclass(frozen=True, slots=True)
 class Looks:
     """Insertion strokes so far, and the pull that draws the peg up for another stroke."""
 
-    curve: Curve = field(default_factory=Curve)
+    curve: StrokeCurve = field(default_factory=StrokeCurve)
     """Force against height on the present stroke."""
     missed: int = 0
     """Number of strokes to the bottom after which the latch was not detected."""

@@ -1,7 +1,7 @@
 """Force against height of a held peg over its insertion strokes, each up to a rest; pure.
 
     height of the hand, force along z                                 -->  drawn up: a new stroke starts
-    of each scan with a new largest depth -->  Curve of the stroke    -->  rest: `told_by` of this stroke and those that ended
+    of each scan with a new largest depth -->  StrokeCurve of the stroke    -->  rest: `told_by` of this stroke and those that ended
                                                                            at its height
 
 The hole guides the peg at a constant attitude. The height of the hand therefore measures differences of the end's height
@@ -15,18 +15,18 @@ from drivers.parts import Latch
 from drivers.quantities import ImpedanceSetpoint
 from skills.contract import Observation
 from skills.seating.decision import Footing
-from skills.seating.latch_likelihood import BEFORE, PLACE, Signature, Way, told_by, unlikelihood
+from skills.seating.latch_likelihood import BEFORE, PLACE, InsertionStroke, Signature, told_by, unlikelihood
 
 STEP = 2e-5
-"""Least new depth for a scan to be added to the curve, m; it exceeds the noise of the arm's height."""
+"""Least new depth for a scan to be added to the curve, m; it exceeds the noise of the arm's height. Source: chosen, not measured."""
 LIFTED = 0.002
-"""Height above the deepest point at which a held peg counts as drawn up, m."""
+"""Height above the deepest point at which a held peg counts as drawn up, m. Source: chosen, not measured."""
 MOST_WAYS = 64
 """Number of strokes to keep: ten attempts with five strokes each, and some that ended elsewhere."""
 
 
 @dataclass(frozen=True, slots=True)
-class Curve:
+class StrokeCurve:
     """Force against height of a held peg on its present stroke, with its rest and the earlier strokes."""
 
     heights: tuple[float, ...] = ()
@@ -37,15 +37,15 @@ class Curve:
     """Rest of the peg on its support."""
     has_rested: bool = False
     """True if the peg has rested long enough at the end of this stroke."""
-    earlier: tuple[Way, ...] = ()
+    earlier: tuple[InsertionStroke, ...] = ()
     """Earlier strokes of the same held peg that ended in a rest."""
 
     @property
-    def ways(self) -> tuple[Way, ...]:
+    def ways(self) -> tuple[InsertionStroke, ...]:
         """Strokes of this held peg that have ended in a rest, including the present one."""
-        return (*self.earlier, *((Way(self.heights, self.forces),) if self.has_rested else ()))[-MOST_WAYS:]
+        return (*self.earlier, *((InsertionStroke(self.heights, self.forces),) if self.has_rested else ()))[-MOST_WAYS:]
 
-    def after(self, seen: Observation, setpoint: ImpedanceSetpoint | None, latch: Latch) -> "Curve":
+    def after(self, seen: Observation, setpoint: ImpedanceSetpoint | None, latch: Latch) -> "StrokeCurve":
         """Return the curve after one more scan with its followed setpoint.
 
         If the peg is not held, the curve is cleared. If the peg is drawn up, a new stroke starts. During a rest the curve is
@@ -53,27 +53,29 @@ class Curve:
         """
         height, force = float(seen.arm.tcp.position[2]), float(seen.arm.wrench.force[2])
         if not seen.gripper.is_gripping or not math.isfinite(height + force):
-            return Curve()
+            return StrokeCurve()
         deepest = self.heights[-1] if self.heights else math.inf
-        is_rising = len(self.heights) == 1 and height > deepest
-        if math.isfinite(deepest) and (is_rising or height > deepest + LIFTED):
-            return Curve((height,), (force,), earlier=self.ways)
+        # A stroke begins only once the hand sinks.
+        if height > deepest + (0.0 if len(self.heights) == 1 else LIFTED):
+            return StrokeCurve((height,), (force,), earlier=self.ways)
         footing = self.footing.after(seen, setpoint)
         if height > deepest - STEP or footing.is_firm(seen.stamp):
             return replace(self, footing=footing, has_rested=self.has_rested or footing.is_firm(seen.stamp))
-        # Keep the heights needed for a latch up to half its height higher than the peg rests, and the force offset before it.
-        reach = height + 1.5 * latch.height + BEFORE
-        first = next((at for at, above in enumerate(self.heights) if above <= reach), len(self.heights))
+        first = self._first_within(height + 1.5 * latch.height + BEFORE)
         heights, forces = (*self.heights[first:], height), (*self.forces[first:], force)
         # If the support yields, it was not the bottom.
-        return Curve(heights, forces, footing, earlier=self.earlier)
+        return StrokeCurve(heights, forces, footing, earlier=self.earlier)
+
+    def _first_within(self, reach: float) -> int:
+        """Return the index of the first height at most `reach`: a latch up to half its height higher, and the force offset before it."""
+        return next((at for at, above in enumerate(self.heights) if above <= reach), len(self.heights))
 
     def signature(self, latch: Latch, now: float) -> Signature | None:
         """Return the estimate of the latch from this stroke and the earlier strokes that ended at its height.
 
         The result is None if the peg does not rest at the time `now`, s, or if this stroke does not show the latch.
         """
-        if not self.footing.is_firm(now) or unlikelihood(Way(self.heights, self.forces), latch) is None:
+        if not self.footing.is_firm(now) or unlikelihood(InsertionStroke(self.heights, self.forces), latch) is None:
             return None
         near = [way for way in self.earlier if abs(way.heights[-1] - self.heights[-1]) <= PLACE]
-        return told_by([*near, Way(self.heights, self.forces)], latch)
+        return told_by([*near, InsertionStroke(self.heights, self.forces)], latch)

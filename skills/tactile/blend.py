@@ -8,10 +8,10 @@ from pydantic import Field
 
 from drivers.config_model import ConfigModel, Quantity
 from skills.tactile.pose import NO_PEG, PegPose
-from skills.tactile.twist import Twist
+from skills.tactile.twist import GripTwist
 
 FURTHEST = 2.0
-"""Largest in-hand angle of a peg that is held, rad; beyond it the hand would be in its way."""
+"""Largest in-hand angle of a peg that is held, rad; beyond it the hand would be in its way. Source: chosen, not measured."""
 
 
 class Smoothing(ConfigModel):
@@ -63,7 +63,7 @@ class Blend:
         self._smoothing, self._peg = smoothing, NO_PEG
         self._jump = 0.0
         """Jump of the newest frame, rad; 0 where it was none."""
-        self._twist, self._moment = Twist(smoothing.softest), 0.0
+        self._twist, self._moment = GripTwist(smoothing.softest), 0.0
         """Compliance of the grip, and the moment at the time of the frame in use, N·m."""
 
     def follow(self, new: PegPose | None, stamp: float, moment: float) -> PegPose:

@@ -35,7 +35,7 @@ AT_FIRST = (float(BREADTHS.index(1.0)), 8.0)
 MOST_SURETY = 20.0
 """Largest precision of the estimated breadth (4 % of breadth), because the breadth changes with the load."""
 TURNED = math.radians(5.0)
-"""Least rotation of the peg between two updates of the breadth, rad; frames at the same angle have the same errors."""
+"""Least rotation of the peg between two updates of the breadth, rad; frames at the same angle have the same errors. Source: chosen, not measured."""
 LEARNING = 0.5
 """Share of a frame's information on the breadth used for an update, fraction; it allows for template errors."""
 LOAD_SPREAD, LOAD_FRAMES = 0.15, 4
@@ -43,9 +43,9 @@ LOAD_SPREAD, LOAD_FRAMES = 0.15, 4
 MOST_FRAMES = 20
 """Largest number of frames that the load estimate is worth; it adapts to a changed grip in about as many frames."""
 SURE = math.radians(1.5)
-"""Largest sigma of a frame that updates the load estimate, rad; if two angles give similar frames, their loads differ."""
+"""Largest sigma of a frame that updates the load estimate, rad; if two angles give similar frames, their loads differ. Source: chosen, not measured."""
 OVERHANGS = tuple(1e-3 * k for k in range(-4, 9))
-"""Alternative lengths of the peg beyond the finger centre, m, compared with prints of the configured breadth."""
+"""Alternative lengths of the peg beyond the finger centre, m, compared with prints of the configured breadth. Source: chosen, not measured."""
 STEEPER = 3.5
 """Factor on the rise of the loads along a short peg: it bears the same moment on 23 mm of the pads instead of 35 mm, (35/23)³."""
 REACH_STEP = 1.5e-3

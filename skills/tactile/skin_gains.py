@@ -16,13 +16,13 @@ from drivers.skin.layout import Layout, positions
 from skills.tactile.templates import TemplateParams, make_templates
 
 SPREADS = np.arange(0.6e-3, 2.41e-3, 0.2e-3)
-"""Point spreads to try, m."""
+"""Point spreads to try, m. Source: chosen, not measured."""
 ROUNDS = 20
 LEAST_SIGNAL = 0.3
 """Least peak template reading of a taxel for its gain to be fitted, as a fraction of the largest peak of all taxels."""
 
 END = 3e-3
-"""Distance from a pad's ends within which the end of the rod's groove affects the taxels, m."""
+"""Distance from a pad's ends within which the end of the rod's groove affects the taxels, m. Source: chosen, not measured."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -11,7 +11,7 @@ import numpy as np
 from drivers.compiled import njit
 
 HALF_LINE = 0.02
-"""Distance from the finger centre at which a load of unit rise has grown by 1, m."""
+"""Distance from the finger centre at which a load of unit rise has grown by 1, m. Source: chosen, a unit."""
 FAR = 25.0
 """Squared distance beyond which a line load is neglected, in squared standard deviations of the blur."""
 SURE = 4.5

@@ -6,12 +6,12 @@ from collections import deque
 MEMORY = 10
 """Number of frames over which the compliance is learnt."""
 NOISE = 0.014
-"""Standard deviation of the difference of theta between two frames, rad: sqrt(2) times the 0.01 rad of one frame."""
+"""Standard deviation of the difference of theta between two frames, rad: sqrt(2) times the 0.01 rad of one frame. Source: assumed."""
 KEPT = 500
 """Number of scans whose moments are kept; frames are younger."""
 
 
-class Twist:
+class GripTwist:
     """Learns the compliance of the grip from frames: twist c M, with c by least squares under a normal prior about 0."""
 
     def __init__(self, softest: float) -> None:

@@ -20,7 +20,7 @@ from typing import Any, ParamSpec
 
 import numpy as np
 from franka_sim.control_modes import ControlMode
-from franka_sim.franka_protocol import Command, ConnectStatus, MessageHeader, RobotMode
+from franka_sim.franka_protocol import Command, ConnectStatus, MessageHeader, MoveStatus, RobotMode
 from franka_sim.franka_sim_server import FrankaSimServer
 from franka_sim.gripper.backend import GripperBackend, GripperStateData
 
@@ -43,7 +43,7 @@ HOLD_DAMPING = np.array([40.0, 40.0, 40.0, 20.0, 4.0, 2.0, 1.0])
 NEVER = 2**40
 PATIENCE = 0.7
 """Longest wait for the client's torques when lateness shall not count, s of wall time; the client waits 1 s for a state."""
-AHEAD = 0.02
+AHEAD = 0.004
 """Longest time by which the world is ahead of another process that keeps its time, s."""
 LOOK = 5e-4
 """Time between two looks at that process's time, s of wall time."""
@@ -280,8 +280,12 @@ class Server(FrankaSimServer):  # type: ignore[misc]  # no hints
     """Wait for the client's torques however busy the machine is; False counts a late answer as lost, as the arm does."""
     system = 10
     """Version of the control interface that the arm's system speaks; a client of another one is refused."""
+    is_hurried = False
+    """Send a state as soon as the client's torques for the last one are applied, not a millisecond of wall time later."""
     is_stopped = False
     """The stop button is pressed while a client connects."""
+    is_braked = False
+    """The brakes are closed, or Desk is not in execution."""
     loss = 0.0
     """Share of the client's torques that do not arrive."""
 
@@ -322,6 +326,13 @@ class Server(FrankaSimServer):  # type: ignore[misc]  # no hints
         self.thresholds_set += 1
         super().handle_set_collision_behavior_command(client_socket, header, payload)
 
+    def handle_move_command(self, client_socket: Any, header: Any, payload: bytes) -> None:
+        """Refuse a motion while the brakes are closed, as the arm does."""
+        if self.is_braked:
+            self.send_move_response(client_socket, header.command_id, MoveStatus.kCommandNotPossibleRejected)
+        else:
+            super().handle_move_command(client_socket, header, payload)
+
     def _absorb_within_motion_limits(self, command: Any, *, fresh: bool) -> bool:
         if self.loss and self._draws.random() < self.loss:
             return False
@@ -347,7 +358,7 @@ class Server(FrankaSimServer):  # type: ignore[misc]  # no hints
         if self.is_patient and self.comm.awaiting_answer:
             answer_deadline = time.perf_counter() + PATIENCE
         waited: float = super()._drain_gate(answer_deadline)
-        return waited
+        return waited - self.physics_sim.world.arm.control_period if self.is_hurried else waited
 
     def _account_for_communication_cycle(self) -> None:
         super()._account_for_communication_cycle()

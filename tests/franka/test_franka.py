@@ -182,6 +182,18 @@ def test_thresholds_refused_by_a_pressed_stop_are_set_after_a_reset(simulated, a
     assert (server.thresholds_set, arm.phase) == (1, LoopPhase.RUNNING)
 
 
+def test_closed_brakes_are_told_with_what_to_do_in_desk(simulated, arm):
+    _, server = simulated
+    arm.close()
+    server.is_braked = True
+    arm.open()
+    server.is_braked = False
+    with pytest.raises(CellError, match=r"^arm at .*in the current mode.*; unlock the brakes, choose execution .*$"):
+        arm.read()
+    arm.reset()
+    assert arm.phase is LoopPhase.RUNNING
+
+
 def test_a_recovery_that_outlasts_its_reset_starts_no_motion(simulated, arm, monkeypatch):
     world, server = simulated
     server.press_stop()

@@ -7,7 +7,7 @@ from datetime import date, timedelta
 import numpy as np
 import pytest
 
-from cell.calibrate.arm import Sweep, calibrate_arm
+from cell.calibrate.arm import JointSweep, calibrate_arm
 from cell.commands.cli import NOT_GOOD, WRONG_USE, main
 from cell.config.files import ERRORS_FILE
 from cell.config.files import SHIPPED as SHIPPED_FILES
@@ -18,7 +18,7 @@ from sim.arm import joint_drive
 from sim.arm.drawn_arm import drawn_arm
 from sim.world.reality import read
 
-SHORT = Sweep(speeds=(0.15, 0.35), even=0.4, together=2.0)
+SHORT = JointSweep(speeds=(0.15, 0.35), even=0.4, together=2.0)
 SEED = ["--set", "sim.seed=80001", "--set", "sim.pace=max"]
 
 

@@ -162,6 +162,17 @@ def test_whoever_interrupts_does_not_wait_for_trials_under_way():
     rows.close()  # as an interruption does; it would wait for a day
 
 
+def test_processes_of_a_call_that_had_enough_serve_the_next():
+    first, second = [], []
+    for pids in (first, second):
+        pids += on_processes(_pid, range(100), 1, lambda pids=pids: len(pids) >= 2)
+    assert len({*first, *second}) == 1
+
+
+def _pid(seed):
+    return os.getpid()
+
+
 def test_a_pool_that_is_left_waits_for_none_of_its_tasks():
     with Pool(1) as pool:
         pool.submit(STUCK, 100_000)

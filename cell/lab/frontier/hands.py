@@ -1,4 +1,4 @@
-"""Hands that do not measure theta: it is taken for 0, frozen after the grasp, or known exactly from the stand-in.
+"""Hands with another theta than the measured one, or with fewer frames: it is taken for 0, frozen, biased or exact.
 
 Each function is a program of a study's trials. Nothing of this can be reached from a skill.
 """
@@ -7,8 +7,12 @@ import math
 from collections.abc import Callable
 from dataclasses import replace
 
+import numpy as np
+
 from cell.devices.assembly import Cell, make_tracker
-from cell.lab.trials import insert_peg
+from cell.lab.trials import Program, insert_peg
+from drivers.protocols import Skin
+from drivers.quantities import TaxelFrame
 from skills.catalogue import GRASP
 from skills.contract import SkillContext
 from skills.flow import StageRecord
@@ -60,3 +64,47 @@ def insert_with_exact_theta(cell: Cell, ctx: SkillContext) -> list[StageRecord]:
 
     ctx.perception = replace(ctx.perception, tracker=Given(make_tracker(cell.config), given))
     return insert_peg(cell, ctx)
+
+
+def with_biased_theta(program: Program, bias: float, cell: Cell, ctx: SkillContext) -> list[StageRecord]:
+    """Run a program whose measured theta is wrong by a constant, rad."""
+
+    def given(measured: PegPose) -> PegPose:
+        return replace(measured, theta=measured.theta + bias)
+
+    ctx.perception = replace(ctx.perception, tracker=Given(make_tracker(cell.config), given))
+    return program(cell, ctx)
+
+
+def with_lost_frames(program: Program, arriving: float, cell: Cell, ctx: SkillContext) -> list[StageRecord]:
+    """Run a program whose skin delivers only a share of its frames, drawn from the trial's seed."""
+    ctx.devices = replace(ctx.devices, skin=Losing(ctx.devices.skin, arriving, cell.config.first_seed))
+    return program(cell, ctx)
+
+
+class Losing:
+    """A skin that loses frames at random: a reader sees the last one that arrived."""
+
+    def __init__(self, skin: Skin, arriving: float, seed: int) -> None:
+        """Begin with no frame."""
+        self._skin, self._arriving, self._rng = skin, arriving, np.random.default_rng([seed, 7])
+        self._newest: TaxelFrame | None = None
+        self._shown: TaxelFrame | None = None
+
+    def open(self) -> None:
+        """Open the skin."""
+        self._skin.open()
+
+    def close(self) -> None:
+        """Close the skin."""
+        self._skin.close()
+
+    def read(self) -> TaxelFrame:
+        """Return the newest frame that was not lost."""
+        frame = self._skin.read()
+        if self._newest is None or frame.stamp > self._newest.stamp:
+            self._newest = frame
+            if self._shown is None or self._rng.uniform() < self._arriving:
+                self._shown = frame
+        assert self._shown is not None
+        return self._shown

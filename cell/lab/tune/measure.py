@@ -22,6 +22,7 @@ from cell.lab.trials import Program, TrialRow, insert_peg, run_trials
 from cell.lab.tune.wish import Wish, cost
 from drivers.errors import ConfigError
 from drivers.quantities import Vector
+from skills.contract import Outcome
 
 if TYPE_CHECKING:
     import optuna
@@ -30,6 +31,8 @@ STYLES = ("careful", "balanced", "fast")
 """Presets from the gentlest to the fastest."""
 SECTIONS = ("search", "insert", "adjust")
 """Sections with a number of their own."""
+HOPELESS = 4
+"""Number of first trials after which a setting without a success ends. The pruner cannot end it, as long as no other is better."""
 QUICKEST = float(len(STYLES) - 1)
 Sets = tuple[str, ...]
 Ranges = Mapping[str, tuple[float, float]]
@@ -209,7 +212,8 @@ class _Left:
         if len(rows) > self._told:
             self._told = len(rows)
             self._asked.report(cost(rows[-1], self._wishes), len(rows) - 1)
-        return len(rows) == self._told and self._asked.should_prune()
+        is_hopeless = len(rows) >= HOPELESS and all(row.outcome != Outcome.SUCCESS for row in rows)
+        return len(rows) == self._told and (is_hopeless or self._asked.should_prune())
 
 
 def _optimiser() -> Any:

@@ -11,6 +11,7 @@ import os
 import struct
 import threading
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 LOOK = 5e-4
@@ -26,15 +27,15 @@ _wait, _is_first = time.sleep, os.environ.setdefault("DESK_TIME_OF", str(os.getp
 class _Now:
     """A callable that, as a built-in function, is not bound when it is an attribute of a class."""
 
-    def __init__(self, zero: float) -> None:
-        """Return the world's time plus `zero`, s."""
-        self._zero = zero
+    def __init__(self, zero: float, latest: Callable[[], float]) -> None:
+        """Return the world's time plus `zero`, s, but nothing later than `latest`."""
+        self._zero, self._latest = zero, latest
 
     def __call__(self) -> float:
         now: float = struct.unpack_from("d", _times, NOW)[0]
         if _is_first and threading.current_thread() is threading.main_thread():
             struct.pack_into("d", _times, SEEN, now)
-        return self._zero + now
+        return min(self._zero + now, self._latest())
 
 
 def _sleep(seconds: float) -> None:
@@ -43,7 +44,8 @@ def _sleep(seconds: float) -> None:
         _wait(LOOK)
 
 
-time.monotonic, time.sleep = _Now(0.0), _sleep
-time.time = _Now(time.time() - time.monotonic())
+time.monotonic, time.sleep = _Now(0.0, lambda: math.inf), _sleep
+# The kernel stamps CAN frames with wall time: neither a slow nor a fast world makes them older than they are.
+time.time = _Now(time.time() - time.monotonic(), time.time)
 if _is_first:
     atexit.register(lambda: struct.pack_into("d", _times, SEEN, math.inf))

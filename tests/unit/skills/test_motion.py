@@ -13,8 +13,8 @@ from skills.motion import (
     STRAY,
     VALIDITY,
     Goal,
+    TransferPath,
     Trim,
-    Way,
     anchored,
     between,
     minimum_jerk,
@@ -86,7 +86,7 @@ def test_a_move_gets_to_its_goal_within_the_speeds_of_its_transfer_fed_forward_b
 
 @pytest.mark.parametrize("settle", [0.0, 0.3])
 def test_a_move_is_over_once_it_has_settled(ctx, settle):
-    way = Way(Goal(np.zeros(3), UP, SIDE), Goal(np.array([0.1, 0.0, 0.0]), UP, SIDE))
+    way = TransferPath(Goal(np.zeros(3), UP, SIDE), Goal(np.array([0.1, 0.0, 0.0]), UP, SIDE))
     duration = 1.875 * 0.1 / TRANSFER.speed
     assert way.duration(TRANSFER) == pytest.approx(duration)
     goal = beside(ctx, (0.0, 0.1, 0.0))
@@ -96,7 +96,7 @@ def test_a_move_is_over_once_it_has_settled(ctx, settle):
 def test_the_axis_turns_about_one_line_and_back_through_any_other_from_one_end_to_the_opposite():
     for start in (UP, SIDE, np.array([0.6, 0.0, 0.8])):
         across = np.cross(start, np.array([0.0, 1.0, 0.0]))
-        way = Way(Goal(np.zeros(3), start, across), Goal(np.zeros(3), -start, across))
+        way = TransferPath(Goal(np.zeros(3), start, across), Goal(np.zeros(3), -start, across))
         assert way.at(0.0)[0].axis == pytest.approx(start)
         assert way.at(1.0)[0].axis == pytest.approx(-start, abs=1e-9)
         assert float(way.at(0.5)[0].axis @ start) == pytest.approx(0.0, abs=1e-9)

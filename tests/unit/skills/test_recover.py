@@ -11,7 +11,7 @@ from drivers.quantities import Pose, SwitchState
 from skills.contract import Interrupted, Outcome, Reason, Request
 from skills.grasp_from_rack import ACROSS_RACK
 from skills.held_peg import HeldPeg
-from skills.pull_out import SHARE, Pull, pull_out
+from skills.pull_out import SHARE, PullOut, pull_out
 from skills.recover import CLEAR, MARGIN, run
 from skills.search.surface import Plane
 from tests.fakes import HAND_DOWN, PERIOD
@@ -19,7 +19,7 @@ from tests.unit.skills.benches import watched
 
 CONFIG = load().cell
 PARAMS, HOLE = CONFIG.recover, np.array(CONFIG.hole.centre)
-PULL, GAINS = Pull(), PARAMS.transfer.gains
+PULL, GAINS = PullOut(), PARAMS.transfer.gains
 
 
 def with_end_at(height):

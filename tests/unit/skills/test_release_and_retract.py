@@ -9,7 +9,7 @@ from drivers.quantities import GripperState, ImpedanceSetpoint, Pose, SwitchStat
 from skills.catalogue import RELEASE
 from skills.contract import Outcome, Reason
 from skills.motion import VALIDITY
-from skills.release_and_retract import let_go, run
+from skills.release_and_retract import HAND_TIME, let_go, run
 from tests.fakes import HAND_DOWN, PERIOD, FakeClock, context_of
 from tests.unit.skills.benches import WatchedArm, WatchedHand
 
@@ -97,17 +97,17 @@ def test_a_hand_that_does_not_open_is_not_drawn_away(make):
     np.testing.assert_array_equal(ctx.devices.arm.tcp.position, PLACE)
 
 
-@pytest.mark.parametrize(("takes", "is_open"), [(0.2, True), (PARAMS.opening_time + 1.0, False)])
+@pytest.mark.parametrize(("takes", "is_open"), [(0.2, True), (HAND_TIME + 1.0, False)])
 def test_a_hand_is_waited_for_as_long_as_its_fingers_may_take(make, takes, is_open):
     ctx = make(opens_for=takes)
-    assert let_go(PARAMS.opening, PARAMS.opening_time, ctx) is is_open
-    assert ctx.devices.clock.now() == pytest.approx(min(takes, PARAMS.opening_time), abs=2 * PERIOD)
+    assert let_go(PARAMS.opening, ctx) is is_open
+    assert ctx.devices.clock.now() == pytest.approx(min(takes, HAND_TIME), abs=2 * PERIOD)
 
 
 def test_the_arm_keeps_its_setpoint_at_rest_while_the_fingers_move(make):
     ctx = make(opens_for=0.3)
     ctx.follow(ImpedanceSetpoint(5, PLACE, UP, np.full(6, 100.0), np.ones(6), 0.05, roll=SLANT[:, 2]))
-    let_go(PARAMS.opening, PARAMS.opening_time, ctx)
+    let_go(PARAMS.opening, ctx)
     kept = ctx.devices.arm.told[1:]
     assert len(kept) == pytest.approx(0.3 / PERIOD, abs=1)
     assert all(setpoint.valid_until == pytest.approx(now + VALIDITY) for now, setpoint in kept)
@@ -117,4 +117,4 @@ def test_the_arm_keeps_its_setpoint_at_rest_while_the_fingers_move(make):
 def test_letting_go_goes_without_the_limits_of_force_and_workspace(make):
     ctx = make(opens_for=0.1)
     ctx.devices.arm.force = np.array([0.0, 0.0, 2.0 * CELL.limits.force])
-    assert let_go(PARAMS.opening, PARAMS.opening_time, ctx)
+    assert let_go(PARAMS.opening, ctx)

@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from cell.commands.skin_view import Seen, as_data, fingers
+from cell.commands.skin_view import SeenFrame, as_data, fingers
 from drivers.quantities import TaxelFrame
 from drivers.skin.layout import LAYOUTS
 
 
 def shown(layout, values, trusted):
     out = io.StringIO()
-    Console(file=out, width=80).print(fingers(Seen(TaxelFrame(values, trusted, 0.0, 7), None), layout))
+    Console(file=out, width=80).print(fingers(SeenFrame(TaxelFrame(values, trusted, 0.0, 7), None), layout))
     return out.getvalue()
 
 
@@ -32,5 +32,5 @@ def test_a_taxel_that_is_not_trusted_is_named_by_its_number():
 
 
 def test_data_for_programs_hold_no_figures_where_nobody_counts():
-    data = as_data(Seen(TaxelFrame(np.zeros((2, 20)), np.ones((2, 20), dtype=bool), 1.5, 7), None))
+    data = as_data(SeenFrame(TaxelFrame(np.zeros((2, 20)), np.ones((2, 20), dtype=bool), 1.5, 7), None))
     assert (data["stamp"], data["sequence"], "figures" in data) == (1.5, 7, False)

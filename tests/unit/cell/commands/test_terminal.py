@@ -2,9 +2,11 @@
 
 import json
 import subprocess
+from argparse import Namespace
 from dataclasses import replace
 
 import pytest
+from rich.console import Group
 
 from cell.commands import terminal
 from cell.commands.cli import GOOD, main
@@ -64,3 +66,9 @@ def test_a_shell_completes_commands_studies_and_options(tmp_path, capsys):
     ):
         found = subprocess.run(["bash", "-c", asked.format(words, place)], capture_output=True, text=True, check=True)
         assert expected in found.stdout.split()
+
+
+def test_lines_for_a_file_are_never_folded(narrow):
+    line = f'arm = "{"x" * 100}"'
+    terminal.show(Namespace(json=False), Group("for the cell's file:", line), {})
+    assert line in narrow().splitlines()

@@ -38,4 +38,4 @@ def test_a_single_key_has_a_name_and_a_value(text):
 
 
 def test_a_place_becomes_tables_within_each_other():
-    assert nested(("search", "gains", "rotation"), 40.0) == {"search": {"gains": {"rotation": 40.0}}}
+    assert nested([(("search", "gains", "rotation"), 40.0)]) == {"search": {"gains": {"rotation": 40.0}}}

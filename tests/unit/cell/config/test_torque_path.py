@@ -14,7 +14,7 @@ from drivers.arm.inertia import joint_inertia
 from drivers.errors import ConfigError
 from drivers.impedance import ROTOR_RANGE, most_learnt
 from skills.catalogue import GRASP
-from skills.motion import Gains
+from skills.motion import DampedGains, Gains
 
 CELL = load().cell
 ARM = CELL.arm_model()
@@ -30,7 +30,7 @@ def arm_with(rotors=(0.05,) * 7, **path):
 
 def swing(arm, damping_ratio, factor=1.0):
     """Return how fast a swing about the stiffness of free motion grows in one control cycle, if the law's figures are correct."""
-    gains = Gains(translation=1500.0, rotation=60.0, damping_ratio=damping_ratio)
+    gains = DampedGains(translation=1500.0, rotation=60.0, damping_ratio=damping_ratio)
     return radius(one_cycle(arm, np.array(arm.home), 0.0, gains, factor))
 
 
@@ -104,12 +104,11 @@ def test_every_shipped_gain_bears_the_path_of_every_shipped_arm(model, preset):
     assert min(largest(gains, cell.place()) for gains in cell.followed().values()) > MARGIN
 
 
-@pytest.mark.parametrize("key", ["insert.gains", "search.transfer.gains"])
-def test_gains_that_would_swing_are_refused_in_one_line(key):
+def test_gains_that_would_swing_are_refused_in_one_line():
     with pytest.raises(
-        ConfigError, match=rf"{key}: swings from \d\.\d+ times these torques where they act 2 ms late"
+        ConfigError, match=r"search\.gains: swings from \d\.\d+ times these torques where they act 2 ms late"
     ) as told:
-        load(sets=[f"{key}.damping_ratio=6"])
+        load(sets=["search.gains.damping_ratio=6"])
     assert "\n" not in str(told.value)
 
 

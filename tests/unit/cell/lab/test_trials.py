@@ -52,7 +52,7 @@ def ran(monkeypatch):
     """Replace the worker pool; return the seeds that were really run."""
     seeds = []
 
-    def on_processes(task, missing, workers):
+    def on_processes(task, missing, workers, is_enough):
         for seed in missing:
             seeds.append(seed)
             yield replace(ROW, seed=seed)
@@ -92,8 +92,11 @@ def test_times_are_those_of_the_successes(loaded):
 def test_rows_end_with_the_least_number_of_first_seeds_that_is_enough_in_whatever_order_they_finish(
     loaded, monkeypatch, tmp_path, order
 ):
-    def on_processes(task, missing, workers):
-        yield from (replace(ROW, seed=seed) for seed in order)
+    def on_processes(task, missing, workers, is_enough):
+        for seed in order:
+            yield replace(ROW, seed=seed)
+            if is_enough():
+                return
 
     monkeypatch.setattr(trials, "on_processes", on_processes)
     rows = run_trials(loaded.cell, range(1, 7), 2, tmp_path, lambda row: None, is_enough=lambda rows: len(rows) >= 3)
@@ -121,7 +124,7 @@ def test_a_call_killed_while_it_takes_up_loses_nothing(loaded, monkeypatch, tmp_
     interrupted(tmp_path, loaded.cell, [replace(ROW, seed=1), replace(ROW, seed=3)], rest=json.dumps(asdict(LOST)))
     left = []
 
-    def killed(task, missing, workers):
+    def killed(task, missing, workers, is_enough):
         left.extend((tmp_path / PARTIAL).read_text().splitlines()[1:])
         raise KeyboardInterrupt
         yield

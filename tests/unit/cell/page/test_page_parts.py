@@ -14,7 +14,7 @@ from cell.page.records import Records, shift
 from cell.page.token import FILE, is_token, page_token
 from cell.page.traces import NAMES, POINTS, STEP, Traces, touch
 from cell.run.line import CONTROLS, PROGRAMS
-from cell.run.live import KEPT, Live, Look, Pull
+from cell.run.live import KEPT, CablePull, Live, Look
 from cell.run.states import TRANSITIONS, Event, State
 from drivers.errors import FAULTS, ConfigError, FaultCode
 from plc_bridge.bridge import Bridge
@@ -38,7 +38,7 @@ def test_a_cable_is_meant_by_its_name_and_only_one_that_there_is_is_passed_on(lo
     ask = parse('{"ask": "unplug", "cable": "skin"}')
     assert (ask.cable, ask.is_out) == ("skin", True)
     assert parse('{"ask": "plug", "cable": "skin"}') == Ask(cable="skin")
-    live, pull = Live(), Pull("skin", True, "page")
+    live, pull = Live(), CablePull("skin", True, "page")
     bridge = Bridge(loaded.cell.plc, PROGRAMS, PARAMETERS)
     real, simulated = (PageHub(bridge, live, loaded, Records(tmp_path), "", names) for names in ((), ("skin",)))
     assert "its devices are real" in real.pull(pull)

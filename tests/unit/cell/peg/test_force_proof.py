@@ -21,7 +21,7 @@ from skills.search.spray_search import SpraySearchResult
 from skills.search.surface import Plane
 from skills.seating.decision import BORNE_WITHIN, DOUBTED, MOST_DEEP
 from skills.seating.latch_likelihood import Signature
-from skills.seating.signature import LIFTED, Curve
+from skills.seating.signature import LIFTED, StrokeCurve
 from tests.fakes import Rig
 from tests.unit.skills.seating.test_latch import HELD, LATCH, lowered, pushing, scan
 
@@ -42,7 +42,7 @@ def seen(tmp_path):
 
 def proven(job, depth=0.02):
     tip = np.array(job.hole.centre) - depth * UP
-    return ForceProof(LATCH, Curve(), tip, tip + job.peg.length * UP, Signature(5.0, 0.0, 1e-6))
+    return ForceProof(LATCH, StrokeCurve(), tip, tip + job.peg.length * UP, Signature(5.0, 0.0, 1e-6))
 
 
 def judge(job, proof, away=0.08, hand=WIDE, claim=Claim.INSERTED):
@@ -163,7 +163,7 @@ def test_a_latch_a_bottom_behind_it_and_a_hand_away_prove_a_success(job, depth, 
 def test_a_peg_exactly_as_deep_as_it_may_be_is_seated(job, side, most):
     tip = -(job.hole.depth + side * most) * UP
     look = LastLook(WIDE, tip, SwitchState.OPEN)
-    ForceProof(LATCH, Curve(), tip, tip).require_seated(Plane(np.zeros(3), UP), look, job)
+    ForceProof(LATCH, StrokeCurve(), tip, tip).require_seated(Plane(np.zeros(3), UP), look, job)
 
 
 def test_the_gate_counts_a_way_down_that_denied_the_bottom_after_the_peg_was_drawn_up(seen):

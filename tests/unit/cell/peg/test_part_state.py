@@ -344,8 +344,8 @@ def test_a_start_wants_an_open_switch_and_a_peg_in_the_rack(switch, is_rack_empt
 def test_every_place_is_told_with_what_to_do_in_one_line(place):
     where = place.name.lower().replace("_", " ")
     state = PartState(place, "hand grips 8.0 mm", depth=0.012)
-    assert told(state) == f"peg {where}, 12.0 mm deep (hand grips 8.0 mm): {REMEDIES[place]}"
-    assert told(replace(state, depth=0.0)) == f"peg {where} (hand grips 8.0 mm): {REMEDIES[place]}"
+    assert told(state) == f"peg {where}, 12.0 mm deep (hand grips 8.0 mm): {REMEDIES[place].told()}"
+    assert told(replace(state, depth=0.0)) == f"peg {where} (hand grips 8.0 mm): {REMEDIES[place].told()}"
 
 
 @pytest.mark.parametrize(

@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from cell.records.index import samples_path
 from cell.records.run_samples import RunSamples
 from cell.records.sample_blocks import JOINT_COLUMNS, SampleBlock
 from cell.records.schema import RunRow
-from cell.records.upkeep import samples_path
 
 ROW = RunRow(1, "2025-01-01T00:00:00.000+00:00", "insert_peg", 1, "A-17", "plc", 42)
 BLOCK = SampleBlock(used=2, taxels=[np.zeros(4)] * 2, joints={name: [[0.0], [0.0]] for name in JOINT_COLUMNS})

@@ -13,7 +13,7 @@ from cell.records.journal import Journal, newest_run
 from cell.records.schema import EventKind
 from cell.run import supervisor
 from cell.run.learning import LearnedFile, LearnedPlace, read_learned, write_learned
-from cell.run.live import Live, Pull
+from cell.run.live import CablePull, Live
 from cell.run.states import State
 from cell.run.supervisor import Supervisor
 from drivers.errors import ArmReflexError, CellError, FaultCode, SkinSilentError, SwitchUnknownError
@@ -407,11 +407,11 @@ def test_a_cable_that_an_onlooker_pulls_is_out_until_it_is_plugged_in_and_both_a
     rig.cell = replace(rig.cell, cables={"skin": rig.cell.skin})
     rig.supervisor = Supervisor(rig.cell, rig.loaded, rig.bridge, rig.journal, live=live)
     runs_on(rig, program)
-    rig.at(0.5, lambda: live.pull(Pull("skin", True, "page")))
+    rig.at(0.5, lambda: live.pull(CablePull("skin", True, "page")))
     rig.command(CODE)
     assert (rig.supervisor.state, live.unplugged) == (State.ABORTED, {"skin"})
-    live.pull(Pull("skin", False, "page"))
-    live.pull(Pull("arm", True, "page"))
+    live.pull(CablePull("skin", False, "page"))
+    live.pull(CablePull("arm", True, "page"))
     rig.command(Control.RESET)
     rig.scan()
     assert (rig.supervisor.state, live.unplugged) == (State.IDLE, frozenset())

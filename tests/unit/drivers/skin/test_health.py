@@ -5,7 +5,7 @@ from drivers.errors import SkinUntrustedError
 from drivers.quantities import TaxelFrame
 from drivers.skin.health import ERROR_COUNT, SkinHealth, SkinHealthConfig, dead_groups, require_trust
 
-CONFIG = SkinHealthConfig(stuck_frames=10, drift_time=10.0)
+CONFIG = SkinHealthConfig().model_copy(update={"stuck_frames": 10, "drift_time": 10.0})
 TAXELS = 8
 FULL_SCALE = 20_000.0
 

@@ -1,9 +1,11 @@
 import pytest
 
-from plc_bridge.protocol.sequence_numbers import KEPT, SequenceNumbers, Verdict
+from plc_bridge.protocol.sequence_numbers import KEPT, NumberMeaning, SequenceNumbers
 
 RUN, OTHER = (100, 0, ""), (101, 0, "")
-FIRST, SAME, NEW, LATE, ANEW, DOUBT = (Verdict[name] for name in ("FIRST", "SAME", "NEW", "LATE", "ANEW", "DOUBT"))
+FIRST, SAME, NEW, LATE, ANEW, DOUBT = (
+    NumberMeaning[name] for name in ("FIRST", "SAME", "NEW", "LATE", "ANEW", "DOUBT")
+)
 
 
 def seen(*blocks):

@@ -7,7 +7,7 @@ import pytest
 
 from drivers.frames import UP, angle_between, end_point, rotation_about
 from skills.contract import Outcome, Reason
-from skills.corner.adjust import SINKS, STRAYED_FOR, TURNED, Entry, Watch, run
+from skills.corner.adjust import SINKS, STRAYED_FOR, TURNED, Entry, EntryWatch, run
 from skills.corner.insert import to_and_fro, turned_by
 from skills.paths import dither
 from skills.search.surface import Plane
@@ -173,7 +173,7 @@ def test_an_upright_peg_has_no_side_that_it_leans_to(bench):
 
 def test_less_than_a_share_of_the_caught_depth_is_no_sinking_and_keeps_its_time():
     step = SINKS * PARAMS.caught
-    first = Watch().after(1.0, 1.01 * step, 0.0, PARAMS)
+    first = EntryWatch().after(1.0, 1.01 * step, 0.0, PARAMS)
     assert (first.deepest, first.since, first.inside) == (1.01 * step, 1.0, 1.0)
     creeping = first.after(2.0, 2.0 * step, 0.0, PARAMS)
     assert (creeping.deepest, creeping.since, creeping.inside) == (1.01 * step, 1.0, 2.0)
@@ -183,6 +183,6 @@ def test_less_than_a_share_of_the_caught_depth_is_no_sinking_and_keeps_its_time(
 
 def test_a_tip_may_lie_as_far_away_as_the_recipe_says_and_anywhere_once_the_walls_have_the_peg():
     away = 2.0 * PARAMS.strayed
-    assert Watch().after(1.0, 0.0, PARAMS.strayed, PARAMS).inside == 1.0
-    assert Watch().after(1.0, PARAMS.caught, away, PARAMS).inside == 0.0
-    assert Watch().after(1.0, 1.01 * PARAMS.caught, away, PARAMS).inside == 1.0
+    assert EntryWatch().after(1.0, 0.0, PARAMS.strayed, PARAMS).inside == 1.0
+    assert EntryWatch().after(1.0, PARAMS.caught, away, PARAMS).inside == 0.0
+    assert EntryWatch().after(1.0, 1.01 * PARAMS.caught, away, PARAMS).inside == 1.0

@@ -7,7 +7,7 @@ from cell.config.load import load
 from drivers.errors import SetpointError
 from drivers.quantities import InHandTip
 from skills.guards.clearance import Attitude, Box, boxes_of, nearest, require_clear
-from skills.motion import Goal, Way
+from skills.motion import Goal, TransferPath
 
 JOB = load().cell.job()
 UP, ALONG, SIDE = np.array([0.0, 0.0, 1.0]), np.array([0.0, -1.0, 0.0]), np.array([1.0, 0.0, 0.0])
@@ -19,7 +19,7 @@ CLEARANCE = 0.002
 
 def between(start, goal):
     """Return places on the way between two goals."""
-    laid = Way(start, goal)
+    laid = TransferPath(start, goal)
     return [Attitude(at.tip, at.axis, at.roll) for at in (laid.at(share)[0] for share in np.linspace(0.0, 1.0, 25))]
 
 

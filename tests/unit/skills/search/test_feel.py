@@ -13,7 +13,7 @@ from skills.catalogue import GRASP, SEARCH
 from skills.held_peg import HeldPeg
 from skills.insert.grip import grip_of
 from skills.search.course import make_course
-from skills.search.feel import EXPLAINED, LATE, LONGEST_SLIP, Evidence, excess_of
+from skills.search.feel import EXPLAINED, LATE, LONGEST_SLIP, EdgeEvidence, excess_of
 from skills.search.size import PUSH, STATED, THIN, firm, shallow
 from skills.search.spray_search import _referenced
 from skills.search.surface import Plane, SurfaceEstimate
@@ -75,7 +75,7 @@ def falls(dip, scans, *, is_likely=False, slope=0.0, with_hand=1.0, lasting=3, i
 
     The hand goes down by `with_hand` of what the edge does. The search has rested `in_vain` so many times.
     """
-    evidence, place = Evidence(PARAMS, SurfaceEstimate(), PERIOD), 0.0
+    evidence, place = EdgeEvidence(PARAMS, SurfaceEstimate(), PERIOD), 0.0
     for _ in range(in_vain):
         evidence.doubt()
     for k in range(scans + lasting + 5):
@@ -104,12 +104,12 @@ def test_less_than_the_whole_threshold_counts_only_where_the_hole_is_likely(para
     for k in range(400):
         known.learn(np.array([0.0, 1e-3 * (k % 60), 0.0]), 1)
     edge = np.array([0.0, 0.03, -dip * params.dip_threshold - 1e-5])
-    assert Evidence(params, known, PERIOD).update(blind(), edge, 1, is_likely)[1] is is_edge
+    assert EdgeEvidence(params, known, PERIOD).update(blind(), edge, 1, is_likely)[1] is is_edge
 
 
 def test_a_fall_under_way_does_not_take_the_estimate_with_it():
     """The rest below the full dip is the uncertainty of slopes that were never touched."""
-    evidence = Evidence(PARAMS, SurfaceEstimate(), PERIOD)
+    evidence = EdgeEvidence(PARAMS, SurfaceEstimate(), PERIOD)
     for k in range(40):
         evidence.learn(np.array([0.0, 1e-3 * k, 0.0]), 1)
     before, _ = evidence.update(blind(), np.array([0.0, 0.04, -5e-4]), 1)
@@ -145,7 +145,7 @@ def test_a_threshold_that_is_set_lower_is_kept():
 @pytest.mark.parametrize(("dip", "drop", "is_evidence"), [(1.5, 1.1, True), (1.5, 0.9, False), (0.5, 2.0, False)])
 def test_only_a_dip_with_which_the_hand_drops_is_evidence(dip, drop, is_evidence):
     """A dip of the tip alone is a new angle."""
-    evidence = Evidence(SLIM, SurfaceEstimate(), PERIOD)
+    evidence = EdgeEvidence(SLIM, SurfaceEstimate(), PERIOD)
     for k in range(400):
         edge = np.array([0.0, 1e-3 * (k % 60), 0.0])
         evidence.update(blind(0.2), edge, 1)

@@ -14,10 +14,10 @@ from skills.catalogue import SEARCH
 from skills.held_peg import HeldPeg
 from skills.motion import VALIDITY
 from skills.search.course import make_course
-from skills.search.feel import Evidence
+from skills.search.feel import EdgeEvidence
 from skills.search.phases import Detour, Sliding
 from skills.search.surface import SurfaceEstimate
-from skills.search.sweep import REST_DAMPING, TRIMMED_BELOW, Sweep
+from skills.search.sweep import REST_DAMPING, TRIMMED_BELOW, SearchSweep
 from tests.board import Board
 from tests.fakes import PERIOD, Rig
 from tests.scripted import LIGHT, SIDE
@@ -38,8 +38,8 @@ def sweeping(tmp_path):
         closing, axis = course.closing, course.axis
         frame = np.column_stack([-axis, np.cross(closing, -axis), closing])
         rig.arm.tcp = replace(rig.arm.tcp, position=course.first + ctx.length * axis, rotation=frame)
-        evidence = Evidence(params, SurfaceEstimate(), ctx.schedule.period)
-        sweep = Sweep(params, ctx, course, evidence)
+        evidence = EdgeEvidence(params, SurfaceEstimate(), ctx.schedule.period)
+        sweep = SearchSweep(params, ctx, course, evidence)
         return sweep, ctx.observe(), ctx
 
     return begin
@@ -81,9 +81,9 @@ class Slide(Board):
         self.course = course = make_course(self.params, self.ctx.job, np.random.default_rng(1))
         frame = np.column_stack([-course.axis, np.cross(course.closing, -course.axis), course.closing])
         self.rig.arm.tcp = Pose(course.first + self.length * course.axis, frame)
-        evidence = Evidence(self.params, SurfaceEstimate(), PERIOD)
+        evidence = EdgeEvidence(self.params, SurfaceEstimate(), PERIOD)
         self.ctx.observe()
-        self.sweep = Sweep(self.params, self.ctx, course, evidence)
+        self.sweep = SearchSweep(self.params, self.ctx, course, evidence)
         self.found = None
 
     def slide(self, time, known=False, **keys):
@@ -240,7 +240,7 @@ def test_a_plate_that_seems_lower_on_the_lanes_back_is_no_edge(slide):
 )
 def test_a_place_of_three_rests_without_a_find_is_lifted_over(sweeping, monkeypatch, places, lifted):
     sweep, seen, _ = sweeping(rest=0.1)
-    monkeypatch.setattr(Evidence, "update", lambda *args: (0.99 * PARAMS.fall, True))
+    monkeypatch.setattr(EdgeEvidence, "update", lambda *args: (0.99 * PARAMS.fall, True))
     for number, place in enumerate(places):
         sweep._phase = Sliding(Detour(0.0, np.zeros(2), seen.axis, seen.arm.tcp.rotation[:, 2]))
         for late in (0.0, 0.2):

@@ -18,14 +18,14 @@ from skills.seating.latch_likelihood import (
     GRID,
     PLACE,
     SHEAR,
+    InsertionStroke,
     Signature,
-    Way,
     considered,
     resistance,
     told_by,
 )
 from skills.seating.latch_looks import LEAST_LOOKS, MOST_LOOKS, TURNING_BACK, Looks, is_enough
-from skills.seating.signature import LIFTED, MOST_WAYS, Curve
+from skills.seating.signature import LIFTED, MOST_WAYS, StrokeCurve
 from tests.fakes import Rig
 
 LATCH = Latch(kind="detent", force=5.0, height=0.003)
@@ -42,7 +42,7 @@ def way_down(*, shallow=0.0, wear=0.0, rubs=(), noise=0.0, rest=0.0, rng=None):
     if noise:
         force = force + noise * rng.standard_normal(len(force))
     force[-1] = BIAS + 11.0
-    return Way(tuple((above + rest - SHEAR * force).tolist()), tuple(force.tolist()))
+    return InsertionStroke(tuple((above + rest - SHEAR * force).tolist()), tuple(force.tolist()))
 
 
 def rubbed(rng, count=4, most=6.0):
@@ -76,7 +76,7 @@ def test_a_smooth_way_that_denies_the_bottom_is_not_outvoted_by_one_on_which_the
     above = np.array(smooth.heights) + SHEAR * np.array(smooth.forces)
     force = np.maximum(np.array(smooth.forces), BIAS + resistance(above, LATCH))
     force[-1] = smooth.forces[-1]
-    misled = Way(tuple((above - SHEAR * force).tolist()), tuple(force.tolist()))
+    misled = InsertionStroke(tuple((above - SHEAR * force).tolist()), tuple(force.tolist()))
     alone = told_by([misled], LATCH)
     assert not alone.is_sure
     assert not alone.is_refuted
@@ -100,7 +100,7 @@ def test_whatever_walls_do_no_bottom_that_is_1_mm_higher_is_told_and_a_seated_pe
 
 
 def test_a_way_that_shows_no_latch_counts_for_nothing():
-    short = Way((0.1, 0.09), (1.0, 1.0))
+    short = InsertionStroke((0.1, 0.09), (1.0, 1.0))
     assert told_by([short, way_down()], LATCH) == told_by([way_down()], LATCH)
     none = told_by([short], LATCH)
     assert not none.is_sure
@@ -135,7 +135,7 @@ def pushing(seen):
 
 def lowered(seen, latch=LATCH, *, shallow=0.0, wear=0.0, noise=0.0, above=0.006, hand=HELD):
     """Return the curve after a way down at an even speed to a bottom that is `shallow` higher than stated, and half a second of rest on it."""
-    rng, curve, stamp = np.random.default_rng(1), Curve(), 0.0
+    rng, curve, stamp = np.random.default_rng(1), StrokeCurve(), 0.0
     way = np.concatenate([np.arange(above, 0.0, -SPEED * PERIOD), np.zeros(50)])
     for height in way:
         felt = (1.0 - wear) * float(resistance(np.array(height + shallow), latch)) if height > 0.0 else 8.0
@@ -201,7 +201,7 @@ def test_a_way_down_that_ended_in_a_rest_is_kept_where_the_peg_is_drawn_up_and_n
 
 def test_a_way_that_ended_in_no_rest_or_gave_way_is_not_kept(seen):
     """If it yields, it was not the bottom."""
-    curve = Curve()
+    curve = StrokeCurve()
     for n, height in enumerate(np.arange(0.006, 0.0, -SPEED * PERIOD)):
         curve = curve.after(scan(seen, height, 0.0, n * PERIOD), None, LATCH)
     assert drawn_up(curve, seen, 1.0).earlier == ()
@@ -219,7 +219,7 @@ def test_ways_count_together_where_they_ended_at_the_same_height(seen, rest, cou
     curve, now = lowered(seen)
     denied = way_down(shallow=0.001)
     lift = curve.heights[-1] + rest - denied.heights[-1]
-    denied = Way(tuple(height + lift for height in denied.heights), denied.forces)
+    denied = InsertionStroke(tuple(height + lift for height in denied.heights), denied.forces)
     alone = curve.signature(LATCH, now)
     assert alone.is_sure
     assert (replace(curve, earlier=(denied,)).signature(LATCH, now) != alone) is counts
@@ -368,7 +368,7 @@ def is_seated(shallow: float, wear: float, noise: tuple[float, float], rng: np.r
         force = share * resistance(height + shallow - place, DETENT)
         force += noise[0] * rng.standard_normal(height.size) + noise[1] * walk / walk.std()
         force[0] = FORCE_OF_BOTTOM
-        ways.append(Way(tuple((height - SHEAR * force)[::-1].tolist()), tuple(force[::-1].tolist())))
+        ways.append(InsertionStroke(tuple((height - SHEAR * force)[::-1].tolist()), tuple(force[::-1].tolist())))
         told = told_by(ways, DETENT)
         if told.is_sure or is_enough(looks, told):
             return told.is_sure

@@ -1,0 +1,1 @@
+"""Study of margins: how large each error may be before a method fails."""

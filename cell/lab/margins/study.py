@@ -1,0 +1,252 @@
+"""`cell study margins`: the level of each error at which a method falls to 90 % and to 50 % success, by bisection.
+
+Success is taken to fall monotonically with the level. A sequential test ends the trials of a level where its answer is
+clear, and the same seeds run at every level.
+"""
+
+import argparse
+import json
+import math
+import tomllib
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from functools import partial
+from pathlib import Path
+from pkgutil import resolve_name
+from typing import Any
+
+import numpy as np
+
+from cell.commands.arguments import out_folder, require_known
+from cell.config.files import ERRORS_FILE, SHIPPED
+from cell.config.load import load
+from cell.lab.arguments import advancing, load_simulated, seeds_of
+from cell.lab.frontier.methods import METHODS, SCENES, require_methods
+from cell.lab.margins.charts import Margin, draw
+from cell.lab.report import StudyReport, finite
+from cell.lab.rows import write_rows
+from cell.lab.tables import table
+from cell.lab.trials import Program, run_trials
+from cell.records.statistics import RateTest, Verdict
+from drivers.config_model import ConfigModel
+from drivers.errors import ConfigError
+from drivers.quantities import Vector
+from sim.world.reality import AnyError, read
+from skills.contract import Outcome
+
+TESTS = {0.9: RateTest(good=0.05, bad=0.25, least=6), 0.5: RateTest(good=0.35, bad=0.65, least=6)}
+"""Test by share of successes."""
+TIMES = 1.0, 1.4, 2.0, 2.8, 4.0, 5.6, 8.0, 11.0, 16.0
+"""Widths of a distribution, over the honest one."""
+SCENE = next(iter(SCENES))
+
+
+class Swept(ConfigModel):
+    """One error of errors.toml."""
+
+    name: str
+    unit: str = "times"
+    levels: tuple[float, ...] = TIMES
+    """Levels from the honest to the hardest one."""
+    key: str = ""
+    """Setting of the config, `KEY=VALUE` with {level} in the value."""
+    error: str = ""
+    """Error of config/reality.toml to make wider."""
+    program: str = ""
+    """Program of the trials, MODULE:NAME, which receives the method's program and the level."""
+    offset: float = 0.0
+    factor: float = 1.0
+    """Value = offset + factor · level, in SI units."""
+    is_constant: bool = False
+    """True if `error` has the value at a level in every trial, instead of a wider distribution."""
+
+    def sets(self, level: float, errors: Mapping[str, AnyError]) -> tuple[str, ...]:
+        """Return the keys of the config at a level."""
+        value = self.offset + self.factor * level
+        if not self.error:
+            return (self.key.replace("{level}", f"{value:.6g}"),) if self.key else ()
+        if self.is_constant:
+            constant = {"distribution": "uniform", "low": value, "high": value, "basis": "assumed"}
+            figures = constant | {"about": self.name, "unit": self.unit, "source": "Constant in this study"}
+        else:
+            figures = wider(errors[self.error], level)
+        table = ", ".join(f"{key}={json.dumps(entry, ensure_ascii=False)}" for key, entry in figures.items())
+        return (f"reality.errors.{self.error}={{{table}}}",)
+
+    def made(self, program: Program, level: float) -> Program:
+        """Return a method's program with this error."""
+        return partial(resolve_name(self.program), program, self.factor * level) if self.program else program
+
+
+def wider(error: AnyError, times: float) -> dict[str, Any]:
+    """Return the data of an error whose distribution is `times` as wide, as `reality.scale` makes it."""
+    data = error.model_dump()
+    for key, power in (("sigma", False), ("low", False), ("high", False), ("spread", True), ("values", True)):
+        if key in data:
+            value = np.asarray(data[key], dtype=float)
+            data[key] = (value**times if power else value * times).tolist()
+    if "probability" in data:
+        data["probability"] = min(data["probability"] * times, 1.0)
+    return data
+
+
+def size_of(error: AnyError, times: float) -> str:
+    """Return the size of an error with a distribution `times` as wide: its bounds, or three standard deviations."""
+    data = wider(error, times)
+    if "sigma" in data:
+        return f"±{_told(3.0 * np.asarray(data['sigma']))} {error.unit}"
+    if "low" in data:
+        return f"{_told(np.asarray(data['low']))} to {_told(np.asarray(data['high']))} {error.unit}"
+    if "spread" in data:
+        return f"x 1/{_told(np.asarray(data['spread']))} to {_told(np.asarray(data['spread']))}"
+    return f"{100.0 * data['probability']:.3g} %" if "probability" in data else f"x {times:g}"
+
+
+def _told(figures: Vector) -> str:
+    values = np.unique(figures)
+    return f"{values[0]:.3g}" if len(values) == 1 else f"{values[0]:.3g}..{values[-1]:.3g}"
+
+
+def next_level(held: Mapping[int, bool], count: int) -> int | None:
+    """Return the number of the level to test next: the hardest first, then by bisection; None if the boundary is known.
+
+    Args:
+        held: Answer by number of the level, from honest to hardest.
+        count: Number of levels.
+    """
+    last, first = boundary(held, count)
+    if first == count:
+        return count - 1 if last < count - 1 else None
+    return (last + first) // 2 if first - last > 1 else None
+
+
+def boundary(held: Mapping[int, bool], count: int) -> tuple[int, int]:
+    """Return the numbers of the last level that holds and the first that fails; -1 and `count` if there is none."""
+    first = min((number for number, holds in held.items() if not holds), default=count)
+    return max((number for number, holds in held.items() if holds and number < first), default=-1), first
+
+
+SWEPT = {
+    swept.name: swept
+    for swept in map(
+        Swept.model_validate,
+        tomllib.loads(Path(__file__).with_name("errors.toml").read_text(encoding="utf-8"))["error"],
+    )
+}
+"""Errors of errors.toml by name."""
+
+
+class Study:
+    """Trials of one method at the levels of one error, in folders that a repeated call reuses."""
+
+    def __init__(self, args: argparse.Namespace, method: str, swept: Swept, seeds: Sequence[int]) -> None:
+        """Run nothing yet."""
+        self._args, self._method, self._swept, self._seeds = args, METHODS[method], swept, seeds
+        self._errors = read(SHIPPED / ERRORS_FILE).errors
+        self._figures = {} if method == next(iter(METHODS)) else self._method.figures(SCENE)
+        self._folder = out_folder(args.out) / method.replace(" ", "-") / swept.name.replace(" ", "-")
+        self._name = method
+        self._counts: dict[int, str] = {}
+
+    def margin(self, share: float, held: dict[int, bool]) -> Margin:
+        """Return the boundary of a share of successes; `held` receives the answers."""
+        levels = self._swept.levels
+        while (number := next_level(held, len(levels))) is not None:
+            held[number] = self._holds(number, share)
+        last, first = boundary(held, len(levels))
+        holds = levels[last] if last >= 0 else math.nan
+        ratio = max(holds / levels[0], levels[0] / holds) if last >= 0 else 0.0
+        return Margin(
+            self._name,
+            self._swept.name,
+            share,
+            holds,
+            levels[first] if first < len(levels) else math.nan,
+            ratio,
+            self._size(holds) if last >= 0 else "",
+            ", ".join(
+                f"{self._counts[number]} at {levels[number]:g}" for number in (last, first) if number in self._counts
+            ),
+        )
+
+    def _size(self, level: float) -> str:
+        swept = self._swept
+        is_wider = swept.error and not swept.is_constant
+        return size_of(self._errors[swept.error], level) if is_wider else f"{level:g} {swept.unit}"
+
+    def _holds(self, number: int, share: float) -> bool:
+        level, test = self._swept.levels[number], TESTS[share]
+        space = self._method.space(SCENE, self._args.config, self._args.set)
+        try:
+            config = load(
+                self._args.config,
+                self._method.preset,
+                [
+                    *self._args.set,
+                    "sim.pace=max",
+                    *SCENES[SCENE].sets,
+                    *space.sets(self._figures),
+                    *self._swept.sets(level, self._errors),
+                ],
+            ).cell
+        except ConfigError:
+            self._counts[number] = "refused"
+            return False
+
+        def verdict(rows: Sequence[Any]) -> Verdict:
+            return test.verdict(sum(row.outcome != Outcome.SUCCESS for row in rows), len(rows))
+
+        rows = run_trials(
+            config,
+            self._seeds,
+            self._args.workers,
+            self._folder / f"{level:g}",
+            lambda row: None,
+            is_enough=lambda rows: verdict(rows) is not Verdict.OPEN,
+            program=self._swept.made(self._method.made(self._figures), level),
+        )
+        good = sum(row.outcome == Outcome.SUCCESS for row in rows)
+        self._counts[number] = f"{good}/{len(rows)}"
+        return verdict(rows) is Verdict.GOOD or (verdict(rows) is Verdict.OPEN and good >= share * len(rows))
+
+
+def run(args: argparse.Namespace) -> StudyReport:
+    """Find every margin, write the table after each, and draw the chart.
+
+    Raises:
+        ConfigError: A method or an error is unknown.
+    """
+    load_simulated(args, "study margins")
+    for name in args.error:
+        require_known("--error", name, SWEPT)
+    methods = args.method or [*METHODS]
+    require_methods(methods, ())
+    seeds = seeds_of(args, 24, quick=6)
+    names, folder = args.error or [*SWEPT][: 1 if args.quick else None], out_folder(args.out)
+    found: list[Margin] = []
+    with advancing("margins", len(methods) * len(names)) as done:
+        for method in methods:
+            for name in names:
+                study = Study(args, method, SWEPT[name], seeds)
+                found += [study.margin(share, {}) for share in TESTS]
+                write_rows(found, folder / "margins.csv")
+                done(1)
+    title = (
+        f"Margins of each error, at most {len(seeds)} trials a level, seeds from {seeds[0]}; all other errors honest"
+    )
+    shown = table(
+        title,
+        {"method": lambda line: line.method, "error": lambda line: line.error},
+        {
+            "success": lambda line: f"{100 * line.share:.0f} %",
+            "holds": lambda line: line.size or "not at the honest level",
+            "margin": lambda line: f"{'> ' if math.isnan(line.fails) else ''}{line.margin:.3g}",
+            "trials": lambda line: line.seen,
+        },
+        found,
+    )
+    return StudyReport(
+        [shown],
+        finite({"title": title, "margins": [asdict(line) for line in found]}),
+        [folder / "margins.csv", draw(found, title, folder / "margins.png")],
+    )
