@@ -25,8 +25,21 @@ FIRST, WHOLE = 40e3, 1e6
 SHOWN = """
 const offer = document.getElementById('load-scene'); // on a computer that is too busy for the page
 if (offer && offer.getBoundingClientRect().height) offer.click();
-return document.getElementById('scene-canvas').getBoundingClientRect().height
+const canvas = document.getElementById('scene-canvas'), isDrawn = canvas.width !== 300; // what an empty one has
+return isDrawn && canvas.getBoundingClientRect().height
 """
+PLACES = """
+const [now, controls, scene] = ['now', 'controls', 'scene'].map((id) => document.getElementById(id));
+return [now.offsetTop, controls.offsetTop, controls.offsetLeft, scene.offsetHeight];
+"""
+SHIFTS = """
+const done = arguments[0];
+new PerformanceObserver((list) => done(list.getEntries().map((entry) => [entry.value, ...entry.sources.map(({ node }) => node?.id)])))
+  .observe({ type: 'layout-shift', buffered: true });
+setTimeout(() => done([]), 500);
+"""
+MOST_SHIFT = 0.01
+"""Largest cumulative layout shift while the page loads; 0.1 is called good by web.dev/articles/cls."""
 
 
 @pytest.fixture(scope="module")
@@ -116,11 +129,27 @@ def test_the_page_has_the_colours_of_every_other_picture(view):
     assert np.array(shown) == pytest.approx(touch_colours(felt(counts)))
 
 
+@pytest.mark.parametrize("width", [360, 768, 1024, 1440, 1920])
+def test_nothing_moves_while_the_page_loads_or_when_the_cell_is_drawn(view, server, width):
+    page = view("runs/0")
+    size = {"width": width, "height": 768, "deviceScaleFactor": 1, "mobile": False}
+    page.front().execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
+    page.front().get(f"{server.url}#token={server.token}")
+    page.until(lambda: page.is_enabled("start") and "3D" in page.text("why-no-scene"))
+    shifts = page.front().execute_async_script(SHIFTS)
+    assert sum(value for value, *_ in shifts) < MOST_SHIFT, shifts
+    before = page.script(PLACES)
+    page.click("id", "load-scene")
+    page.until_text("why-no-scene", "")
+    assert page.script(PLACES) == before
+
+
 def test_without_webgl_the_flat_views_are_there_and_nothing_of_3d_is_loaded(view, run):
     with browsing() as flat:
         page = PageView(flat, view("").script("return location.href"))
         page.until_text("age", "ms")
-        assert not page.front().find_element("id", "scene").is_displayed()
+        assert not page.front().find_element("id", "scene-canvas").is_displayed()
+        assert "no WebGL" in page.text("why-no-scene")
         assert page.front().find_element("id", "path").is_displayed()
         loaded = page.script("return performance.getEntriesByType('resource').map((entry) => entry.name)")
         assert not [name for name in loaded if "three" in name]
@@ -157,7 +186,7 @@ def faulted(page, served, server):
     served.program.may_end.clear()
     served.program.fault = SkinSilentError("skin: no frame for 0.5 s")
     page.script(f"location.hash = 'token={server.token}'; location.reload()")
-    page.until(lambda: page.is_enabled("start") and page.script(SHOWN) > 100)  # drawing the cell moves the controls
+    page.until(lambda: page.is_enabled("start"))
     page.press("start")
     page.until_text("state", "Aborted")
     page.script("document.getElementById('help-drawer').open = true")

@@ -191,7 +191,7 @@ export class Controls {
       button.classList.toggle("go", isOut);
       button.setAttribute("aria-disabled", String(Boolean(this.whyLocked())));
     }
-    byId("locked").hidden = this.isUnlocked;
+    byId("locked").style.visibility = this.isUnlocked ? "hidden" : "";
     put("unlock", this.isUnlocked ? "Lock controls" : "Unlock controls");
     byId("release").hidden = this.own.lease !== "yours";
     put("lease", this.isUnlocked && this.own.lease === "yours" ? "this page" : this.state?.holder || "free");

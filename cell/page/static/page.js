@@ -52,6 +52,7 @@ const heard = {
     showState(data, before);
     controls.showState(data);
     due();
+    document.body.dataset.told = ""; // what would move while it is filled in is shown when it is
     if (!before) offerScene();
   },
   records: showRecords,
@@ -66,7 +67,7 @@ const link = new CellLink(
   (data) => heard[data.kind]?.(data),
   (reason) => {
     document.body.dataset.link = "lost";
-    put("link", "not connected");
+    put("link", "lost");
     byId("lost").hidden = false;
     put("lost", `No connection to the cell${reason ? ` (${reason})` : ""}: what stands here is old. It comes back by itself.`);
     controls.lost();
@@ -76,22 +77,21 @@ const controls = new Controls(link);
 
 const key = ({ build, scene }) => JSON.stringify([build, scene]);
 
-/** The 3D view comes after state and controls; without WebGL the flat views stay alone. */
+/** The 3D view comes after state and controls, into a place that is kept free for it; without WebGL the flat views stay alone. */
 function offerScene() {
-  const why = performance.now() > SLOW ? "this connection is slow" : canDrawSolids(true) ? "" : "this computer would draw it without a graphics processor";
-  if (!canDrawSolids()) return;
+  const why = byId("scene-canvas").hidden ? "this browser has no WebGL" : performance.now() > SLOW ? "this connection is slow"
+    : canDrawSolids(true) ? "" : "this computer would draw it without a graphics processor";
   if (!why) return setTimeout(loadScene, 0);
   put("why-no-scene", `The 3D view is not loaded: ${why}.`);
   byId("load-scene").onclick = loadScene;
-  byId("scene-offer").hidden = false;
+  byId("load-scene").hidden = byId("scene-canvas").hidden;
 }
 
 async function loadScene() {
-  byId("scene-offer").hidden = true;
+  put("why-no-scene", "");
+  byId("load-scene").hidden = true;
   const { CellScene } = await import("./scene.js");
   view.scene = new CellScene(byId("scene-canvas"), view.hello.scene);
-  byId("scene").hidden = false;
-  document.body.classList.add("solid");
   due();
 }
 
@@ -204,5 +204,6 @@ setInterval(() => {
   byId("touch").classList.toggle("old", silent > 1);
   if (silent > 1) put("age", isAtRest() ? "scan at rest" : `no news for ${silent.toFixed(0)} s`);
 }, 500);
+byId("scene-canvas").hidden = !canDrawSolids();
 addEventListener("resize", due);
 matchMedia("(prefers-color-scheme: dark)").addEventListener("change", due);
