@@ -109,7 +109,8 @@ class FakeArm:
         now = self.clock.now()
         age = now - self.handed if self.valid_until >= now else math.inf
         noise = 0.0 if self.is_frozen else 1e-12 * math.sin(1e3 * now)
-        wrench = Wrench(self.force + noise * (self.force != 0.0), np.zeros(3))
+        # A limit holds for the exact force: noise only takes away.
+        wrench = Wrench(self.force * (1.0 - 1e-2 * abs(noise)), np.zeros(3))
         return ArmState(now, self.q.copy(), self.dq + noise, self.tcp, wrench, 2, age)
 
 

@@ -85,7 +85,7 @@ def _is_resized(name: str, section: dict[str, Any], said: object, other: str, sh
     """Give a section its size by the key of the shape if it has only the other one; return True if it did.
 
     Raises:
-        ValueError: As `follow_shape`.
+        ValueError: Neither size can be converted to the other; see `follow_shape`.
     """
     word, found = WORDS[shape], section.get(other)
     if found is None:
