@@ -55,7 +55,7 @@ DIRECTIONS = {"translation": np.array([0.8, 0.6, 0.0]), "rotation": np.array([0.
 """Directions of the step, translation along and rotation about, shape (3,), base frame."""
 LOST = 8.0
 """Distance from the setpoint, in largest steps, at which a motion ends as unstable."""
-RESTLESS = 0.05
+RESTLESS = 0.15
 """Standard deviation in the last quarter of a case, in largest steps, below which a motion is stable even if it grows: noise
 of the skin causes as much."""
 PERIODS, LEAST_TIME = 60, 4.0

@@ -168,7 +168,8 @@ class SearchSweep:
     @property
     def progress(self) -> float:
         """Return the covered part of the area, 0 to 1."""
-        return min(self._along / self._course.path.cover, 1.0)
+        cover = self._course.path.cover
+        return self._along / cover if self._along < cover else 1.0
 
     @property
     def left(self) -> Left:
