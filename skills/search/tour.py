@@ -24,7 +24,7 @@ class Path(Protocol):
 
     @property
     def cover(self) -> float:
-        """Return the time along the path until the area is covered once, s, > 0."""
+        """Return the time along the path until the area is covered once, s; 0 if nothing is left to cover."""
 
     def at(self, time: float) -> tuple[Vector, Vector]:
         """Return the point, m, and its velocity, m/s, at `time`, s, each shape (2,), from the middle of the area."""

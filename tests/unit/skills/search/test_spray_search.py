@@ -19,7 +19,7 @@ from skills.search.belief import Belief
 from skills.search.course import ANYWHERE, make_course
 from skills.search.spray_search import run
 from skills.search.surface import SurfaceEstimate
-from skills.search.tour import Likely
+from skills.search.tour import Left, Likely
 from tests.board import Board
 from tests.fakes import HAND_DOWN, PERIOD, Rig
 from tests.scripted import LIGHT
@@ -97,6 +97,12 @@ def test_progress_reaches_the_end_when_the_area_is_covered_once(bench):
     bench.search(timeout=10.0)
     assert bench.progress.index(1.0) > 100
     assert max(np.diff(bench.progress)) < 0.02
+
+
+def test_a_search_that_goes_on_behind_the_first_cover_has_nothing_left_to_cover(bench):
+    path = make_course(PARAMS, CELL.job(), np.random.default_rng(5)).path
+    bench.search(belief=replace(ANYWHERE, left=Left(path, path.cover)), timeout=0.5)
+    assert set(bench.progress) == {1.0}
 
 
 def test_a_search_without_a_hole_ends_at_its_time(bench):
