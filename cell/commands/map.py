@@ -3,6 +3,7 @@
 import argparse
 import sys
 from collections.abc import Sequence
+from pkgutil import resolve_name
 from typing import TYPE_CHECKING
 
 from cell.commands.terminal import GOOD, say, show
@@ -13,13 +14,26 @@ if TYPE_CHECKING:
     from plc_bridge.protocol.registers import Register
 
 SUMMARY = "the register map"
-FORMATS = ("md", "csv", "json", "eds", "st", "xml", "scl", "h", "bytes")
+WRITERS = {
+    "md": "map_formats:as_markdown",
+    "csv": "map_formats:as_csv",
+    "json": "map_formats:as_json",
+    "bytes": "map_formats:as_bytes",
+    "eds": "eds:as_eds",
+    "st": "structured_text:as_structured_text",
+    "xml": "plcopen_xml:as_plcopen_xml",
+    "scl": "scl:as_scl",
+    "h": "c_header:as_c_header",
+}
+"""Function of `plc_bridge.exports` by format; only the needed one is imported."""
+PROGRAM_FORMS = "st", "xml", "scl", "h"
+"""Formats of a PLC program, which take the names of its constants."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the format."""
-    forms = f"{', '.join(FORMATS)}; on a terminal a table, in a pipe md"
-    parser.add_argument("--format", choices=FORMATS, metavar="FORMAT", help=forms)
+    forms = f"{', '.join(WRITERS)}; on a terminal a table, in a pipe md"
+    parser.add_argument("--format", choices=[*WRITERS], metavar="FORMAT", help=forms)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -63,26 +77,10 @@ def _picture(registers: "Sequence[Register]") -> "Group":
 
 def _text(form: str, registers: "Sequence[Register]") -> str:
     """Return the table in a format, or the declarations for a PLC program in a language."""
+    write = resolve_name(f"plc_bridge.exports.{WRITERS[form]}")
+    if form not in PROGRAM_FORMS:
+        return str(write(registers))
     from cell.run.line import PROGRAMS, WORDS
-    from plc_bridge.exports import c_header, map_formats, plcopen_xml, scl, structured_text
     from plc_bridge.exports.plc_names import plc_names
 
-    if form == "eds":
-        from plc_bridge.exports.eds import as_eds  # imported alone, with the library of CANopen
-
-        return as_eds(registers)
-    tables = {
-        "md": map_formats.as_markdown,
-        "csv": map_formats.as_csv,
-        "json": map_formats.as_json,
-        "bytes": map_formats.as_bytes,
-    }
-    if form in tables:
-        return tables[form](registers)
-    programs = {
-        "st": structured_text.as_structured_text,
-        "xml": plcopen_xml.as_plcopen_xml,
-        "scl": scl.as_scl,
-        "h": c_header.as_c_header,
-    }
-    return programs[form](registers, plc_names(PROGRAMS, WORDS))
+    return str(write(registers, plc_names(PROGRAMS, WORDS)))
