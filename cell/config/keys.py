@@ -278,8 +278,10 @@ def toml(value: Any) -> str:
     """Return a value in TOML, as in a config file."""
     if isinstance(value, BaseModel):
         return toml(value.model_dump(mode="json"))
+    if isinstance(value, bool):
+        return str(value).lower()
     if isinstance(value, int | float):
-        return repr(value).lower()  # of a truth value too
+        return repr(value)
     if isinstance(value, Mapping):
         inside = ", ".join(f"{key} = {toml(each)}" for key, each in value.items() if each is not None)
         return f"{{ {inside} }}" if inside else "{}"

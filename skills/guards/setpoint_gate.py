@@ -246,8 +246,9 @@ class GatedArm:
         if held is NOTHING:
             self._unchanged = None
             return
-        has_noise = self._is_noisy and words[rules.FORCE : rules.TORQUE].any()
-        readings = words[rules.FORCE if has_noise else 0 : rules.TORQUE].tolist()
+        readings = words[: rules.TORQUE].tolist()
+        if self._is_noisy and (force := readings[rules.FORCE :]) != [0.0, 0.0, 0.0]:
+            readings = force
         if self._unchanged is None or readings != self._unchanged[0]:
             self._unchanged = readings, stamp, held
             return

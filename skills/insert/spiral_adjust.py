@@ -94,7 +94,7 @@ class Swing:
 
 
 @dataclass(slots=True)
-class SeatingProof:
+class SeatingEvidence:
     """Evidence of a seated peg: the switch with the depth, or the force of a latch."""
 
     is_felt: bool
@@ -133,30 +133,32 @@ class Guidance:
         self._stall = Stall(depth, elapsed) if is_lifting else self._stall.after(depth, elapsed, self._params.jammed)
         return elapsed - self._stall.since > given_up_after(depth_of(tip, hole), hole.depth, self._params)
 
-    def free(self, seen: Observation, is_lifting: bool) -> Vector:
-        """Free the peg if it jams; return its end point by the aim, shape (3,), m, base frame."""
+    def free(self, seen: Observation, tip: Vector, is_lifting: bool) -> Vector:
+        """Free the peg if it jams; take and return its end point by the aim, shape (3,), m, base frame."""
         elapsed, tcp, params = seen.elapsed, seen.arm.tcp, self._params
-        depth = self._plane.depth(self.aim.tip(tcp))
+        depth = self._plane.depth(tip)
         if self._sweep.is_on(elapsed, params) and self._descent.rest < LET_GO:
             self.aim, self._sweep = self.aim.kept(tcp), replace(self._sweep, began=-math.inf)
         # The periods of the dither begin again after a sweep.
         is_swept = self._sweep.is_on(elapsed, params)
         self._guide = Guide(elapsed, reached=depth) if is_swept else self._guide.after(depth, elapsed, params)
         if self._guide.is_jammed and not is_lifting:
-            self._aim_anew(seen, depth)
-        tip = self.aim.tip(tcp)
-        self._descent = self._descent.after(self._plane.depth(tip), self._ctx.schedule.period)
+            tip = self._aim_anew(seen, depth)
+            depth = self._plane.depth(tip)
+        self._descent = self._descent.after(depth, self._ctx.schedule.period)
         return tip
 
-    def _aim_anew(self, seen: Observation, before: float) -> None:
-        """Aim with the newest theta, and sweep; `before` is the depth by the previous one, m."""
+    def _aim_anew(self, seen: Observation, before: float) -> Vector:
+        """Aim with the newest theta, sweep, and return the end point; `before` is the depth by the previous theta, m."""
         self.aim = self.aim.freed(self._ctx.in_hand(), seen.arm.tcp, self._plane.normal)
-        depth = self._plane.depth(self.aim.tip(seen.arm.tcp))
+        tip = self.aim.tip(seen.arm.tcp)
+        depth = self._plane.depth(tip)
         self._guide, self._descent = replace(self._guide, reached=depth), Descent(depth)
         self._stall = self._stall.measured_anew(depth, before)
         peg, hole = (2.0 * part.half[1] for part in (self._ctx.job.peg.part, self._ctx.job.hole.part))
         tilt = allowed_tilt(depth, peg, hole)
         self._sweep = self._sweep.next(seen.elapsed, seen.arm.tcp, tilt, self.aim.in_hand.length)
+        return tip
 
     def offsets(self, elapsed: float) -> list[Vector]:
         """Return the offsets of the finger centre from the line of the aim, now and one scan later, shape (2,), m."""
@@ -174,11 +176,11 @@ def run(
         params: Parameters of the adjustment.
         ctx: The skill's context.
         plane: Surface that the search estimated; None is the job's own.
-        turns_freely: Whether the hand's yaw gives way, as it must where walls keep the peg's; a torque about the peg's axis
-            would press its faces against them, by its ratio to half a side.
+        turns_freely: True if the hand's yaw gives way, as it must if walls hold the peg's yaw: a torque about the peg's axis
+            would press its faces against them.
     """
     is_felt, plane = plane is not None, plane or nominal(ctx.job.hole)
-    hole, first, proof = ctx.job.hole, ctx.observe(), SeatingProof(is_felt, Looks(StrokeCurve(earlier=ctx.peg.ways)))
+    hole, first, proof = ctx.job.hole, ctx.observe(), SeatingEvidence(is_felt, Looks(StrokeCurve(earlier=ctx.peg.ways)))
     down = Guidance(params, ctx, plane, Descent(plane.depth(first.tip)))
     swing = at_rest = Swing(first.arm.tcp.rotation[:, 0], first.arm.stamp)
     identity, offset, tip, running = ctx.new_id(), np.zeros(2), first.tip, 0.0
@@ -192,7 +194,7 @@ def run(
             or proof.looks.is_over
         ):
             break
-        tip = down.free(seen, proof.looks.is_lifting)
+        tip = down.free(seen, tip, proof.looks.is_lifting)
         offset, next_offset = down.offsets(elapsed)
         ctx.callbacks.progress(elapsed / params.timeout)
         swing = swing.after(seen.arm) if running < params.swing_time else at_rest

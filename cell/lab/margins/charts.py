@@ -5,7 +5,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from cell.lab.charts import GREY
@@ -13,7 +12,7 @@ from cell.lab.frontier.methods import METHODS
 
 
 @dataclass(frozen=True, slots=True)
-class Margin:
+class ErrorMargin:
     """Levels of one error between which one method falls to a share of successes; NaN where there is none."""
 
     method: str
@@ -24,15 +23,15 @@ class Margin:
     fails: float
     """Next level, with fewer; NaN if every level holds."""
     margin: float
-    """`holds` over the honest level, or the reverse, at least 1."""
+    """`holds` over the honest level, or the reverse if harder levels are smaller, >= 1; 0 without `holds`."""
     size: str
     """Size of the error at `holds`, in words."""
     seen: str
     """Successes of the trials at both levels."""
 
 
-def draw(margins: Sequence[Margin], title: str, path: Path) -> Path:
-    """Draw the margin of each error at 90 % as a bar and at 50 % as a ring, the least first; return the file."""
+def draw(margins: Sequence[ErrorMargin], title: str, path: Path) -> Path:
+    """Draw the margin of each error at 90 % as a bar and at 50 % as a ring, the least at the top; return the file."""
     at = {(line.method, line.error, line.share): line for line in margins}
     methods = list(dict.fromkeys(line.method for line in margins))
     order = sorted({line.error for line in margins}, key=lambda error: -at[methods[0], error, 0.9].margin)
@@ -45,8 +44,8 @@ def draw(margins: Sequence[Margin], title: str, path: Path) -> Path:
             place = row + 0.4 - height * (number + 0.5)
             line, half = at[method, error, 0.9], at[method, error, 0.5]
             axes.barh(place, max(line.margin, 1.0) - 0.97, height, 0.97, color=colour, alpha=0.85)
-            if line.margin:
-                _mark_end(axes, line, place, colour)
+            if line.margin and math.isnan(line.fails):
+                axes.plot(line.margin * 1.04, place, ">", color=colour, ms=5)
             if half.margin > line.margin:
                 axes.plot(half.margin, place, "o", mfc="none", color=colour, ms=5)
         axes.bar(0, 0, color=colour, label=method)
@@ -61,8 +60,3 @@ def draw(margins: Sequence[Margin], title: str, path: Path) -> Path:
     axes.set_title(title, fontsize=9, color=GREY)
     figure.savefig(path, dpi=130)
     return path
-
-
-def _mark_end(axes: Axes, line: Margin, place: float, colour: str) -> None:
-    if math.isnan(line.fails):
-        axes.plot(line.margin * 1.04, place, ">", color=colour, ms=5)

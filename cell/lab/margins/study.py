@@ -22,7 +22,7 @@ from cell.config.files import ERRORS_FILE, SHIPPED
 from cell.config.load import load
 from cell.lab.arguments import advancing, load_simulated, seeds_of
 from cell.lab.frontier.methods import METHODS, SCENES, require_methods
-from cell.lab.margins.charts import Margin, draw
+from cell.lab.margins.charts import ErrorMargin, draw
 from cell.lab.report import StudyReport, finite
 from cell.lab.rows import write_rows
 from cell.lab.tables import table
@@ -136,7 +136,7 @@ SWEPT = {
 """Errors of errors.toml by name."""
 
 
-class Study:
+class Levels:
     """Trials of one method at the levels of one error, in folders that a repeated call reuses."""
 
     def __init__(self, args: argparse.Namespace, method: str, swept: Swept, seeds: Sequence[int]) -> None:
@@ -148,15 +148,15 @@ class Study:
         self._name = method
         self._counts: dict[int, str] = {}
 
-    def margin(self, share: float, held: dict[int, bool]) -> Margin:
-        """Return the boundary of a share of successes; `held` receives the answers."""
-        levels = self._swept.levels
+    def margin(self, share: float) -> ErrorMargin:
+        """Return the levels between which success falls to a share; run the trials of the levels in question."""
+        levels, held = self._swept.levels, dict[int, bool]()
         while (number := next_level(held, len(levels))) is not None:
             held[number] = self._holds(number, share)
         last, first = boundary(held, len(levels))
         holds = levels[last] if last >= 0 else math.nan
         ratio = max(holds / levels[0], levels[0] / holds) if last >= 0 else 0.0
-        return Margin(
+        return ErrorMargin(
             self._name,
             self._swept.name,
             share,
@@ -223,12 +223,12 @@ def run(args: argparse.Namespace) -> StudyReport:
     require_methods(methods, ())
     seeds = seeds_of(args, 24, quick=6)
     names, folder = args.error or [*SWEPT][: 1 if args.quick else None], out_folder(args.out)
-    found: list[Margin] = []
+    found: list[ErrorMargin] = []
     with advancing("margins", len(methods) * len(names)) as done:
         for method in methods:
             for name in names:
-                study = Study(args, method, SWEPT[name], seeds)
-                found += [study.margin(share, {}) for share in TESTS]
+                tested = Levels(args, method, SWEPT[name], seeds)
+                found += [tested.margin(share) for share in TESTS]
                 write_rows(found, folder / "margins.csv")
                 done(1)
     title = (
