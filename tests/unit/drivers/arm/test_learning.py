@@ -79,7 +79,9 @@ def test_a_joint_at_rest_within_its_friction_teaches_nothing():
 def test_a_joint_that_moved_one_way_and_sticks_before_it_moves_back_separates_friction_from_offset():
     state = begun()
     for _ in range(300):
-        state[learning.COMMANDED : learning.COMMANDED + JOINTS] = OFFSET + DRY + SMOOTH * math.tanh(0.5 / learning.SMOOTH_RATE)
+        state[learning.COMMANDED : learning.COMMANDED + JOINTS] = (
+            OFFSET + DRY + SMOOTH * math.tanh(0.5 / learning.SMOOTH_RATE)
+        )
         learning.observe(state, M, np.full(JOINTS, 0.5), PERIOD, True)
     one_way = np.abs(learning.figures_of(state)[0][:, learning.OFFSET] - OFFSET)
     figures, _ = rested(state, 1.0, OFFSET - DRY)
