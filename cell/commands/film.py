@@ -5,8 +5,9 @@ from pathlib import Path
 
 from cell.commands.arguments import add_journal, out_folder, positive, read_journal
 from cell.commands.terminal import GOOD, NOT_GOOD, complain, counting, show, written
-
-SUMMARY = "a run on record as a film, or one picture of it"
+from cell.film.files import write_film
+from cell.film.recorded import recorded
+from cell.records.samples import torn
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -21,10 +22,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Render the run and write the file."""
-    from cell.film.files import write_film
-    from cell.film.recorded import recorded
-    from cell.records.samples import torn
-
     with read_journal(args) as journal:
         found = recorded(journal, args.number)
         lack = torn(journal.samples_path(args.number), found.samples, found.row.samples)

@@ -27,7 +27,6 @@ if TYPE_CHECKING:
 
 logger = logging.getLogger(__name__)
 
-SUMMARY = "obey the PLC until SIGINT or SIGTERM"
 PAGE = "127.0.0.1:8080"
 """Default address of the page; only this computer can connect to it."""
 OPCUA = "127.0.0.1:4840"

@@ -13,8 +13,6 @@ from cell.lab.arguments import load_simulated
 if TYPE_CHECKING:
     from cell.lab.trials import TrialRow
 
-SUMMARY = "many insertions on fresh simulated cells"
-
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the number of trials, their seeds, their workers and the output folder."""
