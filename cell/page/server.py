@@ -99,9 +99,9 @@ class PageServer(HttpServer):
         return Front(
             [
                 ("/live", PageSocket, {"hub": self._hub, "bridge": self._bridge, "token": self.token}),
-                ("/faults", Catalogue),
+                ("/faults", FaultCatalogue),
                 ("/alarms", Alarms, {"records": records}),
-                (f"/{REPORT}", Report, {"records": records, "token": self.token}),
+                (f"/{REPORT}", ReportDocument, {"records": records, "token": self.token}),
                 (r"/runs/(\d{1,9})/(data|config)", RunData, {"records": records, "token": self.token}),
                 (r"/runs/(\d{1,9})/replay", RunReplay, {"records": records}),
                 (r"/runs/(\d{1,9})/film\.mp4", RunFilm, {"records": records, "token": self.token}),
@@ -201,7 +201,7 @@ class Static(FileHandler):
         await self.send(path)
 
 
-class Catalogue(Guarded):
+class FaultCatalogue(Guarded):
     """Handler of the catalogue of faults."""
 
     def get(self) -> None:
@@ -289,7 +289,7 @@ class RunFilm(FileHandler):
         self.finish("being drawn\n" if path is None else "there\n")
 
 
-class Report(FileHandler):
+class ReportDocument(FileHandler):
     """Handler of the report of a period: reading the last one is free, making one needs the token."""
 
     def initialize(self, records: Records, token: str) -> None:
