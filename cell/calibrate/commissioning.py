@@ -94,7 +94,7 @@ class Walk:
     host: str
     life_timeout: float
     patience: float
-    ask: Callable[[str], None]
+    ask: Callable[[str], object]
     findings: list[Finding] = field(default_factory=list)
     _memory: Memory | None = None
 

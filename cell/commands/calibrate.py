@@ -16,7 +16,7 @@ from cell.calibrate.places import PEGS, MeasuredPlaces, calibrate_places
 from cell.calibrate.proven import FILE, in_force, keep
 from cell.calibrate.skin import calibrate_skin
 from cell.commands.arguments import add_calibration_folder, add_config, calibration_folder, load_config, positive
-from cell.commands.terminal import GOOD, NOT_GOOD, ask, complain, counting, show
+from cell.commands.terminal import GOOD, ask, complain, counting, show
 from cell.config.cell_config import CellConfig
 from drivers.arm.calibration import ArmCalibration
 from drivers.errors import ConfigError, NotCalibratedError
@@ -50,8 +50,7 @@ def run(args: argparse.Namespace) -> int:
     try:
         return DEVICES[args.device](args, config, today, path)
     except NotCalibratedError as error:
-        complain(f"{error}; nothing written")
-        return NOT_GOOD
+        return complain(f"{error}; nothing written")
 
 
 def _skin(args: argparse.Namespace, config: CellConfig, today: date, path: Path) -> int:

@@ -2,7 +2,6 @@
 
 import argparse
 import json
-import tomllib
 from contextlib import suppress
 from dataclasses import asdict
 from datetime import date, datetime
@@ -34,6 +33,7 @@ from cell.run.exposure import exposures, key_days, key_verdict
 from cell.run.line import PROGRAMS
 from cell.run.supervisor import Supervisor
 from drivers.errors import CellError, ConfigError, DeviceNotOpenedError, NotCalibratedError
+from drivers.figures_file import read_toml
 from plc_bridge.bridge import Bridge
 from plc_bridge.config import PlcConfig
 
@@ -52,8 +52,6 @@ STEPS = {
 """Step of docs/first-day.md that mends what is wrong."""
 LAST_STEP = 12
 """Step of the first day that connects the PLC."""
-PROVEN_BY = ("arm", "gripper", "end effector", "load", "switch")
-"""Lines that must be good before anything is proven."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -119,17 +117,15 @@ def _check(args: argparse.Namespace, loaded: LoadedConfig) -> int:
 
 def _report(args: argparse.Namespace, found: list[tuple[str, str]]) -> int:
     """Show the verdicts, each bad one with the step that mends it; return GOOD if none is bad."""
-    found = [(name, text if text.startswith(OK) else f"{text}; {_step(name)}") for name, text in found]
+    found = [
+        (name, text if text.startswith(OK) else f"{text}; docs/first-day.md, step {STEPS.get(name, LAST_STEP)}")
+        for name, text in found
+    ]
     table = Table("device", "found")
     for name, text in found:
         table.add_row(name, text)
     show(args, table, [{"device": name, "found": text} for name, text in found])
     return GOOD if all(text.startswith(OK) for _, text in found) else FAULT
-
-
-def _step(name: str) -> str:
-    """Return the step of the first day that mends what is wrong with a device."""
-    return f"docs/first-day.md, step {STEPS.get(name, LAST_STEP)}"
 
 
 def _computer(loaded: LoadedConfig) -> list[tuple[str, str]]:
@@ -141,7 +137,7 @@ def _computer(loaded: LoadedConfig) -> list[tuple[str, str]]:
     for name, path in (("skin", files.skin), ("arm", files.arm)):
         text = f"{OK}, but there is none: `cell calibrate {name}`"
         if path is not None:
-            text = f"{OK}, of {tomllib.loads(path.read_text(encoding='utf-8'))['date']}"  # its age was checked before
+            text = f"{OK}, of {read_toml(path)['date']}"  # its age was checked before
         found.append((f"calibration.{name}", text))
     return found
 
@@ -166,7 +162,8 @@ def _prove(loaded: LoadedConfig, path: Path, found: dict[str, str]) -> None:
     Raises:
         CellError: A device is not usable, a fact could not be proven, or the sign of the wrench is reversed.
     """
-    wrong = [name for name in PROVEN_BY if not found.get(name, "").startswith(OK)]
+    needed = ("arm", "gripper", "end effector", "load", "switch")
+    wrong = [name for name in needed if not found.get(name, "").startswith(OK)]
     if wrong:
         raise NotCalibratedError(f"nothing proven: first mend {', '.join(wrong)}")
     measured = {name: found[name] for name in ("end effector", "load")}

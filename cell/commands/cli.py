@@ -130,17 +130,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
             with _logging(args), _threads():
                 return load_command(args.command).run(args)
     except ConfigError as error:
-        return _complain(str(error), WRONG_USE)
+        return complain(str(error), WRONG_USE)
     except CellError as error:
-        return _complain(f"fault {error.code.value}: {error}", FAULT)
+        return complain(f"fault {error.code.value}: {error}", FAULT)
     except KeyboardInterrupt:
-        return _complain("stopped", NOT_GOOD)
+        return complain("stopped")
     except BrokenPipeError:
         # The reader of the output has closed it; redirect the output so that the interpreter's last flush does not fail.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return NOT_GOOD
     except Exception as error:  # a technician must get one line, not a traceback
-        return _complain(f"fault {CellError.code.value}: {type(error).__name__}: {error}; -v shows more", FAULT)
+        return complain(f"fault {CellError.code.value}: {type(error).__name__}: {error}; -v shows more", FAULT)
 
 
 def load_command(name: str) -> CommandModule:
@@ -248,11 +248,6 @@ def _threads() -> Iterator[None]:
         threading.excepthook = before
         if lost:
             raise CellError(f"{lost[0]}; -v shows more")
-
-
-def _complain(message: str, status: int) -> int:
-    complain(message)
-    return status
 
 
 def _again() -> None:

@@ -11,12 +11,13 @@ from rich.table import Table
 
 from cell.commands.arguments import Parser, add_config, add_shared, load_config, natural, require_recipe
 from cell.commands.terminal import GOOD, say, show
-from cell.config.files import presets, read_toml
+from cell.config.files import presets
 from cell.config.keys import Key, Setting, find, in_force, keys, planned, toml
 from cell.config.load import LoadedConfig, load
 from cell.config.nearest import did_you_mean
 from cell.config.text import as_toml, commented, file_schema
 from drivers.errors import ConfigError
+from drivers.figures_file import read_toml
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 
 from cell.commands.arguments import add_journal, out_folder, positive, read_journal
-from cell.commands.terminal import GOOD, NOT_GOOD, complain, counting, show, written
+from cell.commands.terminal import GOOD, complain, counting, show, written
 from cell.film.files import write_film
 from cell.film.recorded import recorded
 from cell.records.samples import torn
@@ -32,8 +32,7 @@ def run(args: argparse.Namespace) -> int:
         complain(f"warning: {lack}")
     if pictures < of:
         kept = f"{args.out} has the first {pictures} of {of} pictures" if pictures else "no film is written"
-        complain(f"stopped: {kept}")
-        return NOT_GOOD
+        return complain(f"stopped: {kept}")
     data = {"run": args.number, "file": str(args.out), "pictures": pictures, "duration": float(found.times[-1])}
     show(args, f"run {args.number}: {pictures} pictures of {found.times[-1]:.1f} s", data)
     written(args, [args.out])

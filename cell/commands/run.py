@@ -74,15 +74,12 @@ def _run_there(args: argparse.Namespace) -> int:
             args.stop,
         )
     data = words.report(report)
-    refused = report.refusal != Refusal.NONE
     show(args, " ".join(f"{k}={v}" for k, v in data.items() if v not in ("", "none")), data)
-    if refused:
-        refusal = Refusal(report.refusal)
-        complain(f"refused: {refusal.name}: {REFUSED.get(refusal, REMEDIES[refusal])}")
-    if args.name in ("stop", "abort") and not refused:
+    if refusal := Refusal(report.refusal):
+        return complain(f"refused: {refusal.name}: {REFUSED.get(refusal, REMEDIES[refusal])}")
+    if args.name in ("stop", "abort"):
         return GOOD
-    statuses = {Result.SUCCESS: GOOD, Result.FAULT: FAULT}
-    return NOT_GOOD if refused else statuses.get(Result(report.result), NOT_GOOD)
+    return {Result.SUCCESS: GOOD, Result.FAULT: FAULT}.get(Result(report.result), NOT_GOOD)
 
 
 def _run_here(args: argparse.Namespace) -> int:
@@ -120,19 +117,18 @@ def _told(args: argparse.Namespace, loaded: "LoadedConfig", supervisor: "Supervi
     """Print how the run ended and where the peg is, and return the exit status."""
     row, where = supervisor.last, words.peg(supervisor.part, loaded.cell.is_simulated)
     if refusal is not Refusal.NONE:
-        complain(f"refused: {refusal.name}: {REFUSED.get(refusal, 'not possible here')}; {where}")
-        return NOT_GOOD
+        return complain(f"refused: {refusal.name}: {REFUSED.get(refusal, 'not possible here')}; {where}")
     if row is None and args.name in TOLD:
         show(args, where, {"peg": where})
         return GOOD
     if row is None:
         fault = supervisor.report.fault
-        return _complain(f"fault {fault}: nothing was run") if fault else NOT_GOOD
+        return complain(f"fault {fault}: nothing was run", FAULT) if fault else NOT_GOOD
     show(args, Group(words.run(row), where), {**plain(row), "peg": where})
     if supervisor.misfit:
         complain(f"warning: {supervisor.misfit}")
     if row.outcome == Outcome.FAULT:
-        return _complain(f"fault {row.fault}: {row.message}")
+        return complain(f"fault {row.fault}: {row.message}", FAULT)
     return GOOD if row.outcome == Outcome.SUCCESS else NOT_GOOD
 
 
@@ -154,8 +150,3 @@ class _Shown:
     def _show(self) -> None:
         while not self._end.wait(SHOWN_EVERY):
             self._bars.update(self._bar, completed=self.progress)
-
-
-def _complain(message: str) -> int:
-    complain(message)
-    return FAULT

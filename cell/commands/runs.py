@@ -3,7 +3,7 @@
 import argparse
 import csv
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict
 from datetime import datetime
 from pathlib import Path
@@ -89,38 +89,31 @@ def _exported(args: argparse.Namespace, journal: Journal, rows: Sequence[RunRow]
     files = []
     if args.export == "csv":
         files.append(folder / "runs.csv")
-        _write_csv(rows, files[0])
+        with files[0].open("w", newline="", encoding="utf-8") as file:
+            writer = csv.DictWriter(file, list(RunRow.__slots__))
+            writer.writeheader()
+            writer.writerows(asdict(row) for row in rows)
     elif args.export == "parquet":
         files.append(folder / "runs.parquet")
         to.write_runs_parquet(rows, files[0])
-    for row in _with_progress(rows):
-        try:
-            samples = read_samples(journal.samples_path(row.run))
-        except JournalError:
-            continue  # the run has no samples, or they have been deleted
-        if lack := torn(journal.samples_path(row.run), samples, row.samples):
-            complain(f"warning: {lack}")
-        path = folder / f"run-{row.run:06d}.{args.export}"
-        if args.export == "csv":
-            export_csv(samples, path)
-        elif args.export == "parquet":
-            to.write_samples_parquet(row, samples, path)
-        else:
-            to.write_mcap(row, samples, path)
-        files.append(path)
-    return files
-
-
-def _with_progress(rows: Sequence[RunRow]) -> Iterator[RunRow]:
     with progress() as bars:
-        yield from bars.track(rows, description="runs")
-
-
-def _write_csv(rows: Sequence[RunRow], path: Path) -> None:
-    with path.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, list(RunRow.__slots__))
-        writer.writeheader()
-        writer.writerows(asdict(row) for row in rows)
+        for row in bars.track(rows, description="runs"):
+            recorded = journal.samples_path(row.run)
+            try:
+                samples = read_samples(recorded)
+            except JournalError:
+                continue  # the run has no samples, or they have been deleted
+            if lack := torn(recorded, samples, row.samples):
+                complain(f"warning: {lack}")
+            path = folder / f"run-{row.run:06d}.{args.export}"
+            if args.export == "csv":
+                export_csv(samples, path)
+            elif args.export == "parquet":
+                to.write_samples_parquet(row, samples, path)
+            else:
+                to.write_mcap(row, samples, path)
+            files.append(path)
+    return files
 
 
 def _table(rows: Sequence[RunRow]) -> Table:

@@ -44,7 +44,7 @@ class Stepper:
 
     def __init__(self, arm: ArmModel, sim: SimConfig, pad: tuple[float, float], pace: ClockPace) -> None:
         """Place the arm at its waiting pose; `pad` is length and width of a pad, m."""
-        self._arm, self._long_steps, self._pad, self._pace = arm, sim.model.long_steps, pad, pace
+        self._arm, self._long_steps, self.pad, self.pace = arm, sim.model.long_steps, pad, pace
         self.law_every = round(arm.control_period / sim.timestep)
         """Number of ticks in a control period."""
         self.control = engine.Drives(
@@ -73,7 +73,7 @@ class Stepper:
         """True if longer steps are possible."""
         return self._long_steps and self.law_every % engine.COARSE == 0
 
-    def restock(self, scene: TrialScene, pad_friction: float, noise: np.random.Generator) -> None:
+    def begin_trial(self, scene: TrialScene, pad_friction: float, noise: np.random.Generator) -> None:
         """Begin a trial with a fresh peg in the rack.
 
         Args:
@@ -89,7 +89,7 @@ class Stepper:
 
     def _change_arm(self, truth: ArmTruth) -> None:
         """Replace the arm by another one at the same pose, under the last torques commanded by the law."""
-        timestep, period, control = self._pace.timestep, self._arm.control_period, self.control
+        timestep, period, control = self.pace.timestep, self._arm.control_period, self.control
         control.joints[:] = joint_drive.words_of(truth, period, (timestep, engine.COARSE * timestep))
         joint_drive.fill(control.joints, control.law[impedance.TORQUE : impedance.TORQUE + JOINTS])
         control.senses[:] = arm_senses.words_of(truth, period)
@@ -198,7 +198,7 @@ class Stepper:
 
     def _begin(self, weight: float) -> None:
         """Complete the state after its positions have been set; the peg's weight is in N."""
-        mechanism, now = self.running, self._pace.now()
+        mechanism, now = self.running, self.pace.now()
         data, is_held = mechanism.data, self.peg is PegSituation.HELD
         data.xfrc_applied[mechanism.peg_body, 2] = -weight
         latch.loosen(self.control.latch)
@@ -250,7 +250,7 @@ class Stepper:
                 self._bear()
         else:
             self._let_rest()
-        pace = self._pace
+        pace = self.pace
         span = engine.Span(
             pace.now(), pace.timestep, ticks, self.law_every, pace.ticks % self.law_every, self._noises(ticks)
         )
@@ -283,7 +283,7 @@ class Stepper:
         mechanism = self.running
         if mechanism.twin is None:
             return
-        data, now = mechanism.data, self._pace.now()
+        data, now = mechanism.data, self.pace.now()
         gap = peg_distances.pad_gap(
             self.scene.pads, mechanism.model.geom_size, data.geom_xpos, data.geom_xmat, self.peg_view
         )
@@ -316,8 +316,8 @@ class Stepper:
         elif self.peg is PegSituation.FREE:
             height = self.lowest() - self.scene.rack.position[2]
             if not situation.is_in_grip(self.pad_force(), grip_force, height):
-                self._in_grip_since = self._pace.now()
-            elif self._pace.now() - self._in_grip_since > situation.SETTLED_GRIP:
+                self._in_grip_since = self.pace.now()
+            elif self.pace.now() - self._in_grip_since > situation.SETTLED_GRIP:
                 self.enter_held()
 
     # Present positions.
@@ -404,7 +404,7 @@ class Stepper:
 
     def grip_limits(self) -> GripLimits:
         """Return the largest loads from friction of the pads on the held peg in its present pose."""
-        (theta, along, beside), (length, width) = self.running.data.qpos[HINGE : BESIDE + 1].tolist(), self._pad
+        (theta, along, beside), (length, width) = self.running.data.qpos[HINGE : BESIDE + 1].tolist(), self.pad
         reach_tip = self.peg_length - along
         return grip_limits(
             theta=theta,

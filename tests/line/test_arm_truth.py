@@ -43,12 +43,12 @@ def hold_softly(arm):
 
 def torqued(world, torque, seconds):
     """Command constant joint torques from outside for so long; yield after every control period."""
-    world.stepper.law_every = NEVER
+    world.law_every = NEVER
     if world.now() == 0.0:
         # The law's one turn; it commands nothing at all.
         world.wait_until(world.arm.control_period)
     for _ in range(round(seconds / world.arm.control_period)):
-        world.stepper.command(torque)
+        world.command(torque)
         world.wait_until(world.now() + world.arm.control_period)
         yield world
 
