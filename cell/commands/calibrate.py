@@ -24,10 +24,6 @@ from drivers.skin.calibration import SkinCalibration
 
 FRICTION_RANGE = (0.5, 2.0)
 """Permitted ratio of measured to published friction; the range of `config/reality.toml`, tested by `cell study margins`."""
-MOST_PEGS = 20
-"""Largest number of pegs for measuring the places if a feeder refills the rack."""
-OFFSET_RANGE = 2.0
-"""Largest permitted offset, in standard deviations of the arm's own file."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -75,7 +71,8 @@ def _arm(args: argparse.Namespace, config: CellConfig, today: date, path: Path) 
 
 def _places(args: argparse.Namespace, config: CellConfig, today: date, path: Path) -> int:
     pegs = PEGS if args.pegs is None else args.pegs
-    most = config.rack.slots if config.rack.refill == "asked" else MOST_PEGS
+    # A feeder refills the rack.
+    most = config.rack.slots if config.rack.refill == "asked" else 20
     if most < 2:
         raise ConfigError('rack.slots = 1: two pegs needed; 2 or more, or rack.refill = "feeder" allowed')
     if not 2 <= pegs <= most:
@@ -154,7 +151,8 @@ def _verdict(found: ArmCalibration, joint: int, friction: float, offset: float) 
         told.append(
             f"friction {share:.1f} times the published: {FRICTION_RANGE[0]:g} to {FRICTION_RANGE[1]:g} expected"
         )
-    if abs(found.offset.value[joint]) > OFFSET_RANGE * offset:
+    # Largest permitted offset, in standard deviations of the arm's own file.
+    if abs(found.offset.value[joint]) > 2.0 * offset:
         told.append("offset: see the payload that the arm's controller knows")
     return "; ".join(told) or "as expected"
 

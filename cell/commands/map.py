@@ -27,8 +27,6 @@ WRITERS = {
     "h": "c_header:as_c_header",
 }
 """Function of `plc_bridge.exports` by format; only the needed one is imported."""
-PROGRAM_FORMS = "st", "xml", "scl", "h"
-"""Formats of a PLC program, which take the names of its constants."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -69,7 +67,8 @@ def _picture(registers: Sequence[Register]) -> Group:
 def _text(form: str, registers: Sequence[Register]) -> str:
     """Return the table in a format, or the declarations for a PLC program in a language."""
     write = resolve_name(f"plc_bridge.exports.{WRITERS[form]}")
-    if form not in PROGRAM_FORMS:
+    # A PLC program takes the names of its constants.
+    if form not in ("st", "xml", "scl", "h"):
         return str(write(registers))
     from plc_bridge.exports.plc_names import plc_names
 

@@ -34,9 +34,6 @@ from skills.contract import Outcome
 if TYPE_CHECKING:
     from cell.run.supervisor import Supervisor
 
-SHOWN_EVERY = 0.1
-"""Period of the progress display, s."""
-
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the skill, program or control, the part, and the cell."""
@@ -148,5 +145,6 @@ class _Shown:
         self._thread.join(1.0)
 
     def _show(self) -> None:
-        while not self._end.wait(SHOWN_EVERY):
+        # Period of the progress display, s.
+        while not self._end.wait(0.1):
             self._bars.update(self._bar, completed=self.progress)

@@ -8,10 +8,9 @@ import logging
 import threading
 import time
 from collections.abc import Callable
-from typing import Protocol
 
 from drivers.errors import CellError
-from drivers.transport.wires import ByteLink
+from drivers.transport.serial_line import SerialLine
 from plc_bridge.config import RtuConfig
 from plc_bridge.modbus.pdu import is_exception, respond
 from plc_bridge.modbus.rtu_frames import BROADCAST, Receiver, with_check_sum
@@ -32,12 +31,6 @@ WRITES = frozenset({5, 6, 15, 16, 22})
 """Functions that are valid as broadcasts."""
 
 
-class RtuLine(ByteLink, Protocol):
-    """A serial line with the name of its port, such as `drivers.transport.serial_line.SerialLine`."""
-
-    port: str
-
-
 class RtuServer:
     """Answers the requests on one line; `start` and `close` may be called from any thread.
 
@@ -52,7 +45,7 @@ class RtuServer:
     def __init__(
         self,
         config: RtuConfig,
-        line: RtuLine,
+        line: SerialLine,
         mailbox: Mailbox,
         now: Callable[[], float] = time.monotonic,
         pause: float = FIRST_PAUSE,

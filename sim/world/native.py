@@ -143,11 +143,7 @@ def log_warnings() -> None:
     The second derivative of the cost of a contact on the edge of its friction cone is then not positive, which only
     rounding can cause. MuJoCo replaces it by a small positive number and continues the search.
     """
-    mujoco.set_mju_user_warning(_log)
-
-
-def _log(text: str) -> None:
-    logger.debug("MuJoCo: %s", text)
+    mujoco.set_mju_user_warning(lambda text: logger.debug("MuJoCo: %s", text))
 
 
 @contextmanager

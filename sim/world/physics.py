@@ -25,9 +25,6 @@ from sim.world.stepper import Stepper
 from sim.world.trial_scene import TrialScene
 from sim.world.truth import Truth, is_void
 
-MOST_PERIODS = 10
-"""Largest number of control periods between two checks of the peg's situation."""
-
 
 class World(Stepper):
     """Physics and clock of one cell."""
@@ -80,9 +77,10 @@ class World(Stepper):
         Raises:
             SimulationUnstableError: The state is no longer finite.
         """
-        ticks = self.pace.ticks_until(stamp)
+        ticks = round((stamp - self.now()) / self.pace.timestep)
         while ticks > 0:
-            ticks -= self.advance(min(ticks, self.law_every * MOST_PERIODS))
+            # Largest number of control periods between two checks of the peg's situation.
+            ticks -= self.advance(min(ticks, self.law_every * 10))
         self.pace.keep()
 
     @property

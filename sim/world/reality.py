@@ -26,8 +26,6 @@ from sim.config import RealityConfig
 
 REALITY_STREAM = 4
 """Key of the random streams of errors; the trial's position, readings, skin and search use lower keys."""
-CUT_OFF = 3.0
-"""Limit of normal draws, standard deviations from 0."""
 USUAL_LAYOUT: Layout = "parallelogram"
 """Layout of the skin where no cell states another."""
 RECORDED = ("trial", "axis", "joint", "module")
@@ -373,6 +371,7 @@ def _one_each(path: str, name: str, error: AnyError) -> AnyError:
 def _standard(rng: np.random.Generator, shape: tuple[int, ...]) -> Vector:
     """Return standard normal draws; values beyond the limit are drawn again."""
     values = np.asarray(rng.standard_normal(shape))
-    while np.any(far := np.abs(values) > CUT_OFF):
+    # Limit of normal draws, standard deviations from 0.
+    while np.any(far := np.abs(values) > 3.0):
         values = np.where(far, rng.standard_normal(shape), values)
     return values

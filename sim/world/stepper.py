@@ -27,12 +27,8 @@ FINGERS, PEG = slice(7, 9), slice(9, 15)
 HINGE, ALONG, BESIDE = 7, 8, 9
 """Degrees of freedom of the held model after the arm's seven: the peg's rotation about the closing axis, and its
 positions along and beside its own axis."""
-LEAST_AXIS = 1e-6
-"""Square of the horizontal component below which an axis is upright."""
 TABLE = 0.0
 """Height of the table under arm, rack and plate, m, base frame; a peg dropped beside them lies there."""
-LYING_GAP = 1e-4
-"""Gap under a peg that has just been placed on the plate, m."""
 NO_NOISE: Vector = np.zeros((1, arm_senses.NOISES))
 
 
@@ -47,14 +43,15 @@ class Stepper:
         self._arm, self._long_steps, self.pad, self.pace = arm, sim.model.long_steps, pad, pace
         self.law_every = round(arm.control_period / sim.timestep)
         """Number of ticks in a control period."""
+        hand = arm.hand
         self.control = engine.Drives(
             impedance.figures(arm),
             np.zeros(setpoint_words.WORDS),
             impedance.new_state(arm),
-            engine.new_drive(arm.hand),
+            np.array([0.0, hand.stroke, hand.finger_speed, hand.finger_force]),  # commanded to open fully
             np.zeros(joint_drive.WORDS),
             np.zeros(arm_senses.WORDS),
-            slip.new_words(),
+            np.zeros(slip.WORDS),
             np.zeros(latch.WORDS),
         )
         self.meters = metering.new_meters()
@@ -152,9 +149,11 @@ class Stepper:
         place, ground = self._ground()
         pose, up = self.peg_pose(), ground[:, 2]
         axis = pose.rotation[:, 2] - float(pose.rotation[:, 2] @ up) * up
-        axis = ground[:, 0] if float(axis @ axis) < LEAST_AXIS else axis / math.sqrt(float(axis @ axis))
+        # Square of the horizontal component below which an axis is upright.
+        axis = ground[:, 0] if float(axis @ axis) < 1e-6 else axis / math.sqrt(float(axis @ axis))
         height = float((pose.position - place) @ up)
-        below = pose.position - (height - self.scene.size.reach - LYING_GAP) * up
+        # Gap under a peg that has just been placed on the plate, m.
+        below = pose.position - (height - self.scene.size.reach - 1e-4) * up
         self.enter_free(width, Pose(below, np.column_stack([up, np.cross(axis, up), axis])))
         self.running.data.xfrc_applied[self.running.peg_body, 2] = 0.0
 
@@ -307,7 +306,8 @@ class Stepper:
         """Change the peg's situation if the last ticks require it."""
         grip_force = float(self.control.drive[engine.DRIVE_FORCE])
         if self.peg is PegSituation.HELD:
-            if situation.has_fallen_out(float(self.running.data.qpos[HINGE]), self._bear().length):
+            turn, contact = float(self.running.data.qpos[HINGE]), self._bear().length
+            if abs(turn) > situation.LOST_TURN or contact < situation.LEAST_CONTACT:
                 self.fall()
             elif grip_force <= 0.0:
                 self.enter_free(self.scene.size.thickness, self.peg_pose())
