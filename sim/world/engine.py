@@ -141,7 +141,7 @@ def advance(
             felt = meters[metering.FORCE : metering.TORQUE + 3] if watch.hinge >= 0 else nothing
             q, dq = arm_senses.measure(control.senses, qpos[:7], qvel[:7], felt, span.noise[cycle])
             tau = impedance.torque(control.arm, control.words, control.law, q, dq, now, period)
-            joint_drive.command(control.joints, control.arm, qpos[:7], tau, qfrc)
+            joint_drive.command(control.joints, tau, qfrc)
             cycle = min(cycle + 1, span.noise.shape[0] - 1)
         if watch.hinge < 0:
             _drive_fingers(state, control.drive)

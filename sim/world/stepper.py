@@ -87,7 +87,7 @@ class Stepper:
     def _change_arm(self, truth: ArmTruth) -> None:
         """Replace the arm by another one at the same pose, under the last torques commanded by the law."""
         timestep, period, control = self.pace.timestep, self._arm.control_period, self.control
-        control.joints[:] = joint_drive.words_of(truth, period, (timestep, engine.COARSE * timestep))
+        control.joints[:] = joint_drive.words_of(truth, (timestep, engine.COARSE * timestep))
         joint_drive.fill(control.joints, control.law[impedance.TORQUE : impedance.TORQUE + JOINTS])
         control.senses[:] = arm_senses.words_of(truth, period)
         arm_senses.fill(control.senses, self.q if self._is_begun else self._q, self.dq if self._is_begun else self._dq)
@@ -235,8 +235,7 @@ class Stepper:
 
     def command(self, torque: Vector) -> None:
         """Command joint torques, shape (7,), N·m, instead of the law's; once a control period."""
-        data = self.running.data
-        joint_drive.command(self.control.joints, self.control.arm, data.qpos[:7], torque, data.qfrc_applied)
+        joint_drive.command(self.control.joints, torque, self.running.data.qfrc_applied)
 
     def advance(self, ticks: int) -> int:
         """Advance the physics by `ticks`, or by fewer if the peg's situation changes; return the number taken.
@@ -340,7 +339,7 @@ class Stepper:
             felt = self.meters[metering.FORCE : metering.TORQUE + 3].copy() if is_held else np.zeros(6)
             position, rotation, _, _ = impedance.forward(control.arm, self.q)
             return arm_senses.Reading(self.q, self.dq, felt, position, rotation)
-        felt = joint_drive.unmodelled(control.joints)
+        felt = control.joints[joint_drive.LEFT_OVER : joint_drive.LEFT_OVER + JOINTS].copy()
         if self._scratch is not None:
             felt += described_arm.left_over(self.running.model, self._scratch, self.running.data.qpos)
         return arm_senses.scanned(control.senses, control.arm, felt)
