@@ -44,10 +44,13 @@ def insert_peg(skills: SkillSet, ctx: SkillContext) -> list[StageRecord]:
             break
         belief, attempt = _learnt(belief, found, decoy, ctx), attempt + (decoy is None)
         records[-1] = replace(records[-1], retried=True)
-    end = records[-1].result
-    if end.outcome is Outcome.FAILURE and end.reason is not Reason.STOPPED:  # after a stop nobody is to move the arm
-        records += RECOVER.run(skills, ctx)
-    return records
+    return records + _recovery(skills, ctx, records[-1].result)
+
+
+def _recovery(skills: SkillSet, ctx: SkillContext, last: SkillResult) -> list[StageRecord]:
+    """Recover after a failure; nobody is to move the arm after a stop."""
+    is_failed = last.outcome is Outcome.FAILURE and last.reason is not Reason.STOPPED
+    return RECOVER.run(skills, ctx) if is_failed else []
 
 
 def find_and_seat(

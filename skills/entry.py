@@ -131,7 +131,7 @@ class Catalogue(Mapping[str, Entry]):
             ConfigError: Two entries have the same value; the message names both entries and the value.
         """
         skills = sorted((entry for entry in entries if isinstance(entry, Skill)), key=lambda skill: skill.stage)
-        own = [(reason, skill.name) for skill in skills for reason in skill.reasons or ()]
+        own = _own_reasons(skills)
         _require_sound(entries, skills, own)
         self._entries = {entry.name: entry for entry in entries}
         self.by_code = {entry.code: entry for entry in entries}
@@ -183,6 +183,11 @@ class Catalogue(Mapping[str, Entry]):
         if name == "":
             return 0
         raise ConfigError(f"skill catalogue: stage {name!r}: no such skill; {', '.join(self.stages.values())} allowed")
+
+
+def _own_reasons(skills: Sequence[Skill[Any]]) -> list[tuple[IntEnum, str]]:
+    """Return the reasons that skills add, each with its skill's name."""
+    return [(reason, skill.name) for skill in skills for reason in skill.reasons or ()]
 
 
 def _require_distinct(what: str, claims: Iterable[tuple[Any, str]]) -> None:

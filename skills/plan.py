@@ -3,7 +3,7 @@
 Skills take their figures from the plan as they are; only `plan_insertion` derives figures from others.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Generic, TypeVar
 
@@ -128,14 +128,12 @@ def plan_insertion(skills: SkillSet, peg: Peg, hole: Hole, grip_share: float = 1
     search = _Stage("search", _section(skills, "search", SpraySearchParams))
     insert = _Stage("insert", _section(skills, "insert", TactileInsertParams))
     adjust = _Stage("adjust", _section(skills, "adjust", SpiralAdjustParams))
-    corner = _Stage("corner", skills.corner) if skills.corner is not None and is_cornered(peg.part) else None
-    paper = None if skills.paper is None else _Stage("paper", skills.paper)
+    corner = _optional("corner", skills.corner if is_cornered(peg.part) else None)
+    paper = _optional("paper", skills.paper)
     adjust.become(GRIP, grip.adjusting(adjust.params, peg.length))
     if corner is None:
         _over_the_edge(search, insert, grip, peg, hole, attempt)
-        if attempt == 0 < skills.retries:
-            # A new search frees most jammed pegs.
-            adjust.become(ATTEMPT, _but(adjust.params, stall_timeout=FIRST_STALL * adjust.params.stall_timeout))
+        _first_of_several(adjust, attempt, skills.retries)
     else:
         _over_a_corner(search, corner, grip, peg, attempt)
     most = fastest(search.params.dip_threshold, hole.part.inscribed)
@@ -149,8 +147,13 @@ def plan_insertion(skills: SkillSet, peg: Peg, hole: Hole, grip_share: float = 1
         **{name: _in_force(stage, skills.pace) for name, stage in used.items()},
         others={name: _in_force(stage, skills.pace) for name, stage in others.items()},
         retries=skills.retries if corner is None else corner.params.retries,
-        reasons={name: why for each in stages.values() if each is not None for name, why in each.reasons.items()},
+        reasons=_reasons(stages.values()),
     )
+
+
+def _optional(name: str, params: P | None) -> _Stage[P] | None:
+    """Return the stage of a section that a config can leave out."""
+    return None if params is None else _Stage(name, params)
 
 
 def _in_force(stage: _Stage[Any] | None, pace: Pace) -> Any:
@@ -160,6 +163,17 @@ def _in_force(stage: _Stage[Any] | None, pace: Pace) -> Any:
     stage.become("speed_scale", scaled(stage.params, pace.scale))
     stage.become(ARM, within(stage.params, pace))
     return stage.params
+
+
+def _reasons(stages: Iterable[_Stage[Any] | None]) -> dict[str, tuple[str, ...]]:
+    """Return what changed each figure of the stages."""
+    return {name: why for stage in stages if stage is not None for name, why in stage.reasons.items()}
+
+
+def _first_of_several(adjust: _Stage[SpiralAdjustParams], attempt: int, retries: int) -> None:
+    """Give a jammed peg up sooner in the first of several attempts."""
+    if attempt == 0 < retries:
+        adjust.become(ATTEMPT, _but(adjust.params, stall_timeout=FIRST_STALL * adjust.params.stall_timeout))
 
 
 def _over_the_edge(

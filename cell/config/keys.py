@@ -180,6 +180,11 @@ def _stated(text: str) -> tuple[str, ...]:
     return split_source(text)[1] if _SOURCE.search(text) else ()
 
 
+def _of_model(model: type[BaseModel], field: str) -> tuple[str, ...]:
+    """Return the sources that a key's class states for all of its keys."""
+    return _stated(" ".join(inspect.cleandoc(_owner(model, field).__doc__ or "").split()))
+
+
 def first_clause(text: str) -> str:
     """Return the first sentence of a docstring up to its first semicolon, without its full stop."""
     return _SENTENCE.split(text)[0].rstrip(".").split(";")[0]
@@ -196,8 +201,7 @@ def _keys_of(model: type[BaseModel], place: str, kind: str, source: tuple[str, .
         at = f"{place}{name}"
         if not inner:
             key = _key(at, kind, field, properties[name], model)
-            of_model = _stated(" ".join(inspect.cleandoc(_owner(model, name).__doc__ or "").split()))
-            yield replace(key, sources=key.sources or source or of_model)
+            yield replace(key, sources=key.sources or source or _of_model(model, name))
         for each in inner:
             chosen = each.model_fields.get("kind")
             values = get_args(chosen.annotation) if chosen is not None and len(inner) > 1 else ()

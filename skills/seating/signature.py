@@ -61,12 +61,14 @@ class StrokeCurve:
         footing = self.footing.after(seen, setpoint)
         if height > deepest - STEP or footing.is_firm(seen.stamp):
             return replace(self, footing=footing, has_rested=self.has_rested or footing.is_firm(seen.stamp))
-        # The stroke is kept from a latch up to half its height higher on, and the force offset before it.
-        reach = height + 1.5 * latch.height + BEFORE
-        first = next((at for at, above in enumerate(self.heights) if above <= reach), len(self.heights))
+        first = self._first_within(height + 1.5 * latch.height + BEFORE)
         heights, forces = (*self.heights[first:], height), (*self.forces[first:], force)
         # If the support yields, it was not the bottom.
         return StrokeCurve(heights, forces, footing, earlier=self.earlier)
+
+    def _first_within(self, reach: float) -> int:
+        """Return the index of the first height at most `reach`: a latch up to half its height higher, and the force offset before it."""
+        return next((at for at, above in enumerate(self.heights) if above <= reach), len(self.heights))
 
     def signature(self, latch: Latch, now: float) -> Signature | None:
         """Return the estimate of the latch from this stroke and the earlier strokes that ended at its height.
