@@ -18,9 +18,6 @@ from cell.report.words import require_kind, tables
 from cell.run.line import PROGRAMS
 from plc_bridge.protocol.messages import FIRST_PROGRAM
 
-SHIFT_WIDTH = len("12-31 22:00")
-"""Width of the first column, which holds the start of a shift on one line, characters."""
-
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the selection of runs, and the file."""
@@ -62,7 +59,8 @@ def _report(args: argparse.Namespace) -> int:
     shown = []
     for title, head, rows in tables(facts):
         table = Table(*head, title=title, title_justify="left", box=SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
-        table.columns[0].min_width = SHIFT_WIDTH
+        # The start of a shift stays on one line.
+        table.columns[0].min_width = len("12-31 22:00")
         for row in rows:
             table.add_row(*row)
         shown.append(table)

@@ -32,8 +32,6 @@ from skills.catalogue import CATALOGUE
 
 LAST, BLOCK = 20, 100
 """Default number of shown runs, and number of runs below one table head."""
-MAIN = "insert_peg"
-"""Default program; if all runs are of it, the column for the program is left out."""
 TAKEN, SERIAL, PROGRAM = 50, 14, 15
 """Width of the other fields, and of the additional fields for serial number and program, characters."""
 FORMATS = ("parquet", "csv", "mcap")
@@ -118,7 +116,8 @@ def _exported(args: argparse.Namespace, journal: Journal, rows: Sequence[RunRow]
 
 def _table(rows: Sequence[RunRow]) -> Table:
     """Return one line per run, at most 80 columns wide; only the cause is shortened, and `cell show` prints it whole."""
-    serials, programs = any(row.serial for row in rows), any(row.program != MAIN for row in rows)
+    # If all runs are of the default program, its column is left out.
+    serials, programs = any(row.serial for row in rows), any(row.program != "insert_peg" for row in rows)
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
     table.add_column("run", no_wrap=True)
     table.add_column(f"started ({datetime.now().astimezone().tzname()})", no_wrap=True)

@@ -44,8 +44,6 @@ PIECE = 256 * 1024
 """Block size for sending a file, bytes."""
 REPORT_POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; frame-ancestors 'none'"
 """Content policy of a report, which is one file without scripts."""
-PINGS = 3
-"""Number of pings within the timeout of a link."""
 
 
 class PageServer(HttpServer):
@@ -95,7 +93,8 @@ class PageServer(HttpServer):
         """Return the routes."""
         records = Records(self._folder)
         self._hub = PageHub(self._bridge, self._live, self._loaded, records, _build(), self._cables)
-        ping = self._loaded.cell.plc.life_timeout / PINGS
+        # Three pings within the timeout of a link.
+        ping = self._loaded.cell.plc.life_timeout / 3
         return Front(
             [
                 ("/live", PageSocket, {"hub": self._hub, "bridge": self._bridge, "token": self.token}),

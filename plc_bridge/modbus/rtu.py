@@ -20,7 +20,6 @@ from plc_bridge.protocol.station import LinkStation, LinkWords
 
 logger = logging.getLogger(__name__)
 
-SHORTEST_SILENCE = 0.00175  # s; Modbus over Serial Line V1.02, 2.5.1.1, for more than 19200 baud
 PATIENCE = 0.05
 """Longest pause within a frame, s: USB adapters deliver bytes up to 16 ms late, a busy computer even later."""
 IDLE = 0.1
@@ -52,7 +51,8 @@ class RtuServer:
     ) -> None:
         self._unit, self._idle_timeout = config.unit, config.idle_timeout
         self._line, self._mailbox, self._now, self._first_pause = line, mailbox, now, pause
-        self._silence = max(3.5 * line.character_time, SHORTEST_SILENCE)
+        # At more than 19200 baud the silence is constant, s; Modbus over Serial Line V1.02, 2.5.1.1.
+        self._silence = max(3.5 * line.character_time, 0.00175)
         self.source = f"rtu:{line.port.rpartition('/')[2]}"
         self.counts = Diagnostics()
         self._receiver = Receiver(config.unit)
