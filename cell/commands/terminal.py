@@ -17,6 +17,8 @@ GOOD, NOT_GOOD, WRONG_USE, FAULT = 0, 1, 2, 3
 """Exit status: success, no success, wrong use, fault."""
 PATIENCE = 1.0
 """Longest wait for the reader of standard error, s."""
+PIPE_WIDTH = 200
+"""Width of tables in a pipe, characters; at a terminal's width they would lose content."""
 
 
 def show(args: argparse.Namespace, picture: "RenderableType", data: object) -> None:
@@ -31,8 +33,7 @@ def show(args: argparse.Namespace, picture: "RenderableType", data: object) -> N
     else:
         from rich.console import Group
 
-        # Width of tables in a pipe, characters; at a terminal's width they would lose content.
-        terminal = console(None if sys.stdout.isatty() else 200)
+        terminal = console(None if sys.stdout.isatty() else PIPE_WIDTH)
         for part in picture.renderables if isinstance(picture, Group) else (picture,):
             # Text stays in its lines, so that a line for a file can be copied whole.
             terminal.print(_folded(part), soft_wrap=isinstance(part, str))

@@ -26,6 +26,8 @@ SILENT = 0.1
 """Longest time without a new state, s on the cell's clock; the arm sends one every millisecond."""
 CONNECT_TIME = 20.0
 """Longest time until the loop runs, s of wall time: start of the interpreter, load of the compiled law, connection."""
+RESET_TIME = 5.0
+"""Longest time for the arm's error recovery, s of wall time. If it takes longer, the arm stays still and needs another reset."""
 START_TIME = 1.0
 """Longest time from the end of the recovery to the first cycle of torque control, s of wall time."""
 POLL_PERIOD = 0.005
@@ -148,9 +150,7 @@ class FrankaArm:
         self.halt()
         before = self.phase
         if before is not LoopPhase.RUNNING:
-            # Longest time for the arm's error recovery, s of wall time. If it takes longer, the arm stays still and
-            # needs another reset.
-            start_by = time.monotonic() + 5.0
+            start_by = time.monotonic() + RESET_TIME
             link["start_by"][0] = start_by
             link["resets"][0] += 1
             while time.monotonic() < start_by + START_TIME and self._is_alive():
