@@ -9,9 +9,10 @@ from drivers.frames import compose, peg_in_finger
 from drivers.quantities import Pose, Vector
 from sim.arm.device import SimArm
 from sim.hand import slip
-from sim.world import HINGE, engine
+from sim.world import engine
 from sim.world.physics import World
 from sim.world.situation import PegSituation
+from sim.world.stepper import HINGE
 from tests.rigs import world_of
 
 GRIP = 30.0
