@@ -12,6 +12,20 @@ from drivers.errors import ConfigError
 M = TypeVar("M", bound=BaseModel)
 
 
+def read_toml(path: Path, what: str = "") -> dict[str, Any]:
+    """Return the content of a TOML file; `what` is a word for it in the message.
+
+    Raises:
+        ConfigError: The file is missing, is not readable, or is not TOML.
+    """
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise ConfigError(f"{path}:{f' {what}' if what else ''} cannot be read: {error.strerror}") from None
+    except (ValueError, RecursionError) as error:  # the parser raises these for numbers too long and lists too deep
+        raise ConfigError(f"{path}: not TOML: {error}".replace("\n", " ")) from None
+
+
 def read_figures(path: Path, kind: type[M], what: str = "") -> M:
     """Return the figures in a TOML file; those that it does not state come from the file beside it that `base` names.
 
@@ -23,19 +37,15 @@ def read_figures(path: Path, kind: type[M], what: str = "") -> M:
     Raises:
         ConfigError: The file is missing, is not TOML, or its figures violate the model.
     """
+    tree = read_toml(path, what)
+    if isinstance(base := tree.get("base"), str):
+        del tree["base"]
+        tree = _laid_over(read_toml(path.parent / base), tree)
     try:
-        tree = tomllib.loads(path.read_text(encoding="utf-8"))
-        if isinstance(base := tree.get("base"), str):
-            del tree["base"]
-            tree = _laid_over(tomllib.loads((path.parent / base).read_text(encoding="utf-8")), tree)
         return kind.model_validate(tree)
-    except OSError as error:
-        raise ConfigError(f"{error.filename}:{f' {what}' if what else ''} cannot be read: {error.strerror}") from None
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         raise ConfigError(f"{path}: {'.'.join(map(str, first['loc']))}: {first['msg']}") from None
-    except (ValueError, RecursionError) as error:  # too long a number, too deep a list
-        raise ConfigError(f"{path}: not TOML: {error}".replace("\n", " ")) from None
 
 
 def _laid_over(base: dict[str, Any], tree: dict[str, Any]) -> dict[str, Any]:

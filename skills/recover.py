@@ -74,7 +74,9 @@ def run(params: RecoverParams, ctx: SkillContext) -> RecoverResult:
         is_jammed = not is_seated and _pull(params, ctx) is not None
         if is_seated or is_jammed:
             held = False
-            _relax(ctx)
+            # The arm holds still at its present pose: an arm that pulls would jump when the hand opens.
+            ctx.devices.arm.halt()
+            ctx.lead.held = None
             if not let_go(params.opening, ctx):
                 return _result(Outcome.FAILURE, Reason.STILL_HELD, ctx, first, dropped=False)
     _draw_up(params, ctx)
@@ -98,12 +100,6 @@ def _pull(params: RecoverParams, ctx: SkillContext) -> Vector | None:
         if interruption.reason is not Reason.LOST_GRASP:
             raise
         return ctx.observe().tip
-
-
-def _relax(ctx: SkillContext) -> None:
-    """Hold the arm still at its present pose, because an arm that pulls would jump when the hand opens."""
-    ctx.devices.arm.halt()
-    ctx.lead.held = None
 
 
 def _draw_up(params: RecoverParams, ctx: SkillContext) -> None:

@@ -44,8 +44,6 @@ LEAST_REACH = 0.5
 """Least permitted displacement in a small workspace, as a fraction of `REACH`."""
 SWING = 0.07
 """Amplitude of each joint in the motion of all joints, rad."""
-RATES = (1.0, 1.3, 1.7, 1.1, 1.9, 1.5, 2.1)
-"""Angular rate of each joint in the motion of all joints, rad/s; they differ, so that every combination of directions occurs."""
 NULL_LEAD = impedance.NULL_DAMPING / impedance.NULL_STIFFNESS
 """Lead of the commanded posture before the path, s; it compensates the lag of the null space."""
 MOVING = 0.03
@@ -213,7 +211,8 @@ def _seen(arm: ArmModel, at: Vector, to: Vector, speed: float, config: CellConfi
 
 def _all_together(arm: ArmModel, start: Vector, config: CellConfig, ctx: SkillContext, duration: float) -> list[Sample]:
     """Move all joints together, and return the samples."""
-    rates = np.array(RATES)
+    # Angular rates, rad/s; they differ, so that every combination of directions occurs.
+    rates = np.array((1.0, 1.3, 1.7, 1.1, 1.9, 1.5, 2.1))
 
     def path(time: float) -> tuple[Vector, Vector]:
         # The amplitude grows and decays, so that the motion starts and ends at rest.

@@ -16,10 +16,6 @@ from plc_bridge.protocol.registers import VERSION_MAJOR, VERSION_MINOR
 from plc_bridge.protocol.sight import PlcSight
 from skills.catalogue import CATALOGUE
 
-BEATS = 50
-"""Number of changes of the life counter that the step requires."""
-MOST_OF_TIMEOUT = 0.5
-"""Largest gap between two changes of the life counter, fraction of `plc.life_timeout`."""
 MOTION = CATALOGUE["recover"].code
 """Command code of a motion that needs no part."""
 
@@ -94,7 +90,7 @@ class Walk:
     host: str
     life_timeout: float
     patience: float
-    ask: Callable[[str], None]
+    ask: Callable[[str], object]
     findings: list[Finding] = field(default_factory=list)
     _memory: Memory | None = None
 
@@ -145,11 +141,13 @@ class Walk:
         if now.plc is None or before is None:
             return None
         count = now.plc.life_changes - before.life_changes
-        if count < BEATS:
+        # Number of changes of the life counter that the step requires.
+        if count < 50:
             return None
         said = f"{count} changes, {1000 * (now.time - memory.began.time) / count:.1f} ms each"
         said += f", longest gap {1000 * now.plc.longest_gap:.0f} ms of {1000 * self.life_timeout:.0f}"
-        if now.plc.longest_gap > MOST_OF_TIMEOUT * self.life_timeout:
+        # Largest gap between two changes of the life counter, fraction of `plc.life_timeout`.
+        if now.plc.longest_gap > 0.5 * self.life_timeout:
             raise StepFailedError(f"{said}: half of plc.life_timeout allowed")
         return said + ("" if now.plc.uses_tail else "; no copy at the tail, so torn blocks are not noticed")
 

@@ -10,10 +10,6 @@ from cell.records.statistics import student
 from drivers.arm.learning import DRY_RATE, SMOOTH_RATE
 from drivers.quantities import Vector
 
-RESOLVED = 0.03
-"""Least half width of an interval, N·m: error of a momentum observer without rotors and torque path in its model."""
-RESOLVED_SHARE = 0.02
-"""Additional relative error of the observer, fraction."""
 ROTOR = 0.3
 """Rotor inertia beyond the model, kg·m², and its uncertainty; published values are 0 to 0.61, see `config/arms/fr3.toml`."""
 
@@ -113,7 +109,8 @@ def _levels(passes: Sequence[Pass], offset: float) -> tuple[tuple[float, float],
 
 def _interval(value: float, statistical: float) -> float:
     """Return half the width of an interval, N·m, from scatter and from the resolution of the observer."""
-    return math.hypot(statistical, RESOLVED, RESOLVED_SHARE * value)
+    # Error of a momentum observer without rotors and torque path in its model: at least 0.03 N·m and 2 % of the value.
+    return math.hypot(statistical, 0.03, 0.02 * value)
 
 
 def _least_squares(rows: Vector, torques: Vector) -> tuple[Vector, Vector]:

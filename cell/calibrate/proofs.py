@@ -17,8 +17,6 @@ LEAST_WAY = 1e-3
 """Least way of the hand that counts as a push, m; chosen, not measured."""
 ALONG = 0.5
 """Least cosine of the angle between force and way in a clear push."""
-ZERO_SCANS = 20
-"""Number of scans whose mean force is the force without a push."""
 
 
 def sense(force: Vector, way: Vector) -> int:
@@ -50,7 +48,8 @@ def prove_wrench(cell: Cell, ask: Callable[[str], None]) -> str:
     start = cell.arm.read()
     while clock.now() < end:
         state = cell.arm.read()
-        if len(forces) < ZERO_SCANS:
+        # The mean force of the first scans is the force without a push.
+        if len(forces) < 20:
             forces.append(state.wrench.force)
             start = state
         force, way = state.wrench.force - np.mean(forces, axis=0), state.tcp.position - start.tcp.position

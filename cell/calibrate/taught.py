@@ -171,7 +171,7 @@ def write(path: Path, text: str, today: date, unit: str) -> None:
 
 
 def key_taken(
-    shown: Shown, rack: Rack, tell: Callable[[str], None], key: str, place: Vector, axis: Vector, speed: float
+    shown: Shown, rack: Rack, tell: Callable[[str], object], key: str, place: Vector, axis: Vector, speed: float
 ) -> None:
     """Record the place of a key, or remove the last one, and print it."""
     if key == UNDO:

@@ -4,6 +4,9 @@ import argparse
 from dataclasses import asdict
 from shutil import get_terminal_size
 
+from rich.box import SIMPLE_HEAD
+from rich.table import Table
+
 from cell.commands.arguments import add_period, add_records, period_of, positive, read_journal, require_fault
 from cell.commands.terminal import GOOD, show
 from cell.records.wall_clock import local
@@ -12,7 +15,6 @@ LAST = 20
 """Default number of shown alarms."""
 TAKEN = 58
 """Width of the columns before the details, characters."""
-SUMMARY = "faults and warnings on record, with duration and state, by code and period"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -25,9 +27,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Show one line per alarm, newest first."""
-    from rich.box import SIMPLE_HEAD
-    from rich.table import Table
-
     require_fault(args.fault)
     with read_journal(args) as journal:
         alarms = journal.alarms(args.last, *period_of(args), args.fault)

@@ -1,31 +1,29 @@
 """`cell calibrate`: measure the figures of a device and write them to a dated file."""
 
 import argparse
+import math
 import sys
+from dataclasses import asdict
 from datetime import date
 from pathlib import Path
-from typing import TYPE_CHECKING
 
+import numpy as np
+from rich.console import Group
+from rich.table import Table
+
+from cell.calibrate.arm import calibrate_arm
+from cell.calibrate.places import PEGS, MeasuredPlaces, calibrate_places
+from cell.calibrate.proven import FILE, in_force, keep
+from cell.calibrate.skin import calibrate_skin
 from cell.commands.arguments import add_calibration_folder, add_config, calibration_folder, load_config, positive
-from cell.commands.terminal import GOOD, NOT_GOOD, ask, complain, counting, show
+from cell.commands.terminal import GOOD, ask, complain, counting, show
+from cell.config.cell_config import CellConfig
+from drivers.arm.calibration import ArmCalibration
 from drivers.errors import ConfigError, NotCalibratedError
+from drivers.skin.calibration import SkinCalibration
 
-if TYPE_CHECKING:
-    from rich.console import Group
-    from rich.table import Table
-
-    from cell.calibrate.places import MeasuredPlaces
-    from cell.config.cell_config import CellConfig
-    from drivers.arm.calibration import ArmCalibration
-    from drivers.skin.calibration import SkinCalibration
-
-SUMMARY = "measure skin, arm or places and write a dated file"
 FRICTION_RANGE = (0.5, 2.0)
 """Permitted ratio of measured to published friction; the range of `config/reality.toml`, tested by `cell study margins`."""
-MOST_PEGS = 20
-"""Largest number of pegs for measuring the places if a feeder refills the rack."""
-OFFSET_RANGE = 2.0
-"""Largest permitted offset, in standard deviations of the arm's own file."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -40,8 +38,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Measure, slowly and gently until all is proven; write the file, and show the result."""
-    from cell.calibrate.proven import FILE, in_force
-
     today = date.today()
     if args.pegs is not None and args.device != "places":
         raise ConfigError("--pegs: only for places")
@@ -50,13 +46,10 @@ def run(args: argparse.Namespace) -> int:
     try:
         return DEVICES[args.device](args, config, today, path)
     except NotCalibratedError as error:
-        complain(f"{error}; nothing written")
-        return NOT_GOOD
+        return complain(f"{error}; nothing written")
 
 
-def _skin(args: argparse.Namespace, config: "CellConfig", today: date, path: Path) -> int:
-    from cell.calibrate.skin import calibrate_skin
-
+def _skin(args: argparse.Namespace, config: CellConfig, today: date, path: Path) -> int:
     if not config.is_skin_simulated() and not sys.stdin.isatty():
         raise ConfigError("calibrate skin: somebody has to turn a rod between the pads; a terminal needed")
     with counting("angles") as done:
@@ -66,9 +59,7 @@ def _skin(args: argparse.Namespace, config: "CellConfig", today: date, path: Pat
     return GOOD
 
 
-def _arm(args: argparse.Namespace, config: "CellConfig", today: date, path: Path) -> int:
-    from cell.calibrate.arm import calibrate_arm
-
+def _arm(args: argparse.Namespace, config: CellConfig, today: date, path: Path) -> int:
     with counting("motions") as done:
         found = calibrate_arm(config, today, done)
     found.write(path)
@@ -78,14 +69,10 @@ def _arm(args: argparse.Namespace, config: "CellConfig", today: date, path: Path
     return GOOD
 
 
-def _places(args: argparse.Namespace, config: "CellConfig", today: date, path: Path) -> int:
-    from dataclasses import asdict
-
-    from cell.calibrate.places import PEGS, calibrate_places
-    from cell.calibrate.proven import FILE, keep
-
+def _places(args: argparse.Namespace, config: CellConfig, today: date, path: Path) -> int:
     pegs = PEGS if args.pegs is None else args.pegs
-    most = config.rack.slots if config.rack.refill == "asked" else MOST_PEGS
+    # A feeder refills the rack.
+    most = config.rack.slots if config.rack.refill == "asked" else 20
     if most < 2:
         raise ConfigError('rack.slots = 1: two pegs needed; 2 or more, or rack.refill = "feeder" allowed')
     if not 2 <= pegs <= most:
@@ -106,17 +93,12 @@ DEVICES = {"skin": _skin, "arm": _arm, "places": _places}
 """Function that calibrates each device."""
 
 
-def _named(table: "Table", args: argparse.Namespace, path: Path) -> "Group":
+def _named(table: Table, args: argparse.Namespace, path: Path) -> Group:
     """Return a table with the lines that name its file in the cell's file."""
-    from rich.console import Group
-
     return Group(table, f'for the cell\'s file:\n\n[calibration]\n{args.device} = "{path.resolve()}"\n')
 
 
-def _skin_table(found: "SkinCalibration", path: Path) -> "Table":
-    import numpy as np
-    from rich.table import Table
-
+def _skin_table(found: SkinCalibration, path: Path) -> Table:
     table = Table("skin", "value", title=f"written: {path}")
     gains = np.array([found.left, found.right])
     table.add_row("gains, smallest to largest", f"{gains.min():.3f} to {gains.max():.3f}")
@@ -127,9 +109,7 @@ def _skin_table(found: "SkinCalibration", path: Path) -> "Table":
     return table
 
 
-def _arm_table(found: "ArmCalibration", config: "CellConfig", path: Path) -> "Table":
-    from rich.table import Table
-
+def _arm_table(found: ArmCalibration, config: CellConfig, path: Path) -> Table:
     joints = config.arm_model().joints
     caption = (
         "N·m, with half the width of the 95 % interval; published: friction of the arm's file, and the standard deviation that it holds"
@@ -163,7 +143,7 @@ def _figure(value: float, interval: float) -> str:
     return f"{value:.2f} ± {interval:.2f}"
 
 
-def _verdict(found: "ArmCalibration", joint: int, friction: float, offset: float) -> str:
+def _verdict(found: ArmCalibration, joint: int, friction: float, offset: float) -> str:
     """Return the verdict on a joint: within the permitted range, or not."""
     share = found.friction[-1].value[joint] / friction if friction > 0.0 else 1.0
     told = []
@@ -171,17 +151,13 @@ def _verdict(found: "ArmCalibration", joint: int, friction: float, offset: float
         told.append(
             f"friction {share:.1f} times the published: {FRICTION_RANGE[0]:g} to {FRICTION_RANGE[1]:g} expected"
         )
-    if abs(found.offset.value[joint]) > OFFSET_RANGE * offset:
+    # Largest permitted offset, in standard deviations of the arm's own file.
+    if abs(found.offset.value[joint]) > 2.0 * offset:
         told.append("offset: see the payload that the arm's controller knows")
     return "; ".join(told) or "as expected"
 
 
-def _places_table(found: "MeasuredPlaces", config: "CellConfig", path: Path) -> "Group":
-    import math
-
-    from rich.console import Group
-    from rich.table import Table
-
+def _places_table(found: MeasuredPlaces, config: CellConfig, path: Path) -> Group:
     def mm(value: float) -> str:
         return f"{value * 1e3:+.2f}"
 

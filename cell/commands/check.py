@@ -1,11 +1,17 @@
 """`cell check`: open and read every device of a config once; with --plc, commission cell and PLC together."""
 
 import argparse
+import json
 from contextlib import suppress
-from datetime import datetime
+from dataclasses import asdict
+from datetime import date, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING
 
+from rich.table import Table
+
+from cell.calibrate.commissioning import Walk, WatchedLine, record
+from cell.calibrate.proofs import prove_switch, prove_wrench
+from cell.calibrate.proven import FILE, commissioning, in_force, keep, read
 from cell.commands.arguments import (
     add_config,
     add_journal,
@@ -16,13 +22,21 @@ from cell.commands.arguments import (
     open_journal,
 )
 from cell.commands.terminal import FAULT, GOOD, NOT_GOOD, ask, complain, say, show
-from drivers.errors import ConfigError
+from cell.commands.warm_up import warm_up
+from cell.config.load import LoadedConfig
+from cell.config.parameters import PARAMETERS
+from cell.devices.assembly import assemble, check, loop_figures, opened
+from cell.devices.checks import OK, loop_verdict
+from cell.devices.computer import computer
+from cell.records.versions import PROGRAM, installed
+from cell.run.exposure import exposures, key_days, key_verdict
+from cell.run.line import PROGRAMS
+from cell.run.supervisor import Supervisor
+from drivers.errors import CellError, ConfigError, DeviceNotOpenedError, NotCalibratedError
+from drivers.figures_file import read_toml
+from plc_bridge.bridge import Bridge
+from plc_bridge.config import PlcConfig
 
-if TYPE_CHECKING:
-    from cell.config.load import LoadedConfig
-    from plc_bridge.config import PlcConfig
-
-SUMMARY = "open every device of a config, read each once, say what is wrong; with --plc, commission cell and PLC"
 PATIENCE = 300.0
 """Longest time for one step of the commissioning, s."""
 MINUTES = 10.0
@@ -38,8 +52,6 @@ STEPS = {
 """Step of docs/first-day.md that mends what is wrong."""
 LAST_STEP = 12
 """Step of the first day that connects the PLC."""
-PROVEN_BY = ("arm", "gripper", "end effector", "load", "switch")
-"""Lines that must be good before anything is proven."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -74,7 +86,7 @@ def run(args: argparse.Namespace) -> int:
     return _check(args, loaded) if args.plc is None else _commission(args, loaded)
 
 
-def _loaded(args: argparse.Namespace) -> "LoadedConfig":
+def _loaded(args: argparse.Namespace) -> LoadedConfig:
     """Return the config; require options that go together and fit the cell."""
     needs_arm = args.prove or args.loop
     if args.plc is None and (args.name or args.out is not None):
@@ -87,14 +99,7 @@ def _loaded(args: argparse.Namespace) -> "LoadedConfig":
     return loaded
 
 
-def _check(args: argparse.Namespace, loaded: "LoadedConfig") -> int:
-    from cell.config.parameters import PARAMETERS
-    from cell.devices.assembly import assemble, check
-    from cell.devices.checks import OK
-    from cell.run.line import PROGRAMS
-    from drivers.errors import CellError
-    from plc_bridge.bridge import Bridge
-
+def _check(args: argparse.Namespace, loaded: LoadedConfig) -> int:
     if args.only:
         return _report(args, check(assemble(loaded.cell), args.only))
     found = _computer(loaded) + check(assemble(loaded.cell))
@@ -112,11 +117,10 @@ def _check(args: argparse.Namespace, loaded: "LoadedConfig") -> int:
 
 def _report(args: argparse.Namespace, found: list[tuple[str, str]]) -> int:
     """Show the verdicts, each bad one with the step that mends it; return GOOD if none is bad."""
-    from rich.table import Table
-
-    from cell.devices.checks import OK
-
-    found = [(name, text if text.startswith(OK) else f"{text}; {_step(name)}") for name, text in found]
+    found = [
+        (name, text if text.startswith(OK) else f"{text}; docs/first-day.md, step {STEPS.get(name, LAST_STEP)}")
+        for name, text in found
+    ]
     table = Table("device", "found")
     for name, text in found:
         table.add_row(name, text)
@@ -124,18 +128,8 @@ def _report(args: argparse.Namespace, found: list[tuple[str, str]]) -> int:
     return GOOD if all(text.startswith(OK) for _, text in found) else FAULT
 
 
-def _step(name: str) -> str:
-    """Return the step of the first day that mends what is wrong with a device."""
-    return f"docs/first-day.md, step {STEPS.get(name, LAST_STEP)}"
-
-
-def _computer(loaded: "LoadedConfig") -> list[tuple[str, str]]:
+def _computer(loaded: LoadedConfig) -> list[tuple[str, str]]:
     """Return the verdicts on this computer, if a physical arm needs it, and the ages of the calibrations."""
-    import tomllib
-
-    from cell.devices.checks import OK
-    from cell.devices.computer import computer
-
     config, files = loaded.cell, loaded.cell.calibration
     if config.is_simulated:
         return []
@@ -143,17 +137,13 @@ def _computer(loaded: "LoadedConfig") -> list[tuple[str, str]]:
     for name, path in (("skin", files.skin), ("arm", files.arm)):
         text = f"{OK}, but there is none: `cell calibrate {name}`"
         if path is not None:
-            text = f"{OK}, of {tomllib.loads(path.read_text(encoding='utf-8'))['date']}"  # its age was checked before
+            text = f"{OK}, of {read_toml(path)['date']}"  # its age was checked before
         found.append((f"calibration.{name}", text))
     return found
 
 
-def _proven(args: argparse.Namespace, loaded: "LoadedConfig", found: dict[str, str]) -> list[tuple[str, str]]:
+def _proven(args: argparse.Namespace, loaded: LoadedConfig, found: dict[str, str]) -> list[tuple[str, str]]:
     """Return what is proven of a physical cell, after a proof with --prove."""
-    from cell.calibrate.proven import FILE, commissioning, read
-    from cell.devices.checks import OK
-    from drivers.errors import CellError
-
     if loaded.cell.is_simulated:
         return []
     path = calibration_folder(args) / FILE
@@ -166,21 +156,14 @@ def _proven(args: argparse.Namespace, loaded: "LoadedConfig", found: dict[str, s
     return [("proven", f"{OK}, but {why}" if why else OK)]
 
 
-def _prove(loaded: "LoadedConfig", path: Path, found: dict[str, str]) -> None:
+def _prove(loaded: LoadedConfig, path: Path, found: dict[str, str]) -> None:
     """Prove the sign of the wrench, end effector, load and switch, and keep each.
 
     Raises:
         CellError: A device is not usable, a fact could not be proven, or the sign of the wrench is reversed.
     """
-    from datetime import date
-
-    from cell.calibrate.proofs import prove_switch, prove_wrench
-    from cell.calibrate.proven import keep
-    from cell.devices.assembly import assemble, opened
-    from cell.devices.checks import OK
-    from drivers.errors import NotCalibratedError
-
-    wrong = [name for name in PROVEN_BY if not found.get(name, "").startswith(OK)]
+    needed = ("arm", "gripper", "end effector", "load", "switch")
+    wrong = [name for name in needed if not found.get(name, "").startswith(OK)]
     if wrong:
         raise NotCalibratedError(f"nothing proven: first mend {', '.join(wrong)}")
     measured = {name: found[name] for name in ("end effector", "load")}
@@ -191,15 +174,8 @@ def _prove(loaded: "LoadedConfig", path: Path, found: dict[str, str]) -> None:
     keep(path, loaded.cell, measured, date.today())
 
 
-def _loop(args: argparse.Namespace, loaded: "LoadedConfig") -> int:
+def _loop(args: argparse.Namespace, loaded: LoadedConfig) -> int:
     """Hold the arm still and print the times of its 1 kHz loop; return GOOD if it keeps its time."""
-    from dataclasses import asdict
-
-    from rich.table import Table
-
-    from cell.devices.assembly import loop_figures
-    from cell.devices.checks import OK, loop_verdict
-
     figures = loop_figures(loaded.cell, 60.0 * args.minutes, args.stop)
     told = loop_verdict(figures)
     table = Table(
@@ -211,32 +187,16 @@ def _loop(args: argparse.Namespace, loaded: "LoadedConfig") -> int:
     return GOOD if told.startswith(OK) else FAULT
 
 
-def _network(plc: "PlcConfig") -> list[tuple[str, str]]:
+def _network(plc: PlcConfig) -> list[tuple[str, str]]:
     """Return the open ports and the remaining validity of each key."""
-    from cell.devices.checks import OK
-    from cell.run.exposure import exposures, key_days, key_verdict
-    from drivers.errors import DeviceNotOpenedError
-
     found = [("network", f"{OK}, but {line}") for line in exposures(plc)]
     with suppress(DeviceNotOpenedError):  # already in the report of the bridge
         found += [(name, key_verdict(days)) for name, days in key_days(plc.tls).items()]
     return found
 
 
-def _commission(args: argparse.Namespace, loaded: "LoadedConfig") -> int:
+def _commission(args: argparse.Namespace, loaded: LoadedConfig) -> int:
     """Serve the cell to the PLC and watch its commands until every step has passed or one has failed."""
-    import json
-
-    from cell.calibrate.commissioning import Walk, WatchedLine, record
-    from cell.calibrate.proven import FILE, in_force
-    from cell.commands.warm_up import warm_up
-    from cell.config.parameters import PARAMETERS
-    from cell.devices.assembly import assemble, opened
-    from cell.records.versions import PROGRAM, installed
-    from cell.run.line import PROGRAMS
-    from cell.run.supervisor import Supervisor
-    from plc_bridge.bridge import Bridge
-
     if why := in_force(loaded, calibration_folder(args) / FILE)[1]:
         raise ConfigError(f"--plc: {why}")
     warm_up(loaded)

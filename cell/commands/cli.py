@@ -29,10 +29,7 @@ logger = logging.getLogger(__name__)
 
 
 class CommandModule(Protocol):
-    """Contents of a command's module; it imports its dependencies when it runs, so that other commands start fast."""
-
-    SUMMARY: str
-    """Purpose of the command, in one line for the help."""
+    """Contents of a command's module, which is imported only if the command is called."""
 
     def add_arguments(self, parser: argparse.ArgumentParser) -> None:
         """Add the command's own arguments to those of every command."""
@@ -94,59 +91,62 @@ AGAIN = 0.02
 COMPLETION = "completion"
 """Command that needs the arguments of all others."""
 COMMANDS = {
-    "check": "cell.commands.check",
-    "config": "cell.commands.config",
-    "demo": "cell.lab.commands.demo",
-    "serve": "cell.commands.serve",
-    "run": "cell.commands.run",
-    "watch": "cell.commands.watch",
-    "trials": "cell.lab.commands.trials",
-    "tune": "cell.lab.commands.tune",
-    "skin": "cell.commands.skin",
-    "where": "cell.commands.where",
-    "jog": "cell.commands.jog",
-    "teach": "cell.commands.teach",
-    "calibrate": "cell.commands.calibrate",
-    "study": "cell.lab.commands.study",
-    "learned": "cell.commands.learned",
-    "runs": "cell.commands.runs",
-    "show": "cell.commands.show",
-    "alarms": "cell.commands.alarms",
-    "report": "cell.commands.report",
-    "compare": "cell.commands.compare",
-    "film": "cell.commands.film",
-    "view": "cell.commands.view",
-    "faults": "cell.commands.faults",
-    "map": "cell.commands.map",
-    COMPLETION: "cell.commands.completion",
+    "check": "open every device of a config, read each once, say what is wrong; with --plc, commission cell and PLC",
+    "config": "what a key means, what is in force and where it came from",
+    "demo": "the main job: a PLC peer triggers insertions over Modbus TCP",
+    "serve": "obey the PLC until SIGINT or SIGTERM",
+    "run": "one skill or program, by hand",
+    "watch": "live state of a cell that is served",
+    "trials": "many insertions on fresh simulated cells",
+    "tune": "a recipe that fulfils a wish for time, force and success, searched for in simulation",
+    "skin": "both fingers live, or as they were recorded",
+    "where": "joint angles and tool pose of the arm, which it holds still",
+    "jog": "move the tool by keys along the axes of the base frame",
+    "teach": "guide the arm by hand and show places with the end of a peg, for the cell's file",
+    "calibrate": "measure skin, arm or places and write a dated file",
+    "study": "one study: how fast, how exact, where a method fails",
+    "learned": "where the cell has learnt that holes are; `forget` begins anew",
+    "runs": "runs on record, by time, outcome, fault or part",
+    "show": "one run on record: how and why it ended, its events and plots",
+    "alarms": "faults and warnings on record, with duration and state, by code and period",
+    "report": "yield, times, reasons, forces and wear over many runs, of insert_peg unless --program says another",
+    "compare": "two runs, or the runs of two periods, side by side; for runs also where their configs differ",
+    "film": "a run on record as a film, or one picture of it",
+    "view": "a run on record, or the one in progress, in MuJoCo's viewer",
+    "faults": "every fault code: meaning, cause, what to do",
+    "map": "the register map",
+    COMPLETION: "a script that lets bash, zsh or tcsh complete commands and options",
 }
-"""Module of each command; modules of the laboratory are imported only through this table."""
+"""Purpose of each command, for the help; `LABORATORY` names those whose module is in `cell.lab.commands`."""
+LABORATORY = ("demo", "trials", "tune", "study")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command and return its exit status."""
     try:
-        args = _parse(list(sys.argv[1:] if arguments is None else arguments))
-        command = load_command(args.command)
-        with _logging(args), _signals() as args.stop, _threads():
-            return command.run(args)
+        with _signals() as stop:
+            args = _parse(list(sys.argv[1:] if arguments is None else arguments))
+            args.stop = stop
+            with _logging(args), _threads():
+                return load_command(args.command).run(args)
     except ConfigError as error:
-        return _complain(str(error), WRONG_USE)
+        return complain(str(error), WRONG_USE)
     except CellError as error:
-        return _complain(f"fault {error.code.value}: {error}", FAULT)
+        return complain(f"fault {error.code.value}: {error}", FAULT)
     except KeyboardInterrupt:
-        return _complain("stopped", NOT_GOOD)
+        return complain("stopped")
     except BrokenPipeError:
         # The reader of the output has closed it; redirect the output so that the interpreter's last flush does not fail.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return NOT_GOOD
     except Exception as error:  # a technician must get one line, not a traceback
-        return _complain(f"fault {CellError.code.value}: {type(error).__name__}: {error}; -v shows more", FAULT)
+        return complain(f"fault {CellError.code.value}: {type(error).__name__}: {error}; -v shows more", FAULT)
 
 
 def load_command(name: str) -> CommandModule:
     """Return the module of a command."""
-    return cast(CommandModule, import_module(COMMANDS[name]))
+    room = "cell.lab.commands" if name in LABORATORY else "cell.commands"
+    return cast(CommandModule, import_module(f"{room}.{name}"))
 
 
 def _parse(arguments: list[str]) -> argparse.Namespace:
@@ -158,12 +158,11 @@ def _parse(arguments: list[str]) -> argparse.Namespace:
     )
     commands = whole.add_subparsers(dest="command", required=True, metavar="COMMAND")
     chosen = next((word for word in arguments if word in COMMANDS), None)
-    for name in COMMANDS:
-        module = load_command(name)
-        parser = commands.add_parser(name, help=module.SUMMARY, description=module.SUMMARY)
+    for name, summary in COMMANDS.items():
+        parser = commands.add_parser(name, help=summary, description=summary)
         if chosen in (name, COMPLETION):
             add_shared(parser)
-            module.add_arguments(parser)
+            load_command(name).add_arguments(parser)
     args = whole.parse_args(arguments)
     args.parser = whole
     return args
@@ -249,11 +248,6 @@ def _threads() -> Iterator[None]:
         threading.excepthook = before
         if lost:
             raise CellError(f"{lost[0]}; -v shows more")
-
-
-def _complain(message: str, status: int) -> int:
-    complain(message)
-    return status
 
 
 def _again() -> None:

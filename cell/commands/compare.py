@@ -2,16 +2,15 @@
 
 import argparse
 from dataclasses import replace
-from typing import TYPE_CHECKING
+
+from rich.console import Group, RenderableType
+from rich.table import Table
 
 from cell.commands.arguments import add_query, add_records, period_of, positive, query_of, read_journal
 from cell.commands.terminal import GOOD, show
+from cell.report.comparison import compared, compared_periods
+from cell.report.facts import facts_of
 from drivers.errors import ConfigError
-
-if TYPE_CHECKING:
-    from rich.console import RenderableType
-
-SUMMARY = "two runs, or the runs of two periods, side by side; for runs also where their configs differ"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -38,9 +37,7 @@ def run(args: argparse.Namespace) -> int:
     return GOOD
 
 
-def _runs(args: argparse.Namespace) -> "tuple[tuple[str, str], list[tuple[str, list[tuple[str, str, str]]]]]":
-    from cell.report.comparison import compared
-
+def _runs(args: argparse.Namespace) -> tuple[tuple[str, str], list[tuple[str, list[tuple[str, str, str]]]]]:
     numbers = (args.first, args.second)
     with read_journal(args) as journal:
         rows = [journal.find(number) for number in numbers]
@@ -49,10 +46,7 @@ def _runs(args: argparse.Namespace) -> "tuple[tuple[str, str], list[tuple[str, l
     return (f"run {numbers[0]}", f"run {numbers[1]}"), compared(rows, stages, configs)
 
 
-def _periods(args: argparse.Namespace) -> "tuple[tuple[str, str], list[tuple[str, list[tuple[str, str, str]]]]]":
-    from cell.report.comparison import compared_periods
-    from cell.report.facts import facts_of
-
+def _periods(args: argparse.Namespace) -> tuple[tuple[str, str], list[tuple[str, list[tuple[str, str, str]]]]]:
     later = query_of(args)
     since, until = period_of(argparse.Namespace(since=args.earlier, until=args.since), ("--with", "--since"))
     with read_journal(args) as journal:
@@ -61,10 +55,7 @@ def _periods(args: argparse.Namespace) -> "tuple[tuple[str, str], list[tuple[str
     return (f"{args.earlier} until {args.since}", f"since {args.since}{ends}"), compared_periods(*facts)
 
 
-def _picture(found: "list[tuple[str, list[tuple[str, str, str]]]]", heads: tuple[str, str]) -> "RenderableType":
-    from rich.console import Group
-    from rich.table import Table
-
+def _picture(found: list[tuple[str, list[tuple[str, str, str]]]], heads: tuple[str, str]) -> RenderableType:
     shown = []
     for title, lines in found:
         table = Table(title, *heads)

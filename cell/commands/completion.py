@@ -4,7 +4,6 @@ import argparse
 
 from cell.commands.terminal import GOOD, say
 
-SUMMARY = "a script that lets bash, zsh or tcsh complete commands and options"
 SHELLS = ("bash", "zsh", "tcsh")
 
 

@@ -4,20 +4,20 @@ import argparse
 import json
 from dataclasses import asdict, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+from rich.console import Group, RenderableType
+from rich.table import Table
 
 from cell.commands.arguments import Parser, add_config, add_shared, load_config, natural, require_recipe
 from cell.commands.terminal import GOOD, say, show
+from cell.config.files import presets
+from cell.config.keys import Key, Setting, find, in_force, keys, planned, toml
+from cell.config.load import LoadedConfig, load
 from cell.config.nearest import did_you_mean
+from cell.config.text import as_toml, commented, file_schema
 from drivers.errors import ConfigError
-
-if TYPE_CHECKING:
-    from rich.console import RenderableType
-
-    from cell.config.keys import Key, Setting
-    from cell.config.load import LoadedConfig
-
-SUMMARY = "what a key means, what is in force and where it came from"
+from drivers.figures_file import read_toml
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -55,10 +55,6 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _explain(args: argparse.Namespace) -> int:
-    from rich.console import Group
-
-    from cell.config.keys import find, in_force
-
     loaded = load_config(args)
     settings = {setting.key: setting for setting in in_force(loaded)}
     found = find(args.key)
@@ -74,16 +70,12 @@ def _explain(args: argparse.Namespace) -> int:
 
 def _meant(word: str) -> str:
     """Return a hint with likely keys: those with the same ending, or with a similar name."""
-    from cell.config.keys import keys
-
     names = list(dict.fromkeys(key.name for key in keys()))
     alike = [name for name in names if name.endswith(f".{word}")]
     return f"; did you mean {', '.join(alike)}?" if alike else did_you_mean(word, names)
 
 
-def _told(key: "Key", setting: "Setting | None") -> dict[str, Any]:
-    from cell.config.keys import toml
-
+def _told(key: Key, setting: Setting | None) -> dict[str, Any]:
     return {
         "key": key.name,
         "kind": key.kind,
@@ -99,9 +91,7 @@ def _told(key: "Key", setting: "Setting | None") -> dict[str, Any]:
     }
 
 
-def _card(told: dict[str, Any]) -> "RenderableType":
-    from rich.table import Table
-
+def _card(told: dict[str, Any]) -> RenderableType:
     card = Table(show_header=False, title=f"{told['key']}{' where ' + told['kind'] if told['kind'] else ''}")
     is_used = told["in_force"] is not None
     for name, text in (
@@ -118,11 +108,7 @@ def _card(told: dict[str, Any]) -> "RenderableType":
     return card
 
 
-def _list(found: "list[Key]", settings: "dict[Key, Setting]") -> "RenderableType":
-    from rich.table import Table
-
-    from cell.config.keys import toml
-
+def _list(found: list[Key], settings: dict[Key, Setting]) -> RenderableType:
     table = Table("key", "in force", "meaning")
     # Keys of other kinds of a device are left out; if the cell lacks a section, all of it is shown.
     for key in [key for key in found if key in settings] or found:
@@ -132,9 +118,6 @@ def _list(found: "list[Key]", settings: "dict[Key, Setting]") -> "RenderableType
 
 
 def _show(args: argparse.Namespace) -> int:
-    from cell.config.keys import find, in_force, toml
-    from cell.config.text import as_toml
-
     loaded = load_config(args)
     require_recipe(args.recipe, loaded)
     if args.section and not find(args.section):
@@ -153,9 +136,7 @@ def _show(args: argparse.Namespace) -> int:
     return GOOD
 
 
-def _show_plan(args: argparse.Namespace, loaded: "LoadedConfig") -> int:
-    from cell.config.keys import planned, toml
-
+def _show_plan(args: argparse.Namespace, loaded: LoadedConfig) -> int:
     found = [each for each in planned(loaded, args.recipe, args.attempt) if _is_in(each.name, args.section)]
     if args.json:
         say(json.dumps([asdict(each) for each in found], indent=2))
@@ -179,10 +160,6 @@ def _short(origin: str) -> str:
 
 
 def _diff(args: argparse.Namespace) -> int:
-    from rich.table import Table
-
-    from cell.config.keys import in_force, toml
-
     values: list[dict[str, str]] = []
     units: dict[str, str] = {}
     for word in (args.first, args.second):
@@ -201,15 +178,12 @@ def _diff(args: argparse.Namespace) -> int:
     return GOOD
 
 
-def _named(args: argparse.Namespace, word: str) -> "LoadedConfig":
+def _named(args: argparse.Namespace, word: str) -> LoadedConfig:
     """Return the config of a cell's file, or the one of --config with a preset.
 
     Raises:
         ConfigError: Neither a file nor a preset has this name.
     """
-    from cell.config.files import presets
-    from cell.config.load import load
-
     if word in presets(args.config):
         return load(args.config, preset=word, sets=args.set)
     if not Path(word).is_file():
@@ -222,16 +196,11 @@ def _named(args: argparse.Namespace, word: str) -> "LoadedConfig":
 
 
 def _schema(args: argparse.Namespace) -> int:
-    from cell.config.text import file_schema
-
     say(json.dumps(file_schema(), indent=2, ensure_ascii=False))
     return GOOD
 
 
 def _comment(args: argparse.Namespace) -> int:
-    from cell.config.files import read_toml
-    from cell.config.text import commented
-
     read_toml(args.file)
     before = args.file.read_text(encoding="utf-8")
     after = commented(before)

@@ -3,11 +3,11 @@
 import argparse
 from dataclasses import asdict
 
+from rich.table import Table
+
 from cell.commands.terminal import GOOD, show
 from cell.config.nearest import did_you_mean
 from drivers.errors import FAULTS, ConfigError, FaultCode
-
-SUMMARY = "every fault code: meaning, cause, what to do"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -17,8 +17,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Show the faults."""
-    from rich.table import Table
-
     codes = list(FAULTS) if args.code is None else [_found(args.code)]
     table = Table("code", "name", "meaning", "cause", "what to do before the reset", show_lines=True)
     for code in codes:

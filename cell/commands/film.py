@@ -4,9 +4,10 @@ import argparse
 from pathlib import Path
 
 from cell.commands.arguments import add_journal, out_folder, positive, read_journal
-from cell.commands.terminal import GOOD, NOT_GOOD, complain, counting, show, written
-
-SUMMARY = "a run on record as a film, or one picture of it"
+from cell.commands.terminal import GOOD, complain, counting, show, written
+from cell.film.files import write_film
+from cell.film.recorded import recorded
+from cell.records.samples import torn
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -21,10 +22,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Render the run and write the file."""
-    from cell.film.files import write_film
-    from cell.film.recorded import recorded
-    from cell.records.samples import torn
-
     with read_journal(args) as journal:
         found = recorded(journal, args.number)
         lack = torn(journal.samples_path(args.number), found.samples, found.row.samples)
@@ -35,8 +32,7 @@ def run(args: argparse.Namespace) -> int:
         complain(f"warning: {lack}")
     if pictures < of:
         kept = f"{args.out} has the first {pictures} of {of} pictures" if pictures else "no film is written"
-        complain(f"stopped: {kept}")
-        return NOT_GOOD
+        return complain(f"stopped: {kept}")
     data = {"run": args.number, "file": str(args.out), "pictures": pictures, "duration": float(found.times[-1])}
     show(args, f"run {args.number}: {pictures} pictures of {found.times[-1]:.1f} s", data)
     written(args, [args.out])

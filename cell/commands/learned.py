@@ -2,7 +2,8 @@
 
 import argparse
 from pathlib import Path
-from typing import TYPE_CHECKING
+
+from rich.table import Table
 
 from cell.commands.arguments import (
     add_config,
@@ -14,13 +15,10 @@ from cell.commands.arguments import (
     require_recipe,
 )
 from cell.commands.terminal import GOOD, show
+from cell.config.load import LoadedConfig
+from cell.records import wall_clock
+from cell.run.learning import forget, read_learned, unusable
 
-if TYPE_CHECKING:
-    from rich.table import Table
-
-    from cell.config.load import LoadedConfig
-
-SUMMARY = "where the cell has learnt that holes are; `forget` begins anew"
 ACTIONS = ("show", "forget")
 
 
@@ -36,8 +34,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Show the learnt places, one line per recipe, or delete them."""
-    from cell.run.learning import forget
-
     require_known("learned", args.action, ACTIONS)
     loaded = load_config(args)
     folder = open_journal(args, loaded.cell.journal).folder
@@ -53,11 +49,8 @@ def run(args: argparse.Namespace) -> int:
     return GOOD
 
 
-def _rows(recipe: int | None, loaded: "LoadedConfig", folder: Path) -> list[dict[str, object]]:
+def _rows(recipe: int | None, loaded: LoadedConfig, folder: Path) -> list[dict[str, object]]:
     """Return the learnt place of one recipe or of each, as words and figures in SI units."""
-    from cell.records import wall_clock
-    from cell.run.learning import read_learned, unusable
-
     rows: list[dict[str, object]] = []
     for number, place in sorted(read_learned(folder).places.items(), key=lambda item: int(item[0])):
         if recipe is not None and int(number) != recipe:
@@ -81,9 +74,7 @@ def _rows(recipe: int | None, loaded: "LoadedConfig", folder: Path) -> list[dict
     return rows
 
 
-def _table(rows: list[dict[str, object]]) -> "Table":
-    from rich.table import Table
-
+def _table(rows: list[dict[str, object]]) -> Table:
     table = Table("recipe", "x, y (mm)", "deviation (mm)", "parts", "age (h)", "use")
     for row in rows:
         table.add_row(

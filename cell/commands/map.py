@@ -4,16 +4,17 @@ import argparse
 import sys
 from collections.abc import Sequence
 from pkgutil import resolve_name
-from typing import TYPE_CHECKING
+
+from rich import box
+from rich.console import Group
+from rich.table import Table
 
 from cell.commands.terminal import GOOD, say, show
+from cell.config.parameters import PARAMETERS
+from cell.run.line import PROGRAMS, WORDS
+from plc_bridge.exports.map_formats import RULES
+from plc_bridge.protocol.registers import Register, table
 
-if TYPE_CHECKING:
-    from rich.console import Group
-
-    from plc_bridge.protocol.registers import Register
-
-SUMMARY = "the register map"
 WRITERS = {
     "md": "map_formats:as_markdown",
     "csv": "map_formats:as_csv",
@@ -26,8 +27,6 @@ WRITERS = {
     "h": "c_header:as_c_header",
 }
 """Function of `plc_bridge.exports` by format; only the needed one is imported."""
-PROGRAM_FORMS = "st", "xml", "scl", "h"
-"""Formats of a PLC program, which take the names of its constants."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -38,10 +37,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Print the table."""
-    from cell.config.parameters import PARAMETERS
-    from cell.run.line import PROGRAMS, WORDS
-    from plc_bridge.protocol.registers import table
-
     registers = table(PROGRAMS, PARAMETERS, WORDS)
     form = "json" if args.json else args.format
     if form is None and sys.stdout.isatty():
@@ -51,14 +46,8 @@ def run(args: argparse.Namespace) -> int:
     return GOOD
 
 
-def _picture(registers: "Sequence[Register]") -> "Group":
+def _picture(registers: Sequence[Register]) -> Group:
     """Return the table for terminals, at most 80 columns wide, below its general rules."""
-    from rich import box
-    from rich.console import Group
-    from rich.table import Table
-
-    from plc_bridge.exports.map_formats import RULES
-
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
     for name in ("address", "name", "type", "meaning"):
         table.add_column(name, no_wrap=name == "address")
@@ -75,12 +64,12 @@ def _picture(registers: "Sequence[Register]") -> "Group":
     return Group(RULES, table)
 
 
-def _text(form: str, registers: "Sequence[Register]") -> str:
+def _text(form: str, registers: Sequence[Register]) -> str:
     """Return the table in a format, or the declarations for a PLC program in a language."""
     write = resolve_name(f"plc_bridge.exports.{WRITERS[form]}")
-    if form not in PROGRAM_FORMS:
+    # A PLC program takes the names of its constants.
+    if form not in ("st", "xml", "scl", "h"):
         return str(write(registers))
-    from cell.run.line import PROGRAMS, WORDS
     from plc_bridge.exports.plc_names import plc_names
 
     return str(write(registers, plc_names(PROGRAMS, WORDS)))

@@ -5,17 +5,18 @@ import gc
 import re
 from dataclasses import asdict, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+
+from rich.box import SIMPLE_HEAD
+from rich.console import Group
+from rich.table import Table
 
 from cell.commands.arguments import add_query, add_records, query_of, read_journal, require_program
 from cell.commands.terminal import GOOD, show, written
-
-if TYPE_CHECKING:
-    from cell.report.facts import Facts
-
-SHIFT_WIDTH = len("12-31 22:00")
-"""Width of the first column, which holds the start of a shift on one line, characters."""
-SUMMARY = "yield, times, reasons, forces and wear over many runs, of insert_peg unless --program says another"
+from cell.report.facts import Facts, facts_of
+from cell.report.queries import SHIFTS
+from cell.report.words import require_kind, tables
+from cell.run.line import PROGRAMS
+from plc_bridge.protocol.messages import FIRST_PROGRAM
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -46,16 +47,6 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _report(args: argparse.Namespace) -> int:
-    from rich.box import SIMPLE_HEAD
-    from rich.console import Group
-    from rich.table import Table
-
-    from cell.report.facts import facts_of
-    from cell.report.queries import SHIFTS
-    from cell.report.words import require_kind, tables
-    from cell.run.line import PROGRAMS
-    from plc_bridge.protocol.messages import FIRST_PROGRAM
-
     if args.out is not None:
         require_kind(args.out)
     query = query_of(args)
@@ -68,7 +59,8 @@ def _report(args: argparse.Namespace) -> int:
     shown = []
     for title, head, rows in tables(facts):
         table = Table(*head, title=title, title_justify="left", box=SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
-        table.columns[0].min_width = SHIFT_WIDTH
+        # The start of a shift stays on one line.
+        table.columns[0].min_width = len("12-31 22:00")
         for row in rows:
             table.add_row(*row)
         shown.append(table)
@@ -81,7 +73,7 @@ def _report(args: argparse.Namespace) -> int:
     return GOOD
 
 
-def _data(facts: "Facts") -> dict[str, object]:
+def _data(facts: Facts) -> dict[str, object]:
     """Return a report for programs; its long lists are not copied."""
     short = asdict(replace(facts, forces=(), residuals=()))
     long = {"forces": facts.forces, "residuals": facts.residuals}

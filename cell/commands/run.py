@@ -5,6 +5,10 @@ from contextlib import ExitStack
 from threading import Event, Thread
 from typing import TYPE_CHECKING
 
+from rich.console import Group
+from rich.progress import Progress, TaskID
+
+from cell.commands import client, words
 from cell.commands.arguments import (
     add_config,
     add_journal,
@@ -18,25 +22,21 @@ from cell.commands.arguments import (
     require_recipe,
 )
 from cell.commands.terminal import FAULT, GOOD, NOT_GOOD, complain, progress, show
+from cell.config.load import LoadedConfig
+from cell.page.telling import REFUSED
+from cell.records.schema import plain
+from cell.run.line import CONTROLS, TOLD, TerminalLine
 from drivers.errors import ConfigError
+from plc_bridge.protocol.messages import REMEDIES, Command, Refusal, Report, Result
+from skills.catalogue import CATALOGUE
+from skills.contract import Outcome
 
 if TYPE_CHECKING:
-    from rich.progress import Progress, TaskID
-
-    from cell.config.load import LoadedConfig
     from cell.run.supervisor import Supervisor
-    from plc_bridge.protocol.messages import Refusal
-
-SHOWN_EVERY = 0.1
-"""Period of the progress display, s."""
-SUMMARY = "one skill or program, by hand"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the skill, program or control, the part, and the cell."""
-    from cell.run.line import CONTROLS, TOLD
-    from skills.catalogue import CATALOGUE
-
     names = f"{', '.join((*CATALOGUE, *TOLD))}; with --connect also {', '.join(c for c in CONTROLS if c not in TOLD)}"
     add_config(parser)
     add_journal(parser)
@@ -51,18 +51,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Run the skill, program or control to its end; return GOOD for a success."""
-    from cell.run.line import CONTROLS, TOLD
-    from skills.catalogue import CATALOGUE
-
     require_known("run", args.name, [*CATALOGUE, *(CONTROLS if args.connect else TOLD)])
     return _run_there(args) if args.connect else _run_here(args)
 
 
 def _run_there(args: argparse.Namespace) -> int:
-    from cell.commands import client, words
-    from cell.page.telling import REFUSED
-    from plc_bridge.protocol.messages import REMEDIES, Refusal, Result
-
     if args.config is not None or args.simulate:
         raise ConfigError("--config, --simulate: not together with --connect, the cell there has its own devices")
     parameters = client.raw_parameters(args.set)
@@ -78,25 +71,19 @@ def _run_there(args: argparse.Namespace) -> int:
             args.stop,
         )
     data = words.report(report)
-    refused = report.refusal != Refusal.NONE
     show(args, " ".join(f"{k}={v}" for k, v in data.items() if v not in ("", "none")), data)
-    if refused:
-        refusal = Refusal(report.refusal)
-        complain(f"refused: {refusal.name}: {REFUSED.get(refusal, REMEDIES[refusal])}")
-    if args.name in ("stop", "abort") and not refused:
+    if refusal := Refusal(report.refusal):
+        return complain(f"refused: {refusal.name}: {REFUSED.get(refusal, REMEDIES[refusal])}")
+    if args.name in ("stop", "abort"):
         return GOOD
-    statuses = {Result.SUCCESS: GOOD, Result.FAULT: FAULT}
-    return NOT_GOOD if refused else statuses.get(Result(report.result), NOT_GOOD)
+    return {Result.SUCCESS: GOOD, Result.FAULT: FAULT}.get(Result(report.result), NOT_GOOD)
 
 
 def _run_here(args: argparse.Namespace) -> int:
     from cell.calibrate.proven import FILE, in_force
     from cell.commands.warm_up import warm_up
     from cell.devices.assembly import assemble, opened
-    from cell.run.line import TOLD, TerminalLine
     from cell.run.supervisor import Supervisor
-    from plc_bridge.protocol.messages import Command, Report, Result
-    from skills.catalogue import CATALOGUE
 
     loaded, _ = in_force(load_config(args), calibration_folder(args) / FILE)  # slow and gentle until all is proven
     require_recipe(args.recipe, loaded)
@@ -125,30 +112,20 @@ def _run_here(args: argparse.Namespace) -> int:
 
 def _told(args: argparse.Namespace, loaded: "LoadedConfig", supervisor: "Supervisor", refusal: "Refusal") -> int:
     """Print how the run ended and where the peg is, and return the exit status."""
-    from rich.console import Group
-
-    from cell.commands import words
-    from cell.page.telling import REFUSED
-    from cell.records.schema import plain
-    from cell.run.line import TOLD
-    from plc_bridge.protocol.messages import Refusal
-    from skills.contract import Outcome
-
     row, where = supervisor.last, words.peg(supervisor.part, loaded.cell.is_simulated)
     if refusal is not Refusal.NONE:
-        complain(f"refused: {refusal.name}: {REFUSED.get(refusal, 'not possible here')}; {where}")
-        return NOT_GOOD
+        return complain(f"refused: {refusal.name}: {REFUSED.get(refusal, 'not possible here')}; {where}")
     if row is None and args.name in TOLD:
         show(args, where, {"peg": where})
         return GOOD
     if row is None:
         fault = supervisor.report.fault
-        return _complain(f"fault {fault}: nothing was run") if fault else NOT_GOOD
+        return complain(f"fault {fault}: nothing was run", FAULT) if fault else NOT_GOOD
     show(args, Group(words.run(row), where), {**plain(row), "peg": where})
     if supervisor.misfit:
         complain(f"warning: {supervisor.misfit}")
     if row.outcome == Outcome.FAULT:
-        return _complain(f"fault {row.fault}: {row.message}")
+        return complain(f"fault {row.fault}: {row.message}", FAULT)
     return GOOD if row.outcome == Outcome.SUCCESS else NOT_GOOD
 
 
@@ -168,10 +145,6 @@ class _Shown:
         self._thread.join(1.0)
 
     def _show(self) -> None:
-        while not self._end.wait(SHOWN_EVERY):
+        # Period of the progress display, s.
+        while not self._end.wait(0.1):
             self._bars.update(self._bar, completed=self.progress)
-
-
-def _complain(message: str) -> int:
-    complain(message)
-    return FAULT

@@ -3,12 +3,15 @@
 import argparse
 import csv
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict
 from datetime import datetime
 from pathlib import Path
 from shutil import get_terminal_size
-from typing import TYPE_CHECKING
+
+from rich import box
+from rich.console import Group
+from rich.table import Table
 
 from cell.commands.arguments import (
     add_query,
@@ -20,21 +23,15 @@ from cell.commands.arguments import (
     require_program,
 )
 from cell.commands.terminal import GOOD, complain, progress, show, written
+from cell.records import sample_export as to
+from cell.records.journal import Journal
+from cell.records.schema import RunRow, plain
 from cell.records.wall_clock import local
 from drivers.errors import ConfigError, JournalError
+from skills.catalogue import CATALOGUE
 
-if TYPE_CHECKING:
-    from rich.console import Group
-    from rich.table import Table
-
-    from cell.records.journal import Journal
-    from cell.records.schema import RunRow
-
-SUMMARY = "runs on record, by time, outcome, fault or part"
 LAST, BLOCK = 20, 100
 """Default number of shown runs, and number of runs below one table head."""
-MAIN = "insert_peg"
-"""Default program; if all runs are of it, the column for the program is left out."""
 TAKEN, SERIAL, PROGRAM = 50, 14, 15
 """Width of the other fields, and of the additional fields for serial number and program, characters."""
 FORMATS = ("parquet", "csv", "mcap")
@@ -55,7 +52,6 @@ def run(args: argparse.Namespace) -> int:
     """Show one line per run, newest first, or write the runs and their samples."""
     if (args.export is None) != (args.out is None):
         raise ConfigError("--export, --out: only together; --export parquet --out DIR allowed")
-    from cell.records.schema import plain
 
     query = query_of(args)
     with read_journal(args) as journal:
@@ -72,72 +68,56 @@ def run(args: argparse.Namespace) -> int:
     return GOOD
 
 
-def _export(args: argparse.Namespace, journal: "Journal", rows: "Sequence[RunRow]", folder: Path) -> None:
-    from cell.records.schema import plain
-
+def _export(args: argparse.Namespace, journal: Journal, rows: Sequence[RunRow], folder: Path) -> None:
     files = _exported(args, journal, rows, folder)
     if args.json:
         show(args, "", {"runs": [plain(row) for row in rows], "files": [str(path) for path in files]})
     written(args, files[:3])
 
 
-def _blocks(rows: "Sequence[RunRow]") -> "Group":
+def _blocks(rows: Sequence[RunRow]) -> Group:
     """Return tables of `BLOCK` runs each, so that the first lines appear before all rows are formatted."""
-    from rich.console import Group
-
     return Group(*(_table(rows[first : first + BLOCK]) for first in range(0, max(len(rows), 1), BLOCK)))
 
 
-def _exported(args: argparse.Namespace, journal: "Journal", rows: "Sequence[RunRow]", folder: Path) -> list[Path]:
+def _exported(args: argparse.Namespace, journal: Journal, rows: Sequence[RunRow], folder: Path) -> list[Path]:
     """Write the runs as one table, and the samples of each run as one file, if it has any."""
-    from cell.records import sample_export as to
     from cell.records.samples import export_csv, read_samples, torn
 
     files = []
     if args.export == "csv":
         files.append(folder / "runs.csv")
-        _write_csv(rows, files[0])
+        with files[0].open("w", newline="", encoding="utf-8") as file:
+            writer = csv.DictWriter(file, list(RunRow.__slots__))
+            writer.writeheader()
+            writer.writerows(asdict(row) for row in rows)
     elif args.export == "parquet":
         files.append(folder / "runs.parquet")
         to.write_runs_parquet(rows, files[0])
-    for row in _with_progress(rows):
-        try:
-            samples = read_samples(journal.samples_path(row.run))
-        except JournalError:
-            continue  # the run has no samples, or they have been deleted
-        if lack := torn(journal.samples_path(row.run), samples, row.samples):
-            complain(f"warning: {lack}")
-        path = folder / f"run-{row.run:06d}.{args.export}"
-        if args.export == "csv":
-            export_csv(samples, path)
-        elif args.export == "parquet":
-            to.write_samples_parquet(row, samples, path)
-        else:
-            to.write_mcap(row, samples, path)
-        files.append(path)
+    with progress() as bars:
+        for row in bars.track(rows, description="runs"):
+            recorded = journal.samples_path(row.run)
+            try:
+                samples = read_samples(recorded)
+            except JournalError:
+                continue  # the run has no samples, or they have been deleted
+            if lack := torn(recorded, samples, row.samples):
+                complain(f"warning: {lack}")
+            path = folder / f"run-{row.run:06d}.{args.export}"
+            if args.export == "csv":
+                export_csv(samples, path)
+            elif args.export == "parquet":
+                to.write_samples_parquet(row, samples, path)
+            else:
+                to.write_mcap(row, samples, path)
+            files.append(path)
     return files
 
 
-def _with_progress(rows: "Sequence[RunRow]") -> "Iterator[RunRow]":
-    with progress() as bars:
-        yield from bars.track(rows, description="runs")
-
-
-def _write_csv(rows: "Sequence[RunRow]", path: Path) -> None:
-    from cell.records.schema import RunRow
-
-    with path.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, list(RunRow.__slots__))
-        writer.writeheader()
-        writer.writerows(asdict(row) for row in rows)
-
-
-def _table(rows: "Sequence[RunRow]") -> "Table":
+def _table(rows: Sequence[RunRow]) -> Table:
     """Return one line per run, at most 80 columns wide; only the cause is shortened, and `cell show` prints it whole."""
-    from rich import box
-    from rich.table import Table
-
-    serials, programs = any(row.serial for row in rows), any(row.program != MAIN for row in rows)
+    # If all runs are of the default program, its column is left out.
+    serials, programs = any(row.serial for row in rows), any(row.program != "insert_peg" for row in rows)
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
     table.add_column("run", no_wrap=True)
     table.add_column(f"started ({datetime.now().astimezone().tzname()})", no_wrap=True)
@@ -162,16 +142,14 @@ def _table(rows: "Sequence[RunRow]") -> "Table":
     return table
 
 
-def _why(row: "RunRow") -> str:
+def _why(row: RunRow) -> str:
     """Return the cause in a few words, then the place of the peg."""
     cause = f"fault {row.fault}" if row.fault else row.reason.replace("_", " ") or row.message
     peg = row.part.replace("_", " ") if row.part and row.outcome != "success" else ""
     return ", ".join(filter(None, (cause, peg)))
 
 
-def _insertion(row: "RunRow") -> str:
-    from skills.catalogue import CATALOGUE
-
+def _insertion(row: RunRow) -> str:
     times = dict(json.loads(row.stage_times))
     found = [times[name] for name in CATALOGUE.counted if name in times]
     return f"{sum(found):.3g}" if found else ""

@@ -27,13 +27,8 @@ if TYPE_CHECKING:
 
 logger = logging.getLogger(__name__)
 
-SUMMARY = "obey the PLC until SIGINT or SIGTERM"
 PAGE = "127.0.0.1:8080"
 """Default address of the page; only this computer can connect to it."""
-OPCUA = "127.0.0.1:4840"
-"""Default address of OPC UA; the port is the registered one."""
-METRICS = "127.0.0.1:9464"
-"""Default address of the metrics; the port is the default of Prometheus exporters."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -43,8 +38,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_simulate(parser)
     for option, default, what in (
         ("--page", PAGE, "a page for browsers"),
-        ("--opcua", OPCUA, "the cell as a PackML unit over OPC UA"),
-        ("--metrics", METRICS, "counters and timings as Prometheus text"),
+        ("--opcua", "127.0.0.1:4840", "the cell as a PackML unit over OPC UA"),
+        ("--metrics", "127.0.0.1:9464", "counters and timings as Prometheus text"),
     ):
         text = f"also serve {what}, by default at {default}"
         parser.add_argument(option, nargs="?", const=default, type=listening, metavar="HOST:PORT", help=text)

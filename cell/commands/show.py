@@ -3,16 +3,15 @@
 import argparse
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING
 
+from rich.console import Group
+
+from cell.commands import words
 from cell.commands.arguments import add_records, out_folder, positive, read_journal
 from cell.commands.terminal import GOOD, complain, show, written
+from cell.records.samples import export_csv, read_samples, torn
+from cell.records.schema import EventKind, RunRow, plain
 from drivers.errors import JournalError
-
-if TYPE_CHECKING:
-    from cell.records.schema import RunRow
-
-SUMMARY = "one run on record: how and why it ended, its events and plots"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -24,11 +23,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Show the record; then draw the run, and export its samples if requested."""
-    from rich.console import Group
-
-    from cell.commands import words
-    from cell.records.schema import EventKind, plain
-
     with read_journal(args) as journal:
         row = journal.find(args.number)
         stages, events = journal.stages(row.run), journal.events(run=row.run)
@@ -53,10 +47,9 @@ def run(args: argparse.Namespace) -> int:
     return GOOD
 
 
-def _draw(row: "RunRow", recorded: Path, picture: Path, tables: list[Path], faults: dict[str, float]) -> None:
+def _draw(row: RunRow, recorded: Path, picture: Path, tables: list[Path], faults: dict[str, float]) -> None:
     """Draw a run, unless its picture is up to date, and write its samples to tables."""
     # Imported late: the text must not wait for samples and charts.
-    from cell.records.samples import export_csv, read_samples, torn
 
     samples = read_samples(recorded)
     if not samples["stamp"].size:

@@ -5,15 +5,13 @@ import math
 import sys
 from contextlib import nullcontext
 from pathlib import Path
-from typing import TYPE_CHECKING
 
+from rich.live import Live
+
+from cell.commands import skin_view
 from cell.commands.arguments import add_config, load_config
+from cell.commands.skin_view import SeenFrame
 from cell.commands.terminal import GOOD, console, show
-
-if TYPE_CHECKING:
-    from cell.commands.skin_view import SeenFrame
-
-SUMMARY = "both fingers live, or as they were recorded"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -27,10 +25,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Show every frame in place on a terminal, or only the last one in a pipe."""
-    from rich.live import Live
-
-    from cell.commands import skin_view
-
     args.set += [] if args.record is None else [f"skin.record={args.record.as_posix()}"]
     config = load_config(args).cell
     is_live = sys.stdout.isatty() and not args.json
@@ -38,7 +32,7 @@ def run(args: argparse.Namespace) -> int:
     seen: list[SeenFrame] = []
     with Live(console=console(), auto_refresh=False) if is_live else nullcontext() as live:
 
-        def tell(now: "SeenFrame") -> None:
+        def tell(now: SeenFrame) -> None:
             seen[:] = [now]
             if live is not None:
                 live.update(skin_view.fingers(now, config.skin.layout), refresh=True)

@@ -22,11 +22,6 @@ from drivers.skin.figures import SkinFigures
 from drivers.skin.layout import Layout, finger_positions
 from drivers.transport.traffic import TrafficEndedError
 
-_CELL = 5
-"""Width of one taxel in the terminal, characters."""
-_MM_PER_CHARACTER = 1.3
-"""Length across the finger represented by one character, mm; both fingers fit into 80 columns."""
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SeenFrame:
@@ -196,13 +191,15 @@ def _ink(counts: float) -> str:
 def _finger(places: Vector, values: Vector, trusted: Mask) -> Text:
     """Return one finger, one line per row of taxels across it; the tip of the hand points down."""
     x, y = places.T.round(4) * 1e3
-    columns = np.rint((y - y.min()) / _MM_PER_CHARACTER).astype(int)
+    # Length across the finger represented by one character, mm; both fingers fit into 80 columns.
+    columns = np.rint((y - y.min()) / 1.3).astype(int)
     text = Text()
     for row in sorted(set(x)):
         at = 0
         for k in sorted(np.flatnonzero(x == row), key=lambda k: int(columns[k])):
             text.append(" " * max(int(columns[k]) - at, 0))
-            at = max(int(columns[k]), at) + _CELL
+            # Width of one taxel in the terminal, characters.
+            at = max(int(columns[k]), at) + 5
             ink = "black" if values[k] > BRIGHT / 2 else "white"
             reading = (f"{values[k] / 1e3:4.1f} ", f"{ink} on {_ink(values[k])}")
             text.append(*(reading if trusted[k] else (f"{f'x{k}':>4} ", "red")))

@@ -2,15 +2,18 @@
 
 import argparse
 from datetime import date
-from typing import TYPE_CHECKING
 
+import numpy as np
+
+from cell.calibrate import taught
+from cell.calibrate.hand_motion import moved_by_keys
+from cell.calibrate.keys import keys
 from cell.commands.arguments import add_calibration_folder, add_config, calibration_folder, load_config
-from cell.commands.terminal import GOOD, NOT_GOOD, complain, say, show
-
-if TYPE_CHECKING:
-    from drivers.quantities import ArmState
-
-SUMMARY = "guide the arm by hand and show places with the end of a peg, for the cell's file"
+from cell.commands.terminal import GOOD, complain, say, show
+from cell.config.load import load
+from cell.devices.assembly import assemble, opened
+from drivers.frames import end_point
+from drivers.quantities import ArmState
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -27,20 +30,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Guide or jog the arm, record places by keys, and write them if they are plausible."""
-    import numpy as np
-
-    from cell.calibrate import taught
-    from cell.calibrate.hand_motion import moved_by_keys
-    from cell.calibrate.keys import keys
-    from cell.config.load import load
-    from cell.devices.assembly import assemble, opened
-    from drivers.frames import end_point
-
     config, today = load_config(args).cell, date.today()
     tell = complain if args.json else say
     length, shown, is_wanted = args.length or config.peg.length, taught.Shown(), []
 
-    def act(key: str, state: "ArmState") -> bool:
+    def act(key: str, state: ArmState) -> bool:
         if key == taught.WRITE:
             is_wanted.append(True)
             return False
@@ -53,11 +47,9 @@ def run(args: argparse.Namespace) -> int:
         moved_by_keys(cell, pressed, act, is_guided=True)
     found = taught.lines(shown, config.hole, config.rack)
     if not is_wanted or not found:
-        complain("teach: nothing written")
-        return NOT_GOOD
+        return complain("teach: nothing written")
     if (why := taught.implausible(shown, config.rack, config.peg.length, config.limits)) is not None:
-        complain(f"teach: {why}; nothing written")
-        return NOT_GOOD
+        return complain(f"teach: {why}; nothing written")
     load(args.config, sets=[*args.set, *(f"{section}.{key}={value}" for section, key, value in found)])
     path = (args.out or calibration_folder(args)) / f"taught_{today.isoformat()}.toml"
     text = taught.sections(found)

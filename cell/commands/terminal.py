@@ -55,11 +55,15 @@ def say(*words: object) -> None:
     print(*words, flush=True)
 
 
-def complain(message: str) -> None:
-    """Print one line about an error on standard error, after the program's name; skip it if standard error has no reader."""
+def complain(message: str, status: int = NOT_GOOD) -> int:
+    """Print one line about an error on standard error, after the program's name; return the exit status of such an error.
+
+    The line is skipped if standard error has no reader.
+    """
     with suppress(OSError):
         if _is_read(sys.stderr):
             print(f"cell: {message}".replace("\n", " "), file=sys.stderr)
+    return status
 
 
 def _is_read(stream: TextIO) -> bool:

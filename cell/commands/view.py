@@ -4,9 +4,8 @@ import argparse
 
 from cell.commands.arguments import add_journal, positive, read_journal
 from cell.commands.terminal import GOOD
+from cell.film.playback import play
 from drivers.errors import JournalError
-
-SUMMARY = "a run on record, or the one in progress, in MuJoCo's viewer"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -17,8 +16,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Play the run in real time until its window is closed; follow the present run as it is recorded."""
-    from cell.film.playback import play
-
     with read_journal(args) as journal:
         number = args.number or journal.last_run()
         if not number:

@@ -23,7 +23,6 @@ from plc_bridge.protocol.messages import Command, Report, Result
 from skills.catalogue import CATALOGUE, INSERT
 
 logger = logging.getLogger(__name__)
-_INSERT = CATALOGUE["insert_peg"].code
 _ENGINE = "from sim.world.engine import compile_ahead; compile_ahead()"
 
 
@@ -97,5 +96,5 @@ def _insert(loaded: LoadedConfig, recipe: int) -> None:
         Journal(Path(folder)) as journal,
         opened(assemble(loaded.cell)) as cell,
     ):
-        line = TerminalLine(Command(1, _INSERT, recipe, source="warm-up"), watch)
+        line = TerminalLine(Command(1, CATALOGUE["insert_peg"].code, recipe, source="warm-up"), watch)
         Supervisor(cell, loaded, line, journal, ended).serve()

@@ -4,16 +4,14 @@ import argparse
 import json
 import sys
 from dataclasses import asdict, replace
-from typing import TYPE_CHECKING
 
+from rich.text import Text
+
+from cell.commands import client, words
 from cell.commands.arguments import address
 from cell.commands.terminal import GOOD, console, say
-
-if TYPE_CHECKING:
-    from plc_bridge.protocol.images import Diagnostics
-    from plc_bridge.protocol.messages import Report
-
-SUMMARY = "live state of a cell that is served"
+from plc_bridge.protocol.images import Diagnostics
+from plc_bridge.protocol.messages import Report
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -24,14 +22,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Show every change until a signal: on a terminal in place, in a pipe line by line."""
-    from rich.text import Text
-
-    from cell.commands import client, words
-
     last: dict[str, object] = {}
     with console().status("") as status:
 
-        def tell(report: "Report", counts: "Diagnostics") -> None:
+        def tell(report: Report, counts: Diagnostics) -> None:
             data = {**words.report(report), "diagnostics": asdict(counts)}
             line = words.line(report, counts)
             if sys.stdout.isatty() and not args.json and not args.once:

@@ -1,11 +1,15 @@
 """`cell where`: print joint angles and tool pose of the arm."""
 
 import argparse
+import math
+
+from rich.console import Group
+from rich.table import Table
 
 from cell.commands.arguments import add_config, load_config
 from cell.commands.terminal import GOOD, show
-
-SUMMARY = "joint angles and tool pose of the arm, which it holds still"
+from cell.devices.assembly import assemble, opened
+from drivers.frames import end_point, quaternion
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -15,13 +19,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Open only the arm, read it once, and print its pose."""
-    import math
-
-    from rich.table import Table
-
-    from cell.devices.assembly import assemble, opened
-    from drivers.frames import end_point, quaternion
-
     config = load_config(args, default_pace="max").cell
     with opened(assemble(config), "arm") as cell:
         state = cell.arm.read()
@@ -46,7 +43,6 @@ def run(args: argparse.Namespace) -> int:
     pose = Table("tool", "base frame")
     for name, key in (*rows, ("force on the hand (N)", "force")):
         pose.add_row(name, "  ".join(f"{value:.4f}" for value in data[key]))
-    from rich.console import Group
 
     show(args, Group(table, pose), data)
     return GOOD

@@ -131,7 +131,7 @@ def events(rows: Sequence[EventRow]) -> Table:
 
 def _shown(name: str, value: object) -> str:
     """Return a field of a run in words; empty if it is missing or has no content."""
-    if value in (None, "", "{}", "[]") or (name in _EMPTY_IF_ZERO and value == 0):
+    if value in (None, "", "{}", "[]") or (name in ("fault", "recipe", "sequence") and value == 0):
         return ""
     if name in _TEXTS:
         return _TEXTS[name](value)
@@ -150,7 +150,6 @@ def _part(value: str) -> str:
     return f"{value.replace('_', ' ')}: {REMEDIES[PartPlace[value.upper()]].told(TYPED)}"
 
 
-_EMPTY_IF_ZERO = ("fault", "recipe", "sequence")
 _TEXTS: dict[str, Callable[[Any], str]] = {
     "started": local,
     "ended": local,

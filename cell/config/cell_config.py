@@ -335,15 +335,6 @@ class CellConfig(Catalogued):
         """True if the arm needs a computer with a real-time kernel."""
         return isinstance(self.arm, FrankaArmConfig) and self.arm.realtime == "enforce"
 
-    def require_simulated(self, what: str) -> None:
-        """Require a simulated cell.
-
-        Raises:
-            ConfigError: The cell is real; `what` names the command that needs a simulated one.
-        """
-        if not self.is_simulated:
-            raise ConfigError(f'{what}: arm.kind = "{self.arm.kind}": runs on simulated cells alone; "sim" allowed')
-
     def is_skin_emulated(self) -> bool:
         """True if the skin is a driver with an emulated board behind its wire."""
         skin = self.skin

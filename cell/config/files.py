@@ -1,11 +1,11 @@
 """Files of a config: the cell's own, its base, presets, recipes and arms, read as tables without a model."""
 
-import tomllib
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 from drivers.errors import ConfigError
+from drivers.figures_file import read_toml
 
 _HERE = Path(__file__).parent.parent
 SHIPPED = next(place for place in (_HERE / "shipped", _HERE.parent / "config") if (place / "sim.toml").is_file())
@@ -18,22 +18,6 @@ ARMS = SHIPPED / "arms"
 """Folder of the shipped files of arm figures."""
 NOT_INHERITED = (("limits", "force"), ("limits", "low"), ("limits", "high"), ("hole", "centre"), ("rack", "first"))
 """Keys that a cell's file must state even if its base has them: limits, and the places of its parts."""
-
-
-def read_toml(path: Path) -> dict[str, Any]:
-    """Return the content of a TOML file.
-
-    Raises:
-        ConfigError: The file does not exist, is not readable, or is not TOML.
-    """
-    try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise ConfigError(f"{path}: no such file") from None
-    except OSError as error:
-        raise ConfigError(f"{path}: cannot be read: {error.strerror}") from None
-    except (ValueError, RecursionError) as error:  # the parser raises these for numbers too long and lists too deep
-        raise ConfigError(f"{path}: not TOML: {error}".replace("\n", " ")) from None
 
 
 def layers(path: Path) -> list[tuple[str, dict[str, Any]]]:

@@ -9,9 +9,10 @@ from pydantic import ValidationError
 
 from cell.config.cell_config import RECIPE_SECTIONS, SIMULATED, CellConfig
 from cell.config.errors import explain
-from cell.config.files import DEFAULT, find_preset, layers, read_toml, recipe_files
+from cell.config.files import DEFAULT, find_preset, layers, recipe_files
 from cell.config.layers import SET, SIMULATE, Origins, lay_layer, nested, parse_set
 from drivers.errors import ConfigError
+from drivers.figures_file import read_toml
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,14 +16,10 @@ from drivers.quantities import Vector
 Loop = tuple[Vector, Vector, Vector, Vector]
 """Inertia, stiffness on the held error, stiffness on the present error, damping, each shape (n, n)."""
 
-TAYLOR_TERMS = 12
-"""Number of terms of the exponential series, for a matrix scaled below 1/16."""
 GROWTH = 1.25
 """Ratio of neighbouring gains in the search for the limit."""
 MOST = 1e6
 """Factor above which a gain counts as unlimited."""
-FINENESS = 1e-4
-"""Relative accuracy of the limit."""
 
 
 def one_period(
@@ -88,7 +84,8 @@ def largest_factor(loop: Callable[[float], Loop], period: float, delay: float) -
         if high > MOST:
             return MOST
     low = high / GROWTH
-    while high / low > 1.0 + FINENESS:
+    # Relative accuracy of the limit.
+    while high / low > 1.0 + 1e-4:
         middle = math.sqrt(low * high)
         low, high = (middle, high) if is_stable(middle) else (low, middle)
     return low
@@ -100,7 +97,8 @@ def exponential(matrix: Vector) -> Vector:
     halvings = max(0, math.ceil(math.log2(max(size, 1e-300))) + 4)
     scaled = matrix / 2.0**halvings
     term = total = np.eye(len(matrix))
-    for k in range(1, TAYLOR_TERMS + 1):
+    # Twelve terms of the exponential series are enough for a matrix scaled below 1/16.
+    for k in range(1, 13):
         term = term @ scaled / k
         total = total + term
     for _ in range(halvings):

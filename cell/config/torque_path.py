@@ -29,8 +29,6 @@ GROWTH = 1.02
 """Ratio of neighbouring factors in the search for the limit."""
 MOST = 20.0
 """Factor above which torques count as unlimited."""
-SINGULAR = 1e-4
-"""Term added to J Jᵀ in the null-space projection of the law."""
 
 
 @lru_cache(maxsize=64)
@@ -136,7 +134,8 @@ def _law(arm: ArmModel, q: Vector, length: float, gains: Gains) -> Vector:
     J = jacobian(origins[-1] + (arm.kinematics.flange + arm.hand.finger_centre + length) * axes[-1], axes, origins)
     stiffness = gains.stiffness()
     D = gains.damping_ratio * critical_damping(tip_inertia(arm, q, length), stiffness)
-    null = np.eye(JOINTS) - J.T @ np.linalg.inv(J @ J.T + SINGULAR * np.eye(6)) @ J
+    # Term added to J Jᵀ in the null-space projection of the law.
+    null = np.eye(JOINTS) - J.T @ np.linalg.inv(J @ J.T + 1e-4 * np.eye(6)) @ J
     return np.hstack(
         [
             J.T @ np.diag(stiffness) @ J + impedance.NULL_STIFFNESS * null,

@@ -16,7 +16,6 @@ from drivers.errors import ConfigError
 
 GIF_RATE = 10.0
 """Picture rate of GIF files, Hz; GIF files, for pages, store times in hundredths of a second."""
-GIF_SIZE = (800, 450)
 
 Draw = Callable[[float], Image]
 """Function that returns the picture at a time since the first scan, s."""
@@ -84,7 +83,7 @@ def _write_gif(path: Path, pictures: Iterator[Image], _: IsEnded) -> int:
         nonlocal frames
         for picture in pictures:
             frames += 1
-            shrunk = cv2.resize(picture, GIF_SIZE, interpolation=cv2.INTER_AREA)
+            shrunk = cv2.resize(picture, (800, 450), interpolation=cv2.INTER_AREA)
             yield Pillow.fromarray(shrunk).quantize(256, dither=Pillow.Dither.NONE)
 
     try:

@@ -7,7 +7,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from cell.film.drawing import FAINT, INK, PAPER, RULE, Colour, Image, blank, colour, width_of, write, write_right
+from cell.film.drawing import FAINT, INK, PAPER, RULE, Image, blank, colour, width_of, write, write_right
 from cell.film.plots import COLOURS
 from cell.film.recorded import RecordedRun
 from drivers.quantities import FINGER_NAMES, FINGERS, Vector
@@ -18,8 +18,6 @@ EDGE = 3e-3
 """Margin drawn around the outermost taxels, m."""
 SCALE = 90
 """Length of the scale of colours, pixels."""
-FORCE_SCALE = 25.0
-"""Least upper end of the force axis, N."""
 LIGHT = 430
 """If the sum of a colour's three channels is above this value, text on it is dark."""
 _FORCE = colour("#c2374d")
@@ -115,7 +113,8 @@ class ForcePanel:
     def __init__(self, run: RecordedRun, width: int, height: int) -> None:
         """Draw the axes once."""
         self._run, self._width, self._height = run, width, height
-        self._top = max(FORCE_SCALE, 1.08 * float(np.nanmax(run.force)))
+        # Least upper end of the force axis, N.
+        self._top = max(25.0, 1.08 * float(np.nanmax(run.force)))
         self._ground = blank(width, height)
         for level in range(0, int(self._top) + 1, 10):
             row = round(self._row(level))
@@ -151,7 +150,8 @@ def stage_strip(run: RecordedRun, scan: int, width: int, height: int) -> Image:
     for first, end in pairwise(edges):
         left, right = column(run.times[first]), column(run.times[end])
         ink = colour(COLOURS[stages[first] % len(COLOURS)])
-        cv2.rectangle(image, (left, 0), (max(right - 1, left), height - 24), _pale(ink), -1)
+        pale = [round(255 - 0.30 * (255 - part)) for part in ink]
+        cv2.rectangle(image, (left, 0), (max(right - 1, left), height - 24), pale, -1)
         if first <= scan:
             cv2.rectangle(image, (left, 0), (min(column(run.times[scan]), right - 1), height - 24), ink, -1)
         name = run.stages[first].replace("_", " ")
@@ -178,8 +178,3 @@ def head_line(run: RecordedRun, scan: int, width: int, height: int) -> Image:
     stage = run.stages[scan].replace("_", " ")
     write_right(image, f"{stage}    started {row.started[:19].replace('T', ' ')} UTC", (width - 110, base), 15, FAINT)
     return image
-
-
-def _pale(ink: Colour) -> Colour:
-    red, green, blue = (round(255 - 0.30 * (255 - part)) for part in ink)
-    return red, green, blue

@@ -8,11 +8,6 @@ from cell.records.journal import Journal
 from cell.records.schema import RUNNING
 from sim.visual.viewer import Window
 
-REREAD = 0.5
-"""Period of reading new samples of the present run, s; the journal writes them once a second."""
-REDRAWN = 1.0 / 30.0
-"""Period of the pictures, s."""
-
 
 class RunPlayback:
     """A run played in real time; for the present run, new samples are read as they are recorded."""
@@ -30,7 +25,8 @@ class RunPlayback:
     def scan_at(self, elapsed: float) -> int:
         """Return the number of the scan to show at `elapsed`, s, after the start; after the end, the last one."""
         is_growing = self.run.row.outcome == RUNNING
-        if is_growing and elapsed > float(self.run.times[-1]) and elapsed - self._asked > REREAD:
+        # Period of reading new samples of the present run, s; the journal writes them once a second.
+        if is_growing and elapsed > float(self.run.times[-1]) and elapsed - self._asked > 0.5:
             self._asked = elapsed
             self.run = recorded(self._journal, self._number)
         return self.run.at(elapsed)
@@ -49,4 +45,5 @@ def play(journal: Journal, number: int, stop: Event) -> None:
         while window.is_open() and not stop.is_set():
             scan = playback.scan_at(time.monotonic() - began)
             window.show(playback.run.moment(scan), playback.run.trail(scan))
-            stop.wait(REDRAWN)
+            # Period of the pictures, s.
+            stop.wait(1.0 / 30.0)

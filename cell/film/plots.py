@@ -20,10 +20,6 @@ COLOURS = ("#bbbbbb", "#4477aa", "#66ccee", "#228833", "#ccbb44", "#ee6677", "#a
 """Colours of stage 0 (none) and stages 1 to 6, which colour-blind readers can distinguish."""
 
 
-ON_SURFACE = 0.005
-"""Largest height above the tip's median height at which the plan shows the tip, m."""
-
-
 def plot_run(row: RunRow, samples: dict[str, Vector], path: Path, faults: Mapping[str, float]) -> None:
     """Draw one run: tip over the plate, angles, taxels with the hole event, forces, all by stage.
 
@@ -113,7 +109,8 @@ def _draw_plan(axes: Axes, samples: dict[str, Vector], stage: Vector) -> None:
         here = stage == skill.stage
         if here.any():
             # With the approach in view, heights on the surface would be too small to read.
-            here &= samples["tip_z"] < np.median(samples["tip_z"][here]) + ON_SURFACE
+            # Largest height above the tip's median height at which the plan shows the tip, m.
+            here &= samples["tip_z"] < np.median(samples["tip_z"][here]) + 0.005
             axes.plot(x[here], y[here], lw=0.8, color=_colour(skill.stage), label=skill.name)
     found = _hole_event(stage)
     if found is not None:

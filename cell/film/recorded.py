@@ -19,8 +19,6 @@ from skills.catalogue import CATALOGUE
 
 TRAIL_STEP, TRAIL_HEIGHT = 5, 0.006
 """Number of scans between two points of the tip's line, and the largest height of a point above the hole, m."""
-HIGHER = 0.0006
-"""Height of the drawn line above the plate, m; the plate would hide it otherwise."""
 
 
 @dataclass(frozen=True)
@@ -86,7 +84,8 @@ class RecordedRun:
         surface = self.facts.job.hole.centre[2] if hole is None else float(hole.position[2])
         works = [stage in CATALOGUE.counted for stage in self.stages[: scan + 1 : TRAIL_STEP]]
         line[(line[:, 2] > surface + TRAIL_HEIGHT) | ~np.array(works)] = np.nan
-        line[:, 2] = np.maximum(line[:, 2], surface) + HIGHER
+        # Height of the drawn line above the plate, m; the plate would hide it otherwise.
+        line[:, 2] = np.maximum(line[:, 2], surface) + 0.0006
         return line
 
     def theta(self, scan: int) -> float:

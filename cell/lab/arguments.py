@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from cell.commands.arguments import add_config, load_config, natural, positive
 from cell.commands.terminal import progress
+from drivers.errors import ConfigError
 
 if TYPE_CHECKING:
     from cell.config.load import LoadedConfig
@@ -107,7 +108,8 @@ def load_simulated(args: argparse.Namespace, what: str, pace: str | None = "max"
         ConfigError: The config is invalid, or the cell is not simulated.
     """
     loaded = load_config(args, default_pace=pace)
-    loaded.cell.require_simulated(what)
+    if not loaded.cell.is_simulated:
+        raise ConfigError(f'{what}: arm.kind = "{loaded.cell.arm.kind}": runs on simulated cells alone; "sim" allowed')
     from cell.commands.warm_up import compile_ahead
 
     compile_ahead(loaded.cell)

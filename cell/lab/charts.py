@@ -24,7 +24,7 @@ LETTERS_PER_INCH = 13.0
 
 
 @dataclass(frozen=True, slots=True)
-class Point:
+class ChartPoint:
     """One way of working, on the chart of speed against accuracy."""
 
     label: str
@@ -40,11 +40,11 @@ class Point:
         return cls("this cell, simulated", line.successes, line.attempts, time)
 
 
-def plot_speed_accuracy(points: Sequence[Point], path: Path) -> None:
+def plot_speed_accuracy(points: Sequence[ChartPoint], path: Path) -> None:
     """Draw success rate, with its Wilson 95 % interval, against mean total time, with the published point."""
     figure = Figure(figsize=(7.5, 5), layout="constrained")
     axes = figure.add_subplot()
-    published = Point("[gibbons], Table I", PUBLISHED_SUCCESSES, PUBLISHED_ATTEMPTS, PUBLISHED_TOTAL)
+    published = ChartPoint("[gibbons], Table I", PUBLISHED_SUCCESSES, PUBLISHED_ATTEMPTS, PUBLISHED_TOTAL)
     longest = PUBLISHED_TOTAL
     for point, colour, marker in zip((published, *points), ("#222222", *COLOURS[1:]), "sovD^<>", strict=False):
         if not math.isfinite(point.time):

@@ -111,7 +111,7 @@ def boundary_bouncing(timestep: float) -> float:
 
 
 @dataclass(frozen=True, slots=True)
-class Plan:
+class ContactPlan:
     """Extent of the study."""
 
     rungs: Sequence[Rung]
@@ -123,17 +123,17 @@ class Plan:
     """Stiffnesses of the map's rows, 1/s²."""
 
 
-def plan(is_quick: bool, part: Part) -> Plan:
+def plan(is_quick: bool, part: Part) -> ContactPlan:
     """Return the extent of the study of a part, with the models of the hole that support it."""
     if is_quick:
         rungs = ladder((5e-4, 1e-3), (16, 32, 64)) + tuple(
             r for r in ladder((2.5e-4, 2e-3), ()) if "closed" in r.family
         )
-        found = Plan(rungs, (0.3,), np.geomspace(1e-4, 4e-3, 12).tolist(), np.geomspace(1e4, 1e8, 17).tolist())
+        found = ContactPlan(rungs, (0.3,), np.geomspace(1e-4, 4e-3, 12).tolist(), np.geomspace(1e4, 1e8, 17).tolist())
     else:
         rungs = ladder((2.5e-4, 5e-4, 1e-3, 2e-3), (16, 32, 48, 64, 96))
         steps, stiffnesses = np.geomspace(1e-4, 4e-3, 17), np.geomspace(1e4, 1e8, 33)
-        found = Plan(rungs, (0.0, 0.5, 1.7, 3.0), steps.tolist(), stiffnesses.tolist())
+        found = ContactPlan(rungs, (0.0, 0.5, 1.7, 3.0), steps.tolist(), stiffnesses.tolist())
     return replace(found, rungs=[rung for rung in found.rungs if rung.model.has_hole_for(part)])
 
 

@@ -48,7 +48,7 @@ QUICK_TIMEOUT = 8.0
 
 
 @dataclass(frozen=True, slots=True)
-class EventRow:
+class HoleEventRow:
     """One search without a stop; times in s, paths in m, NaN if there is no value."""
 
     seed: int
@@ -160,7 +160,7 @@ class _StillSurface(SurfaceEstimate):
         return self._learnt.plane(near)
 
 
-def watch(config: CellConfig, has_hole: bool, seed: int) -> EventRow:
+def watch(config: CellConfig, has_hole: bool, seed: int) -> HoleEventRow:
     """Let the search of this seed slide without a stop, and again with stops if an event was false."""
     cell = _cell(config, has_hole, seed)
     params = cell.config.params(SEARCH)
@@ -169,7 +169,7 @@ def watch(config: CellConfig, has_hole: bool, seed: int) -> EventRow:
         _search(cell, cell.context(seed), lambda ctx: spray_search.run(params, ctx, _StillSurface(seer)), seer)
     fell = seer.has_fallen and not seer.began_in_hole
     late = fell and math.isnan(seer.falsely)
-    row = EventRow(
+    row = HoleEventRow(
         seed=seed,
         has_hole=has_hole,
         slid=seer.slid,
@@ -181,7 +181,7 @@ def watch(config: CellConfig, has_hole: bool, seed: int) -> EventRow:
     return row if has_hole or math.isnan(row.falsely) else _judged(config, row)
 
 
-def _judged(config: CellConfig, row: EventRow) -> EventRow:
+def _judged(config: CellConfig, row: HoleEventRow) -> HoleEventRow:
     """Return the row with the result of a search of the same plate that obeys its detector."""
     cell = _cell(config, False, row.seed)
     kept: list[SpraySearchResult] = []
@@ -240,7 +240,7 @@ class EventLine:
     way_p95: float
 
 
-def line_of(rows: Sequence[EventRow]) -> EventLine:
+def line_of(rows: Sequence[HoleEventRow]) -> EventLine:
     """Return the counts of all searches."""
     empty = [row for row in rows if not row.has_hole]
     fell = [row for row in rows if row.fell and math.isnan(row.falsely)]

@@ -75,7 +75,7 @@ class Phases:
                 self._scans = []
         if not world.is_held or stage not in (SEARCH.name, INSERT.name, ADJUST.name):
             return
-        tip, axis, normal = world.stepper.end(), world.peg_pose().rotation[:, 2], world.plate.rotation[:, 2]
+        tip, axis, normal = world.end(), world.peg_pose().rotation[:, 2], world.plate.rotation[:, 2]
         if stage == SEARCH.name:
             if math.isnan(self._mass):
                 place = self._ctx.job.peg.part.lowest(tip, axis, world.tcp().rotation[:, 2])

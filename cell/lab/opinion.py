@@ -42,7 +42,7 @@ PACKAGE, FILE, BELIEF = "franka_sim", "models/fr3.urdf", "arm.model=fr3"
 """Package with a description of the arm, its file there, and the key of the described arm."""
 
 
-class Part(NamedTuple):
+class DescribedPart(NamedTuple):
     """Part of a description that is tested alone."""
 
     figures: str
@@ -52,11 +52,11 @@ class Part(NamedTuple):
 
 
 PARTS = {
-    "its kinematics alone": Part("kinematics", ("kinematics",)),
-    "its inertia alone, weightless": Part("inertia", ("inertia",)),
-    "its inertia alone": Part("inertia", ("inertia", "gravity")),
-    "its friction alone": Part("friction", ("friction",)),
-    "its rotors alone": Part("rotors", ("rotors",)),
+    "its kinematics alone": DescribedPart("kinematics", ("kinematics",)),
+    "its inertia alone, weightless": DescribedPart("inertia", ("inertia",)),
+    "its inertia alone": DescribedPart("inertia", ("inertia", "gravity")),
+    "its friction alone": DescribedPart("friction", ("friction",)),
+    "its rotors alone": DescribedPart("rotors", ("rotors",)),
 }
 """Parts by name; links with weight leave a residual torque that the controller does not compensate."""
 LINKS = "its links alone"

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from dataclasses import asdict
 
 from cell.lab.arguments import seeds_of
-from cell.lab.charts import Point, plot_speed_accuracy
+from cell.lab.charts import ChartPoint, plot_speed_accuracy
 from cell.lab.compare import compared, config_of
 from cell.lab.frontier.measure import Variant
 from cell.lab.published import PUBLISHED, StageLine, Tried, stage_table
@@ -54,7 +54,7 @@ def run(args: argparse.Namespace) -> StudyReport:
     trials = [tried(row) for row in found.rows[0]]
     lines: Sequence[StageLine] = stage_table(trials)
     chart = found.folder / "paper.png"
-    plot_speed_accuracy([Point.of_total(lines[-1])], chart)
+    plot_speed_accuracy([ChartPoint.of_total(lines[-1])], chart)
     files = [write_rows(lines, found.folder / "paper.csv"), chart]
     result = {"title": found.title, "stages": [asdict(line) for line in lines], "error": found.lines[0].error}
     return StudyReport(

@@ -209,7 +209,7 @@ def _column(config: CellConfig, cases: Sequence[GridCase]) -> tuple[list[StepTra
 
 
 @dataclass(slots=True)
-class HeldPeg:
+class PegRig:
     """A cell whose hand holds a peg at rest over the plate."""
 
     cell: Cell
@@ -354,7 +354,7 @@ def _distance(kind: str, now: tuple[Vector, Vector], goal: tuple[Vector, Vector]
 
 
 @contextmanager
-def _held_peg(config: CellConfig, case: GridCase) -> Iterator[HeldPeg]:
+def _held_peg(config: CellConfig, case: GridCase) -> Iterator[PegRig]:
     """Yield a cell with the case's skin period and a peg in its hand, over the plate."""
     sim = config.sim
     assert sim is not None
@@ -381,7 +381,7 @@ def _held_peg(config: CellConfig, case: GridCase) -> Iterator[HeldPeg]:
         model, data = world.physics()
         if not case.observer:  # the theory has no dry friction
             model.dof_frictionloss[:] = 0.0
-        yield HeldPeg(cell, world, ctx, config.params(INSERT).gains, closing, np.array(data.qpos))
+        yield PegRig(cell, world, ctx, config.params(INSERT).gains, closing, np.array(data.qpos))
 
 
 def limit_of(case: GridCase, theory: Sequence[Boundary]) -> float:

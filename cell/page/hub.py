@@ -21,8 +21,6 @@ SPECTATOR = "page"
 """Name of the page's own link; it sends no command, so that it reads the run of any other link."""
 PERIOD = 0.05
 """Polling period, s; a change reaches a page within about this time."""
-EVERY = 2
-"""Number of polls between two updates of touch and traces."""
 PLACES = 32
 """Largest number of open pages."""
 PLACES_OF_ONE = 16
@@ -112,7 +110,8 @@ class PageHub:
                 self._tell_records()
         if self._ticks % AGAIN == 0:
             self._tell_records()
-        if self._ticks % EVERY == 0:
+        # Touch and traces follow every second poll.
+        if self._ticks % 2 == 0:
             self._show_live()
         for page in tuple(self.pages):
             page.look()

@@ -16,8 +16,6 @@ from plc_bridge.config import TlsConfig
 from plc_bridge.protocol.intervals import BOUNDS
 from plc_bridge.protocol.registers import table
 
-GAUGES = frozenset({"connections", "stops_held"})
-"""Names of the diagnostics that can decrease."""
 KIND = CONTENT_TYPE_LATEST
 """Media type of the text."""
 
@@ -40,7 +38,8 @@ class CellCollector(Collector):
         """Yield every metric with its present value."""
         figures = self._bridge.figures
         for name, value in asdict(figures.counts).items():
-            kind = GaugeMetricFamily if name in GAUGES else CounterMetricFamily
+            # These diagnostics can decrease.
+            kind = GaugeMetricFamily if name in ("connections", "stops_held") else CounterMetricFamily
             yield kind(f"cell_{name}", self._said[f"diagnostics_{name}"], value=value)
         said = "time that the Modbus TCP servers spent on requests"
         yield CounterMetricFamily("cell_modbus_seconds", said, value=figures.served)

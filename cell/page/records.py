@@ -39,8 +39,6 @@ WAITING = 8
 """Largest number of waiting requests for films; further ones are refused."""
 LONGEST = 7200.0
 """Longest time to draw one film, s; on a busy computer, a film of a long run takes an hour."""
-GRACE = 2.0
-"""Time between SIGTERM and SIGKILL for a process, s."""
 
 
 class Records:
@@ -215,7 +213,8 @@ async def _run(arguments: Sequence[str]) -> bool:
         if process.returncode is None:  # timed out, or the server ends
             process.terminate()  # so that it removes its partial file
             with suppress(TimeoutError):
-                await asyncio.wait_for(process.wait(), GRACE)
+                # Time between SIGTERM and SIGKILL, s.
+                await asyncio.wait_for(process.wait(), 2.0)
         if process.returncode is None:
             process.kill()
             await process.wait()

@@ -44,8 +44,6 @@ PIECE = 256 * 1024
 """Block size for sending a file, bytes."""
 REPORT_POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; frame-ancestors 'none'"
 """Content policy of a report, which is one file without scripts."""
-PINGS = 3
-"""Number of pings within the timeout of a link."""
 
 
 class PageServer(HttpServer):
@@ -95,13 +93,14 @@ class PageServer(HttpServer):
         """Return the routes."""
         records = Records(self._folder)
         self._hub = PageHub(self._bridge, self._live, self._loaded, records, _build(), self._cables)
-        ping = self._loaded.cell.plc.life_timeout / PINGS
+        # Three pings within the timeout of a link.
+        ping = self._loaded.cell.plc.life_timeout / 3
         return Front(
             [
                 ("/live", PageSocket, {"hub": self._hub, "bridge": self._bridge, "token": self.token}),
-                ("/faults", Catalogue),
+                ("/faults", FaultCatalogue),
                 ("/alarms", Alarms, {"records": records}),
-                (f"/{REPORT}", Report, {"records": records, "token": self.token}),
+                (f"/{REPORT}", ReportDocument, {"records": records, "token": self.token}),
                 (r"/runs/(\d{1,9})/(data|config)", RunData, {"records": records, "token": self.token}),
                 (r"/runs/(\d{1,9})/replay", RunReplay, {"records": records}),
                 (r"/runs/(\d{1,9})/film\.mp4", RunFilm, {"records": records, "token": self.token}),
@@ -201,7 +200,7 @@ class Static(FileHandler):
         await self.send(path)
 
 
-class Catalogue(Guarded):
+class FaultCatalogue(Guarded):
     """Handler of the catalogue of faults."""
 
     def get(self) -> None:
@@ -289,7 +288,7 @@ class RunFilm(FileHandler):
         self.finish("being drawn\n" if path is None else "there\n")
 
 
-class Report(FileHandler):
+class ReportDocument(FileHandler):
     """Handler of the report of a period: reading the last one is free, making one needs the token."""
 
     def initialize(self, records: Records, token: str) -> None:

@@ -10,8 +10,6 @@ from drivers.errors import ConfigError
 
 FILE = "page-token"
 """Name of the token's file in the folder of the records; only the user of the cell may read it."""
-BYTES = 18
-"""Number of random bytes of a new token."""
 SHORTEST = 16
 """Least number of characters of a token."""
 
@@ -29,7 +27,7 @@ def page_token(folder: Path) -> str:
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
         kept = _kept(path)
         if not kept:
-            kept = secrets.token_urlsafe(BYTES)
+            kept = secrets.token_urlsafe(18)
             replace(path, kept, is_lasting=True)
         return kept
     except OSError as error:

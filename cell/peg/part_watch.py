@@ -117,7 +117,9 @@ class PartWatch:
     def look(self) -> None:
         """Read arm, hand and switch outside a run; ignore devices that time out."""
         try:
-            self._see_now(*self._devices())
+            arm, hand, self._switch = self._devices()
+            evidence = self._evidence(arm, hand, self._switch)
+            self._tell(self._custody.see(evidence, self._places, self._is_running))
         except Exception:  # the run that needs the device reports its fault
             self._see_hand()
 
@@ -236,10 +238,6 @@ class PartWatch:
         with suppress(Exception):
             hand = self._context.read_hand()
             self._tell(self._custody.see_hand(hand, switch, self._places, self._is_running))
-
-    def _see_now(self, arm: ArmState, hand: GripperState, switch: SwitchState) -> None:
-        self._switch = switch
-        self._tell(self._custody.see(self._evidence(arm, hand, switch), self._places, self._is_running))
 
     def _evidence(self, arm: ArmState, hand: GripperState, switch: SwitchState) -> PegEvidence:
         in_hand = self._context.in_hand()

@@ -54,7 +54,7 @@ class Proof:
     def after(self, seen: Observation, setpoint: ImpedanceSetpoint | None = None) -> "Proof":
         """Return the proof after one more scan and its setpoint; if the switch opens while the peg is held, the proof is void."""
         if seen.switch is SwitchState.OPEN:
-            return _OPEN if seen.gripper.is_gripping else replace(self, was_open=True)
+            return Proof(was_open=True) if seen.gripper.is_gripping else replace(self, was_open=True)
         if not self.was_open or seen.switch is not SwitchState.CLOSED or not seen.gripper.is_gripping:
             return self
         footing = self.footing.after(seen, setpoint)
@@ -98,9 +98,6 @@ class Proof:
             raise SwitchDisagreesError(
                 f"switch closed with the tip {1e3 * depth:.1f} mm deep; {1e3 * low:.1f} to {1e3 * high:.1f} mm expected"
             )
-
-
-_OPEN = Proof(was_open=True)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

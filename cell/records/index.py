@@ -31,12 +31,8 @@ Row = TypeVar("Row", RunRow, StageRow, EventRow, ConfigRow)
 INDEX = "runs.sqlite"
 OWNER_ONLY, OWNERS_FOLDER = 0o600, 0o700
 """Permissions of the journal's files and of a folder created for them."""
-OTHERS_WRITE = 0o022
-"""Permission bits that let users other than the owner write a folder."""
 SET_ASIDE = "set-aside.jsonl"
 """Name of the file of rows that the index cannot store, one JSON object per line."""
-LOCK_TIMEOUT = 1.0
-"""Longest wait of a statement if another program has locked the index, s."""
 
 
 def samples_path(folder: Path, run: int) -> Path:
@@ -53,7 +49,8 @@ def require_own(folder: Path) -> None:
         JournalError: Other users can write the folder.
     """
     with suppress(FileNotFoundError):
-        if (mode := folder.stat().st_mode) & OTHERS_WRITE:
+        # Permission bits that let users other than the owner write a folder.
+        if (mode := folder.stat().st_mode) & 0o022:
             raise JournalError(
                 f"{folder}: mode {mode & 0o777:o}: others than its owner may write the records; 700 to 755 allowed, as by chmod 700"
             )
@@ -228,7 +225,8 @@ def _opened_to_write(path: Path) -> sqlite3.Connection:
     os.close(os.open(path, os.O_CREAT | os.O_RDWR, OWNER_ONLY))
     if path.stat().st_uid == os.geteuid():
         path.chmod(OWNER_ONLY)
-    index = sqlite3.connect(path, timeout=LOCK_TIMEOUT, isolation_level=None, check_same_thread=False)
+    # Longest wait, s, if another program has locked the index.
+    index = sqlite3.connect(path, timeout=1.0, isolation_level=None, check_same_thread=False)
     try:
         index.execute("PRAGMA synchronous=NORMAL")
         index.execute("PRAGMA journal_mode=WAL")

@@ -10,8 +10,6 @@ from typing import TextIO
 
 MOST = 10_000
 """Largest number of waiting lines."""
-MOST_KINDS = 100
-"""Largest number of kinds of lines that are counted."""
 FLUSH_TIME = 1.0
 """Longest time to write waiting lines at the end, s."""
 
@@ -33,7 +31,7 @@ class SparseFilter(logging.Filter):
         if now < due:
             self._kinds[kind] = due, left + 1
             return False
-        if len(self._kinds) > MOST_KINDS:
+        if len(self._kinds) > 100:  # kinds of lines that are counted
             self._kinds.clear()
         self._kinds[kind] = now + self._period, 0
         if left:

@@ -17,9 +17,6 @@ from drivers.scene_facts import SceneFacts
 
 logger = logging.getLogger(__name__)
 
-FULL_SHARE = 0.1
-"""If the free space is below this fraction of `least_free`, no samples are written."""
-
 
 @dataclass(slots=True)
 class _OpenRun:
@@ -138,7 +135,8 @@ class RunSamples:
 
     def _is_too_full(self) -> bool:
         try:
-            return shutil.disk_usage(self._folder).free < FULL_SHARE * self._least_free
+            # Below a tenth of `least_free` no samples are written.
+            return shutil.disk_usage(self._folder).free < 0.1 * self._least_free
         except OSError:
             return False
 

@@ -12,8 +12,6 @@ SHIFTS = ("06:00", "14:00", "22:00")
 """Default starts of the shifts, local time."""
 LONGEST_STOP = 3600.0
 """Longest time between two starts that counts as lost to the first run, s; a longer one is a break of the line."""
-LEAST_SHIFTS = 10
-"""Least number of shifts for the limits of a trend."""
 CYCLE = "cycle"
 """Name of the cycle time among the trends."""
 
@@ -69,10 +67,10 @@ SELECT fault, iif(fault, '', stage), iif(fault, '', coalesce(nullif(reason, ''),
 FROM asked WHERE NOT is_good GROUP BY 1, 2, 3 ORDER BY 5 DESC, 1, 2, 3
 """
 MEANS = "SELECT shift, name, mean FROM trend WHERE shift IS NOT NULL ORDER BY shift"
-LIMITS = f"""
+LIMITS = """
 SELECT name, avg(mean) - 2.66 * avg(move), avg(mean) + 2.66 * avg(move)
 FROM (SELECT name, mean, abs(mean - lag(mean) OVER (PARTITION BY name ORDER BY shift)) AS move FROM trend)
-GROUP BY name HAVING count(*) >= {LEAST_SHIFTS}
+GROUP BY name HAVING count(*) >= 10
 """
 """Limits of a chart of individual values: mean and 2.66 times the mean moving range, [nist-charts]."""
 CYCLES = "SELECT cycle_time FROM asked WHERE is_good AND cycle_time IS NOT NULL"

@@ -30,7 +30,8 @@ class Brake:
         self._cell, self._context = cell, context
         self.request = Request.RUN
         """Request that the running skill reads at its next scan."""
-        self._since = 0.0
+        self.resumed = 0.0
+        """Time of the last `resume` on the cell's clock, s."""
 
     @property
     def is_at_rest(self) -> bool:
@@ -44,11 +45,7 @@ class Brake:
 
     def resume(self) -> None:
         """Request the skill to lead the arm back from a hold."""
-        self.request, self._since = Request.RESUME, self._cell.clock.now()
-
-    def led_back(self, stamp: float) -> float:
-        """Return the time since `resume`, s, at the time `stamp` of the cell's clock, s."""
-        return stamp - self._since
+        self.request, self.resumed = Request.RESUME, self._cell.clock.now()
 
     def halt(self) -> None:
         """Halt the arm in any state, unless it is at rest: a halt lets it sink by the error of its gravity model."""

@@ -256,6 +256,6 @@ class Execution:
         self.show(seen)
         if self._desk.state is State.HOLDING and self._brake.is_at_rest:
             self._desk.enter(Event.FINISHED)
-        elif self._desk.state is State.UNHOLDING and self._brake.led_back(seen.stamp) >= RESUME_TIME:
+        elif self._desk.state is State.UNHOLDING and seen.stamp - self._brake.resumed >= RESUME_TIME:
             self._desk.enter(Event.FINISHED)
             self._brake.request = Request.RUN

@@ -26,8 +26,6 @@ logger = logging.getLogger(__name__)
 
 FILE = "learned.json"
 """Name of the file, beside the records of runs."""
-LONGEST_WRITE = 1.0
-"""Longest wait for the file to be written, s."""
 LONGEST_READ = 0.2
 """Longest wait for the file to be read at the start or end of a run, s; the arm is at rest then."""
 Variance = Annotated[float, Field(gt=0.0, le=0.01)]
@@ -145,7 +143,8 @@ class Learning:
         self._kept = KeptFile(folder / FILE, "what was learnt")
         self._reader: Thread | None = None
 
-    def flush(self, timeout: float = LONGEST_WRITE) -> bool:
+    # Longest wait for the file to be written, s.
+    def flush(self, timeout: float = 1.0) -> bool:
         """Wait up to `timeout`, s, until the learnt places are on the disk; return True if they are."""
         return self._kept.flush(timeout)
 

@@ -23,8 +23,6 @@ from sim.boards.faulty import FaultyDevice, kept
 PATIENT = ("--set", "plc.life_timeout=10", "--set", "plc.lease_timeout=10")
 """Options that come first: simulated time passes faster than a busy computer's, so that shipped limits would end runs."""
 
-READ_AGAIN = 0.5
-"""Time in which every device that is repaired has returned readings again, s of the cell's clock."""
 TURN = 0.001
 """Time between two looks at that clock, s."""
 
@@ -72,7 +70,8 @@ class SimulatedCell:
         self._skin.is_unplugged = False
         self._arm.change = self._switch.change = lambda reading: reading
         self.cell.refill()
-        end = self.cell.clock.now() + READ_AGAIN
+        # Time in which every device that is repaired has returned readings again, s of the cell's clock.
+        end = self.cell.clock.now() + 0.5
         while self.cell.clock.now() < end and not self.has_ended.wait(TURN):
             pass
 

@@ -22,10 +22,6 @@ WORDS = ROTORS + JOINTS
 """Number of words for an arm: seven bodies, the last with the hand, then the rotors' inertias, kg·m²."""
 ROUNDS = 20
 """Largest number of iterations for the mean of two matrices; six usually suffice."""
-LEAST_MOBILITY = 1e-12
-"""Mobility added along every direction, 1/kg and 1/(kg·m²), so that the inertia of an outstretched arm stays finite."""
-ALIKE = 1e-6
-"""Relative difference of the two means below which they count as equal."""
 
 
 def masses(arm: ArmModel) -> Vector:
@@ -147,7 +143,8 @@ def geometric_mean(A: Vector, B: Vector) -> Vector:  # pragma: no cover
         apart = 0.0
         for i in range(n):
             apart = max(apart, abs(high[i, i] - low[i, i]) / high[i, i])
-        if apart < ALIKE:
+        # Relative difference of the two means below which they count as equal.
+        if apart < 1e-6:
             break
     mean = np.empty((n, n))
     for i in range(n):
@@ -167,7 +164,9 @@ def inertia_at(M: Vector, J: Vector) -> Vector:  # pragma: no cover
     mobility = congruence(J, inverse(M))
     for k in range(mobility.shape[0]):
         # An outstretched arm cannot move along every direction; the added mobility keeps its inertia finite there.
-        mobility[k, k] += LEAST_MOBILITY
+        # Mobility added along every direction, 1/kg and 1/(kg·m²), so that the inertia of an outstretched arm stays
+        # finite.
+        mobility[k, k] += 1e-12
     L: Vector = inverse(mobility)
     return L
 

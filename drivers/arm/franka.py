@@ -30,8 +30,6 @@ RESET_TIME = 5.0
 """Longest time for the arm's error recovery, s of wall time. If it takes longer, the arm stays still and needs another reset."""
 START_TIME = 1.0
 """Longest time from the end of the recovery to the first cycle of torque control, s of wall time."""
-END_TIME = 5.0
-"""Longest time for the loop to brake the arm and to end, s of wall time."""
 POLL_PERIOD = 0.005
 """Time between two polls of the shared block while the driver waits, s of wall time."""
 _ERRORS: dict[LoopPhase, type[CellError]] = {
@@ -123,7 +121,8 @@ class FrankaArm:
             assert self._process.stdin is not None
             self._process.stdin.close()
             try:
-                self._process.wait(timeout=END_TIME)
+                # Longest time for the loop to brake the arm and to end, s of wall time.
+                self._process.wait(timeout=5.0)
             except subprocess.TimeoutExpired:
                 self._process.kill()
                 self._process.wait()

@@ -16,8 +16,6 @@ LONGEST_STEP = 0.2
 """Largest change of a joint in one iteration, rad."""
 STEPS = 100
 """Largest number of iterations of the inverse kinematics."""
-CLOSE = 1e-9
-"""Error below which the inverse kinematics has converged, m and rad."""
 DAMPING = 1e-6
 """Damping of the least-squares step; it keeps the step finite at a singular pose."""
 
@@ -106,7 +104,8 @@ def joints_at(arm: ArmModel, tip: Vector, axis: Vector, closing: Vector, length:
         # The finger frame: x out of the hand, z along the closing axis.
         finger = np.column_stack([flange[:, 2], flange[:, 0], flange[:, 1]])
         error = np.concatenate([tip - point, _turn(wanted @ finger.T)])
-        if float(np.abs(error).max()) < CLOSE:
+        # Error below which the inverse kinematics has converged, m and rad.
+        if float(np.abs(error).max()) < 1e-9:
             return q
         J = jacobian(point, axes, origins)[:, moving]
         # dq = (JᵀJ + λI)⁻¹ Jᵀ e, scaled to `LONGEST_STEP`.

@@ -29,18 +29,10 @@ from drivers.quantities import Vector
 
 logger = logging.getLogger(__name__)
 
-LOOK_EVERY = 50
-"""Number of cycles between two checks of the standard input."""
-RATE_USED = 0.98
-"""Share of the permitted torque rate in use, fraction; at the limit itself, rounding would exceed it."""
 NEEDED_SYSTEM = "pylibfranka 0.21.3 needs system 5.9 or later: update the arm's system in Desk, or install the pylibfranka that fits it"
 """Source: compatibility_matrix.rst of the library, for the version that `constraints.txt` pins."""
 NOT_READY = "unlock the brakes, choose execution and activate the control interface in Desk, then reset"
 """Remedy if the arm refuses a motion in its present mode."""
-BRAKED_SPEED = 0.01
-"""Speed of the fastest joint below which a motion may end, rad/s."""
-LONGEST_BRAKE = 1.0
-"""Longest braking time before the motion ends, s of the arm's time."""
 RECONNECT_PERIOD = 0.1
 """Time between two attempts to connect while the connection is lost, s."""
 
@@ -75,7 +67,8 @@ class TorqueLoop:
         self._collision = [torque] * JOINTS, [force] * 6
         self._figures, self._period = np.array(figures), period
         rates = self._figures[impedance.TORQUE_RATE : impedance.TORQUE_RATE + JOINTS]
-        self._step = RATE_USED * rates * period
+        # Share of the permitted torque rate in use, fraction; at the limit itself, rounding would exceed it.
+        self._step = 0.98 * rates * period
         self._robot: Any = None
         self._sent = np.zeros(JOINTS)
         self._time = 0.0
@@ -129,14 +122,17 @@ class TorqueLoop:
             woke = time.monotonic()
             self._time += passed.to_sec()
             q[:], dq[:] = state.q, state.dq
-            if count % LOOK_EVERY == 0 and end == math.inf and _is_over():
-                end = self._time + LONGEST_BRAKE
+            # Number of cycles between two checks of the standard input.
+            if count % 50 == 0 and end == math.inf and _is_over():
+                # Longest braking time before the motion ends, s of the arm's time.
+                end = self._time + 1.0
                 self._words[:] = holding_words()
             if end == math.inf:
                 self._take()
             command = pylibfranka.Torques(self._torques(state, q, dq))
             count += 1
-            command.motion_finished = end < math.inf and (np.abs(dq).max() < BRAKED_SPEED or self._time > end)
+            # Speed of the fastest joint below which a motion may end, rad/s.
+            command.motion_finished = end < math.inf and (np.abs(dq).max() < 0.01 or self._time > end)
             control.writeOnce(command)
             if command.motion_finished:
                 return
@@ -215,7 +211,7 @@ class TorqueLoop:
         while True:
             if _is_over():
                 return False
-            if self._is_reset_asked():
+            if link["resets"][0] != link["resets_done"][0]:
                 if self._robot is not None:
                     self._try(self._robot.automatic_error_recovery)
                 link["resets_done"][0] = link["resets"][0]
@@ -224,9 +220,6 @@ class TorqueLoop:
                 time.sleep(RECONNECT_PERIOD)
             else:
                 self._try(self._read_idle)
-
-    def _is_reset_asked(self) -> bool:
-        return bool(self._link["resets"][0] != self._link["resets_done"][0])
 
     def _read_idle(self) -> None:
         state = self._robot.read_once()

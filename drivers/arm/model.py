@@ -69,27 +69,11 @@ class Inertial(ConfigModel):
         (x, y, z), (xx, yy, zz, xy, xz, yz) = self.com, self.inertia
         return Inertial(mass=self.mass, com=(-x, -y, z), inertia=(xx, yy, zz, xy, -xz, -yz))
 
-    def with_point(self, mass: float, at: tuple[float, float, float]) -> "Inertial":
-        """Return the body joined with a point mass, kg, at a place in its frame, m, as one body about their common centre."""
-        whole = self.mass + mass
-        centre = (self.mass * np.array(self.com) + mass * np.array(at)) / whole
-        tensor = self.tensor() + _about(self.mass, np.array(self.com) - centre) + _about(mass, np.array(at) - centre)
-        x, y, z = (float(value) for value in centre)
-        xx, yy, zz = (float(value) for value in np.diag(tensor))
-        products = (float(tensor[0, 1]), float(tensor[0, 2]), float(tensor[1, 2]))
-        return Inertial(mass=whole, com=(x, y, z), inertia=(xx, yy, zz, *products))
-
     @model_validator(mode="after")
     def _is_positive(self) -> Self:
         if np.linalg.eigvalsh(self.tensor())[0] <= 0.0:
             raise ValueError("inertia: not positive definite; xx, yy, zz, xy, xz, yz about the centre of mass allowed")
         return self
-
-
-def _about(mass: float, way: Vector) -> Vector:
-    """Return the inertia of a point mass, kg, about a point at offset `way`, shape (3,), m; shape (3, 3), kg·m²."""
-    moved: Vector = mass * (float(way @ way) * np.eye(3) - np.outer(way, way))
-    return moved
 
 
 class Kinematics(ConfigModel):

@@ -17,12 +17,8 @@ COMMAND_TIME = 10.0
 """Longest time of one command, s of wall time; the whole stroke takes 8 s at the lowest speed allowed."""
 SETTLE = 0.2
 """Longest time from the end of a grasp until the hand's states show it, s of wall time; both arrive independently."""
-RESTART_PERIOD = 2.0
-"""Time between two attempts to start a process that has ended, s of wall time."""
 CONNECT_TIME = 20.0
 """Longest wait for the first state of the hand, s of wall time."""
-EMPTY_WIDTH = 0.001
-"""Width below which the fingers have met with nothing between them, m."""
 
 
 class FrankaGripper:
@@ -105,7 +101,8 @@ class FrankaGripper:
         age, limit = time.monotonic() - self._heard, COMMAND_TIME if self._is_busy else SILENT
         if self._width is None or age > limit:
             raise GripperSilentError(f"{where}: newest state {age:.3f} s old > {limit} s limit")
-        is_gripping = self._is_grasped and self._width > EMPTY_WIDTH and not self._is_busy
+        # Width below which the fingers have met with nothing between them, m.
+        is_gripping = self._is_grasped and self._width > 0.001 and not self._is_busy
         return GripperState(width=self._width, is_gripping=is_gripping, is_moving=self._is_busy)
 
     @property
@@ -140,7 +137,8 @@ class FrankaGripper:
         """Restart the process if it has ended; the hand counts as lost until it reports a state."""
         if self._process is None or self._process.poll() is None:
             return
-        if time.monotonic() >= self._started + RESTART_PERIOD:
+        # Time between two attempts to start a process that has ended, s of wall time.
+        if time.monotonic() >= self._started + 2.0:
             self.close()
             self._start()
         self._lost = "its line has ended and is started again"

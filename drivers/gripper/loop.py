@@ -18,8 +18,6 @@ import pylibfranka
 
 RECONNECT_PERIOD = 0.5
 """Time between two attempts to connect, s."""
-REPORT_PERIOD = 0.01
-"""Time between two states, s; 10 ms is sufficient for the cell's scan."""
 
 
 def main() -> None:
@@ -33,7 +31,8 @@ def main() -> None:
             if not _serve_command(gripper):
                 return
             state = gripper.read_once()
-            if time.monotonic() >= reported + REPORT_PERIOD:
+            # Time between two states, s; 10 ms is sufficient for the cell's scan.
+            if time.monotonic() >= reported + 0.01:
                 reported = time.monotonic()
                 print("state", state.width, int(state.is_grasped), flush=True)
         except pylibfranka.CommandException as error:

@@ -34,15 +34,7 @@ class Round:
         """Diameter, m."""
         return self.diameter
 
-    @property
-    def inscribed(self) -> float:
-        """Diameter, m."""
-        return self.diameter
-
-    @property
-    def widest(self) -> float:
-        """Diameter, m."""
-        return self.diameter
+    inscribed = widest = thickness
 
     @property
     def reach(self) -> float:

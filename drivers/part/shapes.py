@@ -12,8 +12,6 @@ Shape = Literal["round", "square", "rectangular"]
 DIAMETER, SIDES = "diameter", "sides"
 WORDS: dict[Shape, str] = {"round": DIAMETER, "square": SIDES, "rectangular": SIDES}
 """Key of [peg], and of [hole], for the size of each shape."""
-SIZED = ("peg", "hole")
-"""Sections of a config with a size."""
 
 
 @lru_cache(maxsize=64)
@@ -76,7 +74,8 @@ def follow_shape(merged: Mapping[str, Any], layer: Mapping[str, Any]) -> list[tu
     other = SIDES if WORDS[shape] == DIAMETER else DIAMETER
     return [
         (name, other, WORDS[shape])
-        for name in SIZED
+        # Sections of a config with a size.
+        for name in ("peg", "hole")
         if isinstance(section := merged.get(name), dict) and _is_resized(name, section, layer.get(name), other, shape)
     ]
 

@@ -30,10 +30,6 @@ logger = logging.getLogger(__name__)
 
 POLL_PERIOD = 0.005
 """Time between two polls of the board while it is opened, s."""
-UNHEARD = 1.0
-"""Time without a poll after which a wire's full buffer may have lost scans, s, for example while a program starts."""
-RECENT = 50
-"""Number of scans over which the rate is measured."""
 LEAST_RATE = 0.8
 """Least measured rate for opening a skin, fraction of the configured rate."""
 
@@ -56,7 +52,8 @@ class BoardSkin:
         self._connect_at = -math.inf
         self._polled = self._listening_since = -math.inf
         self._scans = self._lost = 0
-        self._recent: deque[float] = deque(maxlen=RECENT)
+        # Number of scans over which the rate is measured.
+        self._recent: deque[float] = deque(maxlen=50)
         self._temperature: Vector = np.full(BOARD_MODULES, np.nan)
         self._port.forget()
 
@@ -158,7 +155,9 @@ class BoardSkin:
     def _poll(self) -> list[RawScan]:
         """Send what is due, and return the received scans."""
         now = self._clock.now()
-        if now - self._polled > UNHEARD:
+        # Time without a poll after which a wire's full buffer may have lost scans, s, for example while a program
+        # starts.
+        if now - self._polled > 1.0:
             # Without polls the wire's buffer overflows, which is not a silence of the board.
             self._listening_since = now
         self._polled = now

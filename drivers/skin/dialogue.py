@@ -42,12 +42,6 @@ _WAITS: dict[Step, float] = {
     **dict.fromkeys(("discover", "declare", "details"), ANSWER_TIME),
 }
 """Longest time from a step to the next one, s. Source for the modules' boot loaders: the makers' host program [cyskin]."""
-UID_BYTES = 4
-"""Length of the unique number of a hub, bytes."""
-START_PERIODS = 3.0
-"""Longest time from the start of a board to its first scan, multiple of the period."""
-SLOWEST = 0.015
-"""Longest transfer time of the parts of one scan, s; two modules and two more take 10 ms at 115 200 baud."""
 WATCHED_SCANS = 10
 LEAST_PERIOD = 0.8
 """Number of watched scans, and least share of the period between them. If they arrive faster, the period command is sent again."""
@@ -212,7 +206,8 @@ class CySkinDialogue:
         if self._channels is None:
             self._tries = TRIES  # without modules there is nothing to start
             return []
-        self._next += START_PERIODS * self._period
+        # Longest time from the start of a board to its first scan, multiple of the period.
+        self._next += 3.0 * self._period
         return [
             Message(HubCommand.PERIOD, encode_period(self._period, wire)),
             Message(HubCommand.AUTO_SYNC, b"\1"),
@@ -222,7 +217,8 @@ class CySkinDialogue:
         payload = message.payload
         if message.command == HubCommand.SENSOR_DATA:
             return self._add(message, stamp)
-        if message.command == HubCommand.DISCOVER and len(payload) == UID_BYTES:
+        # Length of the unique number of a hub, bytes.
+        if message.command == HubCommand.DISCOVER and len(payload) == 4:
             self._uids.add(payload)
             self._next = min(self._next, stamp + RETRY)  # further hubs answer within this time
         elif message.command == HubCommand.DECLARE and self._count is None:
@@ -251,7 +247,8 @@ class CySkinDialogue:
         )
         self._places = TaxelPlaces(channels.uid, self._config)
         self._channels = channels
-        self._scans = ScanAssembler(len(channels), max(self._period / 2, SLOWEST))
+        # Longest transfer time of the parts of one scan, s; two modules and two more take 10 ms at 115 200 baud.
+        self._scans = ScanAssembler(len(channels), max(self._period / 2, 0.015))
 
     def _keeps_period(self, stamp: float) -> bool:
         """Return True if scans keep the requested period; if a board missed the command or restarted, it keeps its own period."""

@@ -20,7 +20,6 @@ SETUP = 0x4C
 COUNTS_PER_STEP = 128
 """Number of this program's counts in one step of the board's 8-bit reading."""
 _HEAD_TAXELS = 7
-_TAIL_TAXELS = TAXELS - _HEAD_TAXELS
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,7 +65,7 @@ def decode_tail(frame: CanFrame) -> tuple[tuple[int, ...], int, int]:
     Raises:
         WireError: The frame is not a tail frame.
     """
-    if len(frame.data) != 1 + _TAIL_TAXELS + 2 or frame.data[0] != TAIL:
+    if len(frame.data) != 1 + TAXELS - _HEAD_TAXELS + 2 or frame.data[0] != TAIL:
         raise WireError(f"frame {frame.id:#05x} of {len(frame.data)} bytes is no tail of a triangle")
     high, low = frame.data[-2:]
     return tuple(frame.data[1:-2]), high << 4 | low >> 4, low & 0xF

@@ -170,10 +170,6 @@ def exchanges(layout: Layout) -> dict[str, NDArray[np.intp]]:
     return found
 
 
-_SHEAR = 1e-6
-_FLAT = 1e-3
-
-
 @lru_cache
 def positions(layout: Layout) -> Vector:
     """Return the places of the right finger's taxels, shape (n, 2), m, x and y of the finger frame."""
@@ -199,11 +195,11 @@ def triangles(layout: Layout) -> NDArray[np.intp]:
     are possible; a shear of a millionth selects one.
     """
     x, y = positions(layout).T / PITCH
-    x = x + _SHEAR * y
+    x = x + 1e-6 * y
     corner = np.array(list(combinations(range(len(x)), 3)))
     a, b, c = corner.T
     doubled_area = (x[b] - x[a]) * (y[c] - y[a]) - (x[c] - x[a]) * (y[b] - y[a])
-    wide = np.abs(doubled_area) > _FLAT
+    wide = np.abs(doubled_area) > 1e-3
     corner, doubled_area = corner[wide], doubled_area[wide]
     a, b, c = corner.T
     # With every point lifted to the paraboloid, inside the circumcircle means below the plane of the three corners.

@@ -13,10 +13,6 @@ from drivers.quantities import Mask, Vector
 from drivers.skin.health import Counts
 from drivers.skin.layout import Layout, exchanges, shape_of
 
-CHANGE = 0.05
-"""Usual change of a pressed taxel from frame to frame, fraction of its reading."""
-AGREES = 3.0
-"""Largest mean square difference of two frames that agree, in units of its expected value."""
 EXPLAINS = 1.8
 """Largest mean square difference if an exchange explains a frame, in the same units. An exchange under a peg at rest leaves only
 the noise of the taxels; if a peg slips to about the mirrored angle, 2.8 and more remain. Source: docs/tried/grasp.md."""
@@ -50,7 +46,8 @@ class TaxelOrder:
 
     def _confirmed(self, now: Vector, is_known: Mask, before: Vector, pressed: Vector, was_known: Mask) -> str:
         """Return the exchange found in the previous frame if this frame confirms it; empty if there is none."""
-        variance = self._variance + (CHANGE * pressed) ** 2
+        # A pressed taxel usually changes by 5 % of its reading from frame to frame.
+        variance = self._variance + (0.05 * pressed) ** 2
 
         def misfit(order: NDArray[np.intp]) -> tuple[float, float]:
             known = is_known & was_known[order]
@@ -59,7 +56,8 @@ class TaxelOrder:
             return 0.5 * total, total / squares.size if squares.size else np.inf
 
         as_before, mean = misfit(self._as_told)
-        is_steady = mean <= AGREES
+        # Frames agree up to 3 times the expected mean square difference.
+        is_steady = mean <= 3.0
         found = self._suspected if is_steady else ""
         (exchanged, mean), name = min((misfit(order), name) for name, order in self._exchanges.items())
         is_jump = self._was_steady and mean <= EXPLAINS and as_before - exchanged > GAIN

@@ -27,7 +27,7 @@ NOTHING_ON_BUS = ": check its supply, the wires with a terminator at both ends, 
 NOTHING_ON_LINE = ": check its supply and cable, whether this is its port, and skin.baud_rate"
 
 
-class Link(Protocol):
+class SkinLink(Protocol):
     """A connection that can be opened: a wire, or a file."""
 
     def open(self) -> None:
@@ -56,7 +56,7 @@ class SkinPort(Protocol):
     """One wire with one board."""
 
     @property
-    def link(self) -> Link:
+    def link(self) -> SkinLink:
         """The wire."""
 
     @property

@@ -15,19 +15,10 @@ import can
 from drivers.errors import DeviceNotOpenedError
 from drivers.transport.wires import CanFrame, CanLostError, Interface
 
-SEND_TIMEOUT = 0.1
-"""Longest wait of one frame for the adapter, s."""
-CONNECT_TIMEOUT = 1.0
-"""Longest wait for a socketcand server, s."""
 MOST_ERRORS = 3
 """Number of errors in a row after which the bus counts as lost; one undecodable frame or one full buffer is tolerated."""
 MOST_OTHERS = 1000
 """Largest number of ignored frames (echoes, errors, remote and FD frames) that one read skips."""
-ECHO_TIME = 1.0
-"""Time after which an own frame without an echo counts as lost, s."""
-LONGEST_WAIT = 10.0
-"""Longest plausible wait of a frame, s; if it is longer, the computer's clock was set."""
-_STAMPED = ("socketcan", "udp_multicast")
 _SOCKETCAN_TROUBLE = {
     errno.EAFNOSUPPORT: "this computer's kernel has no CAN: load its modules (modprobe can_raw), or use another interface",
     errno.ENODEV: "no such network interface: plug the adapter in and load its driver, or name another channel",
@@ -117,7 +108,8 @@ class CanBus:
         bus = self._opened()
         message = can.Message(arbitration_id=frame.id, data=frame.data, is_extended_id=frame.is_extended)
         try:
-            bus.send(message, SEND_TIMEOUT)
+            # Longest wait of one frame for the adapter, s.
+            bus.send(message, 0.1)
             self._write_errors = 0
             if self.interface == "udp_multicast":
                 self._echoes.append((time.monotonic(), frame))
@@ -126,12 +118,14 @@ class CanBus:
 
     def _waited(self, stamp: float) -> float:
         """Return the time since the kernel's stamp of a frame, s; 0 on interfaces without kernel stamps."""
-        waited = time.time() - stamp if self.interface in _STAMPED else 0.0
-        return waited if 0.0 < waited < LONGEST_WAIT else 0.0
+        waited = time.time() - stamp if self.interface in ("socketcan", "udp_multicast") else 0.0
+        # Longest plausible wait of a frame, s; if it is longer, the computer's clock was set.
+        return waited if 0.0 < waited < 10.0 else 0.0
 
     def _is_echo(self, frame: CanFrame) -> bool:
         """Return True if a frame is the echo of an own frame, as in network multicast; echoes arrive in order."""
-        while self._echoes and self._echoes[0][0] < time.monotonic() - ECHO_TIME:
+        # Time after which an own frame without an echo counts as lost, s.
+        while self._echoes and self._echoes[0][0] < time.monotonic() - 1.0:
             self._echoes.popleft()
         for place, (_, sent) in enumerate(self._echoes):
             if sent == frame:
@@ -173,7 +167,8 @@ class CanBus:
             if not slash or not host or not channel:
                 raise ValueError('"HOST:PORT/can0" or "HOST/can0" allowed')
             # python-can itself would try for ten seconds, and busily
-            socket.create_connection((host, port), CONNECT_TIMEOUT).close()
+            # Longest wait for a socketcand server, s.
+            socket.create_connection((host, port), 1.0).close()
             settings.update(channel=channel, host=host, port=port, tcp_tune=True)
         return settings
 

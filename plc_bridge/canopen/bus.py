@@ -10,10 +10,10 @@ import threading
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Protocol
 
 from drivers.errors import CellError
-from drivers.transport.wires import CanFrame, CanLink, CanLostError
+from drivers.transport.can_bus import CanBus
+from drivers.transport.wires import CanFrame, CanLostError
 from plc_bridge.canopen.node import CanopenNode
 from plc_bridge.config import CanConfig
 from plc_bridge.protocol.images import Diagnostics
@@ -24,19 +24,10 @@ logger = logging.getLogger(__name__)
 
 TICK = 0.01
 """Time between two polls of the report and the timers by the node, s."""
-CATCH_UP = 1.0
-"""Longest reading of waiting frames after a pause of this process, s; only then can the PLC count as silent."""
 FIRST_PAUSE, LONGEST_PAUSE = 0.5, 10.0
 """Shortest and longest pause before a lost bus is reopened, s."""
 FIRST_QUIET, LONGEST_QUIET = 5.0, 60.0
 """Shortest and longest silence after which a bus with previous traffic is reopened, s; some buses fail without an error."""
-
-
-class Bus(CanLink, Protocol):
-    """A CAN bus with a name that counts bad frames, such as `drivers.transport.can_bus.CanBus`."""
-
-    name: str
-    bad_frames: int
 
 
 @dataclass(slots=True)
@@ -85,7 +76,7 @@ class CanopenServer:
         self,
         config: CanConfig,
         registers: Sequence[Register],
-        bus: Bus,
+        bus: CanBus,
         mailbox: Mailbox,
         now: Callable[[], float] = time.monotonic,
         wait: Callable[[float], object] | None = None,
@@ -173,7 +164,8 @@ class CanopenServer:
             raise CanLostError(f"CAN bus {self._bus.name}: nobody is heard any more")
         if frame is None or now >= self._next_tick:
             self._next_tick = now + TICK
-            self._node.tick(now, self._behind_since is None or now - self._behind_since > CATCH_UP)
+            # Longest reading of waiting frames after a pause of this process, s; only then can the PLC count as silent.
+            self._node.tick(now, self._behind_since is None or now - self._behind_since > 1.0)
 
     def _lose(self, error: CellError) -> None:
         self._is_open = False

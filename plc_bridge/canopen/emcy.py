@@ -7,8 +7,6 @@ GENERIC, COMMUNICATION, MANUFACTURER = 0x01, 0x10, 0x80
 """Bits of the error register 0x1001."""
 NO_ERROR, HEARTBEAT_LOST, BUS_RECOVERED, PDO_NOT_PROCESSED, PDO_TOO_SHORT = 0x0000, 0x8130, 0x8140, 0x8200, 0x8210
 """Error codes of CiA 301, table 26."""
-DEVICE_SPECIFIC = 0xFF00
-"""Error code of the cell's own faults: this plus the thousands of the fault code; bytes 3 and 4 hold the whole code."""
 _EMCY = struct.Struct("<HBHHB")
 
 
@@ -33,7 +31,9 @@ class Emergency:
         if fault == self.fault:
             return None
         self.fault = fault
-        code = DEVICE_SPECIFIC + fault // 1000 if fault else NO_ERROR
+        # Error code of the cell's own faults: this plus the thousands of the fault code; bytes 3 and 4 hold the whole
+        # code.
+        code = 0xFF00 + fault // 1000 if fault else NO_ERROR
         return self.message(code, run)
 
     def message(self, code: int, run: int = 0) -> bytes:

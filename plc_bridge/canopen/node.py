@@ -60,7 +60,6 @@ class NmtState(IntEnum):
 
 
 _STATE_BY_COMMAND = {1: NmtState.OPERATIONAL, 2: NmtState.STOPPED, 128: NmtState.PRE_OPERATIONAL}
-_RESETS = (129, 130)
 _STATE_ON_ERROR = {0: NmtState.PRE_OPERATIONAL, 2: NmtState.STOPPED}
 """State after an error, by object 0x1029; 1 keeps the state, and pre-operational replaces operational only."""
 
@@ -157,7 +156,7 @@ class CanopenNode:
         command, node = data
         if node not in (0, self._id):
             return
-        if command in _RESETS:
+        if command in (129, 130):  # reset of the node, of its communication
             self._enter(NmtState.INITIALISING)
             self._reset()
         elif command in _STATE_BY_COMMAND:

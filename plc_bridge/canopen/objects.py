@@ -20,8 +20,6 @@ HEARTBEAT = 100
 TIMERS = ((0, 500), (0, 500), (1000, 100), (0, 500))
 """Inhibit and event time of each TPDO, in counts: the third carries the life counter, which always changes."""
 
-_NO_REMOTE_REQUEST = 0x40000000
-_EVENT_DRIVEN = 254
 _BLOCKS = {
     0x2000: "command",
     0x2001: "report",
@@ -161,9 +159,10 @@ def _pdos(
     made = []
     for number, names in enumerate(pdos):
         place, base = first + number, bases[number]
+        # Bit 30: no remote request.
         parameters = [
-            _cob("COB-ID", place, 1, base + (_NO_REMOTE_REQUEST if kind == "TPDO" else 0), node_id),
-            _variable("transmission type", place, 2, _U8, "ro", _EVENT_DRIVEN),
+            _cob("COB-ID", place, 1, base + (0x40000000 if kind == "TPDO" else 0), node_id),
+            _variable("transmission type", place, 2, _U8, "ro", 254),  # event-driven
         ]
         if kind == "TPDO":
             inhibit, event = TIMERS[number]

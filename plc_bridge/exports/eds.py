@@ -21,10 +21,6 @@ from plc_bridge.protocol.registers import (
 _VAR, _ARRAY, _RECORD = 7, 8, 9
 _MANDATORY = (0x1000, 0x1001, 0x1018)
 _MANUFACTURER = range(0x2000, 0x6000)
-_LONGEST_COMMENT = 200
-"""Longest comment, characters; CiA 306 allows lines of 255."""
-_DUMMIES = 7
-"""Number of data types that could fill a gap in a PDO; the mapping is fixed, so none of them may."""
 
 
 def as_eds(registers: Sequence[Register]) -> str:
@@ -51,7 +47,8 @@ def as_eds(registers: Sequence[Register]) -> str:
             },
         ),
         *_section("DeviceInfo", _device(objects)),
-        *_section("DummyUsage", {f"Dummy{number:04d}": 0 for number in range(1, _DUMMIES + 1)}),
+        # Number of data types that could fill a gap in a PDO; the mapping is fixed, so none of them may.
+        *_section("DummyUsage", {f"Dummy{number:04d}": 0 for number in range(1, 8)}),
         *_section("Comments", {"Lines": 1, "Line1": "made by `cell map --format eds`"}),
     ]
     for name in ("MandatoryObjects", "OptionalObjects", "ManufacturerObjects"):
@@ -70,7 +67,8 @@ def _list_of(index: int) -> str:
 
 
 def _section(name: str, entries: Mapping[str, object], comment: str = "") -> Iterator[str]:
-    for line in textwrap.wrap(comment, _LONGEST_COMMENT):
+    # Longest comment, characters; CiA 306 allows lines of 255.
+    for line in textwrap.wrap(comment, 200):
         yield f"; {line}"
     yield f"[{name}]"
     for key, value in entries.items():

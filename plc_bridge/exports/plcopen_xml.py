@@ -12,7 +12,6 @@ from plc_bridge.protocol.registers import DEVICE_NAME, VERSION_DATE, VERSION_MAJ
 
 NAMESPACE, XHTML = "http://www.plcopen.org/xml/tc6_0201", "http://www.w3.org/1999/xhtml"
 _STAMP = f"{VERSION_DATE}T00:00:00"
-_SCALES = ("fbd", "ld", "sfc")
 
 
 def as_plcopen_xml(registers: Sequence[Register], names: Mapping[str, int]) -> str:
@@ -35,7 +34,7 @@ def _headers(project: ET.Element) -> None:
     ET.SubElement(project, "fileHeader", {"companyName": DEVICE_NAME, **made, "creationDateTime": _STAMP})
     content = ET.SubElement(project, "contentHeader", {"name": NAME, "modificationDateTime": _STAMP})
     info = ET.SubElement(content, "coordinateInfo")
-    for kind in _SCALES:
+    for kind in ("fbd", "ld", "sfc"):
         ET.SubElement(ET.SubElement(info, kind), "scaling", {"x": "1", "y": "1"})
 
 

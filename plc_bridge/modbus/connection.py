@@ -19,8 +19,6 @@ if TYPE_CHECKING:
 HEADER = struct.Struct(">HHHB")
 """Transaction, protocol, number of bytes after the length field, unit."""
 SHORTEST, LONGEST = 2, 254  # MBAP length: unit + function .. unit + the longest PDU
-FRAMES_PER_TURN = 8
-"""Number of requests of one connection that are answered before the others get their turn."""
 REST = 3.0
 """Pause after a turn for each connection with more requests, as a multiple of the turn's duration. A client that floods
 the server leaves three quarters of the time to others and to the scan, on a computer of any speed."""
@@ -136,7 +134,8 @@ class Connection(asyncio.Protocol):
     def _answer_some(self) -> bool:
         """Answer the requests of one turn; return True if there may be more."""
         transport = self._reading()
-        for _ in range(FRAMES_PER_TURN):
+        # After this number of requests the other connections get their turn.
+        for _ in range(8):
             if not self._is_writable or transport.is_closing():
                 return False
             if not self._answer_next():

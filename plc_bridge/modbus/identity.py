@@ -14,12 +14,8 @@ DEVICE_IDENTIFICATION = 14
 """MEI type of function 43; 13 is CANopen's, which has a separate bus here."""
 RETURN_QUERY_DATA = 0
 """Sub-function of function 8 that is served on every line; the only one."""
-INDIVIDUAL = 4
-"""Read device ID code for one object; 1 to 3 request a stream of basic, regular and extended ones."""
 _LAST_OF = {1: 0x02, 2: 0x7F, 3: 0x7F}
 """Last object of each stream; there are no extended objects, so a request for them gets the regular ones (6.21)."""
-_CONFORMITY = 0x82
-"""Conformity level: regular identification, as a stream and by single objects."""
 _PROGRAM = "tactile-insertion-cell"
 _ON, _OFF = 0xFF, 0x00
 
@@ -51,7 +47,8 @@ def device_identification(code: int, number: int) -> bytes:
         ValueError: The code does not exist.
     """
     known = objects()
-    if code == INDIVIDUAL:
+    # Read device ID code for one object; 1 to 3 request a stream of basic, regular and extended ones.
+    if code == 4:
         chosen = {number: known[number]}
     elif code in _LAST_OF:
         within = {each: text for each, text in known.items() if each <= _LAST_OF[code]}
@@ -59,7 +56,8 @@ def device_identification(code: int, number: int) -> bytes:
         chosen = {each: text for each, text in within.items() if each >= first}
     else:
         raise ValueError(code)
-    head = struct.pack("BBBBBB", DEVICE_IDENTIFICATION, code, _CONFORMITY, 0, 0, len(chosen))
+    # Conformity level: regular identification, as a stream and by single objects.
+    head = struct.pack("BBBBBB", DEVICE_IDENTIFICATION, code, 0x82, 0, 0, len(chosen))
     return head + b"".join(bytes([each, len(text)]) + text.encode("ascii") for each, text in chosen.items())
 
 

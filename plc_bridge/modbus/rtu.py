@@ -8,10 +8,9 @@ import logging
 import threading
 import time
 from collections.abc import Callable
-from typing import Protocol
 
 from drivers.errors import CellError
-from drivers.transport.wires import ByteLink
+from drivers.transport.serial_line import SerialLine
 from plc_bridge.config import RtuConfig
 from plc_bridge.modbus.pdu import is_exception, respond
 from plc_bridge.modbus.rtu_frames import BROADCAST, Receiver, with_check_sum
@@ -21,7 +20,6 @@ from plc_bridge.protocol.station import LinkStation, LinkWords
 
 logger = logging.getLogger(__name__)
 
-SHORTEST_SILENCE = 0.00175  # s; Modbus over Serial Line V1.02, 2.5.1.1, for more than 19200 baud
 PATIENCE = 0.05
 """Longest pause within a frame, s: USB adapters deliver bytes up to 16 ms late, a busy computer even later."""
 IDLE = 0.1
@@ -30,12 +28,6 @@ FIRST_PAUSE, LONGEST_PAUSE = 0.5, 10.0
 """Shortest and longest pause before a lost line is reopened, s."""
 WRITES = frozenset({5, 6, 15, 16, 22})
 """Functions that are valid as broadcasts."""
-
-
-class RtuLine(ByteLink, Protocol):
-    """A serial line with the name of its port, such as `drivers.transport.serial_line.SerialLine`."""
-
-    port: str
 
 
 class RtuServer:
@@ -52,14 +44,15 @@ class RtuServer:
     def __init__(
         self,
         config: RtuConfig,
-        line: RtuLine,
+        line: SerialLine,
         mailbox: Mailbox,
         now: Callable[[], float] = time.monotonic,
         pause: float = FIRST_PAUSE,
     ) -> None:
         self._unit, self._idle_timeout = config.unit, config.idle_timeout
         self._line, self._mailbox, self._now, self._first_pause = line, mailbox, now, pause
-        self._silence = max(3.5 * line.character_time, SHORTEST_SILENCE)
+        # At more than 19200 baud the silence is constant, s; Modbus over Serial Line V1.02, 2.5.1.1.
+        self._silence = max(3.5 * line.character_time, 0.00175)
         self.source = f"rtu:{line.port.rpartition('/')[2]}"
         self.counts = Diagnostics()
         self._receiver = Receiver(config.unit)

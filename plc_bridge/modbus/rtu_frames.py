@@ -13,8 +13,6 @@ _FIXED = {1: 8, 2: 8, 3: 8, 4: 8, 5: 8, 6: 8, 8: 8, 17: 4, 22: 10, 43: 7}
 """Length of requests by function, including unit and check sum; function 8 is an echo with one word of data."""
 _COUNTED = {15: (9, 6), 16: (9, 6), 23: (13, 10)}
 """Length of other requests without their data, and the place of the byte with the number of data bytes."""
-_ANSWERED_WITH_DATA = (1, 2, 3, 4, 17, 23)
-"""Functions whose response has the number of data bytes in its third byte."""
 
 
 def with_check_sum(frame: bytes) -> bytes:
@@ -91,7 +89,8 @@ class Receiver:
         if place < len(frame):
             lengths.append(length + frame[place])
         if unit not in (self._unit, BROADCAST):
-            if function in _ANSWERED_WITH_DATA:
+            # Functions whose response has the number of data bytes in its third byte.
+            if function in (1, 2, 3, 4, 17, 23):
                 lengths.append(5 + frame[2])
             elif function in (15, 16):
                 lengths.append(8)

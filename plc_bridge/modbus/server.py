@@ -19,11 +19,6 @@ from plc_bridge.protocol.station import LinkStation, LinkWords
 
 logger = logging.getLogger(__name__)
 
-ACCEPTED_PER_TURN = 8
-"""Number of connections that are accepted before existing ones get their turn."""
-BACKLOG = 128
-"""Largest number of connections that wait for acceptance."""
-
 
 class ModbusServer:
     """Listens, admits clients, closes idle ones; `start` and `close` may be called from any thread."""
@@ -83,8 +78,10 @@ class ModbusServer:
 
     async def _serve(self, listening: socket.socket, is_ready: threading.Event) -> None:
         self.loop, self._stop = asyncio.get_running_loop(), asyncio.Event()
-        server = await self.loop.create_server(self.receive, sock=listening, backlog=ACCEPTED_PER_TURN)
-        listening.listen(BACKLOG)  # asyncio takes the same figure for both
+        # After this number of new connections the existing ones get their turn.
+        server = await self.loop.create_server(self.receive, sock=listening, backlog=8)
+        # Largest number of connections that wait for acceptance.
+        listening.listen(128)  # asyncio takes the same figure for both
         is_ready.set()
         while not self._stop.is_set():
             try:

@@ -10,11 +10,6 @@ from plc_bridge.modbus.server import ModbusServer
 from plc_bridge.modbus.tls import BadRoleError, rights_of, role_of, server_context
 from plc_bridge.protocol.mailbox import Mailbox
 
-HANDSHAKE_TIMEOUT = 10.0
-"""Longest TLS handshake, s."""
-HANDSHAKE_PERIOD = 0.01
-"""Least time between the beginnings of two handshakes, s; each blocks the open connections for milliseconds."""
-
 
 class _Door(asyncio.Protocol):
     """A client during its TLS handshake; its bytes go to TLS."""
@@ -74,7 +69,9 @@ class SecureModbusServer(ModbusServer):
             connection = self._waiting.popleft()
             if connection in self._guests:
                 self._handshakes[connection] = self.loop.create_task(self._shake_hands(connection))
-                self.loop.call_later(HANDSHAKE_PERIOD, self._open_next)
+                # Least time between the beginnings of two handshakes, s; each blocks the open connections for
+                # milliseconds.
+                self.loop.call_later(0.01, self._open_next)
                 return
         self._is_opening = False
 
@@ -95,7 +92,8 @@ class SecureModbusServer(ModbusServer):
 
     async def _shake_hands(self, connection: Connection) -> None:
         # the protocol needs the role, which the handshake provides; TLS needs a protocol before
-        timeout = min(HANDSHAKE_TIMEOUT, self._tls.idle_timeout)
+        # Longest TLS handshake, s.
+        timeout = min(10.0, self._tls.idle_timeout)
         assert connection.transport is not None
         try:
             secure = await self.loop.start_tls(

@@ -23,11 +23,8 @@ from plc_bridge.protocol.mailbox import Mailbox
 from plc_bridge.protocol.messages import REMEDIES, Control, Refusal, Result
 from plc_bridge.protocol.registers import PARAMETERS, Lease, Parameter, Register
 
-DECIDED_WITHIN = 0.5
-"""Longest wait of a method for the scan thread, s; a later answer is read by `Answer`."""
 LOOK = 0.005
 """Time between two looks for the answer, s."""
-LONGEST_SERIAL = 32
 _CONTROLS = (
     (f"{PATHS[BASE_MACHINE]}.Abort", Control.ABORT),
     (f"{PATHS[BASE_MACHINE]}.Clear", Control.CLEAR),
@@ -41,7 +38,6 @@ _CONTROLS = (
 _WITHOUT_MEANING = ("SetUnitMode", "SetMachSpeed", "SetProduct", "SetParameter")
 """Methods that PackML requires and that this cell does not support."""
 _COMMAND: tuple[Right, ...] = ("command",)
-_STOP: tuple[Right, ...] = ("stop", "command")
 _STATUS = {Refusal.NOT_HOLDER: ua.StatusCodes.BadRequestNotAllowed, Refusal.BUSY: ua.StatusCodes.BadResourceUnavailable}
 """Status of a refused control; of all other refusals BadInvalidState."""
 _ANSWERED = ("report_answered", "report_refusal", "report_refusal_detail")
@@ -78,11 +74,15 @@ class Commands:
     async def bind(self, add: Callable[[ua.NodeId, Callable[..., Any]], object]) -> None:
         """Add the unit's own methods, and give every method its function by `add`."""
         for path, control in _CONTROLS:
-            rights = _STOP if control in (Control.STOP, Control.ABORT) else _COMMAND
+            rights = ("stop", "command") if control in (Control.STOP, Control.ABORT) else _COMMAND
             add(self._unit.place(path), _checked(rights, [], partial(self._control, control)))
         for name in _WITHOUT_MEANING:
             add(self._unit.place(f"{UNIT}.{name}"), _not_supported)
-        arguments = {name: _of(register) for name, register in self._registers.items() if register.type != "bool"}
+        arguments = {
+            name: _argument(title(register), variant_type(register), register.meaning)
+            for name, register in self._registers.items()
+            if register.type != "bool"
+        }
         limits = "; ".join(f"{p.name} {p.low:g} to {p.high:g} {p.unit}" for p in self._parameters)
         given = _argument("Parameters", ua.VariantType.Double, f"in this order, NaN for the default: {limits}", 1)
         asked = [arguments[f"command_{name}"] for name in ("sequence", "code", "recipe", "serial")]
@@ -151,10 +151,6 @@ class Commands:
         return [ua.Variant(values[name], variant_type(self._registers[name])) for name in names]
 
 
-def _of(register: Register) -> ua.Argument:
-    return _argument(title(register), variant_type(register), register.meaning)
-
-
 def _argument(name: str, kind: ua.VariantType, meaning: str, rank: int = -1) -> ua.Argument:
     argument = ua.Argument(Name=name, DataType=ua.NodeId(int(kind)), ValueRank=rank)
     argument.Description = ua.LocalizedText(meaning)
@@ -207,7 +203,7 @@ def _require_sendable(serial: str, parameters: Sequence[float]) -> None:
     Raises:
         NotDoneError: The serial number is too long, or there are too many parameters, or an infinite one.
     """
-    is_bad = (len(serial) > LONGEST_SERIAL, len(parameters) > PARAMETERS or any(map(math.isinf, parameters)))
+    is_bad = (len(serial) > 2 * 16, len(parameters) > PARAMETERS or any(map(math.isinf, parameters)))
     if any(is_bad):
         results = [ua.StatusCodes.BadOutOfRange if each else ua.StatusCodes.Good for each in (False,) * 3 + is_bad]
         raise NotDoneError(ua.StatusCodes.BadInvalidArgument, results)
@@ -220,6 +216,7 @@ async def _not_supported(_: ua.NodeId, *__: ua.Variant) -> ua.StatusCode:
 async def _until(is_done: Callable[[], bool]) -> None:
     """Wait for the scan thread, for a bounded time."""
     loop = asyncio.get_running_loop()
-    end = loop.time() + DECIDED_WITHIN
+    # Longest wait of a method for the scan thread, s; a later answer is read by `Answer`.
+    end = loop.time() + 0.5
     while not is_done() and loop.time() < end:
         await asyncio.sleep(LOOK)

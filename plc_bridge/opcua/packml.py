@@ -13,7 +13,6 @@ from typing import Any, NamedTuple
 from asyncua import Server, ua
 from asyncua.common.structures104 import create_encoding, new_struct_field
 
-PACKML_URI = "http://opcfoundation.org/UA/PackML/"
 MODES, FOLDER, UNIT_TYPE = 11, 72, 6
 """Numbers of the enumeration of modes, of the folder of all units, and of the type of a unit."""
 BASE_MACHINE, MACHINE, EXECUTE = 3, 2, 1
@@ -146,7 +145,7 @@ class Nodes:
 
 async def add_types(server: Server) -> Nodes:
     """Add the types of PackML and the folder of its units; return what adds further nodes."""
-    nodes = Nodes(server, await server.register_namespace(PACKML_URI))
+    nodes = Nodes(server, await server.register_namespace("http://opcfoundation.org/UA/PackML/"))
     for row in ROWS:
         node, parent = nodes.standard(row.number), nodes.standard(row.parent)
         if row.kind in ("modes", "structure"):

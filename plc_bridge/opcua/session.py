@@ -34,7 +34,6 @@ _READ_SERVICES = (
     *("set_monitoring_mode", "set_publishing_mode"),
 )
 """Services for which the right to read is enough, and necessary."""
-MOST_CONNECTIONS = 32
 
 
 class UntrustedError(Exception):
@@ -135,7 +134,7 @@ class CellServer(InternalServer):  # type: ignore[misc]
         super().__init__(user_manager=_NoUsers())
         self.mailbox, self.trust, self.counts, self.log = mailbox, trust, counts, PeerLog(logger)
         self.supported_tokens = (ua.AnonymousIdentityToken,)
-        self.max_connections = MOST_CONNECTIONS
+        self.max_connections = 32
         self.allow_remote_admin = False
         self.bind_condition_methods = True
 

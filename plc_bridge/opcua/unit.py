@@ -34,8 +34,6 @@ PATHS = {BASE_MACHINE: f"{UNIT}.BaseStateMachine"}
 PATHS[MACHINE] = f"{PATHS[BASE_MACHINE]}.MachineState"
 PATHS[EXECUTE] = f"{PATHS[MACHINE]}.ExecuteState"
 """Path of each state machine."""
-FAULT_SEVERITY = 800
-"""Severity of a fault, of 1000: the cell stands until a person has acted."""
 _VARIANTS = {"u16": ua.VariantType.UInt16, "u32": ua.VariantType.UInt32, "i32": ua.VariantType.Int32}
 _RUN_FIELDS = {
     "Run": ua.VariantType.UInt32,
@@ -186,7 +184,8 @@ class Unit:
         alarm, event = self._alarms[fault], self._alarms[fault].event
         event.NodeId = self.place(f"{UNIT}.Fault.{fault}")
         event.SourceNode, event.SourceName, event.ConditionName = self.place(UNIT), UNIT, FaultCode(fault).name
-        event.Severity, event.Retain, event.BranchId = FAULT_SEVERITY, is_active, ua.NodeId()
+        # Severity of a fault, of 1000: the cell stands until a person has acted.
+        event.Severity, event.Retain, event.BranchId = 800, is_active, ua.NodeId()
         states = {"EnabledState": (True, "Enabled"), "ActiveState": (is_active, "Active" if is_active else "Inactive")}
         states["AckedState"] = (not is_active, "Unacknowledged" if is_active else "Acknowledged")
         for name, (value, text) in states.items():

@@ -13,9 +13,6 @@ from plc_bridge.protocol.messages import FIRST_PROGRAM, Command, Control, Refusa
 from plc_bridge.protocol.sequence_numbers import SequenceNumbers
 from plc_bridge.protocol.watchdog import LinkWatchdog
 
-PAUSES = (Control.HOLD, Control.UNHOLD)
-"""Controls that refer to the run under way, and have no effect after its end."""
-
 
 @dataclass(slots=True, eq=False)
 class Order:
@@ -158,7 +155,11 @@ class Link:
         shown = self.shown
         if shown is None or not shown.is_program or shown.sequence == order.sequence:
             self.shown = order
-        elif not (shown.is_under_way or (order.command.code in PAUSES and shown.shown_result is not Result.NONE)):
+        # Controls that refer to the run under way, and have no effect after its end.
+        elif not (
+            shown.is_under_way
+            or (order.command.code in (Control.HOLD, Control.UNHOLD) and shown.shown_result is not Result.NONE)
+        ):
             # If a hold arrives just after the end of the run, the run's result stays in view.
             self.shown = order
 

@@ -22,8 +22,6 @@ from plc_bridge.protocol.sight import PlcSight
 
 P = ParamSpec("P")
 T = TypeVar("T")
-SCANNED_WITHIN = 1.0
-"""Age of the last report up to which the cell counts as scanned, s; ten periods of the slowest scan."""
 
 
 class Mailbox:
@@ -87,7 +85,8 @@ class Mailbox:
     def is_scanned(self) -> bool:
         """True if the newest report is recent."""
         with self._lock:
-            return self._now() - self._published < SCANNED_WITHIN
+            # Age of the last report up to which the cell counts as scanned, s; ten periods of the slowest scan.
+            return self._now() - self._published < 1.0
 
     @property
     def holder(self) -> str:

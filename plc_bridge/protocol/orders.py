@@ -24,8 +24,6 @@ logger = logging.getLogger(__name__)
 
 MOST_WAITING = 8
 """Largest number of orders that wait for the scan thread, without stops."""
-MOST_ENDED = 16
-"""Largest number of ended programs that are kept for their reader."""
 
 
 @dataclass(slots=True)
@@ -54,7 +52,8 @@ class Orders:
     """Order of any link that was decided last."""
     report: Report = field(default_factory=Report)
     """Report that the scan thread published last."""
-    ended: deque[Order] = field(default_factory=lambda: deque(maxlen=MOST_ENDED))
+    # So many ended programs are kept for their reader.
+    ended: deque[Order] = field(default_factory=lambda: deque(maxlen=16))
     """Programs that have ended, for a reader that takes them from here."""
     _waiting: deque[Order] = field(default_factory=deque)
     _stops: dict[int, list[Order]] = field(default_factory=dict)

@@ -10,8 +10,6 @@ from plc_bridge.protocol.messages import PACKML as CONTROLS_OF_PACKML
 from plc_bridge.protocol.messages import Control, Report, Result
 from plc_bridge.protocol.registers import STATES
 
-PRODUCTION = 1
-"""Value of PackML's UnitModeCurrent in this cell."""
 STOPPED, EXECUTE, STOPPING, ABORTING, ABORTED = 2, 6, 7, 8, 9
 """States of PackML with a stop reason, and the state that ends it."""
 
@@ -59,7 +57,8 @@ class PackTags:
     def words(self) -> list[int]:
         """Return the words of the block."""
         values: dict[str, Value] = {
-            "packml_unit_mode": PRODUCTION,
+            # Value of PackML's UnitModeCurrent in this cell.
+            "packml_unit_mode": 1,
             "packml_state": self.state,
             "packml_cntrl_cmd": self.cntrl_cmd,
             "packml_stop_reason": self.stop_reason,

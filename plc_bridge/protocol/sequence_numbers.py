@@ -30,7 +30,6 @@ from dataclasses import dataclass, field
 from enum import Enum, auto
 
 _MODULUS = 0x10000
-_HALF = 0x8000
 KEPT = 256
 """Number of stored numbers of one count; of an older one only its presence is certain, not its command."""
 CONFIRMED = 3
@@ -204,4 +203,4 @@ class SequenceNumbers:
 
 
 def _is_behind(number: int, other: int) -> bool:
-    return 0 < (other - number) % _MODULUS < _HALF
+    return 0 < (other - number) % _MODULUS < _MODULUS // 2

@@ -1,8 +1,7 @@
 """Readings of the arm, compiled: joint states with noise and zero errors, and the estimated external wrench.
 
-The law reads the newest joint states once every control period. A ring keeps the joint states and wrenches of earlier
-cycles, and a scan reads one of them. Unmodelled joint torques add to the wrench when it is read: the least-squares
-wrench (J Jᵀ)⁻¹ J of those torques at the pose of that cycle.
+The law reads the joint states once every control period; a scan reads those of the newest cycle. Unmodelled joint torques
+add to the wrench when it is read: the least-squares wrench (J Jᵀ)⁻¹ J of those torques at the pose of that cycle.
 """
 
 import math
@@ -14,55 +13,52 @@ from drivers import impedance
 from drivers.arm.model import JOINTS
 from drivers.compiled import njit
 from drivers.quantities import Vector
-from sim.arm.arm_truth import LONGEST_DELAY, ArmTruth
+from sim.arm.arm_truth import ArmTruth
 
 NOISES = 2 * JOINTS + 6
 """Number of random numbers in one control cycle: positions, velocities, force and torque."""
 ENTRY = 2 * JOINTS + 6
 """Number of words of one cycle's reading: positions, velocities, force and torque."""
 
-IS_IDEAL, DELAY, AT, NOISE, FORCE_NOISE, TORQUE_NOISE, BLEND = 0, 1, 2, 3, 4, 5, 6
-"""Indices of single words: 1 if readings are exact; age of the readings of a scan, control cycles; index of the newest
-cycle in the ring; standard deviations of the noise; low-pass coefficient of the wrench per cycle, fraction."""
-FORCE_DEAD, TORQUE_DEAD, FORCE = 7, 8, 9
-"""Indices of three words each: dead zones, N and N·m, and the force that the arm reports without contact, N."""
-ZERO, RATE_NOISE, UNMODELLED, WRENCH = 12, 19, 26, 33
+IS_IDEAL, NOISE, FORCE_NOISE, TORQUE_NOISE, BLEND = 0, 1, 2, 3, 4
+"""Indices of single words: 1 if readings are exact; standard deviations of the noise; low-pass coefficient of the wrench
+per cycle, fraction."""
+FORCE = 5
+"""Index of three words: the force that the arm reports without contact, N."""
+ZERO, RATE_NOISE, UNMODELLED, WRENCH = 8, 15, 22, 29
 """Indices of seven words each: errors of the joints' zeros, rad; noise of the velocities, rad/s; error of the modelled
 torques, N·m; then six words of the low-passed wrench.
 """
-PLAY, ENCODER = 39, 40
+PLAY, ENCODER = 35, 36
 """Index of half the backlash of the wrist's joints, rad, and of seven words: encoder positions, rad."""
 WRIST = 4
 """First joint of the wrist."""
-RING = 47
-WORDS = RING + ENTRY * (LONGEST_DELAY + 1)
+NEWEST = 43
+"""Index of the reading of the newest cycle."""
+WORDS = NEWEST + ENTRY
 
 
 def words_of(truth: ArmTruth, period: float) -> Vector:
     """Return the words of the arm's readings before the first cycle, shape (WORDS,); the control period is in s."""
     words = np.zeros(WORDS)
     reading, wrench = truth.reading, truth.wrench
-    words[DELAY] = reading.delay
     words[NOISE] = reading.noise
     words[PLAY] = reading.backlash / 2
     words[FORCE_NOISE], words[TORQUE_NOISE] = wrench.force_noise, wrench.torque_noise
     words[BLEND] = 1.0 - math.exp(-2.0 * math.pi * wrench.cutoff * period)
-    words[FORCE_DEAD], words[TORQUE_DEAD] = wrench.force_dead_zone, wrench.torque_dead_zone
     words[FORCE : FORCE + 3] = wrench.force
     words[ZERO : ZERO + JOINTS] = reading.zero
     words[RATE_NOISE : RATE_NOISE + JOINTS] = reading.rate_noise
     words[UNMODELLED : UNMODELLED + JOINTS] = wrench.joint_torque
-    is_felt = any(truth.gravity) or truth.payload.mass > 0.0
-    is_told = words[DELAY] > 0.0 or words[NOISE:BLEND].any() or words[FORCE_DEAD:WRENCH].any() or reading.backlash > 0.0
-    words[IS_IDEAL] = not is_felt and not is_told and math.isinf(wrench.cutoff)
+    is_told = words[NOISE:BLEND].any() or words[FORCE:WRENCH].any() or reading.backlash > 0.0
+    words[IS_IDEAL] = not any(truth.gravity) and not is_told and math.isinf(wrench.cutoff)
     return words
 
 
 def fill(words: Vector, q: Vector, dq: Vector) -> None:
-    """Fill the ring with one reading: joint positions and velocities, shape (7,) each, rad and rad/s; zero wrench."""
+    """Fill in one reading: joint positions and velocities, shape (7,) each, rad and rad/s; zero wrench."""
     words[ENCODER : ENCODER + JOINTS] = q
-    entry = np.concatenate([q + words[ZERO : ZERO + JOINTS], dq, np.zeros(6)])
-    words[RING:] = np.tile(entry, LONGEST_DELAY + 1)
+    words[NEWEST:] = np.concatenate([q + words[ZERO : ZERO + JOINTS], dq, np.zeros(6)])
     words[WRENCH : WRENCH + 6] = 0.0
 
 
@@ -84,9 +80,7 @@ def measure(
     """
     if words[IS_IDEAL] > 0.0:
         return q, dq
-    at = (int(words[AT]) + 1) % (LONGEST_DELAY + 1)
-    words[AT] = at
-    entry = words[RING + ENTRY * at : RING + ENTRY * (at + 1)]
+    entry = words[NEWEST : NEWEST + ENTRY]
     for i in range(JOINTS):
         # The encoder e follows its link q with play b to either side: e <- min(max(e, q - b), q + b).
         play = words[PLAY] if i >= WRIST else 0.0
@@ -133,17 +127,14 @@ def _packed(words: Vector, arm: Vector, felt: Vector) -> Vector:  # pragma: no c
         arm: Figures of the arm that the cell assumes, see `drivers.impedance.figures`.
         felt: Joint torques that are missing in the arm's model and act on its joints, shape (7,), N·m.
     """
-    at = (int(words[AT]) - int(words[DELAY])) % (LONGEST_DELAY + 1)
     packed = np.empty(ENTRY + 12)
     for i in range(ENTRY):
-        packed[i] = words[RING + ENTRY * at + i]
+        packed[i] = words[NEWEST + i]
     q, wrench = packed[:JOINTS], packed[2 * JOINTS : ENTRY]
     position, rotation, axes, origins = impedance.forward(arm, q)
     unexplained(position, axes, origins, words[UNMODELLED : UNMODELLED + JOINTS] + felt, wrench)
-    for k in range(6):
-        wrench[k] += words[FORCE + k] if k < 3 else 0.0
-        dead = words[FORCE_DEAD] if k < 3 else words[TORQUE_DEAD]
-        wrench[k] = math.copysign(max(abs(wrench[k]) - dead, 0.0), wrench[k])
+    for k in range(3):
+        wrench[k] += words[FORCE + k]
     for i in range(3):
         packed[ENTRY + i] = position[i]
         for j in range(3):

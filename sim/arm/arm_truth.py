@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from drivers import frames
-from drivers.arm.model import ArmModel, Inertial, Joints
+from drivers.arm.model import ArmModel, Joints
 from drivers.errors import ConfigError
 from drivers.quantities import Pose
 
@@ -31,7 +31,7 @@ Three = tuple[float, float, float]
 NONE: Seven = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 NOWHERE: Three = (0.0, 0.0, 0.0)
 LONGEST_DELAY = 50
-"""Longest delay of torques and states, control cycles."""
+"""Longest delay of torques, control cycles."""
 
 
 def every(value: float) -> Seven:
@@ -96,8 +96,6 @@ class TorquePath:
     """Delay between the state used for a torque and the action of that torque, control cycles."""
     cutoff: float = math.inf
     """Corner frequency of a first-order low-pass, Hz."""
-    rate: float = math.inf
-    """Largest rate of change, N·m/s."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,17 +110,14 @@ class StateReading:
     """Standard deviation of each joint's velocity, white noise, rad/s."""
     backlash: float = 0.0
     """Play between encoder and link of the joints 5 to 7, rad."""
-    delay: int = 0
-    """Age of the state that a scan reads, control cycles; the law reads the newest. No device of the cell reports
-    it."""
 
 
 @dataclass(frozen=True, slots=True)
 class WrenchReading:
     """Errors of the external wrench, which the arm estimates from unexplained torques on the joints' link side.
 
-    Residual gravity torque and an unknown payload are such torques and appear in the wrench without an entry here.
-    Friction on the motors' side does not appear.
+    Residual gravity torque is such a torque and appears in the wrench without an entry here. Friction on the motors' side
+    does not appear.
     """
 
     force: Three = NOWHERE
@@ -135,26 +130,11 @@ class WrenchReading:
     """Standard deviation of each component before the low-pass, white noise, N·m."""
     cutoff: float = math.inf
     """Corner frequency of a first-order low-pass after the 5 ms filter of the meters, Hz."""
-    force_dead_zone: float = 0.0
-    """Dead zone of each component of the force, N; smaller values are reported as 0."""
-    torque_dead_zone: float = 0.0
-    """Dead zone of each component of the torque, N·m; smaller values are reported as 0."""
-
-
-@dataclass(frozen=True, slots=True)
-class Payload:
-    """A mass at the hand that is missing in the model of the arm's controller."""
-
-    mass: float = 0.0
-    """Mass of the payload, kg."""
-    at: Three = NOWHERE
-    """Position of the payload in the hand's frame, which lies at the flange, m."""
 
 
 NEVER_NEGATIVE = (
-    *("rotor_inertia", "friction.dry", "friction.span", "friction.slope", "friction.viscous", "payload.mass"),
+    *("rotor_inertia", "friction.dry", "friction.span", "friction.slope", "friction.viscous"),
     *("reading.noise", "reading.backlash", "reading.rate_noise", "wrench.force_noise", "wrench.torque_noise"),
-    *("wrench.force_dead_zone", "wrench.torque_dead_zone"),
 )
 """Figures of an arm, one or one per joint, that are 0 or more."""
 
@@ -174,7 +154,6 @@ class ArmTruth:
     wrench: WrenchReading = field(default_factory=WrenchReading)
     gravity: Seven = NONE
     """Residual torque on each joint after gravity compensation, N·m."""
-    payload: Payload = field(default_factory=Payload)
     tcp_offset: Three = NOWHERE
     """Offset of the true midpoint of the pads from its assumed position, m, in the assumed hand frame."""
     tcp_turn: Three = NOWHERE
@@ -188,26 +167,15 @@ class ArmTruth:
         Raises:
             ConfigError: A figure is outside its bounds; one line with the figure and the allowed range.
         """
-        for name, value in (("path.delay", self.path.delay), ("reading.delay", self.reading.delay)):
-            if not 0 <= value <= LONGEST_DELAY:
-                raise ConfigError(f"arm truth: {name} = {value}: 0 to {LONGEST_DELAY} control cycles allowed")
-        positive = (
-            ("path.cutoff", self.path.cutoff),
-            ("path.rate", self.path.rate),
-            ("wrench.cutoff", self.wrench.cutoff),
-        )
-        for name, figure in positive:
+        if not 0 <= self.path.delay <= LONGEST_DELAY:
+            raise ConfigError(f"arm truth: path.delay = {self.path.delay}: 0 to {LONGEST_DELAY} control cycles allowed")
+        for name, figure in (("path.cutoff", self.path.cutoff), ("wrench.cutoff", self.wrench.cutoff)):
             if not figure > 0.0:
                 raise ConfigError(f"arm truth: {name} = {figure}: more than 0 allowed")
         for name in NEVER_NEGATIVE:
             for figure in np.ravel(attrgetter(name)(self)).tolist():
                 if not 0.0 <= figure < math.inf:
                     raise ConfigError(f"arm truth: {name} = {figure}: 0 or more allowed")
-
-    def hand_body(self, mass: float) -> Inertial:
-        """Return the inertial of a hand of this mass with the payload, about their common centre of mass."""
-        body, load = self.model.hand.body.model_copy(update={"mass": mass}), self.payload
-        return body if load.mass == 0.0 else body.with_point(load.mass, load.at)
 
     def displaced(self, tcp: Pose) -> Pose:
         """Return the true pose of the midpoint of the pads, T_base_tcp, from the pose of the arm's kinematics."""

@@ -1,7 +1,7 @@
-"""Path from the commanded torque to the joint torque, compiled: delay, rate limit, low-pass, gravity, smooth friction.
+"""Path from the commanded torque to the joint torque, compiled: delay, low-pass, gravity, smooth friction.
 
-Gravity is the residual torque after compensation, plus the payload. MuJoCo models dry friction and rotor inertia
-itself, see `sim.world.scene`.
+Gravity is the residual torque after compensation. MuJoCo models dry friction and rotor inertia itself, see
+`sim.world.scene`.
 
 The smooth friction is explicit: a torque computed from the velocity at the beginning of a step. It is stable and free
 of ringing if slope · step is less than the joints' inertia. `stiffest` returns this ratio: 0.14 on the Panda without
@@ -13,51 +13,37 @@ import math
 
 import numpy as np
 
-from drivers import impedance
 from drivers.arm.inertia import joint_inertia
 from drivers.arm.model import JOINTS
 from drivers.compiled import njit
 from drivers.quantities import Vector
 from sim.arm.arm_truth import LONGEST_DELAY, ArmTruth
 
-GRAVITY = 9.81
-"""Acceleration of gravity, m/s²."""
-
-IS_IDEAL, DELAY, AT, RATE_STEP = 0, 1, 2, 3
-"""Indices of single words: 1 if commands act unchanged; delay, cycles; index of the newest command in the ring; largest
-change in a cycle, N·m."""
-BLEND = 4
+IS_IDEAL, DELAY, AT = 0, 1, 2
+"""Indices of single words: 1 if commands act unchanged; delay, cycles; index of the newest command in the ring."""
+BLEND = 3
 """Index of the low-pass coefficients for a tick and for a long step, fraction."""
-LOAD, LOAD_AT = 6, 7
-"""Indices of the payload: its weight, N, and its position from the finger centre, finger frame, m."""
-LEFT_OVER, SPAN, SLOPE, SHIFT, AT_REST, VISCOUS = 10, 17, 24, 31, 38, 45
+LEFT_OVER, SPAN, SLOPE, SHIFT, AT_REST, VISCOUS = 5, 12, 19, 26, 33, 40
 """Indices of seven words each: residual gravity torque; the smooth friction's curve and its value at rest; viscous
 friction."""
-LOADED, ARRIVED, ACTING = 52, 59, 66
-"""Indices of seven words each: torque of the payload; command after transport and rate limit; torque after the
-low-pass, N·m."""
-RING = 73
+ARRIVED, ACTING = 47, 54
+"""Indices of seven words each: command after transport; torque after the low-pass, N·m."""
+RING = 61
 WORDS = RING + JOINTS * (LONGEST_DELAY + 1)
 
 
-def words_of(truth: ArmTruth, period: float, steps: tuple[float, float]) -> Vector:
+def words_of(truth: ArmTruth, steps: tuple[float, float]) -> Vector:
     """Return the words of a drive at rest, shape (WORDS,).
 
     Args:
         truth: True arm.
-        period: Control period, s.
         steps: Lengths of a tick and of a long step, s.
     """
     words = np.zeros(WORDS)
-    path, friction, hand = truth.path, truth.friction, truth.model.hand
+    path, friction = truth.path, truth.friction
     words[DELAY] = path.delay
-    words[RATE_STEP] = path.rate * period
     # Low-pass coefficient for a step h: 1 - exp(-2 pi f_c h).
     words[BLEND : BLEND + 2] = [1.0 - math.exp(-2.0 * math.pi * path.cutoff * step) for step in steps]
-    words[LOAD] = truth.payload.mass * GRAVITY
-    x, y, z = truth.payload.at
-    # Finger frame: x out of the hand, y and z along the hand's x and y.
-    words[LOAD_AT : LOAD_AT + 3] = z - hand.finger_centre, x, y
     # Smooth friction at rest: span / (1 + exp(-slope·shift)).
     at_rest = [
         span / (1.0 + math.exp(-slope * shift))
@@ -73,8 +59,8 @@ def words_of(truth: ArmTruth, period: float, steps: tuple[float, float]) -> Vect
     ):
         words[place : place + JOINTS] = values
     is_smooth = any(friction.span) or any(friction.viscous)
-    is_delayed = path.delay > 0 or math.isfinite(path.cutoff) or math.isfinite(path.rate)
-    words[IS_IDEAL] = not (is_smooth or is_delayed or any(truth.gravity) or truth.payload.mass > 0.0)
+    is_delayed = path.delay > 0 or math.isfinite(path.cutoff)
+    words[IS_IDEAL] = not (is_smooth or is_delayed or any(truth.gravity))
     return words
 
 
@@ -82,12 +68,6 @@ def fill(words: Vector, tau: Vector) -> None:
     """Fill the ring with these torques, shape (7,), N·m."""
     words[ARRIVED : ARRIVED + JOINTS] = words[ACTING : ACTING + JOINTS] = tau
     words[RING:] = np.tile(tau, LONGEST_DELAY + 1)
-
-
-def unmodelled(words: Vector) -> Vector:
-    """Return the joint torques that are missing in the model of the arm's controller, shape (7,), N·m."""
-    total: Vector = words[LEFT_OVER : LEFT_OVER + JOINTS] + words[LOADED : LOADED + JOINTS]
-    return total
 
 
 def stiffest(truth: ArmTruth, q: Vector, step: float) -> float:
@@ -107,13 +87,11 @@ def stiffest(truth: ArmTruth, q: Vector, step: float) -> float:
 
 
 @njit(cache=True, inline="always")
-def command(words: Vector, arm: Vector, q: Vector, tau: Vector, qfrc: Vector) -> None:  # pragma: no cover
+def command(words: Vector, tau: Vector, qfrc: Vector) -> None:  # pragma: no cover
     """Accept the law's torques, once every control period.
 
     Args:
         words: The drive; updated.
-        arm: Figures of the arm, see `drivers.impedance.figures`.
-        q: True joint positions, shape (7,), rad.
         tau: Commanded torques, shape (7,), N·m.
         qfrc: Applied generalised forces; the commands are written there if the drive is ideal.
     """
@@ -126,21 +104,8 @@ def command(words: Vector, arm: Vector, q: Vector, tau: Vector, qfrc: Vector) ->
     then = (at - int(words[DELAY])) % (LONGEST_DELAY + 1)
     for i in range(JOINTS):
         words[RING + JOINTS * at + i] = tau[i]
-    most = words[RATE_STEP]
     for i in range(JOINTS):
-        last = words[ARRIVED + i]
-        # Rate limit on the delayed command: a_k = min(max(tau_{k-delay}, a_{k-1} - r T), a_{k-1} + r T).
-        words[ARRIVED + i] = min(max(words[RING + JOINTS * then + i], last - most), last + most)
-    if words[LOAD] > 0.0:
-        position, finger, axes, origins = impedance.forward(arm, q)
-        x, y = position[0], position[1]
-        for k in range(3):
-            x += finger[0, k] * words[LOAD_AT + k]
-            y += finger[1, k] * words[LOAD_AT + k]
-        for i in range(JOINTS):
-            # A weight W at p exerts the torque axis · ((p - origin) × (0, 0, -W)) about a joint.
-            across = axes[i, 1] * (x - origins[i, 0]) - axes[i, 0] * (y - origins[i, 1])
-            words[LOADED + i] = words[LOAD] * across
+        words[ARRIVED + i] = words[RING + JOINTS * then + i]
 
 
 @njit(cache=True, inline="always")
@@ -157,10 +122,10 @@ def act(words: Vector, qvel: Vector, qfrc: Vector, is_long: bool) -> None:  # pr
         return
     blend = words[BLEND + 1] if is_long else words[BLEND]
     for i in range(JOINTS):
-        # Low-pass: y <- y + b (a - y). Joint torque: y + residual gravity + payload - friction.
+        # Low-pass: y <- y + b (a - y). Joint torque: y + residual gravity - friction.
         acting = words[ACTING + i] + blend * (words[ARRIVED + i] - words[ACTING + i])
         words[ACTING + i] = acting
-        qfrc[i] = acting + words[LEFT_OVER + i] + words[LOADED + i] - friction(words, i, qvel[i])
+        qfrc[i] = acting + words[LEFT_OVER + i] - friction(words, i, qvel[i])
 
 
 @njit(cache=True, inline="always")

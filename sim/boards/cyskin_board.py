@@ -16,8 +16,6 @@ from drivers.skin.health import Counts
 from drivers.transport.cobs import Deframer, frame
 from drivers.transport.wires import CanFrame
 
-DEFAULT_PERIOD = 0.05
-"""Default scan period of a hub, s."""
 TEMPERATURE_COUNTS = 21_000
 """Reading of a module's temperature channel, counts; its last digit is the module's number."""
 FIRST_SUI = 3500
@@ -58,7 +56,8 @@ class EmulatedHub:
         """Restart the hub: hub and modules are in their boot loaders, and the hub has no number."""
         self.is_in_boot_loader = self.are_modules_in_boot_loaders = True
         self.number: int | None = None
-        self.next_scan, self._period = math.inf, DEFAULT_PERIOD
+        # Default scan period of a hub, s.
+        self.next_scan, self._period = math.inf, 0.05
 
     def take(self, message: bytes, at: float) -> list[bytes]:
         """Process a whole message of the host; return the answers."""

@@ -9,11 +9,6 @@ import time
 import tty
 from pathlib import Path
 
-BUFFER = 3000
-"""Number of unread bytes that the line keeps; a pseudo-terminal holds 4095."""
-ARRIVAL_TIME = 5.0
-"""Longest time in which the kernel forwards bytes, s of wall time."""
-
 
 class Terminal:
     """Board side of one serial port."""
@@ -50,12 +45,14 @@ class Terminal:
             return
         far, near = self._ends
         arrived = _waiting(near) + len(data)
-        if arrived > BUFFER:
+        # Number of unread bytes that the line keeps; a pseudo-terminal holds 4095.
+        if arrived > 3000:
             return
         os.write(far, data)
         if self.is_read_meanwhile:
             return
-        end = time.monotonic() + ARRIVAL_TIME
+        # Longest time in which the kernel forwards bytes, s of wall time.
+        end = time.monotonic() + 5.0
         while _waiting(near) < arrived and time.monotonic() < end:
             os.sched_yield()
 

@@ -61,9 +61,10 @@ def with_decoys(plate: Plate, hole: Hole, config: DecoyConfig, seed: int) -> Pla
     mouth = max(plate.half[0] + plate.chamfer, 0.0), max(plate.half[1] + plate.chamfer, 0.0)
     own = Pocket(np.zeros(2), mouth, plate.depth)
     number = int(rng.integers(config.number[0], config.number[1] + 1))
+    middle, half = np.array(plate.outline[:2]), np.array(plate.outline[2:])
     for _ in range(TRIES):
         pockets = [own, *(_drawn(plate, hole, config, rng) for _ in range(number))]
-        bounds = cut([pocket.bounds for pocket in pockets], _rectangle(plate.outline))
+        bounds = cut([pocket.bounds for pocket in pockets], (middle - half, middle + half))
         if bounds:
             tiles = [_tile(plate, *each) for each in zip(pockets[1:], bounds[1:], strict=True)]
             return replace(plate, tiles=(replace(plate, outline=_outline(*bounds[0])), *tiles))
@@ -108,11 +109,6 @@ def _cut_across(needed: Sequence[Rectangle], first: int, axis: int, whole: Recta
     below[axis] = above[axis] = (ends + begins) / 2
     one, other = cut(needed[:first], (whole[0], below)), cut(needed[first:], (above, whole[1]))
     return [*one, *other] if one and other else None
-
-
-def _rectangle(outline: tuple[float, float, float, float]) -> Rectangle:
-    middle, half = np.array(outline[:2]), np.array(outline[2:])
-    return middle - half, middle + half
 
 
 def _outline(low: Vector, high: Vector) -> tuple[float, float, float, float]:

@@ -33,13 +33,8 @@ from sim.world import native
 PEG_TYPE = mujoco.mjtGeom.mjGEOM_BOX
 """Geom type of the peg; against `PLATE_TYPE` no other pair uses it. The plate's `hole` and `across` are half the hole's sides."""
 
-FLUSH = 0.02
-"""Sine of the largest angle of a normal outside a cone."""
 ROUNDING = 1e-6
 """Penetration below which a pair outside a cone is omitted, m."""
-PARALLEL = 1e-6
-"""Sine of the angle below which two edges have no common normal; their ends and the perpendicular edges then represent
-them."""
 BEYOND = 1e-3
 """Extension of a rim edge beyond its ends, m. An edge of the peg that crosses the extension is over solid plate and
 must not be below it either. Without the extension, an edge of the peg that slides past a corner of the hole would meet
@@ -151,12 +146,15 @@ def _edges(meet, start, along, length, one, other):  # type: ignore[no-untyped-d
             t[0] * along[1] - t[1] * along[0],
         )
         sine = math.sqrt(_dot(n, n))
-        if sine < PARALLEL:
+        # Sine of the angle below which two edges have no common normal; their ends and the perpendicular edges then
+        # represent them.
+        if sine < 1e-6:
             continue
         scale = 1.0 / sine if n[2] + _dot(n, inward) > 0.0 else -1.0 / sine
         n = (scale * n[0], scale * n[1], scale * n[2])
         inside = min(min(n[2], _dot(n, inward)), min(-_dot(n, one), -_dot(n, other)))
-        if inside < -FLUSH:
+        # Sine of the largest angle of a normal outside a cone.
+        if inside < -0.02:
             continue
         # Vector from the centre of the rim edge to the start of the peg's edge.
         d = (start[0] + away * inward[0], start[1] + away * inward[1], start[2])

@@ -2,9 +2,6 @@
 
 from sim.hand.pads import PadLoad
 
-GRIP_FORCE = 30.0
-"""Grip force of the bench, N."""
-
 
 class CalibrationBench:
     """The calibration bench: clock and source of pad loads."""
@@ -25,7 +22,8 @@ class CalibrationBench:
 
     def hold(self, theta: float) -> None:
         """Close the fingers about the middle of the rod at this in-hand angle, rad."""
-        self._load = PadLoad(theta, 0.0, GRIP_FORCE, 0.0, 0.0, self._half, self._half, self._diameter)
+        # Grip force of the bench, N.
+        self._load = PadLoad(theta, 0.0, 30.0, 0.0, 0.0, self._half, self._half, self._diameter)
 
     def release(self) -> None:
         """Open the fingers."""

@@ -4,8 +4,6 @@ from drivers.quantities import GripperState
 from sim.world import engine
 from sim.world.physics import World
 
-GRIPPING_SHARE = 0.5
-"""Share of the set force on both pads from which the hand reports a grip, fraction."""
 POSITION_TOLERANCE = 1e-3
 """Distance from the commanded width within which the hand reports arrival, m."""
 
@@ -37,7 +35,8 @@ class SimGripper:
         world = self._world
         drive, width = world.control.drive, world.finger_gap()
         force = float(drive[engine.DRIVE_FORCE])
-        is_gripping = force > 0.0 and world.pad_force() > GRIPPING_SHARE * force
+        # Share of the set force on both pads from which the hand reports a grip, fraction.
+        is_gripping = force > 0.0 and world.pad_force() > 0.5 * force
         if force > 0.0:
             is_moving = not is_gripping and width > POSITION_TOLERANCE
         else:

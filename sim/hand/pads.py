@@ -125,26 +125,6 @@ class GripLimits(NamedTuple):
     """Length of the contact along the peg, m; 0 if the peg is not between the pads."""
 
 
-def breakaway_torque(load: PadLoad, friction: float, length: float, width: float) -> float:
-    """Return the torque about the closing axis above which the peg rotates in the pads, N·m, see `grip_limits`.
-
-    Args:
-        load: Load of the pads; `across` and `tilting` have no effect.
-        friction: Coulomb coefficient of peg on pad.
-        length: Length of a pad along the finger, m.
-        width: Width of a pad across the finger, m.
-    """
-    return grip_limits(
-        load.theta,
-        load.offset,
-        load.grip_force,
-        (load.reach_tip, load.reach_back),
-        (length / 2, width / 2),
-        friction,
-        load.width if load.is_flat else 0.0,
-    ).torque
-
-
 def grip_limits(
     theta: float,
     offset: float,

@@ -9,8 +9,6 @@ follows. Shear and damping are explicit: torque and forces computed at the begin
 
 import math
 
-import numpy as np
-
 from drivers.compiled import njit
 from drivers.quantities import Vector
 from sim.hand.pads import GripLimits
@@ -37,11 +35,6 @@ START = 14
 SLIP = 16
 """Largest slip of the peg from the grasp position, m."""
 WORDS = 17
-
-
-def new_words() -> Vector:
-    """Return the words of an empty grip, shape (WORDS,)."""
-    return np.zeros(WORDS)
 
 
 def grasp(words: Vector, turn: float, along: float, beside: float) -> None:

@@ -9,9 +9,6 @@ from numpy.typing import NDArray
 
 from drivers.quantities import Vector
 
-RAYS = 180
-"""Number of directions from the hole's centre in which outline and hole are sampled."""
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Mesh:
@@ -46,7 +43,8 @@ def perforated(
     turns = math.pi if cut else 2.0 * math.pi
     corners = np.concatenate([edges, sides])
     angles = np.arctan2(corners[:, 1], corners[:, 0]) % (2.0 * math.pi)
-    rays = np.unique(np.concatenate([np.linspace(0.0, turns, RAYS + 1), angles[angles < turns]]).round(9))
+    # Number of directions from the hole's centre in which outline and hole are sampled.
+    rays = np.unique(np.concatenate([np.linspace(0.0, turns, 180 + 1), angles[angles < turns]]).round(9))
     if not cut:
         rays = rays[:-1]
     mouth, rim = _reached(sides, rays), _reached(edges, rays)

@@ -8,7 +8,6 @@ import numpy as np
 from numba import typeof
 
 from drivers import impedance, setpoint_words
-from drivers.arm.model import Hand
 from drivers.compiled import njit
 from drivers.quantities import Vector
 from sim.arm import arm_senses, joint_drive
@@ -25,11 +24,6 @@ FINGER_GAIN = 2e4
 
 COARSE = 2
 """Number of ticks in a step while the held peg is far from the hole and out of reach of any metered contact."""
-
-
-def new_drive(hand: Hand) -> Vector:
-    """Return the words of a hand that is commanded to open fully, shape (4,)."""
-    return np.array([0.0, hand.stroke, hand.finger_speed, hand.finger_force])
 
 
 class Models(NamedTuple):
@@ -147,7 +141,7 @@ def advance(
             felt = meters[metering.FORCE : metering.TORQUE + 3] if watch.hinge >= 0 else nothing
             q, dq = arm_senses.measure(control.senses, qpos[:7], qvel[:7], felt, span.noise[cycle])
             tau = impedance.torque(control.arm, control.words, control.law, q, dq, now, period)
-            joint_drive.command(control.joints, control.arm, qpos[:7], tau, qfrc)
+            joint_drive.command(control.joints, tau, qfrc)
             cycle = min(cycle + 1, span.noise.shape[0] - 1)
         if watch.hinge < 0:
             _drive_fingers(state, control.drive)

@@ -47,13 +47,13 @@ class SimLine:
         self._world.restock(job, seed)
         self._slot, self._stood = job.slot % job.rack.slots, self._world.peg_pose().position
         if self._is_empty or self._slot in self._emptied:
-            self._world.take_away()
+            self._world.lose()
 
     def exchange(self) -> None:
         """Remove the workpiece with the peg in its hole, as the line does after it has read the seated state."""
         if self._world.peg is PegSituation.FREE and self._world.truth().is_in_hole:
             self._leave_slot()
-            self._world.take_away()
+            self._world.lose()
         self._let_pass()
 
     def refill(self) -> None:
@@ -69,7 +69,7 @@ class SimLine:
         """Remove a peg that is in the hand, in the hole or dropped, as a person does."""
         if not self._is_in_slot():
             self._leave_slot()
-            self._world.take_away()
+            self._world.lose()
         self._let_pass()
 
     def lies_about(self) -> bool:

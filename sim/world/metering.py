@@ -10,8 +10,6 @@ from drivers.quantities import Vector
 from sim.contact import table as contact
 from sim.world import native
 
-METER_WORDS = 128
-"""Number of words of the meters."""
 FORCE, TORQUE, PEAK_FORCE = 0, 3, 6
 """Indices of meters: net force of the plates on the peg and its torque about the finger centre, base frame, low-passed,
 N and N·m; largest force, N."""
@@ -58,7 +56,8 @@ class HandView(NamedTuple):
 
 def new_meters() -> Vector:
     """Return meters at zero, shape (METER_WORDS,)."""
-    return np.zeros(METER_WORDS)
+    # Number of words of the meters.
+    return np.zeros(128)
 
 
 @njit(cache=True, inline="always")

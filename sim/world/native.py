@@ -39,38 +39,22 @@ DATA_CONTACT = 161472
 DATA_EFC_FORCE = 162080
 CONTACT_BYTES = 584
 
-CONTACT_FIELDS = {
-    "dist": 0, "pos": 8, "frame": 32, "includemargin": 104, "friction": 112, "solref": 152, "solreffriction": 168,
-    "solimp": 184, "adhesion": 224, "mu": 232, "H": 240, "dim": 528, "geom1": 532, "geom2": 536, "geom": 540, "flex": 548,
-    "elem": 556, "vert": 564, "exclude": 572, "efc_address": 576,
+CONTACT_FIELDS: dict[str, tuple[int, Any]] = {
+    "dist": (0, "f8"), "pos": (8, ("f8", 3)), "frame": (32, ("f8", 9)), "includemargin": (104, "f8"),
+    "friction": (112, ("f8", 5)), "solref": (152, ("f8", 2)), "solreffriction": (168, ("f8", 2)),
+    "solimp": (184, ("f8", 5)), "adhesion": (224, "f8"), "mu": (232, "f8"), "H": (240, ("f8", 36)), "dim": (528, "i4"),
+    "geom1": (532, "i4"), "geom2": (536, "i4"), "geom": (540, ("i4", 2)), "flex": (548, ("i4", 2)),
+    "elem": (556, ("i4", 2)), "vert": (564, ("i4", 2)), "exclude": (572, "i4"), "efc_address": (576, "i4"),
 }  # fmt: skip
-"""Byte offsets of the fields of an mjContact."""
-_DOUBLES = {"pos": 3, "frame": 9, "friction": 5, "solref": 2, "solreffriction": 2, "solimp": 5, "H": 36}
-_INTEGERS = {
-    "dim": 1,
-    "geom1": 1,
-    "geom2": 1,
-    "geom": 2,
-    "flex": 2,
-    "elem": 2,
-    "vert": 2,
-    "exclude": 1,
-    "efc_address": 1,
-}
+"""Byte offset and type of each field of an mjContact."""
 CONTACT = np.dtype(
     {
         "names": list(CONTACT_FIELDS),
-        "formats": [
-            ("i4", _INTEGERS[name]) if _INTEGERS.get(name, 1) > 1
-            else "i4" if name in _INTEGERS
-            else ("f8", _DOUBLES[name]) if name in _DOUBLES
-            else "f8"
-            for name in CONTACT_FIELDS
-        ],
-        "offsets": list(CONTACT_FIELDS.values()),
+        "formats": [form for _, form in CONTACT_FIELDS.values()],
+        "offsets": [place for place, _ in CONTACT_FIELDS.values()],
         "itemsize": CONTACT_BYTES,
     }
-)  # fmt: skip
+)
 """Layout of an mjContact in compiled code."""
 
 _BALL = """<mujoco><worldbody><geom type="plane" size="1 1 1"/>
@@ -146,7 +130,7 @@ def _verify_contacts(found: str) -> None:
         and ctypes.c_uint64.from_address(data._address + DATA_CONTACT).value == first
         and ctypes.c_uint64.from_address(data._address + DATA_EFC_FORCE).value == data.efc_force.ctypes.data
         and contact.dist.strides == (CONTACT_BYTES,)
-        and all(getattr(contact, name).ctypes.data - first == place for name, place in CONTACT_FIELDS.items())
+        and all(getattr(contact, name).ctypes.data - first == place for name, (place, _) in CONTACT_FIELDS.items())
     )
     if not right:
         raise ImportError(f"mujoco {found}: its contacts are not laid out as in sim/world/native.py")
@@ -159,11 +143,7 @@ def log_warnings() -> None:
     The second derivative of the cost of a contact on the edge of its friction cone is then not positive, which only
     rounding can cause. MuJoCo replaces it by a small positive number and continues the search.
     """
-    mujoco.set_mju_user_warning(_log)
-
-
-def _log(text: str) -> None:
-    logger.debug("MuJoCo: %s", text)
+    mujoco.set_mju_user_warning(lambda text: logger.debug("MuJoCo: %s", text))
 
 
 @contextmanager

@@ -23,10 +23,6 @@ class ClockPace:
         """Return the simulated time, s."""
         return self.ticks * self.timestep
 
-    def ticks_until(self, stamp: float) -> int:
-        """Return the number of ticks from now to a time, s."""
-        return round((stamp - self.ticks * self.timestep) / self.timestep)
-
     def keep(self) -> None:
         """Wait until the wall clock has reached simulated time; no wait at pace "max"."""
         if self._pace == "max":

@@ -8,10 +8,9 @@ import numpy as np
 from drivers import impedance
 from drivers.arm.model import JOINTS, ArmModel
 from drivers.parts import Job
-from drivers.quantities import Pose, Vector
+from drivers.quantities import Vector
 from drivers.skin.layout import Layout, pad_size
 from sim.arm import described_arm
-from sim.arm.arm_senses import Reading
 from sim.config import ContactConfig, GripConfig, SimConfig
 from sim.contact import shapes
 from sim.contact.plate import Plate
@@ -26,11 +25,8 @@ from sim.world.stepper import Stepper
 from sim.world.trial_scene import TrialScene
 from sim.world.truth import Truth, is_void
 
-MOST_PERIODS = 10
-"""Largest number of control periods between two checks of the peg's situation."""
 
-
-class World:
+class World(Stepper):
     """Physics and clock of one cell."""
 
     def __init__(
@@ -52,14 +48,9 @@ class World:
         """Errors of the cell and their draw, constant over the life of the cell: arm, positions, skin and computer."""
         self.arm, self._sim, self._contact, self._grip = arm, sim, friction, grip
         self._described = described_arm.read(sim.described, arm) if sim.described else None
-        self.pad = pad_size(layout)
-        """Length and width of a pad, m."""
-        self._pace = ClockPace(sim.timestep, sim.pace)
-        self.now = self._pace.now
+        super().__init__(arm, sim, pad_size(layout), ClockPace(sim.timestep, sim.pace))
+        self.now = self.pace.now
         """Returns the simulated time, s."""
-        self.stepper = Stepper(arm, sim, self.pad, self._pace)
-        self.control = self.stepper.control
-        """Commands written by the devices."""
         native.log_warnings()
         self.restock(job, sim.seed)
 
@@ -77,12 +68,8 @@ class World:
         """Place a fresh peg in the rack of a world that is drawn already; the arm keeps its pose."""
         self.job, self.draw = job, drawn
         shapes.install(job.peg.part)
-        scene = TrialScene(self._sim, job, drawn, self.pad, self.stepper.has_twins)
-        self.stepper.restock(scene, drawn.pad_friction, drawn.senses)
-
-    def take_away(self) -> None:
-        """Take the peg out of play, wherever it is."""
-        self.stepper.lose()
+        scene = TrialScene(self._sim, job, drawn, self.pad, self.has_twins)
+        self.begin_trial(scene, drawn.pad_friction, drawn.senses)
 
     def wait_until(self, stamp: float) -> None:
         """Advance the physics to `stamp`; at a set pace also wait for the wall clock.
@@ -90,20 +77,11 @@ class World:
         Raises:
             SimulationUnstableError: The state is no longer finite.
         """
-        ticks = self._pace.ticks_until(stamp)
+        ticks = round((stamp - self.now()) / self.pace.timestep)
         while ticks > 0:
-            ticks -= self.stepper.advance(min(ticks, self.stepper.law_every * MOST_PERIODS))
-        self._pace.keep()
-
-    @property
-    def meters(self) -> Vector:
-        """Meters of the physics, see `sim.world.engine`."""
-        return self.stepper.meters
-
-    @property
-    def peg(self) -> PegSituation:
-        """Situation of the peg."""
-        return self.stepper.peg
+            # Largest number of control periods between two checks of the peg's situation.
+            ticks -= self.advance(min(ticks, self.law_every * 10))
+        self.pace.keep()
 
     @property
     def is_held(self) -> bool:
@@ -113,29 +91,7 @@ class World:
     @property
     def plate(self) -> Plate:
         """The true plate."""
-        return self.stepper.scene.plate
-
-    @property
-    def q(self) -> Vector:
-        """Joint positions, shape (7,), rad."""
-        return self.stepper.q
-
-    @property
-    def dq(self) -> Vector:
-        """Joint velocities, shape (7,), rad/s."""
-        return self.stepper.dq
-
-    def tcp(self) -> Pose:
-        """Return the true T_base_tcp."""
-        return self.stepper.tcp()
-
-    def scanned(self) -> Reading:
-        """Return the arm's readings for a scan."""
-        return self.stepper.scanned()
-
-    def physics(self) -> tuple[mujoco.MjModel, mujoco.MjData]:
-        """Return the model of the next step, and the data, for measurements."""
-        return self.stepper.physics()
+        return self.scene.plate
 
     def inertia(self, point: Vector) -> Vector:
         """Return the true inertia of the arm at a point of the hand, m, (J M⁻¹ Jᵀ)⁻¹, shape (6, 6), translation first, base frame."""
@@ -146,14 +102,6 @@ class World:
         J = np.vstack([np.cross(axes, point - origins).T, axes.T])
         inertia: Vector = np.linalg.inv(J @ np.linalg.inv(M[:JOINTS, :JOINTS]) @ J.T)
         return inertia
-
-    def finger_gap(self) -> float:
-        """Return the distance between the pads, m."""
-        return self.stepper.finger_gap()
-
-    def pad_force(self) -> float:
-        """Return the smaller of the forces between the pads and the peg, N."""
-        return self.stepper.pad_force()
 
     def pad_load(self) -> PadLoad | None:
         """Return the present load of the pads; None if nothing is between them."""
@@ -172,24 +120,16 @@ class World:
         return self._felt(metering.TORQUE)
 
     def _felt(self, first: int) -> Vector:
-        return self.meters[first : first + 3].copy() if self.stepper.peg is PegSituation.HELD else np.zeros(3)
-
-    def peg_pose(self) -> Pose:
-        """Return the true pose of the peg's centre, z from its end upward."""
-        return self.stepper.peg_pose()
+        return self.meters[first : first + 3].copy() if self.is_held else np.zeros(3)
 
     def is_switch_pressed(self) -> bool:
         """True if the hole has a switch and the peg's end presses it."""
-        depth, in_hole = self.stepper.depth()
+        depth, in_hole = self.depth()
         return in_hole and depth >= self.job.hole.depth and self.job.hole.evidence == "switch"
-
-    def pivot(self) -> tuple[float, Vector]:
-        """Return the true in-hand angle, rad, NaN if no hand holds the peg, and the centre of the peg's end face, m."""
-        return self.stepper.pivot()
 
     def truth(self) -> Truth:
         """Return the true state of the world."""
-        depth, in_hole = self.stepper.depth()
+        depth, in_hole = self.depth()
         theta, tip = self.pivot()
         lasting = float(self.meters[metering.SUSTAINED])
         return Truth(

@@ -5,7 +5,6 @@ error has its own random stream, which depends only on the trial's seed and the 
 isolating an error therefore does not change the others.
 """
 
-import tomllib
 import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -19,6 +18,7 @@ from pydantic import Field, NonNegativeFloat, ValidationError, model_validator
 from drivers.arm.model import JOINTS
 from drivers.config_model import ConfigModel
 from drivers.errors import ConfigError
+from drivers.figures_file import read_toml
 from drivers.parts import Fraction
 from drivers.quantities import Vector
 from drivers.skin.layout import Layout, module_of, shape_of
@@ -26,8 +26,6 @@ from sim.config import RealityConfig
 
 REALITY_STREAM = 4
 """Key of the random streams of errors; the trial's position, readings, skin and search use lower keys."""
-CUT_OFF = 3.0
-"""Limit of normal draws, standard deviations from 0."""
 USUAL_LAYOUT: Layout = "parallelogram"
 """Layout of the skin where no cell states another."""
 RECORDED = ("trial", "axis", "joint", "module")
@@ -311,13 +309,7 @@ def read(path: Path) -> Reality:
         ConfigError: The file is unreadable or not TOML, or an error is missing, unknown, without a source or out of
             bounds.
     """
-    try:
-        tree = tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise ConfigError(f"{path}: cannot be read: {error.strerror}") from None
-    except (ValueError, RecursionError) as error:  # the parser raises these for numbers too long and lists too deep
-        raise ConfigError(f"{path}: not TOML: {error}".replace("\n", " ")) from None
-    errors = _errors(str(path), tree)
+    errors = _errors(str(path), read_toml(path))
     for name in KINDS:
         if name not in errors:
             raise ConfigError(f"{path}: {name}: missing; a sigma or a spread of nothing leaves an error out")
@@ -379,6 +371,7 @@ def _one_each(path: str, name: str, error: AnyError) -> AnyError:
 def _standard(rng: np.random.Generator, shape: tuple[int, ...]) -> Vector:
     """Return standard normal draws; values beyond the limit are drawn again."""
     values = np.asarray(rng.standard_normal(shape))
-    while np.any(far := np.abs(values) > CUT_OFF):
+    # Limit of normal draws, standard deviations from 0.
+    while np.any(far := np.abs(values) > 3.0):
         values = np.where(far, rng.standard_normal(shape), values)
     return values

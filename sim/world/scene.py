@@ -115,7 +115,7 @@ def _arm(arm: ArmTruth, timestep: float, hand_mass: float, in_hand: str) -> str:
     dh, joints, hand = arm.model.kinematics, arm.model.joints, arm.model.hand
     is_weighed = arm.described is not None and "gravity" in arm.described.takes
     inner = f"""<body name="hand" pos="0 0 {dh.flange}" euler="0 0 {hand.turn}">
-      {_inertial(arm.hand_body(hand_mass))}
+      {_inertial(hand.body.model_copy(update={"mass": hand_mass}))}
       {_displaced(arm, in_hand)}</body>"""
     for i, link in reversed(list(enumerate(arm.model.link))):
         a, d, alpha = dh.a[i], dh.d[i], dh.alpha[i]

@@ -42,16 +42,6 @@ class PegSituation(Enum):
     GONE = "gone"
 
 
-def has_fallen_out(turn: float, contact: float) -> bool:
-    """Return True if the pads have lost a held peg.
-
-    Args:
-        turn: Angle of the hinge, rad.
-        contact: Length of the peg between the pads, m.
-    """
-    return not -LOST_TURN <= turn <= LOST_TURN or contact < LEAST_CONTACT
-
-
 def has_fallen(height: float, speeds: Vector) -> bool:
     """Return True if only the end of a free peg's fall is still to be simulated.
 

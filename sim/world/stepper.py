@@ -27,12 +27,8 @@ FINGERS, PEG = slice(7, 9), slice(9, 15)
 HINGE, ALONG, BESIDE = 7, 8, 9
 """Degrees of freedom of the held model after the arm's seven: the peg's rotation about the closing axis, and its
 positions along and beside its own axis."""
-LEAST_AXIS = 1e-6
-"""Square of the horizontal component below which an axis is upright."""
 TABLE = 0.0
 """Height of the table under arm, rack and plate, m, base frame; a peg dropped beside them lies there."""
-LYING_GAP = 1e-4
-"""Gap under a peg that has just been placed on the plate, m."""
 NO_NOISE: Vector = np.zeros((1, arm_senses.NOISES))
 
 
@@ -44,17 +40,18 @@ class Stepper:
 
     def __init__(self, arm: ArmModel, sim: SimConfig, pad: tuple[float, float], pace: ClockPace) -> None:
         """Place the arm at its waiting pose; `pad` is length and width of a pad, m."""
-        self._arm, self._long_steps, self._pad, self._pace = arm, sim.model.long_steps, pad, pace
+        self._arm, self._long_steps, self.pad, self.pace = arm, sim.model.long_steps, pad, pace
         self.law_every = round(arm.control_period / sim.timestep)
         """Number of ticks in a control period."""
+        hand = arm.hand
         self.control = engine.Drives(
             impedance.figures(arm),
             np.zeros(setpoint_words.WORDS),
             impedance.new_state(arm),
-            engine.new_drive(arm.hand),
+            np.array([0.0, hand.stroke, hand.finger_speed, hand.finger_force]),  # commanded to open fully
             np.zeros(joint_drive.WORDS),
             np.zeros(arm_senses.WORDS),
-            slip.new_words(),
+            np.zeros(slip.WORDS),
             np.zeros(latch.WORDS),
         )
         self.meters = metering.new_meters()
@@ -73,7 +70,7 @@ class Stepper:
         """True if longer steps are possible."""
         return self._long_steps and self.law_every % engine.COARSE == 0
 
-    def restock(self, scene: TrialScene, pad_friction: float, noise: np.random.Generator) -> None:
+    def begin_trial(self, scene: TrialScene, pad_friction: float, noise: np.random.Generator) -> None:
         """Begin a trial with a fresh peg in the rack.
 
         Args:
@@ -89,8 +86,8 @@ class Stepper:
 
     def _change_arm(self, truth: ArmTruth) -> None:
         """Replace the arm by another one at the same pose, under the last torques commanded by the law."""
-        timestep, period, control = self._pace.timestep, self._arm.control_period, self.control
-        control.joints[:] = joint_drive.words_of(truth, period, (timestep, engine.COARSE * timestep))
+        timestep, period, control = self.pace.timestep, self._arm.control_period, self.control
+        control.joints[:] = joint_drive.words_of(truth, (timestep, engine.COARSE * timestep))
         joint_drive.fill(control.joints, control.law[impedance.TORQUE : impedance.TORQUE + JOINTS])
         control.senses[:] = arm_senses.words_of(truth, period)
         arm_senses.fill(control.senses, self.q if self._is_begun else self._q, self.dq if self._is_begun else self._dq)
@@ -152,9 +149,11 @@ class Stepper:
         place, ground = self._ground()
         pose, up = self.peg_pose(), ground[:, 2]
         axis = pose.rotation[:, 2] - float(pose.rotation[:, 2] @ up) * up
-        axis = ground[:, 0] if float(axis @ axis) < LEAST_AXIS else axis / math.sqrt(float(axis @ axis))
+        # Square of the horizontal component below which an axis is upright.
+        axis = ground[:, 0] if float(axis @ axis) < 1e-6 else axis / math.sqrt(float(axis @ axis))
         height = float((pose.position - place) @ up)
-        below = pose.position - (height - self.scene.size.reach - LYING_GAP) * up
+        # Gap under a peg that has just been placed on the plate, m.
+        below = pose.position - (height - self.scene.size.reach - 1e-4) * up
         self.enter_free(width, Pose(below, np.column_stack([up, np.cross(axis, up), axis])))
         self.running.data.xfrc_applied[self.running.peg_body, 2] = 0.0
 
@@ -198,7 +197,7 @@ class Stepper:
 
     def _begin(self, weight: float) -> None:
         """Complete the state after its positions have been set; the peg's weight is in N."""
-        mechanism, now = self.running, self._pace.now()
+        mechanism, now = self.running, self.pace.now()
         data, is_held = mechanism.data, self.peg is PegSituation.HELD
         data.xfrc_applied[mechanism.peg_body, 2] = -weight
         latch.loosen(self.control.latch)
@@ -236,8 +235,7 @@ class Stepper:
 
     def command(self, torque: Vector) -> None:
         """Command joint torques, shape (7,), N·m, instead of the law's; once a control period."""
-        data = self.running.data
-        joint_drive.command(self.control.joints, self.control.arm, data.qpos[:7], torque, data.qfrc_applied)
+        joint_drive.command(self.control.joints, torque, self.running.data.qfrc_applied)
 
     def advance(self, ticks: int) -> int:
         """Advance the physics by `ticks`, or by fewer if the peg's situation changes; return the number taken.
@@ -250,7 +248,7 @@ class Stepper:
                 self._bear()
         else:
             self._let_rest()
-        pace = self._pace
+        pace = self.pace
         span = engine.Span(
             pace.now(), pace.timestep, ticks, self.law_every, pace.ticks % self.law_every, self._noises(ticks)
         )
@@ -283,7 +281,7 @@ class Stepper:
         mechanism = self.running
         if mechanism.twin is None:
             return
-        data, now = mechanism.data, self._pace.now()
+        data, now = mechanism.data, self.pace.now()
         gap = peg_distances.pad_gap(
             self.scene.pads, mechanism.model.geom_size, data.geom_xpos, data.geom_xmat, self.peg_view
         )
@@ -307,7 +305,8 @@ class Stepper:
         """Change the peg's situation if the last ticks require it."""
         grip_force = float(self.control.drive[engine.DRIVE_FORCE])
         if self.peg is PegSituation.HELD:
-            if situation.has_fallen_out(float(self.running.data.qpos[HINGE]), self._bear().length):
+            turn, contact = float(self.running.data.qpos[HINGE]), self._bear().length
+            if abs(turn) > situation.LOST_TURN or contact < situation.LEAST_CONTACT:
                 self.fall()
             elif grip_force <= 0.0:
                 self.enter_free(self.scene.size.thickness, self.peg_pose())
@@ -316,8 +315,8 @@ class Stepper:
         elif self.peg is PegSituation.FREE:
             height = self.lowest() - self.scene.rack.position[2]
             if not situation.is_in_grip(self.pad_force(), grip_force, height):
-                self._in_grip_since = self._pace.now()
-            elif self._pace.now() - self._in_grip_since > situation.SETTLED_GRIP:
+                self._in_grip_since = self.pace.now()
+            elif self.pace.now() - self._in_grip_since > situation.SETTLED_GRIP:
                 self.enter_held()
 
     # Present positions.
@@ -340,7 +339,7 @@ class Stepper:
             felt = self.meters[metering.FORCE : metering.TORQUE + 3].copy() if is_held else np.zeros(6)
             position, rotation, _, _ = impedance.forward(control.arm, self.q)
             return arm_senses.Reading(self.q, self.dq, felt, position, rotation)
-        felt = joint_drive.unmodelled(control.joints)
+        felt = control.joints[joint_drive.LEFT_OVER : joint_drive.LEFT_OVER + JOINTS].copy()
         if self._scratch is not None:
             felt += described_arm.left_over(self.running.model, self._scratch, self.running.data.qpos)
         return arm_senses.scanned(control.senses, control.arm, felt)
@@ -404,7 +403,7 @@ class Stepper:
 
     def grip_limits(self) -> GripLimits:
         """Return the largest loads from friction of the pads on the held peg in its present pose."""
-        (theta, along, beside), (length, width) = self.running.data.qpos[HINGE : BESIDE + 1].tolist(), self._pad
+        (theta, along, beside), (length, width) = self.running.data.qpos[HINGE : BESIDE + 1].tolist(), self.pad
         reach_tip = self.peg_length - along
         return grip_limits(
             theta=theta,

@@ -22,8 +22,6 @@ from sim.world import engine, scene
 from sim.world.disturb import Draw
 
 GRAVITY = 9.81
-FLOOR_MARGIN = 0.5e-3
-"""Distance of the hole's floor below the depth at which the switch closes, m."""
 
 
 class Mechanism:
@@ -154,7 +152,8 @@ def _plate(job: Job, drawn: Draw, true: PlateConfig) -> Plate:
         lean = lean @ frames.rotation_about(frames.UP, drawn.yaw)
     half = hole.part.half if true.present else (contact.SOLID, contact.SOLID)
     # A switch needs some travel to close; without a switch the bottom is the seated depth.
-    floor = hole.depth - true.shallow + (FLOOR_MARGIN if hole.evidence == "switch" else 0.0)
+    # Distance of the hole's floor below the depth at which the switch closes, m.
+    floor = hole.depth - true.shallow + (0.5e-3 if hole.evidence == "switch" else 0.0)
     chamfer = hole.chamfer if true.present else 0.0
     rubbing = contact.Rubbing(true.stick, true.stick_speed, true.ripple, true.ripple_length)
     return Plate(drawn.hole, lean, half, floor, outline_of(drawn.hole, lean, *hole.plate_bounds), chamfer, rubbing)

@@ -204,12 +204,14 @@ def run(
         swing = swing.after(seen.arm) if running < params.swing_time else at_rest
         stiffness, damping_ratio = _compliance(params, swing, depth_of(tip, hole) > hole.depth - params.arrival)
         proof.looks = proof.looks.pulling(swing.push * params.push_offset, ctx.schedule.period)
+        # The tip is held no further away than a hole can be from where it was found, and at the tip's height less a pull.
+        beside, axis = anchored(tip, first.tip), down.aim.axis(offset)
         ctx.follow(
             ImpedanceSetpoint(
                 id=identity,
-                tip=_target(tip, first.tip, proof.looks.pull),
-                axis=down.aim.axis(offset),
-                twist=_spin(down.aim.axis(offset), down.aim.axis(next_offset), ctx.schedule.period),
+                tip=np.array([beside[0], beside[1], tip[2] + proof.looks.pull]),
+                axis=axis,
+                twist=Twist(np.zeros(3), cross(axis, down.aim.axis(next_offset)) / ctx.schedule.period),
                 roll=(seen if turns_freely else first).arm.tcp.rotation[:, 2],
                 stiffness=stiffness,
                 damping_ratio=damping_ratio,
@@ -230,17 +232,6 @@ def _has_left(tip: Vector, axis: Vector, plane: Plane, job: Job) -> bool:
     is_above = plane.depth(tip) < -(job.peg.part.inscribed / 2.0 + RAISED)
     is_below = depth_of(tip, job.hole) > job.hole.depth + CLOSED_TOLERANCE
     return is_above or is_below or angle_between(axis, plane.normal) > LEANING
-
-
-def _target(tip: Vector, found: Vector, pull: float) -> Vector:
-    """Return the setpoint of the tip, shape (3,), m: off the tip's height by a pull, m, and no further than a hole can be from where it was `found`."""
-    beside = anchored(tip, found)
-    return np.array([beside[0], beside[1], tip[2] + pull])
-
-
-def _spin(axis: Vector, after: Vector, period: float) -> Twist:
-    """Return the twist that takes an axis to where it is one `period` later, s."""
-    return Twist(np.zeros(3), cross(axis, after) / period)
 
 
 def given_up_after(depth: float, bottom: float, params: SpiralAdjustParams) -> float:

@@ -78,7 +78,7 @@ class Person:
             if not (self._folder / "empty").exists():
                 self._fill()
             elif self._world.world.peg is PegSituation.FREE:
-                self._world.world.take_away()
+                self._world.world.lose()
 
     def _numbers(self, name: str, count: int) -> Vector:
         try:

@@ -12,8 +12,7 @@ from cell.devices.assembly import assemble, opened
 from drivers import impedance
 from drivers.arm import dynamics
 from drivers.quantities import ImpedanceSetpoint
-from sim.arm import joint_drive
-from sim.arm.arm_truth import JointFriction, Payload, StateReading, TorquePath, WrenchReading, every, ideal
+from sim.arm.arm_truth import JointFriction, StateReading, TorquePath, WrenchReading, every, ideal
 from sim.arm.device import SimArm
 from skills.catalogue import CATALOGUE
 from tests.rigs import world_of
@@ -43,12 +42,12 @@ def hold_softly(arm):
 
 def torqued(world, torque, seconds):
     """Command constant joint torques from outside for so long; yield after every control period."""
-    world.stepper.law_every = NEVER
+    world.law_every = NEVER
     if world.now() == 0.0:
         # The law's one turn; it commands nothing at all.
         world.wait_until(world.arm.control_period)
     for _ in range(round(seconds / world.arm.control_period)):
-        world.stepper.command(torque)
+        world.command(torque)
         world.wait_until(world.now() + world.arm.control_period)
         yield world
 
@@ -85,17 +84,6 @@ def test_fingers_beside_their_place_are_there_in_the_physics_and_unknown_to_the_
     np.testing.assert_allclose(way, [offset[2] + 0.0003, offset[0], offset[1]], atol=1e-12)
 
 
-def test_a_payload_pulls_the_arm_down_and_is_told_as_a_force():
-    world = departing(payload=Payload(0.5, (0.0, 0.0, 0.1034)))
-    arm, height = SimArm(world), world.tcp().position[2]
-    hold_softly(arm)
-    world.wait_until(1.5)
-    assert world.tcp().position[2] < height - 2e-3
-    force = arm.read().wrench.force
-    assert force[2] == pytest.approx(-0.5 * joint_drive.GRAVITY, rel=0.01)
-    assert np.linalg.norm(force[:2]) < 0.01
-
-
 @pytest.mark.parametrize(("times", "share", "swings"), [(1.0, 0.0, False), (HEAVY, 0.0, True), (HEAVY, 0.4, False)])
 def test_late_torques_swing_a_halted_arm_only_where_it_believes_in_more_inertia_than_it_has(times, share, swings):
     believed = times * np.array(load().cell.arm_model().joints.rotor_inertia)
@@ -114,13 +102,13 @@ def test_late_torques_swing_a_halted_arm_only_where_it_believes_in_more_inertia_
 
 
 def motion(timestep):
-    """Return where the tip goes, m, when a departing arm holds still against a payload, at one time step."""
+    """Return where the tip goes, m, when a departing arm holds still against residual gravity, at one time step."""
     world = departing(
         timestep,
         friction=CURVE,
         rotor_inertia=every(0.05),
         path=TorquePath(1, 100.0),
-        payload=Payload(0.5, (0.0, 0.0, 0.1034)),
+        gravity=(0.0, 2.0, 0.0, 2.0, 0.0, 1.0, 0.0),
     )
     arm = SimArm(world)
     hold_softly(arm)
@@ -147,10 +135,9 @@ DEPARTURES = {
         "friction": JointFriction(dry=(0.3, 0.5, 0.4, 0.7, 0.4, 0.2, 0.3), viscous=every(0.05)),
         "rotor_inertia": (0.15, 0.15, 0.15, 0.15, 0.06, 0.06, 0.06),
         "path": TorquePath(2, 150.0),
-        "reading": StateReading(zero=every(3e-4), noise=1e-5, rate_noise=every(1e-3), delay=1),
+        "reading": StateReading(zero=every(3e-4), noise=1e-5, rate_noise=every(1e-3)),
         "wrench": WrenchReading(force=(0.5, -0.5, 1.0), force_noise=0.5, cutoff=50.0),
         "gravity": (0.02, 0.2, 0.1, 0.2, 0.05, 0.05, 0.01),
-        "payload": Payload(0.1, (0.0, 0.02, 0.05)),
         "tcp_offset": (2e-4, -2e-4, 1e-4),
     },
 }

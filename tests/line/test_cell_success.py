@@ -94,7 +94,7 @@ def test_a_held_peg_in_the_hole_is_pulled_out_and_binned(tmp_path):
 def test_a_peg_that_does_not_come_out_is_no_success_and_told_as_what_it_is(tmp_path):
     with line(tmp_path) as made:
         stopped_in_the_hole(made, 0.008)
-        running = made.world.stepper.running
+        running = made.world.running
         running.data.xfrc_applied[running.peg_body, 2] -= 80.0  # what holds it down, N
         report = made.command(RECOVER)
         # The hand lets go of it, or it slips through the pads before the pull has reached its bound.

@@ -107,7 +107,7 @@ def test_decoys_are_drawn_from_the_seed_and_shift_nothing_else():
 
 
 def test_a_plate_without_decoys_has_one_geom():
-    assert world_of().stepper.scene.held.plates == 1
+    assert world_of().scene.held.plates == 1
 
 
 @pytest.mark.parametrize(

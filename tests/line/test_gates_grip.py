@@ -28,9 +28,9 @@ def holding(theta: float = 0.0, beside: float = 0.0) -> World:
     world.control.drive[engine.DRIVE_FORCE] = GRIP
     held = compose(world.tcp(), peg_in_finger(theta, world.job.peg.length))
     lateral = world.tcp().rotation @ np.array([-math.sin(theta), math.cos(theta), 0.0])
-    middle = held.position + world.stepper.scene.size.half * held.rotation[:, 2] + beside * lateral
-    world.stepper.enter_free(world.job.peg.part.thickness, Pose(middle, held.rotation))
-    world.stepper.enter_held()
+    middle = held.position + world.scene.size.half * held.rotation[:, 2] + beside * lateral
+    world.enter_free(world.job.peg.part.thickness, Pose(middle, held.rotation))
+    world.enter_held()
     world.wait_until(0.2)
     return world
 
@@ -47,7 +47,7 @@ def slipped(world: World, load: Vector, seconds: float = 0.5, far: bool = False)
     Returns:
         Change of the place where the peg sticks, in units of what the shear gives at the bound.
     """
-    limits, words = world.stepper.grip_limits(), world.control.grip
+    limits, words = world.grip_limits(), world.control.grip
     before = words[slip.STUCK : slip.STUCK + 3].copy()
     data = world.physics()[1]
     force_z, force_y = load[1] * limits.force, load[2] * limits.force
@@ -92,7 +92,7 @@ def test_a_load_just_inside_the_limit_surface_holds_and_one_just_outside_slips(
 
 def test_forces_are_bounded_by_twice_friction_times_the_grip() -> None:
     """Two pads at 0.4 under 30 N bear 24 N; of a moment a quarter of the 35.5 mm that lie between them times as much."""
-    limits = holding().stepper.grip_limits()
+    limits = holding().grip_limits()
     assert limits.force == pytest.approx(2 * 0.4 * GRIP)
     assert limits.length == pytest.approx(0.0355, abs=2e-4)
     assert limits.torque == pytest.approx(limits.force * limits.length / 4, rel=1e-6)

@@ -69,7 +69,7 @@ def test_outline_covers_the_rectangle_also_for_a_plate_that_is_turned() -> None:
 def test_a_rack_beside_the_plate_at_another_height_disturbs_nothing() -> None:
     """The rack stands 0.05 m higher than the plate, within 0.1 m of the hole: its surface is no ceiling over the plate."""
     world = world_of("rack.first=[0.5, -0.09, 0.15]", "rack.slots=1")
-    stepper = world.stepper
+    stepper = world
     peg = world.peg_pose()
     under = peg.position.copy()
     under[1], under[2] = -0.05, 0.12 + stepper.scene.size.half

@@ -26,9 +26,9 @@ class Slider:
         self.arm, self.steps = SimArm(self.world), set[float]()
         self.arm.halt()
         self.world.control.drive[engine.DRIVE_FORCE] = 30.0
-        self.world.stepper.hold(0.0)
+        self.world.hold(0.0)
         self.axis = np.array([math.sin(TILT), 0.0, math.cos(TILT)])
-        self.radius = self.world.stepper.scene.size.reach
+        self.radius = self.world.scene.size.reach
         # The rim's lowest point is ahead of the end's middle by r cos t, and below it by r sin t.
         lowest = np.array([math.cos(TILT), 0.0, -math.sin(TILT)]) * self.radius
         self.start = self.world.plate.position + np.array([beside, -LANE / 2, 0.0]) - lowest
@@ -36,7 +36,7 @@ class Slider:
 
     def tip(self) -> tuple[Vector, Vector]:
         """Return the middle of the peg's end, m, and its axis."""
-        return self.world.stepper.end(), self.world.peg_pose().rotation[:, 2].copy()
+        return self.world.end(), self.world.peg_pose().rotation[:, 2].copy()
 
     def drag(self, speed: float) -> Vector:
         """Set the peg down and drag it; return rows of way past the hole's axis and height of the lowest point, m."""
@@ -55,7 +55,7 @@ class Slider:
             self._steer(0.02)
             goal = self.start + elapsed * velocity - np.array([0.0, 0.0, PUSH / 1000.0])
             self._follow(goal, self.axis, velocity, 0.002)
-            lowest = self.world.stepper.lowest() - self.world.plate.position[2]
+            lowest = self.world.lowest() - self.world.plate.position[2]
             self.steps.add(self.world.physics()[0].opt.timestep)
             rows.append((float(self.tip()[0][1] - self.world.plate.position[1]), lowest))
         return np.array(rows[len(rows) // 5 :])
@@ -102,7 +102,7 @@ def test_a_sliding_peg_lies_on_the_plate_near_the_hole_and_far_from_it(
 def test_what_a_plate_is_penetrated_by_is_told() -> None:
     """A peg pressed onto the plate, whose contacts are taken for softer than they are, sinks in, and the meter says so."""
     slider = Slider(0.0105, "contact.friction=0.2")
-    plate, held = slider.world.plate, slider.world.stepper.scene.held
+    plate, held = slider.world.plate, slider.world.scene.held
     for model in (held.model, held.twin):
         assert model is not None
         model.geom("plate").user[:] = contact.plate_user(

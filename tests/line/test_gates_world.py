@@ -90,8 +90,8 @@ def test_a_peg_at_rest_in_the_hole_stays_at_rest_for_a_minute(shape: str) -> Non
     _, physics = cell_of(4, f"peg.shape={shape}")
     plate = physics.plate
     leaning = rotation_about(plate.rotation[:, 0], math.radians(0.1)) @ plate.rotation
-    half = physics.stepper.scene.size.half
-    physics.stepper.enter_free(width=0.08, peg=Pose(plate.position + plate.rotation[:, 2] * (half - 0.019), leaning))
+    half = physics.scene.size.half
+    physics.enter_free(width=0.08, peg=Pose(plate.position + plate.rotation[:, 2] * (half - 0.019), leaning))
     physics.wait_until(physics.now() + 2.0)
     tip = np.array(physics.truth().tip)
     assert physics.truth().switch_closed
@@ -105,12 +105,12 @@ def test_a_peg_that_falls_out_of_the_hand_comes_to_rest_on_the_plate() -> None:
     cell, physics = cell_of(5)
     grasp_from_rack.run(cell.config.grasp, cell.context(5))
     tip = np.array([*physics.plate.position[:2] + 0.05, physics.plate.position[2] + 0.1])
-    physics.stepper.enter_free(0.008, Pose(tip, np.eye(3)))
-    physics.stepper.fall()
+    physics.enter_free(0.008, Pose(tip, np.eye(3)))
+    physics.fall()
     physics.wait_until(physics.now() + 1.0)
     lying = physics.peg_pose()
     assert abs(lying.rotation[2, 2]) < 0.05
-    assert lying.position[2] - physics.plate.position[2] == pytest.approx(physics.stepper.scene.size.reach, abs=3e-4)
+    assert lying.position[2] - physics.plate.position[2] == pytest.approx(physics.scene.size.reach, abs=3e-4)
     np.testing.assert_allclose(lying.position[:2], tip[:2], atol=0.02)
     assert float(np.abs(physics.physics()[1].qvel[9:]).max()) < 1e-2
 
@@ -118,22 +118,22 @@ def test_a_peg_that_falls_out_of_the_hand_comes_to_rest_on_the_plate() -> None:
 @pytest.mark.parametrize("beside", [0.0, 0.003, 0.05])
 def test_a_released_peg_that_topples_lies_on_the_plate(beside: float) -> None:
     _, physics = cell_of(5)
-    half, leaning = physics.stepper.scene.size.half, rotation_about(np.array([1.0, 0.0, 0.0]), 0.6)
+    half, leaning = physics.scene.size.half, rotation_about(np.array([1.0, 0.0, 0.0]), 0.6)
     end = physics.plate.position + np.array([0.0, beside, 0.003])
-    physics.stepper.enter_free(0.06, Pose(end + half * leaning[:, 2], leaning))
+    physics.enter_free(0.06, Pose(end + half * leaning[:, 2], leaning))
     physics.wait_until(physics.now() + 2.0)
     lying = physics.peg_pose()
     assert abs(lying.rotation[2, 2]) < 0.05
-    assert lying.position[2] - physics.plate.position[2] == pytest.approx(physics.stepper.scene.size.reach, abs=3e-4)
+    assert lying.position[2] - physics.plate.position[2] == pytest.approx(physics.scene.size.reach, abs=3e-4)
 
 
 @pytest.mark.parametrize("depth", [0.003, 0.006, 0.009])
 def test_a_peg_that_is_squeezed_out_of_the_plate_lands(depth: float) -> None:
     """It starts with its end in the plate's solid, as after a jam, and is flung out faster than steps can follow."""
     _, physics = cell_of(5)
-    half, leaning = physics.stepper.scene.size.half, rotation_about(np.array([1.0, 0.0, 0.0]), 0.6)
+    half, leaning = physics.scene.size.half, rotation_about(np.array([1.0, 0.0, 0.0]), 0.6)
     end = physics.plate.position + np.array([0.002, 0.003, -depth])
-    physics.stepper.enter_free(0.06, Pose(end + half * leaning[:, 2], leaning))
+    physics.enter_free(0.06, Pose(end + half * leaning[:, 2], leaning))
     physics.wait_until(physics.now() + 1.0)
     assert np.abs(physics.physics()[1].qvel[9:]).max() < 100.0
 
@@ -141,10 +141,10 @@ def test_a_peg_that_is_squeezed_out_of_the_plate_lands(depth: float) -> None:
 @pytest.mark.parametrize(("ground", "x"), [("rack", 0.0), ("table", 0.2)])
 def test_a_peg_that_the_hand_loses_beside_the_plate_lies_on_what_is_below_it(ground: str, x: float) -> None:
     _, physics = cell_of(5)
-    rack, reach = physics.stepper.scene.rack, physics.stepper.scene.size.reach
+    rack, reach = physics.scene.rack, physics.scene.size.reach
     middle = rack.position + np.array([x, 0.0, 0.1])
-    physics.stepper.enter_free(0.008, Pose(middle, np.eye(3)))
-    physics.stepper.fall()
+    physics.enter_free(0.008, Pose(middle, np.eye(3)))
+    physics.fall()
     lying = physics.peg_pose().position
     np.testing.assert_allclose(lying[:2], middle[:2], atol=0.02)
     assert lying[2] == pytest.approx((rack.position[2] if ground == "rack" else 0.0) + reach, abs=1e-3)

@@ -12,8 +12,6 @@ from cell.lab.arguments import load_simulated
 if TYPE_CHECKING:
     from plc_bridge.protocol.messages import Report
 
-SUMMARY = "the main job: a PLC peer triggers insertions over Modbus TCP"
-
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the number of insertions, and the folder of records and pictures."""

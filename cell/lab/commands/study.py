@@ -13,8 +13,6 @@ from cell.lab.arguments import Plan
 if TYPE_CHECKING:
     from cell.lab.report import StudyReport
 
-SUMMARY = "one study: how fast, how exact, where a method fails"
-
 
 class Study(Protocol):
     """A study: a `Plan`, or a module `study.py` that imports its dependencies when it runs."""

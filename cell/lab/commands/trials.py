@@ -13,8 +13,6 @@ from cell.lab.arguments import load_simulated
 if TYPE_CHECKING:
     from cell.lab.trials import TrialRow
 
-SUMMARY = "many insertions on fresh simulated cells"
-
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the number of trials, their seeds, their workers and the output folder."""
@@ -33,7 +31,7 @@ def run(args: argparse.Namespace) -> int:
     """Run the trials, write table, summary and chart, and show the stages beside the published ones."""
     from rich.console import Group
 
-    from cell.lab.charts import CHART, Point, plot_speed_accuracy
+    from cell.lab.charts import CHART, ChartPoint, plot_speed_accuracy
     from cell.lab.published import stage_table
     from cell.lab.tables import loads, outcomes, phases, stages
     from cell.lab.trials import SUMMARY as TOLD
@@ -49,7 +47,7 @@ def run(args: argparse.Namespace) -> int:
 
         rows = run_trials(config, seeds, args.workers or os.cpu_count() or 1, args.out, done, args.scheduler)
     lines = stage_table([row.tried() for row in rows])
-    plot_speed_accuracy([Point.of_total(lines[-1])], args.out / CHART)
+    plot_speed_accuracy([ChartPoint.of_total(lines[-1])], args.out / CHART)
     summary = json.loads((args.out / TOLD).read_text(encoding="utf-8"))
     cycles = [row.cycle_time for row in rows if row.outcome == "success"]
     pace = f"{summary['trials_per_minute']:.1f} trials per minute"

@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from cell.lab.trials import TrialRow
     from cell.lab.tune.measure import Candidate, Space
 
-SUMMARY = "a recipe that fulfils a wish for time, force and success, searched for in simulation"
 RECIPE = "recipe.toml"
 AWAY = 1_000_000
 """Distance between the seeds for the choice of settings and the seeds for judging the best one."""

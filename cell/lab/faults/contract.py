@@ -4,7 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from cell.lab.faults.program import Program
+from cell.lab.faults.program import ServedProgram
 
 if TYPE_CHECKING:
     from cell.lab.faults.bench import FaultBench
@@ -25,7 +25,7 @@ class FaultKind:
     name: str
     begin: "Callable[[FaultBench], Undo]" = unharmed
     """Function that causes the fault on the scan thread, and returns its repair."""
-    to_program: Callable[[Program], Undo | None] | None = None
+    to_program: Callable[[ServedProgram], Undo | None] | None = None
     """Function that causes the fault from outside, in a cell that is a separate program; None if `begin` causes it. It
     returns the function to call after the run; None if the program has been ended."""
     is_timed: bool = False

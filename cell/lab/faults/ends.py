@@ -19,7 +19,7 @@ from cell.lab.faults import attacks
 from cell.lab.faults.bench import PATIENCE
 from cell.lab.faults.cases import INSERT, LONGEST, FaultCase, brought_back, remedy, reset_if_needed, word
 from cell.lab.faults.contract import FaultKind, Undo
-from cell.lab.faults.program import Program, certificate, served
+from cell.lab.faults.program import ServedProgram, certificate, served
 from cell.records.journal import Journal
 from cell.records.sample_blocks import BATCH
 from cell.records.samples import read_samples
@@ -67,11 +67,11 @@ LEFT = {
 end, and a held peg has no known position after the hand is empty."""
 
 
-def _sent(number: signal.Signals, program: Program) -> None:
+def _sent(number: signal.Signals, program: ServedProgram) -> None:
     program.signal(number)
 
 
-def _paused(program: Program) -> Undo:
+def _paused(program: ServedProgram) -> Undo:
     """Stop and continue the program, as a terminal or a debugger does."""
     program.signal(signal.SIGSTOP)
     time.sleep(HELD_UP)
@@ -79,7 +79,7 @@ def _paused(program: Program) -> Undo:
     return lambda: None
 
 
-def _starved(program: Program) -> Undo:
+def _starved(program: ServedProgram) -> Undo:
     """Run many programs that compete with the cell for every processor."""
     number = BUSY_EACH * (os.cpu_count() or 1)
     for each in [subprocess.Popen([sys.executable, "-S", "-c", BUSY]) for _ in range(number)]:
@@ -87,13 +87,13 @@ def _starved(program: Program) -> Undo:
     return lambda: None
 
 
-def _attacked(attack: Callable[[attacks.Address, float], None], program: Program) -> Undo:
+def _attacked(attack: Callable[[attacks.Address, float], None], program: ServedProgram) -> Undo:
     address = program.secure if attack is attacks.tls_storm else program.address
     attacks.in_process(attack, address, HELD_UP)
     return lambda: None
 
 
-def _full(then: Callable[[Program], None], program: Program) -> Undo:
+def _full(then: Callable[[ServedProgram], None], program: ServedProgram) -> Undo:
     """Let the disk seem full, and do something once the run has ended."""
     program.limit(0)
     return lambda: then(program)
@@ -106,7 +106,7 @@ PROGRAM_KINDS: tuple[FaultKind, ...] = (
     ),
     FaultKind("process: stopped and continued", to_program=_paused, is_timed=True),
     FaultKind("process: starved", to_program=_starved, is_timed=True),
-    FaultKind("disk: full, then room again", to_program=partial(_full, Program.limit), is_harmless=True),
+    FaultKind("disk: full, then room again", to_program=partial(_full, ServedProgram.limit), is_harmless=True),
     *(
         FaultKind(
             f"disk: full, then {number.name}",
@@ -213,7 +213,7 @@ def tried(kind: FaultKind, stage: str, moment: float, arguments: Sequence[str], 
 
 
 def _broken(
-    kind: FaultKind, stage: str, moment: float, program: Program, peer: Peer
+    kind: FaultKind, stage: str, moment: float, program: ServedProgram, peer: Peer
 ) -> tuple[FaultCase, Seen, tuple[int, int]]:
     """Run an insertion with the fault; return the readings, and the scans read until the fault and a second before it."""
     assert kind.to_program is not None

@@ -26,7 +26,7 @@ LOADED = "cell.lab.faults.loaded"
 _CONTEXT = multiprocessing.get_context("forkserver")
 
 
-class Program:
+class ServedProgram:
     """A program that serves a cell."""
 
     def __init__(self, process: "ForkServerProcess", address: tuple[str, int], secure: tuple[str, int]) -> None:
@@ -61,7 +61,7 @@ class Program:
 
 
 @contextmanager
-def served(folder: Path, arguments: Sequence[str], tls: Sequence[str] = ()) -> Iterator[Program]:
+def served(folder: Path, arguments: Sequence[str], tls: Sequence[str] = ()) -> Iterator[ServedProgram]:
     """Yield a served cell in a separate process; `tls` holds the keys of a server with TLS, if it shall have one.
 
     Raises:
@@ -81,7 +81,7 @@ def served(folder: Path, arguments: Sequence[str], tls: Sequence[str] = ()) -> I
             if not first:
                 raise CellError(f"the cell does not start: cell {' '.join(words)}")
             host, port = first[-1].rsplit(":", 1)
-            yield Program(process, (host, int(port)), (host, secure))
+            yield ServedProgram(process, (host, int(port)), (host, secure))
     finally:
         process.kill()
         process.join()

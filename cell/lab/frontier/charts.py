@@ -40,7 +40,7 @@ ERRORS: tuple[tuple[str, Callable[[FrontierLine], float]], ...] = (
 
 
 @dataclass(frozen=True, slots=True)
-class Point:
+class CurvePoint:
     """One row of the printed table."""
 
     curve: str
@@ -59,10 +59,10 @@ class Point:
     endings: str
 
 
-def points(lines: Sequence[FrontierLine]) -> list[Point]:
+def points(lines: Sequence[FrontierLine]) -> list[CurvePoint]:
     """Return the rows of the printed table."""
     return [
-        Point(
+        CurvePoint(
             line.family,
             line.variant,
             f"{line.successes}/{line.trials}",

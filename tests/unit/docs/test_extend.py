@@ -35,7 +35,7 @@ def _naming(pattern: str, own: str) -> set[str]:
     ("what", "pattern", "own"),
     [
         ("an estimator", r"\bskills\.tactile\.image\b", "skills/tactile/image"),
-        ("a command", r"\bcell\.commands\.faults\b", "cell/commands/faults"),
+        ("a command", r"\"faults\": \"", "cell/commands/faults"),
         ("an arm with another interface", r"\bdrivers\.arm\.franka\b|\bFrankaArmConfig\b", "drivers/arm/"),
         ("a page that shows live theta", r"\bcell\.page\b", "cell/page/"),
         ("a peg with another kind of cross-section", r"\bRectangular\b|\"rectangular\": ", "drivers/part/rectangular"),

@@ -12,7 +12,7 @@ from drivers.errors import DeviceNotOpenedError, SkinSilentError
 from drivers.skin.health import ERROR_COUNT, dead_groups
 from drivers.skin.layout import LAYOUTS, module_of
 from sim.config import PadConfig, SimSkinConfig
-from sim.hand.pads import PadLoad, Pads, breakaway_torque, contact_span, taxel_weights
+from sim.hand.pads import PadLoad, Pads, contact_span, grip_limits, taxel_weights
 from sim.hand.skin import SimSkin, Taxels, as_believed
 from tests.skins import ScriptedWorld, held_peg
 
@@ -86,13 +86,20 @@ def test_wide_flat_pressure_reaches_a_taxel_undiminished():
     assert weights.sum(axis=-1).max() == pytest.approx(1.0, abs=0.01)
 
 
+def breakaway_torque(load, friction):
+    """Return the torque about the closing axis above which the peg turns in the pads, N·m."""
+    ends, pad = (load.reach_tip, load.reach_back), (LENGTH / 2, WIDTH / 2)
+    width = load.width if load.is_flat else 0.0
+    return grip_limits(load.theta, load.offset, load.grip_force, ends, pad, friction, width).torque
+
+
 @pytest.mark.parametrize("theta", [0.0, 0.6, 1.5])
 @pytest.mark.parametrize("offset", [0.0, 2e-3])
 def test_breakaway_torque_is_the_mean_lever_about_the_middle_of_the_contact(theta, offset):
     load = replace(AT_REST, theta=theta, offset=offset, reach_back=0.008)
     s = np.linspace(*contact_span(load, LENGTH, WIDTH), 20001)
     lever = np.trapezoid(np.abs(s - s.mean()), s) / (s[-1] - s[0])
-    assert breakaway_torque(load, 0.8, LENGTH, WIDTH) == pytest.approx(2 * 0.8 * 30.0 * lever, rel=1e-4)
+    assert breakaway_torque(load, 0.8) == pytest.approx(2 * 0.8 * 30.0 * lever, rel=1e-4)
 
 
 ACROSS = WIDTH / 2 / math.sin(math.radians(75.0))
@@ -127,7 +134,7 @@ def test_a_flat_face_turns_in_the_pads_where_friction_over_it_says(theta):
     along, beside = x * math.cos(theta) + y * math.sin(theta), y * math.cos(theta) - x * math.sin(theta)
     under = (np.abs(beside) < 0.004) & (along < flat.reach_tip) & (along > -flat.reach_back)
     expected = 2.0 * 0.5 * flat.grip_force * np.hypot(x, y)[under].mean()
-    assert breakaway_torque(flat, 0.5, LENGTH, WIDTH) == pytest.approx(expected, rel=0.02)
+    assert breakaway_torque(flat, 0.5) == pytest.approx(expected, rel=0.02)
 
 
 COMPILED = """

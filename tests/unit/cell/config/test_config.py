@@ -79,7 +79,7 @@ def test_no_more_is_asked_of_the_arm_than_it_can_do(at, beyond, told):
 
 def test_a_file_that_is_missing_or_not_toml_is_named(tmp_path):
     path = tmp_path / "cell.toml"
-    assert "no such file" in line_about(path=path)
+    assert "cannot be read: No such file" in line_about(path=path)
     path.write_text("peg = ")
     assert str(path) in line_about(path=path)
 

@@ -92,7 +92,7 @@ def test_a_drawn_latch_and_a_worn_one_resist_with_what_was_drawn_and_is_left(loa
     crest = BOTTOM - 0.75 * DETENT.height - 1e-4
     assert felt(words(DETENT, force=1.2, place=1e-4), crest) == pytest.approx(1.2 * DETENT.force)
     world = World(cell.arm_model(), sim, cell.contact, cell.grip, "parallelogram", job)
-    assert world.stepper.scene.latch[latch.FORCE] == pytest.approx(0.25 * DETENT.force)
+    assert world.scene.latch[latch.FORCE] == pytest.approx(0.25 * DETENT.force)
 
 
 def test_nothing_is_felt_beside_the_hole_or_without_a_latch():

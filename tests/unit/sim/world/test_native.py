@@ -44,7 +44,8 @@ def test_a_field_that_has_moved_is_refused(name, monkeypatch):
 
 @pytest.mark.parametrize("field", native.CONTACT_FIELDS)
 def test_a_field_of_a_contact_that_has_moved_is_refused(field, monkeypatch):
-    monkeypatch.setitem(native.CONTACT_FIELDS, field, native.CONTACT_FIELDS[field] + 4)
+    place, form = native.CONTACT_FIELDS[field]
+    monkeypatch.setitem(native.CONTACT_FIELDS, field, (place + 4, form))
     with pytest.raises(ImportError, match="contacts are not laid out"):
         native.verify_layout()
 
