@@ -233,15 +233,6 @@ def test_handshake_that_never_ends_is_cut_off_by_time_or_by_the_end_of_the_cell(
     bridge.close()
 
 
-def test_handshakes_that_never_end_leave_room_for_others(authority, contexts):
-    bridge = start(authority, connections=1)
-    with knock(bridge) as silent:
-        assert not is_refused(bridge, contexts["Operator"])
-        assert is_closed(silent)
-    bridge.close()
-    assert bridge.diagnostics.dropped == 1
-
-
 def test_handshakes_that_never_end_take_no_place_of_one_that_spoke(authority, contexts):
     with (
         contextlib.closing(start(authority, connections=4)) as bridge,
