@@ -24,6 +24,10 @@ def given(orders):
     return commands
 
 
+def test_first_come_first_served():
+    assert given(queue(order(1, 100), order(2, Control.HOLD))) == [(1, 100), (2, Control.HOLD)]
+
+
 def test_what_comes_behind_a_stop_waits_for_it():
     orders = queue()
     orders.stop(order(3, Control.STOP))

@@ -1,0 +1,52 @@
+import pytest
+
+from plc_bridge.protocol.lease import CellLease
+from plc_bridge.protocol.links import Link
+from plc_bridge.protocol.messages import LeaseState
+from plc_bridge.protocol.watchdog import LinkWatchdog
+
+
+def link(source, host=None, **facts):
+    return Link(source, host or source, LinkWatchdog(0.0), **facts)
+
+
+def test_one_reader_sees_yours_where_another_sees_taken():
+    lease, one, other = CellLease(5.0), link("one"), link("other")
+    assert lease.state_for(one) is LeaseState.FREE
+    assert (lease.take(one), lease.take(other)) == (True, False)
+    assert (lease.state_for(one), lease.state_for(other)) == (LeaseState.YOURS, LeaseState.TAKEN)
+
+
+def test_only_its_holder_releases_it():
+    lease, one = CellLease(5.0), link("one")
+    lease.take(one)
+    lease.release(link("other"))
+    assert not lease.is_open_to(link("other"))
+    lease.release(one)
+    assert lease.is_open_to(link("other"))
+
+
+@pytest.mark.parametrize(
+    ("host", "closed", "is_taken"), [("a", 1, True), ("a", None, False), ("a", 3, False), ("b", 1, False)]
+)
+def test_only_a_link_that_its_host_opened_after_the_holder_had_closed_takes_over(host, closed, is_taken):
+    lease, newcomer = CellLease(5.0), link("new", "a", opened=2)
+    lease.take(link("old", host, closed=closed))
+    assert lease.take(newcomer) is is_taken
+
+
+def test_what_a_closed_link_held_goes_on_with_its_run_only():
+    lease, old, newcomer = CellLease(5.0), link("old", "a", closed=1), link("new", "a", opened=2)
+    lease.take(old)
+    lease.runner = old
+    assert (lease.take(newcomer), lease.state_for(newcomer)) == (False, LeaseState.TAKEN)
+    lease.resume(old, newcomer)
+    assert lease.state_for(newcomer) is LeaseState.YOURS
+
+
+@pytest.mark.parametrize(("now", "is_local", "is_held"), [(5.0, False, True), (5.1, False, False), (1e6, True, True)])
+def test_silence_frees_it_but_a_local_user_is_never_silent(now, is_local, is_held):
+    lease = CellLease(5.0)
+    lease.take(link("holder", is_local=is_local))
+    lease.expire(now)
+    assert (lease.holder is not None) is is_held
