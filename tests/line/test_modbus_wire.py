@@ -51,14 +51,6 @@ def test_client_that_sends_much_before_it_reads_gets_every_answer_with_its_numbe
         assert [answer(client)[:2] for _ in range(count)] == [(n, 255) for n in range(count)]
 
 
-def test_frame_may_come_byte_by_byte(bridge):
-    with connect(bridge) as client:
-        client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        for byte in frame(READ_REPORT, 7):
-            client.sendall(bytes([byte]))
-        assert answer(client)[0] == 7
-
-
 def test_twenty_clients_at_once_lose_nothing(bridge):
     async def one(number):
         reader, writer = await asyncio.open_connection(*bridge.address)
