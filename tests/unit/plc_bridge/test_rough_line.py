@@ -81,7 +81,5 @@ class RoughLine(RuleBasedStateMachine):
         self.line.check()
 
 
-RoughLine.TestCase.settings = settings(
-    max_examples=60, stateful_step_count=80, deadline=None, derandomize=True, database=None
-)
+RoughLine.TestCase.settings = settings(max_examples=60, stateful_step_count=80)
 test_no_sequence_of_steps_gives_a_false_answer = RoughLine.TestCase
