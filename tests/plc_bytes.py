@@ -168,11 +168,13 @@ class Client:
 class SerialWire:
     """A serial line that a client and the server share."""
 
-    port, character_time = "/dev/ttyPLC0", 11 / 115200
+    port, character_time = "/dev/ttyPLC0", 11 / 9600
 
     def __init__(self) -> None:
         self.pieces: list[bytes] = []
         self.sent: list[bytes] = []
+        self.waits: list[float] = []
+        """Longest waits of the server, s."""
 
     def open(self) -> None:
         """Do nothing."""
@@ -181,7 +183,8 @@ class SerialWire:
         """Do nothing."""
 
     def read(self, timeout: float) -> bytes:
-        """Return what was sent to the server."""
+        """Return what was sent to the server, one piece for each read."""
+        self.waits.append(timeout)
         return self.pieces.pop(0) if self.pieces else b""
 
     def write(self, data: bytes) -> None:

@@ -9,9 +9,7 @@ from plc_bridge.protocol.images import COMMAND, REPORT, CommandImage, command_wo
 from plc_bridge.protocol.messages import Control
 from plc_bridge.protocol.registers import COILS, DISCRETE_INPUTS
 from tests.quick_cell import CODE
-
-PATIENCE = 10.0  # s
-HEADER = struct.Struct(">HHHB")
+from tests.sockets import PATIENCE, answer, frame
 
 
 class Wire:
@@ -26,16 +24,8 @@ class Wire:
 
     def ask(self, *pdus):
         """Send requests in one segment and return the answers."""
-        self.socket.sendall(b"".join(HEADER.pack(n, 0, len(pdu) + 1, 1) + pdu for n, pdu in enumerate(pdus)))
-        return [self._receive(HEADER.unpack(self._receive(HEADER.size))[2] - 1) for _ in pdus]
-
-    def _receive(self, size):
-        data = b""
-        while len(data) < size:
-            more = self.socket.recv(size - len(data))
-            assert more, "closed"
-            data += more
-        return data
+        self.socket.sendall(b"".join(frame(pdu, n) for n, pdu in enumerate(pdus)))
+        return [answer(self.socket)[2] for _ in pdus]
 
     def order(self, *commands):
         """Send (sequence, code) pairs, each in a request of its own, in one segment."""

@@ -1,6 +1,6 @@
 """A rough line: PLCs of every kind that restart, freeze, repeat, come late and lose answers, on one cell, byte by byte.
 
-A step is a name, the number of a client and a random number, so that a list of steps can be repeated, shortened and printed.
+A step is a name, the number of a client and a random number, so that a list of steps can be repeated and printed.
 
 These must hold after every step:
 
@@ -345,8 +345,6 @@ class GatewayPlc(Plc):
 class CanPlc(Plc):
     """A PLC on CAN, which reads TPDO 1 as it was sent last."""
 
-    told: tuple[int, int, int, int] = (0, 0, 0, 0)
-
     @property
     def is_up(self) -> bool:
         """Whether the node is operational."""
@@ -648,31 +646,3 @@ def walk(taken: Iterable[Step], line: Line | None = None) -> tuple[int, str, Lin
         except AssertionError as error:
             return count, str(error).partition("\n")[0], line
     return count, "", line
-
-
-def shrink(taken: list[Step]) -> list[Step]:
-    """Return fewer steps that still break something: drop pieces, the large ones first, as long as that works."""
-
-    def breaks(some: list[Step]) -> int:
-        count, why, _ = walk(some)
-        return count if why else 0
-
-    taken = taken[: breaks(taken)]
-    size = len(taken) // 2
-    while size:
-        place, has_shrunk = 0, False
-        while place < len(taken):
-            shorter = taken[:place] + taken[place + size :]
-            count = breaks(shorter)
-            if count:
-                taken, has_shrunk = shorter[:count], True
-            else:
-                place += size
-        size = size // 2 if not has_shrunk or size > 1 else 1
-    return taken
-
-
-def told(taken: list[Step]) -> str:
-    """Return the failure of some steps, as steps and as bytes."""
-    _, why, line = walk(taken)
-    return "\n".join([why, *map(str, taken), "bytes:", *line.sent[-60:]])

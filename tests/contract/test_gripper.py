@@ -12,36 +12,19 @@ def wait_for_rest(bench, longest=5.0):
     return bench.device.read()
 
 
-@pytest.fixture
-def released(gripper_bench):
-    """Yield the bench after its gripper was opened and commanded to open its fingers."""
-    gripper_bench.device.open()
-    gripper_bench.device.release(WIDTH)
-    wait_for_rest(gripper_bench)
-    return gripper_bench
-
-
-def test_fingers_go_to_the_width_that_they_are_told(released):
-    state = released.device.read()
-    assert state.width == pytest.approx(WIDTH, abs=0.001)
-    assert (state.is_gripping, state.is_moving) == (False, False)
-
-
-def test_repeating_a_command_is_harmless(released):
-    released.device.release(WIDTH)
-    released.clock.wait_until(released.clock.now() + 0.1)
-    assert released.device.read().width == pytest.approx(WIDTH, abs=0.001)
-
-
-def test_fingers_that_meet_hold_nothing(released):
-    released.device.grip(20.0)
-    state = wait_for_rest(released)
+def test_fingers_go_to_the_width_that_they_are_told_and_hold_nothing_where_they_meet(gripper_bench):
+    device = gripper_bench.device
+    device.open()
+    for _ in range(2):  # a command that is repeated is harmless
+        device.release(WIDTH)
+        state = wait_for_rest(gripper_bench)
+        assert state.width == pytest.approx(WIDTH, abs=0.001)
+        assert (state.is_gripping, state.is_moving) == (False, False)
+    device.grip(20.0)
+    state = wait_for_rest(gripper_bench)
     assert not state.is_gripping
     assert state.width < 0.002
-    released.device.release(WIDTH)
-    assert wait_for_rest(released).width == pytest.approx(WIDTH, abs=0.001)
-
-
-def test_closing_twice_is_harmless(released):
-    released.device.close()
-    released.device.close()
+    device.release(WIDTH)
+    assert wait_for_rest(gripper_bench).width == pytest.approx(WIDTH, abs=0.001)
+    device.close()
+    device.close()

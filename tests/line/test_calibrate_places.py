@@ -11,7 +11,7 @@ import pytest
 
 from cell.calibrate import places as module
 from cell.calibrate.places import MOST_FORCE, calibrate_places
-from cell.commands.cli import GOOD, NOT_GOOD, WRONG_USE, main
+from cell.commands.cli import GOOD, NOT_GOOD, main
 from cell.config.load import load
 from drivers.errors import NotCalibratedError
 from tests.reality_files import reality_of
@@ -73,17 +73,3 @@ def test_whoever_breaks_it_off_finds_the_arm_at_rest_and_the_old_file(tmp_path, 
     assert capsys.readouterr().err == "cell: stopped\n"
     assert [file.read_text(encoding="utf-8") for file in tmp_path.iterdir()] == ["old\n"]
     assert seen[0].lead.rest.is_reached
-
-
-@pytest.mark.parametrize(
-    ("asked", "said"),
-    [
-        (["places", "--pegs", "5", "--set", "rack.refill=asked"], "--pegs 5: 2 to 4 allowed"),
-        (["places", "--pegs", "1"], "--pegs 1: 2 to 20 allowed"),
-        (["places", "--set", "rack.slots=1", "--set", "rack.refill=asked"], "rack.slots = 1: two pegs needed"),
-        (["arm", "--pegs", "2"], "--pegs: only for places"),
-    ],
-)
-def test_wrong_use_is_one_line(asked, said, capsys):
-    assert main(["calibrate", *asked]) == WRONG_USE
-    assert said in capsys.readouterr().err

@@ -111,13 +111,6 @@ def test_canopen_commands_by_pdo_and_reads_the_answer(bridge, remote):
     assert remote.node.sdo["report"]["report_holder"].raw == f"node {PLC}"
 
 
-@pytest.mark.parametrize(("raw", "code"), [(9, 0x06090032), (5001, 0x06090031)])
-def test_canopen_is_told_which_limit_a_parameter_breaks(remote, raw, code):
-    with pytest.raises(canopen.SdoAbortedError) as caught:
-        remote.node.sdo["command"]["command_parameter_1"].raw = raw
-    assert caught.value.code == code
-
-
 def test_canopen_hears_a_fault(bridge, remote):
     bridge.publish(Report(fault=FaultCode.ARM_REFLEX, run=7))
     error = remote.errors.get(timeout=PATIENCE)

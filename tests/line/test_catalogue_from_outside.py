@@ -200,9 +200,7 @@ def test_a_wrong_value_is_told_as_of_any_other(house, key, words):
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"code": 103}, ("command code 103", "look", "tactile_insert")),
         ({"code": 9}, ("look: command code 9", "100 to 65535")),
-        ({"stage": 2}, ("stage 2", "look", "spray_search")),
         ({"stage": 99}, ("look: stage 99", "the PLC's map holds")),
         ({"name": "robust"}, ("estimators: robust", "two")),
         ({"name": "search"}, ("[search]", "a skill and of an estimator")),

@@ -3,8 +3,6 @@
 import json
 from itertools import groupby
 
-import pytest
-
 from cell.run.states import State
 from drivers.errors import FaultCode
 from plc_bridge.protocol.messages import Control, Result
@@ -19,13 +17,6 @@ def test_the_program_clears_up_after_a_failure(rig):
     row = rig.journal.find(1)
     assert (row.outcome, row.stage, row.reason) == ("failure", "grasp_from_rack", "missed_grasp")
     assert [name for name, _ in json.loads(row.stage_times)] == ["grasp_from_rack", "recover"]
-
-
-def test_a_start_right_behind_an_acknowledgement_is_taken_in_the_same_scan(rig):
-    rig.command(GRASP)
-    rig.plc.acknowledge()
-    rig.plc.trigger(RELEASE)
-    assert rig.scan(1).run == 2
 
 
 def test_a_limit_that_is_hit_in_the_scan_of_a_hold_ends_the_run(rig):
@@ -47,14 +38,6 @@ def test_an_arm_that_goes_on_moving_is_never_told_to_be_held(rig):
     assert (report.result, report.fault, report.state) == (Result.FAULT, FaultCode.ARM_RESTLESS, State.ABORTED)
 
 
-def test_an_abort_while_the_arm_of_a_stop_still_moves_aborts(rig):
-    rig.arm.dq[0] = 0.02
-    rig.at(0.5, lambda: rig.plc.stop())
-    rig.at(0.7, lambda: rig.plc.trigger(Control.ABORT))
-    report = rig.command(GRASP)
-    assert (report.result, report.state, rig.journal.find(1).outcome) == (Result.ABORTED, State.ABORTED, "aborted")
-
-
 def test_a_hold_is_obeyed_also_on_the_way_back(rig):
     states = []
     rig.clock.every.append(lambda: states.append(rig.plc.report.state))
@@ -62,17 +45,3 @@ def test_a_hold_is_obeyed_also_on_the_way_back(rig):
         rig.at(time, lambda control=control: rig.plc.trigger(control))
     assert rig.command(GRASP).result == Result.SUCCESS
     assert [state for state, _ in groupby(states)].count(State.HELD) == 2
-
-
-def test_a_stop_on_hold_ends_the_run(rig):
-    rig.at(0.5, lambda: rig.plc.trigger(Control.HOLD))
-    rig.at(1.0, rig.plc.stop)
-    assert rig.command(GRASP).state == State.STOPPED
-
-
-def test_a_parameter_holds_for_its_own_run(rig):
-    rig.command(GRASP, parameters=((0, 123),))
-    assert rig.gripper.force == pytest.approx(12.3)
-    rig.put_away()
-    rig.command(GRASP)
-    assert rig.gripper.force == rig.loaded.cell.grasp.force

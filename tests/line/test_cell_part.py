@@ -33,15 +33,6 @@ def test_a_dropped_peg_lies_where_it_fell_until_a_person_takes_it_away(tmp_path)
         assert made.command(GRASP).result == Result.SUCCESS
 
 
-def test_a_peg_in_the_hand_goes_to_the_bin_and_the_next_one_is_taken(tmp_path):
-    with line(tmp_path) as made:
-        made.command(GRASP)
-        assert made.command(GRASP).refusal == Refusal.PART_UNRESOLVED
-        report = made.command(RECOVER)
-        assert (report.result, report.part) == (Result.SUCCESS, PartPlace.BIN)
-        assert made.command(GRASP).result == Result.SUCCESS
-
-
 def test_a_start_recovers_first_where_the_config_says_so(tmp_path):
     with line(tmp_path, "recover.first=true") as made:
         made.command(GRASP)

@@ -28,20 +28,6 @@ def test_a_run_says_what_it_was_made_with_and_how_long_it_took(rig):
     assert row.ended >= row.started
 
 
-def test_a_stage_says_what_its_scans_saw(rig):
-    row = rig.journal.find(rig.command(GRASP).run)
-    (stage,) = rig.journal.stages(row.run)
-    assert (stage.name, stage.outcome, stage.place) == ("grasp_from_rack", "success", 1)
-    assert 0.0 <= stage.began < stage.ended <= row.cycle_time
-    assert stage.peak_force == row.peak_force
-
-
-def test_a_fault_leaves_the_stage_it_broke_off(rig):
-    rig.at(0.2, lambda: setattr(rig.skin, "fault", SkinSilentError("skin: silent")))
-    row = rig.journal.find(rig.command(GRASP).run)
-    assert [(stage.name, stage.outcome) for stage in rig.journal.stages(row.run)] == [("grasp_from_rack", "fault")]
-
-
 def searched_twice(skills, ctx):
     """A program whose search takes a second each time, of which it counts less as its own."""
 

@@ -120,26 +120,6 @@ def test_traffic_of_another_wire_is_told(capsys, tmp_path):
     assert 'skin.kind = "can" or "serial" needed, not "sim"' in complaint(capsys, "skin", *FAST, "--replay", file)
 
 
-@pytest.mark.parametrize(
-    ("arguments", "said"),
-    [
-        (["--replay", "no_such_file"], "cannot be read"),
-        (["--replay", __file__], "no recording"),
-        (["--record", "traffic"], "skin.record: unknown key; creep, "),
-        ([*CAN, "--set", "skin.rate=200"], "skin.rate = 200: a number from 1 to 100 allowed"),
-        (["--set", "skin.kind=usb"], '\'usb\': "can", "host", "serial", "sim" allowed'),
-        ([*CAN, "--set", "skin.board.kind=ican"], '"cyskin", "icub" allowed'),
-        ([*SERIAL, "--set", "skin.board.wire.crc.polynomial=6"], "lets single flipped bits through"),
-        ([*CAN, "--out", "/proc/picture.png"], "cannot be written"),
-    ],
-)
-def test_wrong_use_is_told_in_one_line(arguments, said, capsys, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    line = complaint(capsys, "skin", *arguments)
-    assert line.count("\n") == 1
-    assert said in line
-
-
 @pytest.fixture
 def nobody():
     """Yield a serial port at which nobody answers."""

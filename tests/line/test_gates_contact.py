@@ -22,12 +22,14 @@ BOTH = Round(0.008, 5e-4), Round(0.0081, 5e-4)
 PEG, HOLE = Round(0.008), Round(0.0081)
 
 
-@pytest.mark.parametrize(("diameter", "bore"), PAIRS)
-@pytest.mark.parametrize(("ends", "mouths"), CHAMFERS)
-@pytest.mark.parametrize("degrees", [1, 2, 5, 15, 30, 45, 60])
+@pytest.mark.parametrize(
+    ("pair", "chamfers"), [*((PAIRS[0], each) for each in CHAMFERS), *((each, CHAMFERS[-1]) for each in PAIRS[1:])]
+)
+@pytest.mark.parametrize("degrees", [1, 2, 5, 15, 45, 60])
 def test_a_tilted_peg_goes_as_deep_as_its_lines_fit(
-    diameter: float, bore: float, ends: float, mouths: float, degrees: int
+    pair: tuple[float, float], chamfers: tuple[float, float], degrees: int
 ) -> None:
+    (diameter, bore), (ends, mouths) = pair, chamfers
     peg, hole, tilt, azimuth = Round(diameter, ends), Round(bore, mouths), math.radians(degrees), 0.7 * degrees
     found = rig.push(rig.tilted_peg(peg, hole, tilt, azimuth, 0.0, DT), peg, tilt, azimuth, 10.0, 3.0)
     assert found.depth == pytest.approx(chamfered_depth(peg, hole, tilt, 801), rel=0.01)
@@ -81,8 +83,8 @@ def test_friction_above_the_slope_of_a_chamfer_holds_the_peg_on_it() -> None:
     assert lasted < VOID_PENETRATION
 
 
-@pytest.mark.parametrize(("ends", "mouths"), CHAMFERS)
-@pytest.mark.parametrize("degrees", [0, 3, 20, 45, 55])
+@pytest.mark.parametrize(("ends", "mouths"), [CHAMFERS[0], *CHAMFERS[3:]])
+@pytest.mark.parametrize("degrees", [0, 3, 20, 45])
 def test_a_peg_that_is_dragged_over_the_rim_stays_out_of_the_plate(ends: float, mouths: float, degrees: int) -> None:
     """A spring of at most 15 N leads it across the hole until the far rim stops it, and back."""
     peg, plate = Round(0.008, ends), plate_with(Round(0.0081, mouths))
@@ -98,10 +100,11 @@ def test_a_peg_that_is_dragged_over_the_rim_stays_out_of_the_plate(ends: float, 
         assert driven(model, data, led, 1600) < VOID_PENETRATION
 
 
-@pytest.mark.parametrize(("ends", "mouths"), CHAMFERS[1:])
-@pytest.mark.parametrize("diameter", [0.008, 0.004])
+@pytest.mark.parametrize(
+    ("diameter", "ends", "mouths"), [*((0.008, *each) for each in CHAMFERS[1:]), (0.004, *CHAMFERS[-1])]
+)
 def test_a_peg_in_any_pose_is_as_deep_in_the_plate_as_dense_samples_say(
-    ends: float, mouths: float, diameter: float
+    diameter: float, ends: float, mouths: float
 ) -> None:
     """Where two edges cross, the distance between them along their common normal is up to 1.42 of what a sample of either has."""
     peg, hole, rng, tried = Round(diameter, ends), Round(diameter + 1e-4, mouths), np.random.default_rng(7), 0
@@ -144,7 +147,7 @@ def test_solid_plate_near_the_hole_is_smooth(peg, plate, azimuth: float, degrees
 @pytest.mark.parametrize(
     ("peg", "hole", "yaw", "steps"),
     [
-        (Round(0.008), Round(0.0081), 0.0, 120_000),
+        (Round(0.008), Round(0.0081), 0.0, 40_000),
         (Rectangular(0.008, 0.008), Rectangular(0.0081, 0.0081), 0.004, 20_000),
     ],
     ids=["round", "square"],

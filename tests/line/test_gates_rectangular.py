@@ -30,9 +30,14 @@ def depth_against_oracle(
     return depth, deepest(peg, hole, axes, yaw), lasted
 
 
-@pytest.mark.parametrize("peg", PEGS, ids=str)
+LEANS = [(1, 0.0), (5, 0.0), (15, 0.0), (45, 0.0), (10, 0.02), (20, 0.05), (30, -0.17)]
+"""Leans of the peg, degrees, and turns of the hole, rad."""
+
+
 @pytest.mark.parametrize(
-    ("degrees", "yaw"), [(1, 0.0), (5, 0.0), (15, 0.0), (45, 0.0), (10, 0.02), (20, 0.05), (30, -0.17)]
+    ("peg", "degrees", "yaw"),
+    [*((peg, *lean) for peg in (PEGS[0], PEGS[3], PEGS[5]) for lean in LEANS), *((peg, 20, 0.05) for peg in PEGS)],
+    ids=str,
 )
 def test_a_tilted_peg_goes_as_deep_as_its_section_fits_also_into_a_hole_that_is_turned(
     peg: Rectangular, degrees: int, yaw: float
@@ -45,7 +50,7 @@ def test_a_tilted_peg_goes_as_deep_as_its_section_fits_also_into_a_hole_that_is_
 
 @pytest.mark.parametrize("excess", [(2e-5, 2e-5), (2e-5, -1e-4), (-1e-4, 2e-5)])
 @pytest.mark.parametrize("hole", [Rectangular(0.0081, 0.0081), Rectangular(0.0121, 0.0081)], ids=str)
-@pytest.mark.parametrize("degrees", [0, 1, 5])
+@pytest.mark.parametrize("degrees", [0, 5])
 def test_a_peg_that_is_too_thick_by_a_fiftieth_of_a_millimetre_along_one_side_never_enters(
     hole: Rectangular, excess: tuple[float, float], degrees: int
 ) -> None:

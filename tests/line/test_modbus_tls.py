@@ -207,13 +207,6 @@ def test_frame_may_be_cut_into_records_anywhere(bridge, contexts):
             assert [answer(client)[0], answer(client)[0]] == [1, 2]
 
 
-def test_pipelined_requests_are_all_answered_in_order(bridge, contexts):
-    count = 3000
-    with connect(bridge, contexts["Operator"]) as client:
-        client.sendall(b"".join(frame(READ, n) for n in range(count)))
-        assert [answer(client)[0] for _ in range(count)] == list(range(count))
-
-
 def test_plain_modbus_on_the_tls_port_is_refused_and_others_are_served(bridge, contexts):
     with knock(bridge) as plain, pytest.raises(OSError, match=r"."):
         ask(plain, READ)
@@ -231,15 +224,6 @@ def test_handshake_that_never_ends_is_cut_off_by_time_or_by_the_end_of_the_cell(
             bridge.close()
         assert is_closed(silent)
     bridge.close()
-
-
-def test_handshakes_that_never_end_leave_room_for_others(authority, contexts):
-    bridge = start(authority, connections=1)
-    with knock(bridge) as silent:
-        assert not is_refused(bridge, contexts["Operator"])
-        assert is_closed(silent)
-    bridge.close()
-    assert bridge.diagnostics.dropped == 1
 
 
 def test_handshakes_that_never_end_take_no_place_of_one_that_spoke(authority, contexts):

@@ -17,10 +17,9 @@ from plc_bridge.bridge import Bridge
 from plc_bridge.config import ModbusConfig, PlcConfig
 from plc_bridge.modbus.server import ModbusServer
 from plc_bridge.peer import CellSilentError, Peer
-from plc_bridge.protocol.images import REPORT
 from plc_bridge.protocol.messages import FIRST_PROGRAM, Report
 from plc_bridge.protocol.peer_log import LINES
-from plc_bridge.protocol.registers import MIRROR, Lease
+from plc_bridge.protocol.registers import Lease
 from tests.sockets import HEADER, PATIENCE, answer, ask, frame, is_closed
 
 READ_REPORT = bytes.fromhex("04 0000 000A")
@@ -50,14 +49,6 @@ def test_client_that_sends_much_before_it_reads_gets_every_answer_with_its_numbe
     with connect(bridge) as client:
         client.sendall(b"".join(frame(bytes.fromhex("03 0000 0029"), n, unit=255) for n in range(count)))
         assert [answer(client)[:2] for _ in range(count)] == [(n, 255) for n in range(count)]
-
-
-def test_frame_may_come_byte_by_byte(bridge):
-    with connect(bridge) as client:
-        client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        for byte in frame(READ_REPORT, 7):
-            client.sendall(bytes([byte]))
-        assert answer(client)[0] == 7
 
 
 def test_twenty_clients_at_once_lose_nothing(bridge):
@@ -122,13 +113,6 @@ def test_a_client_that_is_not_ours_reads_who_the_cell_is(bridge):
         assert client.read_holding_registers(3, count=1).registers == [0x17]
 
 
-def test_report_can_be_read_as_holding_registers(bridge):
-    bridge.publish(Report(state=4, run=70_000))
-    with connect(bridge) as client:
-        as_input = ask(client, struct.pack(">BHH", 4, 0, REPORT.words))
-        assert as_input[1:] == ask(client, struct.pack(">BHH", 3, MIRROR, REPORT.words))[1:]
-
-
 @pytest.mark.parametrize(
     ("wishes", "recipe", "holder"), [([], 0, ""), ([SHARE], 7, "127.0.0.1"), ([SHARE, RELEASE], 0, "")]
 )
@@ -165,36 +149,12 @@ def test_a_crowd_takes_no_place_of_who_spoke_alone_holds_the_lease_or_a_stop(cla
         assert ask(crowd.enter_context(connect(bridge, "127.0.0.3")), READ_REPORT)[0] == 4
 
 
-def test_newcomer_gets_the_place_of_the_one_that_was_idle_longest():
-    bridge = start(connections=2)
-    with connect(bridge) as idle, connect(bridge) as busy:
-        ask(idle, READ_REPORT)
-        ask(busy, READ_REPORT)
-        with connect(bridge) as newcomer:
-            assert ask(newcomer, READ_REPORT)[0] == 4
-            assert is_closed(idle)
-            assert ask(busy, READ_REPORT)[0] == 4
-    bridge.close()
-    assert bridge.diagnostics.dropped == 1
-
-
 def test_a_newcomer_is_turned_away_when_only_the_holder_could_leave():
     with contextlib.closing(start(connections=1)) as bridge, connect(bridge) as holder:
         ask(holder, TAKE)
         with connect(bridge) as newcomer:
             assert is_closed(newcomer)
         assert ask(holder, READ_REPORT)[0] == 4
-
-
-def test_a_host_beyond_its_places_takes_none_of_another():
-    bridge = start(connections=8, connections_per_host=2)
-    with contextlib.closing(bridge), connect(bridge) as other, contextlib.ExitStack() as crowd:
-        ask(other, READ_REPORT)
-        mine = [crowd.enter_context(connect(bridge, "127.0.0.2")) for _ in range(3)]
-        ask(mine[2], READ_REPORT)
-        assert is_closed(mine[0])
-        assert bridge.diagnostics.connections == 3
-        assert ask(other, READ_REPORT)[0] == 4
 
 
 def test_client_that_does_not_read_costs_no_more_than_its_buffers(bridge):

@@ -279,12 +279,6 @@ async def test_too_long_a_text_closes_the_page(server):
         await closed(page)
 
 
-def test_a_run_on_record_is_told_whole(server, recorded):
-    answer, body = get(server, f"/runs/{recorded}/data")
-    data = json.loads(body)
-    assert (answer.status, data["serial"], data["film"]) == (200, "PN7[a]-[/x]", "none")
-
-
 def test_damage_in_the_index_is_answered_in_one_line(server, served, recorded):
     with closing(sqlite3.connect(served.folder / INDEX)) as index, index:
         index.execute("UPDATE runs SET serial = CAST(x'41ff' AS TEXT), cycle_time = CAST(x'ff' AS BLOB)")

@@ -8,7 +8,7 @@ import pytest
 from cell.run.states import State
 from plc_bridge.protocol.images import CommandImage
 from plc_bridge.protocol.messages import Control, Refusal, Result
-from tests.plc_wire import ladder, stopped, until, until_bits
+from tests.plc_wire import ladder, until, until_bits
 from tests.quick_cell import CODE
 
 # Done belongs to a run that this rising edge started.
@@ -23,32 +23,6 @@ def test_execute_that_is_1_in_its_first_write_is_an_error_with_a_reason(plc, ser
     plc.coil("execute", 1)
     until_bits(plc, "done")
     assert len(served.program.runs) == 1
-
-
-def test_reset_that_is_1_in_its_first_write_is_an_error_with_a_reason(plc):
-    stopped(plc)
-    plc.coil("reset", 1)
-    assert (plc.bits(), plc.report().refusal, plc.report().state) == ({"error"}, Refusal.ADOPTED, State.STOPPED)
-    plc.coil("reset", 0)
-    assert plc.bits() == set()
-    plc.coil("reset", 1)
-    plc.until(lambda report: report.state == State.IDLE)
-    assert plc.bits() == set()
-
-
-def test_another_edge_while_busy_is_an_error_and_never_done(plc, served):
-    served.program.may_end.clear()
-    ladder(plc)
-    for value in (0, 1, 0, 1):
-        plc.coil("execute", value)
-    assert (plc.bits(), plc.report().refusal) == ({"error"}, Refusal.BUSY)
-    served.program.may_end.set()
-    plc.until(lambda report: report.state == State.COMPLETE)
-    assert plc.bits() == {"error"}
-    plc.coil("execute", 0)
-    plc.coil("execute", 1)
-    until_bits(plc, "done")
-    assert len(served.program.runs) == 2
 
 
 def test_done_waits_for_its_reader_when_execute_fell_before_the_end(plc, connect, served):

@@ -59,16 +59,6 @@ def test_nothing_to_draw_again_is_told_in_one_line(tmp_path, capsys):
     assert "frontier.csv" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize(
-    ("option", "name", "known"), [("--method", "shiped", "shipped"), ("--scene", "firm", "firm grip")]
-)
-def test_an_unknown_method_or_scene_is_refused_with_the_known_ones(option, name, known, tmp_path, capsys):
-    assert main(["study", "frontier", "--quick", option, name, "--out", str(tmp_path)]) == 2
-    told = capsys.readouterr().err
-    assert known in told
-    assert told.count("\n") == 1
-
-
 def test_what_was_run_is_taken_up(study, monkeypatch, tmp_path):
     found, folder = study[0], shutil.copytree(study[1], tmp_path / "again")
     monkeypatch.setattr(frontier, "run_trials", None)  # calling it would be an error in the lines

@@ -6,18 +6,12 @@ from pathlib import Path
 
 import pytest
 
-from cell.commands.cli import GOOD, WRONG_USE, main
+from cell.commands.cli import GOOD, main
 from cell.lab.opinion import FILE, PACKAGE
 
 BESIDE = Path(__file__).parents[2] / "build" / "franka" / PACKAGE
 """Folder in which `.ci/run` installs the package that carries the description."""
 URDF = Path(next(iter(found.submodule_search_locations or ())) if (found := find_spec(PACKAGE)) else BESIDE) / FILE
-
-
-def test_a_missing_file_is_refused_in_one_line(capsys, tmp_path):
-    assert main(["study", "opinion", "--model", str(tmp_path / "arm.xml"), "--out", str(tmp_path)]) == WRONG_USE
-    (line,) = capsys.readouterr().err.splitlines()
-    assert line.endswith("arm.xml: cannot be read: No such file or directory")
 
 
 @pytest.mark.skipif(

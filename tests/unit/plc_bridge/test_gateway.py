@@ -1,10 +1,7 @@
 """The exported function block behind a Modbus gateway, which passes on the newest blocks once in its update time."""
 
-import struct
-
 import pytest
 
-from plc_bridge.protocol.images import report_words
 from plc_bridge.protocol.messages import Control, Report, Result
 from tests.scan_thread import take
 from tests.unit.plc_bridge.exports.test_structured_text import CYCLE, INSERT, Plc
@@ -78,9 +75,3 @@ def test_a_gateway_that_is_slower_than_the_life_timeout_ends_the_run():
     plc.publish(Report(sequence=commands[-1].sequence, state=9, result=Result.FAULT, fault=1006))
     plc.until(lambda: not plc.v["Busy"])
     assert (plc.shown, plc.v["ErrorID"]) == (["Error"], 1006)
-
-
-def test_a_gateway_that_swaps_bytes_shows_the_high_word_of_a_wide_value_first():
-    data = b"".join(word.to_bytes(2, "little") for word in report_words(Report(sequence=7, run=0x00012345)))
-    assert struct.unpack_from("<H", data, 4) == (7,)
-    assert struct.unpack_from("<HH", data, 24) == (0x0001, 0x2345)

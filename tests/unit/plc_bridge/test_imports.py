@@ -56,13 +56,6 @@ def test_structured_text_has_no_anonymous_array_and_no_keyword_for_a_variable():
     assert not {name.upper() for name, _ in declared} & KEYWORDS
 
 
-def test_times_are_times():
-    text = as_structured_text(REGISTERS, NAMES)
-    assert "SilentTime : TIME := T#1s;" in text
-    assert re.search(r"TotalTime : TIME;", text)
-    assert re.search(r"T_CellStageTimes : ARRAY\[1\.\.12\] OF TIME;", text)
-
-
 @pytest.mark.parametrize(("udt", "block"), [("UDT_CellCommand", COMMAND), ("UDT_CellReport", REPORT)])
 def test_siemens_types_are_as_large_as_the_blocks(udt, block):
     members = re.search(rf'TYPE "{udt}".*?STRUCT(.*?)END_STRUCT', as_scl(REGISTERS, NAMES), re.S)[1]

@@ -172,7 +172,7 @@ class Cell:
             assert self.handshake.answer(source).lease is expected
 
 
-@settings(max_examples=150, deadline=None, derandomize=True, database=None)
+@settings(max_examples=150)
 @given(st.lists(ACTIONS, min_size=20, max_size=80))
 def test_only_the_holder_starts_and_the_holder_is_who_the_table_says(actions):
     cell = Cell()

@@ -1,7 +1,4 @@
-"""Meaning of a number on a link that stays open: restarts, freezes, stops, joined links; as bytes.
-
-Late and repeated blocks are in test_rough_line.
-"""
+"""Stops, freezes and joined connections as bytes; restarts, late and repeated blocks are in test_rough_line."""
 
 import pytest
 
@@ -10,7 +7,6 @@ from tests.plc_bytes import ABORTED, PLC_LOST, Can, Cell, Rtu, Tcp, coil, word
 
 LINKS = pytest.mark.parametrize("link", [Tcp, Rtu, Can])
 SHARE = word(5, 2)
-ACKNOWLEDGE = 4
 
 
 @pytest.fixture
@@ -32,70 +28,6 @@ def told(report):
     return report.sequence, report.result, report.answered, report.refusal
 
 
-# 1. A program that starts anew on an open link.
-
-
-@LINKS
-@pytest.mark.parametrize("lives", [(0, 0, 0), (1, 1, 2), (60_000, 1, 2), (1, 3, 4)], ids=str)
-def test_a_program_that_counts_anew_runs_its_own_commands(cell, link, lives):
-    plc, (before, first, second) = link(cell), lives
-    seated(cell, plc, life=before)
-    assert told(plc.write((first, 0, 0)))[2:] == (0, Refusal.NONE)
-    report = plc.write((second, 1, 100))
-    assert (report.sequence, report.result) == (1, Result.NONE)
-    cell.scan()
-    cell.end(Result.FAILURE)
-    for number in (2, 3):
-        report = plc.write((second + number, number, 100))
-        assert (report.sequence, report.result) == (number, Result.NONE)
-        cell.scan()
-        cell.end(Result.FAILURE)
-        assert (plc.report().result, plc.report().run) == (Result.FAILURE, number + 1)
-
-
-@pytest.mark.parametrize("link", [Tcp, Rtu])
-def test_an_acknowledged_number_of_the_program_before_is_new_again(cell, link):
-    plc = link(cell)
-    seated(cell, plc)
-    plc.ask(word(ACKNOWLEDGE, 3))
-    plc.write((0, 0, 0))
-    for number in (1, 2):
-        plc.write((0, number, 100))
-        cell.scan()
-        cell.end()
-    assert told(plc.write((0, 3, 100))) == (3, Result.NONE, 2, Refusal.NONE)
-    cell.scan()
-    assert len(cell.runs) == 4
-
-
-@LINKS
-def test_a_program_that_starts_anew_in_a_run_is_told_that_the_cell_is_busy(cell, link):
-    plc = link(cell)
-    plc.write((1, 2, 0), (2, 3, 100))
-    cell.scan()
-    assert told(plc.write((1, 0, 0), (2, 1, 100))) == (1, Result.REFUSED, 1, Refusal.BUSY)
-    report = plc.write((3, 3, 100))
-    assert (report.answered, report.refusal) == (3, Refusal.BUSY)
-    cell.end()
-    assert plc.report().result != Result.SUCCESS
-
-
-def test_a_program_that_leaves_the_empty_number_out_is_refused_and_then_counts(cell):
-    plc = Tcp(cell)
-    seated(cell, plc, life=50)
-    assert told(plc.write((1, 1, 100)))[2:] == (1, Refusal.LATE)
-    plc.write((2, 2, 100))
-    cell.scan()
-    assert told(plc.report())[2:] == (2, Refusal.NONE)
-    cell.end(Result.FAILURE)
-    plc.write((3, 3, 100))
-    cell.scan()
-    assert len(cell.runs) == 3
-
-
-# 2. Stops.
-
-
 @LINKS
 @pytest.mark.parametrize("code", [Control.STOP, Control.ABORT])
 @pytest.mark.parametrize("number", [9, 10, 9 - 255, 300, 40_000], ids=str)
@@ -111,14 +43,6 @@ def test_a_stop_stops_under_any_number_and_its_answer_says_so(cell, link, code, 
     assert cell.runs[0].result is Result.ABORTED
 
 
-def test_a_stop_under_a_number_that_came_empty_is_answered(cell):
-    plc = Tcp(cell)
-    plc.write((0, 9, 0), (0, 9, 3))
-    cell.scan()
-    report = plc.report()
-    assert (report.answered, report.answered_result, cell.report.state) == (9, Result.SUCCESS, 2)
-
-
 def test_a_stop_that_is_repeated_unchanged_is_one_event(cell):
     plc, other = Tcp(cell), Tcp(cell, "10.0.0.2")
     plc.write((1, 9, 0), (2, 10, 100), (3, 8, 3))
@@ -131,9 +55,6 @@ def test_a_stop_that_is_repeated_unchanged_is_one_event(cell):
     plc.write((3, 8, 3), (4, 8, 3))
     cell.scan()
     assert cell.report.state == 4
-
-
-# 3. An answer does not change.
 
 
 @LINKS
@@ -154,9 +75,6 @@ def test_a_finished_result_outlives_the_operational_state(cell):
     plc.nmt(2)
     plc.nmt(1)
     assert told(plc.write((3, 3, 100))) == (3, Result.SUCCESS, 3, Refusal.NONE)
-
-
-# 4. Joined links.
 
 
 def test_each_of_two_joined_links_has_its_own_stop(cell):
@@ -183,6 +101,17 @@ def test_a_stop_goes_with_its_connection_into_the_joined_link(cell):
     assert cell.bridge.diagnostics.stops_held == 1
 
 
+def test_a_new_connection_does_not_find_the_run_of_the_program_before(cell):
+    plc, other = Tcp(cell), Tcp(cell, "10.0.0.2")
+    seated(cell, plc, number=1)
+    other.ask(coil(1, True))
+    plc.write((0, 0, 0))
+    assert told(plc.write((0, 1, 100)))[2:] == (1, Refusal.STOP_HELD)
+    plc.close()
+    plc.open()
+    assert told(plc.write((0, 1, 100))) == (1, Result.REFUSED, 1, Refusal.ADOPTED)
+
+
 # 5. The lease of a run.
 
 
@@ -207,14 +136,3 @@ def test_a_run_keeps_its_holder_while_that_is_silent():
     cell.end()
     cell.wait(0.1)
     assert cell.bridge.holder == ""
-
-
-def test_a_new_connection_does_not_find_the_run_of_the_program_before(cell):
-    plc, other = Tcp(cell), Tcp(cell, "10.0.0.2")
-    seated(cell, plc, number=1)
-    other.ask(coil(1, True))
-    plc.write((0, 0, 0))
-    assert told(plc.write((0, 1, 100)))[2:] == (1, Refusal.STOP_HELD)
-    plc.close()
-    plc.open()
-    assert told(plc.write((0, 1, 100))) == (1, Result.REFUSED, 1, Refusal.ADOPTED)

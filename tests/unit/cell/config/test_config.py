@@ -9,6 +9,7 @@ from cell.config.load import load, with_parameters
 from cell.config.margins import inertias
 from cell.run.supervisor import is_timed
 from drivers.errors import ConfigError
+from drivers.part.round import Round
 from skills.catalogue import SEARCH
 
 
@@ -21,45 +22,112 @@ def line_about(*sets, path=None):
 
 
 NEARER = ["hole.centre=[0.40, 0.0, 0.1]"]
+THIN = "peg.diameter=0.004; hole.diameter=0.0041"
+LATCH = "hole.latch={kind='detent',force=%s,height=%s}"
+PRIOR = "hole.prior={mean=%s,deviation=[0.001,0.001]}"
+WIDE = "hole.area=[0.2,0.2]; limits.high=[0.55,0.45,0.80]"
+"""Keys that the tables of wrong and of borderline values share."""
 
 
-@pytest.mark.parametrize(
-    ("wrong", "told"),
-    [
-        ("plc.tls.foo=1", ["--set", "plc.tls.foo: unknown key", "authority, certificate"]),
-        ("plc.can=3", ["--set", "plc.can = 3", "a section with interface (needed), channel (needed)"]),
-        ("plc.rtu=true", ["--set", "plc.rtu = True", "a section with port (needed), unit"]),
-        ("peg.diametre=0.008", ["--set", "peg.diametre", "unknown key", "diameter, length"]),
-        ("peg.diameter=8", ["--set", "peg.diameter = 8", "0.002 to 0.03", "metres", "0.008"]),
-        ("hole.area=[60, 60]", ["hole.area", "60", "0 to 0.2", "metres"]),
-        ("peg.diameter=0.0081", ["--set", "peg.diameter = 0.0081", "thicker than the hole", "0.0081"]),
-        (
-            "grasp.clearance=0.03",
-            ["--set", "grasp.clearance = 0.03", "leaves the peg in its slot", "rack.depth = 0.03"],
-        ),
-        ("search.descent=0.001", ["--set", "search.descent = 0.001", "not down within", "at least 0.0207"]),
-        ("insert.estimator=eye", ["insert.estimator", "'eye'", '"image"']),
-        ("preset=hasty", ["preset", "'hasty'", "presets/"]),
-        ("peg.shape=oval", ["peg.shape", "'oval'", '"square"']),
-        ("hole.depth=0.06", ["hole.depth = 0.06", "peg.length"]),
-        ("scan_rate=5", ["scan_rate = 5", "10 to 1000"]),
-        ("contact.friction=[0.1, 3]", ["contact.friction", "[0.1, 3]", "0 to 2"]),
-        ("arm.kind=serial", ["arm.kind", "'serial'", '"sim"']),
-        ("arm.model=ur5", ["--set", 'arm.model = "ur5": no such arm; "fr3", "fr3v2", "panda" or a file']),
-        ("arm.model=none.toml", ["arm.model", "none.toml", "no such arm"]),
-        ("sim.timestep=0.0007", ["sim", "0.0007", "does not divide"]),
-        ("plc.modbus.port=70000", ["plc.modbus.port = 70000", "65535"]),
-        ("gibberish", ["gibberish", "KEY=VALUE"]),
-        ("hole.centre=[1.2, 0.0, 0.1]", ["hole.centre = (1.2, 0.0, 0.1)", "Franka Emika Panda, does not reach it"]),
-        ("limits.force=0.0", ["limits.force"]),
-        ("limits.force=-1.0", ["limits.force"]),
-        ("sim.plate.tilt=0.3", ["sim.plate.tilt", "0.3"]),
-        ("corner.adjust.gains.rotation=400", ["corner.adjust.gains.rotation", "400", "unstable"]),
-    ],
-)
-def test_a_wrong_value_is_told_in_one_line(wrong, told):
-    line = line_about(*(["peg.shape=square"] if wrong.startswith("corner") else []), wrong)
+WRONG = [
+    ("plc.tls.foo=1", ["--set", "plc.tls.foo: unknown key", "authority, certificate"]),
+    ("plc.can=3", ["--set", "plc.can = 3", "a section with interface (needed), channel (needed)"]),
+    ("plc.rtu=true", ["--set", "plc.rtu = True", "a section with port (needed), unit"]),
+    ("peg.diametre=0.008", ["--set", "peg.diametre", "unknown key", "diameter, length"]),
+    ("peg.diameter=8", ["--set", "peg.diameter = 8", "0.002 to 0.03", "metres", "0.008"]),
+    ("hole.area=[60, 60]", ["hole.area", "60", "0 to 0.2", "metres"]),
+    ("peg.diameter=0.0081", ["--set", "peg.diameter = 0.0081", "thicker than the hole", "0.0081"]),
+    (
+        "grasp.clearance=0.03",
+        ["--set", "grasp.clearance = 0.03", "leaves the peg in its slot", "rack.depth = 0.03"],
+    ),
+    ("search.descent=0.001", ["--set", "search.descent = 0.001", "not down within", "at least 0.0207"]),
+    ("insert.estimator=eye", ["insert.estimator", "'eye'", '"image"']),
+    ("preset=hasty", ["preset", "'hasty'", "presets/"]),
+    ("peg.shape=oval", ["peg.shape", "'oval'", '"square"']),
+    ("hole.depth=0.06", ["hole.depth = 0.06", "peg.length"]),
+    ("scan_rate=5", ["scan_rate = 5", "10 to 1000"]),
+    ("contact.friction=[0.1, 3]", ["contact.friction", "[0.1, 3]", "0 to 2"]),
+    ("arm.kind=serial", ["arm.kind", "'serial'", '"sim"']),
+    ("arm.model=ur5", ["--set", 'arm.model = "ur5": no such arm; "fr3", "fr3v2", "panda" or a file']),
+    ("arm.model=none.toml", ["arm.model", "none.toml", "no such arm"]),
+    ("sim.timestep=0.0007", ["sim", "0.0007", "does not divide"]),
+    ("plc.modbus.port=70000", ["plc.modbus.port = 70000", "65535"]),
+    ("gibberish", ["gibberish", "KEY=VALUE"]),
+    ("hole.centre=[1.2, 0.0, 0.1]", ["hole.centre = (1.2, 0.0, 0.1)", "Franka Emika Panda, does not reach it"]),
+    ("limits.force=0.0", ["limits.force"]),
+    ("limits.force=-1.0", ["limits.force"]),
+    ("sim.plate.tilt=0.3", ["sim.plate.tilt", "0.3"]),
+    ("peg.shape=square; corner.adjust.gains.rotation=400", ["corner.adjust.gains.rotation", "400", "unstable"]),
+    ("=1", ["--set", "KEY=VALUE"]),
+    ("search..speed=1", ["--set", "KEY=VALUE"]),
+    ("search speed=1", ["--set", "KEY=VALUE"]),
+    ("peg.shape=square; peg.diameter=0.01", ["peg.diameter = 0.01", "square", "peg.sides = [0.01, 0.01]"]),
+    ("peg.shape=rectangular; hole.diameter=0.01", ["hole.diameter = 0.01", "hole.sides = [0.01, 0.01]"]),
+    ("peg.sides=[0.008, 0.008]", ["peg.sides = [0.008, 0.008]", "round", "peg.diameter = 0.008"]),
+    ("peg.sides=[0.008, 0.006]", ["peg.sides = [0.008, 0.006]", "round", "peg.diameter allowed"]),
+    ("peg.shape=square; peg.sides=[0.006, 0.008]", ["peg.sides = [0.006, 0.008]", "not equal", '"rectangular"']),
+    ("peg.shape=square; peg.sides=0.008", ["peg.sides = 0.008", "2 values", "0.002 to 0.03"]),
+    (
+        "peg.shape=rectangular; peg.sides=[0.012, 0.008]; hole.sides=[0.0121, 0.008]",
+        ["peg.sides = [0.012, 0.008]", "0.008 is wider than the hole", "less than 0.008 of hole.sides"],
+    ),
+    (
+        "peg.shape=rectangular; peg.sides=[0.012, 0.008]; hole.sides=[0.0081, 0.0121]",
+        ["0.012 is wider than the hole", "less than 0.0081"],
+    ),
+    ("peg.shape=square; peg.chamfer=0.0005", ["peg.chamfer = 0.0005: not for a part with corners; 0, or a round"]),
+    ("peg.shape=square; hole.chamfer=0.0005", ["hole.chamfer = 0.0005: not for a part with corners"]),
+    (f"{THIN}; peg.chamfer=0.001", ["peg.chamfer = 0.001: leaves too little of the end; less than 0.001"]),
+    ("hole.depth=0.002; hole.chamfer=0.002", ["no bore is left; less than hole.depth = 0.002 allowed"]),
+    ("hole.chamfer=0.5", ["hole.chamfer"]),
+    (LATCH % (5.9, 0.003), ["hole.latch.force = 5.9: not pressed through", "push with 11 N; at most 5.83 allowed"]),
+    (
+        f"{LATCH % (5.0, 0.003)}; grasp.force=15.0",
+        ["hole.latch.force = 5: not pressed through, as the pads bear", "at grasp.force = 15"],
+    ),
+    (f"{LATCH % (5.0, 0.003)}; limits.force=9.0", ["limits.force = 9; at most 4.17 allowed"]),
+    (f"{LATCH % (5.0, 0.01)}; hole.depth=0.008", ["hole.latch.height = 0.01"]),
+    ("sim.plate.shallow=0.02", ["sim.plate.shallow = 0.02"]),
+    (PRIOR % "[0.531,0.0]", ["hole.prior.mean = [0.531, 0.0]", "along x; 0.47 to 0.53 allowed"]),
+    (f"{WIDE}; {PRIOR % '[0.56,0.0]'}", ["hole.prior.mean", "outside the workspace along x; 0.2 to 0.55"]),
+    *(
+        (f"hole.prior={{mean=[0.5,0.0],deviation={wrong}}}", ["hole.prior.deviation"])
+        for wrong in ("[0.0,0.001]", "[0.001,0.2]", "[0.001]")
+    ),
+    ("rack.first=[0.45, -0.1, 0.1]", ["rack.first = [0.45, -0.1, 0.1]: the rack overlaps the plate; slots outside x"]),
+    ("search.gains.damping_ratio=6", ["search.gains: swings from", "times these torques where they act 2 ms late"]),
+    ("world=moon", ["world = 'moon': no such file in worlds/; \"backlash\", "]),
+]
+
+
+@pytest.mark.parametrize(("sets", "told"), WRONG)
+def test_a_wrong_value_is_told_in_one_line(sets, told):
+    line = line_about(*sets.split("; "))
     assert all(word in line for word in told), line
+
+
+TAKEN = [
+    PRIOR % "[0.53,-0.03]",
+    f"{WIDE}; {PRIOR % '[0.55,0.0]'}",
+    LATCH % (5.8, 0.003),
+    f"{LATCH % (8.0, 0.003)}; grasp.force=45.0; adjust.push_offset=0.014",
+    f"{THIN}; peg.chamfer=0.00099",
+    "peg.diameter=0.002; hole.diameter=0.0021",
+]
+"""Places, latches and chamfers at the border of what is allowed."""
+
+
+@pytest.mark.parametrize("sets", TAKEN)
+def test_what_is_just_allowed_is_taken(sets):
+    load(sets=sets.split("; "))
+
+
+def test_chamfers_are_part_of_peg_and_hole_and_none_is_the_default():
+    job = load(sets=("peg.chamfer=0.0005", "hole.chamfer=0.001")).cell.job()
+    assert (job.peg.part, job.hole.part) == (Round(0.008, 5e-4), Round(0.0081, 1e-3))
+    plain = load().cell.job()
+    assert (plain.peg.part, plain.hole.part) == (Round(0.008), Round(0.0081))
 
 
 @pytest.mark.parametrize(
@@ -297,34 +365,6 @@ def test_a_search_that_holds_a_peg_turned_against_its_hole_is_refused(sets, azim
 def test_equal_sides_become_the_diameter_where_a_layer_makes_the_peg_round(tmp_path):
     path = cell_file(tmp_path, 'shape = "square"\nsides = [0.01, 0.01]', "sides = [0.0101, 0.0101]")
     assert sizes("peg.shape=round", path=path) == (0.01, 0.0101)
-
-
-@pytest.mark.parametrize(
-    ("wrong", "told"),
-    [
-        (("peg.shape=square", "peg.diameter=0.01"), ["peg.diameter = 0.01", "square", "peg.sides = [0.01, 0.01]"]),
-        (("peg.shape=rectangular", "hole.diameter=0.01"), ["hole.diameter = 0.01", "hole.sides = [0.01, 0.01]"]),
-        (("peg.sides=[0.008, 0.008]",), ["peg.sides = [0.008, 0.008]", "round", "peg.diameter = 0.008"]),
-        (("peg.sides=[0.008, 0.006]",), ["peg.sides = [0.008, 0.006]", "round", "peg.diameter allowed"]),
-        (
-            ("peg.shape=square", "peg.sides=[0.006, 0.008]"),
-            ["peg.sides = [0.006, 0.008]", "not equal", '"rectangular"'],
-        ),
-        (("peg.shape=square", "peg.sides=0.008"), ["peg.sides = 0.008", "2 values", "0.002 to 0.03"]),
-        (
-            ("peg.shape=rectangular", "peg.sides=[0.012, 0.008]", "hole.sides=[0.0121, 0.008]"),
-            ["peg.sides = [0.012, 0.008]", "0.008 is wider than the hole", "less than 0.008 of hole.sides"],
-        ),
-        (
-            ("peg.shape=rectangular", "peg.sides=[0.012, 0.008]", "hole.sides=[0.0081, 0.0121]"),
-            ["0.012 is wider than the hole", "less than 0.0081"],
-        ),
-    ],
-)
-def test_a_size_in_the_word_of_another_shape_or_that_does_not_fit_is_told_in_one_line(wrong, told):
-    line = line_about(*wrong)
-    assert line.startswith("--set: ")
-    assert all(word in line for word in told), line
 
 
 def test_a_file_that_sizes_a_square_peg_by_a_diameter_is_told_the_new_word(tmp_path):

@@ -65,7 +65,6 @@ def test_a_preset_lies_over_a_world():
 @pytest.mark.parametrize(
     ("sets", "said"),
     [
-        (("world=moon",), "world = 'moon': no such file in worlds/; \"backlash\", "),
         (("reality.errors.arm.mood.sigma=1.0",), "reality.errors: arm.mood: no such error; arm.rotor_inertia, "),
         (("reality.errors.arm.gravity.sigma=1.0",), "reality.errors: arm.gravity.distribution: "),
     ],

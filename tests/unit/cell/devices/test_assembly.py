@@ -6,7 +6,7 @@ import sys
 
 import pytest
 
-from cell.commands.cli import FAULT, GOOD, WRONG_USE, main
+from cell.commands.cli import FAULT, GOOD, main
 from cell.config.files import SHIPPED
 from cell.config.load import load
 from cell.devices.assembly import assemble, check
@@ -112,13 +112,6 @@ def test_the_wall_before_the_stand_ins_stops_a_simulated_cell():
     assert "not for a physical cell" in done.stderr
 
 
-@pytest.mark.parametrize("command", [["trials", "--out", "x"], ["study", "touch", "--out", "x"]])
-def test_what_needs_a_simulated_cell_leaves_a_physical_one_alone(capsys, tmp_path, monkeypatch, command):
-    monkeypatch.chdir(tmp_path)
-    assert main([*command, "--config", str(SHIPPED / "cell_01.toml")]) == WRONG_USE
-    assert 'arm.kind = "franka"' in capsys.readouterr().err
-
-
 @pytest.mark.parametrize(
     ("simulated", "simulated_kinds"),
     [
@@ -140,27 +133,6 @@ def test_a_calibration_does_not_go_over_to_a_simulated_device(tmp_path):
         (tmp_path / name).touch()
     calibration = load(file, simulate=("arm", "gripper")).cell.calibration
     assert (calibration.arm, calibration.skin) == (None, tmp_path / "skin.toml")
-
-
-@pytest.mark.parametrize(
-    ("options", "complaint"),
-    [
-        (
-            ["--simulate", "arm,skim"],
-            "device skim: no such name; arm, gripper, skin, switch allowed; did you mean skin?",
-        ),
-        (["--simulate", ""], "device : no such name"),
-        (["--simulate", "skin"], 'skin.kind = "sim": needs a simulated arm'),
-        (["--simulate", "arm"], 'gripper.kind = "franka": needs the real arm'),
-        (["--only", "skim"], "device skim: no such name"),
-        (["--only", "skin", "--prove"], "--only: not together with"),
-    ],
-)
-def test_a_wrong_choice_of_devices_is_answered_in_one_line(options, complaint, capsys):
-    assert main(["check", *options, "--config", str(SHIPPED / "cell_01.toml")]) == WRONG_USE
-    told = capsys.readouterr().err
-    assert complaint in told
-    assert told.count("\n") == 1
 
 
 @pytest.mark.parametrize("only", ["arm", "skin", "gripper,switch"])

@@ -34,7 +34,7 @@ def changed(data: bytes, rng: random.Random) -> bytes:
 
 def test_a_message_of_a_page_is_understood_or_refused():
     rng, understood, lines = random.Random(1), 0, set[int]()
-    for _ in range(100_000):
+    for _ in range(20_000):
         text = changed(rng.choice(ASKS), rng)
         try:
             ask = parse(text if rng.random() < 0.5 else text.decode(errors="replace"))
@@ -44,19 +44,19 @@ def test_a_message_of_a_page_is_understood_or_refused():
         understood += 1
         assert ask.token is None or not is_token(ask.token, "x" * 24)
     assert lines == {1}
-    assert 300 < understood < 30_000
+    assert 60 < understood < 6_000
 
 
 def test_the_names_of_a_request_are_the_cells_or_refused():
     rng, own = random.Random(2), 0
-    for _ in range(100_000):
+    for _ in range(20_000):
         host, origin = (changed(rng.choice(HOSTS), rng).decode(errors="replace") for _ in range(2))
         own += refusal(host, None) == ""
         for name in (host, "127.0.0.1:80"):
             assert refusal(name, f"http://{origin}") or origin.lower() == name.lower()
         first, last = part_of(host, 100)
         assert 0 <= first <= last < 100
-    assert 500 < own < 50_000
+    assert 100 < own < 10_000
 
 
 @pytest.mark.parametrize("seed", range(3))

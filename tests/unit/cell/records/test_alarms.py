@@ -6,7 +6,7 @@ from contextlib import closing
 
 import pytest
 
-from cell.commands.cli import GOOD, WRONG_USE, main
+from cell.commands.cli import GOOD, main
 from cell.records.journal import INDEX, Journal
 from cell.records.schema import EventKind, EventRow
 
@@ -81,26 +81,6 @@ def test_a_cleared_fault_is_acknowledged_until_the_reset(tmp_path, capsys):
         assert [alarm.state for alarm in journal.alarms(9)] == ["active"]
         note(journal, HAPPENED[6:8])
         assert [alarm.state for alarm in journal.alarms(9)] == ["acknowledged"]
-
-
-@pytest.mark.parametrize(
-    ("words", "complaint"),
-    [
-        (["alarms", "--since", "yesterday"], "--since yesterday: 30m, 12h"),
-        (["alarms", "--until", "2025-13-01"], "--until 2025-13-01: 30m, 12h"),
-        (["report", "--since", "1d", "--until", "2d"], "--until 2d: not after --since 1d"),
-        (["runs", "--since", "2025-01-02", "--until", "2025-01-02"], "not after --since 2025-01-02"),
-        (["compare", "--since", "7d", "--with", "1d"], "--since 7d: not after --with 1d"),
-        (["compare", "1", "2", "--since", "7d"], "compare: RUN RUN, or --since WHEN --with WHEN"),
-        (["alarms", "--fault", "9999"], "--fault 9999: no such name"),
-        (["report", "--shifts", "25:00"], "'25:00': times of a day"),
-    ],
-)
-def test_a_wrong_period_is_answered_in_one_line(records, capsys, words, complaint):
-    assert main([*words, "--journal", str(records)]) == WRONG_USE
-    told = capsys.readouterr().err
-    assert complaint in told
-    assert told.count("\n") == 1
 
 
 @pytest.mark.parametrize("words", [["alarms"], ["report"], ["runs"], ["compare", "--since", "1d", "--with", "2d"]])

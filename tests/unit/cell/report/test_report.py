@@ -16,7 +16,6 @@ from cell.records.schema import ConfigRow, RunRow, StageRow
 from cell.report.comparison import compared
 from cell.report.document import write
 from cell.report.facts import LEAST_DRIFT, Facts, drift_of, facts_of
-from cell.report.queries import LONGEST_STOP
 from cell.report.words import tables
 from drivers.errors import ConfigError
 from skills.catalogue import SEARCH
@@ -94,15 +93,6 @@ def test_a_date_is_in_local_time_and_a_span_ends_now():
     assert moment("30m", NOW) == "2025-06-15T11:30:00.000+00:00"
 
 
-def test_yield_counts_ended_runs_and_says_how_sure_it_is(journal):
-    facts = facts_of(journal, RunQuery())
-    assert (facts.total.good, facts.total.runs, facts.total.share) == (2, 4, 0.5)
-    low, high = facts.total.interval
-    assert (low, high) == pytest.approx((0.150, 0.850), abs=1e-3)  # [wilson] of 2 in 4
-    assert facts.outcomes == {"success": 2, "fault": 1, "failure": 1}
-    assert [(shift.runs.good, shift.runs.runs) for shift in facts.shifts] == [(1, 1), (0, 1), (0, 1), (1, 1)]
-
-
 MINUTE = 1.0 / 1440.0
 """Length of a minute, days."""
 
@@ -115,11 +105,6 @@ def test_reasons_come_in_the_order_of_the_time_until_the_next_start():
         ("fault 1001: no taxel frame arrived in time", 1, 8.0, pytest.approx(0.8)),
         ("no hole in spray search", 2, 2.0, pytest.approx(1.0)),
     ]
-
-
-def test_a_break_counts_for_an_hour_and_the_last_run_for_its_own_time():
-    runs = [row(1, 2.0, outcome="fault", fault=1001), row(2, outcome="failure", reason="no_hole", cycle_time=30.0)]
-    assert [loss.minutes for loss in told(runs).losses] == [LONGEST_STOP / 60.0, 0.5]
 
 
 def test_a_pad_that_wears_shows_and_one_that_does_not_stays_quiet():

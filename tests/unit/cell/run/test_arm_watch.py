@@ -35,7 +35,3 @@ def test_an_arm_that_has_changed_is_told_of(changed):
 @pytest.mark.parametrize("little", [{"scans": 20}, {"is_free": False}])
 def test_a_run_that_tells_little_is_not_judged(little):
     assert watched(friction=0.9, **little) == ""
-
-
-def test_a_cell_without_a_calibration_is_not_watched():
-    assert ArmWatch(None, ARM).end() == ""

@@ -11,7 +11,7 @@ import pytest
 
 from cell.commands.cli import main
 from cell.config.load import load
-from cell.run.learning import FILE, Learning, forget, hole_found, read_learned
+from cell.run.learning import FILE, Learning, digest, forget, hole_found, read_learned
 from drivers.errors import ConfigError
 from skills.contract import Outcome, Reason
 from skills.flow import StageRecord
@@ -60,6 +60,11 @@ def test_a_run_that_seated_no_peg_teaches_nothing_but_says_where_it_fell_in(tmp_
     assert cell.prepared(JOB, 0).hole.prior is None
     assert hole_found(run_at(HOME, is_seated=False)) == HOME
     assert hole_found([]) is None
+
+
+def test_what_was_learnt_holds_for_the_same_chamfers():
+    plain, chamfered, again = (load(sets=sets).cell.job() for sets in ((), *2 * (("hole.chamfer=0.0005",),)))
+    assert digest(plain) != digest(chamfered) == digest(again)
 
 
 def test_a_cell_that_shall_not_learn_neither_writes_nor_uses_anything(tmp_path):

@@ -166,12 +166,6 @@ def test_the_loops_inertia_is_that_of_the_plain_one_in_joints_and_at_the_tip(arm
     np.testing.assert_allclose(dynamics.inertia_at(made, J), tip_inertia(arm, q, length), rtol=1e-9)
 
 
-def test_the_geometric_mean_is_what_lies_between_two_matrices(arm, q):
-    A, B = tip_inertia(arm, q, 0.05), np.diag(STIFFNESS)
-    G = dynamics.geometric_mean(A, B)
-    np.testing.assert_allclose(G @ np.linalg.solve(A, G), B, rtol=1e-4, atol=1e-3)
-
-
 @pytest.mark.parametrize("module", [dynamics, inertia], ids=["compiled", "numpy"])
 def test_no_mode_of_a_critically_damped_tip_swings_or_creeps(arm, q, module):
     """Of s² L + s D + K every root is real, and each mode has its two roots at the same place."""

@@ -110,13 +110,6 @@ def test_board_that_was_unplugged_comes_back_with_the_old_baseline(rig, seconds)
     assert back[-1].sequence > before.sequence
 
 
-def test_board_that_starts_anew_is_started_again(rig):
-    rig.link.faults = WireFaults(resets=(rig.clock.now() + 0.05,))
-    frames = rig.scan(2.0)
-    assert None in frames
-    assert frames[-1] is not None
-
-
 def test_a_skin_that_is_not_read_for_a_while_never_starts_from_the_beginning(rig):
     for _ in range(5):
         rig.clock.wait_until(rig.clock.now() + 1.0)
@@ -163,18 +156,6 @@ def test_module_that_is_not_on_the_hub_is_not_trusted():
     rig.hub.replace_modules((1, 2, 4))
     rig.skin.open()
     assert np.flatnonzero(~rig.skin.read().trusted.reshape(4, 10).all(axis=1)).tolist() == [2]
-
-
-def test_taxel_that_dies_while_running_is_masked_at_once(rig):
-    assert rig.skin.read().trusted.all()
-    rig.hub.measure.__self__.taxels.dead[1, 3] = True
-    assert np.argwhere(~rig.scan(0.3)[-1].trusted).tolist() == [[1, 3]]
-
-
-def test_board_that_is_slower_than_told_is_not_opened():
-    rig = BoardRig(WIRED["serial"].model_copy(update={"rate": 100.0, "baud_rate": 57_600}))
-    with pytest.raises(DeviceNotOpenedError, match=r"scans/s < 80\.0 scans/s, 80% of skin\.rate"):
-        rig.skin.open()
 
 
 @pytest.mark.parametrize(
@@ -267,20 +248,6 @@ def test_reading_before_opening_is_a_fault_and_figures_are_empty():
     figures = skin.figures()
     assert (figures.scans, figures.lost, figures.age) == (0, 0, math.inf)
     assert math.isnan(figures.rate)
-
-
-def test_foreign_frames_on_the_bus_do_not_disturb():
-    rig = BoardRig(can_config())
-    rig.skin.open()
-    rng = np.random.default_rng(0)
-
-    def babble():
-        return [CanFrame(int(rng.integers(0x800)) | 0x80, rng.bytes(8)) for _ in range(5)]
-
-    for _ in range(100):
-        rig.link._send(rig.link._to_host, babble(), rig.world.time)
-        assert rig.scan(0.01)[0] is not None
-    assert rig.skin.figures().lost == 0
 
 
 @pytest.mark.parametrize("number", range(len(SENT)))

@@ -68,15 +68,10 @@ def test_lost_bytes_cost_their_packet_and_no_other(first, second, lost):
     assert Decoder().feed(damaged + encode(second)) == [second]
 
 
-@given(st.binary(max_size=40), reports)
-def test_a_report_is_found_after_any_noise(noise, report):
-    assert Decoder().feed(noise + encode(report))[-1] == report
-
-
 def test_noise_is_no_report():
-    noise, decoder = random.Random(1).randbytes(1_000_000), Decoder()
+    noise, decoder = random.Random(1).randbytes(200_000), Decoder()
     assert decoder.feed(noise) == []
-    assert decoder.refused > 990_000
+    assert decoder.refused > 198_000
 
 
 @given(st.lists(reports, max_size=6), st.randoms(use_true_random=False))

@@ -5,13 +5,11 @@ from hypothesis import strategies as st
 from drivers.transport.cobs import Deframer, frame, unframe
 from drivers.transport.crc import crc16
 
-same = settings(derandomize=True, deadline=None, max_examples=80)
 contents = st.one_of(
     st.binary(max_size=300), st.integers(0, 600).map(bytes), st.integers(0, 600).map(lambda n: b"x" * n)
 )
 
 
-@same
 @given(contents)
 def test_content_comes_back_and_only_the_end_is_zero(content):
     line = frame(content)
@@ -25,7 +23,6 @@ def test_longest_run_costs_one_byte_each_254_and_the_crc_is_that_of_the_catalogu
     assert crc16(b"123456789") == 0xD64E
 
 
-@same
 @given(st.lists(contents, max_size=5), st.data())
 def test_frames_come_whole_however_the_bytes_are_cut(sent, data):
     line, deframer, got = b"".join(map(frame, sent)), Deframer(600), []
@@ -37,7 +34,6 @@ def test_frames_come_whole_however_the_bytes_are_cut(sent, data):
     assert deframer.broken == 0
 
 
-@same
 @given(st.binary(min_size=1, max_size=60))
 def test_truncated_frame_is_counted_and_the_next_one_read(content):
     line = frame(content)
@@ -47,7 +43,7 @@ def test_truncated_frame_is_counted_and_the_next_one_read(content):
         assert deframer.broken == 1
 
 
-@settings(derandomize=True, deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(st.binary(max_size=60), st.binary(max_size=20))
 def test_flipped_bit_never_gives_another_frame(content, following):
     """A bit turned in the delimiter joins two frames, hence the third."""
@@ -61,7 +57,6 @@ def test_flipped_bit_never_gives_another_frame(content, following):
         assert deframer.broken >= 1
 
 
-@same
 @given(st.binary(max_size=2000))
 def test_noise_is_bounded_and_the_reader_is_in_step_after_a_delimiter(noise):
     deframer = Deframer(100)

@@ -4,7 +4,6 @@ import pytest
 
 from drivers.transport.wires import CanFrame
 from plc_bridge.canopen.node import ANYBODY, NmtState
-from plc_bridge.protocol.images import CommandImage
 from plc_bridge.protocol.messages import UNNUMBERED, Command, Control, LeaseState, Refusal, Report, Result
 from tests.canopen_rig import (
     NODE,
@@ -128,12 +127,6 @@ def test_sdo_frames_of_another_length_are_counted_and_left(rig, length):
 # Commands.
 
 
-def test_one_pdo_carries_a_command_once(rig):
-    assert rig.start() == Command(2, PROGRAM, 3, source=f"node {PLC}")
-    rig.command(3, 2, PROGRAM, 3)
-    assert rig.bridge.poll() is None
-
-
 @pytest.mark.parametrize("command", [PRE_OPERATIONAL, STOP])
 def test_outside_operational_no_pdo_commands(rig, command):
     rig.nmt(START)
@@ -142,14 +135,6 @@ def test_outside_operational_no_pdo_commands(rig, command):
     rig.command(2, 2, PROGRAM)
     rig.nmt(START)
     assert rig.bridge.poll() is None
-
-
-def test_parameters_and_serial_go_before_by_sdo(rig):
-    assert rig.write(0x2000, PLACES["command_parameter_1"].subindex, 500, 4) == 0
-    assert rig.write(0x2000, PLACES["command_parameter_mask"].subindex, 1, 2) == 0
-    assert rig.write(0x2000, PLACES["command_serial"].subindex, int.from_bytes(b"A17", "little"), 3) == 0
-    command = rig.start()
-    assert (command.serial, command.parameters) == ("A17", (("search.speed", pytest.approx(0.05)),))
 
 
 @pytest.mark.parametrize(("raw", "abort"), [(10, 0), (9, 0x06090032), (5000, 0), (5001, 0x06090031), (-1, 0x06090032)])
@@ -177,31 +162,11 @@ def test_plain_ladder_runs_by_coils(rig):
     assert rig.read(PLACES["busy"].index, PLACES["busy"].subindex) == 1
 
 
-def test_acknowledge_and_lease_have_a_pdo_of_their_own(operational):
-    for wish, holder in ((1, f"node {PLC}"), (3, "")):
-        operational.give(LEASE, bytes([0, 0, wish, 0]))
-        assert operational.bridge.holder == holder
-
-
 @pytest.mark.parametrize("wish", [4, 0xFFFF])
 def test_a_wish_for_the_lease_that_there_is_not_is_refused(operational, wish):
     operational.give(LEASE, b"\0\0" + wish.to_bytes(2, "little"))
     assert operational.take(EMCY)[0][:2] == bytes.fromhex("0082")
     assert (operational.read(0x2000, 6), operational.bridge.holder) == (0, "")
-
-
-def test_the_lease_is_one_for_all_buses(operational):
-    bridge = operational.bridge
-    bridge.opened("10.0.0.7", "10.0.0.7")
-    bridge.take("terminal")
-    operational.command(1, 1)
-    operational.take()
-    operational.command(2, 2, PROGRAM)
-    assert numbers(operational.take(TPDO1)[-1])[3] == Refusal.NOT_HOLDER
-    assert bridge.report_for("10.0.0.7").holder == "terminal"
-    bridge.release("terminal")
-    operational.command(3, 3, PROGRAM)
-    assert bridge.report_for("10.0.0.7").holder == f"node {PLC}"
 
 
 def test_a_pdo_that_is_too_short_is_not_processed_and_said_once(operational):
@@ -313,23 +278,6 @@ def test_a_plc_without_life_counter_lives_by_its_heartbeat(rig):
         assert rig.bridge.poll() is None
 
 
-def test_a_lost_plc_does_not_stop_the_run_of_somebody_else(operational):
-    operational.bridge.take("terminal")
-    operational.bridge.submit("terminal", CommandImage(code=PROGRAM))
-    assert take(operational.bridge).source == "terminal"
-    operational.beat()
-    operational.wait(0.6)
-    assert operational.bridge.poll() is None
-    assert operational.bridge.holder == "terminal"
-
-
-def test_a_lost_plc_loses_the_lease_too(operational):
-    operational.beat()
-    operational.give(LEASE, bytes([0, 0, 1, 0]))
-    operational.wait(0.6)
-    assert operational.bridge.holder == ""
-
-
 def test_object_1016_names_the_plc(rig):
     assert rig.write(0x1016, 1, 9 << 16 | 200, 4) == 0
     rig.nmt(START)
@@ -411,7 +359,7 @@ def test_after_a_lost_bus_everything_is_told_again(operational):
 # Hostile frames.
 
 
-def test_100000_random_frames_do_no_harm():
+def test_20000_random_frames_do_no_harm():
     """Frames to every COB-ID of the node, of every length, half of them well-formed in their first bytes."""
     draw = random.Random(20261121)
     rig = Rig()
@@ -426,7 +374,7 @@ def test_100000_random_frames_do_no_harm():
         0x700 + PLC: [b"\x05", b"\x00"],
     }  # fmt: skip
     limited = [r for r in PLACES.values() if r.index and r.high is not None]
-    for _ in range(100_000):
+    for _ in range(20_000):
         cob = draw.choice(tuple(first))
         data = draw.choice(first[cob]) if draw.random() < 0.5 else b""
         length = 8 if len(data) == 4 else draw.choice((len(data), 1, 2, 4, 7, 8, 8, 8))

@@ -3,16 +3,11 @@ import itertools
 import pytest
 from canopen.objectdictionary import datatypes
 
-from plc_bridge.canopen.objects import RPDO_BASES, TPDO_BASES, dictionary, size_of
-from plc_bridge.protocol.registers import RPDOS, TPDOS
+from plc_bridge.canopen.objects import dictionary
+from plc_bridge.protocol.registers import RPDOS
 from tests.canopen_rig import NODE, PLACES, REGISTERS
 
 OBJECTS = dictionary(REGISTERS, NODE)
-
-
-@pytest.mark.parametrize("names", [*RPDOS, *TPDOS])
-def test_each_pdo_fits_a_frame(names):
-    assert sum(size_of(PLACES[name]) for name in names) <= 8
 
 
 @pytest.mark.parametrize("names", RPDOS)
@@ -29,13 +24,6 @@ def test_every_register_but_the_tails_is_an_object_of_its_own():
             assert OBJECTS[register.index][register.subindex].name == register.name
         else:
             assert register.name.endswith("life_tail")
-
-
-@pytest.mark.parametrize(("kind", "bases"), [("RPDO", RPDO_BASES), ("TPDO", TPDO_BASES)])
-def test_cob_ids_are_those_of_the_predefined_connection_set(kind, bases):
-    first = {"RPDO": 0x1400, "TPDO": 0x1800}[kind]
-    for number in range(len({"RPDO": RPDOS, "TPDO": TPDOS}[kind])):
-        assert OBJECTS[first + number][1].default & 0x7FF == bases[number] + NODE
 
 
 @pytest.mark.parametrize(

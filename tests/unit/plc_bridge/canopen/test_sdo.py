@@ -159,7 +159,7 @@ class Memory:
 
 
 @given(st.lists(st.binary(min_size=8, max_size=8), max_size=30))
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=300)
 def test_any_requests_get_answers_of_8_bytes_and_never_overrun_an_object(requests):
     objects = Memory()
     server = SdoServer(objects)
@@ -169,7 +169,7 @@ def test_any_requests_get_answers_of_8_bytes_and_never_overrun_an_object(request
 
 
 @given(st.binary(max_size=255))
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 def test_what_is_written_in_segments_is_read_in_segments(data):
     objects = Memory()
     server = SdoServer(objects)

@@ -1,6 +1,5 @@
 """The function block, run line by line against the handshake that it is written for."""
 
-import re
 from dataclasses import replace
 
 import pytest
@@ -154,11 +153,6 @@ def kind(request):
 @pytest.fixture
 def plc(kind):
     return kind().cycle(3, Code=INSERT)
-
-
-def test_every_type_has_a_type_block_of_its_own():
-    blocks = re.findall(r"^TYPE\n(.*?)^END_TYPE$", TEXT, re.S | re.M)
-    assert [len(re.findall(r"^    \w+ : (?:ARRAY|STRUCT)", each, re.M)) for each in blocks] == [1] * 6
 
 
 def test_rising_edge_of_execute_runs_once_and_outputs_fall_with_it(plc):

@@ -10,40 +10,19 @@ from plc_bridge.modbus.rtu import PATIENCE, RtuServer
 from plc_bridge.modbus.rtu_frames import is_intact, with_check_sum
 from plc_bridge.protocol.messages import Command
 from plc_bridge.protocol.registers import VERSION
+from tests.plc_bytes import SerialWire
 
 PROGRAM = 100
 SILENCE = b""
 
 
-class FakeLine:
-    """Hands out what is scripted, one piece for each read; keeps what was sent and what the reads waited for."""
-
-    port, character_time = "/dev/ttyPLC0", 11 / 9600
-
-    def __init__(self):
-        self.pieces, self.sent, self.waits = [], [], []
-
-    def open(self):
-        pass
-
-    def close(self):
-        pass
-
-    def read(self, timeout):
-        self.waits.append(timeout)
-        return self.pieces.pop(0) if self.pieces else SILENCE
-
-    def write(self, data):
-        self.sent.append(data)
-
-
 class Rtu:
-    """A server on a fake line, the bridge behind it, and the time."""
+    """A server on a line of bytes, the bridge behind it, and the time."""
 
     def __init__(self, **settings):
         self.now = 0.0
         self.bridge = Bridge(PlcConfig(), {PROGRAM: "insert_peg"}, now=lambda: self.now)
-        self.line = FakeLine()
+        self.line = SerialWire()
         self.server = RtuServer(RtuConfig(port="-", **settings), self.line, self.bridge, now=lambda: self.now)
 
     def hear(self, *pieces):
@@ -146,7 +125,7 @@ def test_noise_never_changes_a_register_and_never_makes_the_line_deaf(rtu):
 def test_whatever_breaks_the_line_is_opened_again_and_no_thread_is_dead(caplog, error):
     opened, is_served = [], threading.Event()
 
-    class BreakingLine(FakeLine):
+    class BreakingLine(SerialWire):
         def open(self):
             opened.append(True)
 

@@ -28,14 +28,6 @@ def test_first_come_first_served():
     assert given(queue(order(1, 100), order(2, Control.HOLD))) == [(1, 100), (2, Control.HOLD)]
 
 
-def test_a_stop_goes_ahead_and_drops_what_waits():
-    run = order(1, 100)
-    orders = queue(run)
-    orders.stop(order(3, Control.STOP))
-    assert given(orders) == [(3, Control.STOP)]
-    assert run.result is Result.ABORTED
-
-
 def test_what_comes_behind_a_stop_waits_for_it():
     orders = queue()
     orders.stop(order(3, Control.STOP))
