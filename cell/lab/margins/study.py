@@ -202,7 +202,9 @@ class Levels:
                 is_enough=lambda rows: verdict(rows) is not Verdict.OPEN,
                 program=self._swept.made(self._method.made(self._figures), level),
             )
-        except ConfigError:  # the config, or an error drawn for a trial, is beyond what the cell or its stand-in accepts
+        except (
+            ConfigError
+        ):  # the config, or an error drawn for a trial, is beyond what the cell or its stand-in accepts
             self._counts[number] = "refused"
             return False
         good = sum(row.outcome == Outcome.SUCCESS for row in rows)
