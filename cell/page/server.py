@@ -45,7 +45,7 @@ PIECE = 256 * 1024
 REPORT_POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; frame-ancestors 'none'"
 """Content policy of a report, which is one file without scripts."""
 PINGS = 3
-"""Number of pings within the timeout of a link."""
+"""Number of pings within the timeout of a link; an answer is a sign of life for the page's run, and a late one closes no page."""
 
 
 class PageServer(HttpServer):
@@ -95,7 +95,6 @@ class PageServer(HttpServer):
         """Return the routes."""
         records = Records(self._folder)
         self._hub = PageHub(self._bridge, self._live, self._loaded, records, _build(), self._cables)
-        ping = self._loaded.cell.plc.life_timeout / PINGS
         return Front(
             [
                 ("/live", PageSocket, {"hub": self._hub, "bridge": self._bridge, "token": self.token}),
@@ -111,8 +110,8 @@ class PageServer(HttpServer):
             ],
             self._loaded.cell.page.names,
             compress_response=True,
-            websocket_ping_interval=ping,
-            websocket_ping_timeout=ping,
+            websocket_ping_interval=self._loaded.cell.plc.life_timeout / PINGS,
+            websocket_ping_timeout=0,
             websocket_max_message_size=MOST,
         )
 
