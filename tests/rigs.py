@@ -94,8 +94,8 @@ def dragged(plate: Plate, peg: Part, axes: np.ndarray, degrees: float, beside: f
         if step * DT > 0.05:
             forces.append(servo.copy())
         if step % 20 == 0:
-            dip = max(dip, surface.below(data.qpos[:3], 1))
-            surface.learn(data.qpos[:3].copy(), 1)
+            dip = max(dip, surface.below(data.qpos[:3]))
+            surface.learn(data.qpos[:3].copy())
     return float(np.ptp(np.array(forces), axis=0).max()), dip
 
 

@@ -136,17 +136,17 @@ class _StillSurface(SurfaceEstimate):
         super().__init__()
         self._watch, self._learnt, self._fallen = watch, SurfaceEstimate(), -math.inf
 
-    def learn(self, edge: Vector, sense: int) -> None:
+    def learn(self, edge: Vector) -> None:
         self._watch.slide()
-        self._learnt.learn(edge, sense)
+        self._learnt.learn(edge)
 
-    def below(self, edge: Vector, sense: int) -> float:
-        self._watch.height(max(self._learnt.below(edge, sense), self._fallen))
+    def below(self, edge: Vector) -> float:
+        self._watch.height(max(self._learnt.below(edge), self._fallen))
         self._fallen = -math.inf
         return 0.0
 
-    def dip(self, edge: Vector, sense: int) -> float:
-        return self._learnt.dip(edge, sense)
+    def dip(self, edge: Vector) -> float:
+        return self._learnt.dip(edge)
 
     @property
     def knows_slopes(self) -> bool:

@@ -6,8 +6,12 @@ inertia that the model lacks:
 
     disturbance = dry · tanh(dq / DRY_RATE) + smooth · tanh(dq / SMOOTH_RATE) + offset + rotor · ddq
 
-Recursive least squares estimate the four figures of each joint, starting from a prior mean and standard deviation. The
-law feeds the offset forward, and the friction along the commanded motion. A sign taken from the setpoint closes no
+Recursive least squares estimate the four figures of each joint, starting from a prior mean and standard deviation. At
+rest, friction has any value up to dry. A joint at rest teaches only if its disturbance exceeds that bound: a joint that
+sticks separates friction from offset even if it has moved one way only. An implausibly large disturbance teaches nothing, so
+that an arm that is held back does not push ever harder.
+
+The law feeds the offset forward, and the friction along the commanded motion. A sign taken from the setpoint closes no
 feedback loop; one taken from a measured velocity would.
 """
 
@@ -39,7 +43,7 @@ BANDWIDTH = 30.0
 NOISE = 0.1
 """Standard deviation of the disturbance around the four figures' prediction, over the observer's time, N·m."""
 MOVING = 0.03
-"""Velocity below which a joint's figures are not updated, rad/s: dry friction at rest may have any value."""
+"""Velocity below which a joint counts as at rest, rad/s: its dry friction may have any value up to its level."""
 MEMORY = 60.0
 """Time of free motion in which the variance of a learnt figure grows back to its first value, s; joints warm up."""
 
@@ -56,7 +60,9 @@ PASSED = 23
 """Index of three words for each joint after the observer's low-pass: dry and smooth friction of level one, and velocity."""
 PRIOR = PASSED + 3 * JOINTS
 """Index of the standard deviations of all figures before learning."""
-LEARNT = PRIOR + FIGURES * JOINTS
+MOST = PRIOR + FIGURES * JOINTS
+"""Index of the largest plausible disturbance of each joint: three standard deviations beyond its first figures, N·m."""
+LEARNT = MOST + JOINTS
 COVARIANCE = LEARNT + FIGURES * JOINTS
 WORDS = COVARIANCE + FIGURES * FIGURES * JOINTS
 
@@ -70,7 +76,9 @@ def doubts(arm: ArmModel) -> Vector:
 def begin(state: Vector, figures: Vector, deviations: Vector) -> None:
     """Reset the learning to figures and their standard deviations, each shape (7, 4); `state` has shape (WORDS,)."""
     state[:] = 0.0
-    state[PRIOR:LEARNT] = deviations.flatten()
+    state[PRIOR:MOST] = deviations.flatten()
+    doubt = np.sqrt((deviations[:, :ROTOR] ** 2).sum(axis=1))
+    state[MOST:LEARNT] = np.abs(figures[:, :ROTOR]).sum(axis=1) + 3.0 * doubt
     state[LEARNT:COVARIANCE] = figures.flatten()
     for joint in range(JOINTS):
         place = COVARIANCE + FIGURES * FIGURES * joint
@@ -105,8 +113,9 @@ def observe(state: Vector, M: Vector, dq: Vector, period: float, is_free: bool) 
         momentum = 0.0
         for j in range(JOINTS):
             momentum += M[i, j] * dq[j]
-        if state[IS_BEGUN] == 0.0:
-            state[INTEGRAL + i] = momentum
+        if state[IS_BEGUN] == 0.0:  # an arm at rest: all torque is disturbance
+            state[RESIDUAL + i] = -state[COMMANDED + i]
+            state[INTEGRAL + i] = momentum + state[COMMANDED + i] / BANDWIDTH
         state[INTEGRAL + i] += period * (state[COMMANDED + i] + state[RESIDUAL + i])
         state[COMMANDED + i] = 0.0
         state[RESIDUAL + i] = BANDWIDTH * (momentum - state[INTEGRAL + i])
@@ -115,9 +124,16 @@ def observe(state: Vector, M: Vector, dq: Vector, period: float, is_free: bool) 
         state[dry] += share * (math.tanh(dq[i] / DRY_RATE) - state[dry])
         state[smooth] += share * (math.tanh(dq[i] / SMOOTH_RATE) - state[smooth])
         state[speed] += share * (dq[i] - before)
-        if is_free and abs(state[speed]) > MOVING and abs(state[dry]) > 0.9:
-            explains = np.array([state[dry], state[smooth], 1.0, (state[speed] - before) / period])
-            _learn(state, i, explains, -state[RESIDUAL + i], period)
+        disturbance, acceleration = -state[RESIDUAL + i], (state[speed] - before) / period
+        if not is_free or abs(disturbance) > state[MOST + i]:
+            continue
+        known = LEARNT + FIGURES * i
+        slack = disturbance - state[known + OFFSET] - state[known + ROTOR] * acceleration
+        if abs(state[speed]) > MOVING and abs(state[dry]) > 0.9:
+            _learn(state, i, np.array([state[dry], state[smooth], 1.0, acceleration]), disturbance, period)
+        elif abs(state[speed]) < MOVING and abs(slack) > state[known + DRY] + NOISE:
+            # |disturbance - offset - rotor ddq| <= dry at rest. If the figures say otherwise, friction is at its bound.
+            _learn(state, i, np.array([math.copysign(1.0, slack), 0.0, 1.0, acceleration]), disturbance, period)
     state[COUNT], state[IS_BEGUN] = 0.0, 1.0
 
 

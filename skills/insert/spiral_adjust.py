@@ -33,6 +33,10 @@ RAISED = 0.005
 leaning peg stands on the plate with its middle at most half a breadth above it, and plate and theta err by millimetres. A hand whose joints
 rub more than they push is lifted by its own spiral. Source: chosen, not measured.
 """
+LEANING = math.pi / 4.0
+"""Lean of the peg from the plate's normal beyond which the attempt ends, rad: as far as during the search, so the peg is no longer aligned.
+Source: docs/tried/adjustment.md.
+"""
 SWINGING = 0.15
 """Turning rate of the hand beyond which it swings, rad/s; the dither turns it at 0.1 rad/s. Source: chosen, not measured."""
 SWING_DAMPING = 10.0
@@ -189,7 +193,7 @@ def run(
         if proof.is_given(seen, tip, plane, ctx):
             return _result(Outcome.SUCCESS, Reason.NONE, running, offset, depth_of(tip, hole))
         if (
-            _has_left(tip, plane, ctx.job)
+            _has_left(tip, seen.axis, plane, ctx.job)
             or down.is_stalled(tip, elapsed, proof.looks.is_lifting)
             or proof.looks.is_over
         ):
@@ -218,13 +222,14 @@ def run(
     return _result(Outcome.FAILURE, Reason.NOT_SEATED, running, offset, depth_of(tip, hole))
 
 
-def _has_left(tip: Vector, plane: Plane, job: Job) -> bool:
-    """Return True if nothing holds the peg above the surface, or if its end seems to be below the bottom.
+def _has_left(tip: Vector, axis: Vector, plane: Plane, job: Job) -> bool:
+    """Return True if nothing holds the peg above the surface, if it leans by `LEANING`, or if its end seems to be below the bottom.
 
-    In the latter case the fingers have slid down the peg, which the next touch-down measures, or the hole is another one.
+    In the last case the fingers have slid down the peg, which the next touch-down measures, or the hole is another one.
     """
     is_above = plane.depth(tip) < -(job.peg.part.inscribed / 2.0 + RAISED)
-    return is_above or depth_of(tip, job.hole) > job.hole.depth + CLOSED_TOLERANCE
+    is_below = depth_of(tip, job.hole) > job.hole.depth + CLOSED_TOLERANCE
+    return is_above or is_below or angle_between(axis, plane.normal) > LEANING
 
 
 def _target(tip: Vector, found: Vector, pull: float) -> Vector:

@@ -104,36 +104,35 @@ class EdgeEvidence:
     def __init__(self, params: SpraySearchParams, surface: SurfaceEstimate, scan_period: float) -> None:
         """Take the surface estimate and the scan's period, s."""
         self._params, self._surface = params, surface
-        self._late = deque[tuple[Vector, int]](maxlen=max(round(LATE / scan_period), 1))
+        self._late = deque[Vector](maxlen=max(round(LATE / scan_period), 1))
         self._heights = deque[float](maxlen=max(round(SUDDEN / scan_period), 1))
-        self._passed = deque[tuple[Vector, float, int]](maxlen=max(round(FALLING / scan_period), 1))
+        self._passed = deque[tuple[Vector, float]](maxlen=max(round(FALLING / scan_period), 1))
         self._faint = FAINT * params.dip_threshold
         """Sudden fall of the peg that is evidence of an edge, m."""
 
-    def update(self, seen: Observation, edge: Vector, sense: int, is_likely: bool = False) -> tuple[float, bool]:
+    def update(self, seen: Observation, edge: Vector, is_likely: bool = False) -> tuple[float, bool]:
         """Return the depth of the peg's lowest point `edge` below the surface estimate, m, and whether there is
         evidence of an edge.
 
         Args:
             seen: Observation of this scan.
             edge: Lowest point of the peg, shape (3,), m, base frame.
-            sense: Sense of the pass along its lane, -1 or 1.
             is_likely: Whether the peg comes by where the hole is likely.
         """
         # If a corner leads, half of it can come from a turn of the peg in the hand, which the skin measures late.
         halved = is_likely and self._params.lag is None
         threshold = self._params.dip_threshold * (LIKELY if halved else 1.0)
         height = float(seen.arm.tcp.position[2])
-        has_fallen = self._fallen(edge, height, sense) > self._faint
-        below = self._surface.below(edge, sense)
+        has_fallen = self._fallen(edge, height) > self._faint
+        below = self._surface.below(edge)
         has_dropped = self._drop(height) >= self._params.drop
         return below, (below > threshold or has_fallen) and has_dropped
 
-    def learn(self, edge: Vector, sense: int) -> None:
+    def learn(self, edge: Vector) -> None:
         """Take a scan without an edge; the surface estimate is updated by one that is `LATE` back."""
         if len(self._late) == self._late.maxlen:
-            self._surface.learn(*self._late.popleft())
-        self._late.append((edge, sense))
+            self._surface.learn(self._late.popleft())
+        self._late.append(edge)
 
     def begin_anew(self) -> None:
         """Start the surface estimate anew: the peg may have slipped along the fingers."""
@@ -150,17 +149,17 @@ class EdgeEvidence:
         self._heights.clear()
         self._passed.clear()
 
-    def _fallen(self, edge: Vector, height: float, sense: int) -> float:
+    def _fallen(self, edge: Vector, height: float) -> float:
         """Take the peg's lowest point in a pass and the height of the hand, m, and return the fall of the peg within `FALLING`, m.
 
         The hand drops with a falling peg, but not if a frame changes the angle. The peg must end below the plane, which excludes hops on a
         rough plate.
         """
         fallen, least = 0.0, SHARED * self._params.dip_threshold
-        if self._surface.dip(edge, sense) > least:
-            earlier = (before for before, above, way in self._passed if way == sense and above - height >= least)
+        if self._surface.dip(edge) > least:
+            earlier = (before for before, above in self._passed if above - height >= least)
             fallen = max((self._surface.fallen(before, edge) for before in earlier), default=0.0)
-        self._passed.append((edge, height, sense))
+        self._passed.append((edge, height))
         return fallen
 
     def _drop(self, height: float) -> float:

@@ -9,7 +9,7 @@ from drivers.frames import UP
 from drivers.parts import Hole
 from drivers.quantities import Vector
 
-_ONE = np.eye(4)
+_ONE = np.eye(3)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -34,9 +34,7 @@ def nominal(hole: Hole) -> Plane:
 class SurfaceEstimate:
     """Estimate of the plane on which the peg slides, by recursive least squares with forgetting; pure.
 
-    The model is z = a + b x + c y + d s, with s = +-1 for the direction of the path. Friction tilts the hand a little, so
-    the height differs between the two directions. Without the slopes b and c, a tilted plate would resemble an edge at
-    every lane.
+    The model is z = a + b x + c y. Without the slopes b and c, a tilted plate would resemble an edge at every lane.
     """
 
     MEMORY = 200
@@ -58,16 +56,16 @@ class SurfaceEstimate:
     def __init__(self) -> None:
         """Start from a level plate of unknown height."""
         self._origin = np.zeros(2)
-        self._values = np.zeros(4)
-        self._doubt = np.array([self.HEIGHT, self.SLOPE, self.SLOPE, 2.0 * self.NOISE])
+        self._values = np.zeros(3)
+        self._doubt = np.array([self.HEIGHT, self.SLOPE, self.SLOPE])
         self._covariance = np.diag(self._doubt**2)
         self._scans = 0
 
-    def learn(self, edge: Vector, sense: int) -> None:
-        """Update the estimate with the peg's lowest point `edge`, shape (3,), m, base frame, in a pass with `sense` -1 or 1."""
+    def learn(self, edge: Vector) -> None:
+        """Update the estimate with the peg's lowest point `edge`, shape (3,), m, base frame."""
         if self._scans == 0:
             self._origin, self._values[0] = np.array(edge[:2]), edge[2]
-        row = self._row(edge, sense)
+        row = self._row(edge)
         towards = self._covariance @ row
         spread, above = float(row @ towards), float(edge[2] - row @ self._values)
         is_dip = self._scans > 0 and -above > 3.0 * math.sqrt(spread)
@@ -84,16 +82,16 @@ class SurfaceEstimate:
         self._covariance *= excess[:, None] * excess
         self._scans += 1
 
-    def below(self, edge: Vector, sense: int) -> float:
+    def below(self, edge: Vector) -> float:
         """Return the depth of the point `edge` below the plane minus one standard deviation, m; 0 before the first update."""
         if self._scans == 0:
             return 0.0
-        row = self._row(edge, sense)
+        row = self._row(edge)
         return float(row @ self._values - edge[2]) - math.sqrt(float(row @ self._covariance @ row))
 
-    def dip(self, edge: Vector, sense: int) -> float:
+    def dip(self, edge: Vector) -> float:
         """Return the depth of the point `edge` below the estimated plane, m; 0 before the first update."""
-        return float(self._row(edge, sense) @ self._values - edge[2]) if self._scans else 0.0
+        return float(self._row(edge) @ self._values - edge[2]) if self._scans else 0.0
 
     @property
     def knows_slopes(self) -> bool:
@@ -106,8 +104,8 @@ class SurfaceEstimate:
         The height of the plane cancels, so the result is valid even with few samples of the plane. Points have the shape (3,),
         m, base frame.
         """
-        # w = [0, dx, dy, 0]: z_before + w·values - z_edge - sqrt(w^T P w)
-        way = np.array([0.0, edge[0] - before[0], edge[1] - before[1], 0.0])
+        # w = [0, dx, dy]: z_before + w·values - z_edge - sqrt(w^T P w)
+        way = np.array([0.0, edge[0] - before[0], edge[1] - before[1]])
         return float(before[2] + way @ self._values - edge[2]) - math.sqrt(float(way @ self._covariance @ way))
 
     def plane(self, near: Vector) -> Plane:
@@ -117,8 +115,8 @@ class SurfaceEstimate:
             slopes = np.zeros(2)
         # Normal of z = a + b x + c y: [-b, -c, 1], normalized
         slope: Vector = np.array([-slopes[0], -slopes[1], 1.0])
-        height = self._values[:3] @ self._row(near, 0)[:3]
+        height = self._row(near) @ self._values
         return Plane(np.array([near[0], near[1], height]), slope / np.linalg.norm(slope))
 
-    def _row(self, edge: Vector, sense: int) -> Vector:
-        return np.array([1.0, edge[0] - self._origin[0], edge[1] - self._origin[1], sense])
+    def _row(self, edge: Vector) -> Vector:
+        return np.array([1.0, edge[0] - self._origin[0], edge[1] - self._origin[1]])

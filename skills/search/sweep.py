@@ -77,15 +77,14 @@ class SearchSweep:
         """Take one observation; return whether the tip was judged to be in the hole."""
         params, course = self._params, self._course
         self._push = self._push.after(seen.peg.theta, params)
-        self._point, self._velocity = point, velocity = course.path.at(self._along)
-        sense = -1 if velocity[course.fast] < 0.0 else 1
+        self._point, self._velocity = course.path.at(self._along)
         edge = self._edge = self._ctx.job.peg.part.lowest(seen.tip, seen.axis, seen.arm.tcp.rotation[:, 2])
-        felt = self._felt(seen, *self._evidence.update(seen, edge, sense, self._along < course.likely_until))
+        felt = self._felt(seen, *self._evidence.update(seen, edge, self._along < course.likely_until))
         before = self._phase
-        self._enter(next_phase(before, felt, params, course, point))
+        self._enter(next_phase(before, felt, params, course, self._point))
         if self._phase is before:
             if isinstance(before, Sliding):
-                self._evidence.learn(edge, sense)
+                self._evidence.learn(edge)
         elif isinstance(before, ComingDown) and isinstance(self._phase, Sliding):
             self._take_touch_down(felt, edge)
         if isinstance(self._phase, Resting) and self._phase.is_over(felt, params):
@@ -94,7 +93,7 @@ class SearchSweep:
             if self._is_stuck(felt):
                 self._pass_over()
             self._evidence.doubt()
-            self._enter(after_rest(self._phase, felt, params, course, point))
+            self._enter(after_rest(self._phase, felt, params, course, self._point))
         return False
 
     def _take_touch_down(self, felt: Felt, edge: Vector) -> None:

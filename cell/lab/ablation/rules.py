@@ -95,7 +95,7 @@ SEARCH: Sequence[Rule] = (
         "Half the dip threshold counts where the hole is likely.",
         values={"skills.search.feel:LIKELY": 1.0},
         target="skills.search.feel:EdgeEvidence.update",
-        acts=lambda result, evidence, seen, edge, sense, is_likely=False: (
+        acts=lambda result, evidence, seen, edge, is_likely=False: (
             is_likely and result[0] > 0.5 * evidence._params.dip_threshold
         ),
         scenes=ROUND,

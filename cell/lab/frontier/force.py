@@ -104,7 +104,7 @@ def find_by_force(params: ForceSearch, plan: InsertionPlan, ctx: SkillContext) -
         # The push is the stiffness times the lead of the setpoint below the tip.
         target[2] = max(target[2] - own.descent * seen.step, tip[2] - lead)
         borne.append(target[2] <= tip[2] - lead)
-        dip = surface.below(edge, 0)
+        dip = surface.below(edge)
         if stopped is None and dip > params.drop:
             stopped, goal = seen.elapsed, tip[:2]
         elif stopped is not None and seen.elapsed - stopped >= own.rest:
@@ -112,7 +112,7 @@ def find_by_force(params: ForceSearch, plan: InsertionPlan, ctx: SkillContext) -
                 return _result(Outcome.SUCCESS, Reason.NONE, seen.running, tip, surface.plane(edge))
             stopped = None
         elif stopped is None and len(borne) == BORNE and all(borne):
-            surface.learn(edge, 0)
+            surface.learn(edge)
             along += seen.step
             # Outwards and back again.
             within = longest - abs(along % (2.0 * longest) - longest)

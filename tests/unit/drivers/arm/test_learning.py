@@ -61,12 +61,40 @@ def test_a_push_teaches_nothing_while_the_hand_is_not_said_to_be_free():
     np.testing.assert_array_equal(after, before)
 
 
-def test_an_arm_at_rest_teaches_nothing():
-    state = begun()
-    for _ in range(400):
-        state[learning.COMMANDED : learning.COMMANDED + JOINTS] = 0.4
+def rested(state, seconds, torque):
+    """Command torques to joints that friction keeps at rest, after the observer has settled."""
+    learning.pause(state)
+    for _ in range(round(seconds / PERIOD)):
+        state[learning.COMMANDED : learning.COMMANDED + JOINTS] = torque
         learning.observe(state, M, np.zeros(JOINTS), PERIOD, True)
-    assert (learning.figures_of(state)[0] == 0.0).all()
+    return learning.figures_of(state)
+
+
+def test_a_joint_at_rest_within_its_friction_teaches_nothing():
+    state = begun()
+    before, _ = moved(state, 3.0)
+    np.testing.assert_array_equal(rested(state, 2.0, OFFSET + 0.5 * DRY)[0], before)
+
+
+def test_a_joint_that_moved_one_way_and_sticks_before_it_moves_back_separates_friction_from_offset():
+    state = begun()
+    for _ in range(300):
+        state[learning.COMMANDED : learning.COMMANDED + JOINTS] = (
+            OFFSET + DRY + SMOOTH * math.tanh(0.5 / learning.SMOOTH_RATE)
+        )
+        learning.observe(state, M, np.full(JOINTS, 0.5), PERIOD, True)
+    one_way = np.abs(learning.figures_of(state)[0][:, learning.OFFSET] - OFFSET)
+    figures, _ = rested(state, 1.0, OFFSET - DRY)
+    error = np.abs(figures[:, learning.OFFSET] - OFFSET)
+    assert one_way.max() > 0.4
+    assert (error < np.maximum(one_way, learning.NOISE) + 0.01).all()
+    assert error.max() < 0.2
+
+
+def test_an_arm_that_is_held_back_learns_no_more_than_a_plausible_joint_has():
+    figures, _ = rested(begun(), 1.0, np.full(JOINTS, 20.0))
+    doubts = learning.doubts(PANDA)[:, : learning.ROTOR]
+    assert (np.abs(figures[:, : learning.ROTOR]).sum(axis=1) <= 3.0 * np.sqrt((doubts**2).sum(axis=1))).all()
 
 
 def test_joints_that_warm_up_are_learnt_anew():

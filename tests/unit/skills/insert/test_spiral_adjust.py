@@ -18,7 +18,7 @@ from skills.contract import Outcome, Reason
 from skills.held_peg import HeldPeg
 from skills.insert.guided_peg import CREEP, MOST_SWEPT, SLIDING, SWEPT_BEYOND, Descent, Guide, Stall, TiltSweep
 from skills.insert.play import allowed_tilt
-from skills.insert.spiral_adjust import ARRIVING, MOST_SWING_DAMPING, RAISED, Swing, given_up_after, run
+from skills.insert.spiral_adjust import ARRIVING, LEANING, MOST_SWING_DAMPING, RAISED, Swing, given_up_after, run
 from skills.motion import anchored, tilted_by
 from skills.paths import dither
 from skills.search.surface import Plane
@@ -130,6 +130,13 @@ def test_a_peg_that_hangs_above_the_plate_is_given_up_at_once(bench, above, goes
     """At the height up to which the rim of a leaning peg could still touch the plate, or above it."""
     height = CELL.peg.part.inscribed / 2.0 + RAISED + above
     bench.way = lambda time: hand(HOLE + height * UP)
+    ended = bench.run()
+    assert (ended.reason, ended.elapsed > 0.4) == (Reason.NOT_SEATED, goes_on)
+
+
+@pytest.mark.parametrize(("lean", "goes_on"), [(LEANING - 0.02, True), (LEANING + 0.02, False)])
+def test_a_peg_that_leans_as_far_as_in_the_search_is_given_up_at_once(bench, lean, goes_on):
+    bench.way = lambda time: hand(HOLE, lean)
     ended = bench.run()
     assert (ended.reason, ended.elapsed > 0.4) == (Reason.NOT_SEATED, goes_on)
 

@@ -81,11 +81,11 @@ def falls(dip, scans, *, is_likely=False, slope=0.0, with_hand=1.0, lasting=3, i
     for k in range(scans + lasting + 5):
         place += PERIOD * SPEED * min(k * PERIOD / RUN_UP, 1.0)
         edge = np.array([0.0, place, -slope * place - dip * min(max(k - scans, 0) / lasting, 1.0)])
-        below, is_edge = evidence.update(blind(with_hand * edge[2]), edge, 1, is_likely)
+        below, is_edge = evidence.update(blind(with_hand * edge[2]), edge, is_likely)
         if is_edge:
             return True
         assert dip or not is_likely or below <= 0.0
-        evidence.learn(edge, 1)
+        evidence.learn(edge)
     return False
 
 
@@ -102,20 +102,20 @@ def falls(dip, scans, *, is_likely=False, slope=0.0, with_hand=1.0, lasting=3, i
 def test_less_than_the_whole_threshold_counts_only_where_the_hole_is_likely(params, dip, is_likely, is_edge):
     known = SurfaceEstimate()
     for k in range(400):
-        known.learn(np.array([0.0, 1e-3 * (k % 60), 0.0]), 1)
+        known.learn(np.array([0.0, 1e-3 * (k % 60), 0.0]))
     edge = np.array([0.0, 0.03, -dip * params.dip_threshold - 1e-5])
-    assert EdgeEvidence(params, known, PERIOD).update(blind(), edge, 1, is_likely)[1] is is_edge
+    assert EdgeEvidence(params, known, PERIOD).update(blind(), edge, is_likely)[1] is is_edge
 
 
 def test_a_fall_under_way_does_not_take_the_estimate_with_it():
     """The rest below the full dip is the uncertainty of slopes that were never touched."""
     evidence = EdgeEvidence(PARAMS, SurfaceEstimate(), PERIOD)
     for k in range(40):
-        evidence.learn(np.array([0.0, 1e-3 * k, 0.0]), 1)
-    before, _ = evidence.update(blind(), np.array([0.0, 0.04, -5e-4]), 1)
+        evidence.learn(np.array([0.0, 1e-3 * k, 0.0]))
+    before, _ = evidence.update(blind(), np.array([0.0, 0.04, -5e-4]))
     for k in range(round(LATE / PERIOD)):
-        evidence.learn(np.array([0.0, 0.04 + 1e-3 * k, -5e-4]), 1)
-    after, _ = evidence.update(blind(), np.array([0.0, 0.04, -5e-4]), 1)
+        evidence.learn(np.array([0.0, 0.04 + 1e-3 * k, -5e-4]))
+    after, _ = evidence.update(blind(), np.array([0.0, 0.04, -5e-4]))
     assert after == pytest.approx(before, abs=5e-5)
 
 
@@ -148,10 +148,10 @@ def test_only_a_dip_with_which_the_hand_drops_is_evidence(dip, drop, is_evidence
     evidence = EdgeEvidence(SLIM, SurfaceEstimate(), PERIOD)
     for k in range(400):
         edge = np.array([0.0, 1e-3 * (k % 60), 0.0])
-        evidence.update(blind(0.2), edge, 1)
-        evidence.learn(edge, 1)
+        evidence.update(blind(0.2), edge)
+        evidence.learn(edge)
     edge = np.array([0.0, 0.03, -dip * SLIM.dip_threshold])
-    assert evidence.update(blind(0.2 - drop * SLIM.drop), edge, 1)[1] is is_evidence
+    assert evidence.update(blind(0.2 - drop * SLIM.drop), edge)[1] is is_evidence
 
 
 BOUND, LENGTH = 0.006, 0.05

@@ -236,9 +236,7 @@ def test_a_plate_that_was_felt_before_keeps_its_slope(bench):
     rng = np.random.default_rng(4)
     for _ in range(400):
         x, y = rng.uniform(-0.02, 0.02, 2)
-        surface.learn(
-            np.array([HOLE[0] + x, HOLE[1] + y, HOLE[2] + 0.02 * x - 0.01 * y]), 1 if rng.random() < 0.5 else -1
-        )
+        surface.learn(np.array([HOLE[0] + x, HOLE[1] + y, HOLE[2] + 0.02 * x - 0.01 * y]))
     bench.dig(0.0, 0.0)
     ended = bench.search(surface, timeout=20.0)
     np.testing.assert_allclose(ended.plane.normal[:2], [-0.02, 0.01], atol=2e-3)

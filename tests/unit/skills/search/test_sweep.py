@@ -220,21 +220,6 @@ def test_after_a_rest_in_vain_the_place_is_probed_on_a_spiral_and_the_path_goes_
     assert math.dist(slide.seen[-1].tip[:2], path) < 2.5 * PARAMS.speed * PERIOD
 
 
-def test_a_plate_that_seems_lower_on_the_lanes_back_is_no_edge(slide):
-    """Friction tilts the hand a little, the other way on the way back."""
-    slide.begin()
-    base = slide.level
-
-    def tilt():
-        way = slide.commanded[-1].twist.linear[1] if slide.commanded else 0.0
-        slide.level = base + math.copysign(0.2e-3, way)
-
-    slide.rig.clock.every.append(tilt)
-    slide.go_on(DOWN + 4.0)
-    assert (slide.sweep.rests, slide.found) == (0, None)
-    assert {each.twist.linear[1] > 0.0 for each in slide.commanded[-80:]} == {True, False}
-
-
 @pytest.mark.parametrize(
     ("places", "lifted"), [((0.0, 0.0, 0.0), True), ((0.0, 0.9e-3, 1.8e-3), True), ((0.0, 0.0, 1.1e-3), False)]
 )
