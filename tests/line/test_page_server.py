@@ -172,6 +172,22 @@ def test_a_page_that_answers_no_ping_stays_open(served, loaded):
 
 
 @played
+async def test_a_page_that_keeps_up_gets_the_history_once(server, served):
+    served.program.may_end.clear()
+    async with connected(server, Origin=origin(server)) as page:
+        ask(page, "unlock", token=server.token)
+        ask(page, "start", program="insert_peg")
+        heard = []
+        for what, state in [("", "EXECUTE"), *10 * [("hold", "HELD"), ("unhold", "EXECUTE")]]:
+            if what:
+                ask(page, what)
+            while not heard or (heard[-1]["kind"], heard[-1].get("state")) != ("state", state):
+                heard.append(json.loads(await asyncio.wait_for(page.read_message(), 10)))
+    served.program.may_end.set()
+    assert sum(each["kind"] == "history" for each in heard) == 1
+
+
+@played
 async def test_an_old_hand_on_the_lease_is_let_go_by_releasing_it(server, served, plc: Wire):
     served.program.may_end.clear()
     async with connected(server, Origin=origin(server)) as page:
