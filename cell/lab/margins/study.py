@@ -177,6 +177,10 @@ class Levels:
     def _holds(self, number: int, share: float) -> bool:
         level, test = self._swept.levels[number], TESTS[share]
         space = self._method.space(SCENE, self._args.config, self._args.set)
+
+        def verdict(rows: Sequence[Any]) -> Verdict:
+            return test.verdict(sum(row.outcome != Outcome.SUCCESS for row in rows), len(rows))
+
         try:
             config = load(
                 self._args.config,
@@ -189,22 +193,18 @@ class Levels:
                     *self._swept.sets(level, self._errors),
                 ],
             ).cell
-        except ConfigError:
+            rows = run_trials(
+                config,
+                self._seeds,
+                self._args.workers,
+                self._folder / f"{level:g}",
+                lambda row: None,
+                is_enough=lambda rows: verdict(rows) is not Verdict.OPEN,
+                program=self._swept.made(self._method.made(self._figures), level),
+            )
+        except ConfigError:  # the config, or an error drawn for a trial, is beyond what the cell or its stand-in accepts
             self._counts[number] = "refused"
             return False
-
-        def verdict(rows: Sequence[Any]) -> Verdict:
-            return test.verdict(sum(row.outcome != Outcome.SUCCESS for row in rows), len(rows))
-
-        rows = run_trials(
-            config,
-            self._seeds,
-            self._args.workers,
-            self._folder / f"{level:g}",
-            lambda row: None,
-            is_enough=lambda rows: verdict(rows) is not Verdict.OPEN,
-            program=self._swept.made(self._method.made(self._figures), level),
-        )
         good = sum(row.outcome == Outcome.SUCCESS for row in rows)
         self._counts[number] = f"{good}/{len(rows)}"
         return verdict(rows) is Verdict.GOOD or (verdict(rows) is Verdict.OPEN and good >= share * len(rows))
