@@ -23,7 +23,7 @@ Done = Callable[[int, int], None]
 """Function called after each picture with the number of pictures done and of all."""
 IsEnded = Callable[[], bool]
 """Function that returns True if the film is to end early."""
-Write = Callable[[Path, Iterator[Image], IsEnded], int]
+Write = Callable[[Path, Iterator[Image]], int]
 """Function that writes all pictures and returns their number in the file; 0 without a file."""
 
 
@@ -49,7 +49,7 @@ def write_film(
     if at is not None and not 0.0 <= at <= duration:
         raise ConfigError(f"--at {at:g}: run {run.row.run} has 0 to {duration:.2f} s")
     times = instants(duration, rate) if rate is not None else [duration if at is None else at]
-    with filmed(run) as film:
+    with filmed(run, is_fine=rate != RATE) as film:
 
         def draw(number: int) -> Image:
             image = film.frame(times[number])
@@ -57,13 +57,13 @@ def write_film(
             return image
 
         wanted = takewhile(lambda _: not is_ended(), range(len(times)))
-        pictures = write(path, map(draw, wanted), is_ended)
+        pictures = write(path, map(draw, wanted))
     if pictures < len(times) and not is_ended():
         raise ConfigError(f"--out {path}: cannot be written")
     return pictures, len(times)
 
 
-def _write_png(path: Path, pictures: Iterator[Image], _: IsEnded) -> int:
+def _write_png(path: Path, pictures: Iterator[Image]) -> int:
     drawn = next(pictures, None)
     return int(
         drawn is not None
@@ -71,11 +71,11 @@ def _write_png(path: Path, pictures: Iterator[Image], _: IsEnded) -> int:
     )
 
 
-def _write_mp4(path: Path, pictures: Iterator[Image], is_ended: IsEnded) -> int:
-    return write_mp4(path, (WIDTH, HEIGHT), pictures, is_ended)
+def _write_mp4(path: Path, pictures: Iterator[Image]) -> int:
+    return write_mp4(path, (WIDTH, HEIGHT), pictures)
 
 
-def _write_gif(path: Path, pictures: Iterator[Image], _: IsEnded) -> int:
+def _write_gif(path: Path, pictures: Iterator[Image]) -> int:
     """Write an endless GIF, each picture with its own palette."""
     frames = 0
 

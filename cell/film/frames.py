@@ -57,12 +57,12 @@ class Filmed:
 
 
 @contextmanager
-def filmed(run: RecordedRun) -> Iterator[Filmed]:
-    """Yield the drawer of the run's pictures.
+def filmed(run: RecordedRun, is_fine: bool) -> Iterator[Filmed]:
+    """Yield the drawer of the run's pictures; fine ones have shadows and smooth edges.
 
     Raises:
         ConfigError: This computer cannot render.
     """
-    stage = Stage(run.facts, run.hole(), (WIDTH, HEIGHT))
+    stage = Stage(run.facts, run.hole(), (WIDTH, HEIGHT), is_fine)
     with Camera(stage) as camera:
         yield Filmed(run, camera, stage)

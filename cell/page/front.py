@@ -30,7 +30,7 @@ LOGGERS = (
 )
 """Names of the loggers for requests of other computers."""
 IDLE = 60.0
-"""A connection is closed after this time without a request, s."""
+"""A connection is closed after this time without a request, or if nothing that was sent is acknowledged for this time, s."""
 
 
 OPEN_LINE = "a token is taken only over https or from the cell's own computer"
@@ -151,6 +151,8 @@ class HttpServer:
                 f"{self._what} {host}:{port}: cannot listen: {why}; another port allowed"
             ) from None
         self._socket.setblocking(False)
+        # inherited by each connection; the kernel acknowledges, so a browser that gets no processor time keeps its page
+        self._socket.setsockopt(sockets.IPPROTO_TCP, sockets.TCP_USER_TIMEOUT, round(1e3 * IDLE))
         self.routes = self.made()
         for name in LOGGERS:
             logging.getLogger(name).addFilter(self._sparse)

@@ -93,8 +93,6 @@ class PageServer(HttpServer):
         """Return the routes."""
         records = Records(self._folder)
         self._hub = PageHub(self._bridge, self._live, self._loaded, records, _build(), self._cables)
-        # Three pings within the timeout of a link.
-        ping = self._loaded.cell.plc.life_timeout / 3
         return Front(
             [
                 ("/live", PageSocket, {"hub": self._hub, "bridge": self._bridge, "token": self.token}),
@@ -110,8 +108,9 @@ class PageServer(HttpServer):
             ],
             self._loaded.cell.page.names,
             compress_response=True,
-            websocket_ping_interval=ping,
-            websocket_ping_timeout=ping,
+            # Three pings within the timeout of a link; an answer is a sign of life for the page's run, and a late one closes no page.
+            websocket_ping_interval=self._loaded.cell.plc.life_timeout / 3,
+            websocket_ping_timeout=0,
             websocket_max_message_size=MOST,
         )
 

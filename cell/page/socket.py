@@ -125,7 +125,8 @@ class PageSocket(WebSocketHandler):
 
     def show(self, text: bytes) -> None:
         """Send a text, but skip it while an earlier one is unsent; the page then gets the whole history later."""
-        if self._waiting:
+        stream = self.ws_connection.stream if self.ws_connection else None
+        if stream is not None and stream.writing():  # the kernel takes no more; texts of this moment are no delay
             self._has_missed = True
         elif self._has_missed:
             self._has_missed = False

@@ -29,6 +29,10 @@ FAINT, UNEVEN = 3.8, 1.4
 noise, and scatter of the heights, in standard deviations of the noise. Noise alone gives 1 of both; a peg gripped with 10 N gives 7.6 and 1.8.
 Warming raises all taxels alike, and drift scatters them to either side. Source: docs/tried/angle.md.
 """
+WALK = 1e-3
+"""Random walk of a reading without a load in one second, fraction of full scale. Source: [cyskin]."""
+LONGEST = 600.0
+"""Longest time of drift that is not taken for a touch, s; the drift of much longer times reaches the readings of a peg in the hand."""
 
 
 class SkinHealthConfig(ConfigModel):
@@ -98,6 +102,10 @@ class SkinHealth:
         """Standard deviation of a reading without a load, counts."""
         self._touch = np.maximum(config.touch * spread, config.least_touch * full_scale)
         """Height above the baseline at which a single taxel counts as touched, counts."""
+        self._walk = config.touch * WALK * full_scale
+        """Such a height by drift alone within one second, counts."""
+        self._behind = 0.0
+        """Time of the random walk that the baseline has not followed, s."""
         self._last = still[-1].copy()
         self._equal = np.ones(still.shape[1:], dtype=np.int64)
         self._stamp: float | None = None
@@ -122,12 +130,16 @@ class SkinHealth:
         elapsed = 0.0 if self._stamp is None else max(stamp - self._stamp, 0.0)
         self._stamp = stamp
         if not self._is_touched(values, trusted):
-            self.baseline = self.baseline + min(elapsed / self._config.drift_time, 1.0) * values
+            share = min(elapsed / self._config.drift_time, 1.0)
+            self.baseline = self.baseline + share * values
+            self._behind *= (1.0 - share) ** 2  # as the variance of what is left of a random walk
+        self._behind += elapsed
         return values, trusted
 
     def _is_touched(self, values: Vector, trusted: Mask) -> bool:
         """Return True if one taxel, or all of them together, show a touch: a light grip raises no single taxel far above its noise."""
-        heights = values * self._config.touch / self._touch
+        drift = self._walk * math.sqrt(min(self._behind, LONGEST))  # after a grip, a quiet taxel is not where it was
+        heights = values * self._config.touch / np.maximum(self._touch, drift)
         if (np.abs(heights) > self._config.touch).any():
             return True
         known = heights[trusted]

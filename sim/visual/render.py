@@ -83,7 +83,7 @@ class Camera:
         mujoco.mjv_updateScene(
             model, data, self._option, mujoco.MjvPerturb(), view, mujoco.mjtCatBit.mjCAT_ALL.value, scene
         )
-        scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = camera == "cell"
+        scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = camera == "cell" and self._stage.is_fine
         draw_trail(scene, trail)
         box = mujoco.MjrRect(0, 0, width, height)
         mujoco.mjr_render(box, scene, self._context)

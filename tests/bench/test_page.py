@@ -27,7 +27,8 @@ from cell.run.supervisor import Supervisor
 from plc_bridge.bridge import Bridge
 from plc_bridge.protocol.messages import FIRST_PROGRAM, Command, Report, Result
 from skills.catalogue import CATALOGUE
-from tests.browser import browsing, patience
+from tests.browser import PageView, browsing, patience
+from tests.serving import process
 
 PAGES = 2
 WARM, RUNS = 20, 60
@@ -36,6 +37,8 @@ MOST_GROWTH = 3.0
 """Largest growth of the memory of both pages and of the server in those runs, MB."""
 EVENTS, MOST_LATENCY = 100, 0.2
 """Number of changes of state, and the largest p95 of the time from one to the screen, s."""
+MOST_REPLAY = 1.0
+"""Longest time from a tap on the run of a fault to its touch, path and curves, s."""
 SCANS, MOST_SHARE = 300, 0.15
 """Number of scans, 100 per second, and the largest share of one core that the page's thread takes for two pages."""
 OBSERVE = """
@@ -152,6 +155,20 @@ def test_a_change_of_state_is_on_the_screen_within_a_fifth_of_a_second(stand, sh
     patience(lambda: len(shown.execute_script("return window.seen")) >= EVENTS)
     seen = np.array(shown.execute_script("return window.seen")) / 1e3
     assert np.percentile(seen - told, 95) < MOST_LATENCY
+
+
+def test_a_fault_is_one_tap_and_less_than_a_second_from_its_replay(tmp_path):
+    with process(tmp_path, (), "--page", "127.0.0.1:0", lines=2) as (_, [_, (host, port)]), browsing() as browser:
+        token = (tmp_path / "page-token").read_text(encoding="utf-8").strip()
+        page = PageView(browser, f"http://{host}:{port}/#token={token}")
+        page.until(lambda: page.is_enabled("start"))
+        page.press("start")
+        page.until_text("doing", "tactile insert")
+        page.click("css selector", "[data-cable=skin]")
+        page.until_text("state", "Aborted")
+        page.click("css selector", "#fault-run a")
+        page.until_text("time", "s")
+        assert page.script("return performance.now()") < 1e3 * MOST_REPLAY
 
 
 def page_time():

@@ -7,6 +7,7 @@ import socket
 import sqlite3
 from collections.abc import Iterator
 from contextlib import AsyncExitStack, asynccontextmanager, closing
+from dataclasses import replace
 
 import pytest
 from tornado.httpclient import HTTPRequest
@@ -21,9 +22,13 @@ from cell.records.wall_clock import now_text
 from drivers.errors import DeviceNotOpenedError
 from plc_bridge.protocol.messages import Control
 from tests.browser import patience
+from tests.hostile import UPGRADE
 from tests.plc_wire import Wire
 from tests.quick_cell import CODE, QuickCell
 from tests.scenes import played
+from tests.sockets import PATIENCE
+
+PING = b"\x89\x00"
 
 
 @pytest.fixture
@@ -149,6 +154,37 @@ async def test_a_page_that_goes_away_in_a_run_is_a_plc_that_falls_silent(server,
         assert source in served.bridge.kept
     assert source in served.bridge.kept  # its host may come back before the time-outs pass
     served.program.may_end.set()
+
+
+def test_a_page_that_answers_no_ping_stays_open(served, loaded):
+    plc = loaded.cell.plc.model_copy(update={"life_timeout": 0.1})
+    busy = replace(loaded, cell=loaded.cell.model_copy(update={"plc": plc}))
+    with (
+        PageServer(("127.0.0.1", 0), served.bridge, served.live, busy, served.folder) as server,
+        socket.create_connection(server.address, timeout=PATIENCE) as page,
+    ):
+        page.sendall(UPGRADE)
+        received = b""
+        while received.count(PING) < 5:
+            more = page.recv(65536)
+            assert more, "closed"
+            received += more
+
+
+@played
+async def test_a_page_that_keeps_up_gets_the_history_once(server, served):
+    served.program.may_end.clear()
+    async with connected(server, Origin=origin(server)) as page:
+        ask(page, "unlock", token=server.token)
+        ask(page, "start", program="insert_peg")
+        heard = []
+        for what, state in [("", "EXECUTE"), *10 * [("hold", "HELD"), ("unhold", "EXECUTE")]]:
+            if what:
+                ask(page, what)
+            while not heard or (heard[-1]["kind"], heard[-1].get("state")) != ("state", state):
+                heard.append(json.loads(await asyncio.wait_for(page.read_message(), 10)))
+    served.program.may_end.set()
+    assert sum(each["kind"] == "history" for each in heard) == 1
 
 
 @played

@@ -154,7 +154,8 @@ function showFault(fault, run) {
   put("fault-message", fault.message);
   put("fault-cause", fault.cause);
   put("fault-remedy", fault.remedy);
-  byId("fault-run").replaceChildren(...(run ? [toRun(run, `Run ${run}: force curve, film and record`)] : []));
+  const link = run ? `Run ${run}: force curve, film and record` : "";
+  if (byId("fault-run").textContent !== link) byId("fault-run").replaceChildren(...(link ? [toRun(run, link)] : [])); // a tap needs it to stay
   box.hidden = false;
 }
 

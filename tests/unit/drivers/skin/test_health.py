@@ -103,6 +103,18 @@ def test_the_baseline_keeps_up_with_the_drift_of_a_skin_that_is_gripped_most_of_
     assert np.std(behind[10:]) < 0.4 * noise
 
 
+def test_a_quiet_taxel_that_drifted_during_a_grip_does_not_stop_the_baseline():
+    rng, still = np.random.default_rng(1), _still()
+    still[:, 0] = 5000 + rng.integers(-20, 21, len(still))
+    health = _health(still)
+    for frame in range(1000):
+        raw = 5000 + 300 * rng.standard_normal(TAXELS)
+        raw[0] = 5200 + rng.integers(-20, 21)
+        raw[1] += 8000 * (frame < 200)  # for 20 s a peg is in the hand
+        health.update(np.rint(raw).astype(np.uint16), 0.1 * frame)
+    assert health.baseline[0] == pytest.approx(5200.0, abs=20.0)
+
+
 def test_a_skin_that_is_wholly_trusted_is_given_back():
     frame = TaxelFrame(np.zeros((2, 20)), np.ones((2, 20), dtype=bool), 0.0, 1)
     assert require_trust(frame, "parallelogram") is frame
