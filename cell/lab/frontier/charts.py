@@ -20,7 +20,7 @@ TIMES = (3, 4, 5, 6, 8, 10, 15, 20, 30, 40, 60, 80, 120)
 """Ticks of the logarithmic time axis, s."""
 SURE = 0.9
 """Share of successes of a sure method."""
-TITLED = "shipped", "force alone"
+TITLED = "shipped", "theta frozen after the grasp", "force alone"
 """Methods in the title."""
 TIME = "mean time of the successes (s)"
 
@@ -162,18 +162,19 @@ def _legend(lines: Sequence[FrontierLine], method: str, scenes: Sequence[str]) -
 def _mark(axes: Axes, lines: Sequence[FrontierLine], scene: str) -> None:
     """Draw the presets; in the first scene, which is that of the real insertions, also those, and labels."""
     is_first = scene == next(iter(SCENES))
-    above: dict[str, Any] = {"xytext": (0, 8), "textcoords": "offset points", "rotation": 30, "fontsize": 9}
+    above: dict[str, Any] = {"textcoords": "offset points", "fontsize": 9, "ha": "center"}
     for method, points in ((name, each.points) for name, each in METHODS.items()):
-        for line in (each for each in lines if each.family == family(method, scene) and each.variant in points):
+        marked = [each for each in lines if each.family == family(method, scene) and each.variant in points]
+        for step, line in enumerate(sorted(marked, key=lambda line: line.mean)):
             at = line.mean, success(line)
             axes.plot(*at, "D", ms=8, color=METHODS[method].colour, mec=INK, mew=1.0, zorder=5)
-            axes.annotate(line.variant if is_first else "", at, **above)
+            axes.annotate(line.variant if is_first else "", at, xytext=(0, 8 + 11 * step), **above)
     if is_first:
         rate = 100.0 * PUBLISHED_SUCCESSES / PUBLISHED_ATTEMPTS
         low, high = (100.0 * end for end in wilson(PUBLISHED_SUCCESSES, PUBLISHED_ATTEMPTS))
         error = [[rate - low], [high - rate]]
         axes.errorbar([PUBLISHED_TOTAL], [rate], yerr=error, fmt="s", color=INK, ms=7, capsize=3, lw=1)
-        axes.annotate("[gibbons], 40 real", (PUBLISHED_TOTAL, high), **{**above, "rotation": 0, "ha": "center"})
+        axes.annotate("[gibbons], 40 real", (PUBLISHED_TOTAL, high), xytext=(0, 8), **above)
 
 
 def curve(lines: Sequence[FrontierLine], method: str, scene: str) -> list[FrontierLine]:
