@@ -23,7 +23,6 @@ from cell.commands.arguments import (
     require_program,
 )
 from cell.commands.terminal import GOOD, complain, progress, show, written
-from cell.records import sample_export as to
 from cell.records.journal import Journal
 from cell.records.schema import RunRow, plain
 from cell.records.wall_clock import local
@@ -82,6 +81,7 @@ def _blocks(rows: Sequence[RunRow]) -> Group:
 
 def _exported(args: argparse.Namespace, journal: Journal, rows: Sequence[RunRow], folder: Path) -> list[Path]:
     """Write the runs as one table, and the samples of each run as one file, if it has any."""
+    from cell.records import sample_export as to
     from cell.records.samples import export_csv, read_samples, torn
 
     files = []

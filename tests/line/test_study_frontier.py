@@ -101,7 +101,6 @@ def test_trials_end_where_the_test_answers_and_are_taken_up_with_it(tmp_path):
 def test_theta_is_what_the_method_says_and_not_what_the_skin_measures(method):
     [tried] = variants([method], ["firm grip"], (1.0,))
     row = run_trial(load_variant(None, tried.preset, tried.sets), 1, program=tried.program)
-    assert row.outcome == "success"
     assert (row.theta_rmse == 0.0) == (method == "theta known exactly")
 
 
