@@ -4,16 +4,16 @@ import argparse
 import sys
 from collections.abc import Sequence
 from pkgutil import resolve_name
-
-from rich import box
-from rich.console import Group
-from rich.table import Table
+from typing import TYPE_CHECKING
 
 from cell.commands.terminal import GOOD, say, show
 from cell.config.parameters import PARAMETERS
 from cell.run.line import PROGRAMS, WORDS
 from plc_bridge.exports.map_formats import RULES
 from plc_bridge.protocol.registers import Register, table
+
+if TYPE_CHECKING:
+    from rich.console import Group
 
 WRITERS = {
     "md": "map_formats:as_markdown",
@@ -46,8 +46,12 @@ def run(args: argparse.Namespace) -> int:
     return GOOD
 
 
-def _picture(registers: Sequence[Register]) -> Group:
+def _picture(registers: Sequence[Register]) -> "Group":
     """Return the table for terminals, at most 80 columns wide, below its general rules."""
+    from rich import box  # imported late: a file of the table needs none of it
+    from rich.console import Group
+    from rich.table import Table
+
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
     for name in ("address", "name", "type", "meaning"):
         table.add_column(name, no_wrap=name == "address")
