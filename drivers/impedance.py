@@ -103,11 +103,10 @@ def new_state(arm: ArmModel, believed: tuple[Vector, Vector] | None = None) -> V
 
     Args:
         arm: Figures of the arm.
-        believed: Initial figures of each joint for the learning, and their standard deviations, each of the shape of
-            `learning.figures_of`; None starts from zero with the standard deviations of the arm's file.
+        believed: Initial figures of the learning and their standard deviations, see `learning.begin`.
     """
     state = np.zeros(STATE_WORDS)
-    learning.begin(state[LEARNING:], *(believed or (np.zeros((JOINTS, learning.FIGURES)), learning.doubts(arm))))
+    learning.begin(state[LEARNING:], arm, believed)
     return state
 
 

@@ -61,7 +61,7 @@ PASSED = 23
 PRIOR = PASSED + 3 * JOINTS
 """Index of the standard deviations of all figures before learning."""
 MOST = PRIOR + FIGURES * JOINTS
-"""Index of the largest plausible disturbance of each joint: three standard deviations beyond its first figures, N·m."""
+"""Index of the largest plausible disturbance of each joint: three standard deviations of an unmeasured arm beyond its first figures, N·m."""
 LEARNT = MOST + JOINTS
 COVARIANCE = LEARNT + FIGURES * JOINTS
 WORDS = COVARIANCE + FIGURES * FIGURES * JOINTS
@@ -73,12 +73,19 @@ def doubts(arm: ArmModel) -> Vector:
     return np.column_stack([friction, friction, offset, np.full(JOINTS, ROTOR_DEVIATION)])
 
 
-def begin(state: Vector, figures: Vector, deviations: Vector) -> None:
-    """Reset the learning to figures and their standard deviations, each shape (7, 4); `state` has shape (WORDS,)."""
+def begin(state: Vector, arm: ArmModel, believed: tuple[Vector, Vector] | None = None) -> None:
+    """Reset the learning.
+
+    Args:
+        state: State of the learning, shape (WORDS,).
+        arm: Figures of the arm.
+        believed: Initial figures and their standard deviations, each shape (7, 4); None starts from zero with `doubts`.
+    """
+    doubt = doubts(arm)
+    figures, deviations = believed or (np.zeros_like(doubt), doubt)
     state[:] = 0.0
     state[PRIOR:MOST] = deviations.flatten()
-    doubt = np.sqrt((deviations[:, :ROTOR] ** 2).sum(axis=1))
-    state[MOST:LEARNT] = np.abs(figures[:, :ROTOR]).sum(axis=1) + 3.0 * doubt
+    state[MOST:LEARNT] = np.abs(figures[:, :ROTOR]).sum(axis=1) + 3.0 * np.sqrt((doubt[:, :ROTOR] ** 2).sum(axis=1))
     state[LEARNT:COVARIANCE] = figures.flatten()
     for joint in range(JOINTS):
         place = COVARIANCE + FIGURES * FIGURES * joint

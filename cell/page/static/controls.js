@@ -104,7 +104,7 @@ export class Controls {
     const { state, fault } = this.state ?? {};
     if (!this.awaited || !state || state.endsWith("ING")) return;
     const reached = words(state.toLowerCase()), isFaulted = ["reset", "clear"].includes(this.awaited) && fault;
-    this.say(isFaulted ? `Not ${this.awaited === "reset" ? "reset" : "cleared"}: ${fault.message}.` : `${name(this.awaited)}: the cell is ${reached}.`);
+    this.say(isFaulted ? `Not ${this.awaited === "reset" ? "reset" : "cleared"}: ${fault.message}.` : `${name(this.awaited)}: the state is ${reached}.`);
     if (!isFaulted || reached === "idle") this.awaited = "";
   }
 

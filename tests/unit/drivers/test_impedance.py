@@ -182,7 +182,7 @@ def test_a_new_state_has_learnt_nothing_and_a_restart_keeps_what_was_learnt():
     state = impedance.new_state(PANDA)
     known = state[impedance.LEARNING :]
     blank = np.zeros_like(known)
-    learning.begin(blank, np.zeros((7, learning.FIGURES)), learning.doubts(PANDA))
+    learning.begin(blank, PANDA)
     assert known.tolist() == blank.tolist()
     state[: impedance.LEARNING] = 3.0
     known[:] = 0.25

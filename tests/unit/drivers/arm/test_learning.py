@@ -23,7 +23,7 @@ ROTOR = np.array([0.08, 0.02, 0.1, -0.03, 0.03, 0.02, 0.04])
 
 def begun():
     state = np.zeros(learning.WORDS)
-    learning.begin(state, np.zeros((JOINTS, learning.FIGURES)), learning.doubts(PANDA))
+    learning.begin(state, PANDA)
     return state
 
 
