@@ -121,7 +121,7 @@ def test_a_fault_says_what_to_do_and_is_reset_from_the_page(served, page):
     page.until_text("fault-list", "active")
     page.until_text("age", "no news for")
     page.press("reset")
-    page.until_text("answer", "Reset: the cell is idle.")
+    page.until_text("answer", "Reset: the state is idle.")
     page.until_text("state", "Idle")
     page.until_text("fault-list", "over")
     for wanted, found in (("1001", "no taxel frame arrived in time"), ("2003", "None on record.")):
