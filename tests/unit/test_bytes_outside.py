@@ -17,6 +17,7 @@ from drivers.arm.calibration import read_arm_calibration
 from drivers.errors import ConfigError
 from drivers.skin.calibration import read_calibration
 from drivers.skin.cyskin_wire import (
+    LONGEST,
     CanAssembler,
     Channels,
     Message,
@@ -107,7 +108,9 @@ def cyskin_can() -> Wire:
     scans = ScanAssembler(12, 0.01)
 
     def feed(frames: list[CanFrame]) -> bool:
-        return sum(cyskin_messages(assembler.feed(each), channels, scans) for each in frames) > 0
+        messages = [assembler.feed(each) for each in frames]
+        assert all(data is None or len(data) <= LONGEST for data in messages)
+        return sum(cyskin_messages(data, channels, scans) for data in messages) > 0
 
     def take(rng: random.Random) -> None:
         original = rng.choice(whole)
