@@ -109,15 +109,19 @@ def compared(
 
 
 def beside_first(found: Compared) -> Columns:
-    """Return a column: mean difference of time to the first line, s, on the seeds that both inserted, and its 95 % half width."""
+    """Return columns that compare each line with the first: the difference of time on the seeds that both inserted, its median and its mean
+    with the 95 % half width, s, and the median computing time of a simulated second, ms.
+    """
     first = _times(found.rows[0])
-    texts = {}
+    longer, costs = {}, {}
     for line, rows in zip(found.lines, found.rows, strict=True):
         times = _times(rows)
-        longer = np.array([times[seed] - first[seed] for seed in times.keys() & first.keys()])
-        error = Z95 * float(longer.std(ddof=1)) / math.sqrt(longer.size) if longer.size > 1 else math.nan
-        texts[line] = f"{longer.mean():+.2f} ± {error:.2f}" if longer.size and rows is not found.rows[0] else ""
-    return {"beside the first (s)": lambda line: texts[line]}
+        more = np.array([times[seed] - first[seed] for seed in times.keys() & first.keys()])
+        error = Z95 * float(more.std(ddof=1)) / math.sqrt(more.size) if more.size > 1 else math.nan
+        is_other = more.size and rows is not found.rows[0]
+        longer[line] = f"{np.median(more):+.2f}; {more.mean():+.2f} ± {error:.2f}" if is_other else ""
+        costs[line] = f"{1e3 * np.median([row.wall_time / row.sim_time for row in rows]):.0f}" if rows else ""
+    return {"median; mean beside the first (s)": lambda line: longer[line], "ms/s": lambda line: costs[line]}
 
 
 def _times(rows: Sequence[TrialRow]) -> dict[int, float]:
