@@ -199,11 +199,6 @@ class FrankaArm:
         return LoopPhase.LOST if self._link is None else LoopPhase(int(self._link["phase"][0]))
 
     @property
-    def time(self) -> float:
-        """Arm's own time since it was opened, s."""
-        return float(self._opened()["time"][0])
-
-    @property
     def process_id(self) -> int:
         """Id of the loop's process."""
         assert self._process is not None

@@ -22,7 +22,6 @@ _LAYOUT = np.dtype(
         ("resets", np.int64),
         ("start_by", np.float64),
         ("state_sequence", np.int64),
-        ("time", np.float64),
         ("q", np.float64, 7),
         ("dq", np.float64, 7),
         ("force", np.float64, 3),

@@ -182,7 +182,6 @@ class TorqueLoop:
         tcp, _, _, _ = impedance.forward(self._figures, q)
         force, torque = wrench_on_hand(state.O_F_ext_hat_K, state.O_T_EE, state.EE_T_K, tcp)
         link.begin("state_sequence")
-        link["time"][0] = self._time
         link["q"][0], link["dq"][0] = q, dq
         link["commanded"][0] = impedance.commanded(self._law)
         link["unexplained"][0] = impedance.unexplained(self._law)
