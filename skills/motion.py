@@ -138,7 +138,7 @@ def move(
         if seen.elapsed >= duration + settle:
             break
         share, rate = minimum_jerk(seen.elapsed / duration)
-        at, twist = way.at(share)
+        at, twist = way.at(share, rate / duration)
         ctx.follow(
             ImpedanceSetpoint(
                 id=identity,
@@ -151,7 +151,7 @@ def move(
                 in_hand=in_hand,
                 posture=seen.arm.posture(transfer.elbow),
                 is_free=True,
-                twist=Twist(twist.linear * (rate / duration), twist.angular * (rate / duration)),
+                twist=twist,
             )
         )
         yield seen
@@ -173,13 +173,13 @@ class TransferPath:
         turn, peak = self._swing + abs(self._twist), 1.875
         return max(peak * float(np.linalg.norm(self._way)) / transfer.speed, peak * turn / transfer.turn_speed, 0.2)
 
-    def at(self, share: float) -> tuple[Goal, Twist]:
-        """Return the goal at a share of the path, and the twist there per whole path."""
+    def at(self, share: float, rate: float = 0.0) -> tuple[Goal, Twist]:
+        """Return the goal at a share of the path, and the twist there for a rate of that share, 1/s."""
         start, turned = self._start, rotation_about(self._swing_axis, self._swing * share)
         axis = turned @ start.axis
         roll = rotation_about(axis, self._twist * share) @ turned @ start.roll
         return Goal(start.tip + self._way * share, axis, roll), Twist(
-            self._way, self._swing_axis * self._swing + axis * self._twist
+            self._way * rate, (self._swing_axis * self._swing + axis * self._twist) * rate
         )
 
 

@@ -30,6 +30,7 @@ positions along and beside its own axis."""
 TABLE = 0.0
 """Height of the table under arm, rack and plate, m, base frame; a peg dropped beside them lies there."""
 NO_NOISE: Vector = np.zeros((1, arm_senses.NOISES))
+"""Random numbers for an arm with exact readings."""
 
 
 class Stepper:
@@ -165,13 +166,16 @@ class Stepper:
                 return below.position, below.rotation
         return np.array([0.0, 0.0, TABLE]), np.eye(3)
 
-    def _has_fallen(self) -> bool:
-        """True if a free peg has toppled over, has left the plate, or spins faster than the integration can follow."""
+    def _has_fallen(self, lowest: float) -> bool:
+        """Return True if a free peg has toppled over, has left the plate, or spins faster than the integration can follow.
+
+        `lowest` is the height of its lowest point, m, base frame.
+        """
         place, ground = self._ground()
         size, axis = self.scene.size, self.peg_view.axes[:, 2]
         away, along = np.array([self.peg_view.middle + size.half * axis - place, axis]) @ ground[:, 2]
         back = float(away) - size.reach * math.sqrt(max(1.0 - float(along) ** 2, 0.0))
-        return situation.has_fallen(min(back, self.lowest() - TABLE), self.running.data.qvel[PEG])
+        return situation.has_fallen(min(back, lowest - TABLE), self.running.data.qvel[PEG])
 
     def lose(self) -> None:
         """Take the peg out of play."""
@@ -248,10 +252,10 @@ class Stepper:
                 self._bear()
         else:
             self._let_rest()
-        pace = self.pace
-        span = engine.Span(
-            pace.now(), pace.timestep, ticks, self.law_every, pace.ticks % self.law_every, self._noises(ticks)
-        )
+        pace, noises = self.pace, NO_NOISE
+        if self.control.senses[arm_senses.IS_IDEAL] == 0.0:
+            noises = self._noise.standard_normal((ticks // self.law_every + 1, arm_senses.NOISES))
+        span = engine.Span(pace.now(), pace.timestep, ticks, self.law_every, pace.ticks % self.law_every, noises)
         taken: int = engine.advance(self._models, self._state, self._watch, self.control, self.meters, span)
         if not taken:
             # Time goes on, because the reporter of the fault waits for the end of the scan.
@@ -262,12 +266,6 @@ class Stepper:
         pace.ticks += taken
         self._pass_on()
         return taken
-
-    def _noises(self, ticks: int) -> Vector:
-        """Return the random numbers for the arm's readings in this number of ticks."""
-        if self.control.senses[arm_senses.IS_IDEAL] > 0.0:
-            return NO_NOISE
-        return self._noise.standard_normal((ticks // self.law_every + 1, arm_senses.NOISES))
 
     def _bear(self) -> GripLimits:
         """Update the friction of the pads on the held peg, and return its limits."""
@@ -310,11 +308,13 @@ class Stepper:
                 self.fall()
             elif grip_force <= 0.0:
                 self.enter_free(self.scene.size.thickness, self.peg_pose())
-        elif self.peg is PegSituation.FREE and self._has_fallen():
-            self.fall()
+        elif self._is_resting:
+            self._in_grip_since = self.pace.now()
         elif self.peg is PegSituation.FREE:
-            height = self.lowest() - self.scene.rack.position[2]
-            if not situation.is_in_grip(self.pad_force(), grip_force, height):
+            lowest = self.lowest()
+            if self._has_fallen(lowest):
+                self.fall()
+            elif not situation.is_in_grip(self.pad_force(), grip_force, lowest - self.scene.rack.position[2]):
                 self._in_grip_since = self.pace.now()
             elif self.pace.now() - self._in_grip_since > situation.SETTLED_GRIP:
                 self.enter_held()
@@ -339,9 +339,9 @@ class Stepper:
             felt = self.meters[metering.FORCE : metering.TORQUE + 3].copy() if is_held else np.zeros(6)
             position, rotation, _, _ = impedance.forward(control.arm, self.q)
             return arm_senses.Reading(self.q, self.dq, felt, position, rotation)
-        felt = control.joints[joint_drive.LEFT_OVER : joint_drive.LEFT_OVER + JOINTS].copy()
+        felt = control.joints[joint_drive.LEFT_OVER : joint_drive.LEFT_OVER + JOINTS]
         if self._scratch is not None:
-            felt += described_arm.left_over(self.running.model, self._scratch, self.running.data.qpos)
+            felt = felt + described_arm.left_over(self.running.model, self._scratch, self.running.data.qpos)
         return arm_senses.scanned(control.senses, control.arm, felt)
 
     def physics(self) -> tuple[mujoco.MjModel, mujoco.MjData]:
