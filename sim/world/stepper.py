@@ -44,6 +44,7 @@ class Stepper:
         self._arm, self._long_steps, self.pad, self.pace = arm, sim.model.long_steps, pad, pace
         self.law_every = round(arm.control_period / sim.timestep)
         """Number of ticks in a control period."""
+        self._beat = engine.Beat(pace.timestep, self.law_every)
         hand = arm.hand
         self.control = engine.Drives(
             impedance.figures(arm),
@@ -255,8 +256,9 @@ class Stepper:
         pace, noises = self.pace, NO_NOISE
         if self.control.senses[arm_senses.IS_IDEAL] == 0.0:
             noises = self._noise.standard_normal((ticks // self.law_every + 1, arm_senses.NOISES))
-        span = engine.Span(pace.now(), pace.timestep, ticks, self.law_every, pace.ticks % self.law_every, noises)
-        taken: int = engine.advance(self._models, self._state, self._watch, self.control, self.meters, span)
+        taken: int = engine.advance(
+            self._models, self._state, self._watch, self.control, self.meters, self._beat, pace.ticks, ticks, noises
+        )
         if not taken:
             # Time goes on, because the reporter of the fault waits for the end of the scan.
             pace.ticks += ticks
@@ -338,7 +340,7 @@ class Stepper:
             is_held = self.peg is PegSituation.HELD
             felt = self.meters[metering.FORCE : metering.TORQUE + 3].copy() if is_held else np.zeros(6)
             position, rotation, _, _ = impedance.forward(control.arm, self.q)
-            return arm_senses.Reading(self.q, self.dq, felt, position, rotation)
+            return self.q, self.dq, felt, position, rotation
         felt = control.joints[joint_drive.LEFT_OVER : joint_drive.LEFT_OVER + JOINTS]
         if self._scratch is not None:
             felt = felt + described_arm.left_over(self.running.model, self._scratch, self.running.data.qpos)
