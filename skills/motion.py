@@ -95,9 +95,9 @@ class Goal:
 
 
 def minimum_jerk(share: float) -> tuple[float, float]:
-    """Return the minimum-jerk position and rate, both per whole move, at a share of its time (Flash and Hogan)."""
+    """Return the minimum-jerk position and rate, both per whole move, at a share of its time, >= 0 (Flash and Hogan)."""
     # x = 10 s³ - 15 s⁴ + 6 s⁵, dx/ds = 30 s² (1 - s)²
-    s = min(max(share, 0.0), 1.0)
+    s = min(share, 1.0)
     return s**3 * (10.0 - 15.0 * s + 6.0 * s * s), 30.0 * s * s * (1.0 - s) ** 2
 
 
@@ -243,5 +243,7 @@ class Trim:
     def after(self, error: float, period: float) -> "Trim":
         """Return the trim after `period` seconds with this error of the tip, m."""
         # trim <- trim + rate · error · period, within ±limit
-        value = min(max(self.value + self.rate * error * period, -self.limit), self.limit)
+        value = self.value + self.rate * error * period
+        if not -self.limit <= value <= self.limit:
+            value = math.copysign(self.limit, value)
         return Trim(self.rate, self.limit, value)
