@@ -3,7 +3,6 @@
 import argparse
 from importlib import import_module
 from importlib.util import find_spec
-from pathlib import Path
 from typing import TYPE_CHECKING, Protocol, cast
 
 from cell.commands.arguments import Parser, add_shared, positive
@@ -59,23 +58,6 @@ PLANS = {
         options={
             "--method": {"action": "append", "metavar": "NAME", "help": "a method; all of them if not given"},
             "--error": {"action": "append", "default": [], "metavar": "NAME", "help": "an error; all if not given"},
-        },
-    ),
-    "opinion": Plan(
-        "cell.lab.opinion",
-        "a second opinion: whole trials on an arm that other people described, beside the cell's own, and what differs",
-        "trials on each arm; default 20, with --quick 1 on the described arm alone",
-        options={
-            "--model": {
-                "type": Path,
-                "metavar": "FILE",
-                "help": "URDF or MJCF file of an arm of seven hinges; the cell believes arm.model. Without it: the FR3 of the package franka-sim",
-            },
-            "--flange": {
-                "default": "",
-                "metavar": "NAME",
-                "help": "body or site that is the flange, what lies behind it being left out; the usual names if not given",
-            },
         },
     ),
     "stability": Plan(
