@@ -99,7 +99,6 @@ PLANS = {
 }
 """Studies that are one module."""
 PACKAGES = (
-    "speed",
     "frontier",
     "faults",
     "ablation",
