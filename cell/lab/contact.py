@@ -17,16 +17,16 @@ import numpy as np
 
 from cell.commands.arguments import out_folder
 from cell.film.plots import COLOURS
+from cell.lab import contact_rig as rig
 from cell.lab.arguments import advancing
 from cell.lab.charts import BLUE, GREEN, GREY, INK, RED, Curve, Panel, draw_panels
 from cell.lab.compare import config_of
+from cell.lab.hole_models import HoleModel
 from cell.lab.report import StudyReport, finite
 from cell.lab.rows import write_rows
 from cell.lab.tables import table
 from cell.lab.workers import each_of
 from drivers.part.contract import Part
-from sim.contact import rig
-from sim.contact.hole_models import HoleModel
 from sim.contact.shapes import exact_depth
 from sim.world import native
 from sim.world.truth import VOID_PENETRATION, VOID_SHARE
@@ -77,9 +77,6 @@ def ladder(timesteps: Sequence[float], facets: Sequence[int]) -> tuple[Rung, ...
         ("unpredicted", "closed form, touching only", model(hole="unpredicted")),
     ]
     for path, is_native in (("legacy", False), ("native", True)):
-        kinds.append(
-            (f"turning flats, {path}", f"turning flats, {path} CCD", model(hole="flats", native_ccd=is_native))
-        )
         kinds += [
             (f"{n} boxes, {path}", f"ring of boxes, {path} CCD", model(hole="boxes", facets=n, native_ccd=is_native))
             for n in facets

@@ -6,9 +6,9 @@ import mujoco
 import numpy as np
 import pytest
 
+from cell.lab import contact_rig as rig
 from drivers.part.rectangular import Rectangular
 from drivers.part.round import Round
-from sim.contact import rig
 from sim.contact import table as contact
 from sim.contact.section import chamfered_depth, section_depth
 from sim.world.truth import VOID_PENETRATION

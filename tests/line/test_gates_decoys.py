@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from cell.config.load import load
+from cell.lab import contact_rig as rig
 from cell.lab.trials import run_trial
 from drivers.errors import ConfigError
 from drivers.part.round import Round
-from sim.contact import rig
 from sim.contact import table as contact
 from sim.contact.decoys import ROOM, cut
 from sim.contact.plate import Plate

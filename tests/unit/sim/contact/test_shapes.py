@@ -5,12 +5,12 @@ import math
 import numpy as np
 import pytest
 
+from cell.lab.contact_rig import attitude, lowest
 from drivers.frames import rotation_about
 from drivers.part.rectangular import Rectangular
 from drivers.part.round import Round
 from drivers.quantities import Vector
 from sim.contact import peg_distances
-from sim.contact.rig import attitude, lowest
 from sim.contact.shapes import exact_depth
 from tests.sections import deepest
 
