@@ -25,10 +25,10 @@ from cell.lab.compare import config_of
 from cell.lab.hole_models import HoleModel
 from cell.lab.report import StudyReport, finite
 from cell.lab.rows import write_rows
+from cell.lab.section import exact_depth
 from cell.lab.tables import table
 from cell.lab.workers import each_of
 from drivers.part.contract import Part
-from sim.contact.shapes import exact_depth
 from sim.world import native
 from sim.world.truth import VOID_PENETRATION, VOID_SHARE
 

@@ -9,8 +9,20 @@ import numpy as np
 from drivers.part.contract import Part
 from drivers.quantities import Vector
 
+POINTS = 4001
+"""Number of points on a round rim for `exact_depth`."""
 DEEPEST = 0.03
 """Upper end of the search for the depth, m."""
+
+
+def exact_depth(peg: Part, hole: Part, axes: Vector) -> float:
+    """Return the exact depth of the lowest point of a peg with these axes, shape (3, 3), in a hole along x and y, m."""
+    if peg.kind == "rectangular":
+        return polygonal_depth(peg, hole, axes)
+    tilt = math.atan2(math.hypot(axes[0, 2], axes[1, 2]), axes[2, 2])
+    if peg.chamfer > 0.0 or hole.chamfer > 0.0:
+        return chamfered_depth(peg, hole, tilt, POINTS // 2 + 1)
+    return section_depth(peg.thickness, hole.thickness, tilt, POINTS)
 
 
 @cache
