@@ -5,8 +5,8 @@ import math
 import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
-from importlib import import_module
 from pathlib import Path
+from pkgutil import resolve_name
 from typing import Any
 
 import numpy as np
@@ -19,12 +19,12 @@ from cell.lab.frontier.measure import FrontierLine, Variant, measure, title_of
 from cell.lab.report import StudyReport, finite
 from cell.lab.rows import write_rows
 from cell.lab.tables import TURNS, VARIANTS, Columns, table
-from cell.lab.trials import TABLE, MakeProbe, TrialRow, read_table
+from cell.lab.trials import TABLE, TrialRow, read_table
 from cell.records.statistics import Z95, RateTest
 from skills.contract import Outcome
 
 FILE = Path(__file__).parent / "variants.toml"
-NAMES: Columns = {"variant": lambda line: line.family, "": lambda line: line.variant}
+NAMES: Columns = {"variant": lambda line: line.family}
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,27 +55,13 @@ def section(study: str) -> dict[str, Any]:
     return found
 
 
-def named(place: str) -> MakeProbe:
-    """Return the function at MODULE:NAME."""
-    module, _, name = place.partition(":")
-    found: MakeProbe = getattr(import_module(module), name)
-    return found
-
-
 def variants_of(study: str) -> list[Variant]:
-    """Return the variants of a study: each with every probe, or with its only one."""
+    """Return the variants of a study."""
     data = section(study)
-    probes = {name: named(place) for name, place in data.get("probes", {"": "cell.lab.trials:no_probe"}).items()}
+    probe = resolve_name(data.get("probe", "cell.lab.trials:no_probe"))
     return [
-        Variant(
-            family=each["family"],
-            name=name if len(probes) > 1 else each.get("name", ""),
-            preset=each.get("preset"),
-            sets=(*data.get("common", ()), *each.get("sets", ())),
-            probe=probe,
-        )
+        Variant(each["family"], "", each.get("preset"), (*data.get("common", ()), *each.get("sets", ())), probe=probe)
         for each in data["variant"]
-        for name, probe in probes.items()
     ]
 
 
@@ -109,15 +95,19 @@ def compared(
 
 
 def beside_first(found: Compared) -> Columns:
-    """Return a column: mean difference of time to the first line, s, on the seeds that both inserted, and its 95 % half width."""
+    """Return columns that compare each line with the first: the difference of time on the seeds that both inserted, its median and its mean
+    with the 95 % half width, s, and the median computing time of a simulated second, ms.
+    """
     first = _times(found.rows[0])
-    texts = {}
+    longer, costs = {}, {}
     for line, rows in zip(found.lines, found.rows, strict=True):
         times = _times(rows)
-        longer = np.array([times[seed] - first[seed] for seed in times.keys() & first.keys()])
-        error = Z95 * float(longer.std(ddof=1)) / math.sqrt(longer.size) if longer.size > 1 else math.nan
-        texts[line] = f"{longer.mean():+.2f} ± {error:.2f}" if longer.size and rows is not found.rows[0] else ""
-    return {"beside the first (s)": lambda line: texts[line]}
+        more = np.array([times[seed] - first[seed] for seed in times.keys() & first.keys()])
+        error = Z95 * float(more.std(ddof=1)) / math.sqrt(more.size) if more.size > 1 else math.nan
+        is_other = more.size and rows is not found.rows[0]
+        longer[line] = f"{np.median(more):+.2f}; {more.mean():+.2f} ± {error:.2f}" if is_other else ""
+        costs[line] = f"{1e3 * np.median([row.wall_time / row.sim_time for row in rows]):.0f}" if rows else ""
+    return {"median; mean beside the first (s)": lambda line: longer[line], "ms/s": lambda line: costs[line]}
 
 
 def _times(rows: Sequence[TrialRow]) -> dict[int, float]:

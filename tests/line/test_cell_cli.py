@@ -71,7 +71,7 @@ WRONG = [
     (f"check --only skim --config {REAL}", "device skim: no such name"),
     (f"check --only skin --prove --config {REAL}", "--only: not together with"),
     (f"trials --out x --config {REAL}", 'arm.kind = "franka"'),
-    (f"study touch --out x --config {REAL}", 'arm.kind = "franka"'),
+    (f"study modelling --out x --config {REAL}", 'arm.kind = "franka"'),
     ("study contact --soak 1", "--soak"),
     ("study frontier --quick --method shiped --out .", "shipped"),
     ("study frontier --quick --scene firm --out .", "firm grip"),

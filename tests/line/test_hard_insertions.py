@@ -9,7 +9,7 @@ import cell.peg.success
 import sim.world.disturb
 from cell.config.files import DEFAULT, arm_file
 from cell.config.load import load
-from cell.lab.compare import chosen
+from cell.lab.frontier.methods import SCENES
 from cell.lab.trials import TrialRow, run_trial
 from sim.arm.drawn_arm import drawn_arm
 from skills.catalogue import ADJUST, CATALOGUE
@@ -95,7 +95,7 @@ def test_a_peg_whose_angle_is_believed_3_degrees_wrong_is_swept_through_the_hole
 
 def test_a_peg_that_turns_in_weak_pads_is_inserted():
     """Pads that bear 6.8 N, on a plate with a friction of 0.4: the peg turns by 20 degrees at once, and is held anew in the air."""
-    row = tried(81018, *chosen("touch", True)[0].sets)
+    row = tried(81018, *SCENES["peg turns in the hand"].sets)
     assert row.outcome == "success"
     assert row.grip_slip < 5e-3
 

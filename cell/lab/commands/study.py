@@ -31,12 +31,6 @@ ONLY = {
     "--only": {"action": "append", "default": [], "metavar": "NAME", "help": "a group of variants; all if not given"}
 }
 PLANS = {
-    "touch": Plan(
-        "cell.lab.compare",
-        "what touch is worth: each preset and a regime of turning pegs, beside the same with theta frozen or taken for 0",
-        "trials of each variant; default 20, with --quick 1",
-        options=ONLY,
-    ),
     "modelling": Plan(
         "cell.lab.compare",
         "what each model of the stand-in changes: the same trials with one of them in a simpler form",

@@ -16,7 +16,7 @@ from cell.lab.trials import read_table, run_trial, write_table
 from cell.lab.workers import each_of
 from drivers.errors import ConfigError
 
-STUDIES = ("touch", "seating", "limits")
+STUDIES = ("modelling", "seating", "limits")
 
 
 @pytest.mark.parametrize("study", STUDIES)
@@ -32,8 +32,8 @@ def test_every_variant_is_a_config_with_a_name_of_its_own(study):
 
 
 def test_an_unknown_group_of_variants_is_refused_by_name():
-    with pytest.raises(ConfigError, match="--only slow: no such name; careful, balanced"):
-        compare.chosen("touch", is_quick=False, families=["slow"])
+    with pytest.raises(ConfigError, match="--only slow: no such name; as shipped, nominal joint friction"):
+        compare.chosen("modelling", is_quick=False, families=["slow"])
 
 
 def test_a_variant_that_cannot_run_has_its_reason_and_the_others_have_trials(tmp_path):
