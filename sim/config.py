@@ -62,10 +62,6 @@ class SimSkinConfig(SkinModel):
     """Arrangement of the two modules of a finger; [gibbons] does not state it. Source: assumed."""
     gain_spread: Annotated[float, Field(ge=0.0, le=0.3), Quantity("fraction")] = 0.05
     """Standard deviation of a taxel's gain about 1, fraction; assumed, the remainder after calibration."""
-    creep: Annotated[Fraction, Quantity("fraction")] = 0.05
-    """Delayed part of the response to a step, fraction; assumed, usual for silicone."""
-    creep_time: Annotated[float, Figure("s"), Field(exclude=True)] = 5.0
-    """Time constant of the delayed part of the response, s; assumed."""
     sensitivity: Annotated[float, Field(ge=1e-4, le=10.0), Quantity("counts/Pa")] = 0.05
     """Sensitivity of a taxel, counts/Pa; set so that touch peaks equal those of [cyskin], see `full_scale`."""
     full_scale: Annotated[float, Field(ge=1e3, le=43e3), Quantity("counts")] = 20e3

@@ -1,8 +1,8 @@
 """Accuracy and speed of each estimator of the peg's angle, and how often its sigma covers the error.
 
 Frames come from two models of the pads that differ from the estimators' templates: the simulation's bed of springs, and
-an independent, more detailed elastic layer. Both pass through the simulated taxels (gains, offsets, drift, creep,
-noise, converter) and the health check of the live skin. Frames of one kind follow each other at random angles. An
+an independent, more detailed elastic layer. Both pass through the simulated taxels (gains, offsets, drift, noise,
+converter) and the health check of the live skin. Frames of one kind follow each other at random angles. An
 estimator that adapts to the pads starts again with each kind.
 """
 

@@ -1,4 +1,4 @@
-"""A simulated skin board: it reads the pads' pressure through taxels with drift, creep and noise, ten times a second."""
+"""A simulated skin board: it reads the pads' pressure through taxels with drift and noise, ten times a second."""
 
 import math
 from collections import deque
@@ -70,8 +70,7 @@ class PadSource(Protocol):
 class Taxels:
     """Taxels and their converter: pressure in, raw counts out.
 
-    Gain, offset and dead taxels are drawn once. The offset then follows a random walk, and part of the response to a
-    load is delayed (creep of the elastomer, first order).
+    Gain, offset and dead taxels are drawn once. The offset then follows a random walk.
     """
 
     def __init__(self, config: SimSkinConfig, rng: np.random.Generator, truth: SkinTruth | None = None) -> None:
@@ -82,7 +81,6 @@ class Taxels:
         self._noise = config.noise * config.full_scale * truth.noise_level
         self._gain = config.sensitivity * rng.normal(1.0, config.gain_spread, self._shape)
         self._offset: Vector = config.offset * rng.normal(1.0, config.gain_spread, self._shape)
-        self._late: Vector = np.zeros(self._shape)
         self.dead: Mask = np.isin(number, rng.permutation(int(number.max()) + 1)[: config.dead_modules])
         """Mask of taxels that read zero, shape (2, n)."""
         living = rng.permutation(np.flatnonzero(~self.dead))
@@ -94,14 +92,11 @@ class Taxels:
 
         Args:
             pressure: Pressure on each taxel, shape (2, n), Pa.
-            elapsed: Time since the last measurement, s; the load is assumed constant over it.
+            elapsed: Time since the last measurement, s.
         """
         config, rng = self._config, self._rng
-        answer = self._gain * pressure
-        self._late += (1.0 - math.exp(-elapsed / config.creep_time)) * (answer - self._late)
         self._offset += config.drift * config.full_scale * math.sqrt(elapsed) * rng.standard_normal(self._shape)
-        reading = self._offset + (1.0 - config.creep) * answer + config.creep * self._late
-        reading += self._noise * rng.standard_normal(self._shape)
+        reading = self._offset + self._gain * pressure + self._noise * rng.standard_normal(self._shape)
         # The converter saturates at its rail; a higher pressure must not produce the error code.
         reading = np.clip(np.rint(reading), 0, config.health.saturation)
         return np.where(self.dead, 0, reading).astype(np.uint16)

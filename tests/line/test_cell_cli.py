@@ -54,7 +54,7 @@ WRONG = [
     ("report --shifts 25:00", "'25:00': times of a day"),
     (f"{SKIN} --replay no_such_file", "cannot be read"),
     (f"{SKIN} --replay {__file__}", "no recording"),
-    (f"{SKIN} --record traffic", "skin.record: unknown key; creep, "),
+    (f"{SKIN} --record traffic", "skin.record: unknown key; dead_modules, "),
     (f"{CAN} --set skin.rate=200", "skin.rate = 200: a number from 1 to 100 allowed"),
     (f"{SKIN} --set skin.kind=usb", '\'usb\': "can", "host", "serial", "sim" allowed'),
     (f"{CAN} --set skin.board.kind=ican", '"cyskin", "icub" allowed'),
