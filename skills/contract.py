@@ -2,14 +2,14 @@
 
 import logging
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from enum import Enum, IntEnum, StrEnum
 from typing import NoReturn
 
 import numpy as np
 
 from drivers.config_model import ConfigModel
-from drivers.errors import ArmSilentError, NotPassiveError, SkinUntrustedError
+from drivers.errors import ArmSilentError, NotFiniteError, NotPassiveError, SkinUntrustedError
 from drivers.frames import end_point
 from drivers.parts import Job
 from drivers.protocols import Arm, Clock, Gripper, Skin, SuccessSwitch
@@ -26,9 +26,9 @@ from drivers.skin.layout import Layout
 from skills.guards.limits import Limits
 from skills.guards.passivity import STOP, PassivityGuard, PassivityVerdict
 from skills.guards.scan_guards import (
+    WIDEST,
     ScanSchedule,
     ScanTiming,
-    require_finite_hand,
     require_finite_skin,
     require_finite_theta,
     require_level_skin,
@@ -37,7 +37,7 @@ from skills.guards.scan_guards import (
 from skills.guards.wrench_zero import ZeroedWrench
 from skills.held_peg import HeldPeg
 from skills.lead import Lead
-from skills.tactile.pose import Estimator, PegPose, Tracker
+from skills.tactile.pose import NO_PEG, Estimator, PegPose, Tracker
 
 logger = logging.getLogger(__name__)
 
@@ -206,6 +206,10 @@ class SkillContext:
     """Setpoints sent to the arm, and its brake."""
     peg: HeldPeg = field(default_factory=HeldPeg, init=False)
     """Knowledge about the peg in the hand."""
+    pose: PegPose = field(default=NO_PEG, init=False)
+    """Newest healthy pose of the peg in the hand."""
+    _unseen_since: float | None = field(default=None, init=False)
+    """Time since which the hand has held a peg without a healthy pose, s; None if the pose is healthy or no peg is held."""
     _sequence: int = field(default=-1, init=False)
     """Number of the newest frame of the skin."""
 
@@ -234,7 +238,7 @@ class SkillContext:
 
     def in_hand(self) -> InHandTip:
         """Return the estimated pose of the end point in the hand."""
-        return InHandTip(self.peg.pose.theta, self.length, self.peg.pose.stamp)
+        return InHandTip(self.pose.theta, self.length, self.pose.stamp)
 
     def read_hand(self) -> GripperState:
         """Return the newest state of the hand.
@@ -243,7 +247,10 @@ class SkillContext:
             NotFiniteError: The width is not a plausible number.
             CellError: The hand's own `read` raised it.
         """
-        return require_finite_hand(self.devices.gripper.read())
+        hand = self.devices.gripper.read()
+        if not -WIDEST <= hand.width <= WIDEST:
+            raise NotFiniteError(f"hand: width: {hand.width}; a number needed")
+        return hand
 
     def observe(self, elapsed: float = 0.0, step: float = 0.0, running: float = 0.0) -> Observation:
         """Read every sensor once; the three times, s, are copied into the observation.
@@ -273,9 +280,9 @@ class SkillContext:
         is_free = held is None or held.is_free
         moment = 0.0 if is_free else float(arm.tcp.rotation[:, 2] @ arm.wrench.torque)
         known = self.perception.tracker.follow(pose, arm.stamp, moment)
-        if known.healthy and known is not self.peg.pose:
-            self.peg = self.peg.seen(known)
-        tip, axis = end_point(arm.tcp, self.peg.pose.theta, self.length)
+        if known.healthy:
+            self.pose, self._unseen_since = known, None
+        tip, axis = end_point(arm.tcp, self.pose.theta, self.length)
         return Observation(
             stamp=arm.stamp,
             elapsed=elapsed,
@@ -285,7 +292,7 @@ class SkillContext:
             gripper=self.read_hand(),
             frame=frame,
             is_new_frame=is_new_frame,
-            peg=self.peg.pose,
+            peg=self.pose,
             tip=tip,
             axis=axis,
             switch=devices.switch.read(),
@@ -325,8 +332,8 @@ class SkillContext:
                 self._keep_passive(guard, seen, request)
             if holding:
                 self._require_peg(seen)
-            elif self.peg.unseen_since is not None:
-                self.peg = replace(self.peg, unseen_since=None)
+            else:
+                self._unseen_since = None
             if request is Request.RUN:
                 yield seen
             clock.wait_until(timing.due)
@@ -354,11 +361,9 @@ class SkillContext:
         if seen.peg.healthy:
             blind = seen.stamp - seen.peg.stamp
         else:
-            since = self.peg.unseen_since
-            if since is None:
-                since = seen.stamp
-                self.peg = replace(self.peg, unseen_since=since)
-            blind = seen.stamp - since
+            if self._unseen_since is None:
+                self._unseen_since = seen.stamp
+            blind = seen.stamp - self._unseen_since
         if blind > LONGEST_BLIND:
             raise SkinUntrustedError(f"skin: no angle of the peg for {blind:.2f} s > {LONGEST_BLIND} s limit")
 

@@ -12,6 +12,7 @@ from drivers.errors import SkinUntrustedError
 from drivers.frames import UP, angle_between
 from drivers.quantities import Twist, Vector
 from skills.contract import Observation, Outcome, Reason, SkillContext, SkillParams, SkillResult
+from skills.held_peg import HeldPeg
 from skills.motion import VALIDITY, Goal, Transfer, Trim, move, stay
 from skills.release_and_retract import HAND_TIME
 from skills.tactile.order import PrintOrder
@@ -88,7 +89,7 @@ def run(params: GraspFromRackParams, ctx: SkillContext) -> GraspFromRackResult:
     grip_at = slot + UP * (job.peg.length - job.rack.depth)
 
     ctx.devices.gripper.release(params.opening)
-    ctx.peg = ctx.peg.grasped_anew()
+    ctx.peg = HeldPeg()
     above = Goal(grip_at + UP * params.clearance, UP, ACROSS_RACK)
     _rise(above.tip[2], params, ctx)
     for _ in move(above, params.transfer, ctx, None):

@@ -4,7 +4,6 @@ from dataclasses import dataclass, replace
 
 from skills.search.surface import Plane
 from skills.seating.latch_likelihood import InsertionStroke
-from skills.tactile.pose import NO_PEG, PegPose
 
 SLIPPED = 0.5
 """Factor on the assumed grip after each slip of the peg along the fingers, fraction."""
@@ -14,8 +13,6 @@ SLIPPED = 0.5
 class HeldPeg:
     """Knowledge about the peg in the hand since its grasp."""
 
-    pose: PegPose = NO_PEG
-    """Newest healthy pose in the hand."""
     measured: float | None = None
     """Peg length minus nominal length, m, measured at the first touch-down; None before."""
     grip_share: float = 1.0
@@ -24,8 +21,6 @@ class HeldPeg:
     """Surface estimate of the last search that found the hole; None before."""
     ways: tuple[InsertionStroke, ...] = ()
     """Insertion strokes that ended in a rest, over all attempts."""
-    unseen_since: float | None = None
-    """Time since which the hand has held the peg without a healthy pose, s; None if the pose is healthy or no peg is held."""
 
     @property
     def excess(self) -> float:
@@ -36,14 +31,6 @@ class HeldPeg:
     def is_length_known(self) -> bool:
         """True if the peg has touched the plate."""
         return self.measured is not None
-
-    def seen(self, pose: PegPose) -> "HeldPeg":
-        """Return the knowledge with a newer pose."""
-        return HeldPeg(pose, self.measured, self.grip_share, self.surface, self.ways)
-
-    def grasped_anew(self) -> "HeldPeg":
-        """Return the knowledge before a new grasp: only the pose is kept."""
-        return HeldPeg(self.pose)
 
     def slipped(self) -> "HeldPeg":
         """Return the knowledge after a slip of the peg along the fingers: the assumed grip is reduced."""

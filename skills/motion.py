@@ -95,9 +95,9 @@ class Goal:
 
 
 def minimum_jerk(share: float) -> tuple[float, float]:
-    """Return the minimum-jerk position and rate, both per whole move, at a share of its time (Flash and Hogan)."""
+    """Return the minimum-jerk position and rate, both per whole move, at a share of its time, >= 0 (Flash and Hogan)."""
     # x = 10 s³ - 15 s⁴ + 6 s⁵, dx/ds = 30 s² (1 - s)²
-    s = min(max(share, 0.0), 1.0)
+    s = min(share, 1.0)
     return s**3 * (10.0 - 15.0 * s + 6.0 * s * s), 30.0 * s * s * (1.0 - s) ** 2
 
 
@@ -138,7 +138,7 @@ def move(
         if seen.elapsed >= duration + settle:
             break
         share, rate = minimum_jerk(seen.elapsed / duration)
-        at, twist = way.at(share)
+        at, twist = way.at(share, rate / duration)
         ctx.follow(
             ImpedanceSetpoint(
                 id=identity,
@@ -151,7 +151,7 @@ def move(
                 in_hand=in_hand,
                 posture=seen.arm.posture(transfer.elbow),
                 is_free=True,
-                twist=Twist(twist.linear * (rate / duration), twist.angular * (rate / duration)),
+                twist=twist,
             )
         )
         yield seen
@@ -173,13 +173,13 @@ class TransferPath:
         turn, peak = self._swing + abs(self._twist), 1.875
         return max(peak * float(np.linalg.norm(self._way)) / transfer.speed, peak * turn / transfer.turn_speed, 0.2)
 
-    def at(self, share: float) -> tuple[Goal, Twist]:
-        """Return the goal at a share of the path, and the twist there per whole path."""
+    def at(self, share: float, rate: float = 0.0) -> tuple[Goal, Twist]:
+        """Return the goal at a share of the path, and the twist there for a rate of that share, 1/s."""
         start, turned = self._start, rotation_about(self._swing_axis, self._swing * share)
         axis = turned @ start.axis
         roll = rotation_about(axis, self._twist * share) @ turned @ start.roll
         return Goal(start.tip + self._way * share, axis, roll), Twist(
-            self._way, self._swing_axis * self._swing + axis * self._twist
+            self._way * rate, (self._swing_axis * self._swing + axis * self._twist) * rate
         )
 
 
@@ -243,5 +243,7 @@ class Trim:
     def after(self, error: float, period: float) -> "Trim":
         """Return the trim after `period` seconds with this error of the tip, m."""
         # trim <- trim + rate · error · period, within ±limit
-        value = min(max(self.value + self.rate * error * period, -self.limit), self.limit)
+        value = self.value + self.rate * error * period
+        if not -self.limit <= value <= self.limit:
+            value = math.copysign(self.limit, value)
         return Trim(self.rate, self.limit, value)

@@ -8,14 +8,13 @@ from typing import TYPE_CHECKING, Any, NoReturn
 from cell.commands.terminal import say
 from cell.config.nearest import did_you_mean
 from cell.records import wall_clock
-from cell.records.index import INDEX
-from cell.records.journal import Journal, default_folder
 from cell.records.run_query import OUTCOMES, RunQuery, moment
 from drivers.errors import ConfigError, FaultCode
 
 if TYPE_CHECKING:
     from cell.config.cell_config import JournalConfig
     from cell.config.load import LoadedConfig
+    from cell.records.journal import Journal
 
 DEVICES = ("arm", "gripper", "skin", "switch")
 """Names of the devices of a cell."""
@@ -102,6 +101,8 @@ def add_calibration_folder(parser: argparse.ArgumentParser) -> None:
 
 def calibration_folder(args: argparse.Namespace) -> Path:
     """Return the folder of measured files: `calibration` beside the config file, or among the user's own data."""
+    from cell.records.journal import default_folder
+
     return (args.config.parent if args.config else default_folder()) / "calibration"
 
 
@@ -130,16 +131,19 @@ def load_config(args: argparse.Namespace, default_pace: str | None = None) -> "L
     return load(args.config, sets=sets, simulate=getattr(args, "simulate", ()))
 
 
-def open_journal(args: argparse.Namespace, config: "JournalConfig") -> Journal:
+def open_journal(args: argparse.Namespace, config: "JournalConfig") -> "Journal":
     """Return the journal for writing, not yet open: in --journal, the config's `folder`, or the user's data folder."""
+    from cell.records.journal import Journal, default_folder
     from cell.records.upkeep import Keep
 
     named = Path(config.folder).expanduser() if config.folder else default_folder()
     return Journal(args.journal or named, keep=Keep(config.days, config.bytes, config.least_free))
 
 
-def read_journal(args: argparse.Namespace) -> Journal:
+def read_journal(args: argparse.Namespace) -> "Journal":
     """Return the journal for reading, not yet open: in --journal, or the user's data folder. With --sql, print its queries."""
+    from cell.records.journal import INDEX, Journal, default_folder
+
     folder, is_shown = args.journal or default_folder(), getattr(args, "sql", False)
     if is_shown:
         say(f"-- sqlite3 {folder / INDEX}")

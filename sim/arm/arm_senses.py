@@ -5,7 +5,6 @@ add to the wrench when it is read: the least-squares wrench (J Jᵀ)⁻¹ J of t
 """
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
@@ -95,39 +94,29 @@ def measure(
     return entry[:JOINTS], entry[JOINTS : 2 * JOINTS]
 
 
-class Reading(NamedTuple):
-    """Reading of the arm in one scan."""
-
-    q: Vector
-    """Joint positions, shape (7,), rad."""
-    dq: Vector
-    """Joint velocities, shape (7,), rad/s."""
-    wrench: Vector
-    """Wrench at the TCP, shape (6,), N and N·m, base frame."""
-    position: Vector
-    """Position of the TCP computed from the joint positions read, shape (3,), m, base frame."""
-    rotation: Vector
-    """Axes of the TCP as columns, shape (3, 3)."""
+Reading = tuple[Vector, Vector, Vector, Vector, Vector]
+"""Reading of the arm in one scan: joint positions, rad, and velocities, rad/s, shape (7,) each; wrench at the TCP, shape
+(6,), N and N·m, base frame; position, m, and axes as columns of the TCP, computed from the joint positions read."""
 
 
 def scanned(words: Vector, arm: Vector, felt: Vector) -> Reading:
-    """Return the reading of a scan; arguments as in `_packed`."""
-    # One array: each array that compiled code returns costs a microsecond.
-    packed = _packed(words, arm, felt)
+    """Return the reading of a scan; arguments as in `_pack`."""
+    packed = np.empty(ENTRY + 12)
+    _pack(words, arm, felt, packed)
     q, dq, wrench = packed[:JOINTS], packed[JOINTS : 2 * JOINTS], packed[2 * JOINTS : ENTRY]
-    return Reading(q, dq, wrench, packed[ENTRY : ENTRY + 3], packed[ENTRY + 3 :].reshape(3, 3))
+    return q, dq, wrench, packed[ENTRY : ENTRY + 3], packed[ENTRY + 3 :].reshape(3, 3)
 
 
 @njit(cache=True)
-def _packed(words: Vector, arm: Vector, felt: Vector) -> Vector:  # pragma: no cover
-    """Return the concatenated fields of `Reading`, shape (ENTRY + 12,).
+def _pack(words: Vector, arm: Vector, felt: Vector, packed: Vector) -> None:  # pragma: no cover
+    """Write the concatenated fields of `Reading`; compiled code takes a microsecond to return an array.
 
     Args:
         words: State of the readings.
         arm: Figures of the arm that the cell assumes, see `drivers.impedance.figures`.
         felt: Joint torques that are missing in the arm's model and act on its joints, shape (7,), N·m.
+        packed: The fields, shape (ENTRY + 12,); overwritten.
     """
-    packed = np.empty(ENTRY + 12)
     for i in range(ENTRY):
         packed[i] = words[NEWEST + i]
     q, wrench = packed[:JOINTS], packed[2 * JOINTS : ENTRY]
@@ -139,7 +128,6 @@ def _packed(words: Vector, arm: Vector, felt: Vector) -> Vector:  # pragma: no c
         packed[ENTRY + i] = position[i]
         for j in range(3):
             packed[ENTRY + 3 + 3 * i + j] = rotation[i, j]
-    return packed
 
 
 @njit(cache=True, inline="always")

@@ -97,26 +97,26 @@ class Drives(NamedTuple):
     """State of the latch near the bottom, see `sim.contact.latch`."""
 
 
-class Span(NamedTuple):
-    """A time span stepped in one call."""
+class Beat(NamedTuple):
+    """Times of the stepping."""
 
-    start: float
-    """Time before the first tick, s."""
     timestep: float
     """Length of a tick, s."""
-    ticks: int
     law_every: int
     """Number of ticks in a control period."""
-    phase: int
-    """Number of ticks since the last control period began."""
-    noise: Vector
-    """Standard normal numbers for the span's control periods, one row each, see `sim.arm.arm_senses`; one row if none are
-    needed."""
 
 
 @njit(cache=True)
 def advance(
-    models: Models, state: Bodies, watch: Watched, control: Drives, meters: Vector, span: Span
+    models: Models,
+    state: Bodies,
+    watch: Watched,
+    control: Drives,
+    meters: Vector,
+    beat: Beat,
+    first: int,
+    ticks: int,
+    noise: Vector,
 ) -> int:  # pragma: no cover
     """Advance the physics by a time span, with the torque law once every control period.
 
@@ -126,27 +126,31 @@ def advance(
         watch: Bodies that the meters observe.
         control: Commands and figures of the devices.
         meters: Meters, see `sim.world.metering`; updated.
-        span: The span of time.
+        beat: Length of a tick and of a control period.
+        first: Number of the first tick, counted from time 0.
+        ticks: Number of ticks.
+        noise: Standard normal numbers for the control periods, one row each, see `sim.arm.arm_senses`; one row if none are needed.
 
     Returns:
         Number of ticks taken: fewer if the peg was lost, none if the state is no longer finite.
     """
     qpos, qvel, qfrc, peg = state.qpos, state.qvel, state.qfrc, watch.peg
-    lasting = metering.window(span.timestep)
+    timestep, law_every, start = beat.timestep, beat.law_every, first * beat.timestep
+    lasting = metering.window(timestep)
     force, torque, nothing = np.zeros(3), np.zeros(3), np.zeros(6)
     tick = cycle = 0
-    while tick < span.ticks:
-        if (span.phase + tick) % span.law_every == 0:
-            now, period = span.start + tick * span.timestep, span.law_every * span.timestep
+    while tick < ticks:
+        if (first + tick) % law_every == 0:
+            now, period = start + tick * timestep, law_every * timestep
             felt = meters[metering.FORCE : metering.TORQUE + 3] if watch.hinge >= 0 else nothing
-            q, dq = arm_senses.measure(control.senses, qpos[:7], qvel[:7], felt, span.noise[cycle])
+            q, dq = arm_senses.measure(control.senses, qpos[:7], qvel[:7], felt, noise[cycle])
             tau = impedance.torque(control.arm, control.words, control.law, q, dq, now, period)
             joint_drive.command(control.joints, tau, qfrc)
-            cycle = min(cycle + 1, span.noise.shape[0] - 1)
+            cycle = min(cycle + 1, noise.shape[0] - 1)
         if watch.hinge < 0:
             _drive_fingers(state, control.drive)
         metering.clear(state.userdata)
-        may_coarsen = models.coarse != 0 and (span.phase + tick) % COARSE == 0 and tick + COARSE <= span.ticks
+        may_coarsen = models.coarse != 0 and (first + tick) % COARSE == 0 and tick + COARSE <= ticks
         stride = COARSE if may_coarsen and is_far(models.hole, peg.size, peg.middle, peg.axes) else 1
         joint_drive.act(control.joints, qvel, qfrc, stride > 1)
         if watch.hinge >= 0:
@@ -160,8 +164,8 @@ def advance(
         metering.net_force(state.data, watch.pivot, watch.plates, force, torque)
         if is_latched:
             latch.add_felt(control.latch, peg, watch.pivot, force, torque)
-        metering.take(meters, force, torque, stride * span.timestep, watch.hinge, qpos)
-        metering.take_jerk(meters, watch.hand, stride * span.timestep, control.words[setpoint_words.IS_FREE] > 0.0)
+        metering.take(meters, force, torque, stride * timestep, watch.hinge, qpos)
+        metering.take_jerk(meters, watch.hand, stride * timestep, control.words[setpoint_words.IS_FREE] > 0.0)
         for _ in range(stride):
             metering.judge(meters, state.userdata, lasting)
         if watch.hinge >= 0 and abs(qpos[watch.hinge]) > watch.lost:
@@ -183,7 +187,10 @@ def compile_ahead() -> None:
         watch,
         Drives(row, row, row, row, row, row, row, row),
         row,
-        Span(0.0, 0.0, 0, 0, 0, rows),
+        Beat(0.0, 0),
+        0,
+        0,
+        rows,
     )
     advance.compile(tuple(map(typeof, arguments)))
 
@@ -199,11 +206,3 @@ def _drive_fingers(state: Bodies, drive: Vector) -> None:  # pragma: no cover
             opening = FINGER_GAIN * (drive[DRIVE_WIDTH] / 2.0 - state.qpos[i])
             opening = min(max(opening, -strongest), strongest)
             state.qfrc[i] = opening - strongest / speed * state.qvel[i]
-
-
-@njit(cache=True)
-def judged_step(model: int, state: Bodies, meters: Vector, ticks: int) -> None:  # pragma: no cover
-    """Take one step with a model and meter its penetration; `ticks` as in `metering.judge`."""
-    metering.clear(state.userdata)
-    native.step(model, state.data)
-    metering.judge(meters, state.userdata, ticks)

@@ -9,7 +9,7 @@ from drivers import frames, impedance, setpoint_words
 from drivers.arm.model import JOINTS, ArmModel
 from drivers.errors import SimulationUnstableError
 from drivers.quantities import Pose, Vector
-from sim.arm import arm_senses, described_arm, joint_drive
+from sim.arm import arm_senses, joint_drive
 from sim.arm.arm_truth import ArmTruth
 from sim.config import SimConfig
 from sim.contact import latch, peg_distances
@@ -30,6 +30,7 @@ positions along and beside its own axis."""
 TABLE = 0.0
 """Height of the table under arm, rack and plate, m, base frame; a peg dropped beside them lies there."""
 NO_NOISE: Vector = np.zeros((1, arm_senses.NOISES))
+"""Random numbers for an arm with exact readings."""
 
 
 class Stepper:
@@ -43,6 +44,7 @@ class Stepper:
         self._arm, self._long_steps, self.pad, self.pace = arm, sim.model.long_steps, pad, pace
         self.law_every = round(arm.control_period / sim.timestep)
         """Number of ticks in a control period."""
+        self._beat = engine.Beat(pace.timestep, self.law_every)
         hand = arm.hand
         self.control = engine.Drives(
             impedance.figures(arm),
@@ -165,13 +167,16 @@ class Stepper:
                 return below.position, below.rotation
         return np.array([0.0, 0.0, TABLE]), np.eye(3)
 
-    def _has_fallen(self) -> bool:
-        """True if a free peg has toppled over, has left the plate, or spins faster than the integration can follow."""
+    def _has_fallen(self, lowest: float) -> bool:
+        """Return True if a free peg has toppled over, has left the plate, or spins faster than the integration can follow.
+
+        `lowest` is the height of its lowest point, m, base frame.
+        """
         place, ground = self._ground()
         size, axis = self.scene.size, self.peg_view.axes[:, 2]
         away, along = np.array([self.peg_view.middle + size.half * axis - place, axis]) @ ground[:, 2]
         back = float(away) - size.reach * math.sqrt(max(1.0 - float(along) ** 2, 0.0))
-        return situation.has_fallen(min(back, self.lowest() - TABLE), self.running.data.qvel[PEG])
+        return situation.has_fallen(min(back, lowest - TABLE), self.running.data.qvel[PEG])
 
     def lose(self) -> None:
         """Take the peg out of play."""
@@ -185,9 +190,6 @@ class Stepper:
             self._q, self._dq = self.q, self.dq
         self.peg, self.running, self._is_begun = peg, mechanism, True
         is_held = peg is PegSituation.HELD
-        described = self.scene.arm.described
-        is_weighed = described is not None and "gravity" in described.takes
-        self._scratch = mujoco.MjData(mechanism.model) if is_weighed else None
         self._steppers = [mechanism.model]
         if is_held and mechanism.twin is not None:
             self._steppers.append(mechanism.twin)
@@ -248,11 +250,12 @@ class Stepper:
                 self._bear()
         else:
             self._let_rest()
-        pace = self.pace
-        span = engine.Span(
-            pace.now(), pace.timestep, ticks, self.law_every, pace.ticks % self.law_every, self._noises(ticks)
+        pace, noises = self.pace, NO_NOISE
+        if self.control.senses[arm_senses.IS_IDEAL] == 0.0:
+            noises = self._noise.standard_normal((ticks // self.law_every + 1, arm_senses.NOISES))
+        taken: int = engine.advance(
+            self._models, self._state, self._watch, self.control, self.meters, self._beat, pace.ticks, ticks, noises
         )
-        taken: int = engine.advance(self._models, self._state, self._watch, self.control, self.meters, span)
         if not taken:
             # Time goes on, because the reporter of the fault waits for the end of the scan.
             pace.ticks += ticks
@@ -262,12 +265,6 @@ class Stepper:
         pace.ticks += taken
         self._pass_on()
         return taken
-
-    def _noises(self, ticks: int) -> Vector:
-        """Return the random numbers for the arm's readings in this number of ticks."""
-        if self.control.senses[arm_senses.IS_IDEAL] > 0.0:
-            return NO_NOISE
-        return self._noise.standard_normal((ticks // self.law_every + 1, arm_senses.NOISES))
 
     def _bear(self) -> GripLimits:
         """Update the friction of the pads on the held peg, and return its limits."""
@@ -310,11 +307,13 @@ class Stepper:
                 self.fall()
             elif grip_force <= 0.0:
                 self.enter_free(self.scene.size.thickness, self.peg_pose())
-        elif self.peg is PegSituation.FREE and self._has_fallen():
-            self.fall()
+        elif self._is_resting:
+            self._in_grip_since = self.pace.now()
         elif self.peg is PegSituation.FREE:
-            height = self.lowest() - self.scene.rack.position[2]
-            if not situation.is_in_grip(self.pad_force(), grip_force, height):
+            lowest = self.lowest()
+            if self._has_fallen(lowest):
+                self.fall()
+            elif not situation.is_in_grip(self.pad_force(), grip_force, lowest - self.scene.rack.position[2]):
                 self._in_grip_since = self.pace.now()
             elif self.pace.now() - self._in_grip_since > situation.SETTLED_GRIP:
                 self.enter_held()
@@ -338,10 +337,8 @@ class Stepper:
             is_held = self.peg is PegSituation.HELD
             felt = self.meters[metering.FORCE : metering.TORQUE + 3].copy() if is_held else np.zeros(6)
             position, rotation, _, _ = impedance.forward(control.arm, self.q)
-            return arm_senses.Reading(self.q, self.dq, felt, position, rotation)
-        felt = control.joints[joint_drive.LEFT_OVER : joint_drive.LEFT_OVER + JOINTS].copy()
-        if self._scratch is not None:
-            felt += described_arm.left_over(self.running.model, self._scratch, self.running.data.qpos)
+            return self.q, self.dq, felt, position, rotation
+        felt = control.joints[joint_drive.LEFT_OVER : joint_drive.LEFT_OVER + JOINTS]
         return arm_senses.scanned(control.senses, control.arm, felt)
 
     def physics(self) -> tuple[mujoco.MjModel, mujoco.MjData]:
@@ -351,9 +348,6 @@ class Stepper:
 
     def tcp(self) -> Pose:
         """Return the true T_base_tcp."""
-        described = self.scene.arm.described
-        if described is not None and "kinematics" in described.takes:
-            return self.scene.arm.displaced(described.tcp(self.scene.arm.model, self.running.data.qpos[:7]))
         position, rotation, _, _ = impedance.forward(self._real, self.running.data.qpos[:7])
         return self.scene.arm.displaced(Pose(position, rotation))
 

@@ -98,15 +98,7 @@ class PassivityGuard:
         if setpoint is None or before is None or stamp <= before[0]:
             self.share = 0.0
             return PassivityVerdict.PASSIVE
-        last, self.share = (
-            self.share,
-            share_of_limit(setpoint, before[1], tcp, stamp - before[0], self.force_limit),
-        )
-        lasting = min(last, self.share)
-        return (
-            PassivityVerdict.STOP
-            if lasting > STOP
-            else PassivityVerdict.SOFTEN
-            if lasting > SOFTEN
-            else PassivityVerdict.PASSIVE
-        )
+        last, self.share = self.share, share_of_limit(setpoint, before[1], tcp, stamp - before[0], self.force_limit)
+        if not (last > SOFTEN and self.share > SOFTEN):
+            return PassivityVerdict.PASSIVE
+        return PassivityVerdict.STOP if last > STOP and self.share > STOP else PassivityVerdict.SOFTEN

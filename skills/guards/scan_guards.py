@@ -12,7 +12,7 @@ from drivers.config_model import ConfigModel, Quantity
 from drivers.errors import NotFiniteError, ScanOverrunError, SkinUntrustedError
 from drivers.frames import end_point
 from drivers.parts import Fraction
-from drivers.quantities import FINGER_NAMES, ArmState, GripperState, ImpedanceSetpoint, TaxelFrame
+from drivers.quantities import FINGER_NAMES, ArmState, ImpedanceSetpoint, TaxelFrame
 from drivers.skin.layout import Layout, layout_of
 from skills.tactile.pose import PegPose
 
@@ -128,17 +128,6 @@ def require_finite_skin(frame: TaxelFrame) -> None:
         )
 
 
-def require_finite_hand(hand: GripperState) -> GripperState:
-    """Return the state of a hand after a check that its width is a plausible number.
-
-    Raises:
-        NotFiniteError: The width is not plausible.
-    """
-    if not -WIDEST <= hand.width <= WIDEST:
-        raise NotFiniteError(f"hand: width: {hand.width}; a number needed")
-    return hand
-
-
 def require_finite_theta(pose: PegPose) -> None:
     """Check that theta of a healthy estimate is finite.
 
@@ -162,9 +151,10 @@ def require_level_skin(frame: TaxelFrame, layout: Layout) -> None:
     skin = layout_of(layout)
     most = skin.beside * skin.full_scale
     for name, values, trusted in zip(FINGER_NAMES, frame.values, frame.trusted, strict=True):
-        told = np.sort(values[trusted])
+        told = values[trusted]
         if not told.size:
             continue
+        told.sort()
         lowest, middle = float(told[(told.size - 1) // FREE_SHARE]), float(told[told.size // 2])
         offset = lowest if lowest > most else middle
         if lowest > most or middle < -most:

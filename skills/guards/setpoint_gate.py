@@ -68,14 +68,13 @@ def pack_bounds(bounds: ArmBounds, limits: Limits) -> Vector:
 
 
 def require_readings(state: Vector) -> None:
-    """Check that every reading of an arm is a plausible number; `state` is packed by `pack_state`.
+    """Name the first implausible reading of an arm; `state` is packed by `pack_state`.
 
     Raises:
         NotFiniteError: A reading is not plausible; the message names it.
     """
-    if not rules.is_plausible(state):
-        for name, first, count, most in rules.READINGS:
-            require_numbers("arm", name, state[first : first + count].tolist(), NotFiniteError, most)
+    for name, first, count, most in rules.READINGS:
+        require_numbers("arm", name, state[first : first + count].tolist(), NotFiniteError, most)
 
 
 def require_sound(asked: Vector, state: Vector, before: Vector, bounds: Vector) -> None:
@@ -207,12 +206,10 @@ class GatedArm:
         """
         state = self._arm.read()
         words = rules.pack_state(state)
-        try:
-            require_readings(words)
-        except NotFiniteError:
+        if not rules.is_plausible(words):
             if self._before is not NOTHING:
                 self.halt()
-            raise
+            require_readings(words)
         if self._is_noisy is None and self._state is not None and state.stamp > self._state[rules.STATE_STAMP]:
             force = slice(rules.FORCE, rules.TORQUE)
             self._is_noisy = bool((words[force] != self._state[force]).any())

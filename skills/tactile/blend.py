@@ -42,7 +42,8 @@ class Smoothing(ConfigModel):
         step = _step(held, new)
         if abs(held.theta + step) > FURTHEST:
             return new
-        return replace(new, theta=held.theta + (step if abs(step) > self.jump else self.blend * step))
+        theta = held.theta + (step if abs(step) > self.jump else self.blend * step)
+        return PegPose(theta, new.offset, new.sigma, new.residual, True, new.stamp)
 
     def jump_of(self, held: PegPose, new: PegPose) -> float:
         """Return by how much a new healthy frame leaves the running estimate, rad; 0 where that is no jump."""

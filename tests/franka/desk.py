@@ -37,11 +37,12 @@ from cell.config.load import load
 from drivers.quantities import Vector
 from drivers.skin.board_config import CanSkinConfig
 from drivers.transport.can_bus import CanBus
-from sim.boards.board_links import CanCable, emulated_can
+from sim.boards.board_links import emulated_can
 from sim.boards.switch_board import EmulatedSwitchBoard
 from sim.hand.bench import CalibrationBench
 from sim.world.situation import PegSituation
 from tests.franka.simulated import Arm, Seen, address, served
+from tests.skins import Cable
 
 STEP = 0.002
 """Time between two looks of the boards, s."""
@@ -172,7 +173,7 @@ def desk(number: int, folder: Path) -> Iterator[Desk]:
         source: Any = OnTheDesk(world, person)
         hub = emulated_can(described, CONFIG.boards.skin, source, source.draw.skin, 0)
         far, switch = CanBus("udp_multicast", bus, described.bitrate), EmulatedSwitchBoard(source)
-        cable, is_over = CanCable(hub, far), threading.Event()
+        cable, is_over = Cable(hub, far), threading.Event()
 
         due = world.now()
 

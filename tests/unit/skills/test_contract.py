@@ -98,7 +98,7 @@ def test_length_and_grip_of_a_peg_are_known_until_the_hand_grasps_anew(ctx):
     ctx.note_slip()
     np.testing.assert_allclose(ctx.observe().tip, tcp - (length + 0.004) * UP)
     assert (ctx.peg.is_length_known, ctx.peg.grip_share, ctx.in_hand().length) == (True, 0.25, length + 0.004)
-    ctx.peg = ctx.peg.grasped_anew()
+    ctx.peg = HeldPeg()
     assert (ctx.peg.is_length_known, ctx.peg.grip_share, ctx.length) == (False, 1.0, length)
 
 
