@@ -219,29 +219,6 @@ class PlateConfig(ConfigModel):
     """Other holes of the plate."""
 
 
-class DescribedArmConfig(ConfigModel):
-    """[sim.described]: an external arm description that replaces the arm assumed by the cell.
-
-    Source: set for each trial; decision 0006.
-    """
-
-    file: FilePath
-    """URDF or MJCF file of an arm of seven hinges, with the base, zeros and signs of the cell's arm."""
-    flange: str = ""
-    """Name of the flange's body or site; bodies behind it are omitted. If empty, the usual names are searched."""
-    sha256: str = ""
-    """Required SHA-256 of the file, hex; empty allows any."""
-    takes: tuple[Literal["kinematics", "inertia", "friction", "rotors", "gravity"], ...] = (
-        "kinematics",
-        "inertia",
-        "friction",
-        "rotors",
-        "gravity",
-    )
-    """Properties taken from the description; the others stay the cell's own. With `gravity` the links have their
-    described weight, while the arm's controller compensates the weight that the cell assumes."""
-
-
 class SimConfig(ConfigModel):
     """The simulated world."""
 
@@ -258,8 +235,6 @@ class SimConfig(ConfigModel):
     """True properties of the plate that differ from the stated ones."""
     model: ModelConfig = ModelConfig()
     """Level of detail of the physics."""
-    described: DescribedArmConfig | None = None
-    """External description of the true arm; none uses the cell's own figures."""
 
 
 class RealityConfig(ConfigModel):

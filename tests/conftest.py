@@ -13,11 +13,12 @@ from hypothesis import settings
 
 from cell.config.load import LoadedConfig, load
 from tests.fakes import Rig
+from tests.inputs import inputs
 
 LEVEL = logging.getLogger().level
 
 # Properties are tried with the same inputs each time, however long one takes on a busy computer.
-settings.register_profile("same", derandomize=True, deadline=None, max_examples=80, database=None)
+settings.register_profile("same", derandomize=True, deadline=None, max_examples=inputs(80), database=None)
 settings.load_profile("same")
 
 # Processes that tests start keep their bytecode, as an installed program does, whatever the environment says.

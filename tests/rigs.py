@@ -6,12 +6,12 @@ import mujoco
 import numpy as np
 
 from cell.config.load import load
+from cell.lab.contact_rig import HOLE_DEPTH, attitude
 from drivers.frames import UP, rotation_about
 from drivers.part.contract import Part
 from sim.contact import shapes
 from sim.contact import table as contact
 from sim.contact.plate import Plate, geoms, words
-from sim.contact.rig import HOLE_DEPTH, attitude
 from sim.world import metering, native
 from sim.world.physics import World
 from skills.search.surface import SurfaceEstimate

@@ -16,7 +16,7 @@ from drivers.skin.boards import CanSkin, SerialSkin
 from drivers.transport.can_bus import CanBus
 from drivers.transport.serial_line import SerialLine
 from sim.boards.board_clock import BoardClock
-from sim.boards.board_links import CanCable, SerialCable, emulated_can, emulated_line
+from sim.boards.board_links import emulated_can, emulated_line
 from sim.config import SkinBoardConfig
 from sim.hand.pads import PadLoad
 
@@ -77,6 +77,20 @@ class PtyEnd:
         return int.from_bytes(fcntl.ioctl(self._near, termios.FIONREAD, bytes(4)), sys.byteorder)
 
 
+class Cable:
+    """Connects an emulated board to a real bus or line, both open, for a driver at its other end."""
+
+    def __init__(self, board, far) -> None:
+        self._board, self._far = board, far
+
+    def advance(self) -> None:
+        """Forward what has arrived at either end."""
+        while part := self._far.read(0.0):
+            self._board.write(part)
+        while part := self._board.read(0.0):
+            self._far.write(part)
+
+
 class Cabled:
     """A board at the end of a cable, as its clock sees it."""
 
@@ -116,11 +130,11 @@ class BoardRig:
             name = f"skin-{next(_BUSES)}"
             far: CanBus | PtyEnd = CanBus("virtual", name, config.bitrate)
             far.open()
-            self.clock = BoardClock(self.world, (Cabled(self.link, CanCable(self.link, far)),))
+            self.clock = BoardClock(self.world, (Cabled(self.link, Cable(self.link, far)),))
             self.skin = CanSkin(config, CanBus("virtual", name, config.bitrate), self.clock)
         else:
             far = PtyEnd()
-            self.clock = BoardClock(self.world, (Cabled(self.link, SerialCable(self.link, far)),))
+            self.clock = BoardClock(self.world, (Cabled(self.link, Cable(self.link, far)),))
             self.skin = SerialSkin(config, SerialLine(far.port, config.baud_rate), self.clock)
         self.ends.append(far)
         return self

@@ -278,7 +278,7 @@ def toml(value: Any) -> str:
     """Return a value in TOML, as in a config file."""
     if isinstance(value, BaseModel):
         return toml(value.model_dump(mode="json"))
-    if isinstance(value, bool):
+    if isinstance(value, bool | None):
         return str(value).lower()
     if isinstance(value, int | float):
         return repr(value)
@@ -287,4 +287,4 @@ def toml(value: Any) -> str:
         return f"{{ {inside} }}" if inside else "{}"
     if isinstance(value, list | tuple | set | frozenset):
         return f"[{', '.join(toml(each) for each in value)}]"
-    return "none" if value is None else json.dumps(str(value), ensure_ascii=False)
+    return json.dumps(str(value), ensure_ascii=False)

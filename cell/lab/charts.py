@@ -122,17 +122,7 @@ def draw_panels(panels: Sequence[Panel], title: str, path: Path, across: int = 0
     figure = Figure(figsize=(width, 1.2 + 3.9 * down), layout="constrained")
     grid = figure.subplots(down, across, squeeze=False).ravel()
     for axes, panel in zip(grid, panels, strict=False):
-        for curve in panel.curves:
-            _draw_curve(axes, curve)
-        for place in panel.marks:
-            axes.axvline(place, color=GREY, ls="--", lw=0.8)
-        _scale(axes, panel)
-        axes.set_xlabel(panel.x)
-        axes.set_ylabel(panel.y)
-        axes.set_title(panel.title, fontsize=10)
-        axes.grid(alpha=0.25)
-        if not legend and any(curve.label for curve in panel.curves):
-            axes.legend(fontsize=8)
+        _draw_panel(axes, panel, has_legend=not legend)
     for axes in grid[len(panels) :]:
         axes.remove()
     if legend:
@@ -145,6 +135,20 @@ def draw_panels(panels: Sequence[Panel], title: str, path: Path, across: int = 0
     figure.suptitle("\n".join(fill(line, round(LETTERS_PER_INCH * width)) for line in title.splitlines()), fontsize=10)
     figure.savefig(path, dpi=110)
     return path
+
+
+def _draw_panel(axes: Axes, panel: Panel, has_legend: bool) -> None:
+    for curve in panel.curves:
+        _draw_curve(axes, curve)
+    for place in panel.marks:
+        axes.axvline(place, color=GREY, ls="--", lw=0.8)
+    _scale(axes, panel)
+    axes.set_xlabel(panel.x)
+    axes.set_ylabel(panel.y)
+    axes.set_title(panel.title, fontsize=10)
+    axes.grid(alpha=0.25)
+    if has_legend and any(curve.label for curve in panel.curves):
+        axes.legend(fontsize=8)
 
 
 def _draw_curve(axes: Axes, curve: Curve) -> None:
@@ -201,6 +205,17 @@ class Bar:
     force_p95: float
 
 
+def _values(bars: Sequence[Bar]) -> tuple[tuple[ArrayLike, ArrayLike], ...]:
+    """Return success, %, mean time, s, and force, N, of bars with trials, each with its intervals."""
+    rates = np.array([100 * bar.successes / bar.trials for bar in bars])
+    bounds = 100 * np.array([wilson(bar.successes, bar.trials) for bar in bars]).reshape(-1, 2).T
+    return (
+        (rates, np.maximum([rates - bounds[0], bounds[1] - rates], 0.0)),
+        ([bar.time for bar in bars], [bar.time_error for bar in bars]),
+        ([bar.force for bar in bars], [[0.0] * len(bars), [bar.force_p95 - bar.force for bar in bars]]),
+    )
+
+
 def draw_rows(bars: Sequence[Bar], title: str, path: Path) -> Path:
     """Draw success with its Wilson interval, mean time, and force, a row for each name; return the file."""
     rows, series = list(dict.fromkeys(bar.row for bar in bars)), list(dict.fromkeys(bar.series for bar in bars))
@@ -209,17 +224,10 @@ def draw_rows(bars: Sequence[Bar], title: str, path: Path) -> Path:
     for number, name in enumerate(series):
         of = [bar for bar in bars if bar.series == name and bar.trials]
         heights = [0.16 * (number - (len(series) - 1) / 2) - rows.index(bar.row) for bar in of]
-        rates = np.array([100 * bar.successes / bar.trials for bar in of])
-        bounds = 100 * np.array([wilson(bar.successes, bar.trials) for bar in of]).reshape(-1, 2).T
-        values = (
-            (rates, np.maximum([rates - bounds[0], bounds[1] - rates], 0.0)),
-            ([bar.time for bar in of], [bar.time_error for bar in of]),
-            ([bar.force for bar in of], [[0.0] * len(of), [bar.force_p95 - bar.force for bar in of]]),
-        )
-        for axes, (x, error) in zip(panels, values, strict=True):
+        for axes, (x, error) in zip(panels, _values(of), strict=True):
             colour = COLOURS[number % len(COLOURS)]
             axes.errorbar(x, heights, xerr=error, fmt="o", markersize=4, color=colour, label=name)
-    panels[0].set_yticks([-number for number in range(len(rows))], rows, fontsize=8)
+    panels[0].set_yticks(-np.arange(len(rows)), rows, fontsize=8)
     panels[0].set_xlim(0.0, 102.0)
     labels = (
         "success (%), Wilson 95 % interval",

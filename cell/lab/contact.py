@@ -11,23 +11,24 @@ import math
 import time
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
+from itertools import cycle
 from typing import Any
 
 import numpy as np
 
 from cell.commands.arguments import out_folder
 from cell.film.plots import COLOURS
+from cell.lab import contact_rig as rig
 from cell.lab.arguments import advancing
 from cell.lab.charts import BLUE, GREEN, GREY, INK, RED, Curve, Panel, draw_panels
 from cell.lab.compare import config_of
+from cell.lab.hole_models import HoleModel
 from cell.lab.report import StudyReport, finite
 from cell.lab.rows import write_rows
+from cell.lab.section import exact_depth
 from cell.lab.tables import table
 from cell.lab.workers import each_of
 from drivers.part.contract import Part
-from sim.contact import rig
-from sim.contact.hole_models import HoleModel
-from sim.contact.shapes import exact_depth
 from sim.world import native
 from sim.world.truth import VOID_PENETRATION, VOID_SHARE
 
@@ -77,9 +78,6 @@ def ladder(timesteps: Sequence[float], facets: Sequence[int]) -> tuple[Rung, ...
         ("unpredicted", "closed form, touching only", model(hole="unpredicted")),
     ]
     for path, is_native in (("legacy", False), ("native", True)):
-        kinds.append(
-            (f"turning flats, {path}", f"turning flats, {path} CCD", model(hole="flats", native_ccd=is_native))
-        )
         kinds += [
             (f"{n} boxes, {path}", f"ring of boxes, {path} CCD", model(hole="boxes", facets=n, native_ccd=is_native))
             for n in facets
@@ -327,18 +325,17 @@ def measure_point(kind: str, timestep: float, stiffness: float, peg: Part, hole:
 
 def ladder_panel(rows: Sequence[RungRow], parts: str) -> Panel:
     """Return error against speed, a colour for each family; hollow if the model fails a gate."""
-    curves = []
-    for number, family in enumerate(dict.fromkeys(row.family for row in rows)):
-        colour = (*COLOURS[1:], GREY)[number % len(COLOURS)]
-        for is_good in (True, False):
-            of = [row for row in rows if row.family == family and (verdict(row) == "good") is is_good]
-            of = [row for row in of if math.isfinite(row.real_time)]
-            x, y = [row.real_time for row in of], [min(max(100 * row.error, LOWEST), HIGHEST) for row in of]
-            label = f"{family}, {'good' if is_good else 'fails a gate'}" if of else ""
-            curves.append(Curve(x, y, colour, label, "o", 1.8, is_hollow=not is_good))
-    shipped = [row for row in rows if row.name == SHIPPED]
-    x, y = [row.real_time for row in shipped], [100 * row.error for row in shipped]
-    curves.append(Curve(x, y, INK, "shipped", "o", 3.5, is_hollow=True))
+    families = list(dict.fromkeys(row.family for row in rows))
+    colours = dict(zip(families, cycle((*COLOURS[1:], GREY)), strict=False))
+    groups: dict[tuple[str, bool], list[RungRow]] = {}
+    for row in rows:
+        if math.isfinite(row.real_time):
+            groups.setdefault((row.family, verdict(row) == "good"), []).append(row)
+    curves = [
+        _rungs(of, colours[family], f"{family}, {'good' if is_good else 'fails a gate'}", 1.8, not is_good)
+        for (family, is_good), of in groups.items()
+    ]
+    curves.append(_rungs([row for row in rows if row.name == SHIPPED], INK, "shipped", 3.5, True))
     return Panel(
         f"{parts}, 10 N, rigid mover; {len(rows)} models",
         "bare physics, multiples of real time on one core",
@@ -351,27 +348,37 @@ def ladder_panel(rows: Sequence[RungRow], parts: str) -> Panel:
     )
 
 
+def _rungs(rows: Sequence[RungRow], colour: str, label: str, size: float, is_hollow: bool) -> Curve:
+    errors = [min(max(100 * row.error, LOWEST), HIGHEST) for row in rows]
+    return Curve([row.real_time for row in rows], errors, colour, label, "o", size, is_hollow=is_hollow)
+
+
 def map_panels(rows: Sequence[MapRow]) -> list[Panel]:
     """Return the result of integration by step and stiffness, and the boundaries of theory, for each model of `HOLES`."""
-    found = []
-    for hole, title in HOLES.items():
-        here = [row for row in rows if row.hole == hole]
-        curves = []
-        for name, colour in VERDICTS.items():
-            of = [row for row in here if row.verdict == name]
-            x, y = [1e3 * row.timestep for row in of], [row.stiffness for row in of]
-            curves.append(Curve(x, y, colour, name, "s", 1.5, 0.6))
-        fine = np.geomspace(min(row.timestep for row in here), max(row.timestep for row in here), 100)
-        for law, label, style in (
-            (boundary_bound, "theory, bound: k dt² + 2 b dt = 4", "-"),
-            (boundary_bouncing, "theory, bouncing: k dt² + b dt = 2", "--"),
-        ):
-            curves.append(Curve(1e3 * fine, [law(step) for step in fine], INK, label, style))
-        curves.append(Curve(1e3 * fine, 1.0 / (2.0 * fine) ** 2, BLUE, "stiffest standard form: 2 steps", ":"))
-        labels = "time step (ms)", "stiffness of the contact, k (1/s²), with b = 2 sqrt(k)"
-        limits = min(row.stiffness for row in here) / 2, 2 * max(row.stiffness for row in here)
-        found.append(Panel(f"{title}; n = {len(here)} points", *labels, curves, "xy", y_limits=limits))
-    return found
+    return [_map_panel([row for row in rows if row.hole == hole], title) for hole, title in HOLES.items()]
+
+
+def _map_panel(rows: Sequence[MapRow], title: str) -> Panel:
+    curves = []
+    for name, colour in VERDICTS.items():
+        of = [row for row in rows if row.verdict == name]
+        x, y = [1e3 * row.timestep for row in of], [row.stiffness for row in of]
+        curves.append(Curve(x, y, colour, name, "s", 1.5, 0.6))
+    steps, stiffnesses = [row.timestep for row in rows], [row.stiffness for row in rows]
+    fine = np.geomspace(min(steps), max(steps), 100)
+    for law, label, style in LAWS:
+        curves.append(Curve(1e3 * fine, [law(step) for step in fine], INK, label, style))
+    curves.append(Curve(1e3 * fine, 1.0 / (2.0 * fine) ** 2, BLUE, "stiffest standard form: 2 steps", ":"))
+    labels = "time step (ms)", "stiffness of the contact, k (1/s²), with b = 2 sqrt(k)"
+    limits = min(stiffnesses) / 2, 2 * max(stiffnesses)
+    return Panel(f"{title}; n = {len(rows)} points", *labels, curves, "xy", y_limits=limits)
+
+
+LAWS = (
+    (boundary_bound, "theory, bound: k dt² + 2 b dt = 4", "-"),
+    (boundary_bouncing, "theory, bouncing: k dt² + b dt = 2", "--"),
+)
+"""Boundaries of theory, with label and line style."""
 
 
 def run(args: argparse.Namespace) -> StudyReport:

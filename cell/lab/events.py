@@ -18,7 +18,7 @@ from cell.devices.assembly import Cell, assemble, opened
 from cell.lab.arguments import advancing, seeds_of
 from cell.lab.compare import config_of
 from cell.lab.report import StudyReport, finite
-from cell.lab.rows import quantile, write_rows
+from cell.lab.rows import known, quantile, write_rows
 from cell.lab.tables import share, table
 from cell.lab.workers import each_of
 from drivers.errors import CellError
@@ -67,6 +67,11 @@ class HoleEventRow:
     """Number of stops of a search on the same plate that obeys its detector; 0 if it had nothing to obey."""
     found: bool = False
     """True if that search reported a hole where there is none."""
+
+    @property
+    def is_fall(self) -> bool:
+        """True if the peg dropped without an earlier false event."""
+        return self.fell and math.isnan(self.falsely)
 
 
 class _Watch:
@@ -243,12 +248,11 @@ class EventLine:
 def line_of(rows: Sequence[HoleEventRow]) -> EventLine:
     """Return the counts of all searches."""
     empty = [row for row in rows if not row.has_hole]
-    fell = [row for row in rows if row.fell and math.isnan(row.falsely)]
-    delays = [row.delay for row in fell if not math.isnan(row.delay)]
-    ways = [row.way for row in fell if not math.isnan(row.way)]
+    fell = [row for row in rows if row.is_fall]
+    delays, ways = known(row.delay for row in fell), known(row.way for row in fell)
     return EventLine(
         searches=len(empty),
-        stopped=sum(not math.isnan(row.falsely) for row in empty),
+        stopped=len(known(row.falsely for row in empty)),
         probes=sum(row.rests for row in empty),
         finds=sum(row.found for row in empty),
         falls=len(fell),

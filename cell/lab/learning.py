@@ -1,7 +1,6 @@
 """Series of parts on one cell: its fixture moves slightly from part to part and is replaced at the end."""
 
 import argparse
-import math
 import tempfile
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
@@ -18,11 +17,10 @@ from cell.lab.arguments import advancing, seeds_of
 from cell.lab.charts import Curve, Panel, draw_panels
 from cell.lab.compare import config_of
 from cell.lab.report import StudyReport, finite
-from cell.lab.rows import write_rows
+from cell.lab.rows import average, average_error, successes, write_rows
 from cell.lab.tables import SUCCESSES, table
 from cell.lab.workers import each_of
 from cell.peg.ending import ending_of
-from cell.records.statistics import Z95
 from cell.run.learning import Learning
 from drivers.errors import CellError
 from drivers.parts import HolePrior
@@ -172,7 +170,7 @@ def lines_of(rows: Sequence[PartRow], parts: int) -> list[PartLine]:
     for mode in Mode:
         for name, low, high in stretches:
             of = [row for row in rows if row.mode == mode and low <= row.part <= high]
-            good = [row for row in of if row.outcome == Outcome.SUCCESS]
+            good = successes(of)
             totals = [row.total_time for row in good]
             lines.append(
                 PartLine(
@@ -181,11 +179,9 @@ def lines_of(rows: Sequence[PartRow], parts: int) -> list[PartLine]:
                     trials=len(of),
                     successes=len(good),
                     expected=sum(row.is_expected for row in of),
-                    search=float(np.mean([row.search_time for row in good])) if good else math.nan,
-                    total=float(np.mean(totals)) if good else math.nan,
-                    total_error=Z95 * float(np.std(totals, ddof=1)) / len(totals) ** 0.5
-                    if len(totals) > 1
-                    else math.nan,
+                    search=average([row.search_time for row in good]),
+                    total=average(totals),
+                    total_error=average_error(totals),
                 )
             )
     return lines

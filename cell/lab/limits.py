@@ -16,7 +16,7 @@ from cell.lab.bounds import Dip, Down, Upright, critical_damping, mobility, turn
 from cell.lab.charts import BLUE, RED, Curve, Panel, draw_panels
 from cell.lab.compare import chosen, compared, config_of, section
 from cell.lab.report import StudyReport, finite
-from cell.lab.rows import quantile, write_rows
+from cell.lab.rows import quantile, successes, write_rows
 from cell.lab.tables import table
 from cell.lab.trials import TrialRow
 from drivers.frames import angle_between
@@ -24,7 +24,7 @@ from drivers.quantities import ImpedanceSetpoint, Vector
 from sim.world.metering import OVER_FORCE
 from sim.world.physics import World
 from skills.catalogue import ADJUST, INSERT, SEARCH
-from skills.contract import Observation, Outcome, SkillContext
+from skills.contract import Observation, SkillContext
 from skills.flow import StageRecord
 from skills.insert.spiral_adjust import ARRIVING
 from skills.paths import Lanes
@@ -185,7 +185,7 @@ class LimitsLine:
 
 def lines_of(variant: str, rows: Sequence[TrialRow]) -> list[LimitsLine]:
     """Return each phase of the seated trials; a cover is the time of the search divided by its share."""
-    good = [row for row in rows if row.outcome == Outcome.SUCCESS]
+    good = successes(rows)
 
     def of(name: str) -> list[float]:
         return [float(row.more[name]) for row in good if row.more.get(name)]
@@ -216,11 +216,11 @@ def panel(lines: Sequence[LimitsLine]) -> Panel:
         zip(dict.fromkeys(line.variant for line in lines), (BLUE, RED), strict=False)
     ):
         of = [line for line in lines if line.variant == name and line.count]
-        x = [phases.index(line.phase) + 1 + 0.15 * number for line in of]
-        low, high = [line.p5 for line in of], [line.p95 for line in of]
-        reached = [line.reached for line in of]
-        curves.append(Curve(x, reached, colour, f"{name}", "o", low=low, high=high))
-        curves.append(Curve(x, [line.bound for line in of], colour, f"bound of {name}", "_", 4.5))
+        figures = np.array([(phases.index(line.phase), line.reached, line.p5, line.p95, line.bound) for line in of])
+        x, reached, low, high, bound = figures.reshape(-1, 5).T
+        x = x + 1.0 + 0.15 * number
+        curves.append(Curve(x, reached, colour, name, "o", low=low, high=high))
+        curves.append(Curve(x, bound, colour, f"bound of {name}", "_", 4.5))
     return Panel(
         "symbol: reached, 5 to 95 %; bar: bound",
         "",

@@ -5,14 +5,26 @@ import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, fields, is_dataclass
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from cell.records.statistics import Z95
 from drivers.errors import ConfigError
+from skills.contract import Outcome
+
+
+class Ended(Protocol):
+    """A row with the outcome of a trial."""
+
+    @property
+    def outcome(self) -> str:
+        """Outcome of the trial, as in `Outcome`."""
+
 
 Row = TypeVar("Row")
+Outcomes = TypeVar("Outcomes", bound=Ended)
 READERS: Mapping[Any, Callable[[str], Any]] = {int: int, float: float, str: str, bool: "True".__eq__}
 """Function that parses a CSV cell of each type."""
 
@@ -48,6 +60,27 @@ def kept_rows(kind: type[Row], path: Path) -> list[Row]:
         return read_rows(kind, path)
     except ConfigError:
         return []
+
+
+def successes(rows: Iterable[Outcomes]) -> list[Outcomes]:
+    """Return the rows of successful trials."""
+    return [row for row in rows if row.outcome == Outcome.SUCCESS]
+
+
+def known(values: Iterable[float | None]) -> list[float]:
+    """Return the values other than None and NaN."""
+    return [value for value in values if value is not None and not math.isnan(value)]
+
+
+def average(values: ArrayLike) -> float:
+    """Return the mean; NaN without values."""
+    found = np.asarray(values, dtype=float)
+    return float(found.mean()) if found.size else math.nan
+
+
+def average_error(values: Sequence[float]) -> float:
+    """Return half the 95 % interval of the mean, normal; NaN for fewer than two values."""
+    return Z95 * float(np.std(values, ddof=1)) / math.sqrt(len(values)) if len(values) > 1 else math.nan
 
 
 def quantile(values: ArrayLike | Sequence[float], share: float) -> float:

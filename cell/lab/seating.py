@@ -8,7 +8,6 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from itertools import takewhile
-from statistics import fmean, median
 
 import numpy as np
 
@@ -18,7 +17,7 @@ from cell.lab.arguments import seeds_of
 from cell.lab.charts import INK, Curve, Panel, draw_panels
 from cell.lab.compare import chosen, compared, config_of, section
 from cell.lab.report import StudyReport, finite
-from cell.lab.rows import write_rows
+from cell.lab.rows import average, known, quantile, write_rows
 from cell.lab.tables import share, table
 from cell.lab.trials import TrialRow
 from cell.peg.ending import Ending
@@ -26,7 +25,7 @@ from cell.peg.part_state import PartState
 from cell.peg.success import LastLook, SeatingProof, evidence_for, judged
 from drivers.errors import CellError
 from drivers.parts import Latch
-from drivers.quantities import ImpedanceSetpoint
+from drivers.quantities import ImpedanceSetpoint, Vector
 from plc_bridge.protocol.messages import PartPlace
 from sim.world.truth import Truth
 from skills.catalogue import ADJUST
@@ -85,12 +84,12 @@ class Seating:
             "seated_depth": self._truth.depth,
             "on_bottom": float(is_on_bottom),
             "believed": float(any(_is_believed(proof, records, look, self._ctx) for proof in self._proofs)),
-            "latch_force": None if said is None else said.force,
-            "latch_offset": None if said is None else said.offset,
-            "doubt": None if said is None else said.doubt,
-            "hanging": None if said is None else hanging(InsertionStroke(shown.heights, shown.forces), self._latch),
+            **dict.fromkeys(("latch_force", "latch_offset", "doubt", "hanging")),
             "ways": float(len(shown.ways)),
         }
+        if said is not None:
+            length = hanging(InsertionStroke(shown.heights, shown.forces), self._latch)
+            found |= {"latch_force": said.force, "latch_offset": said.offset, "doubt": said.doubt, "hanging": length}
         texts = {name: "" if value is None else f"{value:.6g}" for name, value in found.items()}
         heights = " ".join(f"{height - lowest:.6f}" for height in shown.heights)
         return {**texts, "heights": heights, "forces": " ".join(f"{force:.3f}" for force in shown.forces)}
@@ -146,20 +145,28 @@ class SeatingLine:
 
 def line_of(case: str, rows: Sequence[TrialRow]) -> SeatingLine:
     """Return the counts of one case."""
-    told = [row.outcome == Outcome.SUCCESS for row in rows]
-    seated = [case == SEATED and float(row.more["on_bottom"]) > 0.0 for row in rows]
-    wrong = [is_told or float(row.more["believed"]) > 0.0 for is_told, row in zip(told, rows, strict=True)]
-    doubts, lengths = ([float(row.more[name]) for row in rows if row.more[name]] for name in ("doubt", "hanging"))
+    on_bottom, believed, doubts, lengths, ways = (_column(rows, name) for name in FIGURES)
+    told = np.array([row.outcome == Outcome.SUCCESS for row in rows], dtype=bool)
+    seated = (on_bottom > 0.0) & (case == SEATED)
     return SeatingLine(
         case=case,
         trials=len(rows),
-        seated=sum(seated),
-        missed=sum(is_seated and not is_told for is_seated, is_told in zip(seated, told, strict=True)),
-        false=sum(is_wrong and not is_seated for is_seated, is_wrong in zip(seated, wrong, strict=True)),
-        least_doubt=min(doubts, default=math.nan),
-        hanging=median(lengths) if lengths else math.nan,
-        ways=fmean(float(row.more["ways"]) for row in rows) if rows else math.nan,
+        seated=int(seated.sum()),
+        missed=int((seated & ~told).sum()),
+        false=int(((told | (believed > 0.0)) & ~seated).sum()),
+        least_doubt=quantile(known(doubts), 0.0),
+        hanging=quantile(known(lengths), 0.5),
+        ways=average(ways),
     )
+
+
+FIGURES = ("on_bottom", "believed", "doubt", "hanging", "ways")
+"""Columns of a trial that `line_of` counts."""
+
+
+def _column(rows: Sequence[TrialRow], name: str) -> Vector:
+    """Return one column of the probe, shape (n,); NaN for an empty cell."""
+    return np.array([float(row.more[name] or "nan") for row in rows])
 
 
 def panel(cases: Mapping[str, Sequence[TrialRow]]) -> Panel:

@@ -9,7 +9,7 @@ only theta is as old as the frame, with the configured smoothing, and x_p, v and
 
 import argparse
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace
 from functools import partial
@@ -415,56 +415,59 @@ def panels(
     kind: str, traces: Sequence[StepTrace], theory: Sequence[Boundary], shipped: Sequence[Shipped]
 ) -> list[Panel]:
     """Return the map of translation or of rotation: delays side by side, the observer off above and on below."""
-    traces = [trace for trace in traces if trace.case.kind == kind]
+    groups: dict[tuple[bool, int], list[StepTrace]] = {}
+    for trace in traces:
+        if trace.case.kind == kind:
+            groups.setdefault((trace.case.observer, trace.case.delay), []).append(trace)
+    return [
+        _panel(
+            groups[observer, delay],
+            [each for each in theory if (each.kind, each.delay, observer) == (kind, delay, False)],
+            [each for each in shipped if (each.kind, delay) == (kind, 0)],
+        )
+        for observer, delay in sorted(groups)
+    ]
+
+
+def _panel(traces: Sequence[StepTrace], theory: Sequence[Boundary], shipped: Sequence[Shipped]) -> Panel:
+    """Return the map of cases with common kind, observer and delay."""
+    case = traces[0].case
+    curves = [_points([trace.case for trace in traces if is_so(trace)], *look, True) for look, is_so in MARKS.items()]
+    if theory:
+        line = sorted(theory, key=lambda each: each.period)
+        curves.append(_points(line, "boundary of theory, the arm's own inertia", GREEN, "-", 1.5))
+    if shipped:
+        curves.append(_points(shipped, "shipped gains", INK, "*", 3.0))
     periods = sorted({1e3 * trace.case.period for trace in traces})
-    found = []
-    for observer, delay in product((False, True), sorted({trace.case.delay for trace in traces})):
-        here = [trace for trace in traces if trace.case.observer is observer and trace.case.delay == delay]
+    labels = "period of the skin (ms)", f"gain in {case.kind} ({UNITS[case.kind]})"
+    title = f"{NAMES[case.observer]}\nframes used {case.delay} periods late"
+    return Panel(title, *labels, curves, "xy", periods, x_limits=(periods[0] / 1.4, periods[-1] * 1.4))
 
-        def marks(
-            label: str,
-            colour: str,
-            style: str,
-            size: float,
-            of: Callable[[StepTrace], bool],
-            here: Sequence[StepTrace] = here,
-        ) -> Curve:
-            shown = [trace.case for trace in here if of(trace)]
-            x, y = [1e3 * case.period for case in shown], [case.gain for case in shown]
-            return Curve(x, y, colour, label, style, size, is_hollow=True)
 
-        curves = [
-            marks("stable", BLUE, "o", 1.5, lambda trace: trace.is_stable),
-            marks("unstable", RED, "x", 1.8, lambda trace: not trace.is_stable),
-            marks("stopped by the guard", INK, "s", 3.0, lambda trace: trace.stopped_at is not None),
-            marks(
-                "softened by it",
-                INK,
-                "D",
-                3.0,
-                lambda trace: trace.stopped_at is None and trace.softened_at is not None,
-            ),
-        ]
-        if not observer:
-            line = sorted((1e3 * b.period, b.gain) for b in theory if (b.kind, b.delay) == (kind, delay))
-            x, y = [period for period, _ in line], [gain for _, gain in line]
-            curves.append(Curve(x, y, GREEN, "boundary of theory, the arm's own inertia"))
-        if delay == 0:
-            own = [each for each in shipped if each.kind == kind]
-            curves.append(
-                Curve([1e3 * each.period for each in own], [each.gain for each in own], INK, "shipped gains", "*", 3.0)
-            )
-        name = (
-            "observer on: only theta is as old as the frame"
-            if observer
-            else "observer off, no dry friction: the error is held"
-        )
-        labels = "period of the skin (ms)", f"gain in {kind} ({UNITS[kind]})"
-        limits = (periods[0] / 1.4, periods[-1] * 1.4)
-        found.append(
-            Panel(f"{name}\nframes used {delay} periods late", *labels, curves, "xy", periods, x_limits=limits)
-        )
-    return found
+def _points(
+    cases: Sequence[GridCase | Boundary | Shipped],
+    label: str,
+    colour: str,
+    style: str,
+    size: float,
+    is_hollow: bool = False,
+) -> Curve:
+    x, y = [1e3 * case.period for case in cases], [case.gain for case in cases]
+    return Curve(x, y, colour, label, style, size, is_hollow=is_hollow)
+
+
+NAMES = {
+    True: "observer on: only theta is as old as the frame",
+    False: "observer off, no dry friction: the error is held",
+}
+"""Title of a panel, by the observer."""
+MARKS: Mapping[tuple[str, str, str, float], Callable[[StepTrace], bool]] = {
+    ("stable", BLUE, "o", 1.5): lambda trace: trace.is_stable,
+    ("unstable", RED, "x", 1.8): lambda trace: not trace.is_stable,
+    ("stopped by the guard", INK, "s", 3.0): lambda trace: trace.stopped_at is not None,
+    ("softened by it", INK, "D", 3.0): lambda trace: trace.stopped_at is None and trace.softened_at is not None,
+}
+"""Label, colour, style and size of the marks of cases, and the cases that have them."""
 
 
 def run(args: argparse.Namespace) -> StudyReport:

@@ -9,10 +9,10 @@ from rich.table import Table
 from rich.text import Text
 
 from cell.lab.published import PUBLISHED, PUBLISHED_ATTEMPTS, PUBLISHED_SUCCESSES, PUBLISHED_TOTAL, StageLine
+from cell.lab.rows import successes
 from cell.lab.trials import LOADS, TrialRow, load
 from cell.records.statistics import mean, wilson
 from sim.world.metering import JERK_BANDWIDTH, OVER_FORCE
-from skills.contract import Outcome
 
 LOADED = (
     ("largest contact force (N)", 1),
@@ -39,14 +39,14 @@ def stages(lines: Sequence[StageLine], cycles: Sequence[float]) -> Table:
         table.add_column(name, justify="left" if name == "stage" else "right")
     published = [(p.label, p.successes, p.attempts, p.time) for p in PUBLISHED]
     published.append(("total", PUBLISHED_SUCCESSES, PUBLISHED_ATTEMPTS, PUBLISHED_TOTAL))
-    for line, (label, successes, attempts, time) in zip(lines, published, strict=True):
+    for line, (label, good, attempts, time) in zip(lines, published, strict=True):
         low, high = wilson(line.successes, line.attempts)
         table.add_row(
             label,
             f"{line.successes}/{line.attempts}",
             f"{100 * low:.1f} to {100 * high:.1f} %",
             "-" if line.time is None else f"{line.time:.1f}",
-            f"{successes}/{attempts}",
+            f"{good}/{attempts}",
             f"{time:.1f}",
         )
     cycle = mean(cycles)
@@ -59,7 +59,7 @@ def phases(rows: Sequence[TrialRow]) -> Table:
     table = Table(title="Where the time goes", caption="means of the successes; transfers end where a skill begins")
     for name in ("part of the cycle", "time (s)", "%"):
         table.add_column(name, justify="left" if name == "part of the cycle" else "right")
-    good = [row for row in rows if row.outcome == Outcome.SUCCESS]
+    good = successes(rows)
     times = {label: mean([getattr(row, name) or 0.0 for row in good]) or 0.0 for label, name in PHASES}
     cycle = mean([row.cycle_time for row in good]) or math.nan
     times["transfers and release"] = cycle - sum(times.values())

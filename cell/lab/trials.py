@@ -10,13 +10,15 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
 from dataclasses import asdict, dataclass, field, fields, replace
 from functools import partial
-from itertools import takewhile
+from itertools import filterfalse, takewhile
+from operator import attrgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol, TextIO
 
 from cell.config.cell_config import CellConfig
 from cell.devices.assembly import Cell, assemble, opened
 from cell.lab.published import PUBLISHED, Tried, stage_table
+from cell.lab.rows import known, successes
 from cell.lab.workers import on_cluster, on_processes
 from cell.peg.ending import Ending, ending_of
 from cell.peg.part_state import PartState
@@ -262,7 +264,8 @@ def trial_in(
     sim_time = cell.clock.now()
     watcher.clock.leave(sim_time)
     times = watcher.clock.times
-    start = next((r.result.start for r in records if isinstance(r.result, SpraySearchResult)), None)
+    begun = (r.result.start for r in records if isinstance(r.result, SpraySearchResult))
+    start_x, start_y = map(float, found) if (found := next(begun, None)) else (None, None)
     stages = [times[name] for name in CATALOGUE.counted if name in times]
     return TrialRow(
         seed=seed,
@@ -282,8 +285,8 @@ def trial_in(
         tip_rmse=watcher.rmse(watcher.tip),
         hole_x=truth.hole[0],
         hole_y=truth.hole[1],
-        start_x=float(start[0]) if start else None,
-        start_y=float(start[1]) if start else None,
+        start_x=start_x,
+        start_y=start_y,
         switch_closed=truth.switch_closed,
         depth=truth.depth,
         sim_time=sim_time,
@@ -345,7 +348,7 @@ def run_trials(
         def is_over() -> bool:
             return _ending(rows, order, is_enough) is not None
 
-        missing = [] if is_over() else [seed for seed in seeds if seed not in rows]
+        missing = [] if is_over() else list(filterfalse(rows.__contains__, seeds))
         task = partial(run_trial, config, probe=probe, program=program)
         began, taken_up = time.perf_counter(), len(rows)
         if scheduler:
@@ -455,21 +458,20 @@ def _cell(value: object) -> object:
 
 def summarise(rows: Sequence[TrialRow], config: CellConfig) -> dict[str, Any]:
     """Return counts, the interval of the success rate, times of the successes, loads of all, versions and the whole config."""
-    outcomes = [row.outcome for row in rows]
-    successes = outcomes.count(Outcome.SUCCESS)
-    low, high = wilson(successes, len(rows))
-    good = [row for row in rows if row.outcome == Outcome.SUCCESS]
+    outcomes = Counter(row.outcome for row in rows)
+    good = successes(rows)
+    low, high = wilson(len(good), len(rows))
     times = ("grasp_time", "search_time", "insert_time", "adjust_time", "total_time", "sim_time", "wall_time")
     return {
         "trials": len(rows),
         "seeds": [rows[0].seed, rows[-1].seed] if rows else [],
-        "outcomes": {name: outcomes.count(name) for name in (Outcome.SUCCESS, Outcome.FAILURE, Outcome.ABORTED, VOID)},
+        "outcomes": {name: outcomes[name] for name in (Outcome.SUCCESS, Outcome.FAILURE, Outcome.ABORTED, VOID)},
         "reasons": dict(Counter(f"{row.stage}: {row.reason}" for row in rows if row.reason)),
-        "success_rate": successes / len(rows) if rows else None,
+        "success_rate": len(good) / len(rows) if rows else None,
         "wilson_95": [low, high],
-        "times": {name: spread([v for row in good if (v := getattr(row, name)) is not None]) for name in times},
+        "times": {name: spread(known(map(attrgetter(name), good))) for name in times},
         "loads": {name: load(rows, name) for name in LOADS},
-        "stages": [asdict(line) for line in stage_table([row.tried() for row in rows])],
+        "stages": list(map(asdict, stage_table([row.tried() for row in rows]))),
         "config_hash": config_hash(config),
         "versions": {"python": platform.python_version(), **versions()},
         "config": config.model_dump(mode="json"),

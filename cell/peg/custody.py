@@ -90,9 +90,9 @@ class Custody:
         self._emptied = 0
         self.keep(is_lasting=True)
 
-    def seat(self, evidence: str) -> None:
+    def seat(self, evidence: str, by: PartEvidence) -> None:
         """Register that the released peg is seated, by evidence of the run."""
-        self._become(proven(self.part, evidence))
+        self._become(proven(self.part, evidence, by))
         self.keep(is_lasting=True)
 
     def clear(self) -> None:

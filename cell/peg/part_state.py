@@ -222,15 +222,12 @@ def by_hand_alone(
     return _shown(PartState(PartPlace.IN_HAND, told, is_held=True, tip=before.tip), seen, places)
 
 
-def proven(before: PartState, evidence: str) -> PartState:
-    """Return a released peg as seated, after other evidence than a switch has proven the run's success."""
-    return replace(
-        before,
-        place=PartPlace.SEATED,
-        is_held=False,
-        evidence=f"{before.evidence}; {evidence}",
-        basis=before.basis | PartEvidence.FORCE,
-    )
+def proven(before: PartState, evidence: str, by: PartEvidence) -> PartState:
+    """Return a released peg as seated, after the evidence `by` has proven the run's success; `before` itself if it shows that."""
+    if before.place is PartPlace.SEATED and by in before.basis:
+        return before
+    told = f"{before.evidence}; {evidence}"
+    return replace(before, place=PartPlace.SEATED, is_held=False, evidence=told, basis=before.basis | by)
 
 
 def after_run(before: PartState, seen: PegEvidence, places: Places) -> PartState:
@@ -299,7 +296,10 @@ def _let_go(before: PartState, seen: PegEvidence, places: Places, is_running: bo
     hand = f"hand {_mm(seen.width)} open"
     gone = replace(before, is_held=False)
     if before.place in IN_THE_HOLE:
-        place = PartPlace.SEATED if seen.switch is SwitchState.CLOSED else PartPlace.IN_HOLE
+        # A switch that was closed already while the peg was held too far above the bottom proves nothing.
+        is_high = before.depth < places.hole.depth - CLOSED_TOLERANCE
+        is_early = is_high and PartEvidence.SWITCH_CLOSED in before.basis
+        place = PartPlace.SEATED if seen.switch is SwitchState.CLOSED and not is_early else PartPlace.IN_HOLE
         return replace(gone, place=place, evidence=f"let go {_mm(before.depth)} deep, {hand}, switch {seen.switch}")
     if math.dist(before.tip[:2], places.bin[:2]) <= BIN_REACH:
         return replace(gone, place=PartPlace.BIN, evidence=f"let go above the bin, {hand}")

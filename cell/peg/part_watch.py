@@ -16,7 +16,7 @@ from cell.peg.success import LastLook, SeatingProof, evidence_for, judged
 from drivers.errors import CellError, SwitchDisagreesError, SwitchUnknownError
 from drivers.frames import end_point
 from drivers.quantities import ArmState, GripperState, SwitchState
-from plc_bridge.protocol.messages import PartPlace, Refusal, Report
+from plc_bridge.protocol.messages import PartEvidence, PartPlace, Refusal, Report
 from skills.catalogue import ADJUST, GRASP, INSERT, RECOVER, SEARCH
 from skills.contract import Observation, Outcome, SkillContext, is_trusted
 from skills.entry import Claim, Entry
@@ -135,8 +135,9 @@ class PartWatch:
         judgement = judged(claim, ending, records, self._proof, look, self._custody.part, self._context.job)
         is_proven = judgement.outcome is Outcome.SUCCESS and claim in PROVEN_BY_SWITCH
         self.proof = self._proof.told if is_proven else ""
-        if claim is Claim.INSERTED and is_proven and self._context.job.hole.evidence == "force":
-            self._custody.seat(self.proof)
+        if claim is Claim.INSERTED and is_proven:
+            is_by_force = self._context.job.hole.evidence == "force"
+            self._custody.seat(self.proof, PartEvidence.FORCE if is_by_force else PartEvidence.SWITCH_CLOSED)
         return judgement
 
     def end(self) -> None:

@@ -166,8 +166,8 @@ class FrankaArm:
             ArmSilentError: The newest state is too old, or the loop has ended.
         """
         link = self._opened()
-        self._require_running()
         while True:
+            self._require_running()  # also if the loop was killed in the middle of a write
             count = link.is_settled("state_sequence")
             told = ("q", "dq", "force", "torque", "commanded", "unexplained")
             q, dq, force, torque, commanded, unexplained = (link[name][0].copy() for name in told)

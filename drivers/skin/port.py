@@ -3,6 +3,7 @@
 from collections import defaultdict
 from typing import Protocol
 
+from drivers.protocols import Device
 from drivers.skin.board_config import HubConfig, IcubConfig
 from drivers.skin.cyskin_wire import (
     ALL_HUBS,
@@ -27,16 +28,6 @@ NOTHING_ON_BUS = ": check its supply, the wires with a terminator at both ends, 
 NOTHING_ON_LINE = ": check its supply and cable, whether this is its port, and skin.baud_rate"
 
 
-class SkinLink(Protocol):
-    """A connection that can be opened: a wire, or a file."""
-
-    def open(self) -> None:
-        """Open it."""
-
-    def close(self) -> None:
-        """Close it; may be called again."""
-
-
 class Dialogue(Protocol):
     """State of the dialogue with a board."""
 
@@ -56,8 +47,8 @@ class SkinPort(Protocol):
     """One wire with one board."""
 
     @property
-    def link(self) -> SkinLink:
-        """The wire."""
+    def link(self) -> Device:
+        """The wire, or a file."""
 
     @property
     def dialogue(self) -> Dialogue:

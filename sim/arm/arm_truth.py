@@ -14,7 +14,6 @@ cycle old when its torque is computed, and the torque acts in the next cycle.
 import math
 from dataclasses import dataclass, field
 from operator import attrgetter
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -22,9 +21,6 @@ from drivers import frames
 from drivers.arm.model import ArmModel, Joints
 from drivers.errors import ConfigError
 from drivers.quantities import Pose
-
-if TYPE_CHECKING:
-    from sim.arm.described_arm import DescribedArm
 
 Seven = tuple[float, float, float, float, float, float, float]
 Three = tuple[float, float, float]
@@ -158,8 +154,6 @@ class ArmTruth:
     """Offset of the true midpoint of the pads from its assumed position, m, in the assumed hand frame."""
     tcp_turn: Three = NOWHERE
     """Rotation vector of the real fingers about that point, in the same frame, rad."""
-    described: "DescribedArm | None" = None
-    """External description of the arm that replaces the model's figures; None if the model's figures are true."""
 
     def __post_init__(self) -> None:
         """Reject figures outside their physical bounds.

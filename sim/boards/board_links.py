@@ -15,7 +15,7 @@ import numpy as np
 
 from drivers.errors import DeviceNotOpenedError
 from drivers.skin.board_config import BoardSkinConfig, CanSkinConfig, IcubConfig, SerialSkinConfig
-from drivers.transport.wires import ByteLink, CanFrame, CanLink, LineLostError
+from drivers.transport.wires import CanFrame, LineLostError
 from sim.boards.cyskin_board import CanBoard, EmulatedHub, SerialBoard
 from sim.boards.emulated import Board, Fingers, IcubBoard
 from sim.config import SimSkinConfig, SkinBoardConfig, WireFaults
@@ -178,36 +178,6 @@ class EmulatedLine(_Link[int]):
 
     def _spoilt(self, item: int) -> int:
         return _flipped(bytes([item]), self._rng)[0]
-
-
-class CanCable:
-    """Connects an emulated board to a real CAN bus of any interface, for a driver elsewhere on that bus."""
-
-    def __init__(self, board: EmulatedCan, bus: CanLink) -> None:
-        """Store both ends, already open."""
-        self._board, self._bus = board, bus
-
-    def advance(self) -> None:
-        """Forward the items that have arrived at either end."""
-        while (part := self._bus.read(0.0)) is not None:
-            self._board.write(part)
-        while (part := self._board.read(0.0)) is not None:
-            self._bus.write(part)
-
-
-class SerialCable:
-    """Connects an emulated board to the far end of a serial line, for example of a pseudo-terminal."""
-
-    def __init__(self, board: EmulatedLine, line: ByteLink) -> None:
-        """Store both ends, already open."""
-        self._board, self._line = board, line
-
-    def advance(self) -> None:
-        """Forward the items that have arrived at either end."""
-        if data := self._line.read(0.0):
-            self._board.write(data)
-        if data := self._board.read(0.0):
-            self._line.write(data)
 
 
 def emulated_can(

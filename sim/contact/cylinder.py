@@ -15,7 +15,6 @@ import math
 import mujoco
 
 from drivers.compiled import njit
-from sim.contact import flats
 from sim.contact.hole_edges import collide_edge
 from sim.contact.peg_rims import End, collide_plane, collide_rim
 from sim.contact.table import ABOVE, NEAR, NONE, PLATE_TYPE, meeting, peg_chamfer, peg_end, plate_at, plate_of
@@ -35,11 +34,6 @@ def collide(model, data, geom_plate, geom_peg):  # type: ignore[no-untyped-def]
     e1, e2, v, c, g = peg_end(data, geom_plate, geom_peg, half)
     tilt = math.sqrt(v[0] * v[0] + v[1] * v[1])
     end = End(c, e1, e2, v, r - chamfer, tilt)
-    if plate.has_flats > 0.0:
-        count = geom_plate + 1 + flats.FLATS
-        xpos = native.array(data + native.DATA_GEOM_XPOS, (count, 3))[geom_plate:]
-        xmat = native.array(data + native.DATA_GEOM_XMAT, (count, 3, 3))[geom_plate:]
-        flats.aim(end, plate.hole, xpos[0], xmat[0], xpos[1:], xmat[1:])
     # The cylinder about the chamfered end reaches at least as low as the end.
     lowest = c[2] - r * tilt
     if plate.mode == NONE or lowest > ABOVE:

@@ -1,4 +1,4 @@
-"""A plate with its hole in closed form, as MuJoCo's geoms; `sim.contact.hole_models` has the other models of a hole."""
+"""A plate with its hole in closed form, as MuJoCo's geoms."""
 
 import math
 from dataclasses import dataclass
@@ -85,10 +85,9 @@ def closed_form(
     timestep: float,
     solref: tuple[float, float],
     mode: int = contact.EXACT,
-    has_flats: bool = False,
 ) -> str:
-    """Return the geom of a plate with one hole; `solref`, `mode` and `has_flats` as in `contact.plate_user`."""
-    how = (timestep, solref, mode, has_flats)
+    """Return the geom of a plate with one hole; `solref` and `mode` as in `contact.plate_user`."""
+    how = (timestep, solref, mode)
     user = contact.plate_user(plate.half, plate.depth, friction, *how, plate.outline, plate.chamfer, plate.rubbing)
     x, y, half_x, half_y = plate.outline
     # The ellipsoid bounds the volume in which MuJoCo calls the closed form.

@@ -31,7 +31,6 @@ PLATE = np.dtype(
         ("stiffness", "f8"),
         ("damping", "f8"),
         ("mode", "f8"),
-        ("has_flats", "f8"),
         ("rub", "f8"),
         ("rub_damping", "f8"),
         ("lift", "f8"),
@@ -145,7 +144,6 @@ def plate_user(
     timestep: float,
     solref: tuple[float, float] | None = None,
     mode: int = EXACT,
-    has_flats: bool = False,
     outline: tuple[float, float, float, float] = ENDLESS,
     chamfer: float = 0.0,
     rubbing: Rubbing = EVEN,
@@ -160,7 +158,6 @@ def plate_user(
         timestep: Time step of the model, s; contacts look ahead by multiples of it.
         solref: Stiffness of the contacts in MuJoCo's terms; None is the stiffest of its standard form.
         mode: EXACT, UNPREDICTED, PROBE or NONE.
-        has_flats: True if the boxes of `sim.contact.flats` follow the plate's geom.
         outline: Rectangle of the plate: centre and half the extents along x and y, m, plate frame; no contacts outside.
         chamfer: Width and depth of the chamfer of 45 degrees at the mouth of a round hole, m.
         rubbing: Change of the friction with speed and position.
@@ -172,7 +169,7 @@ def plate_user(
     else:
         rub, lift = (first, second / FRICTION_LAG), IMPEDANCE * second / first
     ends = (*rub, lift / FRICTION_LAG, *outline, chamfer, *rubbing)
-    values = (*half, hole_depth, max(friction, FRICTION_FLOOR), timestep, first, second, mode, has_flats, *ends)
+    values = (*half, hole_depth, max(friction, FRICTION_FLOOR), timestep, first, second, mode, *ends)
     return np.array(values, dtype=float)
 
 

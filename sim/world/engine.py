@@ -206,11 +206,3 @@ def _drive_fingers(state: Bodies, drive: Vector) -> None:  # pragma: no cover
             opening = FINGER_GAIN * (drive[DRIVE_WIDTH] / 2.0 - state.qpos[i])
             opening = min(max(opening, -strongest), strongest)
             state.qfrc[i] = opening - strongest / speed * state.qvel[i]
-
-
-@njit(cache=True)
-def judged_step(model: int, state: Bodies, meters: Vector, ticks: int) -> None:  # pragma: no cover
-    """Take one step with a model and meter its penetration; `ticks` as in `metering.judge`."""
-    metering.clear(state.userdata)
-    native.step(model, state.data)
-    metering.judge(meters, state.userdata, ticks)

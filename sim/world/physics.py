@@ -1,7 +1,5 @@
 """Physics of one cell as its devices use it: the clock, the commands, the readings, and the true state."""
 
-from dataclasses import replace
-
 import mujoco
 import numpy as np
 
@@ -10,7 +8,6 @@ from drivers.arm.model import JOINTS, ArmModel
 from drivers.parts import Job
 from drivers.quantities import Vector
 from drivers.skin.layout import Layout, pad_size
-from sim.arm import described_arm
 from sim.config import ContactConfig, GripConfig, SimConfig
 from sim.contact import shapes
 from sim.contact.plate import Plate
@@ -42,12 +39,11 @@ class World(Stepper):
         """Store the configuration and build the scene of the first run; the skin's layout defines the pads' size.
 
         Raises:
-            ConfigError: `reality.alone` names no error, or the description of the arm is unusable.
+            ConfigError: `reality.alone` names no error.
         """
         self._errors, self.drawn = errors, errors.draw(sim.seed)
         """Errors of the cell and their draw, constant over the life of the cell: arm, positions, skin and computer."""
         self.arm, self._sim, self._contact, self._grip = arm, sim, friction, grip
-        self._described = described_arm.read(sim.described, arm) if sim.described else None
         super().__init__(arm, sim, pad_size(layout), ClockPace(sim.timestep, sim.pace))
         self.now = self.pace.now
         """Returns the simulated time, s."""
@@ -60,8 +56,6 @@ class World(Stepper):
         drawn = draw(self.arm, job, self._contact, self._grip, seed, self.drawn, part)
         if self._sim.fixture is not None:
             drawn = in_fixture(drawn, self._sim.fixture, job, self._sim.seed, seed)
-        if self._described is not None:
-            drawn = replace(drawn, arm=self._described.true(drawn.arm, self.drawn["arm.friction_level"]))
         self.begin(job, drawn)
 
     def begin(self, job: Job, drawn: Draw) -> None:

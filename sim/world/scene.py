@@ -16,7 +16,6 @@ from drivers import frames
 from drivers.arm.model import Inertial
 from drivers.parts import Job
 from drivers.quantities import Vector
-from sim.arm import described_arm
 from sim.arm.arm_truth import ArmTruth
 from sim.contact import shapes
 from sim.contact import table as contact
@@ -113,7 +112,6 @@ def _peg_geom(job: Job, axis: float) -> str:
 
 def _arm(arm: ArmTruth, timestep: float, hand_mass: float, in_hand: str) -> str:
     dh, joints, hand = arm.model.kinematics, arm.model.joints, arm.model.hand
-    is_weighed = arm.described is not None and "gravity" in arm.described.takes
     inner = f"""<body name="hand" pos="0 0 {dh.flange}" euler="0 0 {hand.turn}">
       {_inertial(hand.body.model_copy(update={"mass": hand_mass}))}
       {_displaced(arm, in_hand)}</body>"""
@@ -123,7 +121,6 @@ def _arm(arm: ArmTruth, timestep: float, hand_mass: float, in_hand: str) -> str:
           {_inertial(link)}
           <joint name="joint{i + 1}" type="hinge" axis="0 0 1" limited="true" range="{joints.q_min[i]} {joints.q_max[i]}"
             armature="{arm.rotor_inertia[i]}" frictionloss="{arm.friction.dry[i]}" solreffriction="{2 * timestep} 1" solimpfriction="0.9999 0.9999 0.001 0.5 2"/>
-          {described_arm.believed_weight(i, arm.model) if is_weighed else ""}
           {inner}</body>"""
     return inner
 
@@ -148,16 +145,11 @@ def _inertial(body: Inertial) -> str:
 
 
 def _compile(plates: str, arm: ArmTruth, bodies: str, extra: str, options: str, timestep: float) -> mujoco.MjModel:
-    # Bodies moved by another description must not be fused.
-    fuse = "true" if arm.described is None else "false"
-    model = mujoco.MjModel.from_xml_string(
+    return mujoco.MjModel.from_xml_string(
         f"""<mujoco model="cell">
-        <compiler angle="radian" autolimits="false" fusestatic="{fuse}"/>
+        <compiler angle="radian" autolimits="false" fusestatic="true"/>
         <option timestep="{timestep}" gravity="0 0 0" cone="elliptic" impratio="10" solver="Newton" iterations="60" tolerance="{TOLERANCE}" ls_tolerance="0.1" jacobian="dense">
           <flag {options} autoreset="disable"/></option>
         <size nuser_geom="{contact.USER}" nuserdata="{native.NUSERDATA}" memory="4M"/>
         <worldbody>{plates}{bodies}</worldbody>{extra}</mujoco>"""
     )
-    if arm.described is not None:
-        described_arm.put_on(model, arm)
-    return model

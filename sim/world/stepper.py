@@ -9,7 +9,7 @@ from drivers import frames, impedance, setpoint_words
 from drivers.arm.model import JOINTS, ArmModel
 from drivers.errors import SimulationUnstableError
 from drivers.quantities import Pose, Vector
-from sim.arm import arm_senses, described_arm, joint_drive
+from sim.arm import arm_senses, joint_drive
 from sim.arm.arm_truth import ArmTruth
 from sim.config import SimConfig
 from sim.contact import latch, peg_distances
@@ -190,9 +190,6 @@ class Stepper:
             self._q, self._dq = self.q, self.dq
         self.peg, self.running, self._is_begun = peg, mechanism, True
         is_held = peg is PegSituation.HELD
-        described = self.scene.arm.described
-        is_weighed = described is not None and "gravity" in described.takes
-        self._scratch = mujoco.MjData(mechanism.model) if is_weighed else None
         self._steppers = [mechanism.model]
         if is_held and mechanism.twin is not None:
             self._steppers.append(mechanism.twin)
@@ -342,8 +339,6 @@ class Stepper:
             position, rotation, _, _ = impedance.forward(control.arm, self.q)
             return self.q, self.dq, felt, position, rotation
         felt = control.joints[joint_drive.LEFT_OVER : joint_drive.LEFT_OVER + JOINTS]
-        if self._scratch is not None:
-            felt = felt + described_arm.left_over(self.running.model, self._scratch, self.running.data.qpos)
         return arm_senses.scanned(control.senses, control.arm, felt)
 
     def physics(self) -> tuple[mujoco.MjModel, mujoco.MjData]:
@@ -353,9 +348,6 @@ class Stepper:
 
     def tcp(self) -> Pose:
         """Return the true T_base_tcp."""
-        described = self.scene.arm.described
-        if described is not None and "kinematics" in described.takes:
-            return self.scene.arm.displaced(described.tcp(self.scene.arm.model, self.running.data.qpos[:7]))
         position, rotation, _, _ = impedance.forward(self._real, self.running.data.qpos[:7])
         return self.scene.arm.displaced(Pose(position, rotation))
 

@@ -5,7 +5,7 @@ import warnings
 import pytest
 
 from cell.config.load import load
-from cell.lab.speed import measure
+from tests.bench.speed import measure
 
 COUNTS, RATIOS = measure.stored()
 MORE = 1.05

@@ -37,11 +37,12 @@ from cell.config.load import load
 from drivers.quantities import Vector
 from drivers.skin.board_config import CanSkinConfig
 from drivers.transport.can_bus import CanBus
-from sim.boards.board_links import CanCable, emulated_can
+from sim.boards.board_links import emulated_can
 from sim.boards.switch_board import EmulatedSwitchBoard
 from sim.hand.bench import CalibrationBench
 from sim.world.situation import PegSituation
 from tests.franka.simulated import Arm, Seen, address, served
+from tests.skins import Cable
 
 STEP = 0.002
 """Time between two looks of the boards, s."""
@@ -121,14 +122,6 @@ class Desk:
 
     folder: Path
     world: Arm
-    switch: EmulatedSwitchBoard
-    lock: threading.Lock
-    """Held while the boards are read or changed."""
-
-    def pull_switch(self) -> None:
-        """Pull the switch board's plug."""
-        with self.lock:
-            self.switch.close()
 
     @property
     def environment(self) -> dict[str, str]:
@@ -143,13 +136,6 @@ class Desk:
             "PATH": os.pathsep.join(scripts),
             "XDG_DATA_HOME": str(self.folder / "data"),
         }
-
-    def run(self, *arguments: str) -> subprocess.CompletedProcess[str]:
-        """Run a command of `cell` that takes a config with this desk's."""
-        command = [sys.executable, "-m", "cell", *arguments, "--config", FILE]
-        return subprocess.run(
-            command, capture_output=True, text=True, check=False, cwd=self.folder, env=self.environment
-        )
 
     def write(self, lines: str) -> None:
         """Enter lines of the form of a config file into the cell's file."""
@@ -172,12 +158,12 @@ def _entered(text: str, section: str, key: str, value: str) -> str:
 @contextmanager
 def desk(number: int, folder: Path) -> Iterator[Desk]:
     """Yield the boards, with the cell's file in `folder`; `number` distinguishes this process's desks."""
-    host, bus = address(number), f"239.74.163.2:{_free_port()}"
+    host, bus = address(number), f"239.74.163.2:{_free_port(socket.SOCK_DGRAM)}"
     described = CanSkinConfig(kind="can", rate=CONFIG.skin.rate)
     for name in (FILE, "sim.toml"):
         shutil.copy(SHIPPED / name, folder)
     with (folder / FILE).open("a", encoding="utf-8") as file:
-        file.write("\n[plc.modbus]\nport = 0\n")
+        file.write(f"\n[plc.modbus]\nport = {_free_port(socket.SOCK_STREAM)}\n")
     # The desk keeps the time of its world, which goes as fast as this computer can.
     with patch.object(state_stream, "_MIN_STATE_SPACING", 0.0), served(CONFIG, host) as (world, server):
         server.is_hurried = True
@@ -187,7 +173,7 @@ def desk(number: int, folder: Path) -> Iterator[Desk]:
         source: Any = OnTheDesk(world, person)
         hub = emulated_can(described, CONFIG.boards.skin, source, source.draw.skin, 0)
         far, switch = CanBus("udp_multicast", bus, described.bitrate), EmulatedSwitchBoard(source)
-        cable, lock, is_over = CanCable(hub, far), threading.Lock(), threading.Event()
+        cable, is_over = Cable(hub, far), threading.Event()
 
         due = world.now()
 
@@ -195,10 +181,9 @@ def desk(number: int, folder: Path) -> Iterator[Desk]:
             nonlocal due
             if world.now() >= due:
                 due = world.now() + STEP
-                with lock:
-                    cable.advance()
-                    hub.advance()
-                    switch.advance()
+                cable.advance()
+                hub.advance()
+                switch.advance()
 
         def live() -> None:
             while not is_over.wait(LOOK):
@@ -214,7 +199,7 @@ def desk(number: int, folder: Path) -> Iterator[Desk]:
         world.after = advance
         thread = threading.Thread(target=live)
         thread.start()
-        boards = Desk(folder, world, switch, lock)
+        boards = Desk(folder, world)
         boards.write(
             f'[arm]\nhost = "{host}"\nrealtime = "ignore"\n[gripper]\nhost = "{host}"\n'
             f'[skin]\ninterface = "udp_multicast"\nchannel = "{bus}"\n[switch]\nport = "{switch.port}"\n'
@@ -228,8 +213,8 @@ def desk(number: int, folder: Path) -> Iterator[Desk]:
             far.close()
 
 
-def _free_port() -> int:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
+def _free_port(kind: socket.SocketKind) -> int:
+    with socket.socket(socket.AF_INET, kind) as free:
         free.bind(("127.0.0.1", 0))
         port: int = free.getsockname()[1]
         return port

@@ -2,11 +2,14 @@
 
 import os
 import pty
+import queue
 import re
 import shlex
 import signal
 import subprocess
+import threading
 import time
+from datetime import date
 from pathlib import Path
 
 import numpy as np
@@ -16,17 +19,19 @@ pytest.importorskip(
     "franka_sim", reason="needs the packages that tests/franka/simulated.py names", exc_type=ImportError
 )
 
-from cell.calibrate.proven import FILE, missing, read
+from cell.calibrate.proven import FACTS, FILE, keep, missing, read
 from cell.config.load import load
 from drivers.frames import end_point
 from drivers.parts import PLATE_BORDER
+from plc_bridge.peer import Peer
 from tests.emulation import emulated_or_skip
 from tests.franka.desk import CONFIG, desk
+from tests.line.test_commissioning import act
 
 pytestmark = [pytest.mark.alone, pytest.mark.timeout(20000)]
 
 PAGE = Path("docs/first-day.md").read_text(encoding="utf-8")
-ASKS = re.compile(r"(finger|let it go|Enter|Keys): ")
+ASKS = re.compile(r"(finger|let it go|Enter|Keys|/9 [a-z ]+): ")
 """End of a request; a progress bar may follow it at once."""
 MINUTES = 0.05
 """Duration of the measurement of the loop in place of ten minutes, min."""
@@ -37,7 +42,9 @@ TAP = 0.25
 WAY = 4e-3
 """Way of the tool at one tap, m."""
 LOOK = 12.0
-"""Time from the start of `cell skin` to Ctrl-C, s."""
+"""Time from the start of `cell skin` or `cell serve` to Ctrl-C, s."""
+CYCLE = 0.02
+"""Time between two cycles of the PLC, s of wall time."""
 OVER = np.array([0.0, 0.0, 0.1])
 """Way from a place to the point above it, m, base frame."""
 
@@ -46,6 +53,25 @@ def commands(step):
     """Return the commands of a step of the page."""
     (section,) = re.findall(rf"^## {step}\. .*?(?=^## )", PAGE, re.MULTILINE | re.DOTALL)
     return re.findall(r"^cell .*$", section, re.MULTILINE)
+
+
+class Plc(threading.Thread):
+    """Does what `cell check --plc` asks of a PLC, and cycles meanwhile."""
+
+    def __init__(self, port):
+        super().__init__(daemon=True)
+        self._cell, self.asked = Peer("127.0.0.1", port), queue.SimpleQueue()
+
+    def run(self):
+        step = self.asked.get()
+        while step != "return":
+            act(self._cell, step)
+            while self.asked.empty() and step != "loss":
+                self._cell.cycle()
+                time.sleep(CYCLE)
+            step = self.asked.get()
+        act(self._cell, step)
+        self._cell.close()
 
 
 class Person:
@@ -61,7 +87,7 @@ class Person:
 
     def do(self, line):
         """Run a command in a terminal of its own, and return its status."""
-        answers = {"--prove": self.prove, "teach": self.show, "skin": self.turn}
+        answers = {"--prove": self.prove, "teach": self.show, "skin": self.turn, "--plc": self.operate}
         answer = next((does for word, does in answers.items() if word in line.split()), None)
         near, far = pty.openpty()
         began, simulated, text, answered = time.monotonic(), self.boards.world.now(), "", 0
@@ -70,7 +96,7 @@ class Person:
             shlex.split(line), stdin=far, stdout=far, stderr=far, cwd=self.boards.folder, env=environment
         ) as run:
             os.close(far)
-            if line.startswith("cell skin"):
+            if line.startswith(("cell skin", "cell serve")):
                 self.wait(LOOK)
                 run.send_signal(signal.SIGINT)
             while printed := _read(near):
@@ -88,6 +114,13 @@ class Person:
         if "\n\n[" in lines:
             self.boards.write(lines.partition(":\n\n")[2])
         return run.returncode
+
+    def operate(self, asked, keys):
+        """Let the PLC do what a step asks."""
+        if "/9 connection" in asked:
+            self.plc = Plc(load(self.boards.folder / "cell_01.toml").cell.plc.modbus.port)
+            self.plc.start()
+        self.plc.asked.put(asked.rpartition("/9 ")[2].removesuffix(": "))
 
     def act(self, name, content=""):
         (self.boards.folder / name).write_text(content, encoding="utf-8")
@@ -176,7 +209,7 @@ def follow(person, steps):
         if "--loop" in line:  # its verdict depends on this computer
             person.do(line.replace("--minutes 10", f"--minutes {MINUTES}"))
         else:
-            assert person.do(line) == 0, line
+            assert person.do(line.replace("192.168.0.10", "127.0.0.1")) == 0, line
     now = person.boards.world.now()
     print(
         f"steps {list(steps)} of the first day: {now:.0f} s of the cell, {time.monotonic() - began:.0f} s of wall time"
@@ -189,9 +222,15 @@ def test_a_new_cell_is_proven_by_the_commands_of_the_first_day(person):
     assert missing(load(person.boards.folder / "cell_01.toml").cell, proven) == ["places"]
 
 
+def test_a_plc_is_put_into_service_by_the_commands_of_the_first_day(person):
+    config = load(person.boards.folder / "cell_01.toml").cell
+    keep(person.boards.folder / "calibration" / FILE, config, dict.fromkeys(FACTS, "measured"), date.today())
+    follow(person, [12])
+
+
 @pytest.mark.by_hand
 def test_a_person_who_follows_the_page_inserts_the_first_peg(person):
-    follow(person, range(1, 12))
+    follow(person, range(1, 13))
     truth = person.boards.world.world.truth()
     assert truth.switch_closed
     assert not truth.is_void

@@ -75,7 +75,6 @@ WRONG = [
     ("study contact --soak 1", "--soak"),
     ("study frontier --quick --method shiped --out .", "shipped"),
     ("study frontier --quick --scene firm --out .", "firm grip"),
-    ("study opinion --model arm.xml --out .", "arm.xml: cannot be read: No such file or directory"),
 ]
 """Command lines that are wrong use, and what the one line about each says."""
 

@@ -5,7 +5,7 @@ import sys
 
 import pytest
 
-from cell.lab.speed.starts import SHOWING, heavy_imports, processor_time
+from tests.bench.speed.starts import SHOWING, heavy_imports, processor_time
 
 GENEROUS = 2.0
 """Twice and more of what is wanted, s: a slow computer is no defect, and the program's own measure prints the figures."""

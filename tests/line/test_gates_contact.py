@@ -6,11 +6,11 @@ import mujoco
 import numpy as np
 import pytest
 
+from cell.lab import contact_rig as rig
+from cell.lab.section import chamfered_depth, section_depth
 from drivers.part.rectangular import Rectangular
 from drivers.part.round import Round
-from sim.contact import rig
 from sim.contact import table as contact
-from sim.contact.section import chamfered_depth, section_depth
 from sim.world.truth import VOID_PENETRATION
 from tests.chamfers import penetration
 from tests.rigs import DT, dragged, driven, left_after_a_drop, over, plate_with, pushed

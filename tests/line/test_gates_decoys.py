@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 
 from cell.config.load import load
+from cell.lab import contact_rig as rig
+from cell.lab.section import section_depth
 from cell.lab.trials import run_trial
 from drivers.errors import ConfigError
 from drivers.part.round import Round
-from sim.contact import rig
 from sim.contact import table as contact
 from sim.contact.decoys import ROOM, cut
 from sim.contact.plate import Plate
-from sim.contact.section import section_depth
 from sim.world.truth import VOID_PENETRATION
 from tests.rigs import over, pushed, world_of
 

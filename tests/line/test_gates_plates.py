@@ -6,8 +6,8 @@ import mujoco
 import numpy as np
 import pytest
 
+from cell.lab import contact_rig as rig
 from drivers.part.round import Round
-from sim.contact import rig
 from sim.contact.plate import outline_of
 from sim.contact.table import ENDLESS, PLATE
 from tests.rigs import world_of

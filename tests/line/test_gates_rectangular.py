@@ -6,10 +6,10 @@ import mujoco
 import numpy as np
 import pytest
 
+from cell.lab.contact_rig import HOLE_DEPTH, attitude
 from drivers.frames import UP, rotation_about
 from drivers.part.rectangular import Rectangular
 from sim.contact import table as contact
-from sim.contact.rig import HOLE_DEPTH, attitude
 from tests.rigs import over, plate_with, pushed
 from tests.sections import below_surface, deepest, penetration
 

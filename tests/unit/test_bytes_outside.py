@@ -1,4 +1,4 @@
-"""Twenty thousand pieces of bytes at each wire: none ends the program, and what is right after them is understood."""
+"""Random bytes at each wire and in each file: none ends the program, and what is right after them is understood."""
 
 import random
 from collections.abc import Callable
@@ -17,6 +17,7 @@ from drivers.arm.calibration import read_arm_calibration
 from drivers.errors import ConfigError
 from drivers.skin.calibration import read_calibration
 from drivers.skin.cyskin_wire import (
+    LONGEST,
     CanAssembler,
     Channels,
     Message,
@@ -36,12 +37,14 @@ from drivers.transport.cobs import Deframer, frame
 from drivers.transport.wires import CanFrame
 from plc_bridge.modbus.pdu import respond
 from plc_bridge.modbus.rtu_frames import Receiver, with_check_sum
+from plc_bridge.protocol.messages import PartPlace
 from tests.hostile import request
+from tests.inputs import inputs
 from tests.pages import ROOT
 from tests.unit.cell.page.test_outside import changed
 from tests.unit.plc_bridge.modbus.test_pdu import FakeStation
 
-INPUTS, FILES = 20_000, 100
+INPUTS, FILES = inputs(20_000), inputs(100)
 READ = bytes.fromhex("01 03 0000 000A")
 WIRE = SkinWireConfig()
 SCAN = Message(0xF1, bytes([0, 0, *range(24)]))
@@ -105,7 +108,9 @@ def cyskin_can() -> Wire:
     scans = ScanAssembler(12, 0.01)
 
     def feed(frames: list[CanFrame]) -> bool:
-        return sum(cyskin_messages(assembler.feed(each), channels, scans) for each in frames) > 0
+        messages = [assembler.feed(each) for each in frames]
+        assert all(data is None or len(data) <= LONGEST for data in messages)
+        return sum(cyskin_messages(data, channels, scans) for data in messages) > 0
 
     def take(rng: random.Random) -> None:
         original = rng.choice(whole)
@@ -193,14 +198,21 @@ def test_a_damaged_file_is_read_or_refused_in_one_line(tmp_path: Path, name, who
     assert all(name in text and len(text.splitlines()) == 1 for text in told)
 
 
-PART = b'{"place":"SEATED","evidence":"switch closed","is_held":false,"basis":"switch","emptied":3}'
+PART = b'{"place":"RACK","evidence":"","is_held":false,"depth":0.0,"tip":[0,0,0],"emptied":0}'
 FACT = b'{"facts":{"load":{"date":"2026-01-01","measured":"0.2 kg","devices":"fr3 1","of":"0a1b"}}}'
+
+
+def peg_kept_in(path):
+    """Read a file of the peg: its place is unknown, or every number is plausible."""
+    kept = Custody(path.parent, "sim")._kept
+    assert kept is not None
+    assert kept.place is PartPlace.UNKNOWN or all(abs(value) <= 2.0 for value in (kept.depth, *kept.tip))
 
 
 @pytest.mark.parametrize(
     ("name", "whole", "read"),
     [
-        ("part-sim.json", PART, lambda path: Custody(path.parent, "sim")),
+        ("part-sim.json", PART, peg_kept_in),
         ("proven.json", FACT, proven.read),
         ("page-token", b"0123456789abcdefghijklmn", lambda path: page_token(path.parent)),
     ],

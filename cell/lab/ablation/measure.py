@@ -2,7 +2,7 @@
 
 import json
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import asdict, dataclass, field, replace
 from functools import partial
@@ -165,43 +165,43 @@ def _missing(
 def effects(rows: Iterable[Trial]) -> list[Effect]:
     """Return the effect of each rule in each scene of the trials."""
     table = {(row.scene, row.off, row.seed): row for row in rows}
-    scenes, found = dict.fromkeys(row.scene for row in table.values()), []
-    for scene in scenes:
-        whole = {seed: row for (place, off, seed), row in table.items() if place == scene and not off}
-        for rule in rules_of(scene):
-            off = {seed: table.get((scene, rule.name, seed)) for seed in whole}
-            # A seed on which the rule did not act is a pair without difference.
-            pairs = [
-                (row, off[seed] or row)
-                for seed, row in whole.items()
-                if off[seed] is not None or rule.name not in row.acted
-            ]
-            if pairs:
-                found.append(_effect(rule.name, scene, pairs))
-    return found
+    tried = [
+        (scene, rule.name) for scene in dict.fromkeys(row.scene for row in table.values()) for rule in rules_of(scene)
+    ]
+    found = [(rule, scene, list(_pairs(table, scene, rule))) for scene, rule in tried]
+    return [_effect(rule, scene, pairs) for rule, scene, pairs in found if pairs]
+
+
+def _pairs(table: Mapping[tuple[str, str, int], Trial], scene: str, rule: str) -> Iterator[tuple[Trial, Trial]]:
+    """Yield the trials of a scene with all rules and without one; a seed on which it did not act is a pair without difference."""
+    for (place, off, seed), row in table.items():
+        if place == scene and not off:
+            other = table.get((scene, rule, seed))
+            if other is not None or rule not in row.acted:
+                yield row, other or row
 
 
 def _effect(rule: str, scene: str, pairs: Sequence[tuple[Trial, Trial]]) -> Effect:
     count = len(pairs)
-    lost = sum(a.is_success and not b.is_success for a, b in pairs)
-    both = [(a, b) for a, b in pairs if a.is_success and b.is_success]
-    times = np.array([(a.time, b.time) for a, b in both])
-    if not len(times):
+    lost = sum(a.is_success > b.is_success for a, b in pairs)
+    both = np.array([(a.time, b.time, b.force - a.force) for a, b in pairs if a.is_success and b.is_success])
+    if not len(both):
         raise ConfigError(f"ablation: {rule}: no pair of trials of scene {scene} succeeds; one needed")
-    change, usual = times[:, 1] - times[:, 0], times[:, 0].mean()
-    within = student(len(times) - 1) * change.std(ddof=1) / math.sqrt(len(times)) if len(times) > 2 else math.inf
-    old, new = np.quantile(times, 0.95, axis=0)
+    before, after, harder = both.T
+    change, usual = after - before, before.mean()
+    within = student(len(both) - 1) * change.std(ddof=1) / math.sqrt(len(both)) if len(both) > 2 else math.inf
+    old, new = np.quantile(before, 0.95), np.quantile(after, 0.95)
     return Effect(
         rule=rule,
         scene=scene,
         trials=count,
         acted=sum(rule in a.acted for a, _ in pairs),
         lost=lost,
-        gained=sum(b.is_success and not a.is_success for a, b in pairs),
+        gained=sum(a.is_success < b.is_success for a, b in pairs),
         most_lost=wilson(lost, count)[1],
         time=float(change.mean() / usual),
         time_within=float(within / usual),
         p95=float(new / old - 1.0),
-        force=float(np.mean([b.force - a.force for a, b in both])),
+        force=float(harder.mean()),
         spent=float(np.mean([a.spent.get(rule, 0.0) for a, _ in pairs])),
     )

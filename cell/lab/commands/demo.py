@@ -30,6 +30,7 @@ def run(args: argparse.Namespace) -> int:
     from cell.commands import words
     from cell.lab.demo import draw_demo, run_demo
     from cell.lab.published import stage_table
+    from cell.lab.rows import known, successes
     from cell.lab.tables import stages
     from skills.contract import Outcome
 
@@ -46,10 +47,9 @@ def run(args: argparse.Namespace) -> int:
         is_whole = len(result.reports) == args.trials
         pictures = draw_demo(result, journal, folder) if is_whole else []
     lines = stage_table(result.tried())
-    results = [words.report(report) for report in result.reports]
-    data = {"results": results, "stages": [asdict(line) for line in lines], "pictures": [str(p) for p in pictures]}
-    cycles = [row.cycle_time for row in result.rows if row.outcome == "success" and row.cycle_time is not None]
-    show(args, stages(lines, cycles), data)
+    results = list(map(words.report, result.reports))
+    data = {"results": results, "stages": list(map(asdict, lines)), "pictures": list(map(str, pictures))}
+    show(args, stages(lines, known(row.cycle_time for row in successes(result.rows))), data)
     if not args.json:
         for row in result.rows:
             say(f"run {row.run}: {row.outcome} {row.stage} {row.reason}".rstrip())

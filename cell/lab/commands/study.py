@@ -3,7 +3,6 @@
 import argparse
 from importlib import import_module
 from importlib.util import find_spec
-from pathlib import Path
 from typing import TYPE_CHECKING, Protocol, cast
 
 from cell.commands.arguments import Parser, add_shared, positive
@@ -55,23 +54,6 @@ PLANS = {
             "--error": {"action": "append", "default": [], "metavar": "NAME", "help": "an error; all if not given"},
         },
     ),
-    "opinion": Plan(
-        "cell.lab.opinion",
-        "a second opinion: whole trials on an arm that other people described, beside the cell's own, and what differs",
-        "trials on each arm; default 20, with --quick 1 on the described arm alone",
-        options={
-            "--model": {
-                "type": Path,
-                "metavar": "FILE",
-                "help": "URDF or MJCF file of an arm of seven hinges; the cell believes arm.model. Without it: the FR3 of the package franka-sim",
-            },
-            "--flange": {
-                "default": "",
-                "metavar": "NAME",
-                "help": "body or site that is the flange, what lies behind it being left out; the usual names if not given",
-            },
-        },
-    ),
     "stability": Plan(
         "cell.lab.stability",
         "where the loop through the skin goes unstable, beside theory, and the margins of the gains in use",
@@ -111,7 +93,6 @@ PLANS = {
 }
 """Studies that are one module."""
 PACKAGES = (
-    "speed",
     "frontier",
     "faults",
     "ablation",

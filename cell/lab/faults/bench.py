@@ -199,15 +199,22 @@ class FaultBench:
 
     def look(self, now: float) -> None:
         """Inject due faults and observe the arm; once per scan."""
-        report, seen = self.supervisor.report, self.seen
-        is_new = report.run not in (0, self._before)
-        if self.stage and is_new and report.stage == self.stage and self._entered is None:
+        if self.stage:
+            self._inject_if_due(now)
+        if self.seen.injected is not None:
+            self._observe(now)
+
+    def _inject_if_due(self, now: float) -> None:
+        report = self.supervisor.report
+        if self._entered is None and report.stage == self.stage and report.run not in (0, self._before):
             self._entered = now
-        if self.stage and self._entered is not None and now >= self._entered + self.delay:
-            self.stage, seen.injected = 0, now
+        if self._entered is not None and now >= self._entered + self.delay:
+            self.stage, self.seen.injected = 0, now
             self.inject()
-        if seen.injected is None:
-            return
+
+    def _observe(self, now: float) -> None:
+        """Observe an arm after the fault: its detection, its motion and its forces."""
+        report, seen = self.supervisor.report, self.seen
         is_over = report.stage == RECOVER.stage or self.supervisor.state not in GOING_ON
         if seen.detected is None and (report.fault or is_over):
             seen.detected = now

@@ -199,7 +199,7 @@ def tried(kind: FaultKind, stage: str, moment: float, arguments: Sequence[str], 
             peer.connect()
             peer.take()
             back = brought_back(peer)
-    is_kept = all(after.get(run) == row for run, row in before.items()) and seen.run not in before
+    is_kept = before.items() <= after.items() and seen.run not in before
     is_closed = all(row.outcome != RUNNING for row in after.values())
     case = _on_record(case, after.get(seen.run), folder, kept, seen)
     return replace(
@@ -334,11 +334,7 @@ def _on_record(case: FaultCase, row: RunRow | None, folder: Path, kept: tuple[in
         fault=row.fault,
         rest_after=max(float(moving[-1] - since), 0.0) if is_ended and moving.size else math.nan,
         peak_force=float(np.max(forces[told:], initial=0.0)),
-        record=case.record
-        and bool(row.ended)
-        and is_honest
-        and is_whole
-        and (is_warned or not case.kind.startswith("disk")),
+        record=all((case.record, row.ended, is_honest, is_whole, is_warned or not case.kind.startswith("disk"))),
     )
 
 

@@ -1,9 +1,9 @@
 """Faults during an insertion, one after the other, and the result of each."""
 
-import math
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, suppress
 from pathlib import Path
+from typing import Any
 
 from cell.config.load import LoadedConfig
 from cell.lab.faults import ends
@@ -90,14 +90,11 @@ def _case(tested: FaultBench, kind: FaultKind, stage: str, moment: float) -> Fau
     tested.arm_fault(stage, moment, lambda: undo.append(kind.begin(tested)))
     try:
         report = tested.run(INSERT)
-        if kind.ends_program and undo:
+        has_ended = kind.ends_program and bool(undo)
+        if has_ended:
             tested.thread.join()
         outcome = _outcome(tested, report)
-        # A fallen peg and a switch that has just moved are reported a moment later. The reported position is therefore
-        # compared with the truth at rest. A success is compared at once, before the line removes the workpiece.
-        if outcome != "success":
-            tested.let_pass(SEEN_ON)
-        part = PartPlace(report.part if outcome == "success" else tested.supervisor.report.part)
+        part = _reported_part(tested, report, outcome)
         truth, is_gripping = _truth(tested), tested.gripper.device.read().is_gripping
         record = kind.is_record_apart and _is_on_record(tested, report, outcome, kind)
     finally:
@@ -105,10 +102,8 @@ def _case(tested: FaultBench, kind: FaultKind, stage: str, moment: float) -> Fau
         for mend in undo:
             mend()
     state = State(report.state).name
-    if kind.ends_program and undo:
+    if has_ended:
         tested.restart()
-    went_on = seen.injected is None or outcome == "success" or seen.detected is None
-    moved_on = went_on or outcome == "failure"  # and the arm freed itself by its own motions
     record = record or _is_on_record(tested, report, outcome, kind)
     reset, actions, following = bring_back(tested)
     return FaultCase(
@@ -120,10 +115,7 @@ def _case(tested: FaultBench, kind: FaultKind, stage: str, moment: float) -> Fau
         fault=report.fault,
         state=state,
         part=part.name.lower(),
-        detection=math.nan if went_on else (seen.detected or 0.0) - (seen.injected or 0.0),
-        rest=math.nan if moved_on else max(seen.moved - (seen.detected or 0.0), 0.0),
-        rest_after=math.nan if moved_on else max(seen.moved - (seen.injected or 0.0), 0.0),
-        creep=math.nan if moved_on else seen.creep,
+        **_times(seen, outcome),
         peak_force=seen.peak_force,
         contact_force=seen.contact_force,
         wrong_success=outcome == "success" and not truth.switch_closed,
@@ -133,6 +125,28 @@ def _case(tested: FaultBench, kind: FaultKind, stage: str, moment: float) -> Fau
         actions=actions,
         following=following,
     )
+
+
+def _reported_part(tested: FaultBench, report: Report, outcome: str) -> PartPlace:
+    """Return the reported place of the peg: of a success at once, before the line removes the workpiece; else at rest.
+
+    A fallen peg and a switch that has just moved are reported a moment later.
+    """
+    if outcome == "success":
+        return PartPlace(report.part)
+    tested.let_pass(SEEN_ON)
+    return PartPlace(tested.supervisor.report.part)
+
+
+def _times(seen: Sighting, outcome: str) -> dict[str, Any]:
+    """Return the times and the creep of a detected fault; those without meaning are left out."""
+    if seen.injected is None or seen.detected is None or outcome == "success":
+        return {}
+    found = {"detection": seen.detected - seen.injected}
+    if outcome == "failure":  # the arm freed itself by its own motions
+        return found
+    rest, rest_after = max(seen.moved - seen.detected, 0.0), max(seen.moved - seen.injected, 0.0)
+    return {**found, "rest": rest, "rest_after": rest_after, "creep": seen.creep}
 
 
 def _outcome(tested: FaultBench, report: Report) -> str:
@@ -160,8 +174,6 @@ def _is_true(place: PartPlace, truth: Truth, is_gripping: bool) -> bool:
             return truth.is_in_hole
         case PartPlace.IN_HAND:
             return is_held and not (truth.is_in_hole and truth.depth >= 2.0 * IN_HOLE_DEPTH)
-        case PartPlace.ON_PLATE:
-            return not is_held and not truth.is_in_hole
     return not is_held and not truth.is_in_hole
 
 

@@ -10,7 +10,10 @@ from cell.lab.arguments import add_seed, add_study, load_simulated
 from cell.lab.report import StudyReport, finite
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from cell.config.load import LoadedConfig
+    from cell.lab.faults.contract import FaultKind
 
 SUMMARY = "faults of every kind at every stage: time to rest, force, state, record, and whether production goes on"
 QUICK = 150
@@ -38,9 +41,7 @@ def run(args: argparse.Namespace) -> StudyReport:
     """Run every case, write the table and draw the chart; with --soak run that instead."""
     from cell.lab.faults import cases, charts, measure, tables
     from cell.lab.faults.bench import KEYS
-    from cell.lab.faults.kinds import KINDS
     from cell.lab.rows import write_rows
-    from drivers.errors import ConfigError
 
     if args.soak > 0.0:
         return _soak(args)
@@ -52,14 +53,10 @@ def run(args: argparse.Namespace) -> StudyReport:
 
     def arguments(number: int) -> list[str]:
         config = [] if args.config is None else ["--config", str(args.config)]
-        return config + [word for key in (*asked, f"sim.seed={args.seed + number}") for word in ("--set", key)]
+        return config + [f"--set={key}" for key in (*asked, f"sim.seed={args.seed + number}")]
 
     limit = make(0).cell.limits.force
-    kinds = [kind for kind in KINDS if not args.kind or any(text in kind.name for text in args.kind)]
-    if not kinds:
-        raise ConfigError(
-            f"--kind {' '.join(args.kind)}: no such kind; {', '.join(kind.name for kind in KINDS)} allowed"
-        )
+    kinds = _kinds(args.kind)
     number = args.cases or (QUICK if args.quick else cases.TURNS * len(cases.STAGES) * len(kinds))
     tried = cases.planned(kinds, number, args.seed)
     rows, table = cases.begun(tried, folder), folder / cases.TABLE
@@ -77,6 +74,21 @@ def run(args: argparse.Namespace) -> StudyReport:
     result = {"kinds": lines, "cases": [asdict(row) for row in rows]}
     is_good = not any(lines[-1][name] for name in tables.NEVER)
     return StudyReport([tables.table(rows, limit)], finite(result), [table, folder / charts.CHART], is_good)
+
+
+def _kinds(texts: "Sequence[str]") -> "list[FaultKind]":
+    """Return the kinds whose name contains one of the texts; all of them without a text.
+
+    Raises:
+        ConfigError: There is no such kind.
+    """
+    from cell.lab.faults.kinds import KINDS
+    from drivers.errors import ConfigError
+
+    kinds = [kind for kind in KINDS if not texts or any(text in kind.name for text in texts)]
+    if not kinds:
+        raise ConfigError(f"--kind {' '.join(texts)}: no such kind; {', '.join(kind.name for kind in KINDS)} allowed")
+    return kinds
 
 
 def _soak(args: argparse.Namespace) -> StudyReport:

@@ -2,7 +2,7 @@
 
 import math
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from rich.table import Table
@@ -28,6 +28,30 @@ def lines(rows: Sequence[FaultCase], force_limit: float) -> list[dict[str, Any]]
     ]
 
 
+LARGEST: Mapping[str, Callable[[FaultCase], float]] = {
+    "detection": lambda row: row.detection,
+    "rest": lambda row: row.rest,
+    "rest_after": lambda row: row.rest_after,
+    "creep": lambda row: 1e3 * row.creep,
+    "force": lambda row: row.peak_force,
+    "contact": lambda row: row.contact_force,
+    "cycle": lambda row: 1e3 * row.cycle,
+}
+"""Columns with the largest value of a kind's cases."""
+COUNTED: Mapping[str, Callable[[FaultCase, float], bool]] = {
+    "wrong successes": lambda row, force_limit: row.wrong_success,
+    "late rest": lambda row, force_limit: row.rest > REST_LIMIT,
+    "late after": lambda row, force_limit: row.rest_after > REST_AFTER_LIMIT and row.kind not in SLOW,
+    "over force": lambda row, force_limit: max(row.peak_force, row.contact_force) > FORCE_SHARE * force_limit,
+    "disturbed": lambda row, force_limit: row.outcome in ("fault", "aborted") and row.kind in HARMLESS,
+    "part untrue": lambda row, force_limit: row.part_untrue,
+    "part unknown": lambda row, force_limit: row.part == "unknown",
+    "no record": lambda row, force_limit: not row.record,
+    "not back": lambda row, force_limit: not row.is_back,
+}
+"""Columns with the number of cases that should not be; the second argument is the force limit, N."""
+
+
 def _line(kind: str, rows: Sequence[FaultCase], force_limit: float) -> dict[str, Any]:
     rows = [row for row in rows if row.outcome != "not reached"]
     faults = Counter(row.fault for row in rows if row.fault)
@@ -36,22 +60,8 @@ def _line(kind: str, rows: Sequence[FaultCase], force_limit: float) -> dict[str,
         "n": len(rows),
         "success": sum(row.outcome == "success" for row in rows),
         "codes": " ".join(str(code) for code, _ in faults.most_common(3)),
-        "detection": _largest([row.detection for row in rows]),
-        "rest": _largest([row.rest for row in rows]),
-        "rest_after": _largest([row.rest_after for row in rows]),
-        "creep": 1e3 * _largest([row.creep for row in rows]),
-        "force": _largest([row.peak_force for row in rows]),
-        "contact": _largest([row.contact_force for row in rows]),
-        "cycle": 1e3 * _largest([row.cycle for row in rows]),
-        "wrong successes": sum(row.wrong_success for row in rows),
-        "late rest": sum(row.rest > REST_LIMIT for row in rows),
-        "late after": sum(row.rest_after > REST_AFTER_LIMIT for row in rows if row.kind not in SLOW),
-        "over force": sum(max(row.peak_force, row.contact_force) > FORCE_SHARE * force_limit for row in rows),
-        "disturbed": sum(row.outcome in ("fault", "aborted") for row in rows if row.kind in HARMLESS),
-        "part untrue": sum(row.part_untrue for row in rows),
-        "part unknown": sum(row.part == "unknown" for row in rows),
-        "no record": sum(not row.record for row in rows),
-        "not back": sum(not row.is_back for row in rows),
+        **{name: max(filter(math.isfinite, map(of, rows)), default=math.nan) for name, of in LARGEST.items()},
+        **{name: sum(is_counted(row, force_limit) for row in rows) for name, is_counted in COUNTED.items()},
     }
 
 
@@ -67,10 +77,6 @@ def table(rows: Sequence[FaultCase], force_limit: float) -> Table:
     for line in found:
         shown.add_row(*(_text(value) for value in line.values()))
     return shown
-
-
-def _largest(values: Sequence[float]) -> float:
-    return max((value for value in values if math.isfinite(value)), default=math.nan)
 
 
 def _text(value: object) -> str:

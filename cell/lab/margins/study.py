@@ -11,6 +11,7 @@ import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from functools import partial
+from itertools import product
 from pathlib import Path
 from pkgutil import resolve_name
 from typing import Any
@@ -227,12 +228,10 @@ def run(args: argparse.Namespace) -> StudyReport:
     names, folder = args.error or [*SWEPT][: 1 if args.quick else None], out_folder(args.out)
     found: list[ErrorMargin] = []
     with advancing("margins", len(methods) * len(names)) as done:
-        for method in methods:
-            for name in names:
-                tested = Levels(args, method, SWEPT[name], seeds)
-                found += [tested.margin(share) for share in TESTS]
-                write_rows(found, folder / "margins.csv")
-                done(1)
+        for method, name in product(methods, names):
+            found += map(Levels(args, method, SWEPT[name], seeds).margin, TESTS)
+            write_rows(found, folder / "margins.csv")
+            done(1)
     title = (
         f"Margins of each error, at most {len(seeds)} trials a level, seeds from {seeds[0]}; all other errors honest"
     )

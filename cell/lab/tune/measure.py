@@ -84,8 +84,8 @@ class Space:
             ConfigError: The cell or one of the presets is invalid.
         """
         self._path, self._own, self._preset, self.ranges, self.program = path, tuple(sets), preset, ranges, make
-        cells = [load(path, style, [*sets, "sim.pace=max"]).cell for style in STYLES]
-        leaves = [dict(_numbers(cell.model_dump(mode="json"))) for cell in cells]
+        sets_at_pace = [*sets, "sim.pace=max"]
+        leaves = [dict(_numbers(load(path, style, sets_at_pace).cell.model_dump(mode="json"))) for style in STYLES]
         self._base = dict(_numbers(load(path, preset, sets).cell.model_dump(mode="json")))
         self._figures = {
             key: tuple(each[key] for each in leaves)

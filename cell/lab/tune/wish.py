@@ -5,9 +5,7 @@ import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
-from cell.lab.rows import quantile
+from cell.lab.rows import average, known, quantile, successes
 from cell.lab.trials import TrialRow
 from cell.records.statistics import wilson
 from drivers.errors import ConfigError
@@ -30,17 +28,15 @@ class Kind:
 
 
 def _times(rows: Sequence[TrialRow]) -> list[float]:
-    return [row.total_time for row in rows if row.outcome == Outcome.SUCCESS and row.total_time is not None]
+    return known(row.total_time for row in successes(rows))
 
 
 def _share(rows: Sequence[TrialRow]) -> float:
-    return 100.0 * sum(row.outcome == Outcome.SUCCESS for row in rows) / len(rows) if rows else math.nan
+    return 100.0 * len(successes(rows)) / len(rows) if rows else math.nan
 
 
 KINDS: dict[str, Kind] = {
-    "mean": Kind(
-        "<=", "s", lambda rows: float(np.mean(_times(rows) or [math.nan])), "mean of search + insertion + adjustment"
-    ),
+    "mean": Kind("<=", "s", lambda rows: average(_times(rows)), "mean of search + insertion + adjustment"),
     "p95": Kind("<=", "s", lambda rows: quantile(_times(rows), 0.95), "95th percentile of the same"),
     "force": Kind(
         "<=",
@@ -80,7 +76,7 @@ class Wish:
         value = f"{self.kind.value(rows):.3g} {self.kind.unit}"
         if self.name != "success":
             return value
-        low, high = wilson(sum(row.outcome == Outcome.SUCCESS for row in rows), len(rows))
+        low, high = wilson(len(successes(rows)), len(rows))
         return f"{value} of {len(rows)}, 95 % interval {100 * low:.1f} to {100 * high:.1f} %"
 
 
@@ -90,25 +86,30 @@ def wishes_of(text: str) -> tuple[Wish, ...]:
     Raises:
         ConfigError: The text has another form, or contains a quantity twice.
     """
-    known = ", ".join(f"{name}{kind.sign}{kind.unit}" for name, kind in KINDS.items())
     found: dict[str, Wish] = {}
     for term in text.split(","):
-        match = _TERM.fullmatch(term)
-        kind = KINDS.get(match[1]) if match else None
-        if match is None or kind is None or match[2] != kind.sign or match[4] not in (None, kind.unit):
-            raise ConfigError(f"--want {text}: {term.strip()!r}: {known} allowed, as in p95<=8 s, force<=20 N")
-        if match[1] in found:
-            raise ConfigError(f"--want {text}: {match[1]} twice; each once allowed")
-        try:
-            limit = float(match[3])
-        except ValueError:
-            raise ConfigError(f"--want {text}: {match[3]} is no number; 8 or 8.5 allowed") from None
-        if not 0.0 < limit <= (100.0 if match[4] == "%" or kind.unit == "%" else math.inf):
-            raise ConfigError(
-                f"--want {text}: {limit:g}: more than 0{', at most 100 %' if kind.unit == '%' else ''} allowed"
-            )
-        found[match[1]] = Wish(match[1], limit)
+        wish = _wish(term, text)
+        if wish.name in found:
+            raise ConfigError(f"--want {text}: {wish.name} twice; each once allowed")
+        found[wish.name] = wish
     return tuple(found.values())
+
+
+def _wish(term: str, text: str) -> Wish:
+    """Return the condition of one term of a text; see `wishes_of`."""
+    match = _TERM.fullmatch(term)
+    kind = KINDS.get(match[1]) if match else None
+    if match is None or kind is None or match[2] != kind.sign or match[4] not in (None, kind.unit):
+        allowed = ", ".join(f"{name}{kind.sign}{kind.unit}" for name, kind in KINDS.items())
+        raise ConfigError(f"--want {text}: {term.strip()!r}: {allowed} allowed, as in p95<=8 s, force<=20 N")
+    try:
+        limit = float(match[3])
+    except ValueError:
+        raise ConfigError(f"--want {text}: {match[3]} is no number; 8 or 8.5 allowed") from None
+    most, ceiling = (100.0, ", at most 100 %") if kind.unit == "%" else (math.inf, "")
+    if not 0.0 < limit <= most:
+        raise ConfigError(f"--want {text}: {limit:g}: more than 0{ceiling} allowed")
+    return Wish(match[1], limit)
 
 
 def cost(row: TrialRow, wishes: Sequence[Wish]) -> float:

@@ -12,6 +12,7 @@ from drivers.arm.inertia import joint_inertia
 from drivers.arm.link import holding_words
 from drivers.arm.model import read_arm
 from drivers.quantities import ImpedanceSetpoint, InHandTip, Twist, Vector
+from skills.motion import Transfer
 
 Q: Vector = np.array([0.1, -0.5, 0.2, -2.2, 0.1, 1.8, 0.9])
 PANDA = read_arm(arm_file("panda"))
@@ -118,6 +119,28 @@ def test_an_arm_that_holds_still_counts_on_the_rotors_that_it_has_shown_for_sure
     dq = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.1])
     more = held_torque(Q, dq, impedance.new_state(PANDA, (figures, deviations))) - held_torque(Q, dq)
     np.testing.assert_allclose(more, -2.0 * impedance.HOLD_RATE * rotor * dq, atol=1e-9)
+
+
+def coriolis(q: Vector, dq: Vector) -> Vector:
+    """Return the Coriolis torques by differences of the mass matrix, shape (7,), N·m."""
+    # c = dM/dt dq - ½ ∂(dqᵀ M dq)/∂q.
+    h = 1e-5
+    change = [joint_inertia(PANDA, q + h * way) - joint_inertia(PANDA, q - h * way) for way in (dq, *np.eye(7))]
+    torques: Vector = (change[0] @ dq - [0.5 * dq @ each @ dq for each in change[1:]]) / (2.0 * h)
+    return torques
+
+
+def test_the_omitted_coriolis_torques_are_small_at_the_largest_speed_of_a_transfer() -> None:
+    rng, torque, force = np.random.default_rng(1), 0.0, 0.0
+    for _ in range(20):
+        q, way = Q + rng.uniform(-0.5, 0.5, 7), rng.normal(size=3)
+        J = jacobian(q, 0.0, 0.05)
+        twist = np.append(Transfer().speed * way / np.linalg.norm(way), np.zeros(3))
+        omitted = coriolis(q, np.linalg.pinv(J) @ twist)
+        torque = max(torque, float(np.abs(omitted).max()))
+        force = max(force, float(np.linalg.norm((np.linalg.pinv(J.T) @ omitted)[:3])))
+    assert 0.3 < torque < 0.6
+    assert 1.0 < force < 2.0
 
 
 def test_a_halt_anew_holds_where_the_arm_is_then() -> None:

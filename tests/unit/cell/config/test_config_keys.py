@@ -231,9 +231,7 @@ def test_of_two_keys_that_do_not_go_together_the_one_laid_over_the_other_is_blam
     assert str(caught.value).startswith(blamed.format(preset=preset))
 
 
-@pytest.mark.parametrize(
-    ("section", "key"), [("hole.latch", "hole.latch.force"), ("sim.described", "sim.described.file")]
-)
+@pytest.mark.parametrize(("section", "key"), [("hole.latch", "hole.latch.force"), ("sim.fixture", "sim.fixture.mean")])
 def test_a_section_that_this_cell_does_not_have_is_explained_whole(section, key, capsys):
     assert main(["config", "explain", section]) == 0
     told = capsys.readouterr().out

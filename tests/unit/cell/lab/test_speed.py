@@ -3,9 +3,8 @@
 import mujoco
 import pytest
 
-from cell.lab.speed import measure
-from cell.lab.speed.starts import start_of
-from sim.world import reference
+from tests.bench.speed import measure, reference
+from tests.bench.speed.starts import start_of
 
 
 def test_every_stored_ratio_has_its_measure(loaded):

@@ -161,6 +161,9 @@ def test_a_held_peg_is_seated_exactly_as_far_off_as_the_switch_may_err(at_origin
         (0.02, CLOSED, CLOSED, SEATED, Bit.SWITCH_CLOSED | Bit.TIP_IN_HOLE),
         (0.02, OPEN, CLOSED, SEATED, Bit.SWITCH_CLOSED | Bit.TIP_IN_HOLE),
         (0.02, CLOSED, OPEN, IN_HOLE, Bit.SWITCH_OPEN | Bit.TIP_IN_HOLE),
+        (0.012, OPEN, CLOSED, SEATED, Bit.SWITCH_CLOSED | Bit.TIP_IN_HOLE),  # it dropped to the bottom
+        (0.012, CLOSED, CLOSED, IN_HOLE, Bit.SWITCH_CLOSED | Bit.TIP_IN_HOLE),  # the switch is inverted
+        (0.025, CLOSED, CLOSED, SEATED, Bit.SWITCH_CLOSED | Bit.TIP_IN_HOLE),  # the hand slid down the peg
     ],
 )
 def test_a_peg_that_is_let_go_is_where_it_was_held_or_fell(peg, depth, before, switch, place, bits):
@@ -265,15 +268,25 @@ def test_a_seated_peg_under_a_silent_switch_is_where_it_says_once_it_answers(peg
 def test_a_peg_that_force_has_proven_stays_seated_while_the_switch_is_open(peg):
     latch = Latch(kind="detent", force=5.0, height=0.003)
     peg.places = replace(peg.places, hole=peg.places.hole.model_copy(update={"evidence": "force", "latch": latch}))
-    assert proven(peg.held(0.02), "force").is_held is False
-    assert proven(peg.state, "force").basis == Bit.HAND_HOLDS | Bit.TIP_IN_HOLE | Bit.SWITCH_OPEN | Bit.FORCE
+    assert proven(peg.held(0.02), "force", Bit.FORCE).is_held is False
+    assert proven(peg.state, "", Bit.FORCE).basis == Bit.HAND_HOLDS | Bit.TIP_IN_HOLE | Bit.SWITCH_OPEN | Bit.FORCE
     assert peg.gone().place is IN_HOLE
-    peg.state = seated = proven(peg.state, "force: a detent of 5.0 N")
+    peg.state = seated = proven(peg.state, "force: a detent of 5.0 N", Bit.FORCE)
     assert (seated.place, "a detent of 5.0 N" in seated.evidence) == (SEATED, True)
     look = peg.evidence(gripping=False)
     assert after_run(seated, look, peg.places) == peg.gone(is_running=False) == seated
     assert at_start(seated, look, peg.places) == replace(seated, basis=seated.basis | Bit.RECORD)
     assert refusal_of(seated, OPEN, False, False) is Refusal.NONE
+
+
+@pytest.mark.parametrize("depth", [0.0145, 0.02])
+def test_a_success_by_the_switch_is_a_seated_peg_however_far_the_plate_is_from_its_place(peg, depth):
+    peg.held(depth, switch=CLOSED)
+    let_go = peg.gone(switch=CLOSED)
+    assert let_go.place is (SEATED if depth == 0.02 else IN_HOLE)
+    seated = proven(let_go, "switch", Bit.SWITCH_CLOSED)
+    assert seated.place is SEATED
+    assert (seated is let_go) is (depth == 0.02)
 
 
 # When a program begins.

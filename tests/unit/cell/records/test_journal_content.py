@@ -19,6 +19,7 @@ from cell.records.journal import INDEX, Journal
 from cell.records.schema import LOST, EventKind, EventRow, StageRow
 from drivers.errors import JournalError
 from tests.fakes import Rig
+from tests.inputs import inputs
 from tests.unit.cell.records.test_journal_writer import ROW, recorded
 
 EVENT = EventRow(0, "2025", 0.0, EventKind.FAULT, "SKIN_SILENT")
@@ -139,7 +140,7 @@ for folder in Path(sys.argv[1]).iterdir():
         print(folder.name, "refused", flush=True)
 """
 MOST_TIME = 30.0  # s
-FOLDERS = 50
+FOLDERS = inputs(200) // 4
 
 
 def bad(data: bytes, rng: random.Random) -> bytes:

@@ -9,7 +9,6 @@ from drivers.skin.cyskin_wire import (
     LONGEST,
     CanAssembler,
     Channels,
-    HubCommand,
     Message,
     Module,
     ScanAssembler,
@@ -141,16 +140,6 @@ def test_flipped_bit_in_a_can_frame_is_never_another_message(message, following)
             taken, assembler = heard([*frames[:number], wrong, *frames[number + 1 :], *more])
             assert taken == [following]
             assert assembler.broken or wrong.id & 0xFF != HUB
-
-
-@given(st.lists(st.builds(CanFrame, st.integers(0, 0x7FF), st.binary(max_size=8)), max_size=60))
-def test_noise_on_the_bus_never_grows_nor_stops_the_listener(frames):
-    assembler = CanAssembler()
-    for frame in frames:
-        data = assembler.feed(frame)
-        assert data is None or len(data) <= LONGEST
-    after = Message(HubCommand.DECLARE)
-    assert [assembler.feed(frame) for frame in to_can(encode(after, WIRE), HUB)][-1] == encode(after, WIRE)
 
 
 def test_record_of_a_module_is_read_as_the_makers_library_reads_it():

@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from plc_bridge.canopen.objects import dictionary
 from plc_bridge.canopen.sdo import SEGMENT_TIMEOUT, SdoServer
 from tests.canopen_rig import NODE, PLACES, REGISTERS, Rig
+from tests.inputs import inputs
 
 SERIAL = PLACES["command_serial"].subindex
 TOGGLE, COMMAND, LENGTH, TOO_LONG, TOO_SHORT = 0x05030000, 0x05040001, 0x06070010, 0x06070012, 0x06070013
@@ -159,7 +160,7 @@ class Memory:
 
 
 @given(st.lists(st.binary(min_size=8, max_size=8), max_size=30))
-@settings(max_examples=300)
+@settings(max_examples=inputs(300))
 def test_any_requests_get_answers_of_8_bytes_and_never_overrun_an_object(requests):
     objects = Memory()
     server = SdoServer(objects)

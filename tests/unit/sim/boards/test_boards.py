@@ -5,12 +5,12 @@ import pytest
 
 from drivers.errors import DeviceNotOpenedError
 from drivers.transport.wires import CanFrame, LineLostError
-from sim.boards.board_links import CanCable, frame_bits
+from sim.boards.board_links import frame_bits
 from sim.boards.busy_clock import BusyClock
 from sim.config import WireFaults
 from sim.world.reality import AS_BELIEVED
 from tests.cyskin_makers import SENT
-from tests.skins import WIRED, BoardRig, ScriptedWorld
+from tests.skins import WIRED, BoardRig, Cable, ScriptedWorld
 
 DISCOVER, STOP = SENT[1], CanFrame(0x5FF, bytes.fromhex("370100C9"))
 PERIOD_73 = CanFrame(0x5FF, bytes.fromhex("38020049E6"))
@@ -130,7 +130,7 @@ def test_cable_passes_frames_between_a_board_and_another_bus(rig):
         def write(self, frame: CanFrame) -> None:
             taken.append(frame)
 
-    cable = CanCable(rig.link, Bus())
+    cable = Cable(rig.link, Bus())
     for _ in range(2):
         cable.advance()
         rig.clock.wait_until(rig.world.time + 0.01)

@@ -5,13 +5,13 @@ import math
 import numpy as np
 import pytest
 
+from cell.lab.contact_rig import attitude, lowest
+from cell.lab.section import exact_depth
 from drivers.frames import rotation_about
 from drivers.part.rectangular import Rectangular
 from drivers.part.round import Round
 from drivers.quantities import Vector
 from sim.contact import peg_distances
-from sim.contact.rig import attitude, lowest
-from sim.contact.shapes import exact_depth
 from tests.sections import deepest
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cell.config.load import load
-from sim.contact.section import section_depth
+from cell.lab.section import section_depth
 from skills.catalogue import ADJUST, GRASP, INSERT, SEARCH
 from skills.insert.grip import CONTACT, Grip, grip_of
 from skills.insert.play import STEEPEST, allowed_depth, allowed_tilt

@@ -1,7 +1,7 @@
 """Physics of version 0.2.0 as a speed reference: its models, and the number of steps in a simulated second of a trial."""
 
 import time
-from importlib.resources import files
+from pathlib import Path
 
 import mujoco
 
@@ -16,9 +16,7 @@ FROM_EACH = 5
 def model(name: str) -> mujoco.MjModel:
     """Return a model: "held" is an arm with a peg in its hand, "free" a peg in the rack; contacts are those of the program."""
     cylinder.install()
-    return mujoco.MjModel.from_xml_string(
-        files(__package__).joinpath(f"reference_{name}.xml").read_text(encoding="utf-8")
-    )
+    return mujoco.MjModel.from_xml_string(Path(__file__).with_name(f"reference_{name}.xml").read_text(encoding="utf-8"))
 
 
 def bare_second() -> float:

@@ -9,8 +9,20 @@ import numpy as np
 from drivers.part.contract import Part
 from drivers.quantities import Vector
 
+POINTS = 4001
+"""Number of points on a round rim for `exact_depth`."""
 DEEPEST = 0.03
 """Upper end of the search for the depth, m."""
+
+
+def exact_depth(peg: Part, hole: Part, axes: Vector) -> float:
+    """Return the exact depth of the lowest point of a peg with these axes, shape (3, 3), in a hole along x and y, m."""
+    if peg.kind == "rectangular":
+        return polygonal_depth(peg, hole, axes)
+    tilt = math.atan2(math.hypot(axes[0, 2], axes[1, 2]), axes[2, 2])
+    if peg.chamfer > 0.0 or hole.chamfer > 0.0:
+        return chamfered_depth(peg, hole, tilt, POINTS // 2 + 1)
+    return section_depth(peg.thickness, hole.thickness, tilt, POINTS)
 
 
 @cache
@@ -68,15 +80,17 @@ def chamfered_depth(peg: Part, hole: Part, tilt: float, points: int) -> float:
     angle = np.linspace(0.0, math.pi, points)
     tilted = np.array([[math.cos(tilt), 0.0, math.sin(tilt)], [0.0, 1.0, 0.0], [-math.sin(tilt), 0.0, math.cos(tilt)]])
     ways = ((peg.reach - peg.chamfer, 0.0), (peg.reach, peg.chamfer), (peg.reach, peg.chamfer + 10.0 * DEEPEST))
-    knots = [
-        tilted @ np.array([radius * np.cos(angle), radius * np.sin(angle), np.full(points, height)])
-        for radius, height in ways
-    ]
-    lowest = min(float(knot[2].min()) for knot in knots)
+    knots = np.array(
+        [
+            tilted @ np.array([radius * np.cos(angle), radius * np.sin(angle), np.full(points, height)])
+            for radius, height in ways
+        ]
+    )
+    lowest = float(knots[:, 2].min())
 
     def fits(depth: float) -> bool:
         lift = np.array([[0.0], [0.0], [-lowest - depth]])
-        told = [knot + lift for knot in knots]
+        told = list(knots + lift)
         told += [_at(a, b, level) for a, b in pairwise(told) for level in (0.0, -hole.chamfer)]
         x, y, z = np.concatenate(told, axis=1)
         room = hole.reach + np.maximum(hole.chamfer + z, 0.0)

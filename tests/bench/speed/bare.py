@@ -1,6 +1,6 @@
 """pymodbus's own Modbus TCP server without changes, the reference for the cell's server.
 
-    python -m plc_bridge.bare
+    python -m tests.bench.speed.bare
 
 serves 100 holding registers on a free port of this computer, prints that port, and ends with its standard input.
 """

@@ -1,8 +1,7 @@
 """Models of the hole beside the shipped one, for the ladder of `cell study contact`; no cell runs on them.
 
-A ring of boxes tangent to the hole leaves a gap at every corner, R (1/cos(pi/N) - 1); flats that rotate with the peg
-leave none. Facets use MuJoCo's contact of box and cylinder. The closed form can run in parallel as a probe, which makes
-no contacts and only meters the penetration.
+A ring of boxes tangent to the hole leaves a gap at every corner, R (1/cos(pi/N) - 1). Boxes use MuJoCo's contact of box
+and cylinder. The closed form can run in parallel as a probe, which makes no contacts and only meters the penetration.
 """
 
 import math
@@ -14,7 +13,6 @@ import numpy as np
 
 from drivers.part.contract import Part
 from drivers.quantities import Vector
-from sim.contact import flats
 from sim.contact import table as contact
 from sim.contact.plate import CONTACT_STEPS, CONTACT_TIME, Plate, closed_form, words
 
@@ -30,9 +28,8 @@ FLOOR = 0.01
 class HoleModel:
     """One model of the hole."""
 
-    hole: Literal["exact", "unpredicted", "flats", "boxes"] = "exact"
-    """Kind of the model; `exact` is in closed form, `unpredicted` omits contacts with a gap, `flats` rotate with the
-    peg, `boxes` form a ring."""
+    hole: Literal["exact", "unpredicted", "boxes"] = "exact"
+    """Kind of the model; `exact` is in closed form, `unpredicted` omits contacts with a gap, `boxes` form a ring."""
     facets: int = 64
     """Number of facets of the ring of boxes."""
     native_ccd: bool = False
@@ -48,7 +45,7 @@ class HoleModel:
     @property
     def has_facets(self) -> bool:
         """True if facets make the contacts."""
-        return self.hole in ("flats", "boxes")
+        return self.hole == "boxes"
 
     def has_hole_for(self, part: Part) -> bool:
         """Return True if this model supports such parts; facets need a round hole without a chamfer."""
@@ -64,7 +61,6 @@ class HoleModel:
         """Return MuJoCo's flags for this model."""
         if not self.has_facets:
             return ""
-        # Without the mid-phase, MuJoCo processes the first geom before the flats that it rotates.
         path = "enable" if self.native_ccd else "disable"
         return f'nativeccd="{path}" multiccd="disable" midphase="disable"'
 
@@ -79,20 +75,17 @@ def geoms(plate: Plate, friction: float, timestep: float, model: HoleModel, is_j
         model: Model of the hole.
         is_judged: True to meter the penetration even if facets make the contacts.
     """
-    solref, has_flats = model.solref(timestep), model.hole == "flats"
+    solref = model.solref(timestep)
     mode = contact.UNPREDICTED if model.hole == "unpredicted" else contact.EXACT
     if model.has_facets:
         mode = contact.PROBE if is_judged else contact.NONE
-    shapes = [closed_form("plate", plate, friction, timestep, solref, mode, has_flats)]
+    shapes = [closed_form("plate", plate, friction, timestep, solref, mode)]
     if not model.has_facets:
         return shapes
-    boxes = [(flats.FLAT_SIZE, flats.SECTOR * k) for k in range(flats.FLATS)]
-    if not has_flats:
-        side = (plate.half[0] + 2.0 * RING_WIDTH) * math.tan(math.pi / model.facets)
-        angles = 2.0 * math.pi / model.facets * np.arange(model.facets)
-        boxes = [((RING_WIDTH, side, plate.depth / 2), float(angle)) for angle in angles]
-    for size, angle in boxes:
-        reach = plate.half[0] + size[0]
+    side = (plate.half[0] + 2.0 * RING_WIDTH) * math.tan(math.pi / model.facets)
+    size, reach = (RING_WIDTH, side, plate.depth / 2), plate.half[0] + RING_WIDTH
+    for k in range(model.facets):
+        angle = 2.0 * math.pi / model.facets * k
         at = np.array([reach * math.cos(angle), reach * math.sin(angle), -size[2]])
         shapes.append(_box(size, _pose(plate, at, angle), solref, friction))
     floor = _pose(plate, np.array([0.0, 0.0, -plate.depth - FLOOR]), 0.0)

@@ -16,17 +16,17 @@ import tracemalloc
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
-from importlib.resources import files
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from cell.config.cell_config import CellConfig
 from cell.config.load import LoadedConfig
 from cell.devices.assembly import assemble, opened
-from cell.lab.speed.starts import processor_time, start_of
 from cell.lab.trials import NoProbe, run_trial, seeded, trial_in
 from drivers.quantities import ImpedanceSetpoint
 from skills.contract import Observation
+from tests.bench.speed.reference import bare_second
+from tests.bench.speed.starts import processor_time, start_of
 
 SEED = 1
 """Seed of the measured trial."""
@@ -54,7 +54,7 @@ class Stored:
 
 def stored() -> tuple[dict[str, Stored], dict[str, Stored]]:
     """Return the stored counts and ratios by name."""
-    text = files(__package__).joinpath("figures.toml").read_text(encoding="utf-8")
+    text = Path(__file__).with_name("figures.toml").read_text(encoding="utf-8")
     tables = tomllib.loads(text)
     counts, ratios = ({name: Stored(**entry) for name, entry in tables[kind].items()} for kind in ("counts", "ratios"))
     return counts, ratios
@@ -120,8 +120,6 @@ def ratio(ours: Callable[[], float], reference: Callable[[], float], pairs: int 
 
 def trial_ratio(config: CellConfig) -> float:
     """Return the time of a simulated second of a trial divided by that of the same bare steps of the stored models."""
-    from sim.world.reference import bare_second
-
     run_trial(config, SEED)
     return ratio(lambda: trial_time(config).whole, bare_second)
 
@@ -136,7 +134,7 @@ def request_ratio() -> float:
     """Return the median time of a read of ten registers from a served cell divided by that from pymodbus's own server."""
     with TemporaryDirectory() as folder:
         cell = ("cell", "serve", "--journal", folder, "--set", "plc.modbus.port=0")
-        with _serving(*cell) as ours, _serving("plc_bridge.modbus.bare") as bare:
+        with _serving(*cell) as ours, _serving("tests.bench.speed.bare") as bare:
             return ratio(lambda: read_time(ours), lambda: read_time(bare))
 
 
