@@ -94,7 +94,8 @@ def dragged(plate: Plate, peg: Part, axes: np.ndarray, degrees: float, beside: f
         if step * DT > 0.05:
             forces.append(servo.copy())
         if step % 20 == 0:
-            dip = max(dip, surface.below(data.qpos[:3]))
+            depth, deviation = surface.below(data.qpos[:3])
+            dip = max(dip, depth - deviation)
             surface.learn(data.qpos[:3].copy())
     return float(np.ptp(np.array(forces), axis=0).max()), dip
 

@@ -1,7 +1,6 @@
 """Studies that compare variants of the cell on the same seeds: the variants of variants.toml, and how they are run."""
 
 import argparse
-import math
 import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
@@ -9,18 +8,16 @@ from pathlib import Path
 from pkgutil import resolve_name
 from typing import Any
 
-import numpy as np
-
 from cell.commands.arguments import out_folder, require_known
 from cell.config.cell_config import CellConfig
 from cell.lab.arguments import advancing, load_simulated, seeds_of
 from cell.lab.charts import Bar, draw_rows
 from cell.lab.frontier.measure import FrontierLine, Variant, measure, title_of
+from cell.lab.rate_test import RateTest
 from cell.lab.report import StudyReport, finite
-from cell.lab.rows import write_rows
+from cell.lab.rows import average, average_error, quantile, write_rows
 from cell.lab.tables import TURNS, VARIANTS, Columns, table
 from cell.lab.trials import TABLE, TrialRow, read_table
-from cell.records.statistics import Z95, RateTest
 from skills.contract import Outcome
 
 FILE = Path(__file__).parent / "variants.toml"
@@ -102,11 +99,10 @@ def beside_first(found: Compared) -> Columns:
     longer, costs = {}, {}
     for line, rows in zip(found.lines, found.rows, strict=True):
         times = _times(rows)
-        more = np.array([times[seed] - first[seed] for seed in times.keys() & first.keys()])
-        error = Z95 * float(more.std(ddof=1)) / math.sqrt(more.size) if more.size > 1 else math.nan
-        is_other = more.size and rows is not found.rows[0]
-        longer[line] = f"{np.median(more):+.2f}; {more.mean():+.2f} ± {error:.2f}" if is_other else ""
-        costs[line] = f"{1e3 * np.median([row.wall_time / row.sim_time for row in rows]):.0f}" if rows else ""
+        more = [times[seed] - first[seed] for seed in times.keys() & first.keys()]
+        told = f"{quantile(more, 0.5):+.2f}; {average(more):+.2f} ± {average_error(more):.2f}"
+        longer[line] = told if more and rows is not found.rows[0] else ""
+        costs[line] = f"{1e3 * quantile([row.wall_time / row.sim_time for row in rows], 0.5):.0f}"
     return {"median; mean beside the first (s)": lambda line: longer[line], "ms/s": lambda line: costs[line]}
 
 

@@ -145,13 +145,11 @@ class _StillSurface(SurfaceEstimate):
         self._watch.slide()
         self._learnt.learn(edge)
 
-    def below(self, edge: Vector) -> float:
-        self._watch.height(max(self._learnt.below(edge), self._fallen))
+    def below(self, edge: Vector) -> tuple[float, float]:
+        dip, deviation = self._learnt.below(edge)
+        self._watch.height(max(dip - deviation, self._fallen))
         self._fallen = -math.inf
-        return 0.0
-
-    def dip(self, edge: Vector) -> float:
-        return self._learnt.dip(edge)
+        return dip, dip  # never evidence of an edge by itself
 
     @property
     def knows_slopes(self) -> bool:

@@ -384,7 +384,8 @@ class Stepper:
         """Return the distance between the pads, m."""
         if self.peg is PegSituation.HELD:
             return self.scene.size.thickness
-        return float(self.running.data.qpos[FINGERS].sum())
+        left, right = self.running.data.qpos[FINGERS].tolist()
+        return float(left + right)
 
     def pad_force(self) -> float:
         """Return the smaller of the forces between the pads and the peg, N."""

@@ -123,8 +123,8 @@ class EdgeEvidence:
         halved = is_likely and self._params.lag is None
         threshold = self._params.dip_threshold * (LIKELY if halved else 1.0)
         height = float(seen.arm.tcp.position[2])
-        has_fallen = self._fallen(edge, height) > self._faint
-        below = self._surface.below(edge)
+        dip, deviation = self._surface.below(edge)
+        below, has_fallen = dip - deviation, self._fallen(edge, dip, height) > self._faint
         has_dropped = self._drop(height) >= self._params.drop
         return below, (below > threshold or has_fallen) and has_dropped
 
@@ -149,14 +149,15 @@ class EdgeEvidence:
         self._heights.clear()
         self._passed.clear()
 
-    def _fallen(self, edge: Vector, height: float) -> float:
-        """Take the peg's lowest point in a pass and the height of the hand, m, and return the fall of the peg within `FALLING`, m.
+    def _fallen(self, edge: Vector, dip: float, height: float) -> float:
+        """Take the peg's lowest point in a pass, its depth below the plane and the height of the hand, m, and return the fall of the
+        peg within `FALLING`, m.
 
         The hand drops with a falling peg, but not if a frame changes the angle. The peg must end below the plane, which excludes hops on a
         rough plate.
         """
         fallen, least = 0.0, SHARED * self._params.dip_threshold
-        if self._surface.dip(edge) > least:
+        if dip > least:
             earlier = (before for before, above in self._passed if above - height >= least)
             fallen = max((self._surface.fallen(before, edge) for before in earlier), default=0.0)
         self._passed.append((edge, height))

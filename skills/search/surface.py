@@ -82,16 +82,14 @@ class SurfaceEstimate:
         self._covariance *= excess[:, None] * excess
         self._scans += 1
 
-    def below(self, edge: Vector) -> float:
-        """Return the depth of the point `edge` below the plane minus one standard deviation, m; 0 before the first update."""
+    def below(self, edge: Vector) -> tuple[float, float]:
+        """Return the depth of the point `edge` below the estimated plane, and the plane's standard deviation there, m; both 0 before
+        the first update.
+        """
         if self._scans == 0:
-            return 0.0
+            return 0.0, 0.0
         row = self._row(edge)
-        return float(row @ self._values - edge[2]) - math.sqrt(float(row @ self._covariance @ row))
-
-    def dip(self, edge: Vector) -> float:
-        """Return the depth of the point `edge` below the estimated plane, m; 0 before the first update."""
-        return float(self._row(edge) @ self._values - edge[2]) if self._scans else 0.0
+        return float(row @ self._values - edge[2]), math.sqrt(float(row @ self._covariance @ row))
 
     @property
     def knows_slopes(self) -> bool:

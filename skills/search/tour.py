@@ -4,6 +4,7 @@ import math
 from bisect import bisect_right
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from operator import attrgetter
 from typing import Protocol
 
 import numpy as np
@@ -13,6 +14,8 @@ from skills.paths import TURN_TIME
 
 GATE = 3.0
 """Number of standard deviations about the likely place that are searched first."""
+
+_BEGAN = attrgetter("began")
 
 Point = tuple[float, float]
 Stroke = tuple[Point, Point]
@@ -65,9 +68,12 @@ class Leg:
     def at(self, time: float) -> tuple[Vector, Vector]:
         """Return point and velocity at a time along the path; Hermite's cubic."""
         s, span = (time - self.began) / self.duration, self.duration
-        (p, q), (u, v) = np.array(self.points), np.array(self.velocities)
-        point = p + s * s * (3.0 - 2.0 * s) * (q - p) + span * s * (1.0 - s) * ((1.0 - s) * u - s * v)
-        rate = 6.0 * s * (1.0 - s) * (q - p) / span + (1.0 - s) * (1.0 - 3.0 * s) * u + s * (3.0 * s - 2.0) * v
+        rise, begin, end = s * s * (3.0 - 2.0 * s), (1.0 - s) * (1.0 - 3.0 * s), s * (3.0 * s - 2.0)
+        point, rate = np.empty(2), np.empty(2)
+        for i in range(2):
+            (p, q), (u, v) = (self.points[0][i], self.points[1][i]), (self.velocities[0][i], self.velocities[1][i])
+            point[i] = p + rise * (q - p) + span * s * (1.0 - s) * ((1.0 - s) * u - s * v)
+            rate[i] = 6.0 * s * (1.0 - s) * (q - p) / span + begin * u + end * v
         return point, rate
 
 
@@ -93,7 +99,7 @@ class Tour:
         """Return the point, m, and its velocity, m/s, at `time`, each shape (2,), from the middle of the area."""
         if time >= self.duration:
             return self.then.path.at(time - self.duration + self.then.since)
-        return self.legs[max(bisect_right([leg.began for leg in self.legs], time) - 1, 0)].at(time)
+        return self.legs[max(bisect_right(self.legs, time, key=_BEGAN) - 1, 0)].at(time)
 
 
 @dataclass(frozen=True, slots=True)

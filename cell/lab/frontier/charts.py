@@ -1,7 +1,7 @@
 """Charts of the frontier: success against time for each method and scene, and the errors behind it on the same time axis."""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -30,8 +30,9 @@ def success(line: FrontierLine) -> float:
     return 100.0 * line.successes / line.trials
 
 
-SUCCESS = (("success (%), bars: 95 % interval", success),)
-ERRORS: tuple[tuple[str, Callable[[FrontierLine], float]], ...] = (
+Rows = Sequence[tuple[str, Callable[[FrontierLine], float]]]
+SUCCESS: Rows = (("success (%), bars: 95 % interval", success),)
+ERRORS: Rows = (
     ("error of theta (degrees)", lambda line: math.degrees(line.theta)),
     ("error of the tip (mm)", lambda line: 1e3 * line.tip),
     ("largest force (N)", lambda line: line.force_median),
@@ -94,56 +95,64 @@ def _has(lines: Sequence[FrontierLine], method: str, scene: str) -> bool:
 
 def _pair(lines: Sequence[FrontierLine], scenes: Sequence[str], conditions: str, stem: Path) -> list[Path]:
     """Draw success, and errors, of some scenes against time, and return both files."""
-    files = [stem.with_suffix(".png"), stem.with_name(f"{stem.name}_errors.png")]
-    for path, rows in zip(files, (SUCCESS, ERRORS), strict=True):
-        figure = Figure(figsize=(1.5 + 5.0 * len(scenes), 3.2 + 2.3 * len(rows)), layout="constrained")
-        grid = figure.subplots(len(rows), len(scenes), sharex=True, sharey="row", squeeze=False)
-        for row, (name, value) in zip(grid, rows, strict=True):
-            row[0].set_ylabel(name)
-            for axes, scene in zip(row, scenes, strict=True):
-                _draw(axes, {method: curve(lines, method, scene) for method in METHODS}, value)
-            if value is not success:
-                row[0].set_ylim(bottom=0.0)
-        for axes, scene in zip(grid[0], scenes, strict=True):
-            axes.set_title(scene, fontsize=11)
-        for axes in grid[-1]:
-            axes.set_xlabel(TIME)
-        if rows is SUCCESS:
-            for axes, scene in zip(grid[0], scenes, strict=True):
-                _mark(axes, lines, scene)
-        handles = [
-            Line2D([], [], marker="o", color=method.colour, label=_legend(lines, name, scenes))
-            for name, method in METHODS.items()
-        ]
-        figure.legend(handles=handles, loc="outside lower center", ncols=len(handles), fontsize=9, frameon=False)
-        figure.suptitle(
-            finding(lines, scenes) if rows is SUCCESS else "Errors and force: medians over all trials of a point",
-            fontsize=12,
-        )
-        figure.text(0.995, 0.005, conditions, fontsize=5.5, ha="right", color="#888888")
-        figure.savefig(path, dpi=130)
-    return files
+    by_success, by_errors = stem.with_suffix(".png"), stem.with_name(f"{stem.name}_errors.png")
+    figure, grid = _figure(lines, scenes, SUCCESS)
+    for axes, scene in zip(grid[0], scenes, strict=True):
+        axes.set_ylim(-3.0, 118.0)
+        axes.set_yticks(range(0, 101, 20))
+        _mark(axes, lines, scene)
+    _save(figure, finding(lines, scenes), conditions, by_success)
+    figure, grid = _figure(lines, scenes, ERRORS)
+    for row in grid:
+        row[0].set_ylim(bottom=0.0)
+    _save(figure, "Errors and force: medians over all trials of a point", conditions, by_errors)
+    return [by_success, by_errors]
 
 
-def _draw(axes: Axes, curves: Mapping[str, Sequence[FrontierLine]], value: Callable[[FrontierLine], float]) -> None:
-    """Draw one quantity of every method against time, from slow to quick; of the success, with its 95 % interval.
+def _figure(lines: Sequence[FrontierLine], scenes: Sequence[str], rows: Rows) -> tuple[Figure, Any]:
+    """Return a figure of all methods with a row for each quantity and a column for each scene, and its axes."""
+    figure = Figure(figsize=(1.5 + 5.0 * len(scenes), 3.2 + 2.3 * len(rows)), layout="constrained")
+    grid = figure.subplots(len(rows), len(scenes), sharex=True, sharey="row", squeeze=False)
+    for row, (name, value) in zip(grid, rows, strict=True):
+        row[0].set_ylabel(name)
+        for axes, scene in zip(row, scenes, strict=True):
+            for method in METHODS:
+                _draw(axes, METHODS[method].colour, curve(lines, method, scene), value)
+            _scale_times(axes)
+    for column, scene in zip(grid.T, scenes, strict=True):
+        column[0].set_title(scene, fontsize=11)
+        column[-1].set_xlabel(TIME)
+    handles = [
+        Line2D([], [], marker="o", color=method.colour, label=_legend(lines, name, scenes))
+        for name, method in METHODS.items()
+    ]
+    figure.legend(handles=handles, loc="outside lower center", ncols=len(handles), fontsize=9, frameon=False)
+    return figure, grid
+
+
+def _save(figure: Figure, title: str, conditions: str, path: Path) -> None:
+    figure.suptitle(title, fontsize=12)
+    figure.text(0.995, 0.005, conditions, fontsize=5.5, ha="right", color="#888888")
+    figure.savefig(path, dpi=130)
+
+
+def _draw(axes: Axes, colour: str, of: Sequence[FrontierLine], value: Callable[[FrontierLine], float]) -> None:
+    """Draw one quantity of a method against time, from slow to quick; of the success, with its 95 % interval.
 
     A point with at most half inserted is hollow and not joined: the mean time of few successes says little.
     """
-    for method, of in curves.items():
-        colour = METHODS[method].colour
-        joined = [line for line in of if success(line) > 50.0]
-        apart = [line for line in of if line.successes and success(line) <= 50.0]
-        times, values = [line.mean for line in joined], [value(line) for line in joined]
-        axes.plot(times, values, "o-", ms=5, lw=1.8, color=colour)
-        axes.plot([line.mean for line in apart], [value(line) for line in apart], "o", ms=5, mfc="none", color=colour)
-        if value is success:
-            low = [success(line) - 100.0 * line.low for line in joined]
-            high = [100.0 * line.high - success(line) for line in joined]
-            axes.errorbar(times, values, yerr=[low, high], fmt="none", ecolor=colour, alpha=0.35, lw=4)
+    joined = [line for line in of if success(line) > 50.0]
+    apart = [line for line in of if 0.0 < success(line) <= 50.0]
+    times, values = [line.mean for line in joined], [value(line) for line in joined]
+    axes.plot(times, values, "o-", ms=5, lw=1.8, color=colour)
+    axes.plot([line.mean for line in apart], [value(line) for line in apart], "o", ms=5, mfc="none", color=colour)
     if value is success:
-        axes.set_ylim(-3.0, 118.0)
-        axes.set_yticks(range(0, 101, 20))
+        low = [success(line) - 100.0 * line.low for line in joined]
+        high = [100.0 * line.high - success(line) for line in joined]
+        axes.errorbar(times, values, yerr=[low, high], fmt="none", ecolor=colour, alpha=0.35, lw=4)
+
+
+def _scale_times(axes: Axes) -> None:
     axes.set_xscale("log")
     axes.set_xlim(TIMES[0], LONGEST)
     axes.set_xticks(TIMES, minor=False)

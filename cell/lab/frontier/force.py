@@ -104,7 +104,8 @@ def find_by_force(params: ForceSearch, plan: InsertionPlan, ctx: SkillContext) -
         # The push is the stiffness times the lead of the setpoint below the tip.
         target[2] = max(target[2] - own.descent * seen.step, tip[2] - lead)
         borne.append(target[2] <= tip[2] - lead)
-        dip = surface.below(edge)
+        depth, deviation = surface.below(edge)
+        dip = depth - deviation
         if stopped is None and dip > params.drop:
             stopped, goal = seen.elapsed, tip[:2]
         elif stopped is not None and seen.elapsed - stopped >= own.rest:

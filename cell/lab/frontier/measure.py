@@ -9,12 +9,14 @@ from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from cell.config.cell_config import CellConfig
 from cell.config.load import load
-from cell.lab.rows import quantile, write_rows
+from cell.lab.rate_test import RateTest, Verdict
+from cell.lab.rows import average, average_error, quantile, successes, write_rows
 from cell.lab.trials import (
     SUMMARY,
     TABLE,
@@ -28,12 +30,15 @@ from cell.lab.trials import (
     run_trials,
 )
 from cell.records.provenance import config_hash, versions
-from cell.records.statistics import Z95, RateTest, Verdict, mean, wilson
+from cell.records.statistics import wilson
 from drivers.errors import CellError, FaultCode
 from sim.world.metering import OVER_FORCE
 from skills.contract import Outcome
 
 logger = logging.getLogger(__name__)
+
+FAULTS = {code.name.lower() for code in FaultCode}
+"""Reasons of trials that ended with a fault."""
 
 FRONTIER = "frontier.csv"
 TITLE = "title.txt"
@@ -267,19 +272,13 @@ def _finished(task: Task) -> list[TrialRow]:
 
 
 def _line(variant: Variant, place: str, rows: Sequence[TrialRow], trouble: str, is_base: bool) -> FrontierLine:
-    good = [row for row in rows if row.outcome == Outcome.SUCCESS]
-    totals = np.array([row.total_time for row in good], dtype=float)
-    forces = np.array([row.peak_contact_force for row in rows])
+    good = successes(rows)
+    totals, forces = _column(good, "total_time"), np.array(_column(rows, "peak_contact_force"))
+    turns = _column(rows, "max_in_hand_rotation")
     low, high = wilson(len(good), len(rows))
-    faults = {code.name.lower() for code in FaultCode}
     endings = Counter(
-        " ".join(filter(None, (row.outcome, row.stage, row.reason))) for row in rows if row.outcome != Outcome.SUCCESS
+        " ".join(f"{row.outcome} {row.stage} {row.reason}".split()) for row in rows if row.outcome != Outcome.SUCCESS
     )
-
-    def stage(name: str) -> float:
-        value = mean(value for row in good if (value := getattr(row, name)) is not None)
-        return math.nan if value is None else value
-
     return FrontierLine(
         family=variant.family,
         variant=variant.name,
@@ -291,26 +290,31 @@ def _line(variant: Variant, place: str, rows: Sequence[TrialRow], trouble: str, 
         successes=len(good),
         low=low,
         high=high,
-        mean=float(totals.mean()) if len(good) else math.nan,
-        mean_error=Z95 * float(totals.std(ddof=1)) / math.sqrt(len(good)) if len(good) > 1 else math.nan,
+        mean=average(totals),
+        mean_error=average_error(totals),
         median=quantile(totals, 0.5),
         p95=quantile(totals, 0.95),
-        search=stage("search_time"),
-        insert=stage("insert_time"),
-        adjust=stage("adjust_time"),
+        search=average(_column(good, "search_time")),
+        insert=average(_column(good, "insert_time")),
+        adjust=average(_column(good, "adjust_time")),
         force_median=quantile(forces, 0.5),
         force_p95=quantile(forces, 0.95),
         within=int(np.count_nonzero(forces <= OVER_FORCE)),
-        over_longest=max((row.time_over_20N for row in rows), default=math.nan),
-        theta=quantile([row.theta_rmse for row in rows if row.theta_rmse is not None], 0.5),
-        tip=quantile([row.tip_rmse for row in rows if row.tip_rmse is not None], 0.5),
-        jerk_free=quantile([row.jerk_free for row in rows], 0.95),
-        jerk_contact=quantile([row.jerk_contact for row in rows], 0.95),
-        voids=sum(row.outcome == VOID for row in rows),
-        faults=sum(row.reason in faults for row in rows),
-        retries=sum(row.retries for row in rows),
+        over_longest=max(_column(rows, "time_over_20N"), default=math.nan),
+        theta=quantile(_column(rows, "theta_rmse"), 0.5),
+        tip=quantile(_column(rows, "tip_rmse"), 0.5),
+        jerk_free=quantile(_column(rows, "jerk_free"), 0.95),
+        jerk_contact=quantile(_column(rows, "jerk_contact"), 0.95),
+        voids=_column(rows, "outcome").count(VOID),
+        faults=sum(map(FAULTS.__contains__, _column(rows, "reason"))),
+        retries=sum(_column(rows, "retries")),
         endings=", ".join(f"{count} x {text}" for text, count in endings.most_common()),
         error=trouble,
-        turn_median=quantile([row.max_in_hand_rotation for row in rows], 0.5),
-        turn_p95=quantile([row.max_in_hand_rotation for row in rows], 0.95),
+        turn_median=quantile(turns, 0.5),
+        turn_p95=quantile(turns, 0.95),
     )
+
+
+def _column(rows: Sequence[TrialRow], name: str) -> list[Any]:
+    """Return the values of one field, without those of stages that were not reached."""
+    return [value for row in rows if (value := getattr(row, name)) is not None]

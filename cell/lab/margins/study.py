@@ -24,11 +24,11 @@ from cell.config.load import load
 from cell.lab.arguments import advancing, load_simulated, seeds_of
 from cell.lab.frontier.methods import METHODS, SCENES, require_methods
 from cell.lab.margins.charts import ErrorMargin, draw
+from cell.lab.rate_test import RateTest, Verdict
 from cell.lab.report import StudyReport, finite
 from cell.lab.rows import write_rows
 from cell.lab.tables import table
 from cell.lab.trials import Program, run_trials
-from cell.records.statistics import RateTest, Verdict
 from drivers.config_model import ConfigModel
 from drivers.errors import ConfigError
 from drivers.quantities import Vector

@@ -1,0 +1,43 @@
+"""Sequential test of a share of lost trials; pure."""
+
+import math
+from dataclasses import dataclass
+from enum import StrEnum
+
+
+class Verdict(StrEnum):
+    """Answer of a sequential test."""
+
+    GOOD = "good"
+    BAD = "bad"
+    OPEN = "undecided"
+
+
+@dataclass(frozen=True, slots=True)
+class RateTest:
+    """Sequential probability ratio test between two shares of lost trials, [wald].
+
+    If a setting loses the share `good`, the test calls it bad with probability `error` at most, approximately; and the
+    reverse for `bad`. Between the two shares, either answer is possible. Wilson intervals at the end of the test contain
+    the true share less often than those of a fixed number of trials: [siegmund].
+    """
+
+    good: float
+    """Share of lost trials of a good setting, above 0."""
+    bad: float
+    """Share of lost trials of a bad setting, above `good` and below 1."""
+    error: float = 0.05
+    """Probability of each wrong answer."""
+    least: int = 1
+    """Least number of trials before an answer, so that the interval is not too wide."""
+
+    def verdict(self, lost: int, trials: int) -> Verdict:
+        """Return the answer after `trials` trials with `lost` lost ones."""
+        if trials < self.least:
+            return Verdict.OPEN
+        kept = (trials - lost) * math.log((1.0 - self.bad) / (1.0 - self.good))
+        ratio = lost * math.log(self.bad / self.good) + kept
+        bound = math.log((1.0 - self.error) / self.error)
+        if abs(ratio) < bound:
+            return Verdict.OPEN
+        return Verdict.BAD if ratio > 0.0 else Verdict.GOOD
