@@ -74,7 +74,7 @@ class World(Stepper):
         ticks = round((stamp - self.now()) / self.pace.timestep)
         while ticks > 0:
             # Largest number of control periods between two checks of the peg's situation.
-            ticks -= self.advance(min(ticks, self.law_every * 10))
+            ticks -= self.advance(min(ticks, self.beat.law_every * 10))
         self.pace.keep()
 
     @property

@@ -42,9 +42,8 @@ class Stepper:
     def __init__(self, arm: ArmModel, sim: SimConfig, pad: tuple[float, float], pace: ClockPace) -> None:
         """Place the arm at its waiting pose; `pad` is length and width of a pad, m."""
         self._arm, self._long_steps, self.pad, self.pace = arm, sim.model.long_steps, pad, pace
-        self.law_every = round(arm.control_period / sim.timestep)
-        """Number of ticks in a control period."""
-        self._beat = engine.Beat(pace.timestep, self.law_every)
+        self.beat = engine.Beat(pace.timestep, round(arm.control_period / sim.timestep))
+        """Length of a tick, and number of ticks in a control period."""
         hand = arm.hand
         self.control = engine.Drives(
             impedance.figures(arm),
@@ -70,7 +69,7 @@ class Stepper:
     @property
     def has_twins(self) -> bool:
         """True if longer steps are possible."""
-        return self._long_steps and self.law_every % engine.COARSE == 0
+        return self._long_steps and self.beat.law_every % engine.COARSE == 0
 
     def begin_trial(self, scene: TrialScene, pad_friction: float, noise: np.random.Generator) -> None:
         """Begin a trial with a fresh peg in the rack.
@@ -252,9 +251,9 @@ class Stepper:
             self._let_rest()
         pace, noises = self.pace, NO_NOISE
         if self.control.senses[arm_senses.IS_IDEAL] == 0.0:
-            noises = self._noise.standard_normal((ticks // self.law_every + 1, arm_senses.NOISES))
+            noises = self._noise.standard_normal((ticks // self.beat.law_every + 1, arm_senses.NOISES))
         taken: int = engine.advance(
-            self._models, self._state, self._watch, self.control, self.meters, self._beat, pace.ticks, ticks, noises
+            self._models, self._state, self._watch, self.control, self.meters, self.beat, pace.ticks, ticks, noises
         )
         if not taken:
             # Time goes on, because the reporter of the fault waits for the end of the scan.

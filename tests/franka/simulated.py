@@ -63,7 +63,7 @@ class TorqueWorld(World):
         assert config.grip is not None
         sim = config.sim.model_copy(update={"pace": "max"})
         super().__init__(config.arm_model(), sim, config.contact, config.grip, config.skin.layout, config.job())
-        self.law_every = NEVER
+        self.beat = self.beat._replace(law_every=NEVER)
 
     def step(self, torque: Vector) -> None:
         """Advance by one control period with these joint torques, N·m."""

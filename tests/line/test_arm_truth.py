@@ -42,7 +42,7 @@ def hold_softly(arm):
 
 def torqued(world, torque, seconds):
     """Command constant joint torques from outside for so long; yield after every control period."""
-    world.law_every = NEVER
+    world.beat = world.beat._replace(law_every=NEVER)
     if world.now() == 0.0:
         # The law's one turn; it commands nothing at all.
         world.wait_until(world.arm.control_period)
