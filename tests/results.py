@@ -82,7 +82,7 @@ def _row(claim: dict[str, Any]) -> str:
 
 def _picture(picture: dict[str, Any]) -> str:
     shows = picture["shows"]
-    alternative = shows.replace("[", "").replace("]", "")
+    alternative = shows.partition(". ")[0].replace("[", "").replace("]", "").rstrip(".")
     return f"![{alternative}](pictures/{picture['file']})\n\n{shows} `{picture['command']}`, {picture['commit']}.\n"
 
 

@@ -100,7 +100,7 @@ def _pair(lines: Sequence[FrontierLine], scenes: Sequence[str], conditions: str,
     for axes, scene in zip(grid[0], scenes, strict=True):
         axes.set_ylim(-3.0, 118.0)
         axes.set_yticks(range(0, 101, 20))
-        _mark(axes, lines, scene)
+        _mark(axes, lines, scene, has_labels=scene == scenes[0])
     _save(figure, finding(lines, scenes), conditions, by_success)
     figure, grid = _figure(lines, scenes, ERRORS)
     for row in grid:
@@ -168,17 +168,16 @@ def _legend(lines: Sequence[FrontierLine], method: str, scenes: Sequence[str]) -
     return f"{method}: 0 of {sum(line.trials for line in of)}" if is_hidden else method
 
 
-def _mark(axes: Axes, lines: Sequence[FrontierLine], scene: str) -> None:
-    """Draw the presets; in the first scene, which is that of the real insertions, also those, and labels."""
-    is_first = scene == next(iter(SCENES))
+def _mark(axes: Axes, lines: Sequence[FrontierLine], scene: str, has_labels: bool) -> None:
+    """Draw the presets, and in the scene of the real insertions also those."""
     above: dict[str, Any] = {"textcoords": "offset points", "fontsize": 9, "ha": "center"}
     for method, points in ((name, each.points) for name, each in METHODS.items()):
         marked = [each for each in lines if each.family == family(method, scene) and each.variant in points]
         for step, line in enumerate(sorted(marked, key=lambda line: line.mean)):
             at = line.mean, success(line)
             axes.plot(*at, "D", ms=8, color=METHODS[method].colour, mec=INK, mew=1.0, zorder=5)
-            axes.annotate(line.variant if is_first else "", at, xytext=(0, 8 + 11 * step), **above)
-    if is_first:
+            axes.annotate(line.variant if has_labels else "", at, xytext=(0, 8 + 11 * step), **above)
+    if scene == next(iter(SCENES)):
         rate = 100.0 * PUBLISHED_SUCCESSES / PUBLISHED_ATTEMPTS
         low, high = (100.0 * end for end in wilson(PUBLISHED_SUCCESSES, PUBLISHED_ATTEMPTS))
         error = [[rate - low], [high - rate]]
