@@ -168,10 +168,14 @@ def _touched(phase: ComingDown, felt: Felt, params: SpraySearchParams, course: C
 
 
 def _probed(phase: Probing, felt: Felt, params: SpraySearchParams, course: Course, point: Vector) -> Phase:
-    """Rest where the tip falls, or is about to at the end of the spiral; else go back to the course from where the setpoint is."""
+    """Rest where the tip falls; else go back to the course from where the setpoint is.
+
+    It falls if it gets deeper than it was when the probe began, by a dip, and before the end of the spiral to the depth of a tip in the hole. A peg
+    that rests against the rim just above that depth is there again at once; after three such rests its hole would be taken for a dent.
+    """
     looked = phase.looked(felt.elapsed, params)
     is_over = math.hypot(*looked) > params.probe_radius
-    if felt.below > params.fall or (is_over and felt.below > phase.below + params.dip_threshold):
+    if felt.below > max(phase.below + params.dip_threshold, 0.0 if is_over else params.fall):
         return Resting(phase.place, felt.tcp, felt.stamp, was_probed=True)
     if not is_over:
         return phase

@@ -90,6 +90,13 @@ def test_a_place_is_looked_round_once_and_then_left():
     assert isinstance(after_rest(again, FELT, PARAMS, COURSE, np.zeros(2)), Sliding)
 
 
+def test_a_probe_that_begins_just_above_the_depth_of_the_hole_goes_on_to_a_deeper_place():
+    """The peg leans on the rim there; it would be judged too high again, and its hole passed over as a dent."""
+    probe = Probing(BACK, HERE[:2], PARAMS.fall - 1e-5)
+    assert after(probe, below=PARAMS.fall + 1e-6) is probe
+    assert isinstance(after(probe, below=PARAMS.fall + PARAMS.dip_threshold), Resting)
+
+
 def test_a_corner_whose_dip_has_gone_at_rest_is_not_led_round_the_place():
     """If the peg turns in the hand, the tip seems to dip until the skin measures the turn; a probe would turn it further."""
     corner = CONFIG.corner.searching(PARAMS)
