@@ -17,11 +17,8 @@ DEEPEST = 0.03
 
 def exact_depth(peg: Part, hole: Part, axes: Vector) -> float:
     """Return the exact depth of the lowest point of a peg with these axes, shape (3, 3), in a hole along x and y, m."""
-    return {"round": round_depth, "rectangular": polygonal_depth}[peg.kind](peg, hole, axes)
-
-
-def round_depth(peg: Part, hole: Part, axes: Vector) -> float:
-    """Return the exact depth of a round peg, as `exact_depth`."""
+    if peg.face.flat_width > 0.0:
+        return polygonal_depth(peg, hole, axes)
     tilt = math.atan2(math.hypot(axes[0, 2], axes[1, 2]), axes[2, 2])
     if peg.chamfer > 0.0 or hole.chamfer > 0.0:
         return chamfered_depth(peg, hole, tilt, POINTS // 2 + 1)

@@ -8,7 +8,7 @@ import pytest
 ROOT = Path(__file__).parents[4]
 PACKAGES = ("cell", "drivers", "plc_bridge", "sim", "skills")
 OWNERS = {"drivers/part/shapes.py", "drivers/part/round.py", "drivers/part/rectangular.py", "drivers/parts.py"}
-TABLES = {"skills/plan.py", "sim/contact/shapes.py", "cell/config/errors.py", "cell/lab/section.py"}
+TABLES = {"skills/plan.py", "sim/contact/shapes.py", "cell/config/errors.py"}
 """They choose skills, contacts and models of the hole by the part's kind, or know a word of an older layout: as keys of a
 table, and nowhere else."""
 SHAPES = {"round", "square", "rectangular"}
