@@ -170,8 +170,8 @@ def _touched(phase: ComingDown, felt: Felt, params: SpraySearchParams, course: C
 def _probed(phase: Probing, felt: Felt, params: SpraySearchParams, course: Course, point: Vector) -> Phase:
     """Rest where the tip falls; else go back to the course from where the setpoint is.
 
-    It falls if it gets deeper than it was when the probe began, by a dip, and before the end of the spiral to the depth of a tip in the hole. A peg
-    that rests against the rim just above that depth is there again at once; after three such rests its hole would be taken for a dent.
+    The tip must be deeper by a dip than where the probe began, and before the end of the spiral deeper than `fall`. Otherwise a peg that leans
+    on the rim just above that depth stops the probe at once, and after three such rests its hole is taken for a dent.
     """
     looked = phase.looked(felt.elapsed, params)
     is_over = math.hypot(*looked) > params.probe_radius
