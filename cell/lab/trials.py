@@ -156,6 +156,8 @@ class Watcher:
 
     cell: Cell
     ctx: SkillContext
+    probe: Probe
+    """Measures more in the same scans."""
     clock: StageClock = field(default_factory=StageClock)
     ending: "Truth | None" = None
     """True state at the end of the insertion, before the removal of any part."""
@@ -175,6 +177,7 @@ class Watcher:
 
     def record(self, seen: Observation, setpoint: ImpedanceSetpoint | None) -> None:
         """Add one scan."""
+        self.probe.record(seen, setpoint)
         begins = self.clock.enter(self.ctx.stage, seen.stamp)
         self.proof = self.proof.after(seen, setpoint)
         if self.cell.truth is None or self.cell.pivot is None:
@@ -251,14 +254,8 @@ def trial_in(
     wall = time.perf_counter()
     assert cell.truth is not None
     ctx, began = cell.context(seed), cell.clock.now()
-    watcher = Watcher(cell, ctx)
-    probed = probe(cell, ctx)
-
-    def record(seen: Observation, setpoint: ImpedanceSetpoint | None) -> None:
-        watcher.record(seen, setpoint)
-        probed.record(seen, setpoint)
-
-    ctx.callbacks = replace(ctx.callbacks, ended=watcher.clock.end, record=record)
+    watcher = Watcher(cell, ctx, probe(cell, ctx))
+    ctx.callbacks = replace(ctx.callbacks, ended=watcher.clock.end, record=watcher.record)
     records, ending, outcome, reason = _insert(watcher, program)
     truth = watcher.ending or cell.truth()
     sim_time = cell.clock.now()
@@ -298,7 +295,7 @@ def trial_in(
         found_error=watcher.found_error,
         jerk_free=truth.jerk_free,
         jerk_contact=truth.jerk_contact,
-        more={**cell.errors, **probed.columns(records)},
+        more={**cell.errors, **watcher.probe.columns(records)},
     )
 
 

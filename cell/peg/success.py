@@ -54,7 +54,8 @@ class Proof:
     def after(self, seen: Observation, setpoint: ImpedanceSetpoint | None = None) -> "Proof":
         """Return the proof after one more scan and its setpoint; if the switch opens while the peg is held, the proof is void."""
         if seen.switch is SwitchState.OPEN:
-            return Proof(was_open=True) if seen.gripper.is_gripping else replace(self, was_open=True)
+            is_kept = self.was_open and (self.seated_tip is None or not seen.gripper.is_gripping)
+            return self if is_kept else Proof(was_open=True)
         if not self.was_open or seen.switch is not SwitchState.CLOSED or not seen.gripper.is_gripping:
             return self
         footing = self.footing.after(seen, setpoint)

@@ -58,10 +58,12 @@ class TaxelOrder:
         as_before, mean = misfit(self._as_told)
         # Frames agree up to 3 times the expected mean square difference.
         is_steady = mean <= 3.0
-        found = self._suspected if is_steady else ""
-        (exchanged, mean), name = min((misfit(order), name) for name, order in self._exchanges.items())
-        is_jump = self._was_steady and mean <= EXPLAINS and as_before - exchanged > GAIN
-        self._was_steady, self._suspected = is_steady, name if is_jump else ""
+        found, self._suspected = self._suspected if is_steady else "", ""
+        if self._was_steady and as_before > GAIN:
+            (exchanged, mean), name = min((misfit(order), name) for name, order in self._exchanges.items())
+            if mean <= EXPLAINS and as_before - exchanged > GAIN:
+                self._suspected = name
+        self._was_steady = is_steady
         return found
 
     def require(self) -> None:

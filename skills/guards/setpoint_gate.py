@@ -14,6 +14,7 @@ from drivers.errors import ArmSilentError, NotFiniteError, SetpointError, Tracki
 from drivers.protocols import Arm
 from drivers.quantities import ArmState, ImpedanceSetpoint, Vector
 from skills.guards import setpoint_rules as rules
+from skills.guards.deviation import energy
 from skills.guards.limits import Limits
 from skills.guards.setpoint_bounds import (
     AGE_SLACK,
@@ -166,6 +167,8 @@ class GatedArm:
         # The first calls of a process compile code, which must not happen while the arm moves.
         rules.is_plausible(np.zeros(rules.STATE_WORDS))
         rules.broken_rule(NOTHING, np.zeros(rules.STATE_WORDS), NOTHING, self._bounds)
+        still = np.zeros(3), np.eye(3)
+        energy(np.zeros(6), np.zeros(3), np.zeros(3), 0.0, 0.0, *still, *still, 1.0, limits.force)
 
     def open(self) -> None:
         """Open the arm."""

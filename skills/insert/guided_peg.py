@@ -163,7 +163,7 @@ class Guide:
     def after(self, depth: float, elapsed: float, params: SpiralAdjustParams) -> "Guide":
         """Return the guide after a scan at `depth`, m, `elapsed` seconds after the start of the adjustment."""
         if int((elapsed - self.began) / params.dither_period) <= self.periods:
-            return replace(self, is_jammed=False)
+            return replace(self, is_jammed=False) if self.is_jammed else self
         is_jammed = depth - self.reached < CREEP * params.jammed
         return Guide(self.began, self.periods + 1, depth, is_jammed)
 

@@ -54,6 +54,7 @@ class SearchSweep:
         self._theta = ctx.in_hand().theta
         """In-hand angle with which the hand began, rad."""
         self._push = Push(params.push_stiffness, self._theta)
+        self._stiffness, self._damping_ratio = params.gains.stiffness(), params.gains.damping_ratios()
         self._bearing = Bearing(ctx.wrench.zero, ctx.schedule.period)
         self._trim = Trim(params.trim_rate, params.trim_limit)
         self._phase: Phase = first_phase(course)
@@ -189,14 +190,13 @@ class SearchSweep:
         if target[2] < self._ctx.job.hole.centre[2] + TRIMMED_BELOW:
             self._trim = self._trim.after(target[slow] - seen.tip[slow], seen.step)
         target[slow] += self._trim.value
-        stiffness, damping_ratio = self._compliance()
         return ImpedanceSetpoint(
             id=self._identity,
             tip=target,
             axis=self._turned(seen, between(self._course.axis, phase.detour.axis, back)),
             roll=between(self._course.closing, phase.detour.closing, back),
-            stiffness=stiffness,
-            damping_ratio=damping_ratio,
+            stiffness=self._compliance(),
+            damping_ratio=self._damping_ratio,
             valid_until=seen.stamp + VALIDITY,
             in_hand=self._ctx.in_hand(),
             twist=Twist(velocity, np.zeros(3)),
@@ -279,20 +279,20 @@ class SearchSweep:
 
     def _still(self, phase: Resting) -> ImpedanceSetpoint:
         """Return the setpoint that holds the hand where it was stopped, still pushing down."""
-        stiffness, damping_ratio = self._compliance()
+        damping_ratio = self._damping_ratio.copy()
         damping_ratio[:3] *= REST_DAMPING
         return ImpedanceSetpoint(
             id=self._identity,
             tip=phase.tcp.position - np.array([0.0, 0.0, self._params.push_offset]),
             axis=-phase.tcp.rotation[:, 0],
             roll=phase.tcp.rotation[:, 2],
-            stiffness=stiffness,
+            stiffness=self._compliance(),
             damping_ratio=damping_ratio,
             valid_until=phase.stopped + VALIDITY,
         )
 
-    def _compliance(self) -> tuple[Vector, Vector]:
-        """Return stiffness and damping ratios, each shape (6,)."""
-        stiffness, damping_ratio = self._params.gains.stiffness(), self._params.gains.damping_ratios()
+    def _compliance(self) -> Vector:
+        """Return the stiffness, shape (6,), with that of the push along z."""
+        stiffness = self._stiffness.copy()
         stiffness[2] = self._push.stiffness
-        return stiffness, damping_ratio
+        return stiffness

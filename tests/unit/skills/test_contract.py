@@ -19,7 +19,8 @@ from skills.contract import (
     Reason,
     Request,
 )
-from skills.guards.passivity import MASS, SOFTEN, STOP
+from skills.guards.deviation import MASS
+from skills.guards.passivity import SOFTEN, STOP
 from skills.guards.scan_guards import RESUME_TIME
 from skills.held_peg import HeldPeg
 from tests.fakes import PERIOD, FakeArm, FakeClock, FakeGripper, context_of

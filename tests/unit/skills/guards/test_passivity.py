@@ -6,7 +6,8 @@ import pytest
 
 from drivers.frames import UP, end_point, rotation_about
 from drivers.quantities import ImpedanceSetpoint, InHandTip, Pose, Twist
-from skills.guards.passivity import INERTIA, LEVER, MASS, WRIST, PassivityGuard, PassivityVerdict, share_of_limit
+from skills.guards.deviation import INERTIA, LEVER, MASS, WRIST
+from skills.guards.passivity import PassivityGuard, PassivityVerdict, share_of_limit
 from tests.fakes import HAND_DOWN
 
 PERIOD, LIMIT, STIFF, TURN = 0.01, 60.0, 2500.0, 40.0
