@@ -13,6 +13,8 @@ from drivers.quantities import Mask, Vector
 from drivers.skin.health import Counts
 from drivers.skin.layout import Layout, exchanges, shape_of
 
+Order = NDArray[np.intp]
+"""Index of the reading that each taxel reports, shape (2 n,)."""
 EXPLAINS = 1.8
 """Largest mean square difference if an exchange explains a frame, in the same units. An exchange under a peg at rest leaves only
 the noise of the taxels; if a peg slips to about the mirrored angle, 2.8 and more remain. Source: docs/tried/grasp.md."""
@@ -49,7 +51,7 @@ class TaxelOrder:
         # A pressed taxel usually changes by 5 % of its reading from frame to frame.
         variance = self._variance + (0.05 * pressed) ** 2
 
-        def misfit(order: NDArray[np.intp]) -> tuple[float, float]:
+        def misfit(order: Order) -> tuple[float, float]:
             known = is_known & was_known[order]
             squares = ((now - before[order]) ** 2 / variance[order])[known]
             total = float(np.add.reduce(squares))

@@ -9,6 +9,7 @@ import math
 import numpy as np
 
 from drivers import impedance
+from drivers.arm import learning
 from drivers.arm.model import JOINTS
 from drivers.compiled import njit
 from drivers.quantities import Vector
@@ -94,28 +95,34 @@ def measure(
     return entry[:JOINTS], entry[JOINTS : 2 * JOINTS]
 
 
-Reading = tuple[Vector, Vector, Vector, Vector, Vector]
+Reading = tuple[Vector, Vector, Vector, Vector, Vector, Vector, Vector]
 """Reading of the arm in one scan: joint positions, rad, and velocities, rad/s, shape (7,) each; wrench at the TCP, shape
-(6,), N and N·m, base frame; position, m, and axes as columns of the TCP, computed from the joint positions read."""
+(6,), N and N·m, base frame; position, m, and axes as columns of the TCP, computed from the joint positions read; commanded
+and unexplained joint torques of the law, shape (7,) each, N·m."""
+COMMANDED = ENTRY + 12
+"""Index of the commanded torques among the concatenated fields."""
 
 
-def scanned(words: Vector, arm: Vector, felt: Vector) -> Reading:
+def scanned(words: Vector, arm: Vector, felt: Vector, law: Vector) -> Reading:
     """Return the reading of a scan; arguments as in `_pack`."""
-    packed = np.empty(ENTRY + 12)
-    _pack(words, arm, felt, packed)
+    packed = np.empty(COMMANDED + 2 * JOINTS)
+    _pack(words, arm, felt, law, packed)
     q, dq, wrench = packed[:JOINTS], packed[JOINTS : 2 * JOINTS], packed[2 * JOINTS : ENTRY]
-    return q, dq, wrench, packed[ENTRY : ENTRY + 3], packed[ENTRY + 3 :].reshape(3, 3)
+    rotation = packed[ENTRY + 3 : COMMANDED].reshape(3, 3)
+    torques = packed[COMMANDED : COMMANDED + JOINTS], packed[COMMANDED + JOINTS :]
+    return q, dq, wrench, packed[ENTRY : ENTRY + 3], rotation, *torques
 
 
 @njit(cache=True)
-def _pack(words: Vector, arm: Vector, felt: Vector, packed: Vector) -> None:  # pragma: no cover
+def _pack(words: Vector, arm: Vector, felt: Vector, law: Vector, packed: Vector) -> None:  # pragma: no cover
     """Write the concatenated fields of `Reading`; compiled code takes a microsecond to return an array.
 
     Args:
         words: State of the readings.
         arm: Figures of the arm that the cell assumes, see `drivers.impedance.figures`.
         felt: Joint torques that are missing in the arm's model and act on its joints, shape (7,), N·m.
-        packed: The fields, shape (ENTRY + 12,); overwritten.
+        law: State of the torque law.
+        packed: The fields; overwritten.
     """
     for i in range(ENTRY):
         packed[i] = words[NEWEST + i]
@@ -128,6 +135,9 @@ def _pack(words: Vector, arm: Vector, felt: Vector, packed: Vector) -> None:  # 
         packed[ENTRY + i] = position[i]
         for j in range(3):
             packed[ENTRY + 3 + 3 * i + j] = rotation[i, j]
+    for i in range(JOINTS):
+        packed[COMMANDED + i] = law[impedance.TORQUE + i]
+        packed[COMMANDED + JOINTS + i] = -law[impedance.LEARNING + learning.RESIDUAL + i]
 
 
 @njit(cache=True, inline="always")

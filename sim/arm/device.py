@@ -49,8 +49,8 @@ class SimArm:
         """
         world = self._world
         now, control = world.now(), world.control
-        q, dq, wrench, position, rotation = world.scanned()
-        words, law = control.words, control.law
+        q, dq, wrench, position, rotation, commanded, unexplained = world.scanned()
+        words = control.words
         return ArmState(
             stamp=now,
             q=q,
@@ -59,6 +59,6 @@ class SimArm:
             elbow=self._elbow,
             wrench=Wrench(wrench[:3], wrench[3:]),
             setpoint_age=now - words[setpoint_words.STAMP] if words[setpoint_words.VALID_UNTIL] >= now else math.inf,
-            commanded=impedance.commanded(law),
-            unexplained=impedance.unexplained(law),
+            commanded=commanded,
+            unexplained=unexplained,
         )

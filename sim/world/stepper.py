@@ -336,9 +336,10 @@ class Stepper:
             is_held = self.peg is PegSituation.HELD
             felt = self.meters[metering.FORCE : metering.TORQUE + 3].copy() if is_held else np.zeros(6)
             position, rotation, _, _ = impedance.forward(control.arm, self.q)
-            return self.q, self.dq, felt, position, rotation
+            torques = impedance.commanded(control.law), impedance.unexplained(control.law)
+            return self.q, self.dq, felt, position, rotation, *torques
         felt = control.joints[joint_drive.LEFT_OVER : joint_drive.LEFT_OVER + JOINTS]
-        return arm_senses.scanned(control.senses, control.arm, felt)
+        return arm_senses.scanned(control.senses, control.arm, felt, control.law)
 
     def physics(self) -> tuple[mujoco.MjModel, mujoco.MjData]:
         """Return the model of the next step, and the data."""

@@ -83,14 +83,16 @@ def nearest(at: Attitude, job: Job, in_hand: InHandTip | None, boxes: Sequence[B
         (hand.body_offset, hand.body_radius, hand.half_span),
         (hand.finger_offset, hand.finger_radius, hand.half_span - closed / 2),
     )
-    bodies = []
-    for place, radius, half in capsules:
-        bodies.append((centre + place * rotation[:, 0] + half * _BALLS * rotation[:, 2], radius, "hand"))
-    if in_hand is not None:
-        bodies.append((_surface(at.tip, peg, job, length), 0.0, "peg"))
-    return min(
-        [(min(box.gaps(points).tolist()) - radius, what, box.name) for points, radius, what in bodies for box in boxes]
-    )
+    balls = [centre + place * rotation[:, 0] + half * _BALLS * rotation[:, 2] for place, _, half in capsules]
+    surface = [] if in_hand is None else [_surface(at.tip, peg, job, length)]
+    points, radii = np.concatenate(balls + surface), np.repeat([radius for _, radius, _ in capsules], BALLS)
+    found = []
+    for box in boxes:
+        gaps = box.gaps(points)
+        gaps[: radii.size] -= radii
+        k = int(gaps.argmin())
+        found.append((float(gaps[k]), "hand" if k < radii.size else "peg", box.name))
+    return min(found)
 
 
 def require_clear(way: Sequence[Attitude], job: Job, in_hand: InHandTip | None, clearance: float) -> None:

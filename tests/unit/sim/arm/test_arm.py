@@ -192,7 +192,7 @@ def test_the_steepest_published_friction_is_stable_at_the_shipped_step():
 
 
 DQ, NOTHING = np.linspace(-0.3, 0.3, 7), np.zeros(6)
-NO_TORQUE = np.zeros(7)
+NO_TORQUE, LAW = np.zeros(7), impedance.new_state(PANDA)
 
 
 def senses(**departure):
@@ -210,7 +210,7 @@ def test_a_wrong_zero_shifts_what_law_and_scan_read_alike():
     words = senses(reading=StateReading(zero=zero))
     q, _ = read(words)
     np.testing.assert_allclose(q - Q, zero, atol=1e-15)
-    np.testing.assert_allclose(arm_senses.scanned(words, FIGURES, NO_TORQUE)[0] - Q, zero, atol=1e-15)
+    np.testing.assert_allclose(arm_senses.scanned(words, FIGURES, NO_TORQUE, LAW)[0] - Q, zero, atol=1e-15)
 
 
 def test_noise_is_as_strong_as_it_is_said_to_be():
@@ -233,7 +233,7 @@ def test_an_encoder_with_play_follows_its_link_by_half_the_play_behind_it():
 
 
 def test_ideal_senses_and_a_scan_before_the_first_cycle_read_what_is():
-    q, dq, wrench, _, _ = arm_senses.scanned(senses(reading=StateReading(noise=1e-5)), FIGURES, NO_TORQUE)
+    q, dq, wrench, *_ = arm_senses.scanned(senses(reading=StateReading(noise=1e-5)), FIGURES, NO_TORQUE, LAW)
     for there, rates in ((q, dq), read(senses(), noise=np.ones(arm_senses.NOISES))):
         np.testing.assert_array_equal(there, Q)
         np.testing.assert_array_equal(rates, DQ)
@@ -246,10 +246,10 @@ def test_joint_torques_that_a_wrench_would_explain_are_told_as_that_wrench():
     J = np.vstack([np.cross(axes, position - origins).T, axes.T])
     words = senses(wrench=WrenchReading(joint_torque=tuple(J.T @ push)))
     read(words)
-    np.testing.assert_allclose(arm_senses.scanned(words, FIGURES, NO_TORQUE)[2], push, atol=1e-5)
+    np.testing.assert_allclose(arm_senses.scanned(words, FIGURES, NO_TORQUE, LAW)[2], push, atol=1e-5)
     # Torques that are not in the arm's model are measured exactly.
     words = senses(reading=StateReading(noise=1e-5))
-    np.testing.assert_allclose(arm_senses.scanned(words, FIGURES, J.T @ push)[2], push, atol=1e-5)
+    np.testing.assert_allclose(arm_senses.scanned(words, FIGURES, J.T @ push, LAW)[2], push, atol=1e-5)
 
 
 def test_an_error_of_the_modelled_torques_moves_with_the_posture():
@@ -257,7 +257,7 @@ def test_an_error_of_the_modelled_torques_moves_with_the_posture():
     told = []
     for q in (Q, Q + np.array([0.6, 0.3, 0.0, 0.4, 0.0, 0.0, 0.0])):
         read(words, q=q)
-        told.append(arm_senses.scanned(words, FIGURES, NO_TORQUE)[2][:3])
+        told.append(arm_senses.scanned(words, FIGURES, NO_TORQUE, LAW)[2][:3])
     assert 0.5 < np.linalg.norm(told[0]) < 10.0
     assert np.linalg.norm(told[1] - told[0]) > 0.2
 
@@ -278,4 +278,4 @@ def test_a_low_pass_of_the_wrench_answers_late_and_quiets_its_noise():
 
 def test_a_force_told_where_nothing_touches_is_told_as_it_is():
     words = senses(wrench=WrenchReading(force=(1.0, -2.0, 4.0)), reading=StateReading(rate_noise=every(0.0)))
-    np.testing.assert_allclose(arm_senses.scanned(words, FIGURES, NO_TORQUE)[2], [1.0, -2.0, 4.0, 0.0, 0.0, 0.0])
+    np.testing.assert_allclose(arm_senses.scanned(words, FIGURES, NO_TORQUE, LAW)[2], [1.0, -2.0, 4.0, 0.0, 0.0, 0.0])
