@@ -154,7 +154,7 @@ def grip_limits(
     length = moment = lever = 0.0
     for _, weight, low, high in spans:
         length += weight * (high - low)
-        moment += weight * (high**2 - low**2) / 2
+        moment += weight * (high * high - low * low) / 2
     if length <= 0.0:
         return GripLimits(0.0, 0.0, 0.0, 0.0)
     middle = moment / length

@@ -55,7 +55,7 @@ def bear(words: Vector, limits: GripLimits, beside: float, shear: float, carried
         carried: Mass of the peg, kg, and its inertia about the closing axis at the finger centre, kg·m².
     """
     # Uniform shear over the contact length l: k_r = k l² / 12.
-    turning = shear * limits.length**2 / 12
+    turning = shear * (limits.length * limits.length) / 12
     words[FORCE : BESIDE + 1] = limits.force, limits.torque, -limits.middle, beside
     # Damping c = 2 zeta sqrt(k m), for the rotation with k_r and the inertia.
     damping = 2.0 * LOSS * math.sqrt(shear * (MASS + carried[0]))
