@@ -9,7 +9,6 @@ over its width as on a bed of springs, and the elastomer blurs it before the tax
 import math
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import NamedTuple
 
 import numpy as np
 
@@ -17,14 +16,13 @@ from drivers.parts import Peg
 from drivers.quantities import Pose, Vector
 from drivers.skin.layout import Layout, finger_positions, pad_size
 from sim.config import PadConfig
+from sim.hand.grip_limits import span
 from sim.hand.pad_solver import CELL, lie, spread
 
 LINE_POINTS = 33
 LEVER_LIMIT = 0.9
 """Limit on loads that would lift the peg off a pad or tilt it out, as a share of the largest load that the pads bear,
 fraction."""
-GAUSS = ((-math.sqrt(0.6), 5 / 18), (0.0, 8 / 18), (math.sqrt(0.6), 5 / 18))
-"""Points on -1 to 1, and weights of a mean by Gauss-Legendre quadrature."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,82 +91,8 @@ def load_of(peg: Peg, tcp: Pose, pose: Pose, grip_force: float, force: Vector, t
 
 def contact_span(load: PadLoad, length: float, width: float) -> tuple[float, float]:
     """Return the ends of the contact line on a pad of this size, two values of s, m; equal if the peg misses the pad."""
-    return _span(load.theta, load.offset, load.reach_tip, load.reach_back, length / 2, width / 2)
-
-
-def _span(
-    theta: float, offset: float, reach_tip: float, reach_back: float, half_length: float, half_width: float
-) -> tuple[float, float]:
-    c, s = math.cos(theta), math.sin(theta)
-    low, high = -reach_back, reach_tip
-    for start, step, half in ((-offset * s, c, half_length), (offset * c, s, half_width)):
-        if step > 1e-9 or step < -1e-9:
-            reach = half / step if step > 0.0 else -half / step
-            middle = -start / step
-            low = middle - reach if middle - reach > low else low
-            high = middle + reach if middle + reach < high else high
-        elif start > half or start < -half:
-            high = low
-    return low, high if high > low else low
-
-
-class GripLimits(NamedTuple):
-    """Largest force and moment that friction of the two pads transmits in their plane before the peg slips, each alone."""
-
-    force: float
-    """Largest force along the pads, in any direction, N."""
-    torque: float
-    """Largest moment about the closing axis through the centre of the contact, N·m."""
-    middle: float
-    """Centre of the contact, m along the peg from the finger centre towards its tip."""
-    length: float
-    """Length of the contact along the peg, m; 0 if the peg is not between the pads."""
-
-
-def grip_limits(
-    theta: float,
-    offset: float,
-    grip_force: float,
-    reach: tuple[float, float],
-    half: tuple[float, float],
-    friction: float,
-    flat: float = 0.0,
-) -> GripLimits:
-    """Return the largest force and moment from friction in the pads, by Coulomb's law under uniform pressure.
-
-    The two pads' normal forces add up to twice the grip force N, so that a force slides the peg at 2·mu·N. A moment
-    rotates it about the centre of the contact, and each pad resists with mu·N·(integral of |r| ds)/l. For a line of
-    length l that is mu·N·l/4 per pad. A flat face consists of many such lines.
-
-    Args:
-        theta: In-hand angle, rad.
-        offset: Distance of the peg's axis from the finger centre along (-sin t, cos t, 0), m.
-        grip_force: Grip force of the hand, N.
-        reach: Lengths of the peg from the finger centre towards its tip and towards its back end, m.
-        half: Half the length and half the width of a pad, m.
-        friction: Coulomb coefficient of peg on pad.
-        flat: Width of a flat face, m; 0 for the line contact of a round peg.
-    """
-    lines = [(flat / 2 * place, weight) for place, weight in GAUSS] if flat > 0.0 else [(0.0, 1.0)]
-    spans = [(beside, weight, *_span(theta, offset + beside, *reach, *half)) for beside, weight in lines]
-    length = moment = lever = 0.0
-    for _, weight, low, high in spans:
-        length += weight * (high - low)
-        moment += weight * (high * high - low * low) / 2
-    if length <= 0.0:
-        return GripLimits(0.0, 0.0, 0.0, 0.0)
-    middle = moment / length
-    for beside, weight, low, high in spans:
-        lever += weight * (_lever(high - middle, beside) - _lever(low - middle, beside))
-    force = 2.0 * friction * grip_force
-    return GripLimits(force, force * lever / length, middle, length)
-
-
-def _lever(s: float, offset: float) -> float:
-    """Return the integral of sqrt(s² + offset²) from 0 to s."""
-    if -1e-9 < offset < 1e-9:
-        return s * s / 2 if s > 0.0 else -s * s / 2
-    return (s * math.hypot(s, offset) + offset**2 * math.asinh(s / abs(offset))) / 2
+    ends: tuple[float, float] = span(load.theta, load.offset, load.reach_tip, load.reach_back, length / 2, width / 2)
+    return ends
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -11,7 +11,7 @@ import math
 
 from drivers.compiled import njit
 from drivers.quantities import Vector
-from sim.hand.pads import GripLimits
+from sim.hand.grip_limits import grip_limits
 
 MASS = 0.08
 """Mass that moves with the peg in the pads' plane, kg: rubber and finger tips, without the peg. Assumed; with it, steps
@@ -32,35 +32,56 @@ STUCK, APPLIED = 8, 11
 step, N·m and N."""
 START = 14
 """Two words: position along and beside at the grasp, m."""
-SLIP = 16
-"""Largest slip of the peg from the grasp position, m."""
-WORDS = 17
+SLIP, CONTACT = 16, 17
+"""Largest slip of the peg from the grasp position, m; length of the contact along the peg, m."""
+PADS = 18
+"""Four words: half the length and half the width of a pad, m; Coulomb coefficient of peg on pad; stiffness of both pads in
+their plane, N/m."""
+PEG = 22
+"""Five words: length of the peg from the finger centre to its tip at the grasp, and whole length, m; width of its flat
+faces, m, 0 if it is round; its mass, kg, and inertia about the closing axis at the finger centre, kg·m²."""
+WORDS = 27
 
 
-def grasp(words: Vector, turn: float, along: float, beside: float) -> None:
-    """Set the sticking point to the present one: rotation, rad, and position along and beside the peg's axis, m."""
+def grasp(
+    words: Vector,
+    place: tuple[float, float, float],
+    pads: tuple[float, float, float, float],
+    peg: tuple[float, float, float, float, float],
+) -> None:
+    """Begin a grasp with the sticking point at the present place: rotation, rad, and position along and beside the peg's
+    axis, m; see `PADS` and `PEG` for the others.
+    """
     words[:] = 0.0
-    words[STUCK : STUCK + 3] = turn, along, beside
-    words[START : START + 2] = along, beside
+    words[STUCK : STUCK + 3] = place
+    words[START : START + 2] = place[1:]
+    words[PADS:PEG], words[PEG:] = pads, peg
 
 
-def bear(words: Vector, limits: GripLimits, beside: float, shear: float, carried: tuple[float, float]) -> None:
-    """Set the present friction limits and shear stiffness of the pads.
+@njit(cache=True)
+def bear(words: Vector, qpos: Vector, first: int, grip_force: float) -> None:  # pragma: no cover
+    """Set the friction limits and the shear of the pads for the peg's present place.
 
     Args:
         words: The grip; updated.
-        limits: Limits of friction.
-        beside: Position of the peg's axis beside the finger centre, m.
-        shear: Stiffness of both pads in their plane, N/m.
-        carried: Mass of the peg, kg, and its inertia about the closing axis at the finger centre, kg·m².
+        qpos: Positions; rotation, position along and position beside start at `first`.
+        first: Index of the rotation, or -1 if no hand holds the peg.
+        grip_force: Grip force of the hand, N.
     """
+    if first < 0:
+        return
+    half, friction, shear = (words[PADS], words[PADS + 1]), words[PADS + 2], words[PADS + 3]
+    tip, beside = words[PEG] - qpos[first + 1], qpos[first + 2]
+    reach, flat = (tip, words[PEG + 1] - tip), words[PEG + 2]
+    limits = grip_limits(qpos[first], beside, grip_force, reach, half, friction, flat)
+    words[FORCE], words[TORQUE], words[CONTACT] = limits.force, limits.torque, limits.length
+    words[ALONG], words[BESIDE] = -limits.middle, beside
     # Uniform shear over the contact length l: k_r = k l² / 12.
-    turning = shear * (limits.length * limits.length) / 12
-    words[FORCE : BESIDE + 1] = limits.force, limits.torque, -limits.middle, beside
+    turning = shear * limits.length**2 / 12
     # Damping c = 2 zeta sqrt(k m), for the rotation with k_r and the inertia.
-    damping = 2.0 * LOSS * math.sqrt(shear * (MASS + carried[0]))
-    turn_damping = 2.0 * LOSS * math.sqrt(turning * (TURNING_INERTIA + carried[1]))
-    words[STIFFNESS : TURN_DAMPING + 1] = shear, turning, damping, turn_damping
+    words[STIFFNESS], words[TURNING] = shear, turning
+    words[DAMPING] = 2.0 * LOSS * math.sqrt(shear * (MASS + words[PEG + 3]))
+    words[TURN_DAMPING] = 2.0 * LOSS * math.sqrt(turning * (TURNING_INERTIA + words[PEG + 4]))
 
 
 @njit(cache=True, inline="always")

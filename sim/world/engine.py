@@ -138,6 +138,7 @@ def advance(
     timestep, law_every, start = beat.timestep, beat.law_every, first * beat.timestep
     lasting = metering.window(timestep)
     force, torque, nothing = np.zeros(3), np.zeros(3), np.zeros(6)
+    slip.bear(control.grip, qpos, watch.hinge, control.drive[DRIVE_FORCE])
     tick = cycle = 0
     while tick < ticks:
         if (first + tick) % law_every == 0:
@@ -170,6 +171,7 @@ def advance(
             metering.judge(meters, state.userdata, lasting)
         if watch.hinge >= 0 and abs(qpos[watch.hinge]) > watch.lost:
             break
+    slip.bear(control.grip, qpos, watch.hinge, control.drive[DRIVE_FORCE])
     total = 0.0
     for i in range(7):
         total += qpos[i] + qvel[i]

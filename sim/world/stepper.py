@@ -14,7 +14,6 @@ from sim.arm.arm_truth import ArmTruth
 from sim.config import SimConfig
 from sim.contact import latch, peg_distances
 from sim.hand import slip
-from sim.hand.pads import GripLimits, grip_limits
 from sim.world import engine, metering, situation
 from sim.world.pace import ClockPace
 from sim.world.situation import PegSituation
@@ -61,10 +60,7 @@ class Stepper:
         self._q, self._dq = np.array(arm.home), np.zeros(JOINTS)
         self._in_grip_since = self._loose_since = 0.0
         self._load: Vector = np.zeros(6)
-        self._carried = 0.0, 0.0
         self._is_resting = False
-        self._grip_force = math.nan
-        """Grip force in the present limits of friction, N; NaN before a grasp."""
 
     @property
     def has_twins(self) -> bool:
@@ -121,10 +117,11 @@ class Stepper:
         beside = float((pose.position - tcp.position) @ lateral)
         self.running.data.qpos[HINGE] = self.meters[metering.TURN_FROM] = theta
         self.running.data.qpos[BESIDE] = beside
-        slip.grasp(self.control.grip, theta, 0.0, beside)
-        peg = self.scene.job.peg
-        half = self.scene.size.half
-        self._carried = peg.mass, peg.mass * (half**2 / 3 + (self.peg_length - half) ** 2)
+        (length, width), half, mass = self.pad, self.scene.size.half, self.scene.job.peg.mass
+        pads = length / 2, width / 2, self._pad_friction, self.scene.shear_stiffness
+        inertia = mass * (half**2 / 3 + (self.peg_length - half) ** 2)
+        peg = self.peg_length, 2 * half, self.scene.size.flat, mass, inertia
+        slip.grasp(self.control.grip, (theta, 0.0, beside), pads, peg)
         self._begin(weight=self.scene.size.weight)
 
     def hold(self, theta: float) -> None:
@@ -226,7 +223,6 @@ class Stepper:
         )
         self._set_near(self.scene.hole)
         self._in_grip_since = self._loose_since = now
-        self._grip_force = math.nan
 
     def _set_near(self, hole: Vector) -> None:
         addresses = [model._address for model in self._steppers]
@@ -244,10 +240,7 @@ class Stepper:
         Raises:
             SimulationUnstableError: The state is no longer finite.
         """
-        if self.peg is PegSituation.HELD:
-            if self.control.drive[engine.DRIVE_FORCE] != self._grip_force:
-                self._bear()
-        else:
+        if self.peg is not PegSituation.HELD:
             self._let_rest()
         pace, noises = self.pace, NO_NOISE
         if self.control.senses[arm_senses.IS_IDEAL] == 0.0:
@@ -264,13 +257,6 @@ class Stepper:
         pace.ticks += taken
         self._pass_on()
         return taken
-
-    def _bear(self) -> GripLimits:
-        """Update the friction of the pads on the held peg, and return its limits."""
-        limits, beside = self.grip_limits(), float(self.running.data.qpos[BESIDE])
-        slip.bear(self.control.grip, limits, beside, self.scene.shear_stiffness, self._carried)
-        self._grip_force = self.control.drive[engine.DRIVE_FORCE]
-        return limits
 
     def _let_rest(self) -> None:
         """Take a peg at rest and out of the pads' reach out of the physics; put it back before the pads reach it."""
@@ -301,8 +287,8 @@ class Stepper:
         """Change the peg's situation if the last ticks require it."""
         grip_force = float(self.control.drive[engine.DRIVE_FORCE])
         if self.peg is PegSituation.HELD:
-            turn, contact = float(self.running.data.qpos[HINGE]), self._bear().length
-            if abs(turn) > situation.LOST_TURN or contact < situation.LEAST_CONTACT:
+            turn = float(self.running.data.qpos[HINGE])
+            if abs(turn) > situation.LOST_TURN or self.control.grip[slip.CONTACT] < situation.LEAST_CONTACT:
                 self.fall()
             elif grip_force <= 0.0:
                 self.enter_free(self.scene.size.thickness, self.peg_pose())
@@ -395,17 +381,3 @@ class Stepper:
             return 0.0
         squeezed: float = metering.pad_force(self.running.data._address, *self.scene.pads)
         return squeezed
-
-    def grip_limits(self) -> GripLimits:
-        """Return the largest loads from friction of the pads on the held peg in its present pose."""
-        (theta, along, beside), (length, width) = self.running.data.qpos[HINGE : BESIDE + 1].tolist(), self.pad
-        reach_tip = self.peg_length - along
-        return grip_limits(
-            theta=theta,
-            offset=beside,
-            grip_force=float(self.control.drive[engine.DRIVE_FORCE]),
-            reach=(reach_tip, 2 * self.scene.size.half - reach_tip),
-            half=(length / 2, width / 2),
-            friction=self._pad_friction,
-            flat=self.scene.size.flat,
-        )

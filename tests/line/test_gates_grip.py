@@ -47,12 +47,13 @@ def slipped(world: World, load: Vector, seconds: float = 0.5, far: bool = False)
     Returns:
         Change of the place where the peg sticks, in units of what the shear gives at the bound.
     """
-    limits, words = world.grip_limits(), world.control.grip
+    words = world.control.grip
+    force, torque = words[slip.FORCE], words[slip.TORQUE]
     before = words[slip.STUCK : slip.STUCK + 3].copy()
     data = world.physics()[1]
-    force_z, force_y = load[1] * limits.force, load[2] * limits.force
+    force_z, force_y = load[1] * force, load[2] * force
     # About the finger centre, of a force through the middle of the contact.
-    moment = load[0] * limits.torque + words[slip.BESIDE] * force_z - words[slip.ALONG] * force_y
+    moment = load[0] * torque + words[slip.BESIDE] * force_z - words[slip.ALONG] * force_y
     goal = np.array([moment, force_z, force_y])
     began, given = world.now(), np.zeros(3)
     while world.is_held and world.now() - began < 2.0 * seconds and (far or words[slip.SLIP] < ENOUGH):
@@ -65,7 +66,7 @@ def slipped(world: World, load: Vector, seconds: float = 0.5, far: bool = False)
     data.qfrc_applied[HINGE : HINGE + 3] -= given
     world.wait_until(world.now() + 0.3)
     moved = words[slip.STUCK : slip.STUCK + 3] - before
-    elastic = np.array([limits.torque / words[slip.TURNING], *[limits.force / words[slip.STIFFNESS]] * 2])
+    elastic = np.array([torque / words[slip.TURNING], *[force / words[slip.STIFFNESS]] * 2])
     return float(np.abs(moved / elastic).max())
 
 
@@ -92,10 +93,10 @@ def test_a_load_just_inside_the_limit_surface_holds_and_one_just_outside_slips(
 
 def test_forces_are_bounded_by_twice_friction_times_the_grip() -> None:
     """Two pads at 0.4 under 30 N bear 24 N; of a moment a quarter of the 35.5 mm that lie between them times as much."""
-    limits = holding().grip_limits()
-    assert limits.force == pytest.approx(2 * 0.4 * GRIP)
-    assert limits.length == pytest.approx(0.0355, abs=2e-4)
-    assert limits.torque == pytest.approx(limits.force * limits.length / 4, rel=1e-6)
+    words = holding().control.grip
+    assert words[slip.FORCE] == pytest.approx(2 * 0.4 * GRIP)
+    assert words[slip.CONTACT] == pytest.approx(0.0355, abs=2e-4)
+    assert words[slip.TORQUE] == pytest.approx(words[slip.FORCE] * words[slip.CONTACT] / 4, rel=1e-6)
 
 
 def test_a_peg_is_held_where_it_was_grasped() -> None:

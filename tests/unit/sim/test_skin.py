@@ -12,7 +12,8 @@ from drivers.errors import DeviceNotOpenedError, SkinSilentError
 from drivers.skin.health import ERROR_COUNT, dead_groups
 from drivers.skin.layout import LAYOUTS, module_of
 from sim.config import PadConfig, SimSkinConfig
-from sim.hand.pads import PadLoad, Pads, contact_span, grip_limits, taxel_weights
+from sim.hand.grip_limits import grip_limits
+from sim.hand.pads import PadLoad, Pads, contact_span, taxel_weights
 from sim.hand.skin import SimSkin, Taxels, as_believed
 from tests.skins import ScriptedWorld, held_peg
 
