@@ -31,8 +31,8 @@ FALLING = 0.05
 
 
 SHARED = 0.5
-"""Least drop of the hand with a suddenly falling peg, and least depth of the peg's end below the plane, share of the dip threshold. Source:
-docs/tried/search.md."""
+"""Least drop of the hand with a dip or a sudden fall, and least depth of a suddenly fallen peg's end below the plane, share of the dip threshold.
+A dip that stands still after a rest without a hole, or a new angle of the peg, moves the tip and not the hand. Source: docs/tried/search.md."""
 
 
 FAINT = 0.6
@@ -125,7 +125,7 @@ class EdgeEvidence:
         height = float(seen.arm.tcp.position[2])
         dip, deviation = self._surface.below(edge)
         below, has_fallen = dip - deviation, self._fallen(edge, dip, height) > self._faint
-        has_dropped = self._drop(height) >= self._params.drop
+        has_dropped = self._drop(height) >= SHARED * threshold
         return below, (below > threshold or has_fallen) and has_dropped
 
     def learn(self, edge: Vector) -> None:
@@ -133,11 +133,6 @@ class EdgeEvidence:
         if len(self._late) == self._late.maxlen:
             self._surface.learn(self._late.popleft())
         self._late.append(edge)
-
-    def begin_anew(self) -> None:
-        """Start the surface estimate anew: the peg may have slipped along the fingers."""
-        self._surface = SurfaceEstimate()
-        self.restart()
 
     def doubt(self) -> None:
         """Record a stop that found no hole: sudden falls must be larger from now on."""

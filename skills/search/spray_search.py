@@ -53,8 +53,6 @@ def run(
 ) -> SpraySearchResult:
     """Search the area from a random corner or point of it until the peg's edge falls into the hole.
 
-    If the peg is lifted on the way, the surface is estimated anew.
-
     Args:
         params: Parameters of the search.
         ctx: The skill's context.

@@ -145,14 +145,14 @@ class SearchSweep:
         return self._course
 
     def hold_anew(self) -> None:
-        """Come down again with the peg as it now lies in the hand; the plate is felt anew, for the peg may have slipped."""
+        """Come down again with the peg as it now lies in the hand."""
         self._theta = self._ctx.in_hand().theta
         self._identity, self._push = self._ctx.new_id(), replace(self._push, theta=self._theta)
         self._bearing = Bearing(self._ctx.wrench.zero, self._ctx.schedule.period)
         self._phase = first_phase(self._course)
         self._trim = Trim(self._params.trim_rate, self._params.trim_limit)
         self._rested = FAR_OFF
-        self._evidence.begin_anew()
+        self._evidence.restart()
 
     @property
     def edge(self) -> tuple[float, float]:
