@@ -10,10 +10,10 @@ from cell.config.load import load
 from drivers.frames import UP, end_point
 from drivers.quantities import Pose
 from skills.catalogue import GRASP, SEARCH
-from skills.held_peg import HeldPeg
+from skills.held_peg import EXPLAINED, HeldPeg
 from skills.insert.grip import grip_of
 from skills.search.course import make_course
-from skills.search.feel import EXPLAINED, LATE, LONGEST_SLIP, SHARED, EdgeEvidence, excess_of
+from skills.search.feel import LATE, LONGEST_SLIP, SHARED, EdgeEvidence, excess_of
 from skills.search.size import PUSH, STATED, THIN, firm, shallow
 from skills.search.spray_search import _referenced
 from skills.search.surface import Plane, SurfaceEstimate
@@ -206,7 +206,8 @@ def referenced(slip, *, tilt=0.0, is_known=True):
 
     The peg came down 30 mm beside the hole, on a plate that is tilted by `tilt`, rad.
     """
-    ctx = SimpleNamespace(job=CONFIG.job(), peg=HeldPeg(measured=0.0 if is_known else None), note_slip=lambda: None)
+    ctx = SimpleNamespace(job=CONFIG.job(), peg=HeldPeg(measured=0.0 if is_known else None))
+    ctx.note_touch = lambda excess: setattr(ctx, "peg", ctx.peg.touched(excess))
     course = make_course(PARAMS, ctx.job, np.random.default_rng(1))
     stated = np.array(ctx.job.hole.centre)
     touched = stated + np.array([0.03, 0.0, 0.03 * math.tan(tilt)])
