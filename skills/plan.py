@@ -31,6 +31,10 @@ Source: docs/tried/adjustment.md.
 """
 AT_BOTTOM = 2.0
 """Stall timeout of a peg at the bottom, multiple of that of a peg above it: the last millimetre is short of `adjust.jammed`."""
+STEADY = 0.55
+"""Largest rate at which a peg is turned upright after a failed try, rad/s: one that left the hole on the way would leave it again. Source:
+docs/tried/insertion.md.
+"""
 GRIP, ARM, ATTEMPT = "grasp.force", "arm.model", "attempt"
 """Reasons of figures that differ from the config: the load that the pads bear, the arm's limits, the number of the attempt."""
 
@@ -122,7 +126,7 @@ def plan_insertion(skills: SkillSet, peg: Peg, hole: Hole, grip_share: float = 1
         peg: The part.
         hole: Its hole.
         grip_share: Assumed share of the grip after slips, fraction.
-        attempt: Number of the attempt, from 0.
+        attempt: Number of tries at the same place that failed.
     """
     grip = grip_of(_section(skills, "grasp", GraspFromRackParams), grip_share)
     search = _Stage("search", _section(skills, "search", SpraySearchParams))
@@ -193,6 +197,10 @@ def _over_the_edge(
     if attempt == 0:
         most = min(allowed_depth(insert.params.aligned, peg.part.thickness, hole.part.thickness), hole.depth)
         insert.become("insert.least_share", _but(insert.params, least_depth=insert.params.least_share * most))
+    else:
+        share = min(STEADY / insert.params.turn_rate, 1.0)
+        rate, run_up = share * insert.params.turn_rate, insert.params.turn_run_up / share
+        insert.become(ATTEMPT, _but(insert.params, turn_rate=rate, turn_run_up=run_up))
 
 
 def _over_a_corner(

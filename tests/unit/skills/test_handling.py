@@ -16,7 +16,7 @@ from skills.handling import adjust, insert
 from skills.insert.grip import grip_of
 from skills.insert.play import allowed_depth
 from skills.insert.spiral_adjust import SpiralAdjustResult
-from skills.plan import FIRST_STALL, plan_insertion
+from skills.plan import FIRST_STALL, STEADY, plan_insertion
 from skills.search.size import DIP, PUSH, STATED
 from skills.search.surface import Plane
 from tests.fakes import PERIOD, Rig
@@ -70,6 +70,14 @@ def test_a_thin_peg_is_pushed_harder_and_told_by_a_shallower_fall():
 def test_a_round_peg_is_searched_again_as_often_as_its_recipe_says_and_steered_by_the_insertion_alone():
     round_peg = plan()
     assert (round_peg.retries, round_peg.steered, round_peg.corner) == (RETRIES, {}, None)
+
+
+@pytest.mark.parametrize(
+    ("attempt", "rate", "run_up"), [(0, 1.0, 0.4), (1, STEADY, 0.4 / STEADY), (4, STEADY, 0.4 / STEADY)]
+)
+def test_a_peg_that_is_turned_fast_is_turned_upright_more_slowly_where_a_try_has_failed(attempt, rate, run_up):
+    fast = load(sets=["preset=fast"]).cell.plan(attempt).insert
+    assert (fast.turn_rate, fast.turn_run_up) == pytest.approx((rate, run_up))
 
 
 def test_a_peg_with_corners_is_searched_again_and_steered_as_its_own_section_says():
