@@ -14,7 +14,6 @@ from skills.corner.params import CornerParams
 from skills.entry import SkillSet
 from skills.grasp_from_rack import GraspFromRackParams
 from skills.insert.grip import Grip, grip_of
-from skills.insert.play import allowed_depth
 from skills.insert.spiral_params import SpiralAdjustParams
 from skills.insert.tactile_insert import TactileInsertParams
 from skills.motion import Gains
@@ -136,7 +135,7 @@ def plan_insertion(skills: SkillSet, peg: Peg, hole: Hole, grip_share: float = 1
     paper = _optional("paper", skills.paper)
     adjust.become(GRIP, grip.adjusting(adjust.params, peg.length))
     if corner is None:
-        _over_the_edge(search, insert, grip, peg, hole, attempt)
+        _over_the_edge(search, insert, grip, peg, attempt)
         _first_of_several(adjust, attempt, skills.retries)
     else:
         _over_a_corner(search, corner, grip, peg, attempt)
@@ -185,7 +184,6 @@ def _over_the_edge(
     insert: _Stage[TactileInsertParams],
     grip: Grip,
     peg: Peg,
-    hole: Hole,
     attempt: int,
 ) -> None:
     """Derive the figures of a round peg, which falls into the hole over its edge."""
@@ -193,11 +191,7 @@ def _over_the_edge(
     search.become(GRIP, grip.searching(search.params))
     search.become("peg.diameter", shallow(search.params, peg.part.thickness))
     insert.become(GRIP, grip.inserting(insert.params))
-    # A depth that errs, because plate, peg or arm are not as stated, errs again: later attempts leave the judgement to the adjustment.
-    if attempt == 0:
-        most = min(allowed_depth(insert.params.aligned, peg.part.thickness, hole.part.thickness), hole.depth)
-        insert.become("insert.least_share", _but(insert.params, least_depth=insert.params.least_share * most))
-    else:
+    if attempt > 0:
         share = min(STEADY / insert.params.turn_rate, 1.0)
         rate, run_up = share * insert.params.turn_rate, insert.params.turn_run_up / share
         insert.become(ATTEMPT, _but(insert.params, turn_rate=rate, turn_run_up=run_up))

@@ -1,6 +1,5 @@
 """Skills that search, align and seat each kind of part, and differences between the attempts of one insertion."""
 
-import math
 from dataclasses import replace
 
 import numpy as np
@@ -14,7 +13,6 @@ from skills.contract import Outcome, Reason
 from skills.corner.adjust import CornerAdjustResult
 from skills.handling import adjust, insert
 from skills.insert.grip import grip_of
-from skills.insert.play import allowed_depth
 from skills.insert.spiral_adjust import SpiralAdjustResult
 from skills.plan import FIRST_STALL, STEADY, plan_insertion
 from skills.search.size import DIP, PUSH, STATED
@@ -122,16 +120,6 @@ def square(tmp_path):
 @pytest.fixture(params=["bench", "square"])
 def either(request):
     return request.getfixturevalue(request.param)
-
-
-@pytest.mark.parametrize(("attempt", "is_enough"), [(0, False), (1, True), (2, True)])
-def test_only_the_first_insertion_judges_an_aligned_peg_by_its_depth(bench, attempt, is_enough):
-    lean, params = 0.09, CELL.params(INSERT)
-    least = params.least_share * allowed_depth(params.aligned, CELL.peg.part.thickness, CELL.hole.part.thickness)
-    bench.way = lambda time: hand(HOLE - (least - CELL.peg.part.reach * math.sin(lean) - 1e-5) * UP, lean)
-    ended = bench.insert(attempt=attempt)
-    assert ended.outcome is (Outcome.SUCCESS if is_enough else Outcome.FAILURE)
-    assert ended.elapsed == 0.0
 
 
 @pytest.mark.parametrize("attempt", [0, 1])
