@@ -73,11 +73,10 @@ def _serve(args: argparse.Namespace) -> None:
 
     loaded, why = in_force(load_config(args), calibration_folder(args) / FILE)
     _warn(loaded.cell.plc, args)
-    warm_up(loaded)
     bridge, live = Bridge(loaded.cell.plc, PROGRAMS, PARAMETERS, opcua=args.opcua), Live()
     with (
         open_journal(args, loaded.cell.journal) as journal,
-        opened(replace(assemble(loaded.cell), commissioning=why)) as cell,
+        opened(replace(assemble(warm_up(loaded)), commissioning=why)) as cell,
         ExitStack() as servers,
     ):
         supervisor = Supervisor(cell, loaded, bridge, journal, args.stop, live)

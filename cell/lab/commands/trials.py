@@ -3,12 +3,11 @@
 import argparse
 import json
 import os
-from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cell.commands.arguments import add_config, natural, positive, scheduler
-from cell.commands.terminal import GOOD, progress, show, written
-from cell.lab.arguments import load_simulated
+from cell.commands.arguments import add_config, folder_path, natural, positive, scheduler
+from cell.commands.terminal import GOOD, show, written
+from cell.lab.arguments import load_simulated, working
 
 if TYPE_CHECKING:
     from cell.lab.trials import TrialRow
@@ -24,7 +23,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     where.add_argument(
         "--scheduler", type=scheduler, metavar="tcp://HOST:PORT", help="address of a Dask cluster instead"
     )
-    parser.add_argument("--out", type=Path, required=True, metavar="DIR")
+    parser.add_argument("--out", type=folder_path, required=True, metavar="DIR")
 
 
 def run(args: argparse.Namespace) -> int:
@@ -39,7 +38,7 @@ def run(args: argparse.Namespace) -> int:
 
     config = load_simulated(args, "trials").cell
     seeds = range(args.seed, args.seed + args.trials)
-    with progress() as bars:
+    with working() as bars:
         bar = bars.add_task("trials", total=args.trials)
 
         def done(row: "TrialRow") -> None:
