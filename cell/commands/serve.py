@@ -1,6 +1,7 @@
 """`cell serve`: run the cell under PLC control until SIGINT or SIGTERM."""
 
 import argparse
+import gc
 import logging
 import sys
 from collections.abc import Iterator
@@ -81,6 +82,7 @@ def _serve(args: argparse.Namespace) -> None:
     ):
         supervisor = Supervisor(cell, loaded, bridge, journal, args.stop, live)
         supervisor.scan()  # the first scan compiles; no client may connect before the cell can answer
+        gc.freeze()  # a search for cycles among all that was loaded would hold up a scan
         servers.callback(bridge.close)
         bridge.start()
         say(f"serving on {bridge.address[0]}:{bridge.address[1]}")
