@@ -9,10 +9,11 @@ import numpy as np
 from drivers.frames import UP, rotation_about
 from drivers.quantities import ImpedanceSetpoint, Twist, Vector
 from skills.contract import Observation, SkillContext
+from skills.held_peg import EXPLAINED
 from skills.motion import VALIDITY, Trim, between
 from skills.search.course import Course
 from skills.search.decoys import BLIND, Decoy
-from skills.search.feel import EXPLAINED, Bearing, EdgeEvidence, Push, excess_of
+from skills.search.feel import Bearing, EdgeEvidence, Push, excess_of
 from skills.search.params import SpraySearchParams
 from skills.search.phases import (
     ComingDown,
@@ -145,14 +146,14 @@ class SearchSweep:
         return self._course
 
     def hold_anew(self) -> None:
-        """Come down again with the peg as it now lies in the hand; the plate is felt anew, for the peg may have slipped."""
+        """Come down again with the peg as it now lies in the hand."""
         self._theta = self._ctx.in_hand().theta
         self._identity, self._push = self._ctx.new_id(), replace(self._push, theta=self._theta)
         self._bearing = Bearing(self._ctx.wrench.zero, self._ctx.schedule.period)
         self._phase = first_phase(self._course)
         self._trim = Trim(self._params.trim_rate, self._params.trim_limit)
         self._rested = FAR_OFF
-        self._evidence.begin_anew()
+        self._evidence.restart()
 
     @property
     def edge(self) -> tuple[float, float]:
@@ -222,9 +223,7 @@ class SearchSweep:
             )
         elif excess:
             logger.info("peg: reaches %.1f mm further from the hand than stated, by its first touch-down", 1e3 * excess)
-        if excess and self._ctx.peg.is_length_known:
-            self._ctx.note_slip()
-        self._ctx.peg = replace(self._ctx.peg, measured=self._ctx.peg.excess + (excess or 0.0))
+        self._ctx.note_touch(excess or 0.0)
         self.touched = edge - (excess or 0.0) * float(felt.axis[2]) * UP
 
     def _enter(self, phase: Phase) -> None:

@@ -149,11 +149,10 @@ SEARCH: Sequence[Rule] = (
     ),
     Rule(
         "drop of the hand",
-        "The dip of a thin peg counts only with a drop of the hand.",
+        "A dip counts only with a drop of the hand.",
         "skills.search.feel:EdgeEvidence._drop",
         off=lambda real, evidence, height: 1.0,
         always=True,
-        scenes=("thin", "thin, fast"),
     ),
     Rule(
         "firm push",
