@@ -67,7 +67,7 @@ def working() -> "Iterator[Progress]":
 
 
 @contextmanager
-def advancing(name: str, total: int) -> Iterator[Callable[[int], None]]:
+def advancing(name: str, total: int | None) -> Iterator[Callable[[int], None]]:
     """Show a bar of progress, and yield a function that advances it by a number."""
     with working() as bars:
         yield partial(bars.advance, bars.add_task(name, total=total))
