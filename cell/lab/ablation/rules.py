@@ -234,13 +234,6 @@ SEATING: Sequence[Rule] = (
         scenes=("turning", "soft", "careless"),
     ),
     Rule(
-        "depth of the aligned peg",
-        "The first attempt gives an aligned peg up that is less deep than a quarter of what its tilt allows.",
-        keys=("insert.least_share=1e-9",),
-        always=True,
-        scenes=("honest", "careless", "turning"),
-    ),
-    Rule(
         "rising push",
         "The push of the insertion rises as the peg aligns, Eq. (7).",
         keys=("insert.push_stiffness=[500.0,500.0]",),
