@@ -93,7 +93,7 @@ def add_calibration_folder(parser: argparse.ArgumentParser) -> None:
     """Add --out of a command that writes a measured file."""
     parser.add_argument(
         "--out",
-        type=Path,
+        type=folder_path,
         metavar="DIR",
         help="folder for the file; default calibration/ beside the config file, or among the user's own data",
     )
@@ -108,7 +108,7 @@ def calibration_folder(args: argparse.Namespace) -> Path:
 
 def add_journal(parser: argparse.ArgumentParser) -> None:
     """Add --journal."""
-    parser.add_argument("--journal", type=Path, metavar="DIR", help="folder of the records of runs")
+    parser.add_argument("--journal", type=folder_path, metavar="DIR", help="folder of the records of runs")
 
 
 def add_records(parser: argparse.ArgumentParser) -> None:
@@ -224,6 +224,31 @@ def require_program(query: RunQuery) -> None:
 
     if query.program is not None:
         require_known("--program", query.program, CATALOGUE)
+
+
+def folder_path(text: str) -> Path:
+    """Return the folder that an option names; it may be missing.
+
+    Raises:
+        ConfigError: A file is in its place.
+    """
+    path = Path(text)
+    for each in (path, *path.parents):
+        if each.exists() and not each.is_dir():
+            raise ConfigError(f"{each}: a folder allowed; this is a file")
+    return path
+
+
+def file_path(text: str) -> Path:
+    """Return the file that an option names; it may be missing.
+
+    Raises:
+        ConfigError: A folder is in its place, or a file in that of its folder.
+    """
+    path = Path(text)
+    if path.is_dir():
+        raise ConfigError(f"{path}: a file allowed; this is a folder")
+    return folder_path(str(path.parent)) / path.name
 
 
 def out_folder(folder: Path) -> Path:

@@ -18,6 +18,7 @@ from cell.commands.arguments import (
     add_simulate,
     calibration_folder,
     devices,
+    file_path,
     load_config,
     open_journal,
 )
@@ -75,7 +76,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--name", default="", metavar="NAME", help="name of the person who commissions, for the record of --plc"
     )
-    parser.add_argument("--out", type=Path, metavar="FILE", help="file for the record of --plc, JSON")
+    parser.add_argument("--out", type=file_path, metavar="FILE", help="file for the record of --plc, JSON")
 
 
 def run(args: argparse.Namespace) -> int:
@@ -199,11 +200,10 @@ def _commission(args: argparse.Namespace, loaded: LoadedConfig) -> int:
     """Serve the cell to the PLC and watch its commands until every step has passed or one has failed."""
     if why := in_force(loaded, calibration_folder(args) / FILE)[1]:
         raise ConfigError(f"--plc: {why}")
-    warm_up(loaded)
     bridge = Bridge(loaded.cell.plc, PROGRAMS, PARAMETERS)
     walk = Walk(args.plc, loaded.cell.plc.life_timeout, PATIENCE, complain if args.json else say)
     line = WatchedLine(bridge, walk, args.stop)
-    with open_journal(args, loaded.cell.journal) as journal, opened(assemble(loaded.cell)) as cell:
+    with open_journal(args, loaded.cell.journal) as journal, opened(assemble(warm_up(loaded))) as cell:
         supervisor = Supervisor(cell, loaded, line, journal, args.stop)
         supervisor.scan()
         bridge.start()

@@ -1,9 +1,8 @@
 """`cell film`: write a recorded run as a film or as one picture."""
 
 import argparse
-from pathlib import Path
 
-from cell.commands.arguments import add_journal, out_folder, positive, read_journal
+from cell.commands.arguments import add_journal, file_path, out_folder, positive, read_journal
 from cell.commands.terminal import GOOD, complain, counting, show, written
 from cell.film.files import write_film
 from cell.film.recorded import recorded
@@ -14,7 +13,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the run, the file, and the time of a picture."""
     add_journal(parser)
     parser.add_argument("number", type=positive, metavar="RUN")
-    parser.add_argument("--out", type=Path, required=True, metavar="FILE", help="*.mp4, *.gif or *.png")
+    parser.add_argument("--out", type=file_path, required=True, metavar="FILE", help="*.mp4, *.gif or *.png")
     parser.add_argument(
         "--at", type=float, metavar="S", help="time of a *.png, s since the first scan; default the last scan"
     )

@@ -4,13 +4,12 @@ import argparse
 import gc
 import re
 from dataclasses import asdict, replace
-from pathlib import Path
 
 from rich.box import SIMPLE_HEAD
 from rich.console import Group
 from rich.table import Table
 
-from cell.commands.arguments import add_query, add_records, query_of, read_journal, require_program
+from cell.commands.arguments import add_query, add_records, file_path, query_of, read_journal, require_program
 from cell.commands.terminal import GOOD, show, written
 from cell.report.facts import Facts, facts_of
 from cell.report.queries import SHIFTS
@@ -26,7 +25,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--shifts", type=shifts, metavar="TIMES", help="starts of the shifts, local time; default 06:00,14:00,22:00"
     )
-    parser.add_argument("--out", type=Path, metavar="FILE", help="*.html or *.pdf, with everything in it")
+    parser.add_argument("--out", type=file_path, metavar="FILE", help="*.html or *.pdf, with everything in it")
 
 
 def shifts(text: str) -> tuple[str, ...]:

@@ -88,14 +88,13 @@ def _run_here(args: argparse.Namespace) -> int:
     loaded, _ = in_force(load_config(args), calibration_folder(args) / FILE)  # slow and gentle until all is proven
     require_recipe(args.recipe, loaded)
     code = CATALOGUE[args.name].code if args.name in CATALOGUE else TOLD[args.name]
-    warm_up(loaded)
     command = Command(1, code, args.recipe, args.serial, source="terminal")
     with (
         open_journal(args, loaded.cell.journal) as journal,
-        progress() as bars,
         ExitStack() as stack,
-        opened(assemble(loaded.cell)) as cell,
+        opened(assemble(warm_up(loaded))) as cell,
     ):
+        bars = stack.enter_context(progress())
         shown = _Shown(bars, bars.add_task(args.name, total=100))
         stack.callback(shown.end)
 

@@ -16,6 +16,7 @@ from rich.table import Table
 from cell.commands.arguments import (
     add_query,
     add_records,
+    folder_path,
     out_folder,
     positive,
     query_of,
@@ -44,7 +45,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--last", type=positive, metavar="N", help=f"only the N newest; default {LAST}, or all with --export"
     )
     parser.add_argument("--export", choices=FORMATS, metavar="FORMAT", help=f"{', '.join(FORMATS)}: runs and samples")
-    parser.add_argument("--out", type=Path, metavar="DIR", help="folder of the exported files")
+    parser.add_argument("--out", type=folder_path, metavar="DIR", help="folder of the exported files")
 
 
 def run(args: argparse.Namespace) -> int:

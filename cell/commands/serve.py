@@ -1,6 +1,7 @@
 """`cell serve`: run the cell under PLC control until SIGINT or SIGTERM."""
 
 import argparse
+import gc
 import logging
 import sys
 from collections.abc import Iterator
@@ -73,15 +74,15 @@ def _serve(args: argparse.Namespace) -> None:
 
     loaded, why = in_force(load_config(args), calibration_folder(args) / FILE)
     _warn(loaded.cell.plc, args)
-    warm_up(loaded)
     bridge, live = Bridge(loaded.cell.plc, PROGRAMS, PARAMETERS, opcua=args.opcua), Live()
     with (
         open_journal(args, loaded.cell.journal) as journal,
-        opened(replace(assemble(loaded.cell), commissioning=why)) as cell,
+        opened(replace(assemble(warm_up(loaded)), commissioning=why)) as cell,
         ExitStack() as servers,
     ):
         supervisor = Supervisor(cell, loaded, bridge, journal, args.stop, live)
         supervisor.scan()  # the first scan compiles; no client may connect before the cell can answer
+        gc.freeze()  # a search for cycles among all that was loaded would hold up a scan
         servers.callback(bridge.close)
         bridge.start()
         say(f"serving on {bridge.address[0]}:{bridge.address[1]}")

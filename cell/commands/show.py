@@ -7,7 +7,7 @@ from pathlib import Path
 from rich.console import Group
 
 from cell.commands import words
-from cell.commands.arguments import add_records, out_folder, positive, read_journal
+from cell.commands.arguments import add_records, folder_path, out_folder, positive, read_journal
 from cell.commands.terminal import GOOD, complain, show, written
 from cell.records.samples import export_csv, read_samples, torn
 from cell.records.schema import EventKind, RunRow, plain
@@ -18,7 +18,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the run, and the folder of its files."""
     add_records(parser)
     parser.add_argument("number", type=positive, metavar="RUN")
-    parser.add_argument("--export", type=Path, metavar="DIR", help="folder for the raw samples as CSV")
+    parser.add_argument("--export", type=folder_path, metavar="DIR", help="folder for the raw samples as CSV")
 
 
 def run(args: argparse.Namespace) -> int:

@@ -9,7 +9,7 @@ from pathlib import Path
 from rich.live import Live
 
 from cell.commands import skin_view
-from cell.commands.arguments import add_config, load_config
+from cell.commands.arguments import add_config, file_path, load_config
 from cell.commands.skin_view import SeenFrame
 from cell.commands.terminal import GOOD, console, show
 
@@ -18,8 +18,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the duration, and the files to record, replay and draw."""
     add_config(parser)
     parser.add_argument("--seconds", type=float, metavar="S", help="duration, s; default until stopped, in a pipe 1")
-    parser.add_argument("--out", type=Path, metavar="PNG", help="picture of the last frame")
-    parser.add_argument("--record", type=Path, metavar="FILE", help="write the traffic of the wire")
+    parser.add_argument("--out", type=file_path, metavar="PNG", help="picture of the last frame")
+    parser.add_argument("--record", type=file_path, metavar="FILE", help="write the traffic of the wire")
     parser.add_argument("--replay", type=Path, metavar="FILE", help="recorded traffic, or a text recording")
 
 

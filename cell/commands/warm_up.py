@@ -26,13 +26,13 @@ logger = logging.getLogger(__name__)
 _ENGINE = "from sim.world.engine import compile_ahead; compile_ahead()"
 
 
-def compile_ahead(config: CellConfig) -> None:
+def compile_ahead() -> None:
     """Compile the slowest functions of a simulated insertion, once per computer: the engine in a second process, the rest here."""
     if is_kept("sim/world/engine.py"):
         return
     complain("compiling for this computer, once: the first start takes about half a minute longer")
     with progress() as bars, subprocess.Popen([sys.executable, "-c", _ENGINE], stderr=subprocess.DEVNULL) as engine:
-        bar = bars.add_task("compiling", total=3)
+        bar, config = bars.add_task("compiling", total=3), load().cell
         assemble(config)  # the assembly compiles the contacts of its peg
         bars.advance(bar)
         make_estimator(config)
@@ -41,15 +41,16 @@ def compile_ahead(config: CellConfig) -> None:
         bars.advance(bar)
 
 
-def warm_up(loaded: LoadedConfig) -> None:
-    """If the scan keeps wall time, insert a simulated peg by every recipe with functions not compiled yet.
+def warm_up(loaded: LoadedConfig) -> CellConfig:
+    """Return the cell's config once its functions are compiled.
+
+    If the scan keeps wall time, a simulated peg is inserted by every recipe with functions not compiled yet.
 
     Compilation during a program would delay its scan by seconds, and the watchdog would halt the arm.
     """
-    compile_ahead(loaded.cell)
-    if not is_timed(loaded.cell):
-        return
-    for number, config in loaded.recipes.items():
+    compile_ahead()
+    recipes = loaded.recipes if is_timed(loaded.cell) else {}
+    for number, config in recipes.items():
         if is_noted(kind := _kind(config)):
             continue
         logger.info("compiling for recipe %d", number)
@@ -61,6 +62,7 @@ def warm_up(loaded: LoadedConfig) -> None:
         finally:
             logging.disable(before)
         note(kind)
+    return loaded.cell
 
 
 def _kind(config: CellConfig) -> str:

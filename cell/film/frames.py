@@ -4,9 +4,7 @@ import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-import numpy as np
-
-from cell.film.drawing import INK, RULE, Image, write
+from cell.film.drawing import BEHIND, INK, RULE, Image, blank, write
 from cell.film.panels import ForcePanel, TouchPanel, head_line, stage_strip
 from cell.film.recorded import RecordedRun
 from sim.visual.render import Camera
@@ -36,7 +34,7 @@ class Filmed:
         scan = run.at(time)
         moment = run.moment(scan)
         self._stage.pose(moment)
-        image = np.full((HEIGHT, WIDTH, 3), (243, 245, 247), dtype=np.uint8)
+        image = blank(WIDTH, HEIGHT, BEHIND)
         section = self._camera.section(RIGHT, SECTION)
         write(section, "section through the hole", (12, 20), 13, INK)
         theta = run.theta(scan)

@@ -1,6 +1,7 @@
 """Writes a film as MP4 while it is drawn."""
 
 from collections.abc import Iterable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Final
 
@@ -26,11 +27,18 @@ def write_mp4(path: Path, size: tuple[int, int], pictures: Iterable[Image]) -> i
     """
     number = 0
     try:
-        with av.open(str(path), "w") as film:
+        with av.open(str(path), "w") as film, ThreadPoolExecutor(1) as other:
             stream = film.add_stream(CODEC, rate=RATE, width=size[0], height=size[1], options=FAST)
-            for picture in pictures:
+
+            def add(picture: Image) -> None:
                 film.mux(stream.encode(av.VideoFrame.from_ndarray(picture)))
+
+            added = other.submit(lambda: None)
+            for picture in pictures:  # one is added while the next one is drawn
+                added.result()
+                added = other.submit(add, picture)
                 number += 1
+            added.result()
             film.mux(stream.encode())
     except av.FFmpegError:
         return 0

@@ -10,11 +10,13 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cell.commands.arguments import add_config, load_config, natural, positive
+from cell.commands.arguments import add_config, folder_path, load_config, natural, positive
 from cell.commands.terminal import progress
 from drivers.errors import ConfigError
 
 if TYPE_CHECKING:
+    from rich.progress import Progress
+
     from cell.config.load import LoadedConfig
     from cell.lab.report import StudyReport
 
@@ -55,9 +57,19 @@ def seeds_of(args: argparse.Namespace, trials: int, quick: int = 1) -> range:
 
 
 @contextmanager
-def advancing(name: str, total: int) -> Iterator[Callable[[int], None]]:
-    """Show a bar of progress, and yield a function that advances it by a number."""
+def working() -> "Iterator[Progress]":
+    """Compile for this computer, which must not come before an argument is refused, and yield the bars of the work."""
+    from cell.commands.warm_up import compile_ahead
+
+    compile_ahead()
     with progress() as bars:
+        yield bars
+
+
+@contextmanager
+def advancing(name: str, total: int | None) -> Iterator[Callable[[int], None]]:
+    """Show a bar of progress, and yield a function that advances it by a number."""
+    with working() as bars:
         yield partial(bars.advance, bars.add_task(name, total=total))
 
 
@@ -71,7 +83,11 @@ def add_study(parser: argparse.ArgumentParser) -> None:
 def add_out(parser: argparse.ArgumentParser) -> None:
     """Add --out."""
     parser.add_argument(
-        "--out", type=Path, default=Path("out/study"), metavar="DIR", help="folder for its files; default out/study"
+        "--out",
+        type=folder_path,
+        default=Path("out/study"),
+        metavar="DIR",
+        help="folder for its files; default out/study",
     )
 
 
@@ -110,7 +126,4 @@ def load_simulated(args: argparse.Namespace, what: str, pace: str | None = "max"
     loaded = load_config(args, default_pace=pace)
     if not loaded.cell.is_simulated:
         raise ConfigError(f'{what}: arm.kind = "{loaded.cell.arm.kind}": runs on simulated cells alone; "sim" allowed')
-    from cell.commands.warm_up import compile_ahead
-
-    compile_ahead(loaded.cell)
     return loaded

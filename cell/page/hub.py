@@ -11,7 +11,7 @@ from cell.page.records import Records
 from cell.page.scene import scene
 from cell.page.traces import NAMES, POINTS, Traces, touch
 from cell.records.versions import PROGRAM, installed
-from cell.run.live import CablePull, Live, Look
+from cell.run.live import CablePull, Live
 from cell.run.record import scene_facts
 from plc_bridge.bridge import Bridge
 from plc_bridge.protocol.messages import Report
@@ -19,13 +19,13 @@ from skills.catalogue import CATALOGUE
 
 SPECTATOR = "page"
 """Name of the page's own link; it sends no command, so that it reads the run of any other link."""
-PERIOD = 0.05
+PERIOD = 0.1
 """Polling period, s; a change reaches a page within about this time."""
 PLACES = 32
 """Largest number of open pages."""
 PLACES_OF_ONE = 16
 """Largest number of open pages without the token from one address."""
-AGAIN = 100
+AGAIN = 50
 """Number of polls between two reads of the records, because other programs write them too."""
 
 
@@ -86,19 +86,14 @@ class PageHub:
         self.traces = Traces()
         self._report: Report | None = None
         self._unplugged: frozenset[str] = frozenset()
-        self._look: Look | None = None
         self._state = self._summary = b""
-        self._new: list[list[float | None]] = []
         self._ticks = 0
 
     def tick(self) -> None:
         """Poll the cell once."""
         self._ticks += 1
-        before = self.traces.run
         looks = self._live.take()
         added = self.traces.add(looks)
-        self._new = added if self.traces.run != before else self._new + added
-        self._look = looks[-1] if looks else self._look
         report = telling.still(self._bridge.report_for(SPECTATOR))
         unplugged = self._live.unplugged
         if report != self._report or unplugged != self._unplugged:
@@ -110,9 +105,10 @@ class PageHub:
                 self._tell_records()
         if self._ticks % AGAIN == 0:
             self._tell_records()
-        # Touch and traces follow every second poll.
-        if self._ticks % 2 == 0:
-            self._show_live()
+        if looks and self.pages:
+            text = _text("live", {"run": self.traces.run, "points": added, "touch": touch(looks[-1])})
+            for page in tuple(self.pages):
+                page.show(text)
         for page in tuple(self.pages):
             page.look()
 
@@ -177,15 +173,6 @@ class PageHub:
         if summary != self._summary:
             self._summary = summary
             self._tell(summary)
-
-    def _show_live(self) -> None:
-        new, self._new = self._new, []
-        if self._look is None or not self.pages:
-            return
-        text = _text("live", {"run": self.traces.run, "points": new, "touch": touch(self._look)})
-        self._look = None
-        for page in tuple(self.pages):
-            page.show(text)
 
     def _tell(self, text: bytes) -> None:
         for page in tuple(self.pages):

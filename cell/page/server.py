@@ -92,7 +92,8 @@ class PageServer(HttpServer):
     def made(self) -> Front:
         """Return the routes."""
         records = Records(self._folder)
-        self._hub = PageHub(self._bridge, self._live, self._loaded, records, _build(), self._cables)
+        build = _build()
+        self._hub = PageHub(self._bridge, self._live, self._loaded, records, build, self._cables)
         return Front(
             [
                 ("/live", PageSocket, {"hub": self._hub, "bridge": self._bridge, "token": self.token}),
@@ -102,9 +103,9 @@ class PageServer(HttpServer):
                 (r"/runs/(\d{1,9})/(data|config)", RunData, {"records": records, "token": self.token}),
                 (r"/runs/(\d{1,9})/replay", RunReplay, {"records": records}),
                 (r"/runs/(\d{1,9})/film\.mp4", RunFilm, {"records": records, "token": self.token}),
-                (r"/runs/\d{1,9}", Static, {"name": "run.html"}),
-                (r"/([\w-]+\.(?:html|js|css|svg))", Static),
-                ("/", Static, {"name": "index.html"}),
+                (r"/runs/\d{1,9}", Static, {"build": build, "name": "run.html"}),
+                (r"/([\w-]+\.(?:html|js|css|svg))", Static, {"build": build}),
+                ("/", Static, {"build": build, "name": "index.html"}),
             ],
             self._loaded.cell.page.names,
             compress_response=True,
@@ -185,18 +186,23 @@ class FileHandler(Guarded):
 
 
 class Static(FileHandler):
-    """Handler of the page's own files."""
+    """Handler of the page's own files, which a browser keeps while the server confirms that they are of this version."""
 
-    def initialize(self, name: str = "") -> None:
-        """Keep the file's name if the route does not contain it."""
-        self._name = name
+    def initialize(self, build: str, name: str = "") -> None:
+        """Keep the version of the page, and the file's name if the route does not contain it."""
+        self._build, self._name = build, name
 
     async def get(self, name: str = "") -> None:
         """Send the file."""
         path = STATIC / (self._name or name)
         if not path.is_file():
             raise HTTPError(404, reason="no such file")
-        await self.send(path)
+        self.set_header("Cache-Control", "no-cache")
+        self.set_header("Etag", f'"{self._build}"')
+        if self.check_etag_header():
+            self.set_status(304)
+        else:
+            await self.send(path)
 
 
 class FaultCatalogue(Guarded):

@@ -156,7 +156,7 @@ def read_facts(path: Path) -> SceneFacts:
     Raises:
         JournalError: The file is missing, its head is damaged, or its version did not record the facts of the scene.
     """
-    schema, _, _ = _read(path)
+    schema, _, _ = _read(path, is_whole=False)
     if schema is _SCHEMA:
         raise JournalError(f"{path}: torn: not even its head can be read")
     text = (schema.metadata or {}).get(_FACTS)
@@ -176,14 +176,14 @@ def read_rows(path: Path) -> tuple[bytes, bytes]:
     return (schema.metadata or {}).get(_RUN, b""), ending
 
 
-def _read(path: Path) -> tuple[pa.Schema, list[pa.RecordBatch], bytes]:
-    """Return the schema of a file of samples, its undamaged blocks, and the run's end from its last block."""
+def _read(path: Path, is_whole: bool = True) -> tuple[pa.Schema, list[pa.RecordBatch], bytes]:
+    """Return the schema of a file of samples and, of the whole file, its undamaged blocks and the run's end from its last block."""
     schema, batches, ending = _SCHEMA, [], b""
     try:
         with pa.OSFile(str(path), "rb") as file:
             reader = pa.ipc.open_stream(file)
             schema = reader.schema
-            while True:
+            while is_whole:
                 batch, told = reader.read_next_batch_with_custom_metadata()
                 batch.validate(full=True)  # without it, wrong lengths and offsets would be followed
                 batches.append(batch)

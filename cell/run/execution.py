@@ -145,10 +145,11 @@ class Execution:
         # The recipe can change the peg, and the preset can change the method.
         ctx.perception = make_perception(config)
         self._desk.enter(Event.FINISHED)
-        self._watch(True)
 
     def _go(self, entry: Entry, config: CellConfig, records: list[StageRecord]) -> None:
-        """Run a program or a skill; `records` gets its stages."""
+        """Run a program or a skill; `records` gets its stages. Its preparation is over and counts as no scan of it."""
+        self._beat()
+        self._watch(True)
         records.extend(entry.run(config.skill_set(), self._context))
         for record in records:
             CATALOGUE.require_known(record)

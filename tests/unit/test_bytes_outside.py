@@ -171,6 +171,12 @@ ARM = b'date = 2026-01-01\narm = "fr3"\nunit = "1"\nspeeds = [0.1, 0.2]\nfrictio
 SKIN = b'date = 2026-01-01\nlayout = "parallelogram"\nbaseline = [[0.0, 1.0]]\nsensitivity = [[1.0]]\n'
 
 
+def put(path: Path, data: bytes) -> None:
+    """Write a new file: one that is cut and written again waits for the disk."""
+    path.unlink(missing_ok=True)
+    path.write_bytes(data)
+
+
 @cache
 def arm_model():
     return load().cell.arm_model()
@@ -189,7 +195,7 @@ def arm_model():
 def test_a_damaged_file_is_read_or_refused_in_one_line(tmp_path: Path, name, whole, read):
     rng, path, told = random.Random(7), tmp_path / name, list[str]()
     for _ in range(FILES):
-        path.write_bytes(changed(whole, rng))
+        put(path, changed(whole, rng))
         try:
             read(path)
         except ConfigError as error:
@@ -220,7 +226,7 @@ def peg_kept_in(path):
 def test_a_damaged_kept_file_stops_no_start_and_is_named_in_one_line(tmp_path: Path, caplog, name, whole, read):
     rng, path = random.Random(8), tmp_path / name
     for _ in range(FILES):
-        path.write_bytes(changed(whole, rng))
+        put(path, changed(whole, rng))
         path.chmod(0o600)
         read(path)
     assert len(caplog.messages) > FILES // 2

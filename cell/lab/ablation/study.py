@@ -5,9 +5,8 @@ from dataclasses import asdict
 from pathlib import Path
 
 from cell.commands.arguments import out_folder, positive
-from cell.commands.terminal import progress
 from cell.lab.ablation.rules import RULES, SCENES
-from cell.lab.arguments import add_out, add_seed, add_trials, add_workers
+from cell.lab.arguments import add_out, add_seed, add_trials, add_workers, advancing
 from cell.lab.report import StudyReport, finite
 
 SUMMARY = "what each rule of the method buys: success, time and force without it, on the same seeds"
@@ -35,23 +34,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> StudyReport:
     """Run every scene with all rules and without each; existing trials are reused."""
-    from cell.commands.warm_up import compile_ahead
-    from cell.config.load import load
     from cell.lab.ablation import measure
     from cell.lab.rows import write_rows
     from cell.lab.tables import plain
 
-    compile_ahead(load().cell)
     folder = out_folder(args.out)
     if args.frames:
         return _on_frames(args.frames, folder)
     scenes = args.scene or (["honest"] if args.quick else [*SCENES])
     count, rules = (1, args.rule or ["push-back"]) if args.quick else (args.trials or 40, args.rule or ())
     seeds, rows = range(args.seed, args.seed + count), []
-    with progress() as bars:
-        bar = bars.add_task("trials", total=None)
+    with advancing("trials", None) as done:
         for scene in scenes:
-            rows += measure.measure(scene, seeds, args.most, rules, args.workers, folder, lambda: bars.advance(bar))
+            rows += measure.measure(scene, seeds, args.most, rules, args.workers, folder, lambda: done(1))
     found = measure.effects(rows)
     files = [folder / measure.ROWS, write_rows(found, folder / TABLE)]
     return StudyReport(
@@ -64,8 +59,7 @@ def _on_frames(count: int, folder: Path) -> StudyReport:
     from cell.lab.rows import write_rows
     from cell.lab.tables import plain
 
-    with progress() as bars:
-        bar = bars.add_task("frames", total=None)
-        found = frames.measure(count, lambda: bars.advance(bar))
+    with advancing("frames", None) as done:
+        found = frames.measure(count, lambda: done(1))
     title = "Error of theta on single frames, degrees"
     return StudyReport([plain(title, found)], [asdict(line) for line in found], [write_rows(found, folder / FRAMES)])

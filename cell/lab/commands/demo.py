@@ -5,9 +5,9 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cell.commands.arguments import add_config, add_journal, open_journal, out_folder, positive
-from cell.commands.terminal import GOOD, NOT_GOOD, progress, say, show
-from cell.lab.arguments import load_simulated
+from cell.commands.arguments import add_config, add_journal, folder_path, open_journal, out_folder, positive
+from cell.commands.terminal import GOOD, NOT_GOOD, say, show
+from cell.lab.arguments import load_simulated, working
 
 if TYPE_CHECKING:
     from plc_bridge.protocol.messages import Report
@@ -21,7 +21,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--trials", type=positive, default=5, metavar="N", help="insertions that the peer asks for; default 5"
     )
     parser.add_argument(
-        "--out", type=Path, default=Path("out/demo"), metavar="DIR", help="folder for the pictures; default out/demo"
+        "--out",
+        type=folder_path,
+        default=Path("out/demo"),
+        metavar="DIR",
+        help="folder for the pictures; default out/demo",
     )
 
 
@@ -36,7 +40,7 @@ def run(args: argparse.Namespace) -> int:
 
     loaded = load_simulated(args, "demo")
     folder = out_folder(args.out)
-    with open_journal(args, loaded.cell.journal) as journal, progress() as bars:
+    with open_journal(args, loaded.cell.journal) as journal, working() as bars:
         bar = bars.add_task("insertions", total=args.trials)
 
         def watch(done: int, report: "Report") -> None:

@@ -3,15 +3,10 @@
 import argparse
 import json
 import os
-from pathlib import Path
-from typing import TYPE_CHECKING
 
-from cell.commands.arguments import add_config, natural, positive, scheduler
-from cell.commands.terminal import GOOD, progress, show, written
-from cell.lab.arguments import load_simulated
-
-if TYPE_CHECKING:
-    from cell.lab.trials import TrialRow
+from cell.commands.arguments import add_config, folder_path, natural, positive, scheduler
+from cell.commands.terminal import GOOD, show, written
+from cell.lab.arguments import advancing, load_simulated
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -24,7 +19,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     where.add_argument(
         "--scheduler", type=scheduler, metavar="tcp://HOST:PORT", help="address of a Dask cluster instead"
     )
-    parser.add_argument("--out", type=Path, required=True, metavar="DIR")
+    parser.add_argument("--out", type=folder_path, required=True, metavar="DIR")
 
 
 def run(args: argparse.Namespace) -> int:
@@ -39,13 +34,9 @@ def run(args: argparse.Namespace) -> int:
 
     config = load_simulated(args, "trials").cell
     seeds = range(args.seed, args.seed + args.trials)
-    with progress() as bars:
-        bar = bars.add_task("trials", total=args.trials)
-
-        def done(row: "TrialRow") -> None:
-            bars.advance(bar)
-
-        rows = run_trials(config, seeds, args.workers or os.cpu_count() or 1, args.out, done, args.scheduler)
+    with advancing("trials", args.trials) as done:
+        workers = args.workers or os.cpu_count() or 1
+        rows = run_trials(config, seeds, workers, args.out, lambda row: done(1), args.scheduler)
     lines = stage_table([row.tried() for row in rows])
     plot_speed_accuracy([ChartPoint.of_total(lines[-1])], args.out / CHART)
     summary = json.loads((args.out / TOLD).read_text(encoding="utf-8"))

@@ -6,9 +6,9 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cell.commands.arguments import add_config, natural, out_folder, positive
-from cell.commands.terminal import GOOD, NOT_GOOD, complain, progress, show, written
-from cell.lab.arguments import load_simulated
+from cell.commands.arguments import add_config, folder_path, natural, out_folder, positive
+from cell.commands.terminal import GOOD, NOT_GOOD, complain, show, written
+from cell.lab.arguments import load_simulated, working
 from drivers.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -53,7 +53,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="N",
         help="number of processes; default one for each core",
     )
-    parser.add_argument("--out", type=Path, required=True, metavar="DIR")
+    parser.add_argument("--out", type=folder_path, required=True, metavar="DIR")
 
 
 def run(args: argparse.Namespace) -> int:
@@ -65,7 +65,7 @@ def run(args: argparse.Namespace) -> int:
     load_simulated(args, "tune")
     space = _space(args)
     folder, seeds = out_folder(args.out), range(args.seed, args.seed + args.trials)
-    with progress() as bars:
+    with working() as bars:
         bar = bars.add_task("settings", total=args.candidates * len(seeds))
         tried = measure.tune(
             space, wishes, seeds, args.candidates, args.workers, folder, lambda count: bars.advance(bar, count)

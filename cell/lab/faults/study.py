@@ -5,8 +5,7 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING
 
 from cell.commands.arguments import out_folder, positive
-from cell.commands.terminal import progress
-from cell.lab.arguments import add_seed, add_study, load_simulated
+from cell.lab.arguments import add_seed, add_study, load_simulated, working
 from cell.lab.report import StudyReport, finite
 
 if TYPE_CHECKING:
@@ -60,7 +59,7 @@ def run(args: argparse.Namespace) -> StudyReport:
     number = args.cases or (QUICK if args.quick else cases.TURNS * len(cases.STAGES) * len(kinds))
     tried = cases.planned(kinds, number, args.seed)
     rows, table = cases.begun(tried, folder), folder / cases.TABLE
-    with progress() as bars:
+    with working() as bars:
         bar = bars.add_task("faults", total=len(tried), completed=len(rows))
 
         def watch(case: cases.FaultCase) -> None:
@@ -101,7 +100,7 @@ def _soak(args: argparse.Namespace) -> StudyReport:
     rows = soak.earlier(written)
     piece = rows[-1].piece + 1 if rows else 1
     args.set = [*KEYS, f"sim.seed={args.seed + piece}", *args.set]
-    with progress() as bars:
+    with working() as bars:
         bar = bars.add_task("hours", total=soak.SAMPLES)
         for sample in soak.soak(load_simulated(args, "study faults"), piece, args.soak, args.seed):
             rows.append(sample)

@@ -6,8 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from cell.commands.arguments import out_folder, scheduler
-from cell.commands.terminal import progress
-from cell.lab.arguments import add_seed, add_study, add_trials, add_workers, load_simulated
+from cell.lab.arguments import add_seed, add_study, add_trials, add_workers, advancing, load_simulated
 from cell.lab.report import StudyReport, finite
 
 if TYPE_CHECKING:
@@ -59,8 +58,7 @@ def _measured(args: argparse.Namespace, folder: Path) -> "tuple[list[FrontierLin
 
     seeds = range(args.seed, args.seed + (args.trials or (1 if args.quick else 40)))
     tried = variants(args.method or tuple(METHODS), args.scene or tuple(SCENES), QUICK if args.quick else SCALES)
-    with progress() as bars:
-        bar = bars.add_task("trials", total=len(tried) * len(seeds))
+    with advancing("trials", len(tried) * len(seeds)) as done:
         lines = measure.measure(
             args.config,
             args.set,
@@ -68,7 +66,7 @@ def _measured(args: argparse.Namespace, folder: Path) -> "tuple[list[FrontierLin
             seeds,
             args.workers,
             folder,
-            lambda count: bars.advance(bar, count),
+            done,
             dict.fromkeys((variant.family for variant in tried), TEST),
             args.scheduler,
         )

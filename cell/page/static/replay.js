@@ -2,7 +2,6 @@
 
 import { drawChart } from "./chart.js";
 import { Fingers } from "./fingers.js";
-import { canDrawSolids } from "./paint.js";
 import { drawPath } from "./path.js";
 import { Ring } from "./ring.js";
 import { byId, degrees, millimetres, number, put } from "./text.js";
@@ -99,9 +98,10 @@ export async function showReplay(run) {
   byId("replay-views").hidden = false;
   replay.show(replay.end);
   put("replay-note", "");
-  if (!canDrawSolids()) return put("replay-note", "This browser shows no 3D: it has no WebGL.");
+  const canvas = byId("scene-canvas");
+  if (!canvas.getContext("webgl2")) return put("replay-note", "This browser shows no 3D: it has no WebGL."); // the scene draws in this one
   const { CellScene } = await import("./scene.js");
-  replay.view = new CellScene(byId("scene-canvas"), replay.scene);
-  byId("scene-canvas").hidden = false;
+  replay.view = new CellScene(canvas, replay.scene);
+  canvas.hidden = false;
   replay.show(replay.now);
 }

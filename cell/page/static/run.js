@@ -3,7 +3,7 @@
 import { showReplay } from "./replay.js";
 import { byId, clock, make, put, words } from "./text.js";
 
-const PICTURES = 25, EFFORT = 0.06; // pictures of a second, and s of processor time for one
+const PICTURES = 25, EFFORT = 0.045; // pictures of a second, and s of processor time for one
 const LOOK = 2000; // ms between two looks for a film that is being drawn
 
 const LOCKED = "Not drawn yet; unlock the controls on the cell's page to have it drawn.";

@@ -13,6 +13,7 @@ from cell.lab.commands.study import STUDIES, load_study
 from cell.records.journal import Journal
 from cell.records.schema import RunRow
 from cell.records.versions import PINS, licence, packages
+from drivers import compiled
 from drivers.errors import FaultCode
 
 ROOT = Path(__file__).parents[4]
@@ -117,3 +118,38 @@ def test_a_question_about_what_does_not_exist_is_wrong_use(words, tmp_path, caps
     assert main(["faults", "9999"]) == WRONG_USE
     assert "1002" in capsys.readouterr().err
     assert did_you_mean("xyzzy", ["check", "demo", "serve"]) == ""
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["demo", "--out", "FILE"],
+        ["demo", "--out", "FILE/deeper"],
+        ["demo", "--journal", "FILE"],
+        ["serve", "--journal", "FILE"],
+        ["run", "home", "--journal", "FILE"],
+        ["trials", "--trials", "1", "--out", "FILE"],
+        ["tune", "--want", "fast", "--out", "FILE"],
+        ["runs", "--export", "csv", "--out", "FILE"],
+        ["show", "1", "--export", "FILE"],
+        ["calibrate", "skin", "--out", "FILE"],
+        ["check", "--plc", "line 3", "--out", "FOLDER"],
+        ["film", "1", "--out", "FOLDER"],
+        ["report", "--out", "FOLDER"],
+        ["skin", "--record", "FOLDER"],
+        ["study", "tactile", "--out", "FILE"],
+        ["study", "faults", "--kind", "unheard of"],
+        ["study", "margins", "--method", "unheard of"],
+        ["study", "margins", "--error", "unheard of"],
+        ["study", "frontier", "--scene", "unheard of"],
+        ["study", "modelling", "--only", "unheard of"],
+    ],
+    ids=" ".join,
+)
+def test_wrong_use_is_refused_in_one_line_before_anything_is_compiled(words, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(compiled, "folder", lambda: tmp_path / "nothing compiled")
+    Path("FILE").touch()
+    Path("FOLDER").mkdir()
+    assert main(words) == WRONG_USE
+    assert len(capsys.readouterr().err.splitlines()) == 1

@@ -17,7 +17,7 @@ def noted(tmp_path, monkeypatch):
     """Return the recipes that were inserted, with a cache that has no notes."""
     inserted = []
     monkeypatch.setattr(compiled, "folder", lambda: tmp_path)
-    monkeypatch.setattr(warm_up, "compile_ahead", lambda config: None)
+    monkeypatch.setattr(warm_up, "compile_ahead", lambda: None)
     monkeypatch.setattr(warm_up, "_insert", lambda loaded, recipe: inserted.append((loaded, recipe)))
     return inserted
 

@@ -522,6 +522,17 @@ def test_an_idle_cell_scans_once_a_period_of_the_wall_or_as_soon_as_the_last_sca
     np.testing.assert_allclose(np.diff(ends[:18]), apart * period)
 
 
+def test_the_preparation_of_a_run_is_no_late_scan(rig, monkeypatch):
+    inserts(rig, monkeypatch)
+    looked = Looked(monkeypatch)
+    cell = replace(rig.cell, restock=lambda job, seed: looked.looks(40, 0.021))
+    rig.supervisor = Supervisor(cell, rig.loaded, rig.bridge, rig.journal)
+    looked.dog = rig.supervisor._watchdog
+    looked.dog._end = looked
+    rig.command(100)
+    assert (rig.plc.report.result, rig.plc.report.fault) == (Result.SUCCESS, FaultCode.NONE)
+
+
 def test_a_simulated_arm_is_not_blamed_for_a_computer_that_starved(rig, live, monkeypatch):
     looked = Looked(monkeypatch)
     looked.dog = rig.supervisor._watchdog
