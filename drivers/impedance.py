@@ -47,6 +47,8 @@ STATE_WORDS = LEARNING + learning.WORDS
 """State of the law between steps: the integral's torque, its motion id, the last torque, a flag for holding still, the time of
 the damping, s, and the damping at the tip, shape (6, 6). If the arm holds still: the held joint positions, rad, the time of the
 inertia, s, and that inertia, shape (7, 7), kg·m². The words of `drivers.arm.learning` follow."""
+RESIDUAL = LEARNING + learning.RESIDUAL
+"""Index of the residuals of the momentum observer, shape (7,): the motion that the commanded torques do not explain, N·m."""
 DAMPING_PERIOD = 0.01
 """Time between two computations of damping or inertia, s; at 1 rad/s the arm's inertia changes by about 1 % in it."""
 
@@ -117,8 +119,7 @@ def commanded(state: Vector) -> Vector:
 
 def unexplained(state: Vector) -> Vector:
     """Return the commanded torque that did not become motion, one value a joint, shape (7,), N·m; `state` is the law's."""
-    first = LEARNING + learning.RESIDUAL
-    return -state[first : first + JOINTS]
+    return -state[RESIDUAL : RESIDUAL + JOINTS]
 
 
 def restart(state: Vector) -> None:

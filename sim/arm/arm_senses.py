@@ -9,7 +9,6 @@ import math
 import numpy as np
 
 from drivers import impedance
-from drivers.arm import learning
 from drivers.arm.model import JOINTS
 from drivers.compiled import njit
 from drivers.quantities import Vector
@@ -137,7 +136,7 @@ def _pack(words: Vector, arm: Vector, felt: Vector, law: Vector, packed: Vector)
             packed[ENTRY + 3 + 3 * i + j] = rotation[i, j]
     for i in range(JOINTS):
         packed[COMMANDED + i] = law[impedance.TORQUE + i]
-        packed[COMMANDED + JOINTS + i] = -law[impedance.LEARNING + learning.RESIDUAL + i]
+        packed[COMMANDED + JOINTS + i] = -law[impedance.RESIDUAL + i]
 
 
 @njit(cache=True, inline="always")
