@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from cell.lab import contact_rig as rig
-from cell.lab.section import chamfered_depth, section_depth
+from cell.lab.section import round_depth
 from drivers.part.rectangular import Rectangular
 from drivers.part.round import Round
 from sim.contact import table as contact
@@ -32,15 +32,8 @@ def test_a_tilted_peg_goes_as_deep_as_its_lines_fit(
     (diameter, bore), (ends, mouths) = pair, chamfers
     peg, hole, tilt, azimuth = Round(diameter, ends), Round(bore, mouths), math.radians(degrees), 0.7 * degrees
     found = rig.push(rig.tilted_peg(peg, hole, tilt, azimuth, 0.0, DT), peg, tilt, azimuth, 10.0, 3.0)
-    assert found.depth == pytest.approx(chamfered_depth(peg, hole, tilt, 801), rel=0.01)
+    assert found.depth == pytest.approx(round_depth(peg, hole, tilt, 801), rel=0.01)
     assert found.penetration < 2e-6
-
-
-def test_without_chamfers_the_lines_fit_as_deep_as_the_section() -> None:
-    for degrees in (1, 15, 45, 60):
-        tilt = math.radians(degrees)
-        lines = chamfered_depth(Round(0.008), Round(0.0081), tilt, 2001)
-        assert lines == pytest.approx(section_depth(0.008, 0.0081, tilt, 4001), rel=1e-4)
 
 
 @pytest.mark.parametrize(("bore", "chamfer"), [*((bore, 0.0) for _, bore in PAIRS), (0.0081, 5e-4)])
@@ -49,7 +42,7 @@ def test_a_peg_too_thick_by_a_fiftieth_of_a_millimetre_never_enters(bore: float,
     """Its end goes into the mouth as far as a leaning edge or two chamfers let it, and no further."""
     tilt, peg, hole = math.radians(degrees), Round(bore + 2e-5, chamfer), Round(bore, chamfer)
     found = rig.push(rig.tilted_peg(peg, hole, tilt, 0.3, 0.2, DT), peg, tilt, 0.3, 10.0, 2.0)
-    assert found.depth <= 1.01 * chamfered_depth(peg, hole, tilt, 801) + 2e-6 < 3e-3
+    assert found.depth <= 1.01 * round_depth(peg, hole, tilt, 801) + 2e-6 < 3e-3
 
 
 @pytest.mark.parametrize(
