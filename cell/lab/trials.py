@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, Protocol, TextIO
 from cell.config.cell_config import CellConfig
 from cell.devices.assembly import Cell, assemble, opened
 from cell.lab.published import PUBLISHED, Tried, stage_table
-from cell.lab.rows import known, successes
+from cell.lab.rows import known, parsed, successes, write_rows
 from cell.lab.workers import on_cluster, on_processes
 from cell.peg.ending import Ending, ending_of
 from cell.peg.part_state import PartState
@@ -312,6 +312,7 @@ def run_trials(
     is_enough: Callable[[Sequence[TrialRow]], bool] | None = None,
     probe: MakeProbe = no_probe,
     program: Program = insert_peg,
+    run: Callable[..., TrialRow] = run_trial,
 ) -> list[TrialRow]:
     """Run a trial of every seed on `workers` processes, or on a cluster, and return the rows, sorted by seed.
 
@@ -329,6 +330,7 @@ def run_trials(
             seed.
         probe: Function that prepares each trial and returns its probe.
         program: Program of every trial.
+        run: Function that runs one trial, with the arguments of `run_trial`.
 
     Raises:
         ConfigError: The folder is not writable, or the packages for a cluster are missing.
@@ -349,7 +351,7 @@ def run_trials(
             return _ending(rows, order, is_enough) is not None
 
         missing = [] if is_over() else list(filterfalse(rows.__contains__, seeds))
-        task = partial(run_trial, config, probe=probe, program=program)
+        task = partial(run, config, probe=probe, program=program)
         began, taken_up = time.perf_counter(), len(rows)
         if scheduler:
             results = on_cluster(task, missing, scheduler, is_over)
@@ -408,14 +410,9 @@ def _resume(kept: TextIO, config: CellConfig) -> list[TrialRow]:
 
 def write_table(rows: Sequence[TrialRow], path: Path) -> None:
     """Write rows as CSV."""
-    with path.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        more = tuple(dict.fromkeys(name for row in rows for name in row.more))
-        writer.writerow((*COLUMNS, *more))
-        writer.writerows(
-            [*(_cell(getattr(row, name)) for name in COLUMNS), *(row.more.get(name, "") for name in more)]
-            for row in rows
-        )
+    more = {name: "" for row in rows for name in row.more}
+    cells = [{**asdict(row), "switch_closed": str(row.switch_closed).lower(), **more, **row.more} for row in rows]
+    write_rows([{name: value for name, value in row.items() if name != MORE} for row in cells], path)
 
 
 def read_table(path: Path) -> list[TrialRow]:
@@ -423,37 +420,14 @@ def read_table(path: Path) -> list[TrialRow]:
 
     Raises:
         OSError: The file does not exist or is not readable.
-        ValueError: The file does not contain such a table.
+        KeyError: The file does not contain such a table.
+        ValueError: A cell contains no value of its column.
     """
     with path.open(newline="", encoding="utf-8") as file:
-        table = csv.DictReader(file)
-        found = tuple(table.fieldnames or ())
-        if found[: len(COLUMNS)] != COLUMNS:
-            raise ValueError(f"{path}: other columns than this program writes")
-        more = found[len(COLUMNS) :]
         return [
-            TrialRow(
-                **{f.name: _READERS[f.type](row[f.name]) for f in fields(TrialRow) if f.name != MORE},
-                more={name: row[name] for name in more},
-            )
-            for row in table
+            TrialRow(**parsed(TrialRow, row), more={name: row[name] for name in row if name not in COLUMNS})
+            for row in csv.DictReader(file)
         ]
-
-
-_READERS: dict[Any, Callable[[str], Any]] = {
-    int: int,
-    float: float,
-    str: str,
-    bool: "true".__eq__,
-    float | None: lambda text: float(text) if text else None,
-}
-"""Function that parses a CSV cell of each type."""
-
-
-def _cell(value: object) -> object:
-    if value is None:
-        return ""
-    return str(value).lower() if isinstance(value, bool) else value
 
 
 def summarise(rows: Sequence[TrialRow], config: CellConfig) -> dict[str, Any]:

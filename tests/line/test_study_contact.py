@@ -7,7 +7,7 @@ import pytest
 
 from cell.lab import contact
 from cell.lab.charts import draw_panels
-from cell.lab.contact import HOLES, SHIPPED, Rung, boundary_bouncing, boundary_bound, model, plan, verdict
+from cell.lab.contact import HOLES, SHIPPED, Rung, boundary_bouncing, boundary_bound, ladder, model, verdict
 from cell.lab.rows import write_rows
 from drivers.part.rectangular import Rectangular
 from drivers.part.round import Round
@@ -55,9 +55,9 @@ def test_the_shipped_model_is_good_for_a_peg_with_corners_too(sides):
 
 
 def test_a_peg_with_corners_is_studied_only_with_the_models_that_serve_it():
-    models = {rung.model.hole for rung in plan(False, Rectangular(0.008, 0.008)).rungs}
+    models = {rung.model.hole for rung in ladder(Rectangular(0.008, 0.008))}
     assert models == {"exact", "unpredicted"}
-    assert {rung.model.hole for rung in plan(False, PEG).rungs} > models
+    assert {rung.model.hole for rung in ladder(PEG)} > models
 
 
 def test_integration_fails_beyond_the_boundary_of_theory_and_not_below(points):

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 from cell.config.load import load
 from cell.devices.assembly import make_estimator
-from cell.lab.ablation.rules import ANGLE, SCENES
+from cell.lab.ablation.rules import RULES, SCENES
 from cell.lab.ablation.switch import Rule, without
 from cell.lab.tactile import CONDITIONS, Condition, Model, Read, kinds, made, read, simulated_skin, summed
 from drivers.quantities import TaxelFrame
@@ -40,17 +40,15 @@ class FramesLine:
     """Median time for one frame, s."""
 
 
-def measure(count: int, done: Callable[[], None]) -> list[FramesLine]:
+def measure(count: int, done: Callable[[int], None]) -> list[FramesLine]:
     """Return the errors of `count` frames of each kind, with all rules of the estimator and without each."""
     tables = list(_frames(count))
     lines = []
-    for rule in (
-        None,
-        *(rule for rule in ANGLE if rule.target.startswith(("skills.tactile.robust", "skills.tactile.likelihood"))),
-    ):
+    of_frames = ("skills.tactile.robust", "skills.tactile.likelihood")
+    for rule in (None, *(rule for rule in RULES.values() if rule.target.startswith(of_frames))):
         for name, frames in tables:
             lines.append(_line(rule, name, frames))
-            done()
+            done(1)
     return lines
 
 

@@ -1,4 +1,4 @@
-"""Hours of mixed commands on one served cell, in pieces: growth of its memory, handles and threads."""
+"""Hours of mixed commands on one served cell: growth of its memory, handles and threads."""
 
 import os
 import threading
@@ -6,8 +6,6 @@ import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from datetime import datetime
-from itertools import groupby
 from pathlib import Path
 
 import numpy as np
@@ -17,20 +15,17 @@ from cell.lab.faults.bench import CYCLE, WAITING, FaultBench, bench
 from cell.lab.faults.cases import INSERT, LONGEST, RECOVER, STAGES, WENT_ON
 from cell.lab.faults.devices import ARM
 from cell.lab.faults.measure import bring_back
-from cell.lab.rows import kept_rows
-from cell.records.provenance import versions
-from cell.records.wall_clock import now_text
 from cell.run.states import State
-from drivers.errors import CellError, ConfigError
+from drivers.errors import CellError
 from plc_bridge.peer import Peer
 from plc_bridge.protocol.messages import Control, Report
 from skills.catalogue import CATALOGUE
 
 TABLE = "soak.csv"
 SAMPLES = 20
-"""Number of samples of memory, handles and threads in a piece."""
+"""Number of samples of memory, handles and threads."""
 SETTLED = 0.25
-"""Share of a piece after which caches are filled and growth is measured."""
+"""Share of the samples after which caches are filled and growth is measured."""
 LATEST = 60
 """Largest PLC cycle number for an event during a run."""
 ENDED = tuple(state for state in WAITING if state is not State.HELD)
@@ -42,19 +37,14 @@ UNKNOWN_CODE, UNKNOWN_RECIPE = 9999, 999
 
 @dataclass(frozen=True, slots=True)
 class SoakSample:
-    """One sample of the program, after some of the commands of a piece."""
+    """One sample of the program, after some of the commands."""
 
-    piece: int
-    code: str
-    """Fingerprint of the program's code."""
-    began: str
-    """Start of the piece, ISO 8601."""
     wall: float
-    """Time since then, hours."""
+    """Time since the start, hours."""
     hours: float
-    """Simulated time since then, hours."""
+    """Simulated time since the start, hours."""
     commands: int
-    """Number of command groups in the piece up to this sample."""
+    """Number of command groups up to this sample."""
     seated: int
     """Number of groups whose last insertion was a success."""
     failed: int
@@ -70,49 +60,18 @@ class SoakSample:
     threads: int
 
 
-@dataclass(frozen=True, slots=True)
-class Piece:
-    """One piece of the soak; growth is per simulated hour after caches are filled."""
-
-    piece: int
-    began: str
-    gap: float
-    """Time since the end of the piece before, hours; 0 for the first."""
-    wall: float
-    hours: float
-    commands: int
-    seated: int
-    failed: int
-    lost: int
-    memory: float
-    handles: float
-    threads: float
-
-
 Act = Callable[[FaultBench, np.random.Generator], object]
 """Group of commands before an insertion."""
 
 
-def earlier(path: Path) -> list[SoakSample]:
-    """Return the samples of earlier pieces.
-
-    Raises:
-        ConfigError: They are of other code than this.
-    """
-    rows, code = kept_rows(SoakSample, path), versions()["code"]
-    if any(row.code != code for row in rows):
-        raise ConfigError(f"{path}: pieces of other code, {rows[0].code} instead of {code}; another --out needed")
-    return rows
-
-
-def soak(loaded: LoadedConfig, piece: int, hours: float, seed: int) -> Iterator[SoakSample]:
+def soak(loaded: LoadedConfig, hours: float, seed: int) -> Iterator[SoakSample]:
     """Send random commands to one cell for a number of simulated hours, and yield samples of the program.
 
     Raises:
         CellError: The cell cannot be created, or does not answer any more.
     """
-    rng, endings, lost_after = np.random.default_rng((seed, piece)), Counter[str](), list[str]()
-    began, wall, samples = now_text(), time.monotonic(), 0
+    rng, endings, lost_after = np.random.default_rng(seed), Counter[str](), list[str]()
+    wall, samples = time.monotonic(), 0
     with bench(loaded) as tested:
         start = tested.cell.clock.now()
         while samples < SAMPLES:
@@ -127,9 +86,6 @@ def soak(loaded: LoadedConfig, piece: int, hours: float, seed: int) -> Iterator[
             samples += 1
             seated, failed = (endings[each] for each in WENT_ON)
             yield SoakSample(
-                piece=piece,
-                code=versions()["code"],
-                began=began,
                 wall=(time.monotonic() - wall) / 3600.0,
                 hours=passed,
                 commands=endings.total(),
@@ -144,28 +100,12 @@ def soak(loaded: LoadedConfig, piece: int, hours: float, seed: int) -> Iterator[
             lost_after = []
 
 
-def pieces(rows: Sequence[SoakSample]) -> list[Piece]:
-    """Return one line per piece, with the gap before it."""
-    found, ended = list[Piece](), None
-    for number, group in groupby(rows, key=lambda row: row.piece):
-        samples = list(group)
-        last, began = samples[-1], datetime.fromisoformat(samples[0].began).timestamp() / 3600.0
-        gap = 0.0 if ended is None else began - ended
-        ended = began + last.wall
-        totals = last.wall, last.hours, last.commands, last.seated, last.failed, last.lost
-        found.append(Piece(number, last.began, gap, *totals, *growth(samples)))
-    return found
-
-
-def growth(found: Sequence[SoakSample]) -> tuple[float, float, float]:
+def growth(found: Sequence[SoakSample]) -> dict[str, float]:
     """Return the growth of memory, MB, handles and threads per simulated hour, after caches are filled."""
     late = found[int(SETTLED * len(found)) :]
-    if len(late) < 2:
-        return 0.0, 0.0, 0.0
     hours = [sample.hours for sample in late]
     counts = [(sample.memory, float(sample.handles), float(sample.threads)) for sample in late]
-    memory, handles, threads = np.polyfit(hours, counts, 1)[0].tolist()
-    return memory, handles, threads
+    return dict(zip(("memory", "handles", "threads"), np.polyfit(hours, counts, 1)[0].tolist(), strict=True))
 
 
 def _ending(tested: FaultBench, act: Act, rng: np.random.Generator) -> str:
