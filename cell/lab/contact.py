@@ -118,24 +118,22 @@ class RungRow:
     family: str
     timestep: float
     """Time step of the physics, s."""
-    real_time: float
-    """Speed of bare physics in multiples of real time, one core."""
-    shallow_error: float
-    """Worst relative error of the depth at 1 to 5 degrees; infinite if the state is no longer finite."""
-    steep_error: float
-    """Worst relative error of the depth at 15 and 45 degrees; infinite if the state is no longer finite."""
-    penetration: float
-    """Deepest penetration that lasted longer than 2 ms, m."""
-    is_void: bool
-    rests: bool
-    drag: float
-    """Peak-to-peak lateral force over solid plate, N."""
-    keeps_out: bool
-    """True if the too thick peg stays out."""
-    pushes: int
-    """Number of measured pushes."""
     fault: str = ""
     """Reason why the rung has no measurement; empty if it has one."""
+    real_time: float = math.nan
+    """Speed of bare physics in multiples of real time, one core."""
+    shallow_error: float = math.inf
+    """Worst relative error of the depth at 1 to 5 degrees; infinite if the state is no longer finite."""
+    steep_error: float = math.inf
+    """Worst relative error of the depth at 15 and 45 degrees; infinite if the state is no longer finite."""
+    penetration: float = math.inf
+    """Deepest penetration that lasted longer than 2 ms, m."""
+    is_void: bool = True
+    rests: bool = False
+    drag: float = math.inf
+    """Peak-to-peak lateral force over solid plate, N."""
+    keeps_out: bool = False
+    """True if the too thick peg stays out."""
 
     @property
     def error(self) -> float:
@@ -187,21 +185,7 @@ def measure_rung(rung: Rung, azimuths: Sequence[float], peg: Part, hole: Part) -
     try:
         return _measure_rung(rung, azimuths, peg, hole)
     except Exception as error:  # any failure of a model is a row of the ladder, not the end of the study
-        return RungRow(
-            rung.name,
-            rung.family,
-            rung.timestep,
-            math.nan,
-            math.inf,
-            math.inf,
-            math.inf,
-            True,
-            False,
-            math.inf,
-            False,
-            0,
-            f"{type(error).__name__}: {error}",
-        )
+        return RungRow(rung.name, rung.family, rung.timestep, f"{type(error).__name__}: {error}")
 
 
 def _measure_rung(rung: Rung, azimuths: Sequence[float], peg: Part, hole: Part) -> RungRow:
@@ -220,7 +204,6 @@ def _measure_rung(rung: Rung, azimuths: Sequence[float], peg: Part, hole: Part) 
         rests=all(push.rests for push in pushes),
         drag=_seams(rung, peg, hole),
         keeps_out=_keeps_out(rung, hole),
-        pushes=len(pushes),
     )
 
 

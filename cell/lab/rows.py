@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cell.records.statistics import Z95
-from drivers.errors import ConfigError
 from skills.contract import Outcome
 
 
@@ -25,13 +24,7 @@ class Ended(Protocol):
 
 Row = TypeVar("Row")
 Outcomes = TypeVar("Outcomes", bound=Ended)
-READERS: Mapping[Any, Callable[[str], Any]] = {
-    int: int,
-    float: float,
-    str: str,
-    bool: lambda text: text.lower() == "true",
-    float | None: lambda text: float(text) if text else None,
-}
+READERS: Mapping[Any, Callable[[str], Any]] = {int: int, float: float, str: str, bool: "True".__eq__}
 """Function that parses a CSV cell of each type."""
 
 
@@ -46,30 +39,15 @@ def write_rows(rows: Iterable[Any], path: Path) -> Path:
     return path
 
 
-def parsed(kind: type, cells: Mapping[str, str]) -> dict[str, Any]:
-    """Return the values of a dataclass's fields from the cells of one row; fields of other types are left out."""
-    types: dict[str, Any] = {field.name: field.type for field in fields(kind)}
-    return {name: READERS[kind](cells[name]) for name, kind in types.items() if kind in READERS}
-
-
-def read_rows(kind: type[Row], path: Path) -> list[Row]:
-    """Return the rows of one dataclass written by `write_rows`.
-
-    Raises:
-        ConfigError: The file does not exist or contains another table.
-    """
+def kept_rows(kind: type[Row], path: Path) -> list[Row]:
+    """Return the rows of one dataclass that an interrupted call has written; none if the file is missing or has another table."""
+    types: dict[str, Any] = {field.name: field.type for field in fields(kind)}  # type: ignore[arg-type]
     try:
         with path.open(newline="", encoding="utf-8") as file:
-            return [kind(**parsed(kind, row)) for row in csv.DictReader(file)]
-    except (OSError, KeyError, TypeError, ValueError) as error:
-        raise ConfigError(f"{path}: not the table of a finished study: {type(error).__name__}: {error}") from None
-
-
-def kept_rows(kind: type[Row], path: Path) -> list[Row]:
-    """Return the rows of an interrupted call; none if the file does not exist or contains another table."""
-    try:
-        return read_rows(kind, path)
-    except ConfigError:
+            return [
+                kind(**{name: READERS[of](row[name]) for name, of in types.items()}) for row in csv.DictReader(file)
+            ]
+    except (OSError, KeyError, TypeError, ValueError):
         return []
 
 

@@ -35,7 +35,7 @@ from sim.hand.pads import PadLoad, Pads
 from sim.hand.skin import Taxels
 from skills.catalogue import INSERT
 from skills.tactile.estimators import ESTIMATORS
-from skills.tactile.pose import PegPose
+from skills.tactile.pose import Estimator, PegPose
 
 LOOKS = ((GREY, "s"), (BLUE, "^"), (PURPLE, "o"), (GREEN, "v"))
 """Colours and markers of the estimators, in their order."""
@@ -139,11 +139,7 @@ def study(config: CellConfig, is_quick: bool, done: Callable[[int], None]) -> li
             frames = list(made(skin, layout, model, condition, count, config))
             for name, estimator in estimators.items():
                 copy(estimator).estimate(frames[0][1])
-                reader = copy(estimator)
-                reads = [
-                    read((copy(estimator) if condition.forgets else reader).estimate, theta, frame)
-                    for theta, frame in frames
-                ]
+                reads = reads_of(estimator, frames, condition.forgets)
                 lines.append(summed(layout, model, condition.name, name, reads))
             done(1)
     return lines
@@ -245,6 +241,18 @@ def read(estimate: Callable[[TaxelFrame], PegPose], theta: float, frame: TaxelFr
     pose = estimate(frame)
     spent = time.perf_counter() - started
     return Read(theta, (pose.theta - theta + math.pi / 2) % math.pi - math.pi / 2, pose.sigma, pose.healthy, spent)
+
+
+def reads_of(estimator: Estimator, frames: Sequence[tuple[float, TaxelFrame]], forgets: bool) -> list[Read]:
+    """Return an estimator's results for frames, each given with the peg's true angle, rad.
+
+    Args:
+        estimator: Estimator before its first frame; it stays so.
+        frames: True angles, rad, and frames.
+        forgets: True if every frame is the estimator's first.
+    """
+    reader = copy(estimator)
+    return [read((copy(estimator) if forgets else reader).estimate, theta, frame) for theta, frame in frames]
 
 
 def summed(layout: str, model: str, condition: str, estimator: str, reads: Sequence[Read]) -> TactileLine:

@@ -1,6 +1,5 @@
 """Many insertions, each on a fresh simulated cell with its own seed, on every core; one row each in trials.csv."""
 
-import csv
 import json
 import math
 import platform
@@ -8,7 +7,7 @@ import time
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
-from dataclasses import asdict, dataclass, field, fields, replace
+from dataclasses import asdict, dataclass, field, replace
 from functools import partial
 from itertools import filterfalse, takewhile
 from operator import attrgetter
@@ -18,7 +17,7 @@ from typing import TYPE_CHECKING, Any, Protocol, TextIO
 from cell.config.cell_config import CellConfig
 from cell.devices.assembly import Cell, assemble, opened
 from cell.lab.published import PUBLISHED, Tried, stage_table
-from cell.lab.rows import known, parsed, successes, write_rows
+from cell.lab.rows import known, successes, write_rows
 from cell.lab.workers import on_cluster, on_processes
 from cell.peg.ending import Ending, ending_of
 from cell.peg.part_state import PartState
@@ -143,11 +142,6 @@ class TrialRow:
             if (value := getattr(self, name)) is not None
         }
         return Tried(self.outcome == Outcome.SUCCESS, self.stage, times)
-
-
-MORE = "more"
-COLUMNS = tuple(f.name for f in fields(TrialRow) if f.name != MORE)
-"""Columns of every table; those of `TrialRow.more` follow."""
 
 
 @dataclass(slots=True)
@@ -410,24 +404,12 @@ def _resume(kept: TextIO, config: CellConfig) -> list[TrialRow]:
 
 def write_table(rows: Sequence[TrialRow], path: Path) -> None:
     """Write rows as CSV."""
-    more = {name: "" for row in rows for name in row.more}
-    cells = [{**asdict(row), "switch_closed": str(row.switch_closed).lower(), **more, **row.more} for row in rows]
-    write_rows([{name: value for name, value in row.items() if name != MORE} for row in cells], path)
-
-
-def read_table(path: Path) -> list[TrialRow]:
-    """Return the rows written by `write_table`.
-
-    Raises:
-        OSError: The file does not exist or is not readable.
-        KeyError: The file does not contain such a table.
-        ValueError: A cell contains no value of its column.
-    """
-    with path.open(newline="", encoding="utf-8") as file:
-        return [
-            TrialRow(**parsed(TrialRow, row), more={name: row[name] for name in row if name not in COLUMNS})
-            for row in csv.DictReader(file)
-        ]
+    empty, cells = {name: "" for row in rows for name in row.more}, []
+    for row in rows:
+        own = asdict(row)
+        more = own.pop("more")
+        cells.append({**own, "switch_closed": str(row.switch_closed).lower(), **empty, **more})
+    write_rows(cells, path)
 
 
 def summarise(rows: Sequence[TrialRow], config: CellConfig) -> dict[str, Any]:

@@ -9,7 +9,7 @@ from cell.config.load import load
 from cell.lab import trials
 from cell.lab.compare import Variant, compared
 from cell.lab.frontier.methods import METHODS, SCALES, SCENES, TEST, variants
-from cell.lab.trials import TABLE, read_table, run_trial
+from cell.lab.trials import TABLE, run_trial
 from tests.studies import is_chart, rows_of, studied
 
 SETS = ("search.timeout=1.0",)
@@ -29,9 +29,9 @@ def test_every_point_has_a_row_of_its_own_trials(study):
     found, folder = study
     assert [row["variant"] for row in rows_of(folder / "frontier.csv")] == [line["variant"] for line in found["lines"]]
     for line in found["lines"]:
-        of_line = read_table(folder / line["folder"] / TABLE)
+        of_line = rows_of(folder / line["folder"] / TABLE)
         assert line["trials"] == len(of_line) == 1
-        assert line["successes"] == sum(row.outcome == "success" for row in of_line)
+        assert line["successes"] == sum(row["outcome"] == "success" for row in of_line)
 
 
 def test_success_and_errors_are_drawn(study):

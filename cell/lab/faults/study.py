@@ -48,7 +48,7 @@ def run(args: argparse.Namespace) -> StudyReport:
     chart = tables.draw(rows, folder / tables.CHART)
     lines = tables.lines(rows, limit)
     is_good = not any(lines[-1][name] for name in tables.NEVER)
-    return reported(tables.table(lines), folder, {cases.TABLE: rows}, [chart], is_good, kinds=lines, cases=rows)
+    return reported(tables.shown(lines), folder, {cases.TABLE: rows}, [chart], is_good, kinds=lines, cases=rows)
 
 
 def _kinds(texts: list[str]) -> list[FaultKind]:

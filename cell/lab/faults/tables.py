@@ -13,6 +13,7 @@ from cell.lab.charts import Curve, Panel, draw_panels
 from cell.lab.faults.bench import REST_LIMIT
 from cell.lab.faults.cases import FaultCase
 from cell.lab.faults.kinds import KINDS
+from cell.lab.tables import table
 
 CHART = "faults.png"
 REST_AFTER_LIMIT, FORCE_SHARE = 1.0, 1.2
@@ -69,17 +70,15 @@ def _line(kind: str, rows: Sequence[FaultCase], force_limit: float) -> dict[str,
     }
 
 
-def table(found: Sequence[Mapping[str, Any]]) -> Table:
+def shown(found: Sequence[Mapping[str, Any]]) -> Table:
     """Return lines as a table."""
-    shown = Table(
-        title="Faults by kind",
-        caption="largest times in s from fault to report, from report to rest, from fault to rest; farthest way of the hand later than 0.3 s after the report, mm; largest force at the tool by the arm and of the plates on the peg in truth, N; p99 of the PLC's cycles during a fault from outside, ms; the last nine columns count cases and should be 0",
-    )
-    for name in found[0]:
-        shown.add_column(name, justify="left" if name in ("kind", "codes") else "right")
-    for line in found:
-        shown.add_row(*(_text(value) for value in line.values()))
-    return shown
+
+    def cell(name: str) -> Callable[[Mapping[str, Any]], str]:
+        return lambda line: _text(line[name])
+
+    columns = {name: cell(name) for name in found[0]}
+    caption = "largest times in s from fault to report, from report to rest, from fault to rest; farthest way of the hand later than 0.3 s after the report, mm; largest force at the tool by the arm and of the plates on the peg in truth, N; p99 of the PLC's cycles during a fault from outside, ms; the last nine columns count cases and should be 0"
+    return table("Faults by kind", {"kind": columns.pop("kind")}, columns, found, caption)
 
 
 def _text(value: object) -> str:

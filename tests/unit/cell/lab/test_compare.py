@@ -10,9 +10,10 @@ from cell.lab.charts import Curve, Panel, draw_panels, draw_speed_accuracy
 from cell.lab.compare import NAMES, VARIANTS, Variant, chosen, compared
 from cell.lab.published import StageLine
 from cell.lab.tables import table
-from cell.lab.trials import read_table, run_trial, write_table
+from cell.lab.trials import run_trial, write_table
 from cell.lab.workers import each_of
 from drivers.errors import ConfigError
+from tests.studies import rows_of
 
 
 @pytest.mark.parametrize("study", ["modelling", "seating", "limits"])
@@ -68,10 +69,10 @@ class Scans:
         return {"scans": str(self.count), "stages": " ".join(record.name for record in records)}
 
 
-def test_a_probe_adds_columns_that_are_read_back(tmp_path):
+def test_a_probe_adds_columns(tmp_path):
     row = run_trial(load(sets=["search.timeout=0.2"]).cell, 3, Scans)
     assert int(row.more["scans"]) == pytest.approx(100.0 * row.sim_time, rel=0.05)
     assert row.more["stages"].startswith("grasp_from_rack spray_search")
     other = replace(row, seed=4, more={})
     write_table([row, other], tmp_path / "trials.csv")
-    assert [found.more["scans"] for found in read_table(tmp_path / "trials.csv")] == [row.more["scans"], ""]
+    assert [found["scans"] for found in rows_of(tmp_path / "trials.csv")] == [row.more["scans"], ""]
