@@ -100,11 +100,13 @@ def _learnt(belief: Belief, found: SkillResult, decoy: Decoy | None, ctx: SkillC
 
 
 def _decoy(found: SkillResult, last: SkillResult, ctx: SkillContext) -> Decoy | None:
-    """Return the decoy in which the peg was given up; None if it was no decoy, or if the search passes over none."""
-    if not isinstance(found, spray_search.SpraySearchResult) or not isinstance(last, spiral_adjust.SpiralAdjustResult):
+    """Return the decoy in which the peg was given up; None if it was no decoy, since the peg leans, or if the search passes over none."""
+    if not isinstance(found, spray_search.SpraySearchResult) or found.edge is None:
+        return None
+    if not isinstance(last, spiral_adjust.SpiralAdjustResult) or last.reason is Reason.NOT_ALIGNED:
         return None
     x, y, _ = ctx.observe().tip
-    return found.edge and decoy_at(found.edge, (float(x), float(y)), last.depth, ctx.job.hole)
+    return decoy_at(found.edge, (float(x), float(y)), last.depth, ctx.job.hole)
 
 
 def _insert(skills: SkillSet, ctx: SkillContext, plane: Plane | None = None, attempt: int = 0) -> SkillResult:

@@ -225,11 +225,12 @@ class SkillContext:
         """Send `setpoint` to the arm and keep it for the record; see `Lead`."""
         self.lead.follow(setpoint)
 
-    def note_slip(self) -> None:
-        """Record a slip of the peg along the fingers; from now on the skills assume less grip and push less."""
-        self.peg = self.peg.slipped()
-        share = 1e2 * self.peg.grip_share
-        logger.info("peg: slipped along the fingers; %.0f %% of the believed grip is counted on", share)
+    def note_touch(self, excess: float) -> None:
+        """Record a touch-down of a peg that reaches `excess`, m, further from the hand than known; after a slip the skills push less."""
+        before, self.peg = self.peg, self.peg.touched(excess)
+        if self.peg.grip_share < before.grip_share:
+            share = 1e2 * self.peg.grip_share
+            logger.info("peg: slipped along the fingers; %.0f %% of the believed grip is counted on", share)
 
     @property
     def length(self) -> float:

@@ -192,11 +192,10 @@ def run(
         elapsed, running, tip = seen.elapsed, seen.running, down.aim.tip(seen.arm.tcp)
         if proof.is_given(seen, tip, plane, ctx):
             return _result(Outcome.SUCCESS, Reason.NONE, running, offset, depth_of(tip, hole))
-        if (
-            _has_left(tip, seen.axis, plane, ctx.job)
-            or down.is_stalled(tip, elapsed, proof.looks.is_lifting)
-            or proof.looks.is_over
-        ):
+        if angle_between(seen.axis, plane.normal) > LEANING:
+            return _result(Outcome.FAILURE, Reason.NOT_ALIGNED, running, offset, depth_of(tip, hole))
+        is_stalled = down.is_stalled(tip, elapsed, proof.looks.is_lifting)
+        if _has_left(tip, plane, ctx.job) or is_stalled or proof.looks.is_over:
             break
         tip = down.free(seen, tip, proof.looks.is_lifting)
         offset, next_offset = down.offsets(elapsed)
@@ -224,14 +223,14 @@ def run(
     return _result(Outcome.FAILURE, Reason.NOT_SEATED, running, offset, depth_of(tip, hole))
 
 
-def _has_left(tip: Vector, axis: Vector, plane: Plane, job: Job) -> bool:
-    """Return True if nothing holds the peg above the surface, if it leans by `LEANING`, or if its end seems to be below the bottom.
+def _has_left(tip: Vector, plane: Plane, job: Job) -> bool:
+    """Return True if nothing holds the peg above the surface, or if its end seems to be below the bottom.
 
     In the last case the fingers have slid down the peg, which the next touch-down measures, or the hole is another one.
     """
     is_above = plane.depth(tip) < -(job.peg.part.inscribed / 2.0 + RAISED)
     is_below = depth_of(tip, job.hole) > job.hole.depth + CLOSED_TOLERANCE
-    return is_above or is_below or angle_between(axis, plane.normal) > LEANING
+    return is_above or is_below
 
 
 def given_up_after(depth: float, bottom: float, params: SpiralAdjustParams) -> float:

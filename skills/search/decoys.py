@@ -14,7 +14,7 @@ from skills.seating.decision import CLOSED_TOLERANCE
 SHALLOW = 0.5
 """Share of the hole's depth below which a peg that goes no deeper stands in a decoy, fraction."""
 BLIND = 0.75
-"""Radius around a decoy with a bottom in which the peg is not put down, share of the hole's width."""
+"""Radius of a decoy with a bottom, in which the peg is not put down, share of the hole's width."""
 THROUGH = 1.5
 """Radius of a decoy without a bottom, share of the hole's width; the peg may have stood anywhere in it."""
 STEP = 0.01
@@ -33,7 +33,7 @@ class Decoy(NamedTuple):
 def decoy_at(edge: Point, place: Point, depth: float, hole: Hole) -> Decoy | None:
     """Return the decoy if the peg was given up far above the bottom of the hole, or below it; otherwise None.
 
-    A decoy holds the peg. If the peg has strayed from where it fell in, its place is no evidence of a decoy.
+    A decoy holds the peg, which therefore fell in within the decoy's radius from where it was given up.
 
     Args:
         edge: Lowest point of the peg when it fell in, shape (2,), m, base frame.
@@ -41,11 +41,10 @@ def decoy_at(edge: Point, place: Point, depth: float, hole: Hole) -> Decoy | Non
         depth: Its depth below the surface, m.
         hole: The hole as the job states it.
     """
-    if math.dist(edge, place) > THROUGH * hole.part.inscribed:
+    if SHALLOW * hole.depth <= depth <= hole.depth + CLOSED_TOLERANCE:
         return None
-    if depth > hole.depth + CLOSED_TOLERANCE:
-        return Decoy(place, THROUGH * hole.part.inscribed)
-    return Decoy(place, BLIND * hole.part.inscribed) if depth < SHALLOW * hole.depth else None
+    radius = hole.part.inscribed * (BLIND if depth < SHALLOW * hole.depth else THROUGH)
+    return Decoy(place, radius) if math.dist(edge, place) <= radius else None
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from drivers.quantities import Vector
 from skills.contract import Observation
 from skills.guards.wrench_zero import WrenchZero
+from skills.held_peg import EXPLAINED
 from skills.search.params import TOUCHED_TIME, SpraySearchParams
 from skills.search.surface import Plane, SurfaceEstimate
 
@@ -13,11 +14,6 @@ SLIP = 0.1
 """Change of theta that counts as a slip of the peg in the hand, rad. Source: chosen, not measured."""
 TOUCHED = 0.5
 """Share of the push along z above which the plate counts as bearing it, fraction. Source: chosen, not measured."""
-EXPLAINED = 1.5e-3
-"""Difference of the peg's length from the job's that theta, the plate's height and the arm's own errors may explain, m; it is left as it is.
-At the tilt of the search 1 degree of theta is 0.9 mm of length, and 0.3 mm of height are 0.4 mm. Source: chosen, not measured."""
-
-
 LATE = 0.06
 """Time after which a height teaches the surface estimate, s: a peg that falls while little of the plate is felt yet would take the
 estimate down with it, and the dip would not be seen. A peg that crosses half a hole of 8 mm at 0.14 m/s falls for 0.03 s. Source: chosen, not measured."""
@@ -31,8 +27,8 @@ FALLING = 0.05
 
 
 SHARED = 0.5
-"""Least drop of the hand with a suddenly falling peg, and least depth of the peg's end below the plane, share of the dip threshold. Source:
-docs/tried/search.md."""
+"""Least drop of the hand with a dip or a sudden fall, and least depth of a suddenly fallen peg's end below the plane, share of the dip threshold.
+A dip that stands still after a rest without a hole, or a new angle of the peg, moves the tip and not the hand. Source: docs/tried/search.md."""
 
 
 FAINT = 0.6
@@ -125,7 +121,7 @@ class EdgeEvidence:
         height = float(seen.arm.tcp.position[2])
         dip, deviation = self._surface.below(edge)
         below, has_fallen = dip - deviation, self._fallen(edge, dip, height) > self._faint
-        has_dropped = self._drop(height) >= self._params.drop
+        has_dropped = self._drop(height) >= SHARED * threshold
         return below, (below > threshold or has_fallen) and has_dropped
 
     def learn(self, edge: Vector) -> None:
@@ -133,11 +129,6 @@ class EdgeEvidence:
         if len(self._late) == self._late.maxlen:
             self._surface.learn(self._late.popleft())
         self._late.append(edge)
-
-    def begin_anew(self) -> None:
-        """Start the surface estimate anew: the peg may have slipped along the fingers."""
-        self._surface = SurfaceEstimate()
-        self.restart()
 
     def doubt(self) -> None:
         """Record a stop that found no hole: sudden falls must be larger from now on."""

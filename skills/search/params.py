@@ -79,10 +79,6 @@ class SpraySearchParams(SkillParams):
     """Dip threshold: depth of the tip below the surface estimate that is evidence of an edge, m; the exact fall at 45
     degrees is 2.4 mm. A round peg of 5 mm or less has 0.025 of its thickness at most. Source: set by hand, its rate of false evidence measured by `cell study events`.
     """
-    drop: Annotated[float, Figure("m"), Field(exclude=True)] = 0.0
-    """Least drop of the hand that has to go with a dip of the tip, m: a new angle of the peg moves the tip, and not the hand. 0 asks for none; a
-    round peg of 5 mm or less has its dip threshold at least. Source: docs/tried/search.md.
-    """
     lag: Annotated[float | None, Figure("m"), Field(exclude=True)] = None
     """Lag of the tip behind its setpoint along a pass that is evidence of an edge as well, m; times the stiffness it bounds the force on a wall
     that holds the tip. None leaves it out. Source: docs/tried/corners.md.

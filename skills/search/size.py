@@ -45,13 +45,8 @@ def firm(search: SpraySearchParams, thickness: float) -> SpraySearchParams:
 
 
 def shallow(search: SpraySearchParams, thickness: float) -> SpraySearchParams:
-    """Return the parameters of a search with the depths for a round peg of this thickness, m.
-
-    So shallow a dip is no more than what a new angle of the peg moves the tip by, so that the hand has to have dropped by as much.
-    """
+    """Return the parameters of a search with the depths for a round peg of this thickness, m."""
     if thickness > THIN:
         return search
     dip = min(DIP * thickness, search.dip_threshold)
-    return search.model_copy(
-        update={"dip_threshold": dip, "drop": max(search.drop, dip), "fall": search.fall * thickness / STATED}
-    )
+    return search.model_copy(update={"dip_threshold": dip, "fall": search.fall * thickness / STATED})

@@ -53,8 +53,6 @@ def run(
 ) -> SpraySearchResult:
     """Search the area from a random corner or point of it until the peg's edge falls into the hole.
 
-    If the peg is lifted on the way, the surface is estimated anew.
-
     Args:
         params: Parameters of the search.
         ctx: The skill's context.
@@ -146,8 +144,7 @@ def _referenced(plane: Plane, params: SpraySearchParams, ctx: SkillContext, swee
     if not excess:
         return plane
     logger.info("peg: has slipped by %.1f mm along the fingers on the plate", -1e3 * excess)
-    ctx.peg = replace(ctx.peg, measured=ctx.peg.excess + excess)
-    ctx.note_slip()
+    ctx.note_touch(excess)
     return Plane(plane.point - excess * float(sweep.axis[2]) * UP, plane.normal)
 
 

@@ -9,10 +9,11 @@ import numpy as np
 from drivers.frames import UP, rotation_about
 from drivers.quantities import ImpedanceSetpoint, Twist, Vector
 from skills.contract import Observation, SkillContext
+from skills.held_peg import EXPLAINED
 from skills.motion import VALIDITY, Trim, between
 from skills.search.course import Course
 from skills.search.decoys import BLIND, Decoy
-from skills.search.feel import EXPLAINED, Bearing, EdgeEvidence, Push, excess_of
+from skills.search.feel import Bearing, EdgeEvidence, Push, excess_of
 from skills.search.params import SpraySearchParams
 from skills.search.phases import (
     ComingDown,
@@ -56,10 +57,10 @@ class SearchSweep:
         self._push = Push(params.push_stiffness, self._theta)
         self._bearing = Bearing(ctx.wrench.zero, ctx.schedule.period)
         self._trim = Trim(params.trim_rate, params.trim_limit)
-        self._phase: Phase = first_phase(course)
         self._along = course.since
         """Time along the course, s."""
         self._point, self._velocity = course.path.at(course.since)
+        self._phase: Phase = first_phase(course, self._point, ctx.observe())
         self._lag = 0.0
         """Lag of the tip behind its setpoint along the pass, m."""
         self._resting: ImpedanceSetpoint | None = None
@@ -145,14 +146,14 @@ class SearchSweep:
         return self._course
 
     def hold_anew(self) -> None:
-        """Come down again with the peg as it now lies in the hand; the plate is felt anew, for the peg may have slipped."""
+        """Come down again with the peg as it now lies in the hand."""
         self._theta = self._ctx.in_hand().theta
         self._identity, self._push = self._ctx.new_id(), replace(self._push, theta=self._theta)
         self._bearing = Bearing(self._ctx.wrench.zero, self._ctx.schedule.period)
-        self._phase = first_phase(self._course)
+        self._phase = first_phase(self._course, self._point, self._ctx.observe())
         self._trim = Trim(self._params.trim_rate, self._params.trim_limit)
         self._rested = FAR_OFF
-        self._evidence.begin_anew()
+        self._evidence.restart()
 
     @property
     def edge(self) -> tuple[float, float]:
@@ -222,9 +223,7 @@ class SearchSweep:
             )
         elif excess:
             logger.info("peg: reaches %.1f mm further from the hand than stated, by its first touch-down", 1e3 * excess)
-        if excess and self._ctx.peg.is_length_known:
-            self._ctx.note_slip()
-        self._ctx.peg = replace(self._ctx.peg, measured=self._ctx.peg.excess + (excess or 0.0))
+        self._ctx.note_touch(excess or 0.0)
         self.touched = edge - (excess or 0.0) * float(felt.axis[2]) * UP
 
     def _enter(self, phase: Phase) -> None:
@@ -262,19 +261,19 @@ class SearchSweep:
         depth = self._ctx.job.hole.centre[2] - params.push_offset
         # Also where the plate was felt too early the setpoint comes down no faster than this.
         share = min(seen.elapsed * params.descent / (course.first[2] - depth), 1.0)
-        target, velocity = np.array([0.0, 0.0, course.first[2] + (depth - course.first[2]) * share]), np.zeros(3)
+        if isinstance(phase, Probing):
+            place = phase.place + phase.looked(seen.elapsed, params)
+        else:
+            place = course.middle + self._point
+        target, velocity = np.array([*(place + back * phase.detour.offset), course.first[2]]), np.zeros(3)
+        target[2] += (depth - course.first[2]) * share
         if isinstance(phase, Sliding):
             # Under a smaller push the peg falls less far in the same time.
             run_up = min((seen.elapsed - phase.detour.since) / params.run_up, 1.0)
             pace = self._push.stiffness / params.push_stiffness * run_up
             self._along += pace * seen.step
-            target[:2] = course.middle + self._point + back * phase.detour.offset
             velocity[:2] = pace * self._velocity
             self._lag = abs(float(target[course.fast] - seen.tip[course.fast]))
-        elif isinstance(phase, Probing):
-            target[:2] = phase.place + phase.looked(seen.elapsed, params) + back * phase.detour.offset
-        else:
-            target[:2] = course.middle + self._point
         return target, velocity
 
     def _still(self, phase: Resting) -> ImpedanceSetpoint:

@@ -93,11 +93,11 @@ def test_length_and_grip_of_a_peg_are_known_until_the_hand_grasps_anew(ctx):
     tcp, length = ctx.devices.arm.tcp.position, ctx.job.peg.length
     np.testing.assert_allclose(ctx.observe().tip, tcp - length * UP)
     assert not ctx.peg.is_length_known
-    ctx.peg = HeldPeg(measured=0.004)
-    ctx.note_slip()
-    ctx.note_slip()
-    np.testing.assert_allclose(ctx.observe().tip, tcp - (length + 0.004) * UP)
-    assert (ctx.peg.is_length_known, ctx.peg.grip_share, ctx.in_hand().length) == (True, 0.25, length + 0.004)
+    for excess in (0.004, -0.0029, 0.005, -0.0031, -0.0031):
+        ctx.note_touch(excess)
+    np.testing.assert_allclose(ctx.observe().tip, tcp - (length - 1e-4) * UP)
+    assert (ctx.peg.is_length_known, ctx.peg.grip_share) == (True, 0.25)
+    assert ctx.in_hand().length == pytest.approx(length - 1e-4)
     ctx.peg = HeldPeg()
     assert (ctx.peg.is_length_known, ctx.peg.grip_share, ctx.length) == (False, 1.0, length)
 

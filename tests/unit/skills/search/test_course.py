@@ -180,9 +180,10 @@ def test_a_peg_far_above_the_bottom_or_below_it_is_in_a_decoy(depth, radius):
     assert decoy_at(PLACE, PLACE, depth, HOLE) == (None if radius is None else Decoy(PLACE, radius))
 
 
-@pytest.mark.parametrize(("strayed", "is_held"), [(0.99 * THROUGH * WIDTH, True), (1.01 * THROUGH * WIDTH, False)])
-def test_a_peg_that_has_strayed_is_in_no_decoy(strayed, is_held):
-    decoy = decoy_at((PLACE[0] + strayed, PLACE[1]), PLACE, 0.0, HOLE)
+@pytest.mark.parametrize(("depth", "radius"), [(0.0, BLIND * WIDTH), (2.0 * HOLE.depth, THROUGH * WIDTH)])
+@pytest.mark.parametrize(("strayed", "is_held"), [(0.99, True), (1.01, False)])
+def test_a_peg_that_has_strayed_is_in_no_decoy(strayed, is_held, depth, radius):
+    decoy = decoy_at((PLACE[0] + strayed * radius, PLACE[1]), PLACE, depth, HOLE)
     assert (decoy is not None) is is_held
 
 

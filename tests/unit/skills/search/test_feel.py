@@ -10,10 +10,10 @@ from cell.config.load import load
 from drivers.frames import UP, end_point
 from drivers.quantities import Pose
 from skills.catalogue import GRASP, SEARCH
-from skills.held_peg import HeldPeg
+from skills.held_peg import EXPLAINED, HeldPeg
 from skills.insert.grip import grip_of
 from skills.search.course import make_course
-from skills.search.feel import EXPLAINED, LATE, LONGEST_SLIP, EdgeEvidence, excess_of
+from skills.search.feel import LATE, LONGEST_SLIP, SHARED, EdgeEvidence, excess_of
 from skills.search.size import PUSH, STATED, THIN, firm, shallow
 from skills.search.spray_search import _referenced
 from skills.search.surface import Plane, SurfaceEstimate
@@ -103,8 +103,9 @@ def test_less_than_the_whole_threshold_counts_only_where_the_hole_is_likely(para
     known = SurfaceEstimate()
     for k in range(400):
         known.learn(np.array([0.0, 1e-3 * (k % 60), 0.0]))
-    edge = np.array([0.0, 0.03, -dip * params.dip_threshold - 1e-5])
-    assert EdgeEvidence(params, known, PERIOD).update(blind(), edge, is_likely)[1] is is_edge
+    evidence, fallen = EdgeEvidence(params, known, PERIOD), dip * params.dip_threshold + 1e-5
+    evidence.update(blind(), np.array([0.0, 0.03, 0.0]), is_likely)
+    assert evidence.update(blind(-fallen / 2), np.array([0.0, 0.03, -fallen]), is_likely)[1] is is_edge
 
 
 def test_a_fall_under_way_does_not_take_the_estimate_with_it():
@@ -144,14 +145,14 @@ def test_a_threshold_that_is_set_lower_is_kept():
 
 @pytest.mark.parametrize(("dip", "drop", "is_evidence"), [(1.5, 1.1, True), (1.5, 0.9, False), (0.5, 2.0, False)])
 def test_only_a_dip_with_which_the_hand_drops_is_evidence(dip, drop, is_evidence):
-    """A dip of the tip alone is a new angle."""
+    """A dip of the tip alone is a new angle, or one that a rest has judged already."""
     evidence = EdgeEvidence(SLIM, SurfaceEstimate(), PERIOD)
     for k in range(400):
         edge = np.array([0.0, 1e-3 * (k % 60), 0.0])
         evidence.update(blind(0.2), edge)
         evidence.learn(edge)
     edge = np.array([0.0, 0.03, -dip * SLIM.dip_threshold])
-    assert evidence.update(blind(0.2 - drop * SLIM.drop), edge)[1] is is_evidence
+    assert evidence.update(blind(0.2 - drop * SHARED * SLIM.dip_threshold), edge)[1] is is_evidence
 
 
 BOUND, LENGTH = 0.006, 0.05
@@ -205,7 +206,8 @@ def referenced(slip, *, tilt=0.0, is_known=True):
 
     The peg came down 30 mm beside the hole, on a plate that is tilted by `tilt`, rad.
     """
-    ctx = SimpleNamespace(job=CONFIG.job(), peg=HeldPeg(measured=0.0 if is_known else None), note_slip=lambda: None)
+    ctx = SimpleNamespace(job=CONFIG.job(), peg=HeldPeg(measured=0.0 if is_known else None))
+    ctx.note_touch = lambda excess: setattr(ctx, "peg", ctx.peg.touched(excess))
     course = make_course(PARAMS, ctx.job, np.random.default_rng(1))
     stated = np.array(ctx.job.hole.centre)
     touched = stated + np.array([0.03, 0.0, 0.03 * math.tan(tilt)])
