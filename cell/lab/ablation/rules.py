@@ -76,6 +76,7 @@ ACTS: Mapping[str, Function] = {
     "probing": lambda phase, before, *_: type(phase).__name__ == "Probing",
     "second_cover": lambda place, lanes, lane: lane >= lanes.lanes + 1,
     "not_by_plate": lambda aim, *_: not aim.is_by_plate,
+    "less_grip": lambda after, before, excess: after.grip_share < before.grip_share,
     "swinging": lambda swing, *_: swing.rate > 0.15,
     "beside_middle": lambda sweep, params, *_: params.centre != 0.0,
     "held": lambda felt, *_: felt.is_held,
