@@ -13,7 +13,7 @@ from drivers.part.round import Round
 from sim.contact import table as contact
 from sim.world.truth import VOID_PENETRATION
 from tests.chamfers import penetration
-from tests.rigs import DT, dragged, driven, left_after_a_drop, over, plate_with, pushed
+from tests.rigs import DT, dragged, driven, over, plate_with, pushed
 
 PAIRS = ((0.008, 0.0081), (0.004, 0.0041), (0.016, 0.0162))
 CHAMFERS = ((0.0, 0.0), (0.0, 5e-4), (5e-4, 0.0), (5e-4, 5e-4), (2e-4, 1e-3))
@@ -135,6 +135,18 @@ def test_solid_plate_near_the_hole_is_smooth(peg, plate, azimuth: float, degrees
     force, dip = dragged(plate, peg, rig.attitude(math.pi / 4, azimuth), degrees, beside)
     assert force <= 3.0
     assert dip < 5e-5
+
+
+def left_after_a_drop(plate, peg, tilt: float, steps: int) -> tuple[float, float]:
+    """Drop a peg into the bore at 0.3 m/s, let it settle, and return how far it moves in so many steps, m, and its speed
+    at their end, m/s."""
+    model, data = over(plate, peg, rig.attitude(tilt, 0.4), 0.2)
+    data.qpos[2], data.qvel[2] = 0.001, -0.3
+    driven(model, data, lambda time, place, speed: np.array([0.0, 0.0, -2.0]), 4000)
+    rest = data.qpos.copy()
+    for _ in range(steps):
+        mujoco.mj_step(model, data)
+    return float(np.abs(data.qpos - rest).max()), float(np.abs(data.qvel).max())
 
 
 @pytest.mark.parametrize(
