@@ -135,6 +135,7 @@ def _draw_curve(axes: Axes, curve: Curve) -> None:
         ms=4 * curve.size,
         alpha=curve.alpha,
         mfc=face,
+        solid_capstyle="butt",
     )
     if curve.text:
         for at in zip(

@@ -36,12 +36,13 @@ def draw(margins: Sequence[ErrorMargin], title: str, path: Path) -> Path:
     height, curves = 0.8 / len(methods), []
     for number, method in enumerate(methods):
         colour = METHODS[method].colour
+        curves.append(Curve([], [], colour, method, "o"))
         for row, error in enumerate(order):
             place = row + 0.4 - height * (number + 0.5)
             line, half = at[method, error, 0.9], at[method, error, 0.5]
             is_open = bool(line.margin) and math.isnan(line.fails)
             bar = [0.97, max(line.margin, 1.0)], [place, place]
-            curves.append(Curve(*bar, colour, "" if row else method, "-", 15.0 * height, 0.85))
+            curves.append(Curve(*bar, colour, "", "-", 15.0 * height, 0.85))
             curves.append(Curve([line.margin * 1.04] if is_open else [], [place] if is_open else [], colour, "", ">"))
             if half.margin > line.margin:
                 curves.append(Curve([half.margin], [place], colour, "", "o", is_hollow=True))
