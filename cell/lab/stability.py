@@ -9,11 +9,13 @@ only theta is as old as the frame, with the configured smoothing, and x_p, v and
 
 import argparse
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from itertools import product
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -397,14 +399,21 @@ def panels(kind: str, traces: Sequence[StepTrace], theory: Theory, shipped: Sequ
     return [_panel(groups[group], theory, shipped) for group in sorted(groups)]
 
 
+def _row(trace: StepTrace, theory: Theory) -> dict[str, Any]:
+    facts = asdict(trace)
+    return {**facts.pop("case"), "theory": limit_of(trace.case, theory), **facts}
+
+
+def _drawn(kind: str, drawn: Sequence[Panel], cases: int, folder: Path) -> Path:
+    title = f"Stability in {kind} on the whole simulated arm, {cases} cases, one run a point"
+    return draw_panels(drawn, title, folder / f"stability_{kind}.png", len(drawn) // 2, legend=3)
+
+
 def _panel(traces: Sequence[StepTrace], theory: Theory, shipped: Sequence[Shipped]) -> Panel:
     """Return the map of cases with common kind, observer and delay."""
     case = traces[0].case
     periods = sorted({trace.case.period for trace in traces})
-    curves = [
-        _points([(trace.case.period, trace.case.gain) for trace in traces if is_so(trace)], *look, is_hollow=True)
-        for look, is_so in MARKS.items()
-    ]
+    curves = [_points(_places(filter(is_so, traces)), *look, is_hollow=True) for look, is_so in MARKS.items()]
     if not case.observer:
         line = [(period, theory[case.kind, period, case.delay]) for period in periods]
         curves.append(_points(line, "boundary of theory, the arm's own inertia", GREEN, "-", 1.5))
@@ -415,6 +424,10 @@ def _panel(traces: Sequence[StepTrace], theory: Theory, shipped: Sequence[Shippe
     labels = "period of the skin (ms)", f"gain in {case.kind} ({UNITS[case.kind]})"
     title = f"{NAMES[case.observer]}\nframes used {case.delay} periods late"
     return Panel(title, *labels, curves, "xy", ticks, x_limits=(ticks[0] / 1.4, ticks[-1] * 1.4))
+
+
+def _places(traces: Iterable[StepTrace]) -> list[tuple[float, float]]:
+    return [(trace.case.period, trace.case.gain) for trace in traces]
 
 
 def _points(
@@ -445,14 +458,8 @@ def run(args: argparse.Namespace) -> StudyReport:
     traces, inertia = measure(config, grid, args.workers)
     theory, shipped = boundaries(config.params(INSERT).gains, inertia, grid), shipped_margins(config)
     arm, guard = compare(traces, theory), caught(traces)
-    rows, charts = [], []
-    for trace in traces:
-        facts = asdict(trace)
-        rows.append({**facts.pop("case"), "theory": limit_of(trace.case, theory), **facts})
-    for kind in HELD:
-        drawn = panels(kind, traces, theory, shipped)
-        title = f"Stability in {kind} on the whole simulated arm, {len(traces)} cases, one run a point"
-        charts.append(draw_panels(drawn, title, folder / f"stability_{kind}.png", len(drawn) // 2, legend=3))
+    rows = [_row(trace, theory) for trace in traces]
+    charts = [_drawn(kind, panels(kind, traces, theory, shipped), len(traces), folder) for kind in HELD]
     columns: Columns = {
         "value": lambda line: f"{line.gain:g} {UNITS[line.kind]}",
         "unstable from": lambda line: f"{line.limit:.4g} {UNITS[line.kind]}",

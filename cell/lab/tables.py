@@ -65,7 +65,7 @@ def table(title: str, names: Columns, columns: Columns, rows: Sequence[Any], cap
         rows: Rows, one line each.
         caption: Text below.
     """
-    shown, before = Table(title=title or None, caption=caption or None), ""
+    shown, before = Table(title=title, caption=caption), ""
     for name in names:
         shown.add_column(name)
     for name in columns:

@@ -1,6 +1,5 @@
 """The campaign of faults, with one case of it: what must hold on any computer holds."""
 
-import csv
 import math
 from collections import Counter
 from dataclasses import replace
@@ -17,6 +16,7 @@ from cell.lab.faults.measure import measure
 from cell.lab.faults.soak import SoakSample, growth, soak
 from cell.lab.rows import write_rows
 from drivers.errors import FaultCode
+from tests.studies import rows_of
 
 BY_NAME = {kind.name: kind for kind in KINDS}
 KIND = BY_NAME["skin: unplugged"]
@@ -214,7 +214,6 @@ def test_a_soak_inserts_after_every_group_of_commands():
 
 def test_table_and_chart_are_written(tmp_path):
     chart = tables.draw([SOUND, replace(SOUND, kind="skin: frozen", rest_after=math.nan)], tmp_path / tables.CHART)
-    with write_rows([SOUND], tmp_path / TABLE).open() as file:
-        (row,) = csv.DictReader(file)
+    (row,) = rows_of(write_rows([SOUND], tmp_path / TABLE))
     assert row["kind"] == "arm: reflex"
     assert chart.stat().st_size > 10_000

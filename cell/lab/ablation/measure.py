@@ -123,37 +123,31 @@ def effect(rule: str, scene: str, whole: Rows, without_it: Rows) -> list[Effect]
         for seed, row in whole.items()
         if seed in without_it or not has_acted(rule, row)
     ]
-    if not pairs:
-        return []
-    count, good = len(pairs), [[row.outcome == Outcome.SUCCESS for row in pair] for pair in pairs]
-    lost = sum(before > after for before, after in good)
-    both = np.array(
-        [
-            (a.total_time, b.total_time, b.peak_contact_force - a.peak_contact_force)
-            for (a, b), is_good in zip(pairs, good, strict=True)
-            if all(is_good)
-        ],
-        dtype=float,
-    )
+    return [_effect(rule, scene, pairs)] if pairs else []
+
+
+def _effect(rule: str, scene: str, pairs: Sequence[tuple[TrialRow, TrialRow]]) -> Effect:
+    good = np.array([[row.outcome == Outcome.SUCCESS for row in pair] for pair in pairs])
+    lost = int((good[:, 0] & ~good[:, 1]).sum())
+    figures = [(a.total_time, b.total_time, b.peak_contact_force - a.peak_contact_force) for a, b in pairs]
+    both = np.array(figures, dtype=float)[good.all(axis=1)]
     if not len(both):
         raise ConfigError(f"ablation: {rule}: no pair of trials of scene {scene} succeeds; one needed")
     before, after, harder = both.T
     change, usual = after - before, before.mean()
     within = student(len(both) - 1) * change.std(ddof=1) / math.sqrt(len(both)) if len(both) > 2 else math.inf
     old, new = np.quantile(before, 0.95), np.quantile(after, 0.95)
-    return [
-        Effect(
-            rule=rule,
-            scene=scene,
-            trials=count,
-            acted=sum(has_acted(rule, a) for a, _ in pairs),
-            lost=lost,
-            gained=sum(before < after for before, after in good),
-            most_lost=wilson(lost, count)[1],
-            time=float(change.mean() / usual),
-            time_within=float(within / usual),
-            p95=float(new / old - 1.0),
-            force=float(harder.mean()),
-            spent=float(np.mean([float(a.more.get(f"{SPENT}{rule}", 0.0)) for a, _ in pairs])),
-        )
-    ]
+    return Effect(
+        rule=rule,
+        scene=scene,
+        trials=len(pairs),
+        acted=sum(has_acted(rule, a) for a, _ in pairs),
+        lost=lost,
+        gained=int((good[:, 1] & ~good[:, 0]).sum()),
+        most_lost=wilson(lost, len(pairs))[1],
+        time=float(change.mean() / usual),
+        time_within=float(within / usual),
+        p95=float(new / old - 1.0),
+        force=float(harder.mean()),
+        spent=float(np.mean([float(a.more.get(f"{SPENT}{rule}", 0.0)) for a, _ in pairs])),
+    )

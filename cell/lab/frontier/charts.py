@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from cell.lab.charts import INK, Curve, Panel, draw_panels
@@ -103,15 +104,25 @@ def _curves(
     without a success has its count in the legend.
     """
     of = sorted((line for line in _of(lines, method, scene) if _scale(line)), key=_scale)
-    colour, good = METHODS[method].colour, sum(line.successes for line in of)
-    label = "" if not of else method if good else f"{method}: 0 of {sum(line.trials for line in of)}"
     joined = [line for line in of if success(line) > 50.0]
     apart = [line for line in of if 0.0 < success(line) <= 50.0]
-    bounds = ([100.0 * line.low for line in joined], [100.0 * line.high for line in joined])
-    low, high = bounds if value is success else ((), ())
-    times, values = [line.mean for line in joined], [value(line) for line in joined]
-    yield Curve(times, values, colour, label, "o-", low=low, high=high)
-    yield Curve([line.mean for line in apart], [value(line) for line in apart], colour, "", "o", is_hollow=True)
+    yield replace(_curve(joined, method, value, has_bars=value is success), label=_label(method, of))
+    yield replace(_curve(apart, method, value), style="o", is_hollow=True)
+
+
+def _label(method: str, of: Sequence[VariantLine]) -> str:
+    """Return the name of a method with points; without a success it has its count, as no point is drawn."""
+    if not of:
+        return ""
+    return method if any(line.successes for line in of) else f"{method}: 0 of {sum(line.trials for line in of)}"
+
+
+def _curve(
+    lines: Sequence[VariantLine], method: str, value: Callable[[VariantLine], float], has_bars: bool = False
+) -> Curve:
+    low, high = ([100.0 * getattr(line, end) for line in lines if has_bars] for end in ("low", "high"))
+    times, values = [line.mean for line in lines], [value(line) for line in lines]
+    return Curve(times, values, METHODS[method].colour, "", "o-", low=low, high=high)
 
 
 def _marks(lines: Sequence[VariantLine], method: str, scene: str) -> Iterator[Curve]:

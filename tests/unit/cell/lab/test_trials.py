@@ -1,4 +1,3 @@
-import csv
 import io
 import json
 import re
@@ -72,8 +71,7 @@ def test_the_table_has_the_promised_columns_and_empty_cells(tmp_path):
         "sim_time,wall_time,cycle_time,time_over_20N,plate_penetration,grip_slip,found_error,jerk_free,jerk_contact,"
         "reality.arm.gravity,reality.skin.age"
     )
-    with (tmp_path / "t.csv").open() as file:
-        seated, row = csv.DictReader(file)
+    seated, row = rows_of(tmp_path / "t.csv")
     assert (row["insert_time"], row["search_time"], row["switch_closed"]) == ("", "10.0", "false")
     assert drawn.items() <= seated.items() & row.items()
 
