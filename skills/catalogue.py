@@ -32,7 +32,7 @@ def insert_peg(skills: SkillSet, ctx: SkillContext) -> list[StageRecord]:
     records, belief, attempt, began = GRASP.run(skills, ctx), ANYWHERE, 0, ctx.devices.clock.now()
     plan = plan_of(skills, ctx)
     while records[-1].result.outcome is Outcome.SUCCESS or records[-1].retried:
-        tried = find_and_seat(skills, ctx, attempt, belief)
+        tried = find_and_seat(skills, ctx, belief)
         records += tried
         found, last = tried[0].result, tried[-1].result
         if last.outcome is Outcome.SUCCESS:
@@ -53,19 +53,19 @@ def _recovery(skills: SkillSet, ctx: SkillContext, last: SkillResult) -> list[St
     return RECOVER.run(skills, ctx) if is_failed else []
 
 
-def find_and_seat(
-    skills: SkillSet, ctx: SkillContext, attempt: int = 0, belief: Belief = ANYWHERE
-) -> list[StageRecord]:
+def find_and_seat(skills: SkillSet, ctx: SkillContext, belief: Belief = ANYWHERE) -> list[StageRecord]:
     """Find the hole, align the peg and seat it, using the surface estimate of the search; stop at the first failed stage."""
     found = run_stage(SEARCH.name, lambda c: _search(skills, c, belief), ctx)
-    plane = found.result.plane if isinstance(found.result, spray_search.SpraySearchResult) else None
     if found.result.outcome is not Outcome.SUCCESS:
         return [found]
+    plane, tries = None, 0
+    if isinstance(found.result, spray_search.SpraySearchResult) and found.result.edge is not None:
+        plane, tries = found.result.plane, belief.tries_at(found.result.edge, ctx.job.hole.part.inscribed)
     ctx.peg = replace(ctx.peg, surface=plane or ctx.peg.surface)
     tried = in_order(
         [
-            (INSERT.name, lambda c: _insert(skills, c, plane, attempt)),
-            (ADJUST.name, lambda c: _adjust(skills, c, plane, attempt)),
+            (INSERT.name, lambda c: _insert(skills, c, plane, tries)),
+            (ADJUST.name, lambda c: _adjust(skills, c, plane, tries)),
         ],
         ctx,
     )

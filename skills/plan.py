@@ -14,7 +14,6 @@ from skills.corner.params import CornerParams
 from skills.entry import SkillSet
 from skills.grasp_from_rack import GraspFromRackParams
 from skills.insert.grip import Grip, grip_of
-from skills.insert.play import allowed_depth
 from skills.insert.spiral_params import SpiralAdjustParams
 from skills.insert.tactile_insert import TactileInsertParams
 from skills.motion import Gains
@@ -31,6 +30,10 @@ Source: docs/tried/adjustment.md.
 """
 AT_BOTTOM = 2.0
 """Stall timeout of a peg at the bottom, multiple of that of a peg above it: the last millimetre is short of `adjust.jammed`."""
+STEADY = 0.55
+"""Largest rate at which a peg is turned upright after a failed try, rad/s: one that left the hole on the way would leave it again. Source:
+docs/tried/insertion.md.
+"""
 GRIP, ARM, ATTEMPT = "grasp.force", "arm.model", "attempt"
 """Reasons of figures that differ from the config: the load that the pads bear, the arm's limits, the number of the attempt."""
 
@@ -122,7 +125,7 @@ def plan_insertion(skills: SkillSet, peg: Peg, hole: Hole, grip_share: float = 1
         peg: The part.
         hole: Its hole.
         grip_share: Assumed share of the grip after slips, fraction.
-        attempt: Number of the attempt, from 0.
+        attempt: Number of tries at the same place that failed.
     """
     grip = grip_of(_section(skills, "grasp", GraspFromRackParams), grip_share)
     search = _Stage("search", _section(skills, "search", SpraySearchParams))
@@ -132,7 +135,7 @@ def plan_insertion(skills: SkillSet, peg: Peg, hole: Hole, grip_share: float = 1
     paper = _optional("paper", skills.paper)
     adjust.become(GRIP, grip.adjusting(adjust.params, peg.length))
     if corner is None:
-        _over_the_edge(search, insert, grip, peg, hole, attempt)
+        _over_the_edge(search, insert, grip, peg, attempt)
         _first_of_several(adjust, attempt, skills.retries)
     else:
         _over_a_corner(search, corner, grip, peg, attempt)
@@ -181,7 +184,6 @@ def _over_the_edge(
     insert: _Stage[TactileInsertParams],
     grip: Grip,
     peg: Peg,
-    hole: Hole,
     attempt: int,
 ) -> None:
     """Derive the figures of a round peg, which falls into the hole over its edge."""
@@ -189,10 +191,10 @@ def _over_the_edge(
     search.become(GRIP, grip.searching(search.params))
     search.become("peg.diameter", shallow(search.params, peg.part.thickness))
     insert.become(GRIP, grip.inserting(insert.params))
-    # A depth that errs, because plate, peg or arm are not as stated, errs again: later attempts leave the judgement to the adjustment.
-    if attempt == 0:
-        most = min(allowed_depth(insert.params.aligned, peg.part.thickness, hole.part.thickness), hole.depth)
-        insert.become("insert.least_share", _but(insert.params, least_depth=insert.params.least_share * most))
+    if attempt > 0:
+        share = min(STEADY / insert.params.turn_rate, 1.0)
+        rate, run_up = share * insert.params.turn_rate, insert.params.turn_run_up / share
+        insert.become(ATTEMPT, _but(insert.params, turn_rate=rate, turn_run_up=run_up))
 
 
 def _over_a_corner(

@@ -37,7 +37,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     own.add_argument("section", nargs="?", default="", metavar="SECTION", help="only this section")
     own.add_argument("--in-force", action="store_true", help="the figures of an insertion, with what changed them")
     own.add_argument(
-        "--attempt", type=natural, default=0, metavar="N", help="number of the attempt, from 0; with --in-force"
+        "--attempt", type=natural, default=0, metavar="N", help="after N failed tries at one place; with --in-force"
     )
     own.add_argument("--recipe", type=natural, default=0, metavar="N", help="number of the recipe whose part is shown")
     own = add("diff", "the keys in which two configs differ")

@@ -386,7 +386,7 @@ class CellConfig(Catalogued):
         return Pace(self.speed_scale, arm.tool_speed, arm.tool_turn_speed)
 
     def plan(self, attempt: int = 0) -> InsertionPlan:
-        """Return the figures in force for the cell's own part in an attempt, counted from 0."""
+        """Return the figures in force for the cell's own part after so many failed tries at one place."""
         return plan_insertion(self.skill_set(), self.peg, self.hole, attempt=attempt)
 
     def job(self, slot: int = 0) -> Job:

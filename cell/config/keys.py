@@ -113,7 +113,7 @@ class Planned:
 
 
 def planned(loaded: LoadedConfig, recipe: int = 0, attempt: int = 0) -> list[Planned]:
-    """Return every figure in force in an attempt, counted from 0, of an insertion of a recipe's part."""
+    """Return every figure in force after so many failed tries at one place, of an insertion of a recipe's part."""
     plan = loaded.recipes[recipe].plan(attempt)
     origins = {".".join(place): origin for place, origin in loaded.origins.get(recipe, {}).items()}
     by_name = {key.name: key for key in keys()}

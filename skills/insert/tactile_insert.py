@@ -56,11 +56,6 @@ class TactileInsertParams(SkillParams):
     """
     timeout: Annotated[PositiveFloat, Quantity("s", Tempo.LIMIT)]
     """Longest insertion, s."""
-    least_share: Annotated[float, Field(gt=0.0, lt=1.0), Quantity("fraction")]
-    """Least depth of an aligned peg that is in the hole, fraction of the depth that the tilt allows; only a first attempt
-    asks for it. Source: docs/tried/insertion.md; only once docs/tried/insertion.md."""
-    least_depth: Annotated[float, Figure("m"), Field(exclude=True)] = -math.inf
-    """Least depth of the lowest point of an aligned peg that is in the hole, m."""
     lost_height: Annotated[PositiveFloat, Quantity("m")]
     """Height of the tip above the surface at which it is out of the hole, m."""
     estimator: EstimatorName = "image"
@@ -103,8 +98,6 @@ def run(params: TactileInsertParams, ctx: SkillContext, plane: Plane | None = No
             return TactileInsertResult(Outcome.SUCCESS, Reason.NONE, elapsed, first_phi, phi)
         angle, rate = turned(seen.elapsed, params.turn_rate, params.turn_run_up)
         if phi < params.aligned or angle >= first_phi:
-            if plane.depth(seen.tip) + peg.reach * math.sin(phi) < params.least_depth:
-                return TactileInsertResult(Outcome.FAILURE, Reason.NOT_ALIGNED, elapsed, first_phi, phi)
             return TactileInsertResult(Outcome.SUCCESS, Reason.NONE, elapsed, first_phi, phi)
         if plane.depth(seen.tip) < -params.lost_height - peg.reach * math.sin(phi):
             return TactileInsertResult(Outcome.FAILURE, Reason.NOT_ALIGNED, elapsed, first_phi, phi)

@@ -40,7 +40,10 @@ class Belief:
             width: Diameter of the largest circle inside the hole, m.
             left: Rest of the attempt's path over the area.
         """
-        failed = (*self.failed, place)
-        here = sum(math.dist(place, other) < width for other in failed)
         again = Likely(place, (FOUND * width, FOUND * width))
-        return replace(self, likely=again if here % TRIES else None, left=left, failed=failed)
+        is_again = (self.tries_at(place, width) + 1) % TRIES > 0
+        return replace(self, likely=again if is_again else None, left=left, failed=(*self.failed, place))
+
+    def tries_at(self, place: tuple[float, float], width: float) -> int:
+        """Return the number of tries at a place, shape (2,), m, base frame, that failed; `width` is that of the hole, m."""
+        return sum(math.dist(place, other) < width for other in self.failed)

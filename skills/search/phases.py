@@ -6,13 +6,12 @@ back to the course.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from drivers.frames import rotation_about
 from drivers.quantities import Pose, Vector
-from skills.contract import Observation
 from skills.paths import spiral_at_speed
 from skills.search.course import Course
 from skills.search.params import SpraySearchParams
@@ -126,17 +125,9 @@ class Resting:
 Phase = ComingDown | Sliding | Probing | Resting
 
 
-def first_phase(course: Course, point: Vector, seen: Observation) -> Phase:
-    """Return the phase that a search begins with: the setpoint comes down to the course from where the peg is.
-
-    A peg that turned while it was pulled out was taken to its first place with an old angle in the hand.
-
-    Args:
-        course: The course of the search.
-        point: Place on the course, from its middle, shape (2,), m.
-        seen: Newest observation.
-    """
-    return ComingDown(Detour(0.0, seen.tip[:2] - course.middle - point, seen.axis, seen.arm.tcp.rotation[:, 2]))
+def first_phase(course: Course) -> Phase:
+    """Return the phase that a search begins with."""
+    return ComingDown(Detour(0.0, np.zeros(2), course.axis, course.closing))
 
 
 def next_phase(phase: Phase, felt: Felt, params: SpraySearchParams, course: Course, point: Vector) -> Phase:
@@ -169,10 +160,10 @@ def after_rest(phase: Resting, felt: Felt, params: SpraySearchParams, course: Co
 
 
 def _touched(phase: ComingDown, felt: Felt, params: SpraySearchParams, course: Course) -> Phase:
-    """Slide once the setpoint is on the course and down, and the plate bears the push, or after the longest time to come down."""
-    down = max((course.height + params.push_offset) / params.descent, params.return_time)
-    if (felt.is_pressed and felt.elapsed >= down) or felt.elapsed >= params.touch_down:
-        return Sliding(Detour(felt.elapsed, np.zeros(2), course.axis, course.closing))
+    """Slide once the setpoint is down and the plate bears the push, or after the longest time to come down."""
+    is_down = felt.elapsed * params.descent >= course.height + params.push_offset
+    if (felt.is_pressed and is_down) or felt.elapsed >= params.touch_down:
+        return Sliding(replace(phase.detour, since=felt.elapsed))
     return phase
 
 

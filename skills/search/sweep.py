@@ -57,10 +57,10 @@ class SearchSweep:
         self._push = Push(params.push_stiffness, self._theta)
         self._bearing = Bearing(ctx.wrench.zero, ctx.schedule.period)
         self._trim = Trim(params.trim_rate, params.trim_limit)
+        self._phase: Phase = first_phase(course)
         self._along = course.since
         """Time along the course, s."""
         self._point, self._velocity = course.path.at(course.since)
-        self._phase: Phase = first_phase(course, self._point, ctx.observe())
         self._lag = 0.0
         """Lag of the tip behind its setpoint along the pass, m."""
         self._resting: ImpedanceSetpoint | None = None
@@ -150,7 +150,7 @@ class SearchSweep:
         self._theta = self._ctx.in_hand().theta
         self._identity, self._push = self._ctx.new_id(), replace(self._push, theta=self._theta)
         self._bearing = Bearing(self._ctx.wrench.zero, self._ctx.schedule.period)
-        self._phase = first_phase(self._course, self._point, self._ctx.observe())
+        self._phase = first_phase(self._course)
         self._trim = Trim(self._params.trim_rate, self._params.trim_limit)
         self._rested = FAR_OFF
         self._evidence.restart()
@@ -261,19 +261,19 @@ class SearchSweep:
         depth = self._ctx.job.hole.centre[2] - params.push_offset
         # Also where the plate was felt too early the setpoint comes down no faster than this.
         share = min(seen.elapsed * params.descent / (course.first[2] - depth), 1.0)
-        if isinstance(phase, Probing):
-            place = phase.place + phase.looked(seen.elapsed, params)
-        else:
-            place = course.middle + self._point
-        target, velocity = np.array([*(place + back * phase.detour.offset), course.first[2]]), np.zeros(3)
-        target[2] += (depth - course.first[2]) * share
+        target, velocity = np.array([0.0, 0.0, course.first[2] + (depth - course.first[2]) * share]), np.zeros(3)
         if isinstance(phase, Sliding):
             # Under a smaller push the peg falls less far in the same time.
             run_up = min((seen.elapsed - phase.detour.since) / params.run_up, 1.0)
             pace = self._push.stiffness / params.push_stiffness * run_up
             self._along += pace * seen.step
+            target[:2] = course.middle + self._point + back * phase.detour.offset
             velocity[:2] = pace * self._velocity
             self._lag = abs(float(target[course.fast] - seen.tip[course.fast]))
+        elif isinstance(phase, Probing):
+            target[:2] = phase.place + phase.looked(seen.elapsed, params) + back * phase.detour.offset
+        else:
+            target[:2] = course.middle + self._point
         return target, velocity
 
     def _still(self, phase: Resting) -> ImpedanceSetpoint:

@@ -52,7 +52,7 @@ def insert_by_force(cell: Cell, ctx: SkillContext, **figures: float) -> list[Sta
         figures: Fields of `ForceSearch` that differ from its own.
     """
     take_for_straight(cell, ctx)
-    # The plan of a later attempt: that of the first one judges the depth of the peg by theta.
+    # The plan of a later attempt, which gives a jammed peg the whole stall timeout.
     skills, plan = cell.config.skill_set(), cell.config.plan(attempt=1)
     search = ForceSearch(**figures)
     search = replace(search, speed=search.speed * cell.config.speed_scale)

@@ -1,6 +1,5 @@
 """Skills that search, align and seat each kind of part, and differences between the attempts of one insertion."""
 
-import math
 from dataclasses import replace
 
 import numpy as np
@@ -14,9 +13,8 @@ from skills.contract import Outcome, Reason
 from skills.corner.adjust import CornerAdjustResult
 from skills.handling import adjust, insert
 from skills.insert.grip import grip_of
-from skills.insert.play import allowed_depth
 from skills.insert.spiral_adjust import SpiralAdjustResult
-from skills.plan import FIRST_STALL, plan_insertion
+from skills.plan import FIRST_STALL, STEADY, plan_insertion
 from skills.search.size import DIP, PUSH, STATED
 from skills.search.surface import Plane
 from tests.fakes import PERIOD, Rig
@@ -72,6 +70,14 @@ def test_a_round_peg_is_searched_again_as_often_as_its_recipe_says_and_steered_b
     assert (round_peg.retries, round_peg.steered, round_peg.corner) == (RETRIES, {}, None)
 
 
+@pytest.mark.parametrize(
+    ("attempt", "rate", "run_up"), [(0, 1.0, 0.4), (1, STEADY, 0.4 / STEADY), (4, STEADY, 0.4 / STEADY)]
+)
+def test_a_peg_that_is_turned_fast_is_turned_upright_more_slowly_where_a_try_has_failed(attempt, rate, run_up):
+    fast = load(sets=["preset=fast"]).cell.plan(attempt).insert
+    assert (fast.turn_rate, fast.turn_run_up) == pytest.approx((rate, run_up))
+
+
 def test_a_peg_with_corners_is_searched_again_and_steered_as_its_own_section_says():
     square, corner = plan(SQUARE.cell), SQUARE.cell.corner
     assert (square.retries, square.insert) == (corner.retries, None)
@@ -114,16 +120,6 @@ def square(tmp_path):
 @pytest.fixture(params=["bench", "square"])
 def either(request):
     return request.getfixturevalue(request.param)
-
-
-@pytest.mark.parametrize(("attempt", "is_enough"), [(0, False), (1, True), (2, True)])
-def test_only_the_first_insertion_judges_an_aligned_peg_by_its_depth(bench, attempt, is_enough):
-    lean, params = 0.09, CELL.params(INSERT)
-    least = params.least_share * allowed_depth(params.aligned, CELL.peg.part.thickness, CELL.hole.part.thickness)
-    bench.way = lambda time: hand(HOLE - (least - CELL.peg.part.reach * math.sin(lean) - 1e-5) * UP, lean)
-    ended = bench.insert(attempt=attempt)
-    assert ended.outcome is (Outcome.SUCCESS if is_enough else Outcome.FAILURE)
-    assert ended.elapsed == 0.0
 
 
 @pytest.mark.parametrize("attempt", [0, 1])

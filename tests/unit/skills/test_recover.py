@@ -1,5 +1,6 @@
 """How the hand takes whatever it holds to the bin, out of a hole, out of the air and out of a violation."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -11,7 +12,8 @@ from drivers.quantities import Pose, SwitchState
 from skills.contract import Interrupted, Outcome, Reason, Request
 from skills.grasp_from_rack import ACROSS_RACK
 from skills.held_peg import HeldPeg
-from skills.pull_out import SHARE, PullOut, pull_out
+from skills.motion import Goal
+from skills.pull_out import NEAR, SHARE, PullOut, approach, pull_out
 from skills.recover import CLEAR, MARGIN, run
 from skills.search.surface import Plane
 from tests.fakes import HAND_DOWN, PERIOD
@@ -162,6 +164,16 @@ def test_only_a_pull_out_of_a_violation_goes_without_the_limits(ctx):
     with pytest.raises(Interrupted) as ended:
         pull_out(HOLE[2], PULL, GAINS, ctx)
     assert ended.value.reason is Reason.FORCE_LIMIT
+
+
+@pytest.mark.parametrize(("turned", "moves"), [(0.0, 1), (0.05, 1), (0.5, 2)])
+def test_a_peg_that_turned_in_the_hand_on_the_way_up_is_moved_to_its_place_again(free, turned, moves):
+    ctx = free(0.03)
+    ctx.devices.clock.at.append((0.1, lambda: setattr(ctx.perception.estimator, "theta", turned)))
+    goal = Goal(HOLE + np.array([0.02, 0.0, 0.02]), UP, HAND_DOWN[:, 2])
+    assert approach(goal, PARAMS.transfer, PULL, ctx) is None
+    assert len({setpoint.id for _, setpoint in ctx.devices.arm.told}) == moves
+    assert math.dist(ctx.observe().tip, goal.tip) < NEAR
 
 
 def test_a_leaning_peg_is_shaken_about_its_own_axis(ctx):
