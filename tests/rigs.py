@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 
 from cell.config.load import load
-from cell.lab.contact_rig import HOLE_DEPTH, attitude
+from cell.lab.contact_rig import HOLE_DEPTH
 from drivers.frames import UP, rotation_about
 from drivers.part.contract import Part
 from sim.contact import shapes
@@ -98,18 +98,6 @@ def dragged(plate: Plate, peg: Part, axes: np.ndarray, degrees: float, beside: f
             dip = max(dip, depth - deviation)
             surface.learn(data.qpos[:3].copy())
     return float(np.ptp(np.array(forces), axis=0).max()), dip
-
-
-def left_after_a_drop(plate: Plate, peg: Part, tilt: float, steps: int) -> tuple[float, float]:
-    """Drop a peg into the bore at 0.3 m/s, let it settle, and return how far it moves in so many steps, m, and its speed
-    at their end, m/s."""
-    model, data = over(plate, peg, attitude(tilt, 0.4), 0.2)
-    data.qpos[2], data.qvel[2] = 0.001, -0.3
-    driven(model, data, lambda time, place, speed: np.array([0.0, 0.0, -2.0]), 4000)
-    rest = data.qpos.copy()
-    for _ in range(steps):
-        mujoco.mj_step(model, data)
-    return float(np.abs(data.qpos - rest).max()), float(np.abs(data.qvel).max())
 
 
 def world_of(*sets: str) -> World:

@@ -11,6 +11,7 @@ from cell.devices.assembly import Cell, assemble, opened
 from cell.peg.part_state import UNRESOLVED
 from cell.records.journal import Journal
 from cell.run.line import PROGRAMS
+from cell.run.states import State
 from cell.run.supervisor import Supervisor
 from drivers.protocols import Clock
 from drivers.quantities import SwitchState
@@ -56,6 +57,14 @@ class Says:
         return self.state
 
 
+class HeardBridge(Bridge):
+    """A bridge that remembers the state of every report that was published."""
+
+    def publish(self, report: Report) -> None:
+        self.states = [*getattr(self, "states", []), State(report.state)]
+        super().publish(report)
+
+
 @dataclass
 class Line:
     """A cell, its supervisor and a PLC."""
@@ -64,6 +73,7 @@ class Line:
     supervisor: Supervisor
     plc: FakePlc
     clock: ScanClock
+    bridge: HeardBridge
 
     @property
     def world(self) -> World:
@@ -134,9 +144,9 @@ def running(cell: Cell, loaded: LoadedConfig, folder: Path) -> Iterator[Line]:
     with Journal(folder) as journal:
         clock = ScanClock(cell.clock)
         cell = replace(cell, clock=clock)
-        bridge = Bridge(loaded.cell.plc, PROGRAMS, PARAMETERS, now=clock.now)
+        bridge = HeardBridge(loaded.cell.plc, PROGRAMS, PARAMETERS, now=clock.now)
         supervisor = Supervisor(cell, loaded, bridge, journal)
-        yield Line(cell, supervisor, FakePlc(bridge, clock), clock)
+        yield Line(cell, supervisor, FakePlc(bridge, clock), clock, bridge)
         supervisor._part.flush()  # as at the end of `serve`
 
 

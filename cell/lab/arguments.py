@@ -7,6 +7,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import partial
 from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -20,30 +21,68 @@ if TYPE_CHECKING:
     from cell.config.load import LoadedConfig
     from cell.lab.report import StudyReport
 
+Options = Mapping[str, Mapping[str, Any]]
+"""Arguments of `add_argument` by the name of the option."""
+SEED: Options = {
+    "--seed": {"type": natural, "default": 1, "metavar": "S", "help": "seed of the first trial; default 1"}
+}
+WORKERS: Options = {
+    "--workers": {
+        "type": positive,
+        "default": os.cpu_count() or 1,
+        "metavar": "N",
+        "help": "number of processes; default one for each core",
+    }
+}
+OUT_AND_QUICK: Options = {
+    "--out": {
+        "type": folder_path,
+        "default": Path("out/study"),
+        "metavar": "DIR",
+        "help": "folder for its files; default out/study",
+    },
+    "--quick": {"action": "store_true", "help": "less of everything"},
+}
+
+
+def seeded(meaning: str) -> Options:
+    """Return the options --seed and --trials; `meaning` describes the trials and gives their default number."""
+    return {**SEED, "--trials": {"type": positive, "metavar": "N", "help": meaning}}
+
+
+def several(option: str, meaning: str) -> Options:
+    """Return an option that can be given several times."""
+    return {option: {"action": "append", "default": [], "metavar": "NAME", "help": f"{meaning}; all if not given"}}
+
+
+def add_options(parser: argparse.ArgumentParser, options: Options) -> None:
+    """Add options to a parser."""
+    for name, words in options.items():
+        parser.add_argument(name, **words)
+
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """Help and options of a study that is one module with a function `run`; the module is imported when it runs."""
+    """Help and options of a study, a module with a function `run`; the module is imported when it runs."""
 
     module: str
     SUMMARY: str
     """Purpose of the study, in one line for the help."""
-    trials: str = ""
-    """Meaning of --trials, with the default; empty if the study has no seeds."""
-    has_workers: bool = True
-    options: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
-    """Options of its own, each with the arguments of `add_argument`."""
+    options: Options = field(default_factory=dict)
+    """Options besides those of every study."""
+    has_cell: bool = True
+    """True if --config and --set name the cell."""
+
+    @property
+    def is_installed(self) -> bool:
+        """True if this program has the study."""
+        return find_spec(self.module.rpartition(".")[0]) is not None
 
     def add_arguments(self, parser: argparse.ArgumentParser) -> None:
         """Add the common options and the study's own."""
-        add_study(parser)
-        if self.trials:
-            add_seed(parser)
-            add_trials(parser, self.trials)
-        if self.has_workers:
-            add_workers(parser)
-        for name, words in self.options.items():
-            parser.add_argument(name, **words)
+        if self.has_cell:
+            add_config(parser)
+        add_options(parser, {**OUT_AND_QUICK, **self.options})
 
     def run(self, args: argparse.Namespace) -> "StudyReport":
         """Measure, draw, write, and return the report."""
@@ -67,49 +106,10 @@ def working() -> "Iterator[Progress]":
 
 
 @contextmanager
-def advancing(name: str, total: int | None) -> Iterator[Callable[[int], None]]:
+def advancing(name: str, total: int | None, completed: int = 0) -> Iterator[Callable[[int], None]]:
     """Show a bar of progress, and yield a function that advances it by a number."""
     with working() as bars:
-        yield partial(bars.advance, bars.add_task(name, total=total))
-
-
-def add_study(parser: argparse.ArgumentParser) -> None:
-    """Add the options of every study of a simulated cell: config, output folder, and a shorter run."""
-    add_config(parser)
-    add_out(parser)
-    parser.add_argument("--quick", action="store_true", help="less of everything")
-
-
-def add_out(parser: argparse.ArgumentParser) -> None:
-    """Add --out."""
-    parser.add_argument(
-        "--out",
-        type=folder_path,
-        default=Path("out/study"),
-        metavar="DIR",
-        help="folder for its files; default out/study",
-    )
-
-
-def add_seed(parser: argparse.ArgumentParser) -> None:
-    """Add --seed."""
-    parser.add_argument("--seed", type=natural, default=1, metavar="S", help="seed of the first trial; default 1")
-
-
-def add_trials(parser: argparse.ArgumentParser, of_what: str) -> None:
-    """Add --trials; `of_what` describes the trials and gives their default number."""
-    parser.add_argument("--trials", type=positive, metavar="N", help=of_what)
-
-
-def add_workers(parser: argparse.ArgumentParser) -> None:
-    """Add --workers."""
-    parser.add_argument(
-        "--workers",
-        type=positive,
-        default=os.cpu_count() or 1,
-        metavar="N",
-        help="number of processes; default one for each core",
-    )
+        yield partial(bars.advance, bars.add_task(name, total=total, completed=completed))
 
 
 def load_simulated(args: argparse.Namespace, what: str, pace: str | None = "max") -> "LoadedConfig":

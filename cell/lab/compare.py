@@ -1,49 +1,111 @@
-"""Studies that compare variants of the cell on the same seeds: the variants of variants.toml, and how they are run."""
+"""Variants of the cell on the same seeds: how they are run and summed up; the study of the stand-in's models."""
 
 import argparse
+import logging
+import math
+import platform
+import re
 import tomllib
+from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from pkgutil import resolve_name
 from typing import Any
 
+import numpy as np
+
 from cell.commands.arguments import out_folder, require_known
 from cell.config.cell_config import CellConfig
+from cell.config.load import load
 from cell.lab.arguments import advancing, load_simulated, seeds_of
-from cell.lab.charts import Bar, draw_rows
-from cell.lab.frontier.measure import FrontierLine, Variant, measure, title_of
-from cell.lab.rate_test import RateTest
-from cell.lab.report import StudyReport, finite
-from cell.lab.rows import average, average_error, quantile, write_rows
+from cell.lab.rate_test import RateTest, Verdict
+from cell.lab.report import StudyReport, reported
+from cell.lab.rows import average, average_error, quantile, successes, write_rows
 from cell.lab.tables import TURNS, VARIANTS, Columns, table
-from cell.lab.trials import TABLE, TrialRow, read_table
+from cell.lab.trials import MakeProbe, Program, TrialRow, insert_peg, no_probe, run_trials
+from cell.records.provenance import versions
+from cell.records.statistics import wilson
+from drivers.errors import CellError
+from sim.world.metering import OVER_FORCE
 from skills.contract import Outcome
+
+logger = logging.getLogger(__name__)
 
 FILE = Path(__file__).parent / "variants.toml"
 NAMES: Columns = {"variant": lambda line: line.family}
 
 
 @dataclass(frozen=True, slots=True)
+class Variant:
+    """One variant of the cell."""
+
+    family: str
+    """Group of variants: a curve, or one variant alone."""
+    name: str = ""
+    preset: str | None = None
+    """Preset that replaces the config's own; None keeps the config's."""
+    sets: tuple[str, ...] = ()
+    """Single keys, `KEY=VALUE`, on top of the preset."""
+    probe: MakeProbe = no_probe
+    """Function that prepares each trial and returns its probe."""
+    program: Program = insert_peg
+    """Program of its trials."""
+
+    @property
+    def folder(self) -> str:
+        """Folder of its trials."""
+        return re.sub(r"\W+", "-", f"{self.family} {self.name}").strip("-")
+
+
+@dataclass(frozen=True, slots=True)
+class VariantLine:
+    """Result of one variant; times are those of its successes, s, and NaN if there are none."""
+
+    family: str
+    variant: str
+    preset: str
+    sets: str
+    """Keys that differ from the preset, separated by spaces."""
+    folder: str
+    trials: int
+    successes: int
+    low: float
+    """Lower end of the Wilson 95 % interval of the success rate."""
+    high: float
+    mean: float
+    """Mean of the total time, search + insertion + adjustment, s."""
+    median: float
+    p95: float
+    force_median: float
+    """Median of the largest contact force over all trials, N."""
+    within: int
+    """Number of trials whose largest contact force is at most `OVER_FORCE`."""
+    theta: float
+    """Median over all trials of the root mean square error of theta, rad."""
+    tip: float
+    """Median over all trials of the root mean square error of the tip's place, m."""
+    turn_median: float
+    """Median of the peg's largest rotation in the hand over all trials, rad."""
+    turn_p95: float
+    endings: str
+    """Endings other than success, with their counts."""
+    error: str
+    """Reason why the variant did not run; empty if it ran."""
+    verdict: str
+    """Result of the sequential test that ended the trials; empty if every seed ran."""
+
+
+@dataclass(frozen=True, slots=True)
 class Compared:
     """Results of variants on the same seeds."""
 
-    lines: Sequence[FrontierLine]
+    lines: Sequence[VariantLine]
     rows: Sequence[Sequence[TrialRow]]
     """Trials of each line, sorted by seed."""
     title: str
+    """Trials, seeds and versions, for charts and tables."""
     folder: Path
-
-    def bars(self) -> list[Bar]:
-        """Return the lines for a chart."""
-        return [
-            Bar(
-                *(line.family, line.variant or "trials", line.successes, line.trials),
-                *(line.mean, line.mean_error),
-                *(line.force_median, line.force_p95),
-            )
-            for line in self.lines
-        ]
 
 
 def section(study: str) -> dict[str, Any]:
@@ -52,43 +114,121 @@ def section(study: str) -> dict[str, Any]:
     return found
 
 
-def variants_of(study: str) -> list[Variant]:
-    """Return the variants of a study."""
-    data = section(study)
-    probe = resolve_name(data.get("probe", "cell.lab.trials:no_probe"))
-    return [
-        Variant(each["family"], "", each.get("preset"), (*data.get("common", ()), *each.get("sets", ())), probe=probe)
-        for each in data["variant"]
-    ]
-
-
 def chosen(study: str, is_quick: bool, families: Sequence[str] = (), option: str = "--only") -> list[Variant]:
     """Return the variants of the families that `option` names, of those for --quick, or all.
 
     Raises:
         ConfigError: A family is unknown.
     """
-    found = variants_of(study)
-    known = dict.fromkeys(variant.family for variant in found)
+    data = section(study)
+    probe, common = resolve_name(data.get("probe", "cell.lab.trials:no_probe")), data.get("common", ())
+    found = {
+        each["family"]: Variant(
+            each["family"], preset=each.get("preset"), sets=(*common, *each.get("sets", ())), probe=probe
+        )
+        for each in data["variant"]
+    }
     for name in families:
-        require_known(option, name, known)
-    wanted = families or (section(study)["quick"] if is_quick else known)
-    return [variant for variant in found if variant.family in wanted]
+        require_known(option, name, found)
+    return [found[name] for name in found if name in (families or (data["quick"] if is_quick else found))]
 
 
 def compared(
     args: argparse.Namespace,
     tried: Sequence[Variant],
     seeds: range,
-    tests: Mapping[str, RateTest] | None = None,
-    of_each: str = "",
+    table: str = "variants.csv",
+    test: RateTest | None = None,
 ) -> Compared:
-    """Run every variant on the same seeds; finished trials in the folder of --out are reused."""
+    """Run every variant on the same seeds; finished trials in the folder of --out are reused.
+
+    If a variant does not run, its line contains the error, and the others continue.
+
+    Args:
+        args: Options of the study.
+        tried: Variants to run.
+        seeds: Seeds, one trial each, for every variant.
+        table: Name of the CSV file of the lines; an interrupted call keeps those of finished variants.
+        test: Test that can end a variant's trials before the last seed; None runs every seed.
+    """
     folder = out_folder(args.out)
+    lines, found = list[VariantLine](), list[list[TrialRow]]()
+
+    def verdict(rows: Sequence[TrialRow]) -> Verdict:
+        return Verdict.OPEN if test is None else test.verdict(len(rows) - len(successes(rows)), len(rows))
+
     with advancing("trials", len(tried) * len(seeds)) as done:
-        lines = measure(args.config, args.set, tried, seeds, args.workers, folder, done, tests)
-    rows = [read_table(folder / line.folder / TABLE) if line.trials else [] for line in lines]
-    return Compared(lines, rows, title_of(seeds, of_each), folder)
+        for variant in tried:
+            rows, trouble = list[TrialRow](), ""
+            try:
+                rows = run_trials(
+                    load(args.config, variant.preset, [*args.set, *variant.sets, "sim.pace=max"]).cell,
+                    seeds,
+                    args.workers,
+                    folder / variant.folder,
+                    lambda row: done(1),
+                    getattr(args, "scheduler", None),
+                    lambda rows: len(rows) == len(seeds) or verdict(rows) is not Verdict.OPEN,
+                    variant.probe,
+                    variant.program,
+                )
+            except CellError as error:
+                trouble = str(error)
+            except Exception as error:  # any error: the results of the other variants are still useful
+                logger.exception("%s", variant.folder)
+                trouble = " ".join(f"{type(error).__name__}: {error}".split())
+            done(len(seeds) - len(rows))
+            lines.append(_line(variant, rows, trouble, verdict(rows) if test is not None and rows else ""))
+            found.append(rows)
+            write_rows(lines, folder / table)
+    return Compared(lines, found, _title(lines, seeds), folder)
+
+
+def _title(lines: Sequence[VariantLine], seeds: range) -> str:
+    counts = sorted({line.trials for line in lines if not line.error}) or [0]
+    number = f"{counts[0]} to {counts[-1]}" if len(counts) > 1 else f"{counts[0]}"
+    return (
+        f"{number} trials a variant, simulated, seeds {seeds[0]} to {seeds[-1]}; python {platform.python_version()}, "
+        + ", ".join(f"{name} {versions()[name]}" for name in ("mujoco", "numpy", "code"))
+    )
+
+
+def _line(variant: Variant, rows: Sequence[TrialRow], trouble: str, verdict: str) -> VariantLine:
+    good = successes(rows)
+    totals, forces = _column(good, "total_time"), _column(rows, "peak_contact_force")
+    turns = _column(rows, "max_in_hand_rotation")
+    low, high = wilson(len(good), len(rows))
+    endings = Counter(
+        " ".join(f"{row.outcome} {row.stage} {row.reason}".split()) for row in rows if row.outcome != Outcome.SUCCESS
+    )
+    return VariantLine(
+        family=variant.family,
+        variant=variant.name,
+        preset=variant.preset or "",
+        sets=" ".join(variant.sets),
+        folder=variant.folder,
+        trials=len(rows),
+        successes=len(good),
+        low=low,
+        high=high,
+        mean=average(totals),
+        median=quantile(totals, 0.5),
+        p95=quantile(totals, 0.95),
+        force_median=quantile(forces, 0.5),
+        within=int(np.count_nonzero(np.array(forces) <= OVER_FORCE)),
+        theta=quantile(_column(rows, "theta_rmse"), 0.5),
+        tip=quantile(_column(rows, "tip_rmse"), 0.5),
+        turn_median=quantile(turns, 0.5),
+        turn_p95=quantile(turns, 0.95),
+        endings=", ".join(f"{count} x {text}" for text, count in endings.most_common()),
+        error=trouble,
+        verdict=verdict,
+    )
+
+
+def _column(rows: Sequence[TrialRow], name: str) -> list[Any]:
+    """Return the values of one field, without those of stages that were not reached."""
+    return [value for row in rows if (value := getattr(row, name)) is not None]
 
 
 def beside_first(found: Compared) -> Columns:
@@ -106,8 +246,8 @@ def beside_first(found: Compared) -> Columns:
     return {"median; mean beside the first (s)": lambda line: longer[line], "ms/s": lambda line: costs[line]}
 
 
-def _times(rows: Sequence[TrialRow]) -> dict[int, float]:
-    return {row.seed: row.total_time for row in rows if row.outcome == Outcome.SUCCESS and row.total_time is not None}
+def _times(rows: Sequence[TrialRow]) -> Mapping[int, float]:
+    return {row.seed: row.total_time or math.nan for row in successes(rows)}
 
 
 def config_of(args: argparse.Namespace) -> CellConfig:
@@ -116,15 +256,9 @@ def config_of(args: argparse.Namespace) -> CellConfig:
 
 
 def run(args: argparse.Namespace) -> StudyReport:
-    """Run the variants of the study, write their table, and draw success, time and force."""
+    """Run the variants of the stand-in, and write their table."""
     config_of(args)
     tried = chosen(args.name, args.quick, args.only)
-    found = compared(args, tried, seeds_of(args, section(args.name)["trials"]))
-    files = [
-        write_rows(found.lines, found.folder / f"{args.name}.csv"),
-        draw_rows(found.bars(), found.title, found.folder / f"{args.name}.png"),
-    ]
-    result = {"title": found.title, "lines": [asdict(line) for line in found.lines]}
-    return StudyReport(
-        [table(found.title, NAMES, {**beside_first(found), **VARIANTS, **TURNS}, found.lines)], finite(result), files
-    )
+    found = compared(args, tried, seeds_of(args, section(args.name)["trials"]), f"{args.name}.csv")
+    shown = table(found.title, NAMES, {**beside_first(found), **VARIANTS, **TURNS}, found.lines)
+    return reported(shown, found.folder, {f"{args.name}.csv": found.lines}, title=found.title, lines=found.lines)

@@ -10,7 +10,7 @@ import argparse
 import math
 import time
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass
 from itertools import cycle
 from typing import Any
 
@@ -19,14 +19,12 @@ import numpy as np
 from cell.commands.arguments import out_folder
 from cell.film.plots import COLOURS
 from cell.lab import contact_rig as rig
-from cell.lab.arguments import advancing
 from cell.lab.charts import BLUE, GREEN, GREY, INK, RED, Curve, Panel, draw_panels
 from cell.lab.compare import config_of
 from cell.lab.hole_models import HoleModel
-from cell.lab.report import StudyReport, finite
-from cell.lab.rows import write_rows
+from cell.lab.report import StudyReport, reported
 from cell.lab.section import exact_depth
-from cell.lab.tables import table
+from cell.lab.tables import Columns, table
 from cell.lab.workers import each_of
 from drivers.part.contract import Part
 from sim.world import native
@@ -47,7 +45,11 @@ EXACT_ENOUGH = 0.01
 """Relative error of the depth that a skill tolerates."""
 SMOOTH = 3.0
 """Peak-to-peak lateral force over solid plate that a search tolerates, N."""
+AZIMUTHS = (0.3,)
+"""Azimuths of the tilt, rad."""
 MAP_SECONDS, MAP_TILT = 0.6, 5
+TIMESTEPS, STIFFNESSES = np.geomspace(1e-4, 4e-3, 12), np.geomspace(1e4, 1e8, 17)
+"""Time steps of the map's columns, s, and stiffnesses of its rows, 1/s²."""
 HOLES = {"exact": "contacts ahead of touch (shipped)", "unpredicted": "contacts only while touching"}
 """Models of the hole on the map of integration."""
 VERDICTS = {"holds": GREEN, "penetrates": COLOURS[4], "unstable": RED}
@@ -71,23 +73,23 @@ def model(**changes: Any) -> HoleModel:
     return HoleModel(contact_time=0.0, **changes)
 
 
-def ladder(timesteps: Sequence[float], facets: Sequence[int]) -> tuple[Rung, ...]:
-    """Return the rungs of the ladder: every model of the hole at every time step, and softer contacts at one."""
-    kinds = [
-        ("closed form", "closed form", model()),
-        ("unpredicted", "closed form, touching only", model(hole="unpredicted")),
+def ladder(peg: Part) -> list[Rung]:
+    """Return the rungs of the ladder that support a peg: models of the hole at several time steps, and softer contacts."""
+    kinds: list[tuple[str, str, HoleModel, tuple[float, ...]]] = [
+        ("closed form", "closed form", model(), (2.5e-4, 5e-4, 1e-3, 2e-3)),
+        ("unpredicted", "closed form, touching only", model(hole="unpredicted"), (2.5e-4, 5e-4, 1e-3, 2e-3)),
     ]
     for path, is_native in (("legacy", False), ("native", True)):
-        kinds += [
-            (f"{n} boxes, {path}", f"ring of boxes, {path} CCD", model(hole="boxes", facets=n, native_ccd=is_native))
-            for n in facets
-        ]
-    rungs = [Rung(f"{name}, {1e3 * dt:g} ms", family, how, dt) for name, family, how in kinds for dt in timesteps]
+        for facets in (16, 32, 64):
+            boxes = model(hole="boxes", facets=facets, native_ccd=is_native)
+            kinds.append((f"{facets} boxes, {path}", f"ring of boxes, {path} CCD", boxes, (5e-4, 1e-3)))
+    rungs = [Rung(f"{name}, {1e3 * dt:g} ms", family, how, dt) for name, family, how, steps in kinds for dt in steps]
     softer = [("closed form", 8.0, model(time_constant=8.0)), ("closed form", 40.0, model(time_constant=40.0))]
     softer += [("64 boxes, legacy", 40.0, model(hole="boxes", facets=64, time_constant=40.0))]
-    return tuple(rungs) + tuple(
-        Rung(f"{name}, 0.5 ms, soft {constant:g} steps", "softer contacts", how, 5e-4) for name, constant, how in softer
-    )
+    rungs += [
+        Rung(f"{name}, 0.5 ms, soft {steps:g} steps", "softer contacts", how, 5e-4) for name, steps, how in softer
+    ]
+    return [rung for rung in rungs if rung.model.has_hole_for(peg)]
 
 
 def boundary_bound(timestep: float) -> float:
@@ -109,33 +111,6 @@ def boundary_bouncing(timestep: float) -> float:
 
 
 @dataclass(frozen=True, slots=True)
-class ContactPlan:
-    """Extent of the study."""
-
-    rungs: Sequence[Rung]
-    azimuths: tuple[float, ...]
-    """Tilt azimuths, rad."""
-    timesteps: Sequence[float]
-    """Time steps of the map's columns, s."""
-    stiffnesses: Sequence[float]
-    """Stiffnesses of the map's rows, 1/s²."""
-
-
-def plan(is_quick: bool, part: Part) -> ContactPlan:
-    """Return the extent of the study of a part, with the models of the hole that support it."""
-    if is_quick:
-        rungs = ladder((5e-4, 1e-3), (16, 32, 64)) + tuple(
-            r for r in ladder((2.5e-4, 2e-3), ()) if "closed" in r.family
-        )
-        found = ContactPlan(rungs, (0.3,), np.geomspace(1e-4, 4e-3, 12).tolist(), np.geomspace(1e4, 1e8, 17).tolist())
-    else:
-        rungs = ladder((2.5e-4, 5e-4, 1e-3, 2e-3), (16, 32, 48, 64, 96))
-        steps, stiffnesses = np.geomspace(1e-4, 4e-3, 17), np.geomspace(1e4, 1e8, 33)
-        found = ContactPlan(rungs, (0.0, 0.5, 1.7, 3.0), steps.tolist(), stiffnesses.tolist())
-    return replace(found, rungs=[rung for rung in found.rungs if rung.model.has_hole_for(part)])
-
-
-@dataclass(frozen=True, slots=True)
 class RungRow:
     """Result of one rung; a row of contact.csv."""
 
@@ -143,24 +118,22 @@ class RungRow:
     family: str
     timestep: float
     """Time step of the physics, s."""
-    real_time: float
-    """Speed of bare physics in multiples of real time, one core."""
-    shallow_error: float
-    """Worst relative error of the depth at 1 to 5 degrees; infinite if the state is no longer finite."""
-    steep_error: float
-    """Worst relative error of the depth at 15 and 45 degrees; infinite if the state is no longer finite."""
-    penetration: float
-    """Deepest penetration that lasted longer than 2 ms, m."""
-    is_void: bool
-    rests: bool
-    drag: float
-    """Peak-to-peak lateral force over solid plate, N."""
-    keeps_out: bool
-    """True if the too thick peg stays out."""
-    pushes: int
-    """Number of measured pushes."""
     fault: str = ""
     """Reason why the rung has no measurement; empty if it has one."""
+    real_time: float = math.nan
+    """Speed of bare physics in multiples of real time, one core."""
+    shallow_error: float = math.inf
+    """Worst relative error of the depth at 1 to 5 degrees; infinite if the state is no longer finite."""
+    steep_error: float = math.inf
+    """Worst relative error of the depth at 15 and 45 degrees; infinite if the state is no longer finite."""
+    penetration: float = math.inf
+    """Deepest penetration that lasted longer than 2 ms, m."""
+    is_void: bool = True
+    rests: bool = False
+    drag: float = math.inf
+    """Peak-to-peak lateral force over solid plate, N."""
+    keeps_out: bool = False
+    """True if the too thick peg stays out."""
 
     @property
     def error(self) -> float:
@@ -212,21 +185,7 @@ def measure_rung(rung: Rung, azimuths: Sequence[float], peg: Part, hole: Part) -
     try:
         return _measure_rung(rung, azimuths, peg, hole)
     except Exception as error:  # any failure of a model is a row of the ladder, not the end of the study
-        return RungRow(
-            rung.name,
-            rung.family,
-            rung.timestep,
-            math.nan,
-            math.inf,
-            math.inf,
-            math.inf,
-            True,
-            False,
-            math.inf,
-            False,
-            0,
-            f"{type(error).__name__}: {error}",
-        )
+        return RungRow(rung.name, rung.family, rung.timestep, f"{type(error).__name__}: {error}")
 
 
 def _measure_rung(rung: Rung, azimuths: Sequence[float], peg: Part, hole: Part) -> RungRow:
@@ -245,7 +204,6 @@ def _measure_rung(rung: Rung, azimuths: Sequence[float], peg: Part, hole: Part) 
         rests=all(push.rests for push in pushes),
         drag=_seams(rung, peg, hole),
         keeps_out=_keeps_out(rung, hole),
-        pushes=len(pushes),
     )
 
 
@@ -385,35 +343,25 @@ def run(args: argparse.Namespace) -> StudyReport:
     """Measure every rung and the map, write the tables, draw the charts."""
     config, folder = config_of(args), out_folder(args.out)
     peg, hole = config.peg.part, config.hole.part
-    todo, parts = plan(args.quick, peg), f"{size(peg)} in {size(hole)}"
-    points = [(kind, dt, k, peg, hole) for kind in HOLES for dt in todo.timesteps for k in todo.stiffnesses]
-    with advancing("models and points", len(todo.rungs) + len(points)) as done:
-        rungs = each_of(measure_rung, [(rung, todo.azimuths, peg, hole) for rung in todo.rungs], args.workers, done)
-        points_found = each_of(measure_point, points, args.workers, done)
-    files = [
-        write_rows(rungs, folder / "contact.csv"),
-        write_rows(points_found, folder / "integration.csv"),
-        draw_panels(
-            [ladder_panel(rungs, parts)], "Models of the contact: speed against exactness", folder / "contact.png"
-        ),
-        draw_panels(
-            map_panels(points_found),
-            f"Where integration fails: {parts}, at 5 degrees, pushed with 10 N",
-            folder / "integration.png",
-            legend=3,
-        ),
+    parts = f"{size(peg)} in {size(hole)}"
+    rungs = each_of(measure_rung, [(rung, AZIMUTHS, peg, hole) for rung in ladder(peg)], args.workers, "models")
+    places = [(kind, float(dt), float(k), peg, hole) for kind in HOLES for dt in TIMESTEPS for k in STIFFNESSES]
+    points = each_of(measure_point, places, args.workers, "points")
+    title = "Models of the contact: speed against exactness"
+    failing = f"Where integration fails: {parts}, at 5 degrees, pushed with 10 N"
+    charts = [
+        draw_panels([ladder_panel(rungs, parts)], title, folder / "contact.png"),
+        draw_panels(map_panels(points), failing, folder / "integration.png", legend=3),
     ]
-    shown = table(
-        "Models of the hole: bare physics, rigid mover",
-        {"model of the hole": lambda row: row.name},
-        {
-            "x real time": lambda row: f"{row.real_time:.0f}",
-            "error 1-5 deg": lambda row: f"{100 * row.shallow_error:.2f} %",
-            "15-45 deg": lambda row: f"{100 * row.steep_error:.2f} %",
-            "penetration": lambda row: f"{1e6 * row.penetration:.1f} um",
-            "drag": lambda row: f"{row.drag:.2g} N",
-            "verdict": verdict,
-        },
-        sorted(rungs, key=lambda row: row.error),
-    )
-    return StudyReport([shown], finite({"rungs": [asdict(row) for row in rungs]}), files)
+    columns: Columns = {
+        "x real time": lambda row: f"{row.real_time:.0f}",
+        "error 1-5 deg": lambda row: f"{100 * row.shallow_error:.2f} %",
+        "15-45 deg": lambda row: f"{100 * row.steep_error:.2f} %",
+        "penetration": lambda row: f"{1e6 * row.penetration:.1f} um",
+        "drag": lambda row: f"{row.drag:.2g} N",
+        "verdict": verdict,
+    }
+    order = sorted(rungs, key=lambda row: row.error)
+    title = "Models of the hole: bare physics, rigid mover"
+    shown = table(title, {"model of the hole": lambda row: row.name}, columns, order)
+    return reported(shown, folder, {"contact.csv": rungs, "integration.csv": points}, charts, rungs=rungs)

@@ -10,7 +10,7 @@ from cell.config.load import LoadedConfig
 from cell.config.parameters import PARAMETERS
 from cell.devices.assembly import assemble, opened
 from cell.film.plots import plot_run
-from cell.lab.charts import CHART, ChartPoint, plot_speed_accuracy
+from cell.lab.charts import CHART, draw_speed_accuracy
 from cell.lab.published import PUBLISHED, Tried, stage_table
 from cell.peg.part_state import UNRESOLVED
 from cell.records.journal import Journal
@@ -137,5 +137,4 @@ def draw_demo(result: DemoResult, journal: Journal, folder: Path) -> list[Path]:
     if shown is not None:
         plot_run(shown, read_samples(journal.samples_path(shown.run)), folder / RUN_PICTURE, {})
         pictures.append(folder / RUN_PICTURE)
-    plot_speed_accuracy([ChartPoint.of_total(stage_table(result.tried())[-1])], folder / CHART)
-    return [*pictures, folder / CHART]
+    return [*pictures, draw_speed_accuracy(stage_table(result.tried())[-1], folder / CHART)]

@@ -8,18 +8,18 @@ to measure the result of the judgement at rest.
 import argparse
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from cell.commands.arguments import out_folder
 from cell.config.cell_config import CellConfig
 from cell.devices.assembly import Cell, assemble, opened
-from cell.lab.arguments import advancing, seeds_of
+from cell.lab.arguments import seeds_of
 from cell.lab.compare import config_of
-from cell.lab.report import StudyReport, finite
-from cell.lab.rows import known, quantile, write_rows
-from cell.lab.tables import share, table
+from cell.lab.report import StudyReport, reported
+from cell.lab.rows import known, quantile
+from cell.lab.tables import Columns, share, table
 from cell.lab.workers import each_of
 from drivers.errors import CellError
 from drivers.frames import end_point
@@ -49,7 +49,7 @@ QUICK_TIMEOUT = 8.0
 
 @dataclass(frozen=True, slots=True)
 class HoleEventRow:
-    """One search without a stop; times in s, paths in m, NaN if there is no value."""
+    """One search without a stop; times in s, NaN if there is no value."""
 
     seed: int
     has_hole: bool
@@ -61,8 +61,6 @@ class HoleEventRow:
     """True if the peg dropped into the hole while it slid."""
     delay: float
     """Time from the start of the drop to its event."""
-    way: float
-    """Path of the peg's edge in that time."""
     rests: int = 0
     """Number of stops of a search on the same plate that obeys its detector; 0 if it had nothing to obey."""
     found: bool = False
@@ -81,11 +79,11 @@ class _Watch:
         self.seen: Observation | None = None
         self.is_done, self.has_fallen, self.began_in_hole = False, False, False
         self.slid = 0.0
-        self.falsely = self.delay = self.way = math.nan
+        self.falsely = self.delay = math.nan
         self._cell, self._has_hole, self._limit = cell, has_hole, cell.config.params(SEARCH).dip_threshold
         self._start: float | None = None
         self._over: float | None = None
-        self._place, self._deepest = np.zeros(3), 0.0
+        self._deepest = 0.0
 
     def record(self, seen: Observation, setpoint: ImpedanceSetpoint | None) -> None:
         self.seen = seen
@@ -105,16 +103,17 @@ class _Watch:
         if self._start is None:
             return
         now = self.seen.stamp
-        way = self._compare(self._start) if self._has_hole else 0.0
+        if self._has_hole:
+            self._compare(self._start)
         if self._over is None:
             self.slid = now - self._start
             if below > self._limit and math.isnan(self.falsely):
                 self.falsely = self.slid
         elif below > self._limit and math.isnan(self.delay):
-            self.delay, self.way = now - self._over, way
+            self.delay = now - self._over
 
-    def _compare(self, start: float) -> float:
-        """Check in the truth for a drop; return the path of the peg's edge since its start, m."""
+    def _compare(self, start: float) -> None:
+        """Check in the truth for a drop."""
         assert self.seen is not None
         truth, now = self._cell.truth(), self.seen.stamp  # type: ignore[misc]
         _, axis = end_point(self.seen.arm.tcp, truth.theta, self._cell.config.peg.length)
@@ -122,16 +121,13 @@ class _Watch:
         depth = truth.depth + truth.tip[2] - edge[2]
         if self._over is None and depth > OVER:
             self.began_in_hole = now - start < AT_ONCE
-            self._over, self._place, self._deepest = now, edge, 0.0
-            self.delay = self.way = math.nan
+            self._over, self._deepest, self.delay = now, 0.0, math.nan
         if self._over is None:
-            return 0.0
+            return
         self._deepest = max(self._deepest, depth)
-        way = float(np.linalg.norm((edge - self._place)[:2]))
         if now - self._over >= WINDOW:
             self.is_done = self.has_fallen = self._deepest >= FALL
             self._over = None
-        return way
 
 
 class _StillSurface(SurfaceEstimate):
@@ -179,7 +175,6 @@ def watch(config: CellConfig, has_hole: bool, seed: int) -> HoleEventRow:
         falsely=seer.falsely,
         fell=fell,
         delay=seer.delay if late else math.nan,
-        way=seer.way if late else math.nan,
     )
     return row if has_hole or math.isnan(row.falsely) else _judged(config, row)
 
@@ -221,7 +216,7 @@ def _cell(config: CellConfig, has_hole: bool, seed: int) -> Cell:
 
 @dataclass(frozen=True, slots=True)
 class EventLine:
-    """All searches; times in s, paths in m, NaN if there is no value."""
+    """All searches; times in s, NaN if there is no value."""
 
     searches: int
     """Number of searches without a hole."""
@@ -238,16 +233,13 @@ class EventLine:
     delay: float
     """Median time from the start of the drop to the event, s."""
     delay_p95: float
-    way: float
-    """Median path of the peg's edge in that time, m."""
-    way_p95: float
 
 
 def line_of(rows: Sequence[HoleEventRow]) -> EventLine:
     """Return the counts of all searches."""
     empty = [row for row in rows if not row.has_hole]
     fell = [row for row in rows if row.is_fall]
-    delays, ways = known(row.delay for row in fell), known(row.way for row in fell)
+    delays = known(row.delay for row in fell)
     return EventLine(
         searches=len(empty),
         stopped=len(known(row.falsely for row in empty)),
@@ -257,36 +249,26 @@ def line_of(rows: Sequence[HoleEventRow]) -> EventLine:
         detected=len(delays),
         delay=quantile(delays, 0.5),
         delay_p95=quantile(delays, 0.95),
-        way=quantile(ways, 0.5),
-        way_p95=quantile(ways, 0.95),
     )
 
 
 def run(args: argparse.Namespace) -> StudyReport:
     """Search with and without a hole, and write the table."""
     config, folder = config_of(args), out_folder(args.out)
-    assert config.sim is not None
     if args.quick:
         config = config.with_params(SEARCH, timeout=min(config.params(SEARCH).timeout, QUICK_TIMEOUT))
     seeds = seeds_of(args, 1000, 4)
     jobs = [(config, has_hole, seed) for has_hole in (False, True) for seed in seeds[: WITH_HOLE if has_hole else None]]
-    with advancing("searches", len(jobs)) as done:
-        rows = each_of(watch, jobs, args.workers, done)
+    rows = each_of(watch, jobs, args.workers, "searches")
     line = line_of(rows)
     title = f"{len(seeds)} searches of {config.params(SEARCH).timeout:g} s without a hole, {line.falls} falls, from seed {seeds[0]}"
-    shown = table(
-        title,
-        {"searches": lambda line: str(line.searches)},
-        {
-            "stopped by a false event": lambda line: share(line.stopped, line.searches),
-            "probes": lambda line: f"{line.probes}",
-            "false finds": lambda line: share(line.finds, line.searches),
-            "falls detected": lambda line: share(line.detected, line.falls),
-            "delay (s), p95": lambda line: f"{line.delay:.2f}, {line.delay_p95:.2f}",
-            "way (mm), p95": lambda line: f"{1e3 * line.way:.1f}, {1e3 * line.way_p95:.1f}",
-        },
-        [line],
-        f"an event within {WINDOW:g} s of the start of a fall is its detection",
-    )
-    result = {"title": title, "line": asdict(line), "rows": [asdict(row) for row in rows]}
-    return StudyReport([shown], finite(result), [write_rows(rows, folder / "events.csv")])
+    columns: Columns = {
+        "stopped by a false event": lambda line: share(line.stopped, line.searches),
+        "probes": lambda line: f"{line.probes}",
+        "false finds": lambda line: share(line.finds, line.searches),
+        "falls detected": lambda line: share(line.detected, line.falls),
+        "delay (s), p95": lambda line: f"{line.delay:.2f}, {line.delay_p95:.2f}",
+    }
+    caption = f"an event within {WINDOW:g} s of the start of a fall is its detection"
+    shown = table(title, {"searches": lambda line: str(line.searches)}, columns, [line], caption)
+    return reported(shown, folder, {"events.csv": rows}, title=title, line=line, rows=rows)

@@ -3,7 +3,7 @@
 import argparse
 import tempfile
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
 
@@ -13,12 +13,12 @@ from cell.commands.arguments import out_folder
 from cell.config.cell_config import CellConfig
 from cell.devices.assembly import assemble, choices, make_perception, opened
 from cell.film.plots import COLOURS
-from cell.lab.arguments import advancing, seeds_of
+from cell.lab.arguments import seeds_of
 from cell.lab.charts import Curve, Panel, draw_panels
 from cell.lab.compare import config_of
-from cell.lab.report import StudyReport, finite
-from cell.lab.rows import average, average_error, successes, write_rows
-from cell.lab.tables import SUCCESSES, table
+from cell.lab.report import StudyReport, reported
+from cell.lab.rows import average, average_error, successes
+from cell.lab.tables import SUCCESSES, Columns, table
 from cell.lab.workers import each_of
 from cell.peg.ending import ending_of
 from cell.run.learning import Learning
@@ -209,28 +209,19 @@ def run(args: argparse.Namespace) -> StudyReport:
     config, folder = config_of(args), out_folder(args.out)
     parts, seeds = args.parts or (3 if args.quick else 20), seeds_of(args, 10)
     jobs = [(config, parts, mode, seed) for mode in Mode for seed in seeds]
-    with advancing("series", len(jobs)) as done:
-        rows = [row for series in each_of(run_series, jobs, args.workers, done) for row in series]
+    rows = [row for series in each_of(run_series, jobs, args.workers, "series") for row in series]
     lines = lines_of(rows, parts)
     title = (
         f"{len(seeds)} series of {parts} parts and {parts // EXCHANGED} of another fixture, seeds {seeds[0]} to"
         f" {seeds[-1]}, reality {config.reality.scale:g}"
     )
-    files = [
-        write_rows(rows, folder / "parts.csv"),
-        draw_panels(panels(rows, parts), title, folder / "learning.png"),
-    ]
-    shown = table(
-        title,
-        {"the cell": lambda line: line.mode, "parts": lambda line: line.parts},
-        {
-            **SUCCESSES,
-            "with a place": lambda line: f"{line.expected}/{line.trials}",
-            "search (s)": lambda line: f"{line.search:.2f}",
-            "total (s, 95 %)": lambda line: f"{line.total:.2f} ± {line.total_error:.2f}",
-        },
-        lines,
-        "times are means of the successes",
-    )
-    result = {"title": title, "lines": [asdict(line) for line in lines], "rows": [asdict(row) for row in rows]}
-    return StudyReport([shown], finite(result), files)
+    columns: Columns = {
+        **SUCCESSES,
+        "with a place": lambda line: f"{line.expected}/{line.trials}",
+        "search (s)": lambda line: f"{line.search:.2f}",
+        "total (s, 95 %)": lambda line: f"{line.total:.2f} ± {line.total_error:.2f}",
+    }
+    names: Columns = {"the cell": lambda line: line.mode, "parts": lambda line: line.parts}
+    shown = table(title, names, columns, lines, "times are means of the successes")
+    chart = draw_panels(panels(rows, parts), title, folder / "learning.png")
+    return reported(shown, folder, {"parts.csv": rows}, [chart], title=title, lines=lines, rows=rows)

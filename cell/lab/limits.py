@@ -6,7 +6,7 @@ A probe observes each trial in the simulation's truth, and computes the bounds w
 import argparse
 import math
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -15,9 +15,9 @@ from cell.lab.arguments import seeds_of
 from cell.lab.bounds import Dip, Down, Upright, critical_damping, mobility, turn_time, turning_force
 from cell.lab.charts import BLUE, RED, Curve, Panel, draw_panels
 from cell.lab.compare import chosen, compared, config_of, section
-from cell.lab.report import StudyReport, finite
-from cell.lab.rows import quantile, successes, write_rows
-from cell.lab.tables import table
+from cell.lab.report import StudyReport, reported
+from cell.lab.rows import quantile, successes
+from cell.lab.tables import Columns, table
 from cell.lab.trials import TrialRow
 from drivers.frames import angle_between
 from drivers.quantities import ImpedanceSetpoint, Vector
@@ -237,23 +237,15 @@ def panel(lines: Sequence[LimitsLine]) -> Panel:
 def run(args: argparse.Namespace) -> StudyReport:
     """Run the variants, write bound and result of each phase, draw the chart."""
     config_of(args)
-    tried = chosen(args.name, args.quick)
-    found = compared(args, tried, seeds_of(args, section(args.name)["trials"]))
+    found = compared(args, chosen(args.name, args.quick), seeds_of(args, section(args.name)["trials"]))
     lines = [each for line, rows in zip(found.lines, found.rows, strict=True) for each in lines_of(line.family, rows)]
-    files = [
-        write_rows(lines, found.folder / "limits.csv"),
-        draw_panels([panel(lines)], f"What limits each phase\n{found.title}", found.folder / "limits.png"),
-    ]
-    shown = table(
-        found.title,
-        {"variant": lambda line: line.variant, "phase": lambda line: line.phase},
-        {
-            "n": lambda line: f"{line.count}",
-            "bound (s)": lambda line: f"{line.bound:.2f}",
-            "reached (s)": lambda line: f"{line.reached:.2f}",
-            "5 to 95 %": lambda line: f"{line.p5:.2f} to {line.p95:.2f}",
-        },
-        lines,
-    )
-    result = {"title": found.title, "lines": [asdict(line) for line in lines]}
-    return StudyReport([shown], finite(result), files)
+    columns: Columns = {
+        "n": lambda line: f"{line.count}",
+        "bound (s)": lambda line: f"{line.bound:.2f}",
+        "reached (s)": lambda line: f"{line.reached:.2f}",
+        "5 to 95 %": lambda line: f"{line.p5:.2f} to {line.p95:.2f}",
+    }
+    names: Columns = {"variant": lambda line: line.variant, "phase": lambda line: line.phase}
+    shown = table(found.title, names, columns, lines)
+    chart = draw_panels([panel(lines)], f"What limits each phase\n{found.title}", found.folder / "limits.png")
+    return reported(shown, found.folder, {"limits.csv": lines}, [chart], title=found.title, lines=lines)

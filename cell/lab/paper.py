@@ -5,16 +5,12 @@ the fit. The method's own figures are in the preset `paper`, those of the labora
 """
 
 import argparse
-from collections.abc import Sequence
-from dataclasses import asdict
 
 from cell.lab.arguments import seeds_of
-from cell.lab.charts import ChartPoint, plot_speed_accuracy
-from cell.lab.compare import compared, config_of
-from cell.lab.frontier.measure import Variant
-from cell.lab.published import PUBLISHED, StageLine, Tried, stage_table
-from cell.lab.report import StudyReport, finite
-from cell.lab.rows import write_rows
+from cell.lab.charts import draw_speed_accuracy
+from cell.lab.compare import Variant, compared, config_of
+from cell.lab.published import PUBLISHED, Tried, stage_table
+from cell.lab.report import StudyReport, reported
 from cell.lab.tables import stages
 from cell.lab.trials import VOID, TrialRow
 
@@ -52,11 +48,8 @@ def run(args: argparse.Namespace) -> StudyReport:
     kept = Variant("judge", "kept", PRESET, (*ONE_ARM, *(f"{key}={value:g}" for key, value in LABORATORY.items())))
     found = compared(args, [kept], seeds)
     trials = [tried(row) for row in found.rows[0]]
-    lines: Sequence[StageLine] = stage_table(trials)
-    chart = found.folder / "paper.png"
-    plot_speed_accuracy([ChartPoint.of_total(lines[-1])], chart)
-    files = [write_rows(lines, found.folder / "paper.csv"), chart]
-    result = {"title": found.title, "stages": [asdict(line) for line in lines], "error": found.lines[0].error}
-    return StudyReport(
-        [stages(lines, [sum(each.times.values()) for each in trials if each.succeeded])], finite(result), files
-    )
+    lines = stage_table(trials)
+    shown = stages(lines, [sum(each.times.values()) for each in trials if each.succeeded])
+    chart = draw_speed_accuracy(lines[-1], found.folder / "paper.png")
+    error = found.lines[0].error
+    return reported(shown, found.folder, {"paper.csv": lines}, [chart], title=found.title, stages=lines, error=error)

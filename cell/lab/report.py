@@ -1,8 +1,8 @@
 """Outcome of a study: tables for people, the same data for programs, and files."""
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field, is_dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -23,10 +23,36 @@ class StudyReport:
     """False if an ending occurred that must never occur."""
 
 
+def reported(
+    shown: "RenderableType",
+    folder: Path,
+    tables: Mapping[str, Sequence[Any]],
+    pictures: Sequence[Path] = (),
+    is_good: bool = True,
+    **facts: Any,
+) -> StudyReport:
+    """Write tables as CSV and return the report of a study.
+
+    Args:
+        shown: Table for people.
+        folder: Folder of the CSV files.
+        tables: Rows of each CSV file, dataclasses or mappings, by the name of the file.
+        pictures: Charts that are already written.
+        is_good: False if an ending occurred that must never occur.
+        facts: Result for programs, by name; dataclasses become mappings.
+    """
+    from cell.lab.rows import write_rows
+
+    written = [write_rows(rows, folder / name) for name, rows in tables.items()]
+    return StudyReport([shown], finite(facts), [*written, *pictures], is_good)
+
+
 def finite(value: Any) -> Any:
-    """Return data with null in place of NaN and infinities, which JSON does not have."""
+    """Return data for JSON: mappings in place of dataclasses, and null in place of NaN and infinities."""
+    if is_dataclass(value) and not isinstance(value, type):
+        value = asdict(value)
     if isinstance(value, dict):
         return {key: finite(item) for key, item in value.items()}
-    if isinstance(value, list):
+    if isinstance(value, list | tuple):
         return [finite(item) for item in value]
     return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -1,4 +1,4 @@
-"""Tables of the laboratory as CSV, and quantiles that accept empty data; nothing is measured here."""
+"""Tables of the laboratory as CSV, and statistics that accept empty data; nothing is measured here."""
 
 import csv
 import math
@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cell.records.statistics import Z95
-from drivers.errors import ConfigError
 from skills.contract import Outcome
 
 
@@ -40,25 +39,15 @@ def write_rows(rows: Iterable[Any], path: Path) -> Path:
     return path
 
 
-def read_rows(kind: type[Row], path: Path) -> list[Row]:
-    """Return the rows of one dataclass written by `write_rows`.
-
-    Raises:
-        ConfigError: The file does not exist or contains another table.
-    """
-    types = {field.name: READERS[field.type] for field in fields(kind)}  # type: ignore[arg-type]
+def kept_rows(kind: type[Row], path: Path) -> list[Row]:
+    """Return the rows of one dataclass that an interrupted call has written; none if the file is missing or has another table."""
+    types: dict[str, Any] = {field.name: field.type for field in fields(kind)}  # type: ignore[arg-type]
     try:
         with path.open(newline="", encoding="utf-8") as file:
-            return [kind(**{name: read(row[name]) for name, read in types.items()}) for row in csv.DictReader(file)]
-    except (OSError, KeyError, TypeError, ValueError) as error:
-        raise ConfigError(f"{path}: not the table of a finished study: {type(error).__name__}: {error}") from None
-
-
-def kept_rows(kind: type[Row], path: Path) -> list[Row]:
-    """Return the rows of an interrupted call; None if the file does not exist or contains another table."""
-    try:
-        return read_rows(kind, path)
-    except ConfigError:
+            return [
+                kind(**{name: READERS[of](row[name]) for name, of in types.items()}) for row in csv.DictReader(file)
+            ]
+    except (OSError, KeyError, TypeError, ValueError):
         return []
 
 

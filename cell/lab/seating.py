@@ -6,7 +6,7 @@ Each trial is judged twice: by the cell, and by the cell's gate for a skill that
 import argparse
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from itertools import takewhile
 
 import numpy as np
@@ -16,9 +16,9 @@ from cell.film.plots import COLOURS
 from cell.lab.arguments import seeds_of
 from cell.lab.charts import INK, Curve, Panel, draw_panels
 from cell.lab.compare import chosen, compared, config_of, section
-from cell.lab.report import StudyReport, finite
-from cell.lab.rows import average, known, quantile, write_rows
-from cell.lab.tables import share, table
+from cell.lab.report import StudyReport, reported
+from cell.lab.rows import average, known, quantile
+from cell.lab.tables import Columns, share, table
 from cell.lab.trials import TrialRow
 from cell.peg.ending import Ending
 from cell.peg.part_state import PartState
@@ -192,22 +192,15 @@ def run(args: argparse.Namespace) -> StudyReport:
     cases = {line.family: rows for line, rows in zip(found.lines, found.rows, strict=True)}
     lines = [line_of(case, rows) for case, rows in cases.items()]
     title = f"Force against height above the resting place, up to {SHOWN} trials of each case\n{found.title}"
-    files = [
-        write_rows(lines, found.folder / "seating.csv"),
-        draw_panels([panel(cases)], title, found.folder / "seating.png"),
-    ]
-    shown = table(
-        found.title,
-        {"case": lambda line: line.case},
-        {
-            "seated": lambda line: f"{line.seated}/{line.trials}",
-            "missed": lambda line: share(line.missed, line.seated) if line.seated else "-",
-            "false": lambda line: share(line.false, line.trials - line.seated) if line.trials > line.seated else "-",
-            "least doubt": lambda line: f"{line.least_doubt:.3g}",
-            "ways": lambda line: f"{line.ways:.1f}",
-            "hanging (mm)": lambda line: f"{1e3 * line.hanging:.2f}",
-        },
-        lines,
-        "false: reported as seated, or accepted by the gate if the skill had reported it, and not seated",
-    )
-    return StudyReport([shown], finite({"title": found.title, "lines": [asdict(line) for line in lines]}), files)
+    columns: Columns = {
+        "seated": lambda line: f"{line.seated}/{line.trials}",
+        "missed": lambda line: share(line.missed, line.seated) if line.seated else "-",
+        "false": lambda line: share(line.false, line.trials - line.seated) if line.trials > line.seated else "-",
+        "least doubt": lambda line: f"{line.least_doubt:.3g}",
+        "ways": lambda line: f"{line.ways:.1f}",
+        "hanging (mm)": lambda line: f"{1e3 * line.hanging:.2f}",
+    }
+    caption = "false: reported as seated, or accepted by the gate if the skill had reported it, and not seated"
+    shown = table(found.title, {"case": lambda line: line.case}, columns, lines, caption)
+    chart = draw_panels([panel(cases)], title, found.folder / "seating.png")
+    return reported(shown, found.folder, {"seating.csv": lines}, [chart], title=found.title, lines=lines)

@@ -1,70 +1,41 @@
 """Exact depth of a tilted peg in its hole, from sections and independent of any simulation."""
 
 import math
+from collections.abc import Callable
 from functools import cache
 from itertools import pairwise
 
 import numpy as np
 
 from drivers.part.contract import Part
+from drivers.part.round import Round
 from drivers.quantities import Vector
 
-POINTS = 4001
-"""Number of points on a round rim for `exact_depth`."""
+POINTS = 2001
+"""Number of lines on half a round peg."""
 DEEPEST = 0.03
 """Upper end of the search for the depth, m."""
 
 
 def exact_depth(peg: Part, hole: Part, axes: Vector) -> float:
     """Return the exact depth of the lowest point of a peg with these axes, shape (3, 3), in a hole along x and y, m."""
-    if peg.face.flat_width > 0.0:
-        return polygonal_depth(peg, hole, axes)
-    tilt = math.atan2(math.hypot(axes[0, 2], axes[1, 2]), axes[2, 2])
-    if peg.chamfer > 0.0 or hole.chamfer > 0.0:
-        return chamfered_depth(peg, hole, tilt, POINTS // 2 + 1)
-    return section_depth(peg.thickness, hole.thickness, tilt, POINTS)
+    if isinstance(peg, Round) and isinstance(hole, Round):
+        return round_depth(peg, hole, math.atan2(math.hypot(axes[0, 2], axes[1, 2]), axes[2, 2]))
+    return polygonal_depth(peg, hole, axes)
 
 
-@cache
-def section_depth(diameter: float, hole: float, tilt: float, points: int = 40001) -> float:
-    """Return the exact depth of the lowest point by the full section test, m.
-
-    The part of the peg below the surface, projected on the surface, must fit inside the hole's disc. Its outline
-    consists of the rim below the surface and the intersection of the peg's side with the surface.
-
-    Args:
-        diameter: Diameter of the peg, m.
-        hole: Diameter of the hole, m.
-        tilt: Angle between the axes, rad, > 0.
-        points: Number of points on the rim.
-    """
-    r = diameter / 2
-    angle = np.linspace(0.0, 2.0 * math.pi, points)
-    x, y = r * np.cos(angle) * math.cos(tilt), r * np.sin(angle)
-
-    def fits(depth: float) -> bool:
-        z = r * math.sin(tilt) - depth - r * np.cos(angle) * math.sin(tilt)
-        below = z <= 0.0
-        px = np.concatenate([x[below], x[below] - z[below] * math.tan(tilt)])
-        py = np.concatenate([y[below], y[below]])
-        low, high = -hole, hole
-        for _ in range(60):
-            third = (high - low) / 3.0
-            if np.max((px - low - third) ** 2 + py**2) < np.max((px - high + third) ** 2 + py**2):
-                high -= third
-            else:
-                low += third
-        return bool(np.max((px - low) ** 2 + py**2) <= (hole / 2) ** 2)
-
+def deepest(fits: Callable[[float], bool]) -> float:
+    """Return the largest depth that fits, m, by bisection to a nanometre."""
     low, high = 0.0, DEEPEST
-    for _ in range(40):
+    for _ in range(25):
         depth = (low + high) / 2.0
         low, high = (depth, high) if fits(depth) else (low, depth)
     return low
 
 
-def chamfered_depth(peg: Part, hole: Part, tilt: float, points: int) -> float:
-    """Return the exact depth of the lowest point of a round peg in a round hole, m, with a chamfer on either.
+@cache
+def round_depth(peg: Round, hole: Round, tilt: float, points: int = POINTS) -> float:
+    """Return the exact depth of the lowest point of a round peg in a round hole, m, with or without chamfers.
 
     The test follows every line of the peg's surface, from the rim of its end over its chamfer and up its side. The
     hole's radius is piecewise linear in the height, with breaks at the surface and at the lower end of the chamfer. The
@@ -102,11 +73,7 @@ def chamfered_depth(peg: Part, hole: Part, tilt: float, points: int) -> float:
             low, high = (low, high - third) if ahead < behind else (low + third, high)
         return bool(np.max(np.hypot(x - low, y) - room) <= 0.0)
 
-    low, high = 0.0, DEEPEST
-    for _ in range(25):
-        depth = (low + high) / 2.0
-        low, high = (depth, high) if fits(depth) else (low, depth)
-    return low
+    return deepest(fits)
 
 
 def _at(start: Vector, end: Vector, level: float) -> Vector:
@@ -144,8 +111,4 @@ def polygonal_depth(peg: Part, hole: Part, axes: Vector) -> float:
         below = np.concatenate([corners[corners[:, 2] <= surface], cut])[:, :2]
         return bool((np.ptp(below, axis=0) <= sides).all())
 
-    low, high = 0.0, DEEPEST
-    for _ in range(40):
-        depth = (low + high) / 2.0
-        low, high = (depth, high) if fits(depth) else (low, depth)
-    return low
+    return deepest(fits)

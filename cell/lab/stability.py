@@ -9,11 +9,13 @@ only theta is as old as the frame, with the configured smoothing, and x_p, v and
 
 import argparse
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from itertools import product
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -21,14 +23,11 @@ from cell.commands.arguments import out_folder
 from cell.config.cell_config import CellConfig
 from cell.config.margins import HELD, MARGIN, loop_at, margins
 from cell.config.sampled_loop import largest_factor
-from cell.config.torque_path import largest, largest_hold
 from cell.devices.assembly import Cell, assemble, opened
-from cell.lab.arguments import advancing
 from cell.lab.charts import BLUE, GREEN, INK, RED, Curve, Panel, draw_panels
 from cell.lab.compare import config_of
-from cell.lab.report import StudyReport, finite
-from cell.lab.rows import write_rows
-from cell.lab.tables import table
+from cell.lab.report import StudyReport, reported
+from cell.lab.tables import Columns, table
 from cell.lab.workers import each_of
 from drivers import impedance
 from drivers.arm.inertia import tip_inertia
@@ -118,15 +117,8 @@ class StepTrace:
     """Time after the step at which the motion ended as unstable, s; NaN if never."""
 
 
-@dataclass(frozen=True, slots=True)
-class Boundary:
-    """Theoretical boundary, for the arm's own inertia at the pose of the map."""
-
-    kind: str
-    period: float
-    delay: int
-    gain: float
-    """First unstable gain, with the damping ratio of the insertion's gains, N/m or N·m/rad."""
+Theory = Mapping[tuple[str, float, int], float]
+"""First unstable gain, N/m or N·m/rad, by kind, period and delay, for the arm's own inertia at the pose of the map."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -159,29 +151,17 @@ def gains_of(base: Gains, kind: str, gain: float) -> tuple[Vector, Vector]:
     return set_to.stiffness(), set_to.damping_ratios()
 
 
-def boundaries(base: Gains, inertia: Vector, grid: Grid) -> list[Boundary]:
-    """Return the theoretical boundary for every period and delay."""
-    found = []
-    for kind, period, delay in product(HELD, grid.periods, grid.delays):
-        factor = largest_factor(partial(loop_at, kind, base, inertia), period, delay)
-        found.append(Boundary(kind, period, delay, factor * getattr(base, kind)))
-    return found
+def boundaries(base: Gains, inertia: Vector, grid: Grid) -> Theory:
+    """Return the theoretical boundary for every period and delay, with the damping ratio of the insertion's gains."""
+    return {
+        (kind, period, delay): largest_factor(partial(loop_at, kind, base, inertia), period, delay)
+        * getattr(base, kind)
+        for kind, period, delay in product(HELD, grid.periods, grid.delays)
+    }
 
 
-def measure(
-    config: CellConfig, grid: Grid, workers: int, done: Callable[[int], None]
-) -> tuple[list[StepTrace], Vector]:
-    """Run the map.
-
-    Args:
-        config: A simulated cell.
-        grid: Cases of the map.
-        workers: Number of processes.
-        done: Called with the number of further completed cases.
-
-    Returns:
-        Result of every case, and the arm's inertia at the tip, shape (6, 6).
-    """
+def measure(config: CellConfig, grid: Grid, workers: int) -> tuple[list[StepTrace], Vector]:
+    """Run the map; return the result of every case, and the arm's inertia at the tip, shape (6, 6)."""
     columns = [
         [
             GridCase(kind, observer, period, delay, gain)
@@ -190,8 +170,7 @@ def measure(
         ]
         for period, observer in product(sorted(grid.periods, reverse=True), (False, True))
     ]
-    jobs = [(config, column) for column in columns]
-    results = each_of(_column, jobs, workers, lambda count: done(len(columns[0])))
+    results = each_of(_column, [(config, column) for column in columns], workers, "columns of the map")
     traces = [trace for found, _ in results for trace in found]
     traces.sort(key=lambda t: (t.case.kind, t.case.observer, t.case.delay, t.case.period, t.case.gain))
     return traces, results[-1][1]
@@ -384,12 +363,12 @@ def _held_peg(config: CellConfig, case: GridCase) -> Iterator[PegRig]:
         yield PegRig(cell, world, ctx, config.params(INSERT).gains, closing, np.array(data.qpos))
 
 
-def limit_of(case: GridCase, theory: Sequence[Boundary]) -> float:
+def limit_of(case: GridCase, theory: Theory) -> float:
     """Return the first unstable gain of a case in theory, N/m or N·m/rad."""
-    return next(b.gain for b in theory if (b.kind, b.period, b.delay) == (case.kind, case.period, case.delay))
+    return theory[case.kind, case.period, case.delay]
 
 
-def compare(traces: Sequence[StepTrace], theory: Sequence[Boundary]) -> dict[str, int]:
+def compare(traces: Sequence[StepTrace], theory: Theory) -> dict[str, int]:
     """Count the cases in which the arm agrees with theory; the theory describes the loop without the observer."""
     counts = {"stable_below": 0, "unstable_above": 0, "stable_above": 0, "unstable_below": 0}
     for trace in traces:
@@ -411,48 +390,51 @@ def caught(traces: Sequence[StepTrace]) -> dict[str, int]:
     }
 
 
-def panels(
-    kind: str, traces: Sequence[StepTrace], theory: Sequence[Boundary], shipped: Sequence[Shipped]
-) -> list[Panel]:
+def panels(kind: str, traces: Sequence[StepTrace], theory: Theory, shipped: Sequence[Shipped]) -> list[Panel]:
     """Return the map of translation or of rotation: delays side by side, the observer off above and on below."""
     groups: dict[tuple[bool, int], list[StepTrace]] = {}
     for trace in traces:
         if trace.case.kind == kind:
             groups.setdefault((trace.case.observer, trace.case.delay), []).append(trace)
-    return [
-        _panel(
-            groups[observer, delay],
-            [each for each in theory if (each.kind, each.delay, observer) == (kind, delay, False)],
-            [each for each in shipped if (each.kind, delay) == (kind, 0)],
-        )
-        for observer, delay in sorted(groups)
-    ]
+    return [_panel(groups[group], theory, shipped) for group in sorted(groups)]
 
 
-def _panel(traces: Sequence[StepTrace], theory: Sequence[Boundary], shipped: Sequence[Shipped]) -> Panel:
+def _row(trace: StepTrace, theory: Theory) -> dict[str, Any]:
+    facts = asdict(trace)
+    return {**facts.pop("case"), "theory": limit_of(trace.case, theory), **facts}
+
+
+def _drawn(kind: str, drawn: Sequence[Panel], cases: int, folder: Path) -> Path:
+    title = f"Stability in {kind} on the whole simulated arm, {cases} cases, one run a point"
+    return draw_panels(drawn, title, folder / f"stability_{kind}.png", len(drawn) // 2, legend=3)
+
+
+def _panel(traces: Sequence[StepTrace], theory: Theory, shipped: Sequence[Shipped]) -> Panel:
     """Return the map of cases with common kind, observer and delay."""
     case = traces[0].case
-    curves = [_points([trace.case for trace in traces if is_so(trace)], *look, True) for look, is_so in MARKS.items()]
-    if theory:
-        line = sorted(theory, key=lambda each: each.period)
+    periods = sorted({trace.case.period for trace in traces})
+    curves = [_points(_places(filter(is_so, traces)), *look, is_hollow=True) for look, is_so in MARKS.items()]
+    if not case.observer:
+        line = [(period, theory[case.kind, period, case.delay]) for period in periods]
         curves.append(_points(line, "boundary of theory, the arm's own inertia", GREEN, "-", 1.5))
-    if shipped:
-        curves.append(_points(shipped, "shipped gains", INK, "*", 3.0))
-    periods = sorted({1e3 * trace.case.period for trace in traces})
+    if case.delay == 0:
+        own = [(each.period, each.gain) for each in shipped if each.kind == case.kind]
+        curves.append(_points(own, "shipped gains", INK, "*", 3.0))
+    ticks = [1e3 * period for period in periods]
     labels = "period of the skin (ms)", f"gain in {case.kind} ({UNITS[case.kind]})"
     title = f"{NAMES[case.observer]}\nframes used {case.delay} periods late"
-    return Panel(title, *labels, curves, "xy", periods, x_limits=(periods[0] / 1.4, periods[-1] * 1.4))
+    return Panel(title, *labels, curves, "xy", ticks, x_limits=(ticks[0] / 1.4, ticks[-1] * 1.4))
+
+
+def _places(traces: Iterable[StepTrace]) -> list[tuple[float, float]]:
+    return [(trace.case.period, trace.case.gain) for trace in traces]
 
 
 def _points(
-    cases: Sequence[GridCase | Boundary | Shipped],
-    label: str,
-    colour: str,
-    style: str,
-    size: float,
-    is_hollow: bool = False,
+    at: Sequence[tuple[float, float]], label: str, colour: str, style: str, size: float, is_hollow: bool = False
 ) -> Curve:
-    x, y = [1e3 * case.period for case in cases], [case.gain for case in cases]
+    """Return periods, s, and gains as marks or a line."""
+    x, y = [1e3 * period for period, _ in at], [gain for _, gain in at]
     return Curve(x, y, colour, label, style, size, is_hollow=is_hollow)
 
 
@@ -473,42 +455,34 @@ MARKS: Mapping[tuple[str, str, str, float], Callable[[StepTrace], bool]] = {
 def run(args: argparse.Namespace) -> StudyReport:
     """Measure the map, compare it with theory, write every case, draw the charts."""
     config, folder, grid = config_of(args), out_folder(args.out), QUICK if args.quick else WHOLE
-    cases = sum(2 * len(grid.periods) * len(grid.delays) * len(grid.gains[kind]) for kind in HELD)
-    with advancing("cases", cases) as done:
-        traces, inertia = measure(config, grid, args.workers, done)
+    traces, inertia = measure(config, grid, args.workers)
     theory, shipped = boundaries(config.params(INSERT).gains, inertia, grid), shipped_margins(config)
     arm, guard = compare(traces, theory), caught(traces)
-    result = {
-        "cases": len(traces),
-        "against_theory": arm,
-        "guard": guard,
-        "margin_needed": MARGIN,
-        "shipped": [asdict(line) for line in shipped],
-        "torque_path": {key: largest(gains, config.place()) for key, gains in config.followed().items()}
-        | {"halted": largest_hold(config.place())},
-        "theory": [asdict(line) for line in theory],
+    rows = [_row(trace, theory) for trace in traces]
+    charts = [_drawn(kind, panels(kind, traces, theory, shipped), len(traces), folder) for kind in HELD]
+    columns: Columns = {
+        "value": lambda line: f"{line.gain:g} {UNITS[line.kind]}",
+        "unstable from": lambda line: f"{line.limit:.4g} {UNITS[line.kind]}",
+        "margin": lambda line: f"{line.margin:.2f} times",
     }
-    rows = []
-    for trace in traces:
-        facts = asdict(trace)
-        rows.append({**facts.pop("case"), "theory": limit_of(trace.case, theory), **facts})
-    files = [write_rows(rows, folder / "stability.csv")]
-    for kind in HELD:
-        drawn = panels(kind, traces, theory, shipped)
-        title = f"Stability in {kind} on the whole simulated arm, {len(traces)} cases, one run a point"
-        files.append(draw_panels(drawn, title, folder / f"stability_{kind}.png", len(drawn) // 2, legend=3))
     shown = table(
         "Gains that the skin steers, against the boundary of theory",
         {"skill": lambda line: line.skill, "gain": lambda line: line.kind},
-        {
-            "value": lambda line: f"{line.gain:g} {UNITS[line.kind]}",
-            "unstable from": lambda line: f"{line.limit:.4g} {UNITS[line.kind]}",
-            "margin": lambda line: f"{line.margin:.2f} times",
-        },
+        columns,
         shipped,
         f"margin needed {MARGIN:g}; n = {len(traces)}. Observer off: {arm['stable_below']} stable below the boundary"
         f" and {arm['unstable_below']} not, {arm['unstable_above']} unstable above it and {arm['stable_above']} not."
         f" Observer on: {guard['unstable_with_observer']} unstable. Guard: stops {guard['unstable_stopped']} of"
         f" {guard['unstable']} unstable, {guard['stable_stopped']} of {guard['stable']} stable.",
     )
-    return StudyReport([shown], finite(result), files)
+    return reported(
+        shown,
+        folder,
+        {"stability.csv": rows},
+        charts,
+        cases=len(traces),
+        against_theory=arm,
+        guard=guard,
+        margin_needed=MARGIN,
+        shipped=shipped,
+    )

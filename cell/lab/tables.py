@@ -1,4 +1,4 @@
-"""Tables of several commands of the laboratory; nothing is printed here."""
+"""Tables of the laboratory; nothing is printed here."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -21,93 +21,14 @@ LOADED = (
     ("largest jerk elsewhere (m/s³)", 0),
 )
 """Name and decimals of each of `LOADS`."""
-
-PHASES = (
-    ("grasp", "grasp_time"),
-    ("search", "search_time"),
-    ("insertion", "insert_time"),
-    ("adjustment and seating", "adjust_time"),
-)
+PHASES = {
+    "grasp": "grasp_time",
+    "search": "search_time",
+    "insertion": "insert_time",
+    "adjustment and seating": "adjust_time",
+}
 """Parts of the cycle with a column of their own."""
-
-
-def stages(lines: Sequence[StageLine], cycles: Sequence[float]) -> Table:
-    """Return this cell's stage table beside [gibbons], Table I, and below it the mean of the successful runs' cycle times, s."""
-    table = Table(title="Stages, beside [gibbons], Table I")
-    table.caption = "means of the successes; stages as [gibbons] counts them, cycle from command to answer"
-    for name in ("stage", "success", "Wilson 95 %", "time (s)", "published", "time (s)"):
-        table.add_column(name, justify="left" if name == "stage" else "right")
-    published = [(p.label, p.successes, p.attempts, p.time) for p in PUBLISHED]
-    published.append(("total", PUBLISHED_SUCCESSES, PUBLISHED_ATTEMPTS, PUBLISHED_TOTAL))
-    for line, (label, good, attempts, time) in zip(lines, published, strict=True):
-        low, high = wilson(line.successes, line.attempts)
-        table.add_row(
-            label,
-            f"{line.successes}/{line.attempts}",
-            f"{100 * low:.1f} to {100 * high:.1f} %",
-            "-" if line.time is None else f"{line.time:.1f}",
-            f"{good}/{attempts}",
-            f"{time:.1f}",
-        )
-    cycle = mean(cycles)
-    table.add_row("cycle", "", "", "-" if cycle is None else f"{cycle:.1f}", "", "-")
-    return table
-
-
-def phases(rows: Sequence[TrialRow]) -> Table:
-    """Return the mean time of each part of the cycle over the successful runs, and its share of the cycle."""
-    table = Table(title="Where the time goes", caption="means of the successes; transfers end where a skill begins")
-    for name in ("part of the cycle", "time (s)", "%"):
-        table.add_column(name, justify="left" if name == "part of the cycle" else "right")
-    good = successes(rows)
-    times = {label: mean([getattr(row, name) or 0.0 for row in good]) or 0.0 for label, name in PHASES}
-    cycle = mean([row.cycle_time for row in good]) or math.nan
-    times["transfers and release"] = cycle - sum(times.values())
-    for label, time in (*times.items(), ("cycle", cycle)):
-        table.add_row(label, f"{time:.1f}", f"{100 * time / cycle:.0f}")
-    return table
-
-
-def outcomes(rows: Sequence[TrialRow]) -> Table:
-    """Return the number of trials with each ending."""
-    table = Table("outcome", "stage", "reason", "trials")
-    kinds = sorted({(row.outcome, row.stage, row.reason) for row in rows})
-    for kind in kinds:
-        count = sum((row.outcome, row.stage, row.reason) == kind for row in rows)
-        table.add_row(*kind, str(count))
-    return table
-
-
-def loads(rows: Sequence[TrialRow]) -> Table:
-    """Return contact force and jerk of the hand over all trials."""
-    within = sum(row.peak_contact_force <= OVER_FORCE for row in rows)
-    table = Table(title="Force and jerk")
-    table.caption = (
-        f"{within} of {len(rows)} trials within {OVER_FORCE:g} N; jerk behind a low-pass of {JERK_BANDWIDTH:g} Hz"
-    )
-    table.add_column("of a trial")
-    for name in ("median", "p95", "largest"):
-        table.add_column(name, justify="right")
-    for name, (label, digits) in zip(LOADS, LOADED, strict=True):
-        found = load(rows, name)
-        table.add_row(
-            label, *(f"{found[key]:.{digits}f}" for key in ("median", "p95", "largest")) if found else ("-",) * 3
-        )
-    return table
-
-
-def plain(title: str, lines: Sequence[Any]) -> Table:
-    """Return the lines of one dataclass unchanged, SI units."""
-    table = Table(title=title)
-    names = [field.name for field in fields(lines[0])]
-    for name in names:
-        table.add_column(name, justify="right")
-    for line in lines:
-        values = (getattr(line, name) for name in names)
-        table.add_row(*(f"{value:.4g}" if isinstance(value, float) else str(value) for value in values))
-    return table
-
-
+ENDINGS = "endings other than success"
 Columns = Mapping[str, Callable[[Any], str]]
 """Function that returns the text of a row, by the name of the column."""
 
@@ -119,18 +40,19 @@ def share(successes: int, of: int) -> str:
 
 
 SUCCESSES: Columns = {"success (Wilson 95 %)": lambda line: share(line.successes, line.trials)}
-TIMES: Columns = {"mean (s)": lambda line: f"{line.mean:.1f}", "p95 (s)": lambda line: f"{line.p95:.1f}"}
-FORCES: Columns = {
+VARIANTS: Columns = {
+    **SUCCESSES,
+    "mean (s)": lambda line: f"{line.mean:.1f}",
+    "p95 (s)": lambda line: f"{line.p95:.1f}",
     "force (N)": lambda line: f"{line.force_median:.1f}",
     f"within {OVER_FORCE:g} N": lambda line: f"{line.within}/{line.trials}",
+    ENDINGS: lambda line: line.error or line.endings,
 }
+"""Columns of the lines of variants: times are of the successes, forces each trial's largest."""
 TURNS: Columns = {
     "turn median (deg)": lambda line: f"{math.degrees(line.turn_median):.0f}",
     "p95 (deg)": lambda line: f"{math.degrees(line.turn_p95):.0f}",
 }
-ENDINGS: Columns = {"endings other than success": lambda line: line.error or line.endings}
-VARIANTS: Columns = {**SUCCESSES, **TIMES, **FORCES, **ENDINGS}
-"""Columns of the lines of variants: times are of the successes, forces each trial's largest."""
 
 
 def table(title: str, names: Columns, columns: Columns, rows: Sequence[Any], caption: str = "") -> Table:
@@ -143,11 +65,11 @@ def table(title: str, names: Columns, columns: Columns, rows: Sequence[Any], cap
         rows: Rows, one line each.
         caption: Text below.
     """
-    shown, before = Table(title=title, caption=caption or None), ""
+    shown, before = Table(title=title, caption=caption), ""
     for name in names:
         shown.add_column(name)
     for name in columns:
-        shown.add_column(name, justify="left" if name in ENDINGS else "right")
+        shown.add_column(name, justify="left" if name == ENDINGS else "right")
     for row in rows:
         first, *others = (text(row) for text in names.values())
         shown.add_row(
@@ -157,3 +79,71 @@ def table(title: str, names: Columns, columns: Columns, rows: Sequence[Any], cap
         )
         before = first
     return shown
+
+
+def plain(title: str, lines: Sequence[Any]) -> Table:
+    """Return the lines of one dataclass unchanged, SI units."""
+
+    def cell(name: str) -> Callable[[Any], str]:
+        return lambda line: f"{value:.4g}" if isinstance(value := getattr(line, name), float) else str(value)
+
+    first, *others = (field.name for field in fields(lines[0]))
+    return table(title, {first: cell(first)}, {name: cell(name) for name in others}, lines)
+
+
+def stages(lines: Sequence[StageLine], cycles: Sequence[float]) -> Table:
+    """Return this cell's stage table beside [gibbons], Table I, and below it the mean of the successful runs' cycle times, s."""
+    published = [(p.label, p.successes, p.attempts, p.time) for p in PUBLISHED]
+    published.append(("total", PUBLISHED_SUCCESSES, PUBLISHED_ATTEMPTS, PUBLISHED_TOTAL))
+    rows = []
+    for line, (label, good, attempts, time) in zip(lines, published, strict=True):
+        low, high = wilson(line.successes, line.attempts)
+        own = f"{line.successes}/{line.attempts}", f"{100 * low:.1f} to {100 * high:.1f} %", _seconds(line.time)
+        rows.append((label, *own, f"{good}/{attempts}", f"{time:.1f}"))
+    rows.append(("cycle", "", "", _seconds(mean(cycles)), "", "-"))
+    caption = "means of the successes; stages as [gibbons] counts them, cycle from command to answer"
+    heads = "stage", "success", "Wilson 95 %", "time (s)", "published", "their time (s)"
+    return _listed("Stages, beside [gibbons], Table I", heads, rows, caption)
+
+
+def phases(rows: Sequence[TrialRow]) -> Table:
+    """Return the mean time of each part of the cycle over the successful runs, and its share of the cycle."""
+    good = successes(rows)
+    times = {label: mean([getattr(row, name) or 0.0 for row in good]) or 0.0 for label, name in PHASES.items()}
+    cycle = mean([row.cycle_time for row in good]) or math.nan
+    times |= {"transfers and release": cycle - sum(times.values()), "cycle": cycle}
+    found = [(label, f"{time:.1f}", f"{100 * time / cycle:.0f}") for label, time in times.items()]
+    caption = "means of the successes; transfers end where a skill begins"
+    return _listed("Where the time goes", ("part of the cycle", "time (s)", "%"), found, caption)
+
+
+def outcomes(rows: Sequence[TrialRow]) -> Table:
+    """Return the number of trials with each ending."""
+    kinds = [(row.outcome, row.stage, row.reason) for row in rows]
+    found = [(*kind, str(kinds.count(kind))) for kind in sorted(set(kinds))]
+    return _listed("", ("outcome", "stage", "reason", "trials"), found, "")
+
+
+def loads(rows: Sequence[TrialRow]) -> Table:
+    """Return contact force and jerk of the hand over all trials."""
+    within, keys = sum(row.peak_contact_force <= OVER_FORCE for row in rows), ("median", "p95", "largest")
+    found = []
+    for name, (label, digits) in zip(LOADS, LOADED, strict=True):
+        values = load(rows, name)
+        found.append((label, *(f"{values[key]:.{digits}f}" if values else "-" for key in keys)))
+    caption = f"{within} of {len(rows)} trials within {OVER_FORCE:g} N; jerk behind a low-pass of {JERK_BANDWIDTH:g} Hz"
+    return _listed("Force and jerk", ("of a trial", *keys), found, caption)
+
+
+def _seconds(time: float | None) -> str:
+    return "-" if time is None else f"{time:.1f}"
+
+
+def _listed(title: str, heads: Sequence[str], rows: Sequence[Sequence[str]], caption: str) -> Table:
+    """Return texts under their heads as a table."""
+
+    def cell(number: int) -> Callable[[Sequence[str]], str]:
+        return lambda row: row[number]
+
+    columns = {head: cell(number) for number, head in enumerate(heads)}
+    return table(title, {heads[0]: columns.pop(heads[0])}, columns, rows, caption)

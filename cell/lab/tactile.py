@@ -11,7 +11,7 @@ import math
 import time
 from collections.abc import Callable, Iterator, Sequence
 from copy import copy
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import Literal
 
@@ -23,9 +23,8 @@ from cell.devices.assembly import make_estimator
 from cell.lab.arguments import advancing, load_simulated
 from cell.lab.charts import BLUE, GREEN, GREY, PURPLE, Curve, Panel, draw_panels
 from cell.lab.elastic_layer import layer_pads
-from cell.lab.report import StudyReport
-from cell.lab.rows import write_rows
-from cell.lab.tables import table
+from cell.lab.report import StudyReport, reported
+from cell.lab.tables import Columns, table
 from drivers.errors import ConfigError
 from drivers.parts import Peg
 from drivers.quantities import TaxelFrame, Vector
@@ -36,7 +35,7 @@ from sim.hand.pads import PadLoad, Pads
 from sim.hand.skin import Taxels
 from skills.catalogue import INSERT
 from skills.tactile.estimators import ESTIMATORS
-from skills.tactile.pose import PegPose
+from skills.tactile.pose import Estimator, PegPose
 
 LOOKS = ((GREY, "s"), (BLUE, "^"), (PURPLE, "o"), (GREEN, "v"))
 """Colours and markers of the estimators, in their order."""
@@ -140,11 +139,7 @@ def study(config: CellConfig, is_quick: bool, done: Callable[[int], None]) -> li
             frames = list(made(skin, layout, model, condition, count, config))
             for name, estimator in estimators.items():
                 copy(estimator).estimate(frames[0][1])
-                reader = copy(estimator)
-                reads = [
-                    read((copy(estimator) if condition.forgets else reader).estimate, theta, frame)
-                    for theta, frame in frames
-                ]
+                reads = reads_of(estimator, frames, condition.forgets)
                 lines.append(summed(layout, model, condition.name, name, reads))
             done(1)
     return lines
@@ -248,6 +243,18 @@ def read(estimate: Callable[[TaxelFrame], PegPose], theta: float, frame: TaxelFr
     return Read(theta, (pose.theta - theta + math.pi / 2) % math.pi - math.pi / 2, pose.sigma, pose.healthy, spent)
 
 
+def reads_of(estimator: Estimator, frames: Sequence[tuple[float, TaxelFrame]], forgets: bool) -> list[Read]:
+    """Return an estimator's results for frames, each given with the peg's true angle, rad.
+
+    Args:
+        estimator: Estimator before its first frame; it stays so.
+        frames: True angles, rad, and frames.
+        forgets: True if every frame is the estimator's first.
+    """
+    reader = copy(estimator)
+    return [read((copy(estimator) if forgets else reader).estimate, theta, frame) for theta, frame in frames]
+
+
 def summed(layout: str, model: str, condition: str, estimator: str, reads: Sequence[Read]) -> TactileLine:
     """Return the summary line of frames; NaN if no angle was reported."""
     told = [read for read in reads if read.healthy]
@@ -300,24 +307,22 @@ def run(args: argparse.Namespace) -> StudyReport:
     config, folder = load_simulated(args, "study tactile", pace=None).cell, out_folder(args.out)
     with advancing("frames", len(LAYOUTS) * len(kinds())) as done:
         lines = study(config, args.quick, done)
+    names: Columns = {
+        "layout": lambda line: line.layout,
+        "pads": lambda line: line.model,
+        "frames": lambda line: line.condition,
+    }
+    columns: Columns = {
+        "estimator": lambda line: line.estimator,
+        "n": lambda line: f"{line.frames}",
+        "reported": lambda line: f"{100 * line.told:.1f} %",
+        "RMS error (deg)": lambda line: f"{line.rmse:.2f}",
+        "p95": lambda line: f"{line.p95:.2f}",
+        "worst": lambda line: f"{line.worst:.2f}",
+        "in 1.96 sigma": lambda line: f"{line.covered:.2f}",
+        "us": lambda line: f"{1e6 * line.time:.0f}",
+    }
+    shown = table("Estimators of the peg's angle", names, columns, lines)
     title = "Nominal noise. Symbol: RMS error, bar: to the worst; filled: bed of springs, hollow: elastic layer"
-    files = [
-        write_rows(lines, folder / "tactile.csv"),
-        draw_panels(panels(lines), title, folder / "tactile_speed_accuracy.png", legend=6),
-    ]
-    shown = table(
-        "Estimators of the peg's angle",
-        {"layout": lambda line: line.layout, "pads": lambda line: line.model, "frames": lambda line: line.condition},
-        {
-            "estimator": lambda line: line.estimator,
-            "n": lambda line: f"{line.frames}",
-            "reported": lambda line: f"{100 * line.told:.1f} %",
-            "RMS error (deg)": lambda line: f"{line.rmse:.2f}",
-            "p95": lambda line: f"{line.p95:.2f}",
-            "worst": lambda line: f"{line.worst:.2f}",
-            "in 1.96 sigma": lambda line: f"{line.covered:.2f}",
-            "us": lambda line: f"{1e6 * line.time:.0f}",
-        },
-        lines,
-    )
-    return StudyReport([shown], {"lines": [asdict(line) for line in lines]}, files)
+    chart = draw_panels(panels(lines), title, folder / "tactile_speed_accuracy.png", legend=6)
+    return reported(shown, folder, {"tactile.csv": lines}, [chart], lines=lines)

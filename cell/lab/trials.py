@@ -1,6 +1,5 @@
 """Many insertions, each on a fresh simulated cell with its own seed, on every core; one row each in trials.csv."""
 
-import csv
 import json
 import math
 import platform
@@ -8,7 +7,7 @@ import time
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
-from dataclasses import asdict, dataclass, field, fields, replace
+from dataclasses import asdict, dataclass, field, replace
 from functools import partial
 from itertools import filterfalse, takewhile
 from operator import attrgetter
@@ -18,7 +17,7 @@ from typing import TYPE_CHECKING, Any, Protocol, TextIO
 from cell.config.cell_config import CellConfig
 from cell.devices.assembly import Cell, assemble, opened
 from cell.lab.published import PUBLISHED, Tried, stage_table
-from cell.lab.rows import known, successes
+from cell.lab.rows import known, successes, write_rows
 from cell.lab.workers import on_cluster, on_processes
 from cell.peg.ending import Ending, ending_of
 from cell.peg.part_state import PartState
@@ -143,11 +142,6 @@ class TrialRow:
             if (value := getattr(self, name)) is not None
         }
         return Tried(self.outcome == Outcome.SUCCESS, self.stage, times)
-
-
-MORE = "more"
-COLUMNS = tuple(f.name for f in fields(TrialRow) if f.name != MORE)
-"""Columns of every table; those of `TrialRow.more` follow."""
 
 
 @dataclass(slots=True)
@@ -309,6 +303,7 @@ def run_trials(
     is_enough: Callable[[Sequence[TrialRow]], bool] | None = None,
     probe: MakeProbe = no_probe,
     program: Program = insert_peg,
+    run: Callable[..., TrialRow] = run_trial,
 ) -> list[TrialRow]:
     """Run a trial of every seed on `workers` processes, or on a cluster, and return the rows, sorted by seed.
 
@@ -326,6 +321,7 @@ def run_trials(
             seed.
         probe: Function that prepares each trial and returns its probe.
         program: Program of every trial.
+        run: Function that runs one trial, with the arguments of `run_trial`.
 
     Raises:
         ConfigError: The folder is not writable, or the packages for a cluster are missing.
@@ -346,7 +342,7 @@ def run_trials(
             return _ending(rows, order, is_enough) is not None
 
         missing = [] if is_over() else list(filterfalse(rows.__contains__, seeds))
-        task = partial(run_trial, config, probe=probe, program=program)
+        task = partial(run, config, probe=probe, program=program)
         began, taken_up = time.perf_counter(), len(rows)
         if scheduler:
             results = on_cluster(task, missing, scheduler, is_over)
@@ -405,52 +401,12 @@ def _resume(kept: TextIO, config: CellConfig) -> list[TrialRow]:
 
 def write_table(rows: Sequence[TrialRow], path: Path) -> None:
     """Write rows as CSV."""
-    with path.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        more = tuple(dict.fromkeys(name for row in rows for name in row.more))
-        writer.writerow((*COLUMNS, *more))
-        writer.writerows(
-            [*(_cell(getattr(row, name)) for name in COLUMNS), *(row.more.get(name, "") for name in more)]
-            for row in rows
-        )
-
-
-def read_table(path: Path) -> list[TrialRow]:
-    """Return the rows written by `write_table`.
-
-    Raises:
-        OSError: The file does not exist or is not readable.
-        ValueError: The file does not contain such a table.
-    """
-    with path.open(newline="", encoding="utf-8") as file:
-        table = csv.DictReader(file)
-        found = tuple(table.fieldnames or ())
-        if found[: len(COLUMNS)] != COLUMNS:
-            raise ValueError(f"{path}: other columns than this program writes")
-        more = found[len(COLUMNS) :]
-        return [
-            TrialRow(
-                **{f.name: _READERS[f.type](row[f.name]) for f in fields(TrialRow) if f.name != MORE},
-                more={name: row[name] for name in more},
-            )
-            for row in table
-        ]
-
-
-_READERS: dict[Any, Callable[[str], Any]] = {
-    int: int,
-    float: float,
-    str: str,
-    bool: "true".__eq__,
-    float | None: lambda text: float(text) if text else None,
-}
-"""Function that parses a CSV cell of each type."""
-
-
-def _cell(value: object) -> object:
-    if value is None:
-        return ""
-    return str(value).lower() if isinstance(value, bool) else value
+    empty, cells = {name: "" for row in rows for name in row.more}, []
+    for row in rows:
+        own = asdict(row)
+        more = own.pop("more")
+        cells.append({**own, "switch_closed": str(row.switch_closed).lower(), **empty, **more})
+    write_rows(cells, path)
 
 
 def summarise(rows: Sequence[TrialRow], config: CellConfig) -> dict[str, Any]:

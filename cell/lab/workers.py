@@ -16,6 +16,7 @@ from multiprocessing import connection
 from queue import Empty, SimpleQueue
 from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 
+from cell.lab.arguments import advancing
 from cell.records.provenance import versions
 from drivers.errors import CellError, ConfigError
 
@@ -75,14 +76,13 @@ def on_processes(
         pool.leave()
 
 
-def each_of(
-    task: Callable[..., Row], jobs: Sequence[tuple[Any, ...]], workers: int, done: Callable[[int], None]
-) -> list[Row]:
-    """Return `task(*job)` of every job, in the order of the jobs; `done` is called with 1 after each."""
+def each_of(task: Callable[..., Row], jobs: Sequence[tuple[Any, ...]], workers: int, name: str) -> list[Row]:
+    """Return `task(*job)` of every job, in the order of the jobs, and show a bar of progress with this name."""
     found: dict[int, Row] = {}
-    for number, row in on_processes(partial(_numbered, task, jobs), range(len(jobs)), workers):
-        found[number] = row
-        done(1)
+    with advancing(name, len(jobs)) as done:
+        for number, row in on_processes(partial(_numbered, task, jobs), range(len(jobs)), workers):
+            found[number] = row
+            done(1)
     return [found[number] for number in range(len(jobs))]
 
 

@@ -4,26 +4,18 @@ import json
 import math
 import random
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from itertools import groupby
 
 import numpy as np
 import pytest
 
-from cell.config.load import load
-from cell.config.parameters import PARAMETERS
-from cell.devices.assembly import assemble, opened
-from cell.records.journal import Journal
 from cell.records.samples import read_samples
-from cell.run.line import PROGRAMS
 from cell.run.states import State
-from cell.run.supervisor import Supervisor
-from plc_bridge.bridge import Bridge
 from plc_bridge.protocol.messages import Control, PartPlace, Result
 from skills.catalogue import CATALOGUE
 from skills.guards.rest import REST_SPEED
-from tests.fakes import FakePlc
-from tests.simulated_line import INSERT, ScanClock
+from tests.simulated_line import INSERT, line
 
 LENGTHS = {
     "grasp_from_rack": 320,
@@ -41,14 +33,6 @@ CREEP = 0.001
 """Way of a halted arm, m: the hand goes on closing, on a peg that stands in the rack."""
 
 
-class HeardBridge(Bridge):
-    """A bridge that remembers every state that was published."""
-
-    def publish(self, report):
-        self.states = [*getattr(self, "states", []), State(report.state)]
-        super().publish(report)
-
-
 @dataclass
 class Braking:
     """Motion of an arm from a command on."""
@@ -63,46 +47,29 @@ class Braking:
 class Controlled:
     """A simulated cell and a PLC that interferes at a chosen scan of a stage."""
 
-    def __init__(self, cell, loaded, folder):
-        self.clock = ScanClock(cell.clock)
-        self.journal = Journal(folder)
-        self.bridge = HeardBridge(loaded.cell.plc, PROGRAMS, PARAMETERS, now=self.clock.now)
-        self.cell = replace(cell, clock=self.clock)
-        self.supervisor = Supervisor(self.cell, loaded, self.bridge, self.journal)
-        self.plc = FakePlc(self.bridge, self.clock)
-        self.clock.every.append(self._look)
+    def __init__(self, line, folder):
+        self.line, self.folder = line, folder
+        line.clock.every.append(self._look)
         self._plan, self._scans_of_stage = {}, 0
         self.brakings: list[Braking] = []
         self._is_braking = False
 
     def run(self, control, plan):
         """Run `insert_peg`, with `control` at each scan of a stage that `plan` names, and return its record."""
-        before = self.supervisor.last
-        self._plan, self.brakings, self.bridge.states = dict(plan), [], []
-        self._control = control
-        self.plc.trigger(INSERT)
-        while self.supervisor.last is before:
-            self.supervisor.scan()
-        for _ in range(PAUSE):
-            self.supervisor.scan()
+        self._plan, self.brakings, self._control, self.line.bridge.states = dict(plan), [], control, []
+        self.line.command(INSERT)
+        self.line.scan(PAUSE)
         self._is_braking = False
-        return self.journal.find(self.supervisor.last.run)
-
-    def obey(self, control):
-        """Send a control to the cell at rest and return the report."""
-        self.plc.trigger(control)
-        for _ in range(2):
-            self.supervisor.scan()
-        return self.plc.report
+        return self.line.supervisor.last
 
     @property
     def states(self):
         """The states of the run in their order."""
-        states = [state for state, _ in groupby(self.bridge.states)]
+        states = [state for state, _ in groupby(self.line.bridge.states)]
         return states[states.index(State.STARTING) :]
 
     def _look(self):
-        report = self.plc.report
+        report = self.line.plc.report
         if self._is_braking:
             self._watch(self.brakings[-1], report)
         elif self._plan and report.state == State.EXECUTE:
@@ -113,26 +80,23 @@ class Controlled:
                 self._scans_of_stage = 0
                 self._is_braking = True
                 self.brakings.append(Braking(report.stage))
-                self.plc.trigger(self._control)
+                self.line.plc.trigger(self._control)
 
     def _watch(self, braking, report):
-        arm = self.cell.arm.read()
+        arm = self.line.cell.arm.read()
         braking.ages.append(arm.setpoint_age)
         braking.speeds.append(float(np.max(np.abs(arm.dq))))
         braking.places.append(arm.tcp.position)
         braking.states.append(State(report.state))
         if self._control is Control.HOLD and len(braking.ages) == BRAKING + PAUSE:
             self._is_braking = False
-            self.plc.trigger(Control.UNHOLD)
+            self.line.plc.trigger(Control.UNHOLD)
 
 
 @contextmanager
 def controlled(folder, seed):
-    loaded = load(sets=["sim.pace=max", "reality.scale=0.0", f"sim.seed={seed}"])
-    with opened(assemble(loaded.cell)) as cell:
-        made = Controlled(cell, loaded, folder)
-        with made.journal:
-            yield made
+    with line(folder, seed=seed) as made:
+        yield Controlled(made, folder)
 
 
 def moments(seed):
@@ -178,17 +142,17 @@ def test_every_skill_is_ended_by_stop_or_abort_and_after_a_reset_the_next_run_st
             assert (row.run, row.outcome, row.reason) == (run, "aborted", "stopped")
             assert CATALOGUE.stage_number(row.stage) == cell.brakings[0].stage
             assert_complete(row, cell)
-            assert cell.plc.report.result == Result.ABORTED
+            assert cell.line.plc.report.result == Result.ABORTED
             if control is Control.ABORT:
-                assert cell.obey(Control.CLEAR).state == State.STOPPED
-            assert cell.obey(Control.RESET).state == State.IDLE
-            assert cell.obey(Control.CLEARED).part == PartPlace.RACK  # somebody takes the peg out of the hand
+                assert cell.line.command(Control.CLEAR).state == State.STOPPED
+            assert cell.line.command(Control.RESET).state == State.IDLE
+            assert cell.line.command(Control.CLEARED).part == PartPlace.RACK  # somebody takes the peg out of the hand
 
 
 def assert_complete(row, cell):
     """Every stage has its time and its samples, and no scan is missing."""
     times = dict(json.loads(row.stage_times))
-    samples = read_samples(cell.journal.samples_path(row.run))
+    samples = read_samples(cell.folder / f"run-{row.run:06d}.arrows")
     assert [CATALOGUE.stage_number(name) for name in times] == sorted(set(samples["stage"]))
-    period = 1.0 / cell.cell.config.scan_rate
+    period = 1.0 / cell.line.cell.config.scan_rate
     assert np.diff(samples["stamp"]).max() == pytest.approx(period)

@@ -5,13 +5,13 @@ import pytest
 
 from cell.config.load import load
 from cell.lab.charts import draw_panels
-from cell.lab.compare import variants_of
+from cell.lab.compare import chosen
 from cell.lab.seating import hanging, line_of, panel
 from cell.lab.trials import run_trial
 from drivers.parts import Latch
 from skills.seating.latch_likelihood import GRID, SHEAR, InsertionStroke, resistance
 
-CASES = {variant.family: variant for variant in variants_of("seating")}
+CASES = {variant.family: variant for variant in chosen("seating", is_quick=False)}
 
 
 def tried(case):

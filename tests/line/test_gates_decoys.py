@@ -8,7 +8,7 @@ import pytest
 
 from cell.config.load import load
 from cell.lab import contact_rig as rig
-from cell.lab.section import section_depth
+from cell.lab.section import round_depth
 from cell.lab.trials import run_trial
 from drivers.errors import ConfigError
 from drivers.part.round import Round
@@ -39,9 +39,7 @@ def test_a_peg_goes_as_deep_into_either_hole_as_geometry_allows(degrees, hole, a
     axes = rig.attitude(tilt, 0.3)
     start = np.array([at, 0.0]) - 0.3 * rig.lowest(PEG, tilt, 0.3)[:2]
     depth, lasted = pushed(plate_with_a_decoy(), PEG, axes, start, steps=4000)
-    assert depth == pytest.approx(
-        min(section_depth(PEG.diameter, hole.diameter, tilt, 4001), floor), rel=0.01, abs=2e-5
-    )
+    assert depth == pytest.approx(min(round_depth(PEG, hole, tilt), floor), rel=0.01, abs=2e-5)
     assert lasted < VOID_PENETRATION
 
 

@@ -1,16 +1,16 @@
 """The ladder of contact models in its smallest form: everything is measured, marked and drawn, and nothing is dropped."""
 
-import csv
 import math
 
 import pytest
 
 from cell.lab import contact
 from cell.lab.charts import draw_panels
-from cell.lab.contact import HOLES, SHIPPED, Rung, boundary_bouncing, boundary_bound, model, plan, verdict
+from cell.lab.contact import HOLES, SHIPPED, Rung, boundary_bouncing, boundary_bound, ladder, model, verdict
 from cell.lab.rows import write_rows
 from drivers.part.rectangular import Rectangular
 from drivers.part.round import Round
+from tests.studies import rows_of
 
 PEG, HOLE = Round(0.008), Round(0.0081)
 EXACT = Rung(SHIPPED, "closed form", model(), 5e-4)
@@ -55,9 +55,9 @@ def test_the_shipped_model_is_good_for_a_peg_with_corners_too(sides):
 
 
 def test_a_peg_with_corners_is_studied_only_with_the_models_that_serve_it():
-    models = {rung.model.hole for rung in plan(False, Rectangular(0.008, 0.008)).rungs}
+    models = {rung.model.hole for rung in ladder(Rectangular(0.008, 0.008))}
     assert models == {"exact", "unpredicted"}
-    assert {rung.model.hole for rung in plan(False, PEG).rungs} > models
+    assert {rung.model.hole for rung in ladder(PEG)} > models
 
 
 def test_integration_fails_beyond_the_boundary_of_theory_and_not_below(points):
@@ -82,7 +82,6 @@ def test_the_boundaries_are_those_of_the_linear_maps():
 
 
 def test_tables_and_pictures_are_written(rungs, points, tmp_path):
-    with write_rows(rungs, tmp_path / "contact.csv").open() as file:
-        assert len(list(csv.DictReader(file))) == len(rungs)
+    assert len(rows_of(write_rows(rungs, tmp_path / "contact.csv"))) == len(rungs)
     panels = [contact.ladder_panel(rungs, "8 mm in 8.1 mm"), *contact.map_panels(points)]
     assert draw_panels(panels, "title", tmp_path / "contact.png").stat().st_size > 10_000

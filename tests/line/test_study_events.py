@@ -26,11 +26,11 @@ def test_the_peg_falls_only_if_there_is_a_hole_and_the_fall_is_detected():
 
 def test_a_fall_after_a_false_event_does_not_count():
     rows = [
-        HoleEventRow(1, False, 5.0, NAN, False, NAN, NAN),
-        HoleEventRow(2, False, 5.0, 1.0, False, NAN, NAN, 1, True),
-        HoleEventRow(1, True, 2.0, NAN, True, 0.01, 1e-3),
-        HoleEventRow(2, True, 2.0, NAN, True, NAN, NAN),
-        HoleEventRow(3, True, 2.0, 1.0, True, NAN, NAN),
+        HoleEventRow(1, False, 5.0, NAN, False, NAN),
+        HoleEventRow(2, False, 5.0, 1.0, False, NAN, 1, True),
+        HoleEventRow(1, True, 2.0, NAN, True, 0.01),
+        HoleEventRow(2, True, 2.0, NAN, True, NAN),
+        HoleEventRow(3, True, 2.0, 1.0, True, NAN),
     ]
     line = line_of(rows)
     assert (line.searches, line.stopped, line.probes, line.finds) == (2, 1, 1, 1)

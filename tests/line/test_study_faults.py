@@ -1,6 +1,5 @@
 """The campaign of faults, with one case of it: what must hold on any computer holds."""
 
-import csv
 import math
 from collections import Counter
 from dataclasses import replace
@@ -8,7 +7,7 @@ from dataclasses import replace
 import pytest
 
 from cell.config.load import load
-from cell.lab.faults import charts, ends, tables
+from cell.lab.faults import ends, tables
 from cell.lab.faults.bench import KEYS, REST_LIMIT
 from cell.lab.faults.cases import STAGES, TABLE, FaultCase, begun, planned
 from cell.lab.faults.contract import FaultKind
@@ -18,6 +17,7 @@ from cell.lab.faults.soak import SoakSample, earlier, pieces, soak
 from cell.lab.rows import write_rows
 from cell.records.provenance import versions
 from drivers.errors import ConfigError, FaultCode
+from tests.studies import rows_of
 
 BY_NAME = {kind.name: kind for kind in KINDS}
 KIND = BY_NAME["skin: unplugged"]
@@ -231,8 +231,7 @@ def test_a_piece_of_the_soak_inserts_after_every_group_of_commands():
 
 
 def test_table_and_chart_are_written(tmp_path):
-    charts.draw([SOUND, replace(SOUND, kind="skin: frozen", rest_after=math.nan)], tmp_path / charts.CHART)
-    with write_rows([SOUND], tmp_path / TABLE).open() as file:
-        (row,) = csv.DictReader(file)
+    chart = tables.draw([SOUND, replace(SOUND, kind="skin: frozen", rest_after=math.nan)], tmp_path / tables.CHART)
+    (row,) = rows_of(write_rows([SOUND], tmp_path / TABLE))
     assert row["kind"] == "arm: reflex"
-    assert (tmp_path / charts.CHART).stat().st_size > 10_000
+    assert chart.stat().st_size > 10_000

@@ -8,7 +8,7 @@ import pytest
 from cell.config.load import load
 from cell.lab import paper
 from cell.lab.published import PUBLISHED
-from cell.lab.trials import TABLE, VOID, read_table
+from cell.lab.trials import TABLE, VOID
 from skills import catalogue
 from tests.studies import is_chart, rows_of, studied
 from tests.trial_rows import SEATED
@@ -46,6 +46,6 @@ def test_the_method_is_judged_stage_by_stage_on_seeds_of_its_own(tmp_path) -> No
     words = ("--workers", "1", "--seed", "7", "--trials", "1", "--set", "search.timeout=0.5")
     found = studied(tmp_path, "paper", *words)
     assert [stage["name"] for stage in found["stages"]] == [SEARCH, INSERT, ADJUST, "total"]
-    assert {row.seed for row in read_table(tmp_path / "judge-kept" / TABLE)} == {507}
+    assert {row["seed"] for row in rows_of(tmp_path / "judge-kept" / TABLE)} == {"507"}
     assert len(rows_of(tmp_path / "paper.csv")) == 4
     assert is_chart(tmp_path / "paper.png")

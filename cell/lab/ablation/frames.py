@@ -1,16 +1,14 @@
 """Error of theta on single frames with the whole estimator and without each of its rules; the frames are those of `cell study tactile`."""
 
 from collections.abc import Callable, Iterator
-from copy import copy
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from cell.config.load import load
 from cell.devices.assembly import make_estimator
-from cell.lab.ablation.rules import ANGLE, SCENES
+from cell.lab.ablation.rules import RULES, SCENES
 from cell.lab.ablation.switch import Rule, without
-from cell.lab.tactile import CONDITIONS, Condition, Model, Read, kinds, made, read, simulated_skin, summed
+from cell.lab.tactile import CONDITIONS, Condition, Model, TactileLine, kinds, made, reads_of, simulated_skin, summed
 from drivers.quantities import TaxelFrame
-from skills.tactile.pose import Estimator
 
 LAWS = ("hertz", "foam")
 """Scenes whose pads follow another law than the templates assume; only nominal frames are tested on them."""
@@ -22,35 +20,15 @@ STUCK = 8000.0
 """Reading of a single wrong taxel, counts; a peg reads up to twice as much."""
 
 
-@dataclass(frozen=True, slots=True)
-class FramesLine:
-    """Errors of the reported angles of one kind of frames, degrees."""
-
-    off: str
-    """Name of the rule that was switched off; empty for none."""
-    frames: str
-    """Pads and condition."""
-    told: float
-    """Share of frames with a reported angle, fraction."""
-    rmse: float
-    p95: float
-    covered: float
-    """Share of reported angles with an error within 1.96 sigma, fraction."""
-    time: float
-    """Median time for one frame, s."""
-
-
-def measure(count: int, done: Callable[[], None]) -> list[FramesLine]:
+def measure(count: int, done: Callable[[int], None]) -> list[TactileLine]:
     """Return the errors of `count` frames of each kind, with all rules of the estimator and without each."""
     tables = list(_frames(count))
     lines = []
-    for rule in (
-        None,
-        *(rule for rule in ANGLE if rule.target.startswith(("skills.tactile.robust", "skills.tactile.likelihood"))),
-    ):
+    of_frames = ("skills.tactile.robust", "skills.tactile.likelihood")
+    for rule in (None, *(rule for rule in RULES.values() if rule.target.startswith(of_frames))):
         for name, frames in tables:
             lines.append(_line(rule, name, frames))
-            done()
+            done(1)
     return lines
 
 
@@ -77,16 +55,7 @@ def _spoilt(frame: TaxelFrame, number: int) -> TaxelFrame:
     return replace(frame, values=values)
 
 
-def _line(rule: Rule | None, name: str, frames: list[tuple[float, TaxelFrame]]) -> FramesLine:
+def _line(rule: Rule | None, name: str, frames: list[tuple[float, TaxelFrame]]) -> TactileLine:
     with without([rule] if rule else []):
-        estimator = make_estimator(load().cell)
-        reads = list(_read(estimator, name, frames))
-    line = summed("", "", name, "", reads)
-    return FramesLine(rule.name if rule else "", name, line.told, line.rmse, line.p95, line.covered, line.time)
-
-
-def _read(estimator: Estimator, name: str, frames: list[tuple[float, TaxelFrame]]) -> Iterator[Read]:
-    reader = copy(estimator)
-    for theta, frame in frames:
-        each = copy(estimator) if name.endswith("first frame") else reader
-        yield read(each.estimate, theta, frame)
+        reads = reads_of(make_estimator(load().cell), frames, name.endswith("first frame"))
+    return summed("", "", name, f"without {rule.name}" if rule else "all rules", reads)

@@ -1,12 +1,11 @@
 """Trials with all rules, and again without each rule on the seeds on which it acted."""
 
-import json
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import closing
-from dataclasses import asdict, dataclass, field, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -14,40 +13,16 @@ from cell.config.cell_config import CellConfig
 from cell.config.load import load
 from cell.lab.ablation.rules import RULES, SCENES, rules_of
 from cell.lab.ablation.switch import watching, without
-from cell.lab.trials import run_trial
-from cell.lab.workers import on_processes
+from cell.lab.trials import TrialRow, run_trial, run_trials
 from cell.records.statistics import student, wilson
 from drivers.errors import ConfigError
 from skills.contract import Outcome
 
-ROWS = "ablation.jsonl"
+ACTED, SPENT = "acted", "spent: "
+"""Columns of a trial with all rules: rules that changed a decision, and the time in each rule's function, s per scan."""
 SCANS_A_SECOND = 100.0
-
-
-@dataclass(frozen=True, slots=True)
-class Trial:
-    """One trial of a scene, with all rules or without one; SI units."""
-
-    scene: str
-    off: str
-    """Name of the rule that was switched off; empty for none."""
-    seed: int
-    outcome: str
-    reason: str
-    time: float
-    """Search, insertion and adjustment, s."""
-    force: float
-    """Largest net force between peg and plate, N."""
-    retries: int
-    acted: Sequence[str] = ()
-    """Rules that changed a decision; with all rules only."""
-    spent: Mapping[str, float] = field(default_factory=dict)
-    """Time in each rule's function, s per scan; with all rules only."""
-
-    @property
-    def is_success(self) -> bool:
-        """True if the peg was inserted."""
-        return self.outcome == Outcome.SUCCESS
+Rows = Mapping[int, TrialRow]
+"""Trials by seed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,28 +53,24 @@ class Effect:
     """Time in the rule's function, s per scan."""
 
 
-def config_of(scene: str) -> CellConfig:
-    """Return the config of a scene, at full speed."""
-    return load(sets=("sim.pace=max", *SCENES[scene])).cell
-
-
-def run_one(scene: str, off: str, seed: int) -> Trial:
-    """Run one trial of a scene, without the rule named `off`, if any."""
-    if off:
-        config = load(sets=("sim.pace=max", *SCENES[scene], *RULES[off].keys)).cell
-        with without([RULES[off]]):
-            row = run_trial(config, seed)
-        return Trial(
-            scene, off, seed, row.outcome, row.reason, row.total_time or math.nan, row.peak_contact_force, row.retries
-        )
+def watched(scene: str, config: CellConfig, seed: int, **given: Any) -> TrialRow:
+    """Run one trial of a scene with all rules; the row contains the rules that acted, and their times."""
     with watching(rules_of(scene)) as watch:
-        row = run_trial(config_of(scene), seed)
+        row = run_trial(config, seed, **given)
     scans = row.sim_time * SCANS_A_SECOND
-    spent = {name: time / scans for name, time in sorted(watch.spent.items())}
-    made = Trial(
-        scene, off, seed, row.outcome, row.reason, row.total_time or math.nan, row.peak_contact_force, row.retries
-    )
-    return replace(made, acted=sorted(watch.acted), spent=spent)
+    spent = {f"{SPENT}{name}": f"{time / scans:.6g}" for name, time in sorted(watch.spent.items())}
+    return replace(row, more={ACTED: "; ".join(sorted(watch.acted)), **spent})
+
+
+def deprived(rule: str, config: CellConfig, seed: int, **given: Any) -> TrialRow:
+    """Run one trial without a rule."""
+    with without([RULES[rule]]):
+        return run_trial(config, seed, **given)
+
+
+def has_acted(rule: str, row: TrialRow) -> bool:
+    """Return True if a rule acted in a trial with all rules."""
+    return rule in row.more[ACTED].split("; ")
 
 
 def measure(
@@ -109,9 +80,9 @@ def measure(
     only: Sequence[str],
     workers: int,
     folder: Path,
-    done: Callable[[], None],
-) -> list[Trial]:
-    """Run a scene with all rules, then without each of its rules on the seeds on which that rule acted.
+    done: Callable[[TrialRow], None],
+) -> list[Effect]:
+    """Run a scene with all rules, then without each of its rules on the seeds on which that rule acted; return the effects.
 
     Trials are deterministic: if a rule did not act, its trial would be the same without it. Finished trials are kept, and
     the same call takes them up.
@@ -122,69 +93,44 @@ def measure(
         most: Largest number of seeds, from the first on, for a rule that acts in every trial.
         only: Names of the rules to judge; none means all.
         workers: Number of processes.
-        folder: Folder of the kept trials.
-        done: Called after each trial.
+        folder: Folder of the trials.
+        done: Called with each trial.
     """
-    folder.mkdir(parents=True, exist_ok=True)
-    path = folder / ROWS
-    rows = {(row.scene, row.off, row.seed): row for row in kept(path)}
-    found = _missing(rows, scene, "", seeds, workers, path, done)
+
+    def rows_of(name: str, keys: Sequence[str], of: Sequence[int], run: Any) -> Rows:
+        config = load(sets=("sim.pace=max", *SCENES[scene], *keys)).cell
+        rows = run_trials(config, of, workers, folder / f"{scene} {name}".replace(" ", "-"), done, run=run)
+        return {row.seed: row for row in rows}
+
+    whole, found = rows_of("all rules", (), seeds, partial(watched, scene)), []
     for rule in rules_of(scene):
         if not only or rule.name in only:
-            acted = [row.seed for row in found if rule.name in row.acted]
-            _missing(rows, scene, rule.name, acted[:most] if rule.always else acted, workers, path, done)
-    return [row for row in rows.values() if row.scene == scene]
+            acted = [seed for seed, row in whole.items() if has_acted(rule.name, row)]
+            acted = acted[:most] if rule.always else acted
+            without_it = rows_of(rule.name, rule.keys, acted, partial(deprived, rule.name)) if acted else {}
+            found += effect(rule.name, scene, whole, without_it)
+    return found
 
 
-def kept(path: Path) -> list[Trial]:
-    """Return the trials that are kept in a file; none without it."""
-    if not path.exists():
-        return []
-    return [Trial(**json.loads(line)) for line in path.read_text(encoding="utf-8").splitlines()]
+def effect(rule: str, scene: str, whole: Rows, without_it: Rows) -> list[Effect]:
+    """Return the effect of a rule, none without pairs; a seed on which it did not act is a pair without difference.
 
-
-def _missing(
-    rows: dict[tuple[str, str, int], Trial],
-    scene: str,
-    off: str,
-    seeds: Sequence[int],
-    workers: int,
-    path: Path,
-    done: Callable[[], None],
-) -> list[Trial]:
-    missing = [seed for seed in seeds if (scene, off, seed) not in rows]
-    with closing(on_processes(partial(run_one, scene, off), missing, workers)) as results:
-        for row in results:
-            rows[scene, off, row.seed] = row
-            with path.open("a", encoding="utf-8") as file:
-                file.write(json.dumps(asdict(row)) + "\n")
-            done()
-    return [rows[scene, off, seed] for seed in seeds]
-
-
-def effects(rows: Iterable[Trial]) -> list[Effect]:
-    """Return the effect of each rule in each scene of the trials."""
-    table = {(row.scene, row.off, row.seed): row for row in rows}
-    tried = [
-        (scene, rule.name) for scene in dict.fromkeys(row.scene for row in table.values()) for rule in rules_of(scene)
+    Raises:
+        ConfigError: No pair succeeds.
+    """
+    pairs = [
+        (row, without_it.get(seed, row))
+        for seed, row in whole.items()
+        if seed in without_it or not has_acted(rule, row)
     ]
-    found = [(rule, scene, list(_pairs(table, scene, rule))) for scene, rule in tried]
-    return [_effect(rule, scene, pairs) for rule, scene, pairs in found if pairs]
+    return [_effect(rule, scene, pairs)] if pairs else []
 
 
-def _pairs(table: Mapping[tuple[str, str, int], Trial], scene: str, rule: str) -> Iterator[tuple[Trial, Trial]]:
-    """Yield the trials of a scene with all rules and without one; a seed on which it did not act is a pair without difference."""
-    for (place, off, seed), row in table.items():
-        if place == scene and not off:
-            other = table.get((scene, rule, seed))
-            if other is not None or rule not in row.acted:
-                yield row, other or row
-
-
-def _effect(rule: str, scene: str, pairs: Sequence[tuple[Trial, Trial]]) -> Effect:
-    count = len(pairs)
-    lost = sum(a.is_success > b.is_success for a, b in pairs)
-    both = np.array([(a.time, b.time, b.force - a.force) for a, b in pairs if a.is_success and b.is_success])
+def _effect(rule: str, scene: str, pairs: Sequence[tuple[TrialRow, TrialRow]]) -> Effect:
+    good = np.array([[row.outcome == Outcome.SUCCESS for row in pair] for pair in pairs])
+    lost = int((good[:, 0] & ~good[:, 1]).sum())
+    figures = [(a.total_time, b.total_time, b.peak_contact_force - a.peak_contact_force) for a, b in pairs]
+    both = np.array(figures, dtype=float)[good.all(axis=1)]
     if not len(both):
         raise ConfigError(f"ablation: {rule}: no pair of trials of scene {scene} succeeds; one needed")
     before, after, harder = both.T
@@ -194,14 +140,14 @@ def _effect(rule: str, scene: str, pairs: Sequence[tuple[Trial, Trial]]) -> Effe
     return Effect(
         rule=rule,
         scene=scene,
-        trials=count,
-        acted=sum(rule in a.acted for a, _ in pairs),
+        trials=len(pairs),
+        acted=sum(has_acted(rule, a) for a, _ in pairs),
         lost=lost,
-        gained=sum(a.is_success < b.is_success for a, b in pairs),
-        most_lost=wilson(lost, count)[1],
+        gained=int((good[:, 1] & ~good[:, 0]).sum()),
+        most_lost=wilson(lost, len(pairs))[1],
         time=float(change.mean() / usual),
         time_within=float(within / usual),
         p95=float(new / old - 1.0),
         force=float(harder.mean()),
-        spent=float(np.mean([a.spent.get(rule, 0.0) for a, _ in pairs])),
+        spent=float(np.mean([float(a.more.get(f"{SPENT}{rule}", 0.0)) for a, _ in pairs])),
     )

@@ -32,7 +32,7 @@ class Rule:
     keys: Sequence[str] = ()
     """Keys of the config, `KEY=VALUE`, without the rule."""
     scenes: Sequence[str] = ()
-    """Scenes in which the rule is judged; none means all."""
+    """Scenes in which the rule is judged."""
 
 
 @dataclass(slots=True)

@@ -4,16 +4,15 @@ import argparse
 import json
 import os
 
-from cell.commands.arguments import add_config, folder_path, natural, positive, scheduler
+from cell.commands.arguments import add_config, folder_path, positive, scheduler
 from cell.commands.terminal import GOOD, show, written
-from cell.lab.arguments import advancing, load_simulated
+from cell.lab.arguments import SEED, add_options, advancing, load_simulated
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the number of trials, their seeds, their workers and the output folder."""
     add_config(parser)
-    parser.add_argument("--trials", type=positive, default=40, metavar="N")
-    parser.add_argument("--seed", type=natural, default=1, metavar="S", help="seed of the first trial; default 1")
+    add_options(parser, {"--trials": {"type": positive, "default": 40, "metavar": "N"}, **SEED})
     where = parser.add_mutually_exclusive_group()
     where.add_argument("--workers", type=positive, metavar="N", help="number of processes; default one for each core")
     where.add_argument(
@@ -26,22 +25,19 @@ def run(args: argparse.Namespace) -> int:
     """Run the trials, write table, summary and chart, and show the stages beside the published ones."""
     from rich.console import Group
 
-    from cell.lab.charts import CHART, ChartPoint, plot_speed_accuracy
+    from cell.lab.charts import CHART, draw_speed_accuracy
     from cell.lab.published import stage_table
     from cell.lab.tables import loads, outcomes, phases, stages
-    from cell.lab.trials import SUMMARY as TOLD
-    from cell.lab.trials import TABLE, run_trials
+    from cell.lab.trials import SUMMARY, TABLE, run_trials
 
     config = load_simulated(args, "trials").cell
-    seeds = range(args.seed, args.seed + args.trials)
+    seeds, workers = range(args.seed, args.seed + args.trials), args.workers or os.cpu_count() or 1
     with advancing("trials", args.trials) as done:
-        workers = args.workers or os.cpu_count() or 1
         rows = run_trials(config, seeds, workers, args.out, lambda row: done(1), args.scheduler)
     lines = stage_table([row.tried() for row in rows])
-    plot_speed_accuracy([ChartPoint.of_total(lines[-1])], args.out / CHART)
-    summary = json.loads((args.out / TOLD).read_text(encoding="utf-8"))
+    summary = json.loads((args.out / SUMMARY).read_text(encoding="utf-8"))
     cycles = [row.cycle_time for row in rows if row.outcome == "success"]
     pace = f"{summary['trials_per_minute']:.1f} trials per minute"
     show(args, Group(stages(lines, cycles), phases(rows), outcomes(rows), loads(rows), pace), summary)
-    written(args, [args.out / name for name in (TABLE, TOLD, CHART)])
+    written(args, [args.out / TABLE, args.out / SUMMARY, draw_speed_accuracy(lines[-1], args.out / CHART)])
     return GOOD

@@ -1,89 +1,90 @@
 """`cell tune`: a recipe that fulfils a wish for time, force and success, with its evidence."""
 
 import argparse
-import os
 from datetime import UTC, datetime
-from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from cell.commands.arguments import add_config, folder_path, natural, out_folder, positive
+from cell.commands.arguments import add_config, folder_path, out_folder, positive
 from cell.commands.terminal import GOOD, NOT_GOOD, complain, show, written
-from cell.lab.arguments import load_simulated, working
+from cell.lab.arguments import SEED, WORKERS, Options, add_options, advancing, load_simulated
 from drivers.errors import ConfigError
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from rich.table import Table
-
-    from cell.lab.trials import TrialRow
-    from cell.lab.tune.measure import Candidate, Space
+    from cell.lab.tune.measure import Space
 
 RECIPE = "recipe.toml"
 AWAY = 1_000_000
 """Distance between the seeds for the choice of settings and the seeds for judging the best one."""
 
 
+def _count(default: int, meaning: str) -> dict[str, Any]:
+    return {"type": positive, "default": default, "metavar": "N", "help": f"{meaning}; default {default}"}
+
+
+OPTIONS: Options = {
+    "--want": {
+        "required": True,
+        "metavar": "WISH",
+        "help": 'as in "p95<=8 s, force<=20 N, success>=98 %%"; mean<= as well',
+    },
+    "--method": {"metavar": "NAME", "help": "method of `cell study frontier` to tune; default the cell's own"},
+    "--scene": {"metavar": "NAME", "help": "scene of --method; default its first"},
+    "--candidates": _count(18, "settings to try"),
+    "--trials": _count(16, "insertions by each setting at most"),
+    "--judge": _count(60, "insertions by the best setting, on other seeds"),
+    **SEED,
+    **WORKERS,
+    "--out": {"type": folder_path, "required": True, "metavar": "DIR"},
+}
+
+
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the wish, the effort, and the output file of the recipe."""
     add_config(parser)
-    parser.add_argument(
-        "--want", required=True, metavar="WISH", help='as in "p95<=8 s, force<=20 N, success>=98 %%"; mean<= as well'
-    )
-    parser.add_argument(
-        "--method", metavar="NAME", help="method of `cell study frontier` to tune; default the cell's own"
-    )
-    parser.add_argument("--scene", metavar="NAME", help="scene of --method; default its first")
-    parser.add_argument("--candidates", type=positive, default=18, metavar="N", help="settings to try; default 18")
-    parser.add_argument(
-        "--trials", type=positive, default=16, metavar="N", help="insertions by each setting at most; default 16"
-    )
-    parser.add_argument(
-        "--judge",
-        type=positive,
-        default=60,
-        metavar="N",
-        help="insertions by the best setting, on other seeds; default 60",
-    )
-    parser.add_argument("--seed", type=natural, default=1, metavar="S", help="seed of the first trial; default 1")
-    parser.add_argument(
-        "--workers",
-        type=positive,
-        default=os.cpu_count() or 1,
-        metavar="N",
-        help="number of processes; default one for each core",
-    )
-    parser.add_argument("--out", type=folder_path, required=True, metavar="DIR")
+    add_options(parser, OPTIONS)
 
 
 def run(args: argparse.Namespace) -> int:
     """Search, judge, write the recipe; NOT_GOOD with the result reached if the wish is not fulfilled."""
+    from cell.lab.report import finite
+    from cell.lab.tables import table
     from cell.lab.tune import measure
     from cell.lab.tune.wish import wishes_of
+    from cell.records.provenance import versions
 
     wishes = wishes_of(args.want)
     load_simulated(args, "tune")
     space = _space(args)
     folder, seeds = out_folder(args.out), range(args.seed, args.seed + args.trials)
-    with working() as bars:
-        bar = bars.add_task("settings", total=args.candidates * len(seeds))
-        tried = measure.tune(
-            space, wishes, seeds, args.candidates, args.workers, folder, lambda count: bars.advance(bar, count)
-        )
-        best = tried[0]
-        bar = bars.add_task("judging", total=args.judge)
-        fresh = range(args.seed + AWAY, args.seed + AWAY + args.judge)
-        rows = measure.judge(space, best, fresh, args.workers, folder / "judged", lambda row: bars.advance(bar))
-    evidence = [(wish.text, wish.found(rows), wish.holds(rows)) for wish in wishes]
-    is_good = all(holds for _, _, holds in evidence)
-    recipe = folder / RECIPE
-    recipe.write_text(_recipe(args.want, best, tried, evidence, rows), encoding="utf-8")
-    show(args, _table(evidence, best), _data(best, tried, evidence, is_good, recipe))
+    with advancing("settings", args.candidates * len(seeds)) as done:
+        tried = measure.tune(space, wishes, seeds, args.candidates, args.workers, folder, done)
+    best, fresh = tried[0], range(args.seed + AWAY, args.seed + AWAY + args.judge)
+    with advancing("judging", args.judge) as done:
+        rows = measure.judge(space, best, fresh, args.workers, folder / "judged", lambda row: done(1))
+    evidence = [{"wish": wish.text, "found": wish.found(rows), "holds": wish.holds(rows)} for wish in wishes]
+    is_good, recipe = all(each["holds"] for each in evidence), folder / RECIPE
+    figures = ", ".join(f"{name} = {value:.4g}" for name, value in best.figures.items())
+    lines = [
+        f"Wished: {args.want}. Found by `cell tune` on {datetime.now(UTC):%Y-%m-%d}, code {versions()['code']},",
+        f"among {len(tried)} settings. A section is between the presets (0 careful, 1 balanced, 2 fast): {figures}.",
+        f"Judged on {len(rows)} simulated insertions, seeds {fresh[0]} to {fresh[-1]}, that it was not chosen by:",
+        *(f"{each['wish']}: {each['found']}{'' if each['holds'] else ' - NOT fulfilled'}" for each in evidence),
+    ]
+    recipe.write_text("".join(f"# {line}\n" for line in lines) + measure.toml(best.sets), encoding="utf-8")
+    shown = table(
+        "The best setting, judged on seeds that it was not chosen by",
+        {"wish": lambda each: each["wish"]},
+        {"reached": lambda each: each["found"], "holds": lambda each: "yes" if each["holds"] else "no"},
+        evidence,
+        f"sections: 0 careful, 1 balanced, 2 fast. {figures}",
+    )
+    facts = {"fulfilled": is_good, "judged": evidence, "best": best, "tried": tried, "file": str(recipe)}
+    show(args, shown, finite(facts))
     written(args, [recipe])
-    if not is_good:
-        nearest = "; ".join(f"{wish}: {found}" for wish, found, _ in evidence)
-        complain(f"--want {args.want}: not fulfilled by any of {len(tried)} settings; nearest: {nearest}")
-    return GOOD if is_good else NOT_GOOD
+    if is_good:
+        return GOOD
+    nearest = "; ".join(f"{each['wish']}: {each['found']}" for each in evidence)
+    return complain(f"--want {args.want}: not fulfilled by any of {len(tried)} settings; nearest: {nearest}", NOT_GOOD)
 
 
 def _space(args: argparse.Namespace) -> "Space":
@@ -102,57 +103,3 @@ def _space(args: argparse.Namespace) -> "Space":
     scene = args.scene or next(iter(SCENES))
     require_methods([args.method], [scene])
     return METHODS[args.method].space(scene, args.config, args.set)
-
-
-def _recipe(
-    want: str,
-    best: "Candidate",
-    tried: "Sequence[Candidate]",
-    evidence: "Sequence[tuple[str, str, bool]]",
-    rows: "Sequence[TrialRow]",
-) -> str:
-    from cell.lab.tune.measure import toml
-    from cell.records.provenance import versions
-
-    seeds = [row.seed for row in rows]
-    lines = [
-        f"Wished: {want}. Found by `cell tune` on {datetime.now(UTC):%Y-%m-%d}, code {versions()['code']},",
-        f"among {len(tried)} settings. A section is between the presets (0 careful, 1 balanced, 2 fast): {_figures(best)}.",
-        f"Judged on {len(rows)} simulated insertions, seeds {min(seeds)} to {max(seeds)}, that it was not chosen by:",
-        *(f"{wish}: {found}{'' if holds else ' - NOT fulfilled'}" for wish, found, holds in evidence),
-    ]
-    return "".join(f"# {line}\n" for line in lines) + toml(best.sets)
-
-
-def _data(
-    best: "Candidate",
-    tried: "Sequence[Candidate]",
-    evidence: "Sequence[tuple[str, str, bool]]",
-    is_good: bool,
-    recipe: Path,
-) -> dict[str, object]:
-    from dataclasses import asdict
-
-    return {
-        "fulfilled": is_good,
-        "judged": [{"wish": wish, "found": found, "holds": holds} for wish, found, holds in evidence],
-        "best": asdict(best),
-        "tried": [asdict(each) for each in tried],
-        "file": str(recipe),
-    }
-
-
-def _table(evidence: "Sequence[tuple[str, str, bool]]", best: "Candidate") -> "Table":
-    from rich.table import Table
-
-    table = Table(title="The best setting, judged on seeds that it was not chosen by", title_justify="left")
-    for name in ("wish", "reached", "holds"):
-        table.add_column(name)
-    for wish, found, holds in evidence:
-        table.add_row(wish, found, "yes" if holds else "no")
-    table.caption = f"sections: 0 careful, 1 balanced, 2 fast. {_figures(best)}"
-    return table
-
-
-def _figures(best: "Candidate") -> str:
-    return ", ".join(f"{name} = {value:.4g}" for name, value in best.figures.items())

@@ -10,7 +10,7 @@ from typing import Any
 
 from cell.commands.arguments import require_known
 from cell.devices.assembly import Cell
-from cell.lab.frontier.measure import Variant
+from cell.lab.compare import Variant
 from cell.lab.rate_test import RateTest
 from cell.lab.trials import Program
 from cell.lab.tune.measure import SECTIONS, Ranges, Space

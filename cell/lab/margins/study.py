@@ -9,7 +9,6 @@ import json
 import math
 import tomllib
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
 from functools import partial
 from itertools import product
 from pathlib import Path
@@ -20,26 +19,25 @@ import numpy as np
 
 from cell.commands.arguments import out_folder, require_known
 from cell.config.files import ERRORS_FILE, SHIPPED
-from cell.config.load import load
 from cell.lab.arguments import advancing, load_simulated, seeds_of
 from cell.lab.frontier.methods import METHODS, SCENES, require_methods
 from cell.lab.margins.charts import ErrorMargin, draw
 from cell.lab.rate_test import RateTest, Verdict
-from cell.lab.report import StudyReport, finite
-from cell.lab.rows import write_rows
-from cell.lab.tables import table
-from cell.lab.trials import Program, run_trials
+from cell.lab.report import StudyReport, reported
+from cell.lab.rows import successes, write_rows
+from cell.lab.tables import Columns, table
+from cell.lab.trials import Program, TrialRow, run_trials
 from drivers.config_model import ConfigModel
 from drivers.errors import ConfigError
 from drivers.quantities import Vector
 from sim.world.reality import AnyError, read
-from skills.contract import Outcome
 
 TESTS = {0.9: RateTest(good=0.05, bad=0.25, least=6), 0.5: RateTest(good=0.35, bad=0.65, least=6)}
 """Test by share of successes."""
 TIMES = 1.0, 1.4, 2.0, 2.8, 4.0, 5.6, 8.0, 11.0, 16.0
 """Widths of a distribution, over the honest one."""
 SCENE = next(iter(SCENES))
+TABLE = "margins.csv"
 
 
 class Swept(ConfigModel):
@@ -140,13 +138,12 @@ SWEPT = {
 class Levels:
     """Trials of one method at the levels of one error, in folders that a repeated call reuses."""
 
-    def __init__(self, args: argparse.Namespace, method: str, swept: Swept, seeds: Sequence[int]) -> None:
+    def __init__(self, args: argparse.Namespace, seeds: range, method: str, swept: Swept) -> None:
         """Run nothing yet."""
-        self._args, self._method, self._swept, self._seeds = args, METHODS[method], swept, seeds
-        self._errors = read(SHIPPED / ERRORS_FILE).errors
+        self._args, self._seeds, self._name, self._swept = args, seeds, method, swept
+        self._method, self._errors = METHODS[method], read(SHIPPED / ERRORS_FILE).errors
         self._figures = {} if method == next(iter(METHODS)) else self._method.figures(SCENE)
         self._folder = out_folder(args.out) / method.replace(" ", "-") / swept.name.replace(" ", "-")
-        self._name = method
         self._counts: dict[int, str] = {}
 
     def margin(self, share: float) -> ErrorMargin:
@@ -156,18 +153,16 @@ class Levels:
             held[number] = self._holds(number, share)
         last, first = boundary(held, len(levels))
         holds = levels[last] if last >= 0 else math.nan
-        ratio = max(holds / levels[0], levels[0] / holds) if last >= 0 else 0.0
+        seen = {number: self._counts[number] for number in (last, first) if number in self._counts}
         return ErrorMargin(
             self._name,
             self._swept.name,
             share,
             holds,
             levels[first] if first < len(levels) else math.nan,
-            ratio,
+            max(holds / levels[0], levels[0] / holds) if last >= 0 else 0.0,
             self._size(holds) if last >= 0 else "",
-            ", ".join(
-                f"{self._counts[number]} at {levels[number]:g}" for number in (last, first) if number in self._counts
-            ),
+            ", ".join(f"{count} at {levels[number]:g}" for number, count in seen.items()),
         )
 
     def _size(self, level: float) -> str:
@@ -179,23 +174,12 @@ class Levels:
         level, test = self._swept.levels[number], TESTS[share]
         space = self._method.space(SCENE, self._args.config, self._args.set)
 
-        def verdict(rows: Sequence[Any]) -> Verdict:
-            return test.verdict(sum(row.outcome != Outcome.SUCCESS for row in rows), len(rows))
+        def verdict(rows: Sequence[TrialRow]) -> Verdict:
+            return test.verdict(len(rows) - len(successes(rows)), len(rows))
 
         try:
-            config = load(
-                self._args.config,
-                self._method.preset,
-                [
-                    *self._args.set,
-                    "sim.pace=max",
-                    *SCENES[SCENE].sets,
-                    *space.sets(self._figures),
-                    *self._swept.sets(level, self._errors),
-                ],
-            ).cell
             rows = run_trials(
-                config,
+                space.config((*space.sets(self._figures), *self._swept.sets(level, self._errors))),
                 self._seeds,
                 self._args.workers,
                 self._folder / f"{level:g}",
@@ -203,12 +187,10 @@ class Levels:
                 is_enough=lambda rows: verdict(rows) is not Verdict.OPEN,
                 program=self._swept.made(self._method.made(self._figures), level),
             )
-        except (
-            ConfigError
-        ):  # the config, or an error drawn for a trial, is beyond what the cell or its stand-in accepts
+        except ConfigError:  # the config, or an error drawn for a trial, is beyond the limits of cell or stand-in
             self._counts[number] = "refused"
             return False
-        good = sum(row.outcome == Outcome.SUCCESS for row in rows)
+        good = len(successes(rows))
         self._counts[number] = f"{good}/{len(rows)}"
         return verdict(rows) is Verdict.GOOD or (verdict(rows) is Verdict.OPEN and good >= share * len(rows))
 
@@ -229,25 +211,19 @@ def run(args: argparse.Namespace) -> StudyReport:
     found: list[ErrorMargin] = []
     with advancing("margins", len(methods) * len(names)) as done:
         for method, name in product(methods, names):
-            found += map(Levels(args, method, SWEPT[name], seeds).margin, TESTS)
-            write_rows(found, folder / "margins.csv")
+            found += map(Levels(args, seeds, method, SWEPT[name]).margin, TESTS)
+            write_rows(found, folder / TABLE)
             done(1)
     title = (
         f"Margins of each error, at most {len(seeds)} trials a level, seeds from {seeds[0]}; all other errors honest"
     )
-    shown = table(
-        title,
-        {"method": lambda line: line.method, "error": lambda line: line.error},
-        {
-            "success": lambda line: f"{100 * line.share:.0f} %",
-            "holds": lambda line: line.size or "not at the honest level",
-            "margin": lambda line: f"{'> ' if math.isnan(line.fails) else ''}{line.margin:.3g}",
-            "trials": lambda line: line.seen,
-        },
-        found,
-    )
-    return StudyReport(
-        [shown],
-        finite({"title": title, "margins": [asdict(line) for line in found]}),
-        [folder / "margins.csv", draw(found, title, folder / "margins.png")],
+    columns: Columns = {
+        "success": lambda line: f"{100 * line.share:.0f} %",
+        "holds": lambda line: line.size or "not at the honest level",
+        "margin": lambda line: f"{'> ' if math.isnan(line.fails) else ''}{line.margin:.3g}",
+        "trials": lambda line: line.seen,
+    }
+    shown = table(title, {"method": lambda line: line.method, "error": lambda line: line.error}, columns, found)
+    return reported(
+        shown, folder, {TABLE: found}, [draw(found, title, folder / "margins.png")], title=title, margins=found
     )

@@ -1,13 +1,17 @@
 """The study of rules replaces what it names, notices the trials in which a rule acts, and pairs them."""
 
+from dataclasses import replace
+
 import pytest
 
 from cell.config.load import load
-from cell.lab.ablation.measure import Trial, effects
+from cell.lab.ablation.measure import ACTED, effect
 from cell.lab.ablation.rules import RULES, SCENES
 from cell.lab.ablation.switch import watching, without
+from cell.lab.trials import TrialRow
 from skills.catalogue import SEARCH
 from skills.search.feel import Push
+from tests.trial_rows import SEATED
 
 PUSH = RULES["push-back"]
 PARAMS = load().cell.skill_set()[SEARCH]
@@ -38,20 +42,21 @@ def test_a_rule_acts_if_its_replacement_decides_otherwise(turn, acted):
     assert watch.acted == acted
 
 
-def trial(off: str, seed: int, time: float, acted: tuple[str, ...] = (), outcome: str = "success") -> Trial:
-    """Return a trial of the honest scene."""
-    return Trial("honest", off, seed, outcome, "", time, 10.0, 0, acted)
+def trial(time: float, acted: str = "", outcome: str = "success") -> TrialRow:
+    """Return a trial."""
+    return replace(SEATED, total_time=time, outcome=outcome, more={ACTED: acted})
+
+
+WHOLE = {1: trial(4.0), 2: trial(6.0, "probe; push-back")}
 
 
 def test_a_seed_on_which_a_rule_did_not_act_is_a_pair_without_difference():
-    rows = [trial("", 1, 4.0), trial("", 2, 6.0, ("push-back",)), trial("push-back", 2, 7.0)]
-    found = next(effect for effect in effects(rows) if effect.rule == "push-back")
+    [found] = effect("push-back", "honest", WHOLE, {2: trial(7.0)})
     assert (found.trials, found.acted, found.lost) == (2, 1, 0)
     assert found.time == pytest.approx(0.1)
 
 
 def test_a_seed_that_fails_without_the_rule_is_lost():
-    rows = [trial("", 1, 4.0), trial("", 2, 6.0, ("push-back",)), trial("push-back", 2, 7.0, outcome="failure")]
-    found = next(effect for effect in effects(rows) if effect.rule == "push-back")
+    [found] = effect("push-back", "honest", WHOLE, {2: trial(7.0, outcome="failure")})
     assert (found.lost, found.gained) == (1, 0)
     assert found.most_lost > 0.5

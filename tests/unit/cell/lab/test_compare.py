@@ -2,71 +2,58 @@
 
 import argparse
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
 
 from cell.config.load import load
-from cell.lab import compare
-from cell.lab.charts import Bar, Curve, Panel, draw_panels, draw_rows
-from cell.lab.commands.study import PLANS
-from cell.lab.frontier.measure import Variant
+from cell.lab.charts import Curve, Panel, draw_panels, draw_speed_accuracy
+from cell.lab.compare import NAMES, VARIANTS, Variant, chosen, compared
+from cell.lab.published import StageLine
 from cell.lab.tables import table
-from cell.lab.trials import read_table, run_trial, write_table
+from cell.lab.trials import run_trial, write_table
 from cell.lab.workers import each_of
 from drivers.errors import ConfigError
+from tests.studies import rows_of
 
-STUDIES = ("modelling", "seating", "limits")
 
-
-@pytest.mark.parametrize("study", STUDIES)
-def test_every_variant_is_a_config_with_a_name_of_its_own(study):
-    variants = compare.variants_of(study)
-    assert len({(variant.family, variant.name) for variant in variants}) == len(variants)
+@pytest.mark.parametrize("study", ["modelling", "seating", "limits"])
+def test_every_variant_is_a_config(study):
+    variants = chosen(study, is_quick=False)
     for variant in variants:
         load(None, variant.preset, ["sim.pace=max", *variant.sets])
         assert callable(variant.probe)
-    quick = compare.chosen(study, is_quick=True)
+    quick = chosen(study, is_quick=True)
     assert {*quick} <= {*variants}
     assert 0 < len(quick) <= len(variants)
 
 
 def test_an_unknown_group_of_variants_is_refused_by_name():
     with pytest.raises(ConfigError, match="--only slow: no such name; as shipped, nominal joint friction"):
-        compare.chosen("modelling", is_quick=False, families=["slow"])
+        chosen("modelling", is_quick=False, families=["slow"])
 
 
 def test_a_variant_that_cannot_run_has_its_reason_and_the_others_have_trials(tmp_path):
     args = argparse.Namespace(config=None, set=["sim.pace=max", "search.timeout=0.2"], out=tmp_path, workers=1)
-    tried = [Variant("bad", "", None, ("peg.diameter=-1",)), Variant("good", "", None, ())]
-    found = compare.compared(args, tried, range(3, 4))
+    tried = [Variant("bad", sets=("peg.diameter=-1",)), Variant("good")]
+    found = compared(args, tried, range(3, 4))
     assert "peg.diameter" in found.lines[0].error
     assert [len(rows) for rows in found.rows] == [0, 1]
-    assert table("title", compare.NAMES, compare.VARIANTS, found.lines).row_count == 2
-    assert draw_rows(found.bars(), "title", tmp_path / "rows.png").stat().st_size > 5_000
+    assert table("title", NAMES, VARIANTS, found.lines).row_count == 2
 
 
 def test_jobs_return_in_their_order():
-    done: list[int] = []
-    assert each_of(divmod, [(7, 2), (9, 4), (8, 3)], 2, done.append) == [(3, 1), (2, 1), (2, 2)]
-    assert done == [1, 1, 1]
+    assert each_of(divmod, [(7, 2), (9, 4), (8, 3)], 2, "jobs") == [(3, 1), (2, 1), (2, 2)]
 
 
-def test_panels_and_rows_are_drawn(tmp_path):
-    curve = Curve([1.0, 2.0], [1.0, 4.0], label="a", style="o-", low=[0.5, 3.0], high=[1.5, 5.0])
+def test_panels_are_drawn(tmp_path):
+    curve = Curve([1.0, 2.0], [1.0, 4.0], label="a", style="o-", low=[0.5, 3.0], high=[1.5, 5.0], text="b")
     panels = [Panel("one", "x (m)", "y (N)", [curve], "xy", x_ticks=[1.0, 2.0], marks=[1.5])] * 3
-    bars = [Bar("row", name, 3, 4, 8.0, 0.5, 12.0, 18.0) for name in ("a", "b")]
     for path in (
         draw_panels(panels, "title", tmp_path / "a.png"),
         draw_panels(panels, "title", tmp_path / "b.png", across=2, legend=1),
-        draw_rows(bars, "title", tmp_path / "c.png"),
+        draw_speed_accuracy(StageLine("total", 0, 4, None), tmp_path / "c.png"),
     ):
         assert path.read_bytes().startswith(b"\x89PNG")
-
-
-def test_every_study_of_one_module_has_it():
-    for plan in PLANS.values():
-        assert Path(*plan.module.split(".")).with_suffix(".py").exists()
 
 
 class Scans:
@@ -82,10 +69,10 @@ class Scans:
         return {"scans": str(self.count), "stages": " ".join(record.name for record in records)}
 
 
-def test_a_probe_adds_columns_that_are_read_back(tmp_path):
+def test_a_probe_adds_columns(tmp_path):
     row = run_trial(load(sets=["search.timeout=0.2"]).cell, 3, Scans)
     assert int(row.more["scans"]) == pytest.approx(100.0 * row.sim_time, rel=0.05)
     assert row.more["stages"].startswith("grasp_from_rack spray_search")
     other = replace(row, seed=4, more={})
     write_table([row, other], tmp_path / "trials.csv")
-    assert [found.more["scans"] for found in read_table(tmp_path / "trials.csv")] == [row.more["scans"], ""]
+    assert [found["scans"] for found in rows_of(tmp_path / "trials.csv")] == [row.more["scans"], ""]

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from cell.config.load import load
-from cell.lab.section import section_depth
+from cell.lab.section import round_depth
+from drivers.part.round import Round
 from skills.catalogue import ADJUST, GRASP, INSERT, SEARCH
 from skills.insert.grip import CONTACT, Grip, grip_of
 from skills.insert.play import STEEPEST, allowed_depth, allowed_tilt
@@ -106,7 +107,7 @@ def test_no_push_ahead_lifts_the_corner_over_the_edge(force):
 @pytest.mark.parametrize("degrees", [4.0, 5.7, 7.5])
 def test_what_a_tilt_allows_is_as_deep_as_the_exact_section_says(peg: float, hole: float, degrees: float) -> None:
     phi = math.radians(degrees)
-    assert allowed_depth(phi, peg, hole) == pytest.approx(section_depth(peg, hole, phi, 4001), abs=1e-6)
+    assert allowed_depth(phi, peg, hole) == pytest.approx(round_depth(Round(peg), Round(hole), phi), abs=1e-6)
 
 
 @pytest.mark.parametrize("depth", [2e-3, 5e-3, 0.01, 0.02])
