@@ -74,6 +74,7 @@ class Line:
     plc: FakePlc
     clock: ScanClock
     bridge: HeardBridge
+    journal: Journal
 
     @property
     def world(self) -> World:
@@ -146,7 +147,7 @@ def running(cell: Cell, loaded: LoadedConfig, folder: Path) -> Iterator[Line]:
         cell = replace(cell, clock=clock)
         bridge = HeardBridge(loaded.cell.plc, PROGRAMS, PARAMETERS, now=clock.now)
         supervisor = Supervisor(cell, loaded, bridge, journal)
-        yield Line(cell, supervisor, FakePlc(bridge, clock), clock, bridge)
+        yield Line(cell, supervisor, FakePlc(bridge, clock), clock, bridge, journal)
         supervisor._part.flush()  # as at the end of `serve`
 
 

@@ -8,7 +8,6 @@ from itertools import pairwise
 import numpy as np
 
 from drivers.part.contract import Part
-from drivers.part.round import Round
 from drivers.quantities import Vector
 
 POINTS = 2001
@@ -19,9 +18,9 @@ DEEPEST = 0.03
 
 def exact_depth(peg: Part, hole: Part, axes: Vector) -> float:
     """Return the exact depth of the lowest point of a peg with these axes, shape (3, 3), in a hole along x and y, m."""
-    if isinstance(peg, Round) and isinstance(hole, Round):
-        return round_depth(peg, hole, math.atan2(math.hypot(axes[0, 2], axes[1, 2]), axes[2, 2]))
-    return polygonal_depth(peg, hole, axes)
+    if peg.face.flat_width > 0.0:
+        return polygonal_depth(peg, hole, axes)
+    return round_depth(peg, hole, math.atan2(math.hypot(axes[0, 2], axes[1, 2]), axes[2, 2]))
 
 
 def deepest(fits: Callable[[float], bool]) -> float:
@@ -34,7 +33,7 @@ def deepest(fits: Callable[[float], bool]) -> float:
 
 
 @cache
-def round_depth(peg: Round, hole: Round, tilt: float, points: int = POINTS) -> float:
+def round_depth(peg: Part, hole: Part, tilt: float, points: int = POINTS) -> float:
     """Return the exact depth of the lowest point of a round peg in a round hole, m, with or without chamfers.
 
     The test follows every line of the peg's surface, from the rim of its end over its chamfer and up its side. The

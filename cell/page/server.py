@@ -197,8 +197,9 @@ class Static(FileHandler):
         path = STATIC / (self._name or name)
         if not path.is_file():
             raise HTTPError(404, reason="no such file")
-        self.set_header("Cache-Control", "no-cache")
-        self.set_header("Etag", f'"{self._build}"')
+        if path.suffix != ".html":  # a page that a browser keeps would lose its socket meanwhile
+            self.set_header("Cache-Control", "no-cache")
+            self.set_header("Etag", f'"{self._build}"')
         if self.check_etag_header():
             self.set_status(304)
         else:

@@ -1,6 +1,7 @@
 """The properties of a part's cross-section; `round` and `rectangular` implement them."""
 
 import math
+from collections.abc import Hashable
 from dataclasses import dataclass
 from typing import Protocol, Self
 
@@ -69,7 +70,7 @@ class Face:
         return shares
 
 
-class Part(Protocol):
+class Part(Hashable, Protocol):
     """The cross-section of a peg or of a hole; two sections of one kind can be compared.
 
     The hand holds a peg between two faces. The closing axis, along which the fingers move, is the section's first

@@ -60,7 +60,7 @@ class Controlled:
         self.line.command(INSERT)
         self.line.scan(PAUSE)
         self._is_braking = False
-        return self.line.supervisor.last
+        return self.line.journal.find(self.line.supervisor.last.run)
 
     @property
     def states(self):

