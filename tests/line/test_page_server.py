@@ -113,12 +113,17 @@ def test_what_there_is_not_is_answered_so(server, path, status):
     assert get(server, path)[0].status == status
 
 
-@pytest.mark.parametrize("path", ["/", "/runs/1", "/three-min.js"])
+@pytest.mark.parametrize("path", ["/page.js", "/three-min.js"])
 def test_a_file_of_the_page_is_sent_once_to_a_browser_that_asks_whether_it_is_new(server, path):
     first, body = get(server, path)
     again, nothing = get(server, path, **{"If-None-Match": first.headers["Etag"]})
     assert (first.status, first.headers["Cache-Control"], again.status, nothing) == (200, "no-cache", 304, b"")
     assert body
+
+
+@pytest.mark.parametrize("path", ["/", "/runs/1"])
+def test_a_browser_keeps_no_page_whose_socket_would_be_gone(server, path):
+    assert get(server, path)[0].headers["Cache-Control"] == "no-store"
 
 
 def test_the_token_has_the_report_of_a_period_made(server, recorded):
