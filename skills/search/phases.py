@@ -16,8 +16,8 @@ from skills.paths import spiral_at_speed
 from skills.search.course import Course
 from skills.search.params import SpraySearchParams
 
-GONE = 0.2
-"""Share of the dip threshold below which a dip has gone, fraction. Source: docs/tried/corners.md."""
+GONE = 0.5
+"""Share of the dip threshold below which a dip has gone, fraction. Source: docs/tried/search.md."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -113,9 +113,9 @@ class Resting:
     def is_gone(self, felt: Felt, params: SpraySearchParams) -> bool:
         """Return whether a dip has gone at rest: the peg had turned in the hand, and the skin measures that later than the arm.
 
-        A probe would turn the peg further. Round pegs, whose dips are detected in another way, are always probed.
+        A probe would turn the peg further.
         """
-        return params.lag is not None and not self.was_held and felt.below < GONE * params.dip_threshold
+        return not self.was_held and felt.below < GONE * params.dip_threshold
 
     def is_over(self, felt: Felt, params: SpraySearchParams) -> bool:
         """Return whether the tip's depth is known well enough to be judged."""

@@ -11,6 +11,7 @@ from skills.catalogue import SEARCH
 from skills.search.course import make_course
 from skills.search.feel import Push
 from skills.search.phases import (
+    GONE,
     ComingDown,
     Detour,
     Felt,
@@ -82,10 +83,10 @@ def test_a_rest_is_judged_by_a_frame_of_its_end():
 
 def test_a_place_is_looked_round_once_and_then_left():
     rest = Resting(HERE[:2] - 1e-3, HAND, stopped=10.0)
-    probe = after_rest(rest, FELT, PARAMS, COURSE, np.zeros(2))
+    probe = after_rest(rest, replace(FELT, below=PARAMS.dip_threshold), PARAMS, COURSE, np.zeros(2))
     assert isinstance(probe, Probing)
     assert probe.detour.offset == pytest.approx([1e-3, 1e-3])
-    again = after(probe, elapsed=3.1, below=PARAMS.fall + 1e-6)
+    again = after(probe, elapsed=3.1, below=PARAMS.fall + PARAMS.dip_threshold)
     assert isinstance(again, Resting)
     assert isinstance(after_rest(again, FELT, PARAMS, COURSE, np.zeros(2)), Sliding)
 
@@ -97,20 +98,15 @@ def test_a_probe_that_begins_just_above_the_depth_of_the_hole_goes_on_to_a_deepe
     assert isinstance(after(probe, below=PARAMS.fall + PARAMS.dip_threshold), Resting)
 
 
-def test_a_corner_whose_dip_has_gone_at_rest_is_not_led_round_the_place():
+@pytest.mark.parametrize("params", [PARAMS, CONFIG.corner.searching(PARAMS)], ids=["round", "corner"])
+def test_a_peg_whose_dip_has_gone_at_rest_is_not_led_round_the_place(params):
     """If the peg turns in the hand, the tip seems to dip until the skin measures the turn; a probe would turn it further."""
-    corner = CONFIG.corner.searching(PARAMS)
-    gone = replace(FELT, below=0.1 * corner.dip_threshold)
     dip, lag = (
-        next_phase(Sliding(BACK), replace(FELT, is_edge=True, is_held=is_held), corner, COURSE, np.zeros(2))
+        next_phase(Sliding(BACK), replace(FELT, is_edge=True, is_held=is_held), params, COURSE, np.zeros(2))
         for is_held in (False, True)
     )
-    for rest, felt, params, phase in (
-        (dip, gone, corner, Sliding),
-        (dip, replace(FELT, below=corner.dip_threshold), corner, Probing),
-        (lag, gone, corner, Probing),
-        (dip, gone, PARAMS, Probing),
-    ):
+    gone, left = (replace(FELT, below=share * GONE * params.dip_threshold) for share in (0.99, 1.01))
+    for rest, felt, phase in ((dip, gone, Sliding), (dip, left, Probing), (lag, gone, Probing)):
         assert isinstance(after_rest(rest, felt, params, COURSE, np.zeros(2)), phase)
 
 
