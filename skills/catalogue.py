@@ -100,7 +100,7 @@ def _learnt(belief: Belief, found: SkillResult, decoy: Decoy | None, ctx: SkillC
 
 
 def _decoy(found: SkillResult, last: SkillResult, ctx: SkillContext) -> Decoy | None:
-    """Return the decoy in which the peg was given up; None if it was no decoy, since the peg leans, or if the search passes over none."""
+    """Return the decoy in which the peg was given up; None if the peg leans, which stands in none, or if the search passes over none."""
     if not isinstance(found, spray_search.SpraySearchResult) or found.edge is None:
         return None
     if not isinstance(last, spiral_adjust.SpiralAdjustResult) or last.reason is Reason.NOT_ALIGNED:
