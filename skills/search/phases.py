@@ -61,6 +61,8 @@ class Felt:
     """Whether the plate has borne the push for a while."""
     is_edge: bool
     """Whether there is contact evidence of an edge."""
+    is_likely: bool = False
+    """Whether the peg comes by where the hole is likely."""
     is_held: bool = False
     """Whether that evidence is a lag of the tip behind its setpoint."""
 
@@ -113,9 +115,9 @@ class Resting:
     def is_gone(self, felt: Felt, params: SpraySearchParams) -> bool:
         """Return whether a dip has gone at rest: the peg had turned in the hand, and the skin measures that later than the arm.
 
-        A probe would turn the peg further.
+        A probe would turn the peg further. Where the hole is likely it costs less than the whole area, which follows on a hole that was missed.
         """
-        return not self.was_held and felt.below < GONE * params.dip_threshold
+        return not self.was_held and not felt.is_likely and felt.below < GONE * params.dip_threshold
 
     def is_over(self, felt: Felt, params: SpraySearchParams) -> bool:
         """Return whether the tip's depth is known well enough to be judged."""

@@ -81,7 +81,7 @@ class SearchSweep:
         self._push = self._push.after(seen.peg.theta, params)
         self._point, self._velocity = course.path.at(self._along)
         edge = self._edge = self._ctx.job.peg.part.lowest(seen.tip, seen.axis, seen.arm.tcp.rotation[:, 2])
-        felt = self._felt(seen, *self._evidence.update(seen, edge, self._along < course.likely_until))
+        felt = self._felt(seen, edge)
         before = self._phase
         self._enter(next_phase(before, felt, params, course, self._point))
         if self._phase is before:
@@ -238,7 +238,9 @@ class SearchSweep:
             return
         self._evidence.restart()
 
-    def _felt(self, seen: Observation, below: float, is_edge: bool) -> Felt:
+    def _felt(self, seen: Observation, edge: Vector) -> Felt:
+        is_likely = self._along < self._course.likely_until
+        below, is_edge = self._evidence.update(seen, edge, is_likely)
         push = self._push.stiffness * self._params.push_offset
         is_held = self._params.lag is not None and self._lag > self._params.lag
         return Felt(
@@ -252,6 +254,7 @@ class SearchSweep:
             below=below,
             is_pressed=self._bearing.after(float(seen.arm.wrench.force[2]), push),
             is_edge=is_edge or is_held,
+            is_likely=is_likely,
             is_held=is_held,
         )
 

@@ -106,7 +106,8 @@ def test_a_peg_whose_dip_has_gone_at_rest_is_not_led_round_the_place(params):
         for is_held in (False, True)
     )
     gone, left = (replace(FELT, below=share * GONE * params.dip_threshold) for share in (0.99, 1.01))
-    for rest, felt, phase in ((dip, gone, Sliding), (dip, left, Probing), (lag, gone, Probing)):
+    likely = replace(gone, is_likely=True)
+    for rest, felt, phase in ((dip, gone, Sliding), (dip, left, Probing), (lag, gone, Probing), (dip, likely, Probing)):
         assert isinstance(after_rest(rest, felt, params, COURSE, np.zeros(2)), phase)
 
 
