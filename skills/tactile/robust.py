@@ -43,7 +43,8 @@ LOAD_SPREAD, LOAD_FRAMES = 0.15, 4
 MOST_FRAMES = 20
 """Largest number of frames that the load estimate is worth; it adapts to a changed grip in about as many frames."""
 SURE = math.radians(1.5)
-"""Largest sigma of a frame that updates the load estimate, rad; if two angles give similar frames, their loads differ. Source: chosen, not measured."""
+"""Largest sigma of a frame that updates the estimates of breadth and load, rad; if two angles give similar frames, an update from the wrong one
+makes the next frame prefer it, too. Source: docs/tried/angle.md."""
 OVERHANGS = tuple(1e-3 * k for k in range(-4, 9))
 """Alternative lengths of the peg beyond the finger centre, m, compared with prints of the configured breadth. Source: chosen, not measured."""
 STEEPER = 3.5
@@ -134,8 +135,8 @@ class Load:
         return self._mean, 1.0 / (variance * (1.0 + 1.0 / self._count))
 
     def learn(self, found: Found) -> None:
-        """Update the estimate with one frame, if its sigma is at most `SURE` and the peg has turned by `TURNED`."""
-        if found.sigma > SURE or abs(math.remainder(found.theta - self._taught, math.pi)) < TURNED:
+        """Update the estimate with one frame, if the peg has turned by `TURNED`."""
+        if abs(math.remainder(found.theta - self._taught, math.pi)) < TURNED:
             return
         if self._count == MOST_FRAMES:
             self._squares *= 1.0 - 1.0 / MOST_FRAMES
@@ -207,7 +208,7 @@ class RobustEstimator:
             found, bank, weights = self._think_again(values, weights, silent, found)
         seen = TaxelFrame(frame.values, (weights > 0.0).reshape(frame.trusted.shape), frame.stamp, 0)
         pose = pose_of(params, self._noise, found, seen)
-        if pose.healthy:
+        if pose.healthy and pose.sigma <= SURE:
             self._load.learn(found)
             if bank is self._usual:
                 self._usual.learn(found)

@@ -14,7 +14,7 @@ from drivers.skin.layout import LAYOUTS, finger_positions, module_of, pad_size
 from sim.config import PadConfig
 from sim.hand.pads import Pads, contact_span
 from skills.tactile.likelihood import UNKNOWN_LOAD, Bank, Found, RobustParams, pose_of, weights_of
-from skills.tactile.robust import LOAD_SPREAD, MOST_FRAMES, Load, RobustEstimator
+from skills.tactile.robust import LOAD_SPREAD, MOST_FRAMES, SURE, Load, RobustEstimator
 from skills.tactile.template_fill import HALF_LINE
 from skills.tactile.templates import TemplateParams, make_templates
 from tests.pegs import ALL, LOAD, SKIN, folded, framed, pushed, readings, rms_degrees, shipped, swept
@@ -336,13 +336,22 @@ def test_a_push_that_tilts_the_peg_in_its_pads_hardly_turns_what_is_read(across,
     assert rms_degrees(errors) < bound
 
 
-def _found(whole, theta, sigma=0.01):
-    return Found(theta, 0.0, sigma, 8000.0, 1.0, 0.0, 0.0, 3.0, 8.0, whole)
+def test_nothing_is_learnt_from_a_frame_that_two_angles_explain():
+    estimator, rng = _estimator("parallelogram"), np.random.default_rng(5)
+    between_rows, clear = (replace(LOAD, theta=theta, offset=-3e-3) for theta in (0.05, 0.6))
+    frame = framed(readings("parallelogram", clear, rng))
+    untaught = copy(estimator).estimate(frame)
+    poses = [estimator.estimate(framed(readings("parallelogram", between_rows, rng))) for _ in range(20)]
+    assert all(pose.healthy and pose.sigma > SURE for pose in poses)
+    assert estimator.estimate(frame) == untaught
 
 
-def test_the_load_of_a_peg_is_learnt_once_from_a_frame_that_is_sure_of_its_angle():
+def _found(whole, theta):
+    return Found(theta, 0.0, 0.01, 8000.0, 1.0, 0.0, 0.0, 3.0, 8.0, whole)
+
+
+def test_the_load_of_a_peg_is_learnt_once_from_frames_at_one_angle():
     load = Load()
-    load.learn(_found(5.7, 0.1, sigma=0.1))
     assert load.expected == UNKNOWN_LOAD
     load.learn(_found(5.7, 0.1))
     once = load.expected
