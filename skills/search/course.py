@@ -88,7 +88,8 @@ def make_course(
     middle = np.array(hole.centre[:2]) - ahead * np.array([math.cos(azimuth), math.sin(azimuth)])
     height = params.height if is_length_known else params.first_height(part.reach)
     lowest = part.lowest(np.array([*middle, 0.0]), axis, closing)[:2]
-    decoys = Decoys(belief.decoys, lowest, whole.cover, whole.cover)
+    # A hole that was taken for a decoy is tried again once the rest of the area has been covered.
+    decoys = Decoys(belief.decoys, lowest, whole.cover, path.cover or whole.cover)
     since = decoys.beyond(path, 0.0)
     first = np.array([*(middle + path.at(since)[0]), hole.centre[2] + height])
     return Course(path, middle, first, height, axis, closing, fast, likely_until, since, decoys)

@@ -217,8 +217,12 @@ def test_a_search_that_goes_on_comes_down_behind_the_decoy():
     assert course.first[:2] == pytest.approx(course.middle + course.path.at(course.since)[0])
 
 
-def test_a_hole_that_was_taken_for_a_decoy_is_tried_again_after_one_cover():
-    course = course_past(7)
+@pytest.mark.parametrize(("share", "until"), [(0.0, 1.0), (0.9, 0.1), (1.0, 1.0)])
+def test_a_hole_that_was_taken_for_a_decoy_is_tried_again_once_the_rest_is_covered(share, until):
+    """A decoy of the second cover is passed over for a cover."""
+    whole = course_past(7).path
+    course = course_past(7, whole, share * whole.cover)
+    assert course.decoys.until == pytest.approx(until * whole.cover)
     later = next(time for time in np.arange(course.decoys.until, 30.0, 0.02) if away(course, time) < WIDTH)
     assert course.decoys.beyond(course.path, float(later)) == later
 
