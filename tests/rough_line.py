@@ -508,7 +508,8 @@ class Line:
     def scan(self, n: int) -> None:
         """Let the cell scan."""
         self.cell.scan()
-        assert self.cell.running is None or self.cell.bridge.holder, "a run without a holder"
+        run = self.cell.running
+        assert run is None or self.cell.bridge.holder.startswith(self.owner_of(run).name), f"{run} without the lease"
 
     def finish(self, n: int) -> None:
         """End the run; who asked for it, and for nothing else since, reads how."""

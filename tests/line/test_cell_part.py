@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from cell.peg.custody import Custody
 from cell.run.states import State
 from drivers.quantities import SwitchState
 from plc_bridge.protocol.messages import Control, PartPlace, Refusal, Result
@@ -44,16 +43,6 @@ def test_a_start_recovers_first_where_the_config_says_so(tmp_path):
         assert times["recover"] > 1.0
 
 
-def test_the_rack_empties_slot_by_slot(tmp_path):
-    with line(tmp_path, 'rack.refill="asked"', "rack.slots=2") as made:
-        for _ in range(2):
-            assert made.command(GRASP).result == Result.SUCCESS
-            made.command(RECOVER)
-        assert made.command(GRASP).refusal == Refusal.RACK_EMPTY
-        assert made.command(Control.REFILLED).refusal == Refusal.NONE
-        assert made.command(GRASP).result == Result.SUCCESS
-
-
 def test_a_slot_that_is_empty_although_the_cell_believes_it_full_is_a_missed_grasp(tmp_path):
     with line(tmp_path, 'rack.refill="asked"', "rack.slots=1") as made:
         made.command(GRASP)
@@ -61,18 +50,6 @@ def test_a_slot_that_is_empty_although_the_cell_believes_it_full_is_a_missed_gra
         made.supervisor._part._custody.refill()  # reported as full while it is empty
         report = made.command(GRASP)
         assert (report.result, report.reason) == (Result.FAILURE, Reason.MISSED_GRASP)
-
-
-def test_the_next_program_is_told_what_the_hand_of_the_last_one_held(tmp_path):
-    with line(tmp_path) as made:
-        made.command(GRASP)
-    with line(tmp_path) as made:
-        made.scan(2)
-        assert made.plc.report.part == PartPlace.UNKNOWN  # a new world, in which the hand is empty
-        assert made.command(INSERT).refusal == Refusal.PART_UNRESOLVED
-        made.command(Control.CLEARED)
-        assert made.command(GRASP).result == Result.SUCCESS
-    assert Custody(tmp_path, "sim")._kept.place is PartPlace.IN_HAND
 
 
 @pytest.mark.parametrize(

@@ -100,7 +100,7 @@ def test_ci_runs_the_readmes_second_command_then_faults_then_speed():
     run = [line for line in (ROOT / ".ci" / "run").read_text(encoding="utf-8").splitlines() if not line.startswith("#")]
     assert tests in run
     assert [line for line in run if line][-2:] == [
-        ".venv/bin/python -m tests.campaign",
+        ".venv/bin/cell study faults --quick --seed 142001 --out build/faults",
         ".venv/bin/python -m pytest tests/bench",
     ]
 

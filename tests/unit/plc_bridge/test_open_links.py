@@ -3,9 +3,8 @@
 import pytest
 
 from plc_bridge.protocol.messages import Control, Refusal, Result
-from tests.plc_bytes import ABORTED, PLC_LOST, Can, Cell, Rtu, Tcp, coil, word
+from tests.plc_bytes import Can, Cell, Tcp, coil, word
 
-LINKS = pytest.mark.parametrize("link", [Tcp, Rtu, Can])
 SHARE = word(5, 2)
 
 
@@ -28,21 +27,6 @@ def told(report):
     return report.sequence, report.result, report.answered, report.refusal
 
 
-@LINKS
-@pytest.mark.parametrize("code", [Control.STOP, Control.ABORT])
-@pytest.mark.parametrize("number", [9, 10, 9 - 255, 300, 40_000], ids=str)
-def test_a_stop_stops_under_any_number_and_its_answer_says_so(cell, link, code, number):
-    plc = link(cell)
-    plc.write((1, 9, 0), (2, 10, 100))
-    cell.scan()
-    plc.write((3, number % 0x10000, code))
-    cell.scan()
-    report = plc.report()
-    assert (cell.running, report.answered, report.refusal) == (None, number % 0x10000, Refusal.NONE)
-    assert report.answered_result in ((Result.ABORTED,) if number == 10 else (Result.SUCCESS,))
-    assert cell.runs[0].result is Result.ABORTED
-
-
 def test_a_stop_that_is_repeated_unchanged_is_one_event(cell):
     plc, other = Tcp(cell), Tcp(cell, "10.0.0.2")
     plc.write((1, 9, 0), (2, 10, 100), (3, 8, 3))
@@ -55,18 +39,6 @@ def test_a_stop_that_is_repeated_unchanged_is_one_event(cell):
     plc.write((3, 8, 3), (4, 8, 3))
     cell.scan()
     assert cell.report.state == 4
-
-
-@LINKS
-def test_a_frozen_plc_reads_the_fault_of_its_run_and_goes_on_reading_it(cell, link):
-    plc = link(cell)
-    plc.write((1, 1, 0), (2, 2, 100))
-    cell.scan()
-    cell.wait(1.4)
-    for life in (3, 3, 4):
-        report = plc.write((life, 2, 100))
-        assert (*told(report), report.fault, report.run) == (2, Result.FAULT, 2, Refusal.NONE, PLC_LOST, 1)
-    assert cell.report.state == ABORTED
 
 
 def test_a_finished_result_outlives_the_operational_state(cell):

@@ -3,16 +3,12 @@
 import logging
 
 import pytest
-from hypothesis import note, settings
-from hypothesis import strategies as st
-from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 
 from plc_bridge.protocol.messages import Control, Result
 from tests.plc_bytes import Tcp, word
-from tests.rough_line import ACKNOWLEDGE, CLIENTS, WEIGHTS, Line, steps, walk
+from tests.rough_line import ACKNOWLEDGE, CLIENTS, Line, steps, walk
 
 STEPS, SEEDS = 25_000, range(1, 5)
-OFTEN = [name for name, weight in WEIGHTS.items() for _ in range(weight)]
 
 
 @pytest.fixture(autouse=True)
@@ -52,34 +48,3 @@ def test_a_fault_of_the_rules_is_found(monkeypatch):
     monkeypatch.setattr("plc_bridge.protocol.sequence_numbers.SequenceNumbers.forget", lambda self: None)
     monkeypatch.setattr("plc_bridge.protocol.sequence_numbers._Count.had", lambda *_: False)
     assert walk(steps(1, STEPS))[1]
-
-
-class RoughLine(RuleBasedStateMachine):
-    """The same steps, chosen by Hypothesis."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.line = Line()
-
-    @rule(name=st.sampled_from(OFTEN), who=st.integers(0, CLIENTS - 1), n=st.integers(0, 0xFFFF))
-    def step(self, name: str, who: int, n: int) -> None:
-        """Take a step, and print the bytes so far if it breaks what must hold."""
-        try:
-            self.line.take((name, who, n))
-        except AssertionError:
-            note("\n".join(self.line.sent))
-            raise
-
-    @rule()
-    def restart_cell(self) -> None:
-        """Restart the cell."""
-        self.line.take(("restart_cell", 0, 0))
-
-    @invariant()
-    def holds(self) -> None:
-        """Nothing ran twice, against a stop or after a refusal; `Line.take` checks what the client reads."""
-        self.line.check()
-
-
-RoughLine.TestCase.settings = settings(max_examples=60, stateful_step_count=80)
-test_no_sequence_of_steps_gives_a_false_answer = RoughLine.TestCase

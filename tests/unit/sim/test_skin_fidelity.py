@@ -1,7 +1,6 @@
 """The stand-in's pads against an elastic layer that shares nothing with them, and against real recordings."""
 
 import math
-from functools import lru_cache
 
 import numpy as np
 import pytest
@@ -33,11 +32,6 @@ def test_thin_layer_under_a_wide_flat_is_a_bed_of_springs():
     """Its modulus is that of a confined sheet, 2 G (1 - nu)/(1 - 2 nu)."""
     sinking = layer(np.array([0.01]))[0][0]
     assert sinking == pytest.approx((1.0 - 2 * POISSON) / (2.0 * (1.0 - POISSON)), rel=1e-3)
-
-
-@lru_cache
-def _one(theta):
-    return layer_pads("parallelogram").readings(theta, 0.0, ((DEPTH, 0.0), (DEPTH, 0.0)), REACH, Round(DIAMETER).face)
 
 
 def test_half_the_cells_change_little():

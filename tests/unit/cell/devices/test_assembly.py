@@ -72,16 +72,6 @@ def test_check_names_every_device_that_is_not_there():
     assert all("fault" in found[name] for name in ("arm", "gripper", "skin", "switch"))
 
 
-def test_the_shipped_file_of_a_physical_cell_needs_no_physics():
-    code = (
-        "import sys; sys.modules['mujoco'] = None\n"
-        "from cell.devices.assembly import assemble\nfrom cell.config.load import load\nfrom cell.config.files import SHIPPED\n"
-        "print(*(type(device).__name__ for _, device in assemble(load(SHIPPED / 'cell_01.toml').cell).devices()))"
-    )
-    told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
-    assert told.split() == ["FrankaArm", "FrankaGripper", "CanSkin", "SerialSuccessSwitch"]
-
-
 WITHOUT_STAND_INS = """
 import importlib.abc, sys
 

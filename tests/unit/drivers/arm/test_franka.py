@@ -1,15 +1,13 @@
 import math
 import os
 
-import numpy as np
 import pytest
 
 from cell.config.files import arm_file
-from drivers import impedance
 from drivers.arm import franka as arm
 from drivers.arm.franka import FrankaArm
 from drivers.arm.franka_config import FrankaArmConfig
-from drivers.arm.link import SIZE, LoopLink, LoopPhase, holding_words
+from drivers.arm.link import SIZE, LoopLink, LoopPhase
 from drivers.arm.model import read_arm
 from drivers.errors import ArmSilentError, DeviceNotOpenedError, GripperSilentError
 from drivers.gripper import franka as gripper
@@ -40,15 +38,6 @@ def test_a_record_under_way_is_not_settled(ends):
     assert there.is_settled("setpoint_sequence") is None
     here.end("setpoint_sequence")
     assert there.is_settled("setpoint_sequence") not in (None, before)
-
-
-def test_holding_still_asks_for_no_torque_at_rest_and_resists_a_push():
-    q, still, law = np.array([0.0, -0.3, 0.0, -2.2, 0.0, 2.0, 0.8]), np.zeros(7), np.zeros(impedance.STATE_WORDS)
-    words, figures = holding_words(), impedance.figures(FR3)
-    assert np.allclose(impedance.torque(figures, words, law, q, still, 0.0, FR3.control_period), 0.0, atol=1e-9)
-    for _ in range(100):
-        tau = impedance.torque(figures, words, law, q + 0.05 * np.eye(7)[1], still, 0.0, FR3.control_period)
-    assert tau[1] < -1.0
 
 
 @pytest.mark.parametrize(

@@ -104,18 +104,6 @@ def test_a_socketcand_server_that_is_not_there_is_not_waited_for():
         CanBus("socketcand", f"127.0.0.1:{port}/can0", 125_000).open()
 
 
-def test_frames_go_through():
-    one, other = (CanBus("virtual", "through", 125_000) for _ in range(2))
-    one.open()
-    other.open()
-    for sent in (CanFrame(0x123, b"abc"), CanFrame(0x123, b"abc", is_extended=True), CanFrame(0x17FFFFFF, b"", True)):
-        one.write(sent)
-        assert other.read(1.0) == sent
-    assert other.read(0.0) is None
-    one.close()
-    other.close()
-
-
 @pytest.fixture
 def bus(fake):
     """Return an opened bus."""

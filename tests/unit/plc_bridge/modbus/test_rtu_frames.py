@@ -32,21 +32,6 @@ def test_any_wrong_byte_is_noticed(place):
     assert not is_intact(bytes(frame))
 
 
-def test_frame_in_pieces_is_put_together():
-    whole = with_check_sum(WRITE)
-    receiver = Receiver(UNIT)
-    for byte in whole[:-1]:
-        receiver.feed(bytes([byte]))
-        assert receiver.take() == []
-    receiver.feed(whole[-1:])
-    assert (receiver.take(), receiver.bad, receiver.is_waiting) == ([WRITE], 0, False)
-
-
-def test_frames_in_one_piece_are_taken_apart():
-    frames = [FOREIGN, FOREIGN_RESPONSE, WRITE, READ]
-    assert received(*map(with_check_sum, frames))[0] == frames
-
-
 @pytest.mark.parametrize("noise", [b"\x00", b"\xff\xff", b"\x01\x03", with_check_sum(READ)[:5]])
 def test_noise_before_and_after_a_frame_is_skipped_and_counted(noise):
     frames, receiver = received(noise, with_check_sum(READ), noise)
