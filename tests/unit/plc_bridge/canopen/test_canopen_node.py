@@ -333,16 +333,19 @@ def test_the_life_counter_keeps_its_inhibit_time(rig):
     assert len(rig.take(TPDO3)) in (10, 11)
 
 
-def test_a_fault_is_shouted_with_its_code_and_run_once_the_node_may_speak(rig):
+@pytest.mark.parametrize(("fault", "said"), [(1001, "01ff 91 e903 7011 01"), (2002, "02ff 81 d207 7011 01")])
+def test_a_fault_is_shouted_with_its_code_and_run_once_the_node_may_speak(rig, fault, said):
+    """A fault of the skin or its wire, 1xxx, is one of communication too."""
     rig.nmt(STOP)
     rig.take()
-    rig.bridge.publish(Report(fault=2002, run=70000))
+    rig.bridge.publish(Report(fault=fault, run=70000))
     rig.wait(0.05)
     assert rig.take(EMCY) == []
     rig.nmt(PRE_OPERATIONAL)
     rig.wait(0.05)
-    assert rig.take(EMCY) == [bytes.fromhex("02ff 81 d207 7011 01")]
-    assert rig.read(0x1001) == 0x81
+    message = bytes.fromhex(said)
+    assert rig.take(EMCY) == [message]
+    assert rig.read(0x1001) == message[2]
     rig.bridge.publish(Report())
     rig.wait(0.05)
     assert [data[:3] for data in rig.take(EMCY)] == [bytes(3)]
