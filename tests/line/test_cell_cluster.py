@@ -23,7 +23,7 @@ from cell.lab.workers import Pool, _deaf_children, on_cluster, on_processes
 from drivers.errors import CellError
 
 SHORT = ["search.timeout=2.0"]
-SEEDS = range(5, 9)
+SEEDS = range(5, 8)
 LOCAL = ("--host", "127.0.0.1", "--dashboard-address", "127.0.0.1:0")
 KILLED = """
 from cell.config.load import load
@@ -72,12 +72,21 @@ def config():
     return load(sets=SHORT).cell
 
 
-def test_a_killed_worker_costs_no_row_and_changes_none(scheduler, config, tmp_path):
-    by_pool = run_trials(config, SEEDS, 2, tmp_path / "pool", lambda row: None)
+@pytest.fixture(scope="module")
+def by_pool(config, tmp_path_factory):
+    """Return the rows of two processes, without their wall times."""
+    return timeless(run_trials(config, SEEDS, 2, tmp_path_factory.mktemp("pool"), lambda row: None))
+
+
+def timeless(rows):
+    return [replace(row, wall_time=0.0) for row in rows]
+
+
+def test_a_killed_worker_costs_no_row_and_changes_none(scheduler, config, by_pool, tmp_path):
     with worker(scheduler) as first, worker(scheduler):
-        by_cluster = run_trials(config, SEEDS, 2, tmp_path / "cluster", lambda row: first.kill(), scheduler)
+        by_cluster = run_trials(config, SEEDS, 2, tmp_path, lambda row: first.kill(), scheduler)
         assert first.wait() == -signal.SIGKILL
-    assert [replace(row, wall_time=0.0) for row in by_cluster] == [replace(row, wall_time=0.0) for row in by_pool]
+    assert timeless(by_cluster) == by_pool
 
 
 @pytest.mark.parametrize("on", ["processes", "cluster"])
@@ -140,16 +149,13 @@ def test_an_address_where_nobody_schedules_is_told_in_one_line(capsys, monkeypat
     assert f"scheduler {address}: no answer" in told.err
 
 
-def test_rows_do_not_depend_on_the_number_of_workers(config, tmp_path):
-    by_two = run_trials(config, range(5, 8), 2, tmp_path, lambda row: None)
-    alone = [run_trial(config, seed) for seed in range(5, 8)]
-    assert [replace(row, wall_time=0.0) for row in by_two] == [replace(row, wall_time=0.0) for row in alone]
+def test_rows_do_not_depend_on_the_number_of_workers(config, by_pool):
+    assert timeless(run_trial(config, seed) for seed in SEEDS) == by_pool
 
 
-def test_every_seed_draws_its_own_hole_and_start(config):
-    rows = [run_trial(config, seed) for seed in (1, 2)]
-    assert len({(row.hole_x, row.hole_y) for row in rows}) == 2
-    assert len({(row.start_x, row.start_y) for row in rows}) == 2
+def test_every_seed_draws_its_own_hole_and_start(by_pool):
+    assert len({(row.hole_x, row.hole_y) for row in by_pool}) == len(SEEDS)
+    assert len({(row.start_x, row.start_y) for row in by_pool}) == len(SEEDS)
 
 
 STUCK = partial(signal.sigtimedwait, {signal.SIGUSR1})
