@@ -46,15 +46,12 @@ def served(folder, program=("-m", "cell")):
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
-def test_a_signal_ends_an_idle_cell(tmp_path, number):
-    with served(tmp_path) as (running, _):
+def test_whoever_connects_first_meets_a_cell_that_has_scanned_and_a_signal_ends_it(tmp_path, number):
+    with served(tmp_path) as (running, address):
+        with closing(Peer(*address)) as peer:
+            assert peer.look().state == State.IDLE
         running.send_signal(number)
         assert running.wait(30) == 0
-
-
-def test_whoever_connects_first_meets_a_cell_that_has_scanned(tmp_path):
-    with served(tmp_path) as (_, address), closing(Peer(*address)) as peer:
-        assert peer.look().state == State.IDLE
 
 
 def test_a_signal_in_the_middle_of_a_run_stops_it_first(tmp_path):
