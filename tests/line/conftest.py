@@ -1,7 +1,8 @@
-"""A quick cell that is served over Modbus TCP, and wires to it."""
+"""A quick cell that is served over Modbus TCP, and wires to it; a study that the tests of a module share."""
 
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -9,6 +10,7 @@ from cell.config.load import LoadedConfig
 from plc_bridge.config import ModbusConfig, PlcConfig
 from tests.plc_wire import Wire
 from tests.quick_cell import QuickCell, quick_cell
+from tests.studies import studied
 
 CALM = PlcConfig(life_timeout=60.0, lease_timeout=60.0, modbus=ModbusConfig(port=0))
 """So that a busy computer loses no run."""
@@ -39,3 +41,10 @@ def connect(served: QuickCell) -> Iterator[Callable[[], Wire]]:
 def plc(connect: Callable[[], Wire]) -> Wire:
     """Return the connection of a PLC."""
     return connect()
+
+
+@pytest.fixture(scope="module")
+def study(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> tuple[dict[str, Any], Path]:
+    """Return what the study of a module's `STUDY`, a name and words, printed, and its folder."""
+    folder = tmp_path_factory.mktemp("study")
+    return studied(folder, *request.module.STUDY), folder

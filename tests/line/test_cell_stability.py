@@ -2,14 +2,9 @@
 
 import pytest
 
-from tests.studies import is_chart, rows_of, studied
+from tests.studies import is_chart, rows_of
 
-
-@pytest.fixture(scope="module")
-def study(tmp_path_factory):
-    """Return what the command printed, and its folder."""
-    out = tmp_path_factory.mktemp("stability")
-    return studied(out, "stability", "--quick"), out
+STUDY = ("stability", "--quick")
 
 
 @pytest.fixture(scope="module")

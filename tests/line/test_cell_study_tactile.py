@@ -1,16 +1,9 @@
 """The study of estimators: each meets every condition, and the robust one reaches its goals."""
 
-import pytest
-
 from cell.lab.tactile import CONDITIONS, ESTIMATORS, ON_LAYER
-from tests.studies import is_chart, rows_of, studied
+from tests.studies import is_chart, rows_of
 
-
-@pytest.fixture(scope="module")
-def study(tmp_path_factory):
-    """Return what the command printed, and its folder."""
-    folder = tmp_path_factory.mktemp("study")
-    return studied(folder, "tactile", "--quick"), folder
+STUDY = ("tactile", "--quick")
 
 
 def test_every_estimator_meets_every_condition_on_both_layouts_and_the_chart_is_drawn(study):

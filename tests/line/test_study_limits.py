@@ -3,15 +3,9 @@
 import pytest
 
 from cell.lab.limits import COVER, DAMPED, DOWN, TURN, WALLS
-from tests.studies import is_chart, rows_of, studied
+from tests.studies import is_chart, rows_of
 
-
-@pytest.fixture(scope="module")
-def study(tmp_path_factory):
-    """Return what the command printed, and its folder."""
-    folder = tmp_path_factory.mktemp("limits")
-    words = ("--quick", "--workers", "1", "--seed", "5", "--set", "hole.area=[0.02,0.02]")
-    return studied(folder, "limits", *words), folder
+STUDY = ("limits", "--quick", "--workers", "1", "--seed", "5", "--set", "hole.area=[0.02,0.02]")
 
 
 @pytest.mark.parametrize("phase", [TURN, DOWN, DAMPED])
