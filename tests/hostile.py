@@ -290,7 +290,13 @@ def attacked(folder: Path, cable: Cable) -> Iterator[tuple[Bridge, Callable[[], 
     tls = authority.cell(roles={"Operator": ("read", "command")})
     rtu = RtuConfig(port=cable.ends[0], unit=UNIT, baud_rate=115200, parity="none")
     bridge = Bridge(
-        PlcConfig(life_timeout=3600.0, lease_timeout=3600.0, modbus=ModbusConfig(port=0, idle_timeout=3600.0), tls=tls, rtu=rtu),
+        PlcConfig(
+            life_timeout=3600.0,
+            lease_timeout=3600.0,
+            modbus=ModbusConfig(port=0, idle_timeout=3600.0),
+            tls=tls,
+            rtu=rtu,
+        ),
         {100: "insert_peg"},
     )
     bridge.start()

@@ -87,9 +87,8 @@ def _starved(program: ServedProgram) -> Undo:
     return lambda: None
 
 
-def _attacked(attack: Callable[[attacks.Address, float], None], program: ServedProgram) -> Undo:
-    address = program.secure if attack is attacks.tls_storm else program.address
-    attacks.in_process(attack, address, HELD_UP)
+def _attacked(attack: attacks.Attack, program: ServedProgram) -> Undo:
+    attacks.in_process(attack, program.secure if attack.needs_tls else program.address, HELD_UP)
     return lambda: None
 
 
@@ -121,7 +120,7 @@ PROGRAM_KINDS: tuple[FaultKind, ...] = (
             f"line: {name}",
             to_program=partial(_attacked, attack),
             is_timed=True,
-            needs_tls=attack is attacks.tls_storm,
+            needs_tls=attack.needs_tls,
             is_harmless=True,
         )
         for name, attack in attacks.ATTACKS.items()

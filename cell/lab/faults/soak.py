@@ -27,8 +27,6 @@ from plc_bridge.protocol.messages import Control, Report
 from skills.catalogue import CATALOGUE
 
 TABLE = "soak.csv"
-SAMPLES = 20
-"""Number of samples of memory, handles and threads in a piece."""
 SETTLED = 0.25
 """Share of a piece after which caches are filled and growth is measured."""
 LATEST = 60
@@ -41,8 +39,8 @@ UNKNOWN_CODE, UNKNOWN_RECIPE = 9999, 999
 
 
 @dataclass(frozen=True, slots=True)
-class SoakSample:
-    """One sample of the program, after some of the commands of a piece."""
+class SoakGroup:
+    """One group of commands, and the program after it."""
 
     piece: int
     code: str
@@ -53,16 +51,9 @@ class SoakSample:
     """Time since then, hours."""
     hours: float
     """Simulated time since then, hours."""
-    commands: int
-    """Number of command groups in the piece up to this sample."""
-    seated: int
-    """Number of groups whose last insertion was a success."""
-    failed: int
-    """Number of groups that ended in a failure, after which production continues."""
-    lost: int
-    """Number of groups after which the cell did not insert again."""
-    lost_after: str
-    """Lost groups since the previous sample, each with its number and the ending of its last insertion."""
+    name: str
+    ending: str
+    """Result of the insertion after the commands; another one than `WENT_ON` if the cell did not insert again."""
     memory: float
     """Memory of the program, MB."""
     handles: int
@@ -80,10 +71,11 @@ class Piece:
     """Time since the end of the piece before, hours; 0 for the first."""
     wall: float
     hours: float
-    commands: int
+    groups: int
     seated: int
     failed: int
     lost: int
+    """Number of groups after which the cell did not insert again."""
     memory: float
     handles: float
     threads: float
@@ -93,77 +85,67 @@ Act = Callable[[FaultBench, np.random.Generator], object]
 """Group of commands before an insertion."""
 
 
-def earlier(path: Path) -> list[SoakSample]:
-    """Return the samples of earlier pieces.
+def earlier(path: Path) -> list[SoakGroup]:
+    """Return the groups of earlier pieces.
 
     Raises:
         ConfigError: They are of other code than this.
     """
-    rows, code = kept_rows(SoakSample, path), versions()["code"]
+    rows, code = kept_rows(SoakGroup, path), versions()["code"]
     if any(row.code != code for row in rows):
         raise ConfigError(f"{path}: pieces of other code, {rows[0].code} instead of {code}; another --out needed")
     return rows
 
 
-def soak(loaded: LoadedConfig, piece: int, hours: float, seed: int) -> Iterator[SoakSample]:
-    """Send random commands to one cell for a number of simulated hours, and yield samples of the program.
+def soak(loaded: LoadedConfig, piece: int, hours: float, seed: int) -> Iterator[SoakGroup]:
+    """Send random groups of commands to one cell for a number of simulated hours, and yield each when it has ended.
 
     Raises:
         CellError: The cell cannot be created, or does not answer any more.
     """
-    rng, endings, lost_after = np.random.default_rng((seed, piece)), Counter[str](), list[str]()
-    began, wall, samples = now_text(), time.monotonic(), 0
+    rng, began, wall, passed = np.random.default_rng((seed, piece)), now_text(), time.monotonic(), 0.0
     with bench(loaded) as tested:
         start = tested.cell.clock.now()
-        while samples < SAMPLES:
+        while passed < hours:
             name = str(rng.choice(list(ACTS)))
             ending = _ending(tested, ACTS[name], rng)
-            endings[ending] += 1
-            if ending not in WENT_ON:
-                lost_after.append(f"{name} ({endings.total()}): {ending}")
             passed = (tested.cell.clock.now() - start) / 3600.0
-            if passed < hours * (samples + 1) / SAMPLES:
-                continue
-            samples += 1
-            seated, failed = (endings[each] for each in WENT_ON)
-            yield SoakSample(
+            yield SoakGroup(
                 piece=piece,
                 code=versions()["code"],
                 began=began,
                 wall=(time.monotonic() - wall) / 3600.0,
                 hours=passed,
-                commands=endings.total(),
-                seated=seated,
-                failed=failed,
-                lost=endings.total() - seated - failed,
-                lost_after="; ".join(lost_after),
+                name=name,
+                ending=ending,
                 memory=int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 1e6,
                 handles=len(list(Path("/proc/self/fd").iterdir())),
                 threads=threading.active_count(),
             )
-            lost_after = []
 
 
-def pieces(rows: Sequence[SoakSample]) -> list[Piece]:
+def pieces(rows: Sequence[SoakGroup]) -> list[Piece]:
     """Return one line per piece, with the gap before it."""
     found, ended = list[Piece](), None
-    for number, group in groupby(rows, key=lambda row: row.piece):
-        samples = list(group)
-        last, began = samples[-1], datetime.fromisoformat(samples[0].began).timestamp() / 3600.0
+    for number, rows_of_it in groupby(rows, key=lambda row: row.piece):
+        groups = list(rows_of_it)
+        last, began = groups[-1], datetime.fromisoformat(groups[0].began).timestamp() / 3600.0
         gap = 0.0 if ended is None else began - ended
         ended = began + last.wall
-        totals = last.wall, last.hours, last.commands, last.seated, last.failed, last.lost
-        found.append(Piece(number, last.began, gap, *totals, *growth(samples)))
+        endings = Counter(group.ending for group in groups)
+        seated, failed = (endings[each] for each in WENT_ON)
+        counts = len(groups), seated, failed, len(groups) - seated - failed
+        found.append(Piece(number, last.began, gap, last.wall, last.hours, *counts, *growth(groups)))
     return found
 
 
-def growth(found: Sequence[SoakSample]) -> tuple[float, float, float]:
+def growth(found: Sequence[SoakGroup]) -> tuple[float, float, float]:
     """Return the growth of memory, MB, handles and threads per simulated hour, after caches are filled."""
     late = found[int(SETTLED * len(found)) :]
     if len(late) < 2:
         return 0.0, 0.0, 0.0
-    hours = [sample.hours for sample in late]
-    counts = [(sample.memory, float(sample.handles), float(sample.threads)) for sample in late]
+    hours = [group.hours for group in late]
+    counts = [(group.memory, float(group.handles), float(group.threads)) for group in late]
     memory, handles, threads = np.polyfit(hours, counts, 1)[0].tolist()
     return memory, handles, threads
 

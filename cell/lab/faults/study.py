@@ -68,14 +68,16 @@ def _soak(args: argparse.Namespace) -> StudyReport:
     rows = soak.earlier(folder / soak.TABLE)
     piece = rows[-1].piece + 1 if rows else 1
     args.set = [*KEYS, f"sim.seed={args.seed + piece}", *args.set]
-    with advancing("hours", soak.SAMPLES) as done:
-        for sample in soak.soak(load_simulated(args, "study faults"), piece, args.soak, args.seed):
-            rows.append(sample)
-            write_rows(rows, folder / soak.TABLE)  # an interrupted call keeps its samples
+    with advancing("groups of commands", None, len(rows)) as done:
+        for group in soak.soak(load_simulated(args, "study faults"), piece, args.soak, args.seed):
+            rows.append(group)
+            write_rows(rows, folder / soak.TABLE)  # an interrupted call keeps its groups
             done(1)
     lines = soak.pieces(rows)
-    commands, lost = sum(line.commands for line in lines), sum(line.lost for line in lines)
+    lost = sum(line.lost for line in lines)
     hours, wall, gaps = (sum(getattr(line, name) for line in lines) for name in ("hours", "wall", "gap"))
-    title = f"{commands} groups of commands, {lost} lost, in {hours:.2f} simulated hours: {wall:.2f} hours of wall time"
+    title = (
+        f"{len(rows)} groups of commands, {lost} lost, in {hours:.2f} simulated hours: {wall:.2f} hours of wall time"
+    )
     title += f" in {len(lines)} pieces of code {rows[0].code}, with {gaps:.2f} hours of gaps"
-    return reported(plain(title, lines), folder, {soak.TABLE: rows}, is_good=lost == 0, pieces=lines, samples=rows)
+    return reported(plain(title, lines), folder, {soak.TABLE: rows}, is_good=lost == 0, pieces=lines, groups=rows)
