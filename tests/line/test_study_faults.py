@@ -1,6 +1,5 @@
 """The campaign of faults, with one case of it: what must hold on any computer holds."""
 
-import math
 from collections import Counter
 from dataclasses import replace
 
@@ -17,7 +16,6 @@ from cell.lab.faults.soak import SoakGroup, earlier, pieces, soak
 from cell.lab.rows import write_rows
 from cell.records.provenance import versions
 from drivers.errors import ConfigError, FaultCode
-from tests.studies import rows_of
 
 BY_NAME = {kind.name: kind for kind in KINDS}
 KIND = BY_NAME["skin: unplugged"]
@@ -102,7 +100,7 @@ def test_a_program_that_a_signal_ends_has_its_arm_at_rest_and_its_run_on_record(
 
 def test_a_program_that_does_not_end_when_it_is_asked_to_is_no_sound_case(tmp_path, monkeypatch):
     monkeypatch.setattr(ends, "ENDING", 0.1)
-    deaf = FaultKind("process: deaf", to_program=lambda program: None, ends_program=True, status=0)
+    deaf = FaultKind("process: deaf", to_program=lambda program: None, status=0)
     assert not program_case(deaf, tmp_path).record
 
 
@@ -230,10 +228,3 @@ def test_pieces_of_other_code_are_not_continued(tmp_path):
 def test_a_piece_of_the_soak_inserts_after_every_group_of_commands():
     first, *_ = soak(load(sets=list(HONEST)), piece=1, hours=0.002, seed=3)
     assert first.ending in WENT_ON
-
-
-def test_table_and_chart_are_written(tmp_path):
-    chart = tables.draw([SOUND, replace(SOUND, kind="skin: frozen", rest_after=math.nan)], tmp_path / tables.CHART)
-    (row,) = rows_of(write_rows([SOUND], tmp_path / TABLE))
-    assert row["kind"] == "arm: reflex"
-    assert chart.stat().st_size > 10_000

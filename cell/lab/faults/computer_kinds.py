@@ -4,15 +4,14 @@ import os
 import resource
 import shutil
 import sqlite3
-import threading
 import time
-from collections.abc import Callable
-from contextlib import closing, suppress
+from contextlib import suppress
 from datetime import timedelta
+from functools import partial
 from pathlib import Path
 
 from cell.lab.faults.bench import FaultBench
-from cell.lab.faults.contract import FaultKind, Undo
+from cell.lab.faults.contract import FaultKind, Undo, changed
 from cell.records import wall_clock
 from cell.records.journal import INDEX
 
@@ -49,34 +48,19 @@ def _read_only(bench: FaultBench) -> Undo:
 
 
 def _locked(bench: FaultBench) -> Undo:
-    done = threading.Event()
-
-    def hold() -> None:
-        with closing(sqlite3.connect(bench.journal.folder / INDEX, isolation_level=None, timeout=10.0)) as index:
-            index.execute("BEGIN IMMEDIATE")
-            done.wait()
-            index.execute("ROLLBACK")
-
-    thread = threading.Thread(target=hold)
-    thread.start()
-
-    def undo() -> None:
-        done.set()
-        thread.join()
-
-    return undo
+    index = sqlite3.connect(bench.journal.folder / INDEX, isolation_level=None, timeout=10.0, check_same_thread=False)
+    index.execute("BEGIN IMMEDIATE")
+    return index.close
 
 
-def _deleted(bench: FaultBench) -> Undo:
+def _deleted(bench: FaultBench) -> None:
     for file in bench.journal.folder.glob(f"{INDEX}*"):
         file.unlink(missing_ok=True)
-    return lambda: None
 
 
-def _torn(bench: FaultBench) -> Undo:
+def _torn(bench: FaultBench) -> None:
     index = bench.journal.folder / INDEX
     index.write_bytes(b"\xff" * index.stat().st_size)
-    return lambda: None
 
 
 def _folder_gone(bench: FaultBench) -> Undo:
@@ -98,23 +82,9 @@ def _put_back(away: Path, folder: Path) -> None:
         shutil.rmtree(meanwhile, ignore_errors=True)
 
 
-def _clock_stepped(step: timedelta) -> Callable[[FaultBench], Undo]:
-    def begin(bench: FaultBench) -> Undo:
-        now = wall_clock.now
-        wall_clock.now = lambda: now() + step
-        return lambda: setattr(wall_clock, "now", now)
-
-    return begin
-
-
-def _held_up(bench: FaultBench) -> Undo:
-    time.sleep(HELD_UP)
-    return lambda: None
-
-
-def _stop_asked(bench: FaultBench) -> Undo:
-    bench.stop.set()
-    return lambda: None
+def _clock_stepped(step: timedelta, bench: FaultBench) -> Undo:
+    now = wall_clock.now
+    return changed(wall_clock, "now", lambda: now() + step)
 
 
 COMPUTER_KINDS: tuple[FaultKind, ...] = (
@@ -124,9 +94,9 @@ COMPUTER_KINDS: tuple[FaultKind, ...] = (
     FaultKind("disk: index deleted", _deleted, is_harmless=True),
     FaultKind("disk: index torn", _torn, is_harmless=True),
     FaultKind("disk: folder gone", _folder_gone, is_harmless=True, is_record_apart=True),
-    FaultKind("clock: put back an hour", _clock_stepped(-STEPPED), is_harmless=True),
-    FaultKind("clock: put on an hour", _clock_stepped(STEPPED), is_harmless=True),
-    FaultKind("program: held up", _held_up, is_harmless=True),
-    FaultKind("program: asked to end", _stop_asked, ends_program=True),
+    FaultKind("clock: put back an hour", partial(_clock_stepped, -STEPPED), is_harmless=True),
+    FaultKind("clock: put on an hour", partial(_clock_stepped, STEPPED), is_harmless=True),
+    FaultKind("program: held up", lambda bench: time.sleep(HELD_UP), is_harmless=True),
+    FaultKind("program: asked to end", lambda bench: bench.stop.set(), status=0),
 )
 """All kinds of computer faults."""

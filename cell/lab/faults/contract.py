@@ -9,13 +9,15 @@ from cell.lab.faults.program import ServedProgram
 if TYPE_CHECKING:
     from cell.lab.faults.bench import FaultBench
 
-Undo = Callable[[], None]
+Undo = Callable[[], object]
 """Function that repairs a fault."""
 
 
-def unharmed(bench: "FaultBench") -> Undo:
-    """Do nothing, if nothing needs repair."""
-    return lambda: None
+def changed(thing: object, name: str, value: object) -> Undo:
+    """Set an attribute, and return the function that sets it back."""
+    before = getattr(thing, name)
+    setattr(thing, name, value)
+    return lambda: setattr(thing, name, before)
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,8 +25,8 @@ class FaultKind:
     """One kind of fault."""
 
     name: str
-    begin: "Callable[[FaultBench], Undo]" = unharmed
-    """Function that causes the fault on the scan thread, and returns its repair."""
+    begin: "Callable[[FaultBench], Undo | None]" = lambda bench: None
+    """Function that causes the fault on the scan thread, and returns its repair; None if it needs none."""
     to_program: Callable[[ServedProgram], Undo | None] | None = None
     """Function that causes the fault from outside, in a cell that is a separate program; None if `begin` causes it. It
     returns the function to call after the run; None if the program has been ended."""
@@ -34,14 +36,17 @@ class FaultKind:
     """True if the program needs a server with TLS."""
     is_harmless: bool = False
     """True if the cell must continue without any effect."""
-    ends_program: bool = False
-    """True if the program ends and starts again."""
     status: int | None = None
-    """Required exit status of a program that `to_program` ends; negative is the signal that killed it. None if the
-    program continues."""
+    """Required exit status of a program that the fault ends, after which it starts again; negative is the signal that
+    killed it. None if the program continues."""
     silences_plc: bool = False
     """True if the PLC falls silent; the cell of this kind detects this within seconds."""
     is_record_apart: bool = False
     """True if the run's record is in another folder than the repaired cell reads."""
     slow: str = ""
     """Reason why the arm may move for longer than a second after the fault; empty if it must not."""
+
+    @property
+    def ends_program(self) -> bool:
+        """True if the program ends and starts again."""
+        return self.status is not None

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from drivers.errors import ArmReflexError, ArmSilentError, ArmStoppedError, CellError, GripperSilentError
-from drivers.quantities import ArmState, Pose, SwitchState, Wrench
+from drivers.quantities import Pose, SwitchState, Wrench
 from drivers.skin.health import Counts
 from sim.boards.faulty import Change, kept
 from sim.config import WireFaults
@@ -174,7 +174,7 @@ ARM: Mapping[str, Callable[[], Change]] = {
     "joint no number": lambda: edited(q=_put(3, NAN)),
     "stamp no number": lambda: edited(stamp=lambda stamp: NAN),
     "force beyond any sensor": lambda: force(lambda values: np.full(3, 1e308)),
-    "readings still": lambda: _still(),
+    "readings still": lambda: kept("q", "dq", "tcp", "wrench", "elbow", "commanded", "unexplained"),
     "wrench offset": lambda: force(_add(0.0, 0.0, 15.0)),
     "force zero": lambda: force(np.zeros_like),
     "wrench still": lambda: kept("wrench"),
@@ -223,17 +223,6 @@ LOST: Mapping[str, tuple[str, Callable[[], Callable[[str], bool]]]] = {
     "hand: does not open": ("gripper", lambda: lambda command: command != "release"),
 }
 """Commands that do not reach a device."""
-
-
-def _still() -> Change:
-    """Return the first state of an arm forever, each time as a fresh one."""
-    first: list[ArmState] = []
-
-    def change(state: ArmState) -> ArmState:
-        first.append(state)
-        return replace(first[0], stamp=state.stamp, setpoint_age=state.setpoint_age)
-
-    return change
 
 
 def _some(arrives: Callable[[int], bool]) -> Callable[[str], bool]:

@@ -67,10 +67,6 @@ LEFT = {
 end, and a held peg has no known position after the hand is empty."""
 
 
-def _sent(number: signal.Signals, program: ServedProgram) -> None:
-    program.signal(number)
-
-
 def _paused(program: ServedProgram) -> Undo:
     """Stop and continue the program, as a terminal or a debugger does."""
     program.signal(signal.SIGSTOP)
@@ -100,7 +96,7 @@ def _full(then: Callable[[ServedProgram], None], program: ServedProgram) -> Undo
 
 PROGRAM_KINDS: tuple[FaultKind, ...] = (
     *(
-        FaultKind(f"process: {number.name}", to_program=partial(_sent, number), ends_program=True, status=status)
+        FaultKind(f"process: {number.name}", to_program=partial(ServedProgram.signal, number=number), status=status)
         for number, status in ENDS.items()
     ),
     FaultKind("process: stopped and continued", to_program=_paused, is_timed=True),
@@ -109,8 +105,7 @@ PROGRAM_KINDS: tuple[FaultKind, ...] = (
     *(
         FaultKind(
             f"disk: full, then {number.name}",
-            to_program=partial(_full, partial(_sent, number)),
-            ends_program=True,
+            to_program=partial(_full, partial(ServedProgram.signal, number=number)),
             status=ENDS[number],
         )
         for number in (signal.SIGTERM, signal.SIGKILL)
@@ -133,14 +128,17 @@ PROGRAM_KINDS: tuple[FaultKind, ...] = (
 class Seen:
     """A PLC's readings of a run."""
 
-    run: int = 0
-    part: PartPlace = PartPlace.UNKNOWN
+    report: Report = field(default_factory=Report)
+    """The last report."""
     warnings: int = 0
     """All warnings of the run combined."""
-    report: Report | None = None
-    """The last report."""
     lives: list[tuple[float, int]] = field(default_factory=list)
     """Wall times, and the number of scans since the first of them, from the cell's sign of life."""
+
+    @property
+    def part(self) -> str:
+        """Last reported place of the peg."""
+        return PartPlace(self.report.part).name.lower()
 
     @property
     def scans(self) -> int:
@@ -149,9 +147,8 @@ class Seen:
 
     def see(self, report: Report) -> None:
         """Add one report of the run."""
-        step = 0 if self.report is None else (report.life - self.report.life) % 0x10000
-        self.run, self.part, self.report = report.run, PartPlace(report.part), report
-        self.warnings |= report.warnings
+        step = (report.life - self.report.life) % 0x10000 if self.lives else 0
+        self.report, self.warnings = report, self.warnings | report.warnings
         if report.result == Result.NONE:
             self.lives.append((time.monotonic(), step + self.scans))
 
@@ -181,29 +178,25 @@ def tried(kind: FaultKind, stage: str, moment: float, arguments: Sequence[str], 
     fast = ["--set", "sim.pace=max"]
     arguments = [*arguments, "--set", f"plc.life_timeout={PATIENCE:g}", *([] if kind.is_timed else fast)]
     tls = certificate(folder.parent) if kind.needs_tls else []
-    with Journal(folder):
-        pass  # a run that an earlier call interrupted is closed
     before = _rows(folder)
     with served(folder, arguments, tls) as program, closing(Peer(*program.address)) as peer:
         case, seen, kept = _broken(kind, stage, moment, program, peer)
         if not kind.ends_program:
             back = brought_back(peer)
-            _wait_for_record(folder, seen.run)
-    with Journal(folder):
-        pass  # closes open runs of the program, as its next start does
-    after, now = _rows(folder), seen.part.name.lower()
+            _wait_for_record(folder, seen.report.run)
+    after, now = _rows(folder), seen.part
     if kind.ends_program:
         with served(folder, [*arguments, *fast]) as program, closing(Peer(*program.address)) as peer:
             now = PartPlace(peer.look().part).name.lower()
             peer.connect()
             peer.take()
             back = brought_back(peer)
-    is_kept = before.items() <= after.items() and seen.run not in before
+    is_kept = before.items() <= after.items() and seen.report.run not in before
     is_closed = all(row.outcome != RUNNING for row in after.values())
-    case = _on_record(case, after.get(seen.run), folder, kept, seen)
+    case = _on_record(case, after.get(seen.report.run), folder, kept, seen)
     return replace(
         case,
-        part_untrue=kind.ends_program and now not in LEFT[seen.part.name.lower()],
+        part_untrue=kind.ends_program and now not in LEFT[seen.part],
         record=case.record and is_kept and is_closed,
         reset=back[0],
         actions=back[1],
@@ -236,14 +229,13 @@ def _broken(
     if kind.ends_program:
         with suppress(CellError):
             status = program.wait(ENDING)
-    assert seen.report is not None
     case = FaultCase(
         kind=kind.name,
         stage=stage,
         moment=moment,
         outcome=word(seen.report) if is_due else "not reached",
         state=State(seen.report.state).name,
-        part=seen.part.name.lower(),
+        part=seen.part,
         record=status == kind.status,
         cycle=float(np.percentile(cycles, 99)) if cycles else math.nan,
     )
@@ -295,12 +287,15 @@ def _wait_for_warning(peer: Peer, seen: Seen) -> None:
 def _wait_for_record(folder: Path, run: int) -> None:
     """Wait until the index contains the end of a run, or it is too late."""
     deadline = time.monotonic() + RECORDED
-    while time.monotonic() < deadline and ((row := _rows(folder).get(run)) is None or row.outcome == RUNNING):
+    while time.monotonic() < deadline and (
+        (row := _rows(folder, is_read_only=True).get(run)) is None or row.outcome == RUNNING
+    ):
         time.sleep(CYCLE)
 
 
-def _rows(folder: Path) -> dict[int, RunRow]:
-    with Journal(folder, is_read_only=True) as journal:
+def _rows(folder: Path, is_read_only: bool = False) -> dict[int, RunRow]:
+    """Return all runs; unless read-only, open ones are closed, as the program's next start does."""
+    with Journal(folder, is_read_only=is_read_only) as journal:
         return {row.run: row for row in journal.runs(1_000_000)}
 
 

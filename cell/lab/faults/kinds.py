@@ -7,7 +7,7 @@ from functools import partial
 from cell.lab.faults import devices
 from cell.lab.faults.bench import FaultBench
 from cell.lab.faults.computer_kinds import COMPUTER_KINDS
-from cell.lab.faults.contract import FaultKind, Undo
+from cell.lab.faults.contract import FaultKind, Undo, changed
 from cell.lab.faults.ends import PROGRAM_KINDS
 from cell.lab.faults.plc_kinds import PLC_KINDS
 from cell.lab.faults.skill_kinds import SKILL_KINDS
@@ -42,37 +42,27 @@ WEAK, STRONG = 2.0, 60.0
 
 def _wire(what: str, faults: WireFaults, bench: FaultBench) -> Undo:
     wire, now = getattr(bench, what), bench.cell.clock.now()
-    wire.faults = faults.model_copy(
+    moved = faults.model_copy(
         update={
             "unplugged": tuple((now + start, now + end) for start, end in faults.unplugged),
             "resets": tuple(now + instant for instant in faults.resets),
         }
     )
-    return lambda: setattr(wire, "faults", WireFaults())
+    return changed(wire, "faults", moved)
 
 
 def _taxels(make: Callable[[], Change], bench: FaultBench) -> Undo:
     hub, change = bench.wire.board.hub, make()  # type: ignore[attr-defined]
     measure = hub.measure
-    hub.measure = lambda: change(measure())
-    return lambda: setattr(hub, "measure", measure)
+    return changed(hub, "measure", lambda: change(measure()))
 
 
 def _told(what: str, make: Callable[[], Change], bench: FaultBench) -> Undo:
-    device = getattr(bench, what)
-    before, device.change = device.change, make()
-    return lambda: setattr(device, "change", before)
+    return changed(getattr(bench, what), "change", make())
 
 
 def _lost(what: str, make: Callable[[], Callable[[str], bool]], bench: FaultBench) -> Undo:
-    device = getattr(bench, what)
-    before, device.obeys = device.obeys, make()
-    return lambda: setattr(device, "obeys", before)
-
-
-def _once(act: Callable[[FaultBench], object], bench: FaultBench) -> Undo:
-    act(bench)
-    return lambda: None
+    return changed(getattr(bench, what), "obeys", make())
 
 
 def _early(lead: float, bench: FaultBench) -> Undo:
@@ -108,9 +98,9 @@ DEVICE_KINDS: tuple[FaultKind, ...] = (
     *(FaultKind(f"arm: {name}", partial(_told, "arm", make)) for name, make in devices.ARM.items()),
     *(FaultKind(f"hand: {name}", partial(_told, "gripper", make)) for name, make in devices.HAND.items()),
     *(FaultKind(name, partial(_lost, what, make)) for name, (what, make) in devices.LOST.items()),
-    FaultKind("arm: halts by itself", partial(_once, lambda bench: bench.arm.device.halt())),
-    FaultKind("hand: lets go", partial(_once, lambda bench: bench.gripper.device.release(0.06))),
-    FaultKind("hand: opens by 1 mm", partial(_once, _opened)),
+    FaultKind("arm: halts by itself", lambda bench: bench.arm.device.halt()),
+    FaultKind("hand: lets go", lambda bench: bench.gripper.device.release(0.06)),
+    FaultKind("hand: opens by 1 mm", _opened),
     FaultKind("hand: weak", partial(_grips, WEAK)),
     FaultKind("hand: too strong", partial(_grips, STRONG)),
 )

@@ -9,7 +9,7 @@ from cell.config.load import LoadedConfig
 from cell.lab.faults import ends
 from cell.lab.faults.bench import LIFE_TIMEOUT, PATIENCE, FaultBench, Sighting, bench
 from cell.lab.faults.cases import INSERT, FaultCase, Planned, brought_back, word
-from cell.lab.faults.contract import FaultKind
+from cell.lab.faults.contract import FaultKind, Undo
 from cell.peg.part_state import IN_HOLE_DEPTH
 from cell.run.states import State
 from drivers.errors import CellError
@@ -84,7 +84,7 @@ def _served(
 
 
 def _case(tested: FaultBench, kind: FaultKind, stage: str, moment: float) -> FaultCase:
-    undo: list[Callable[[], None]] = []
+    undo: list[Undo | None] = []
     tested.plc_act = None
     tested.let_pass(MENDED)  # the line brings the next workpiece
     tested.arm_fault(stage, moment, lambda: undo.append(kind.begin(tested)))
@@ -99,7 +99,7 @@ def _case(tested: FaultBench, kind: FaultKind, stage: str, moment: float) -> Fau
         record = kind.is_record_apart and _is_on_record(tested, report, outcome, kind)
     finally:
         seen, tested.seen, tested.stage = tested.seen, Sighting(), 0
-        for mend in undo:
+        for mend in filter(None, undo):
             mend()
     state = State(report.state).name
     if has_ended:

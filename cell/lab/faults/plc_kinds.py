@@ -4,10 +4,11 @@ import threading
 import time
 from collections.abc import Callable
 from contextlib import suppress
+from functools import partial
 
 from cell.lab.faults.bench import LIFE_TIMEOUT, FaultBench
 from cell.lab.faults.cases import INSERT
-from cell.lab.faults.contract import FaultKind, Undo
+from cell.lab.faults.contract import FaultKind, Undo, changed
 from drivers.errors import CellError
 from plc_bridge.peer import CellSilentError, Peer
 from plc_bridge.protocol.messages import Control
@@ -17,14 +18,10 @@ LASTING = 0.5
 SILENT = "its life counter stands still for plc.life_timeout before anybody can know"
 
 
-def _lost(act: Callable[[FaultBench], None]) -> Callable[[FaultBench], Undo]:
-    def begin(bench: FaultBench) -> Undo:
-        bench.plc_act = lambda: act(bench)
-        # Simulated time runs faster than the wall clock of the silence, so it stands still until the timeout.
-        time.sleep(LIFE_TIMEOUT)
-        return lambda: None
-
-    return begin
+def _lost(act: Callable[[FaultBench], None], bench: FaultBench) -> None:
+    bench.plc_act = lambda: act(bench)
+    # Simulated time runs faster than the wall clock of the silence, so it stands still until the timeout.
+    time.sleep(LIFE_TIMEOUT)
 
 
 def _killed(bench: FaultBench) -> None:
@@ -39,8 +36,7 @@ def _frozen(bench: FaultBench) -> None:
 
 
 def _torn(bench: FaultBench) -> Undo:
-    bench.peer.torn_until = time.monotonic() + LASTING
-    return lambda: setattr(bench.peer, "torn_until", 0.0)
+    return changed(bench.peer, "torn_until", time.monotonic() + LASTING)
 
 
 def _second(bench: FaultBench) -> Undo:
@@ -62,8 +58,8 @@ def _command(bench: FaultBench) -> None:
 
 
 PLC_KINDS: tuple[FaultKind, ...] = (
-    FaultKind("plc: killed", _lost(_killed), silences_plc=True, slow=SILENT),
-    FaultKind("plc: frozen", _lost(_frozen), silences_plc=True, slow=SILENT),
+    FaultKind("plc: killed", partial(_lost, _killed), silences_plc=True, slow=SILENT),
+    FaultKind("plc: frozen", partial(_lost, _frozen), silences_plc=True, slow=SILENT),
     FaultKind("plc: blocks torn", _torn, is_harmless=True),
     FaultKind("plc: two at once", _second, is_harmless=True),
 )

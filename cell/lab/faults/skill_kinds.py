@@ -2,12 +2,13 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from types import ModuleType
 
 import numpy as np
 
 from cell.lab.faults.bench import FaultBench
-from cell.lab.faults.contract import FaultKind, Undo
+from cell.lab.faults.contract import FaultKind, Undo, changed
 from drivers.frames import UP
 from drivers.quantities import ImpedanceSetpoint, Vector
 from skills.contract import Outcome, Reason, SkillContext, SkillResult
@@ -25,26 +26,17 @@ DONE = (Outcome.SUCCESS, Reason.NONE, 0.0)
 Wrong = Callable[[ImpedanceSetpoint], ImpedanceSetpoint]
 
 
-def _raises(bench: FaultBench) -> Undo:
+def _raises(bench: FaultBench) -> None:
     raise ValueError("a skill that nobody tested")
 
 
-def _blocks(bench: FaultBench) -> Undo:
+def _blocks(bench: FaultBench) -> None:
     bench.cell.clock.wait_until(bench.cell.clock.now() + BLOCKED)
-    return lambda: None
 
 
-def _asks(make: Callable[[], Wrong]) -> Callable[[FaultBench], Undo]:
-    def begin(bench: FaultBench) -> Undo:
-        wrong, follow = make(), SkillContext.follow
-
-        def followed(ctx: SkillContext, setpoint: ImpedanceSetpoint) -> None:
-            follow(ctx, wrong(setpoint))
-
-        setattr(SkillContext, "follow", followed)  # noqa: B010 - a method is no variable to the type checker
-        return lambda: setattr(SkillContext, "follow", follow)
-
-    return begin
+def _asks(make: Callable[[], Wrong], bench: FaultBench) -> Undo:
+    wrong, follow = make(), SkillContext.follow
+    return changed(SkillContext, "follow", lambda ctx, setpoint: follow(ctx, wrong(setpoint)))
 
 
 def _shifted(way: Vector) -> Wrong:
@@ -68,24 +60,17 @@ def _lies(bench: FaultBench) -> Undo:
         (tactile_insert, TactileInsertResult(*DONE, 0.0, 0.0)),
         (spiral_adjust, SpiralAdjustResult(*DONE, 0.0, 0.02)),
     )
-    before = [(module, vars(module)["run"]) for module, _ in said]
-    for module, result in said:
-        vars(module)["run"] = lambda *given, result=result, **named: result
-
-    def undo() -> None:
-        for module, run in before:
-            vars(module)["run"] = run
-
-    return undo
+    undo = [changed(module, "run", lambda *given, result=result, **named: result) for module, result in said]
+    return lambda: [each() for each in undo]
 
 
 SKILL_KINDS: tuple[FaultKind, ...] = (
     FaultKind("skill: raises", _raises),
     FaultKind("skill: blocks", _blocks),
-    FaultKind("skill: asks for no number", _asks(lambda: _shifted(np.full(3, np.nan)))),
-    FaultKind("skill: asks for far away", _asks(lambda: _shifted(np.array([FAR, 0.0, 0.0])))),
-    FaultKind("skill: presses", _asks(lambda: _shifted(-DEEP * UP))),
-    FaultKind("skill: drifts downward", _asks(_drifting)),
+    FaultKind("skill: asks for no number", partial(_asks, lambda: _shifted(np.full(3, np.nan)))),
+    FaultKind("skill: asks for far away", partial(_asks, lambda: _shifted(np.array([FAR, 0.0, 0.0])))),
+    FaultKind("skill: presses", partial(_asks, lambda: _shifted(-DEEP * UP))),
+    FaultKind("skill: drifts downward", partial(_asks, _drifting)),
     FaultKind("skill: lies", _lies, slow="what it says is judged when the run ends"),
 )
 """All kinds of skill faults."""

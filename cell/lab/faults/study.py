@@ -19,7 +19,7 @@ QUICK = 150
 
 
 def run(args: argparse.Namespace) -> StudyReport:
-    """Run every case, write the table and draw the chart; with --soak run that instead."""
+    """Run every case, write the table; with --soak run that instead."""
     if args.soak > 0.0:
         return _soak(args)
     asked, folder = [*KEYS, *args.set], out_folder(args.out)
@@ -45,10 +45,9 @@ def run(args: argparse.Namespace) -> StudyReport:
             done(1)
 
         measure.measure(make, tried, folder / "journal", watch, len(rows), arguments)
-    chart = tables.draw(rows, folder / tables.CHART)
     lines = tables.lines(rows, limit)
     is_good = not any(lines[-1][name] for name in tables.NEVER)
-    return reported(tables.shown(lines), folder, {cases.TABLE: rows}, [chart], is_good, kinds=lines, cases=rows)
+    return reported(tables.shown(lines), folder, {cases.TABLE: rows}, is_good=is_good, kinds=lines, cases=rows)
 
 
 def _kinds(texts: list[str]) -> list[FaultKind]:

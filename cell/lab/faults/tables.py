@@ -1,21 +1,17 @@
-"""Table and chart of the campaign; nothing is printed here."""
+"""Table of the campaign; nothing is printed here."""
 
 import math
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
 from rich.table import Table
 
-from cell.film.plots import COLOURS
-from cell.lab.charts import Curve, Panel, draw_panels
 from cell.lab.faults.bench import REST_LIMIT
 from cell.lab.faults.cases import FaultCase
 from cell.lab.faults.kinds import KINDS
 from cell.lab.tables import table
 
-CHART = "faults.png"
 REST_AFTER_LIMIT, FORCE_SHARE = 1.0, 1.2
 """Longest time to rest after the fault, s, and largest share of the force limit."""
 NEVER = ("wrong successes", "no record", "over force", "not back")
@@ -85,16 +81,3 @@ def _text(value: object) -> str:
     if isinstance(value, float):
         return "-" if math.isnan(value) else f"{value:.2f}"
     return str(value)
-
-
-def draw(rows: Sequence[FaultCase], path: Path) -> Path:
-    """Draw the time from each fault to rest against the largest force after the fault, by the faulty component; return the file."""
-    groups = list(dict.fromkeys(row.kind.split(":")[0] for row in rows))
-    curves = []
-    for group, colour in zip(groups, COLOURS * 2, strict=False):
-        cases = [row for row in rows if row.kind.startswith(f"{group}:") and math.isfinite(row.rest_after)]
-        at = [row.rest_after for row in cases], [row.peak_force for row in cases]
-        curves.append(Curve(*at, colour, f"{group}: {len(cases)}", "o"))
-    labels = "from the fault to the arm's last motion (s)", "largest force from the fault on (N)"
-    title = f"Faults in the middle of an insertion, n = {len(rows)}; the line is the limit"
-    return draw_panels([Panel("", *labels, curves, marks=[REST_AFTER_LIMIT])], title, path, width=6.5)
