@@ -7,7 +7,7 @@ import pytest
 
 from cell.config.load import load
 from cell.lab.faults import ends, tables
-from cell.lab.faults.bench import KEYS, REST_LIMIT
+from cell.lab.faults.bench import KEYS, REST_LIMIT, bench
 from cell.lab.faults.cases import STAGES, TABLE, WENT_ON, FaultCase, begun, planned
 from cell.lab.faults.contract import FaultKind
 from cell.lab.faults.kinds import KINDS
@@ -16,6 +16,7 @@ from cell.lab.faults.soak import SoakGroup, earlier, pieces, soak
 from cell.lab.rows import write_rows
 from cell.records.provenance import versions
 from drivers.errors import ConfigError, FaultCode
+from plc_bridge.protocol.messages import Control, LeaseState
 
 BY_NAME = {kind.name: kind for kind in KINDS}
 KIND = BY_NAME["skin: unplugged"]
@@ -134,6 +135,12 @@ def test_a_slice_of_the_campaign_has_zeros_where_there_must_be(tmp_path):
     line = tables.lines(found(tried, tmp_path), load().cell.limits.force)[-1]
     assert line["n"] == len(tried)
     assert {name: line[name] for name in COUNTED if "late" not in name} == dict.fromkeys(COUNTED[:1] + COUNTED[3:], 0)
+
+
+def test_the_plc_of_the_campaign_stays_connected_while_the_line_brings_the_next_workpiece():
+    with bench(load(sets=[*IDEAL, "plc.modbus.idle_timeout=1.0"])) as tested:
+        tested.let_pass(60.0)
+        assert tested.peer.trigger(Control.RESET).lease == LeaseState.YOURS
 
 
 @pytest.mark.parametrize(

@@ -35,7 +35,7 @@ WAITING = (State.IDLE, State.COMPLETE, State.STOPPED, State.ABORTED, State.HELD)
 """States that wait for a command."""
 LIFE_TIMEOUT, PATIENCE = 2.0, 30.0
 """Times after which a silent PLC is lost, s of wall time: for kinds with a silent PLC, and for all others on a busy
-computer."""
+computer, where the PLC also waits so long for each answer."""
 LEASE_TIMEOUT = 30.0
 """Silence after which the lease is free again, s of wall time."""
 CYCLE = 0.02
@@ -162,15 +162,20 @@ class FaultBench:
     def connect(self) -> Report:
         """Reconnect and take the lease."""
         self.peer.close()
-        self.peer = FaultyPeer(*self.bridge.address)
+        self.peer = FaultyPeer(*self.bridge.address, timeout=PATIENCE)
         self.peer.connect()
         self.peer.take()
         return self.peer.cycle()
 
     def let_pass(self, length: float) -> None:
-        """Wait until the cell's clock has advanced by this time, s, or the program has ended."""
+        """Let the PLC cycle until the cell's clock has advanced by this time, s, or the program has ended.
+
+        Raises:
+            CellError: The cell does not answer.
+        """
         end, deadline = self.cell.clock.now() + length, time.monotonic() + LONGEST
         while self.cell.clock.now() < end and self.thread.is_alive() and time.monotonic() < deadline:
+            self.peer.cycle()
             time.sleep(TURN)
 
     def _act(self) -> None:
@@ -257,7 +262,7 @@ def bench(loaded: LoadedConfig, life_timeout: float = PATIENCE) -> Iterator[Faul
         stack.callback(bridge.close)
         assert isinstance(made.skin_wire, EmulatedCan)
         (board,) = (each for each in made.boards if isinstance(each, EmulatedSwitchBoard))
-        peer = FaultyPeer(*bridge.address)
+        peer = FaultyPeer(*bridge.address, timeout=PATIENCE)
         thread = _scanning(supervisor)
         tried = FaultBench(
             loaded, cell, arm, gripper, switch, made.skin_wire, board, journal, bridge, peer, supervisor, stop, thread

@@ -179,14 +179,14 @@ def tried(kind: FaultKind, stage: str, moment: float, arguments: Sequence[str], 
     arguments = [*arguments, "--set", f"plc.life_timeout={PATIENCE:g}", *([] if kind.is_timed else fast)]
     tls = certificate(folder.parent) if kind.needs_tls else []
     before = _rows(folder)
-    with served(folder, arguments, tls) as program, closing(Peer(*program.address)) as peer:
+    with served(folder, arguments, tls) as program, closing(Peer(*program.address, timeout=PATIENCE)) as peer:
         case, seen, kept = _broken(kind, stage, moment, program, peer)
         if not kind.ends_program:
             back = brought_back(peer)
             _wait_for_record(folder, seen.report.run)
     after, now = _rows(folder), seen.part
     if kind.ends_program:
-        with served(folder, [*arguments, *fast]) as program, closing(Peer(*program.address)) as peer:
+        with served(folder, [*arguments, *fast]) as program, closing(Peer(*program.address, timeout=PATIENCE)) as peer:
             now = PartPlace(peer.look().part).name.lower()
             peer.connect()
             peer.take()
