@@ -87,8 +87,8 @@ a damaged file of the peg is believed
  cell.peg.custody.KeptPart
  tests/unit/cell/peg/test_custody.py::test_a_damaged_file_says_that_nobody_knows
 a reading that no sensor can give
- skills.guards.setpoint_gate.require_readings
- tests/unit/skills/guards/test_setpoint_gate.py::test_a_reading_of_the_arm_that_no_sensor_can_give_is_named
+ skills.guards.setpoint_gate.GatedArm.read
+ tests/unit/skills/guards/test_setpoint_gate.py::test_an_arm_whose_readings_are_no_numbers_is_halted_once
 an arm whose readings stand still
  skills.guards.setpoint_gate.GatedArm.read
  tests/unit/skills/guards/test_setpoint_gate.py::test_readings_that_stand_still_are_a_fault_within_a_fifth_of_a_second
