@@ -31,6 +31,7 @@ from drivers.skin.cyskin_wire import (
     to_can,
 )
 from drivers.skin.icub_wire import TriangleAssembler, TriangleReading, encode_triangle
+from drivers.skin.layout import shape_of
 from drivers.switch.wire import Contacts, Decoder, SwitchReport
 from drivers.switch.wire import encode as switch_packet
 from drivers.transport.cobs import Deframer, frame
@@ -39,7 +40,7 @@ from plc_bridge.modbus.pdu import respond
 from plc_bridge.modbus.rtu_frames import Receiver, with_check_sum
 from plc_bridge.protocol.messages import PartPlace
 from tests.hostile import request
-from tests.inputs import inputs
+from tests.inputs import KEPT, inputs
 from tests.pages import ROOT
 from tests.unit.cell.page.test_outside import changed
 from tests.unit.plc_bridge.modbus.test_pdu import FakeStation
@@ -166,9 +167,17 @@ def test_random_bytes_on_a_wire_do_no_harm(wire):
     assert is_understood()
 
 
-LEARNED = b'{"version":1,"places":{"1":{"job":"0a","mean":[0.5,0.0],"variance":[1e-6,1e-6],"scatter":0.001,"parts":3,"stray":null,"updated":"2026-01-01T00:00:00Z"}}}'
-ARM = b'date = 2026-01-01\narm = "fr3"\nunit = "1"\nspeeds = [0.1, 0.2]\nfriction = [[1, 2, 3, 4, 5, 6, 7]]\n'
-SKIN = b'date = 2026-01-01\nlayout = "parallelogram"\nbaseline = [[0.0, 1.0]]\nsensitivity = [[1.0]]\n'
+SEVEN = f"[{', '.join(7 * ['0.1'])}]"
+FIGURE = f"value = {SEVEN}\ninterval = {SEVEN}\n"
+ARM = (
+    f'date = 2026-01-01\narm = "Franka Emika Panda"\nunit = "1"\nspeeds = [0.1, 0.2]\nunexplained = {SEVEN}\n'
+    + "".join(f"[{name}]\n{FIGURE}" for name in ("offset", "dry", "smooth", "[friction]", "[friction]"))
+)  # fmt: skip
+GAINS = shape_of("parallelogram")[1] * [1.0]
+SKIN = (
+    'date = 2026-01-01\nlayout = "parallelogram"\npoint_spread = 1e-3\nresidual = 0.1\nunmeasured = [[], []]\n'
+    f"left = {GAINS}\nright = {GAINS}\n"
+)
 
 
 def put(path: Path, data: bytes) -> None:
@@ -187,13 +196,15 @@ def arm_model():
     [
         ("sim.toml", (ROOT / "config/sim.toml").read_bytes(), load),
         ("cell_01.toml", (ROOT / "config/cell_01.toml").read_bytes(), load),
-        (FILE, LEARNED, lambda path: read_learned(path.parent)),
-        ("arm.toml", ARM, lambda path: read_arm_calibration(path, arm_model(), "1")),
-        ("skin.toml", SKIN, lambda path: read_calibration(path, "parallelogram")),
+        (FILE, KEPT[FILE], lambda path: read_learned(path.parent)),
+        ("arm.toml", ARM.encode(), lambda path: read_arm_calibration(path, arm_model(), "1")),
+        ("skin.toml", SKIN.encode(), lambda path: read_calibration(path, "parallelogram")),
     ],
 )
 def test_a_damaged_file_is_read_or_refused_in_one_line(tmp_path: Path, name, whole, read):
     rng, path, told = random.Random(7), tmp_path / name, list[str]()
+    put(path, whole)
+    read(path)
     for _ in range(FILES):
         put(path, changed(whole, rng))
         try:
@@ -202,10 +213,6 @@ def test_a_damaged_file_is_read_or_refused_in_one_line(tmp_path: Path, name, who
             told.append(str(error))
     assert len(told) > FILES // 2
     assert all(name in text and len(text.splitlines()) == 1 for text in told)
-
-
-PART = b'{"place":"RACK","evidence":"","is_held":false,"depth":0.0,"tip":[0,0,0],"emptied":0}'
-FACT = b'{"facts":{"load":{"date":"2026-01-01","measured":"0.2 kg","devices":"fr3 1","of":"0a1b"}}}'
 
 
 def peg_kept_in(path):
@@ -218,13 +225,17 @@ def peg_kept_in(path):
 @pytest.mark.parametrize(
     ("name", "whole", "read"),
     [
-        ("part-sim.json", PART, peg_kept_in),
-        ("proven.json", FACT, proven.read),
-        ("page-token", b"0123456789abcdefghijklmn", lambda path: page_token(path.parent)),
+        ("part-sim.json", KEPT["part-sim.json"], peg_kept_in),
+        ("proven.json", KEPT["proven.json"], proven.read),
+        ("page-token", KEPT["page-token"], lambda path: page_token(path.parent)),
     ],
 )
 def test_a_damaged_kept_file_stops_no_start_and_is_named_in_one_line(tmp_path: Path, caplog, name, whole, read):
     rng, path = random.Random(8), tmp_path / name
+    put(path, whole)
+    path.chmod(0o600)
+    read(path)
+    assert not caplog.messages
     for _ in range(FILES):
         put(path, changed(whole, rng))
         path.chmod(0o600)

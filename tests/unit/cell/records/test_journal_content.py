@@ -19,7 +19,7 @@ from cell.records.journal import INDEX, Journal
 from cell.records.schema import LOST, EventKind, EventRow, StageRow
 from drivers.errors import JournalError
 from tests.fakes import Rig
-from tests.inputs import inputs
+from tests.inputs import KEPT, inputs
 from tests.unit.cell.records.test_journal_writer import ROW, recorded
 
 EVENT = EventRow(0, "2025", 0.0, EventKind.FAULT, "SKIN_SILENT")
@@ -124,8 +124,12 @@ def test_a_second_process_is_refused_with_the_first_and_its_start(tmp_path, seen
 START = """
 import sys, json
 from pathlib import Path
+from cell.calibrate import proven
+from cell.page.token import page_token
+from cell.peg.custody import Custody
 from cell.records.journal import Journal
 from cell.records.schema import RunRow
+from cell.run.learning import read_learned
 from drivers.errors import CellError
 for folder in Path(sys.argv[1]).iterdir():
     try:
@@ -134,6 +138,10 @@ for folder in Path(sys.argv[1]).iterdir():
             assert journal.find(run.run).outcome == "running", journal.trouble
             assert journal.trouble == "", journal.trouble
             journal.finish(run)
+        Custody(folder, "sim")
+        proven.read(folder / proven.FILE)
+        read_learned(folder)
+        page_token(folder)
         print(folder.name, "started", flush=True)
     except CellError as error:
         assert len(str(error).splitlines()) == 1
@@ -163,7 +171,9 @@ def damage(folder: Path, rng: random.Random) -> None:
     for path in rng.sample(sorted(folder.iterdir()), rng.randrange(1, 4)):
         data = path.read_bytes()
         path.unlink()
-        if rng.random() < 0.9:
+        if rng.random() < 0.05:
+            path.mkdir()
+        elif rng.random() < 0.9:
             path.write_bytes(bad(data, rng))
             path.chmod(0o600)
     if rng.random() < 0.05:
@@ -180,6 +190,9 @@ def test_a_damaged_folder_starts_or_is_refused_in_one_line(tmp_path, seen, seed)
             recorded(journal, seen, scans=5, config_hash=f"{number}")
         row = journal.begin(ROW)
         assert journal.find(row.run)
+        for name, text in KEPT.items():
+            (whole / name).write_bytes(text)
+            (whole / name).chmod(0o600)
         shutil.copytree(whole, tmp_path / "killed")
     for number in range(FOLDERS):
         source = rng.choice([whole, tmp_path / "killed"])
