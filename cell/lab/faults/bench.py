@@ -176,7 +176,7 @@ class FaultBench:
         end, deadline = self.cell.clock.now() + length, time.monotonic() + LONGEST
         while self.cell.clock.now() < end and self.thread.is_alive() and time.monotonic() < deadline:
             self.peer.cycle()
-            time.sleep(TURN)
+            time.sleep(CYCLE)
 
     def _act(self) -> None:
         """Execute the PLC's pending action."""

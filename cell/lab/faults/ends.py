@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from cell.lab.faults import attacks
-from cell.lab.faults.bench import PATIENCE
+from cell.lab.faults.bench import CYCLE, PATIENCE
 from cell.lab.faults.cases import INSERT, LONGEST, FaultCase, brought_back, remedy, reset_if_needed, word
 from cell.lab.faults.contract import FaultKind, Undo
 from cell.lab.faults.program import ServedProgram, certificate, served
@@ -33,8 +33,6 @@ from plc_bridge.protocol.registers import Warnings
 from skills.catalogue import CATALOGUE
 from skills.guards.rest import REST_SPEED
 
-CYCLE = 0.02
-"""Time between two cycles of the PLC, s of wall time."""
 LAST = 1.0
 """Time before a signal from which samples can be lost, s of wall time."""
 ENDING = 30.0
