@@ -52,17 +52,7 @@ SOUND = FaultCase(
     following="success",
     cycle=0.01,
 )
-COUNTED = (
-    "wrong successes",
-    "late rest",
-    "late after",
-    "over force",
-    "disturbed",
-    "part untrue",
-    "part unknown",
-    "no record",
-    "not back",
-)
+COUNTED = tuple(tables.COUNTED)
 
 
 def test_an_unplugged_skin_ends_the_run_at_rest_on_record_and_production_goes_on(tmp_path):
