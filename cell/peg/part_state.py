@@ -203,7 +203,7 @@ def _after(before: PartState, seen: PegEvidence, places: Places, is_running: boo
 def _gripped(before: PartState, seen: PegEvidence, places: Places) -> PartState:
     now = _held(seen, places, _slid(before, seen, places))
     was_in_hole = now.place in IN_THE_HOLE or _is_at_hole(seen, places.hole)
-    return replace(now, was_in_hole=was_in_hole or (before.is_held and before.was_in_hole))
+    return replace(now, was_in_hole=was_in_hole or (_may_be_same(before, places) and before.was_in_hole))
 
 
 def by_hand_alone(
@@ -270,10 +270,17 @@ def _is_slack(seen: PegEvidence, places: Places) -> bool:
     return not seen.is_gripping and abs(seen.width - places.thickness) <= WIDTH_TOLERANCE
 
 
+def _may_be_same(before: PartState, places: Places) -> bool:
+    """Return True if a peg between the pads may be the last one: it was held, or the pads were as far apart without a grip."""
+    return before.is_held or abs(before.width - places.thickness) <= WIDTH_TOLERANCE
+
+
 def _slid(before: PartState, seen: PegEvidence, places: Places) -> float:
     """Return the largest distance the fingers may have slid down the held peg, m, after one more reading."""
-    if not before.is_held or seen.push <= places.bears:
-        return before.slid if before.is_held else 0.0
+    if not _may_be_same(before, places):
+        return 0.0
+    if seen.push <= places.bears:
+        return before.slid
     return max(before.slid + before.tip[2] - seen.tip[2], 0.0)
 
 

@@ -389,6 +389,19 @@ def test_the_evidence_names_what_was_read(peg, depth, how, words):
     assert (gone.place is NOWHERE) is ("hand was" in words or "not grip" in words)
 
 
+def test_a_grip_that_was_lost_for_one_reading_at_the_hole_hides_no_peg_in_it(peg):
+    peg.held(0.001, inserts=True)
+    peg.gone(width=peg.places.thickness)
+    peg.held(-0.001)
+    assert peg.gone().place is NOWHERE
+
+
+def test_fingers_that_slid_down_the_peg_have_slid_after_a_reading_without_a_grip(sliding):
+    press(sliding, [0.0, 0.003], 2.0 * BEARS)
+    sliding.gone(width=sliding.places.thickness)
+    assert sliding.held(0.003).slid == pytest.approx(0.003)
+
+
 def test_a_hand_slack_by_exactly_what_its_width_errs_neither_grips_nor_opens(at_origin):
     at_origin.look((0.5, 0.0, 0.2), width=WIDTH_TOLERANCE)
     slack = at_origin.gone(width=WIDTH_TOLERANCE, felt=True)
