@@ -83,6 +83,7 @@ def _serve(args: argparse.Namespace) -> None:
         supervisor = Supervisor(cell, loaded, bridge, journal, args.stop, live)
         supervisor.scan()  # the first scan compiles; no client may connect before the cell can answer
         gc.freeze()  # a search for cycles among all that was loaded would hold up a scan
+        args.stop.is_set()  # read once: from here on a signal sets the flag, and never interrupts a scan
         servers.callback(bridge.close)
         bridge.start()
         say(f"serving on {bridge.address[0]}:{bridge.address[1]}")

@@ -45,13 +45,21 @@ def served(folder, program=("-m", "cell")):
         yield running, address
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
 def test_whoever_connects_first_meets_a_cell_that_has_scanned_and_a_signal_ends_it(tmp_path, number):
     with served(tmp_path) as (running, address):
         with closing(Peer(*address)) as peer:
             assert peer.look().state == State.IDLE
         running.send_signal(number)
         assert running.wait(30) == 0
+
+
+def test_a_signal_right_after_the_start_ends_the_cell_without_a_fault(tmp_path):
+    with served(tmp_path) as (running, _):
+        running.send_signal(signal.SIGINT)
+        assert running.wait(30) == 0
+    with Journal(tmp_path, is_read_only=True) as journal:
+        assert [event for event in journal.events() if event.kind == EventKind.FAULT] == []
 
 
 def test_a_signal_in_the_middle_of_a_run_stops_it_first(tmp_path):
