@@ -55,17 +55,20 @@ class TerminalLine:
     def __init__(self, command: Command, watch: Callable[[Report], None]) -> None:
         """Keep the command, which is given once, and the function to call with every report."""
         self._command: Command | None = command
-        self._watch = watch
+        self._watch, self._has_scanned = watch, False
         self.refusal = Refusal.NONE
         """Reason of the refusal; NONE without one."""
 
     def poll(self) -> Command | None:
-        """Return the command at the first call, then None."""
+        """Return the command once, after the first scan: that one loads compiled functions, for which no run must wait."""
+        if not self._has_scanned:
+            return None
         command, self._command = self._command, None
         return command
 
     def publish(self, report: Report) -> None:
         """Call the function with the report."""
+        self._has_scanned = True
         self._watch(report)
 
     def accept(self, command: Command) -> None:

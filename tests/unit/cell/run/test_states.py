@@ -1,8 +1,8 @@
 import pytest
 
-from cell.run.line import CONTROLS
+from cell.run.line import CONTROLS, TerminalLine
 from cell.run.states import ASKED, TRANSITIONS, Event, State, after, is_permitted, is_reached
-from plc_bridge.protocol.messages import PACKML
+from plc_bridge.protocol.messages import FIRST_PROGRAM, PACKML, Command, Report
 
 
 @pytest.mark.parametrize("state", sorted(set(State) - {State.ABORTED, State.ABORTING}))
@@ -48,3 +48,11 @@ def test_line_and_terminal_name_the_controls_as_the_states_do():
 )
 def test_whoever_stops_a_stopped_cell_asks_for_what_is(event, states):
     assert [state for state in State if is_reached(state, event)] == states
+
+
+def test_a_terminal_gives_its_command_once_the_cell_has_scanned():
+    asked = Command(1, FIRST_PROGRAM)
+    line = TerminalLine(asked, lambda report: None)
+    given = [line.poll()]
+    line.publish(Report())
+    assert [*given, line.poll(), line.poll()] == [None, asked, None]
