@@ -9,7 +9,7 @@ from rich.table import Table
 
 from cell.commands.arguments import add_period, add_records, period_of, positive, read_journal, require_fault
 from cell.commands.terminal import GOOD, show
-from cell.records.wall_clock import local
+from cell.records.wall_clock import headed, local
 
 LAST = 20
 """Default number of shown alarms."""
@@ -30,9 +30,8 @@ def run(args: argparse.Namespace) -> int:
     require_fault(args.fault)
     with read_journal(args) as journal:
         alarms = journal.alarms(args.last, *period_of(args), args.fault)
-    table = Table(
-        "came", "alarm", "state", "s", "run", "details", box=SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0)
-    )
+    came = headed("came", (alarm.time for alarm in alarms))
+    table = Table(came, "alarm", "state", "s", "run", "details", box=SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
     table.columns[3].justify = table.columns[4].justify = "right"
     room = max(get_terminal_size().columns - TAKEN, 12)
     table.caption = "s: time until it was over, for a fault until the reset; acknowledged: cleared, not reset"

@@ -5,7 +5,6 @@ import csv
 import json
 from collections.abc import Sequence
 from dataclasses import asdict
-from datetime import datetime
 from pathlib import Path
 from shutil import get_terminal_size
 
@@ -26,7 +25,7 @@ from cell.commands.arguments import (
 from cell.commands.terminal import GOOD, complain, progress, show, written
 from cell.records.journal import Journal
 from cell.records.schema import RunRow, plain
-from cell.records.wall_clock import local
+from cell.records.wall_clock import headed, local
 from drivers.errors import ConfigError, JournalError
 from skills.catalogue import CATALOGUE
 
@@ -121,7 +120,7 @@ def _table(rows: Sequence[RunRow]) -> Table:
     serials, programs = any(row.serial for row in rows), any(row.program != "insert_peg" for row in rows)
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
     table.add_column("run", no_wrap=True)
-    table.add_column(f"started ({datetime.now().astimezone().tzname()})", no_wrap=True)
+    table.add_column(headed("started", (row.started for row in rows)), no_wrap=True)
     for name in [*(["part"] * serials), *(["program"] * programs), "outcome", "cause"]:
         table.add_column(name, overflow="fold", no_wrap=name in ("program", "outcome"))
     for name in ("insert", "cycle"):

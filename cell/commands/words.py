@@ -22,7 +22,7 @@ from cell.peg.part_state import (
     told,
 )
 from cell.records.schema import EventKind, EventRow, RunRow, StageRow
-from cell.records.wall_clock import local
+from cell.records.wall_clock import headed, local
 from cell.run.states import BEFORE_RESET, State
 from drivers.errors import FAULTS, FaultCode
 from plc_bridge.protocol.images import Diagnostics
@@ -120,7 +120,7 @@ def run(row: RunRow, stages: Sequence[StageRow] = ()) -> Table:
 
 def events(rows: Sequence[EventRow]) -> Table:
     """Return the events of a run in words."""
-    table = Table("time", "event", "by", "details", box=SIMPLE_HEAD, pad_edge=False)
+    table = Table(headed("time", (row.time for row in rows)), "event", "by", "details", box=SIMPLE_HEAD, pad_edge=False)
     for row in rows:
         name = row.name.lower().replace("_", " ")
         code = f" {row.code}" if row.kind == EventKind.FAULT else ""

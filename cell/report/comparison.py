@@ -6,13 +6,14 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from cell.records.schema import RunRow, StageRow
+from cell.records.wall_clock import local
 from cell.report.facts import Facts
 from cell.report.words import overview
 
 ComparedLine = tuple[str, str, str]
 """Title of a compared value, and the value in each run."""
 _PLAIN = (
-    *("started", "program", "recipe", "serial", "source", "outcome"),
+    *("program", "recipe", "serial", "source", "outcome"),
     *("stage", "reason", "fault", "message", "seed", "retries"),
 )
 _SCALED = {
@@ -29,7 +30,8 @@ def compared(
 ) -> list[tuple[str, list[ComparedLine]]]:
     """Return tables of two runs: their records, their stages, and the config keys and versions that differ."""
     first, second = rows
-    record = [(name, str(getattr(first, name)), str(getattr(second, name))) for name in _PLAIN]
+    record = [("started", local(first.started), local(second.started))]
+    record += [(name, str(getattr(first, name)), str(getattr(second, name))) for name in _PLAIN]
     for name, (title, scale, unit) in _SCALED.items():
         record.append((title, *(_figure(getattr(row, name), scale, unit) for row in rows)))  # type: ignore[arg-type]
     tables = [("record", record), ("stage, without and with transfer", _stages(stages))]

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from cell.records.statistics import spread
-from cell.records.wall_clock import local
+from cell.records.wall_clock import headed, local
 from cell.report.facts import WORN, Facts, Trend
 from drivers.errors import ConfigError
 
@@ -83,7 +83,7 @@ def _shifts(facts: Facts) -> Table:
                 f"{shift.minutes:.1f}",
             )
         )
-    head = ("shift from", "runs", "yield", "95 % interval", "available", "lost (min)")
+    head = (_from(facts), "runs", "yield", "95 % interval", "available", "lost (min)")
     return f"Shifts, {_last(facts)}; available: no abort or fault waits for its reset", head, rows
 
 
@@ -94,12 +94,16 @@ def _trends(facts: Facts) -> Table:
     ]
     for place, name in enumerate(("lower limit", "upper limit")):
         rows.append((name, *("-" if trend.limits is None else f"{trend.limits[place]:.2f}" for trend in facts.trends)))
-    head = ("shift from", *(trend.name.replace("_", " ") for trend in facts.trends))
+    head = (_from(facts), *(trend.name.replace("_", " ") for trend in facts.trends))
     return (
         f"Mean times of successful runs with transfers (s), {_last(facts)}; * outside the limits of all shifts",
         head,
         rows,
     )
+
+
+def _from(facts: Facts) -> str:
+    return headed("shift from", (shift.start for shift in facts.shifts[-MOST_SHIFTS:]))
 
 
 def _mean(trend: Trend, shift: str) -> str:

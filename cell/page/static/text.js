@@ -21,10 +21,10 @@ export const number = (value, digits, unit = "") => (known(value) ? value.toFixe
 export const degrees = (radians, digits = 1) => number(known(radians) ? (radians * 180) / Math.PI : null, digits, "°");
 export const millimetres = (metres, digits = 1) => number(known(metres) ? 1000 * metres : null, digits, " mm");
 
-/** The local time of day, with the day where it is not today. */
+/** The local time of day with its zone, and the day where it is not today. */
 export function clock(iso) {
   const then = new Date(iso);
-  const time = then.toLocaleTimeString();
+  const time = then.toLocaleTimeString([], { timeStyle: "long" });
   return then.toDateString() === new Date().toDateString() ? time : `${then.toLocaleDateString()} ${time}`;
 }
 

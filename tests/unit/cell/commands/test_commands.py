@@ -1,6 +1,7 @@
 """Every command and every study has the same parts, and the error on an unknown name suggests the nearest one."""
 
 import json
+import time
 import tomllib
 from dataclasses import replace
 from importlib import import_module
@@ -12,7 +13,7 @@ from cell.commands.cli import COMMANDS, GOOD, WRONG_USE, load_command, main
 from cell.config.nearest import did_you_mean
 from cell.lab.commands.study import STUDIES
 from cell.records.journal import Journal
-from cell.records.schema import RunRow
+from cell.records.schema import EventKind, EventRow, RunRow
 from cell.records.versions import PINS, licence, packages
 from drivers import compiled
 from drivers.errors import FaultCode
@@ -65,7 +66,7 @@ def test_one_fault_is_told_by_its_number_or_its_name(word, capsys):
 
 SERIAL = "PN7[a]-[/x] :warning: [red]"
 """As a PLC may send it: a number that looks like the terminal's own markup."""
-RUN = RunRow(0, "2026-01-01T00:00:00+00:00", "insert_peg", 0, SERIAL, "plc[/]", 1)
+RUN = RunRow(0, "2026-01-01T20:00:00+00:00", "insert_peg", 0, SERIAL, "plc[/]", 1)
 
 
 def test_a_serial_number_that_looks_like_markup_is_printed_as_it_is(tmp_path, capsys):
@@ -82,6 +83,37 @@ def test_a_serial_number_that_looks_like_markup_is_printed_as_it_is(tmp_path, ca
     printed = capsys.readouterr().out
     assert SERIAL in printed
     assert "plc[/]" in printed
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("runs",),
+        ("alarms",),
+        ("show", "2"),
+        ("report",),
+        ("compare", "1", "2"),
+        ("compare", "--since", "1900-01-01", "--with", "1800-01-01"),
+    ],
+    ids=" ".join,
+)
+def test_times_are_local_with_their_zone(words, tmp_path, monkeypatch, capsys):
+    monkeypatch.setenv("TZ", "Asia/Kolkata")
+    time.tzset()
+    with Journal(tmp_path) as journal:
+        for _ in range(2):
+            begun = journal.begin(RUN)
+            journal.note(
+                EventRow(0, "2026-01-01T20:00:01+00:00", 0.0, EventKind.FAULT, "SKIN_SILENT", 1001, run=begun.run)
+            )
+            journal.finish(replace(begun, outcome="fault", fault=1001))
+    assert main([*words, "--journal", str(tmp_path)]) != WRONG_USE
+    monkeypatch.undo()
+    time.tzset()
+    printed = capsys.readouterr().out
+    assert "2026-01-02 01:30" in printed or "01-01 22:00" in printed, printed
+    assert "IST" in printed or "+0530" in printed, printed
+    assert "+00:00" not in printed
 
 
 def test_the_version_is_told_with_those_that_the_suite_ran_with(capsys):
