@@ -92,15 +92,16 @@ class Replay {
 
 /** Shows the run; without WebGL, only its flat views. */
 export async function showReplay(run) {
-  const answer = await fetch(`/runs/${run}/replay`);
+  const canvas = byId("scene-canvas"), asked = fetch(`/runs/${run}/replay`);
+  const solids = canvas.getContext("webgl2") && import("./scene.js"); // the scene draws in this context; both come together
+  const answer = await asked;
   if (!answer.ok) return put("replay-note", "No samples of this run are on record, or they are from another version.");
   const replay = new Replay(read(await answer.arrayBuffer()));
   byId("replay-views").hidden = false;
   replay.show(replay.end);
   put("replay-note", "");
-  const canvas = byId("scene-canvas");
-  if (!canvas.getContext("webgl2")) return put("replay-note", "This browser shows no 3D: it has no WebGL."); // the scene draws in this one
-  const { CellScene } = await import("./scene.js");
+  if (!solids) return put("replay-note", "This browser shows no 3D: it has no WebGL.");
+  const { CellScene } = await solids;
   replay.view = new CellScene(canvas, replay.scene);
   canvas.hidden = false;
   replay.show(replay.now);

@@ -2,7 +2,7 @@
 
 import {
   BoxGeometry, BufferAttribute, BufferGeometry, CapsuleGeometry, Color, CylinderGeometry, DirectionalLight, ExtrudeGeometry, Group, HemisphereLight,
-  LineBasicMaterial, LineLoop, LineSegments, Matrix4, Mesh, MeshBasicMaterial, MeshLambertMaterial, PerspectiveCamera, Quaternion, Scene, Shape, SphereGeometry, Vector2, Vector3, WebGLRenderer,
+  LineBasicMaterial, LineSegments, Matrix4, Mesh, MeshLambertMaterial, PerspectiveCamera, Quaternion, Scene, Shape, SphereGeometry, Vector2, Vector3, WebGLRenderer,
 } from "./three-min.js";
 import { felt, stageColour, touchColour } from "./paint.js";
 
@@ -79,8 +79,8 @@ export class CellScene {
       mouth.position.set(first, start + rack.pitch * slot, height);
       this.scene.add(mouth);
     }
-    const corners = [[-1, -1], [1, -1], [1, 1], [-1, 1]].map(([i, j]) => point(x + (i * ax) / 2, y + (j * ay) / 2, z + HIGHER));
-    this.scene.add(new LineLoop(new BufferGeometry().setFromPoints(corners), new LineBasicMaterial({ color: "#44505c" })));
+    const corners = [[-1, -1], [1, -1], [1, 1], [-1, 1], [-1, -1]].map(([i, j]) => [x + (i * ax) / 2, y + (j * ay) / 2, z + HIGHER]);
+    this.area = corners.slice(1).flatMap((corner, n) => [...corners[n], ...corner]);
     this.hole = prism(hole.outline, hole.depth, HOLE);
     this.lamp = new Mesh(new SphereGeometry(0.004), LAMP);
     this.trail = new LineSegments(new BufferGeometry(), new LineBasicMaterial({ vertexColors: true }));
@@ -119,7 +119,7 @@ export class CellScene {
       const made = group(this.flange, box(across, 0.002, length + 0.004, PAD, [0, side * 0.0015, 0]), box(0.84 * across, 0.008, reach, METAL, [0, side * 0.009, tip - reach / 2]));
       made.position.z = centre;
       this.discs.push(taxels[finger].map(([x, y]) => {
-        const disc = new Mesh(new CylinderGeometry(0.0022, 0.0022, 0.0008, 14), new MeshBasicMaterial());
+        const disc = new Mesh(new CylinderGeometry(0.0022, 0.0022, 0.0008, 14), paint("#000000"));
         disc.position.set(y, 0, x);
         made.add(disc);
         return disc;
@@ -132,7 +132,7 @@ export class CellScene {
   pose({ joints, width: open, peg, theta, values, hole, isSeated }) {
     joints.forEach((angle, i) => { this.joints[i].rotation.z = angle; });
     this.fingers.forEach((finger, k) => { finger.position.y = (k ? -1 : 1) * (open / 2); });
-    this.discs.forEach((discs, finger) => discs.forEach((disc, k) => disc.material.color.setRGB(...touchColour(this.facts.colours, felt(this.facts.colours, values[finger][k])).map((part) => part / 255), "srgb")));
+    this.discs.forEach((discs, finger) => discs.forEach((disc, k) => disc.material.emissive.setRGB(...touchColour(this.facts.colours, felt(this.facts.colours, values[finger][k])).map((part) => part / 255), "srgb")));
     this.scene.updateMatrixWorld();
     this.held.visible = Boolean(peg);
     if (peg === "held") this.held.matrix.multiplyMatrices(this.flange.matrixWorld, this.inHand(theta));
@@ -153,9 +153,9 @@ export class CellScene {
     return new Matrix4().makeBasis(point(0, 1, 0), point(c, 0, -s), point(-s, 0, -c)).setPosition(way * s, 0, this.facts.hand.centre + way * c);
   }
 
-  /** The tip's path close to the plate, `count` points of the ring, in the colours of the stages. */
+  /** The hole's area, and the tip's path close to the plate, `count` points of the ring, in the colours of the stages. */
   path(ring, count = ring.count) {
-    const places = [], inks = [], z = this.facts.hole.centre[2], ink = new Color();
+    const places = [...this.area], inks = this.area.map(() => 0.06), z = this.facts.hole.centre[2], ink = new Color();
     let before = null;
     for (let n = 0; n < count; n++) {
       const height = -ring.get(n, "depth"), place = height <= NEAR ? [ring.get(n, "x"), ring.get(n, "y"), z + Math.max(height, 0) + HIGHER] : null;
