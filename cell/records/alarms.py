@@ -9,8 +9,9 @@ WITH begun AS (
             SELECT event FROM events AS later WHERE later.event > alarm.event AND +later.kind = 'state'
             AND later.name NOT IN ('ABORTING', 'ABORTED', 'CLEARING', 'STOPPING', 'STOPPED') ORDER BY event LIMIT 1)
         ELSE (
-            SELECT min(event) FROM events AS later WHERE later.event > alarm.event AND later.kind = 'warning'
-            AND later.name IN (alarm.name, alarm.name || ' is over'))
+            SELECT min(event) FROM events AS later WHERE later.event > alarm.event AND (
+                later.kind = 'warning' AND later.name IN (alarm.name, alarm.name || ' is over')
+                OR later.kind = 'state' AND later.text = ''))
         END AS last
     FROM (
         SELECT * FROM events
@@ -30,7 +31,8 @@ SELECT begun.time, begun.kind, begun.code, begun.name, begun.text, begun.run,
 FROM begun LEFT JOIN events AS ended ON ended.event = begun.last
 ORDER BY begun.event DESC
 """
-"""Alarms of a period. A fault is over when the cell leaves the states before a reset, a warning when it clears or comes again."""
+"""Alarms of a period. A fault is over when the cell leaves the states before a reset, a warning when it
+clears or comes again; both are over when the cell starts again."""
 
 
 @dataclass(frozen=True, slots=True)

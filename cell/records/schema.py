@@ -129,7 +129,7 @@ class EventKind(StrEnum):
     """Kind of an event."""
 
     STATE = "state"
-    """The state changed; `name` is the new one, `text` the one before."""
+    """The state changed; `name` is the new one, `text` the one before, empty at the start of the cell."""
     COMMAND = "command"
     """`source` requested a program, a skill or a control; `name` is its name."""
     REFUSAL = "refusal"

@@ -52,6 +52,7 @@ class Desk:
         self.misfit = ""
         """Disagreement of the last run's joint torques with the arm's calibration, one line; empty if they agree."""
         self.state = State.IDLE
+        self.events.state(None, self.state)
         self.report = Report(state=State.IDLE)
 
     def enter(self, event: Event) -> None:

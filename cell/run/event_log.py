@@ -25,9 +25,9 @@ class EventLog:
         self.run = 0
         """Number of the present run; 0 for none."""
 
-    def state(self, before: State, after: State) -> None:
-        """Record a change of state."""
-        self._note(EventKind.STATE, after.name, code=after, text=before.name)
+    def state(self, before: State | None, after: State) -> None:
+        """Record a change of state; `before` is None at the start of the cell."""
+        self._note(EventKind.STATE, after.name, code=after, text=before.name if before else "")
 
     def command(self, command: Command) -> None:
         """Record a command and its source."""

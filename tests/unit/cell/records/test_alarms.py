@@ -40,7 +40,7 @@ def time_of(second):
 
 def note(journal, happened):
     for second, kind, name, code in happened:
-        journal.note(EventRow(0, time_of(second), 1.0, kind, name, code))
+        journal.note(EventRow(0, time_of(second), 1.0, kind, name, code, text="" if second % 60 == 0 else "BEFORE"))
 
 
 @pytest.fixture
@@ -81,6 +81,12 @@ def test_a_cleared_fault_is_acknowledged_until_the_reset(tmp_path, capsys):
         assert [alarm.state for alarm in journal.alarms(9)] == ["active"]
         note(journal, HAPPENED[6:8])
         assert [alarm.state for alarm in journal.alarms(9)] == ["acknowledged"]
+
+
+def test_no_alarm_outlives_a_restart_of_the_cell(tmp_path):
+    with Journal(tmp_path) as journal:
+        note(journal, [*HAPPENED[:5], (60, *HAPPENED[0][1:])])
+        assert [(alarm.state, round(alarm.duration)) for alarm in journal.alarms(9)] == [("over", 48), ("over", 50)]
 
 
 @pytest.mark.parametrize("words", [["alarms"], ["report"], ["runs"], ["compare", "--since", "1d", "--with", "2d"]])
