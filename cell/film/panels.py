@@ -10,6 +10,7 @@ import numpy as np
 from cell.film.drawing import FAINT, INK, PAPER, RULE, Image, blank, colour, width_of, write, write_right
 from cell.film.plots import COLOURS
 from cell.film.recorded import RecordedRun
+from cell.records.wall_clock import local
 from drivers.quantities import FINGER_NAMES, FINGERS, Vector
 from drivers.scene_facts import BRIGHT, NOISE, felt, touch_colours
 from drivers.skin.layout import Layout, finger_positions, triangles
@@ -176,5 +177,5 @@ def head_line(run: RecordedRun, scan: int, width: int, height: int) -> Image:
     write(image, f"{row.program}, {kind}: {row.outcome} {row.reason}".rstrip(), (left, base), 15, FAINT)
     write_right(image, f"{run.times[scan]:6.2f} s", (width - 12, base), 20, INK, bold=True)
     stage = run.stages[scan].replace("_", " ")
-    write_right(image, f"{stage}    started {row.started[:19].replace('T', ' ')} UTC", (width - 110, base), 15, FAINT)
+    write_right(image, f"{stage}    started {local(row.started)}", (width - 110, base), 15, FAINT)
     return image

@@ -1,5 +1,6 @@
 """Reports on runs agree with plain sums over the rows: in random journals, also after all that happens to a journal."""
 
+import json
 import math
 import sqlite3
 import time
@@ -13,6 +14,7 @@ from statistics import mean
 import numpy as np
 import pytest
 
+from cell.commands.cli import GOOD, main
 from cell.records.journal import INDEX, Journal
 from cell.records.run_query import RunQuery
 from cell.records.schema import LAYOUT, EventKind, EventRow, RunRow, StageRow
@@ -218,6 +220,38 @@ def test_a_report_of_random_runs_is_that_of_their_rows(tmp_path, monkeypatch, se
     agree(tmp_path)
     monkeypatch.undo()
     time.tzset()
+
+
+IN_DUCKDB = """
+CREATE VIEW ended AS SELECT *, least(3600, coalesce(epoch(lead(started) OVER (ORDER BY started)) - epoch(started), cycle_time, 0)) AS lost
+FROM '{runs}' WHERE outcome != 'running';
+SELECT
+    (SELECT avg((outcome = 'success')::INT) FROM ended),
+    (SELECT list(struct_pack(runs, minutes) ORDER BY minutes DESC) FROM (
+        SELECT count(*) AS runs, sum(lost) / 60 AS minutes FROM ended WHERE outcome != 'success'
+        GROUP BY fault, if(fault > 0, '', stage), if(fault > 0, '', if(reason = '', outcome, reason)))),
+    (SELECT [quantile_cont(cycle_time, 0.5), quantile_cont(cycle_time, 0.95)] FROM ended WHERE outcome = 'success'),
+    (SELECT list(peak_force ORDER BY run) FROM ended WHERE peak_force IS NOT NULL)
+"""
+
+
+def test_duckdb_finds_the_same_yield_losses_and_times_in_the_exported_runs(tmp_path, capsys):
+    duckdb = pytest.importorskip("duckdb")
+    fill(tmp_path, 103006)
+    records = ("--journal", str(tmp_path))
+    assert main(["runs", *records, "--export", "parquet", "--out", str(tmp_path / "out")]) == GOOD
+    capsys.readouterr()
+    assert main(["report", *records, "--json"]) == GOOD
+    told = json.loads(capsys.readouterr().out)
+    with duckdb.connect() as other:
+        ((share, losses, cycle, forces),) = other.sql(
+            IN_DUCKDB.format(runs=tmp_path / "out" / "runs.parquet")
+        ).fetchall()
+    assert told["yield"] == pytest.approx(share)
+    assert [loss["count"] for loss in told["losses"]] == [loss["runs"] for loss in losses]
+    assert [loss["minutes"] for loss in told["losses"]] == pytest.approx([loss["minutes"] for loss in losses])
+    assert [told["cycle"]["median"], told["cycle"]["p95"]] == pytest.approx(cycle)
+    assert sorted(told["forces"]) == pytest.approx(sorted(forces))
 
 
 def test_it_still_is_after_a_program_was_killed_and_old_runs_were_deleted(tmp_path):
