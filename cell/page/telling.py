@@ -9,7 +9,7 @@ from cell.peg.part_state import told as told_peg
 from cell.records.schema import RunRow
 from cell.run.states import ASKED, Event, State, is_permitted
 from drivers.errors import FAULTS, FaultCode
-from plc_bridge.protocol.messages import LeaseState, PartPlace, Refusal, Report, Result
+from plc_bridge.protocol.messages import LeaseState, PartEvidence, PartPlace, Refusal, Report, Result
 from plc_bridge.protocol.registers import Warnings
 from skills.catalogue import CATALOGUE
 
@@ -101,7 +101,7 @@ def told(image: Report, message: str, evidence: str, unplugged: Sequence[str] = 
         unplugged: Names of the simulated devices whose cables are unplugged.
     """
     state = State(image.state) if image.state else State.IDLE
-    part = PartState(PartPlace(image.part), evidence, depth=image.part_depth)
+    part = PartState(PartPlace(image.part), evidence, depth=image.part_depth, basis=PartEvidence(image.part_evidence))
     times = {name: image.stage_times[n - 1] for n, name in CATALOGUE.stages.items() if n <= len(image.stage_times)}
     return {
         "state": state.name,
@@ -135,7 +135,8 @@ def steps(state: State, part: PartState) -> list[dict[str, str]]:
     if state not in WAITING:
         return []
     ready = [{"ask": "reset", "label": "Reset"}] if state in (State.STOPPED, State.ABORTED) else []
-    return [*ready, *(BUTTONS[action] for action in REMEDIES[part.place].actions)]
+    useless = Action.RECOVER if part.basis & PartEvidence.HAND_EMPTY else None
+    return [*ready, *(BUTTONS[action] for action in REMEDIES[part.place].actions if action is not useless)]
 
 
 def _next(state: State, part: PartState, unplugged: Sequence[str]) -> str:

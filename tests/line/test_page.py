@@ -131,7 +131,7 @@ def test_a_fault_says_what_to_do_and_is_reset_from_the_page(served, page):
     page.until(lambda: not page.text("fault-title"))
 
 
-def test_a_simulated_cable_is_pulled_and_plugged_from_the_page(served, page):
+def test_a_simulated_cable_is_pulled_and_plugged_from_the_page(served, page, open_page):
     served.program.may_end.clear()
     page.press("start")
     page.until_text("state", "Execute")
@@ -139,6 +139,9 @@ def test_a_simulated_cable_is_pulled_and_plugged_from_the_page(served, page):
     page.until_text("state", "Aborted")
     page.until_text("cable-skin", "Plug the skin in")
     assert page.text("next").startswith("Plug in what was pulled out: skin.")
+    late = open_page()
+    late.until_text("age", "no news for")
+    assert late.text("switch") == "not read"
     page.click("css selector", "#fault-run a")  # one tap to the replay, with few requests before it is shown
     page.until_text("time", "s")
     page.until_text("event-rows", "skin unplugged")

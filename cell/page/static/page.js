@@ -201,7 +201,7 @@ function isAtRest() {
 
 /** Dims the touch image while the cell shows none: an old one must not look like the present. */
 setInterval(() => {
-  const silent = view.touch && (performance.now() - view.heard) / 1000;
+  const silent = (performance.now() - view.heard) / 1000; // since the last image, or since the page was opened
   byId("touch").classList.toggle("old", silent > 1);
   if (silent > 1) put("age", isAtRest() ? "scan at rest" : `no news for ${silent.toFixed(0)} s`);
 }, 500);

@@ -18,7 +18,7 @@ from cell.run.live import KEPT, CablePull, Live, Look
 from cell.run.states import TRANSITIONS, Event, State
 from drivers.errors import FAULTS, ConfigError, FaultCode
 from plc_bridge.bridge import Bridge
-from plc_bridge.protocol.messages import Control, PartPlace, Refusal, Report
+from plc_bridge.protocol.messages import Control, PartEvidence, PartPlace, Refusal, Report
 from plc_bridge.protocol.registers import Lease
 from skills.catalogue import CATALOGUE
 from tests.fakes import Rig
@@ -230,6 +230,15 @@ def test_a_full_disk_leaves_no_token_behind(tmp_path):
         page_token(tmp_path)
     assert list(tmp_path.iterdir()) == []
     assert len(page_token(tmp_path)) == 24
+
+
+def test_an_empty_hand_is_not_offered_to_recover_a_peg():
+    seated = Report(state=State.COMPLETE, part=PartPlace.SEATED)
+    found = [
+        [step["label"] for step in telling.told(replace(seated, part_evidence=sign), "", "")["steps"]]
+        for sign in (PartEvidence.HAND_EMPTY, PartEvidence.HAND_HOLDS)
+    ]
+    assert found == [["Peg taken away"], ["Recover the peg", "Peg taken away"]]
 
 
 @pytest.mark.parametrize(
