@@ -17,8 +17,6 @@ PegSide = Annotated[float, Field(ge=0.002, le=0.03)]
 Deviation = Annotated[float, Field(ge=5e-5, le=0.1)]
 HoleSide = Annotated[float, Field(ge=0.002, le=0.031)]
 Chamfer = Annotated[float, Field(ge=0.0, le=0.002)]
-LEAST_END = 1e-3
-"""Least radius of a chamfered peg's end face, m; chosen, not measured."""
 
 
 class Peg(ConfigModel):
@@ -48,7 +46,8 @@ class Peg(ConfigModel):
 
     @model_validator(mode="after")
     def _has_size(self) -> Self:
-        most = part_of(self.shape, self.diameter, self.sides, self.chamfer).reach - LEAST_END
+        # Least radius of a chamfered peg's end face, m; chosen, not measured.
+        most = part_of(self.shape, self.diameter, self.sides, self.chamfer).reach - 1e-3
         if self.chamfer > 0.0 and self.chamfer >= most:
             raise ValueError(
                 f"peg.chamfer = {self.chamfer}: leaves too little of the end; less than {most:g}, the radius less 1 mm, allowed"

@@ -30,8 +30,6 @@ PALETTE = (
     (252, 255, 164),
 )
 """Colours of that scale at equal distances, red first, from no touch to `BRIGHT`."""
-HELD = 1.3
-"""If the hand's opening is below this multiple of the peg's thickness, the hand is drawn with the peg."""
 
 
 class SceneFacts(ConfigModel):
@@ -44,7 +42,8 @@ class SceneFacts(ConfigModel):
     @property
     def widest(self) -> float:
         """Largest opening of the hand that is drawn with the peg in it, m."""
-        return HELD * self.job.peg.part.thickness
+        # If the hand's opening is below this multiple of the peg's thickness, the hand is drawn with the peg.
+        return 1.3 * self.job.peg.part.thickness
 
 
 def felt(counts: Vector) -> Vector:

@@ -28,10 +28,6 @@ from plc_bridge.protocol.registers import COILS, VERSION, Lease
 logging.getLogger("pymodbus.logging").setLevel(logging.CRITICAL)  # its errors are raised here
 
 
-FAR = 0x8000
-"""Distance of a new client's first number from the number of the run in the cell's report."""
-
-
 class CellSilentError(CellError):
     """The cell cannot be reached, or does not answer in time."""
 
@@ -92,7 +88,8 @@ class PlcPeer(ABC):
         Raises:
             CellSilentError: The cell does not answer.
         """
-        return self._begin(FAR)
+        # Distance of a new client's first number from the number of the run in the cell's report.
+        return self._begin(0x8000)
 
     def resume(self) -> Report:
         """Connect and continue the run of an earlier connection of this computer; return the report.

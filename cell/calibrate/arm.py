@@ -36,18 +36,12 @@ RUN_UP = 0.2
 """Time of acceleration and of deceleration of a pass, s."""
 SETTLED = 0.5
 """Time after the run-up before torques count, s; then overshoot in speed and rotor torque have decayed."""
-HEIGHT = 0.25
-"""Height of the fingers over rack and plate, m."""
 INSIDE = 0.02
 """Margin to the edge of the workspace, m, and to the joints' limits, rad."""
 LEAST_REACH = 0.5
 """Least permitted displacement in a small workspace, as a fraction of `REACH`."""
 SWING = 0.07
 """Amplitude of each joint in the motion of all joints, rad."""
-NULL_LEAD = impedance.NULL_DAMPING / impedance.NULL_STIFFNESS
-"""Lead of the commanded posture before the path, s; it compensates the lag of the null space."""
-MOVING = 0.03
-"""Joint velocity above which the torque is compared with the figures, rad/s."""
 AWAKE = 0.5
 """Least ratio of measured to commanded speed in a pass, fraction; a slower joint is blocked."""
 
@@ -133,7 +127,8 @@ def _go_to_middle(config: CellConfig, ctx: SkillContext) -> Vector:
     transfer = at_pace(config.params(GRASP).transfer, config.pace())
     low, high = np.array(config.limits.low), np.array(config.limits.high)
     between = 0.5 * (np.array(config.hole.centre) + np.array(config.rack.first))
-    between[2] = max(config.hole.centre[2], config.rack.first[2]) + HEIGHT
+    # Height of the fingers over rack and plate, m.
+    between[2] = max(config.hole.centre[2], config.rack.first[2]) + 0.25
     place = np.clip(between, low + REACH, high - REACH)
     if joints_at(config.arm_model(), place, UP, ACROSS_RACK, 0.0, transfer.elbow) is None:
         raise ConfigError(
@@ -264,7 +259,8 @@ def _follow(
                 damping_ratio=damping,
                 valid_until=seen.stamp + VALIDITY,
                 # The null space is damped against the base, so that its goal must lead.
-                posture=q + NULL_LEAD * dq,
+                # Lead of the commanded posture before the path, s; it compensates the lag of the null space.
+                posture=q + (impedance.NULL_DAMPING / impedance.NULL_STIFFNESS) * dq,
                 is_free=True,
                 twist=Twist(twist[:3], twist[3:]),
             )
@@ -344,6 +340,7 @@ def _calibration(
         unexplained=(0.0,) * JOINTS,
     )
     dq, torque = np.array([s.dq for s in together]), np.array([s.torque for s in together])
-    left = np.where(np.abs(dq) > MOVING, torque - found.predicted(dq), np.nan)
+    # Joint velocity above which the torque is compared with the figures, rad/s.
+    left = np.where(np.abs(dq) > 0.03, torque - found.predicted(dq), np.nan)
     rms = np.sqrt(np.nanmean(left**2, axis=0))
     return found.model_copy(update={"unexplained": tuple(float(x) for x in rms)})

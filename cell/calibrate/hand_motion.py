@@ -30,8 +30,6 @@ DEAD_MAN = 0.2
 """Time after a key press during which the tool moves, s; a held key repeats faster."""
 GUIDE_SPEED = 0.15
 """Largest speed of the setpoint as it follows the hand, m/s; above it, the arm resists."""
-TURN_SPEED = 0.5
-"""Largest angular rate of the setpoint as it follows the hand, rad/s."""
 MOST_SPEED = 0.4
 """Speed of the tool above which guiding ends, m/s."""
 MOST_FORCE = 30.0
@@ -75,7 +73,8 @@ def guided(held: Held, hand: Pose, step: float, limits: Limits) -> Held:
     w, *v = quaternion(hand.rotation @ held.pose.rotation.T)
     sine = math.hypot(*v)
     turn = 2.0 * math.atan2(sine, w) / sine * np.array(v) if sine > 0.0 else np.zeros(3)
-    rotation = rotation_by(_beyond(turn, TURN_YIELD / TURN_STIFFNESS, TURN_SPEED * step)) @ held.pose.rotation
+    # Largest angular rate of the setpoint as it follows the hand, rad/s.
+    rotation = rotation_by(_beyond(turn, TURN_YIELD / TURN_STIFFNESS, 0.5 * step)) @ held.pose.rotation
     return Held(Pose(position, rotation), (position - held.pose.position) / step)
 
 

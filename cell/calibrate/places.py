@@ -31,16 +31,10 @@ PEGS = 3
 """Number of pegs, taken from consecutive slots."""
 MOST_FORCE = 25.0
 """Largest force at the TCP during a touch, N; above it the calibration ends."""
-STILL = 1e-3
-"""Rise of the hand above which it has left the slot, m."""
 REPEATED = 1e-4
 """Repeatability of the arm, m, standard deviation: its maker's 0.1 mm."""
-MOST_HEIGHT = 0.01
-"""Largest plausible difference of the plate's height from the stated one, m."""
 MOST_TILT = 0.05
 """Largest plausible tilt of the plate, rad."""
-MOST_UNEVEN = 1e-3
-"""Largest distance of a touched point from the fitted plane, m."""
 MOST_RACK = 5e-3
 """Largest plausible difference of the rack's place from the stated one, m."""
 
@@ -178,7 +172,8 @@ def _touches(cell: Cell, ctx: SkillContext, slot: int, pegs: int, done: Callable
     closed: list[Pose] = []
 
     def watch(seen: Observation, _: object) -> None:
-        if seen.gripper.is_gripping and (not closed or seen.arm.tcp.position[2] < closed[0].position[2] + STILL):
+        # Rise of the hand above which it has left the slot, m.
+        if seen.gripper.is_gripping and (not closed or seen.arm.tcp.position[2] < closed[0].position[2] + 1e-3):
             closed.append(seen.arm.tcp)
 
     ctx.callbacks = replace(ctx.callbacks, record=watch)
@@ -254,12 +249,14 @@ def plane_through(points: Vector) -> tuple[Vector, float]:
 def implausible(found: MeasuredPlaces, config: CellConfig) -> str | None:
     """Return the first implausible value in words; None if all are plausible."""
     checks = (
-        ("plate: height off by", found.height - config.hole.centre[2], MOST_HEIGHT, "m", "see hole.centre"),
+        # Largest plausible difference of the plate's height from the stated one, m.
+        ("plate: height off by", found.height - config.hole.centre[2], 0.01, "m", "see hole.centre"),
         ("plate: tilt", found.tilt, MOST_TILT, "rad", "see how the plate stands"),
         (
             "plate: uneven by",
             found.uneven,
-            MOST_UNEVEN,
+            # Largest distance of a touched point from the fitted plane, m.
+            1e-3,
             "m",
             "see what lies on it, and whether the peg slips in the hand",
         ),

@@ -22,10 +22,6 @@ ROD_HALF = 0.05
 STEP = math.radians(5.0)
 STEP_BY_HAND = math.radians(15.0)
 """Step between the angles if a person turns the rod, rad; this gives twelve angles."""
-FRAMES = 20
-"""Number of frames averaged at each angle."""
-SETTLE = 0.5
-"""Time from a new angle to the first frame used, s."""
 RECOVERY = 3.0
 """Recovery time of the elastomer after each angle, s."""
 
@@ -142,7 +138,8 @@ def sweep(
         rod.release()
         empty, is_empty_trusted = _mean(skin, clock, RECOVERY, period)
         rod.hold(float(theta))
-        held, is_held_trusted = _mean(skin, clock, SETTLE, period)
+        # Time from a new angle to the first frame used, s.
+        held, is_held_trusted = _mean(skin, clock, 0.5, period)
         readings.append(held - empty)
         trusted = trusted & is_empty_trusted & is_held_trusted
         turned(number, len(angles))
@@ -154,7 +151,8 @@ def _mean(skin: Skin, clock: Clock, settle: float, period: float) -> tuple[Vecto
     """Return the mean of the frames after `settle`, s, and the mask of taxels trusted in all of them."""
     start = clock.now() + settle
     frames: list[TaxelFrame] = []
-    while len(frames) < FRAMES:
+    # Number of frames averaged at each angle.
+    while len(frames) < 20:
         clock.wait_until(clock.now() + period)
         frame = skin.read()
         if frame.stamp >= start and (not frames or frame.sequence != frames[-1].sequence):

@@ -13,8 +13,6 @@ from cell.records.wall_clock import headed, local
 
 LAST = 20
 """Default number of shown alarms."""
-TAKEN = 58
-"""Width of the columns before the details, characters."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -33,7 +31,8 @@ def run(args: argparse.Namespace) -> int:
     came = headed("came", (alarm.time for alarm in alarms))
     table = Table(came, "alarm", "state", "s", "run", "details", box=SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
     table.columns[3].justify = table.columns[4].justify = "right"
-    room = max(get_terminal_size().columns - TAKEN, 12)
+    # Width of the columns before the details, characters.
+    room = max(get_terminal_size().columns - 58, 12)
     table.caption = "s: time until it was over, for a fault until the reset; acknowledged: cleared, not reset"
     for alarm in alarms:
         what = str(alarm.code) if alarm.code else alarm.name

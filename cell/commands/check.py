@@ -38,8 +38,6 @@ from drivers.figures_file import read_toml
 from plc_bridge.bridge import Bridge
 from plc_bridge.config import PlcConfig
 
-PATIENCE = 300.0
-"""Longest time for one step of the commissioning, s."""
 MINUTES = 10.0
 """Duration of the measurement of the arm's loop, min."""
 STEPS = {
@@ -201,7 +199,8 @@ def _commission(args: argparse.Namespace, loaded: LoadedConfig) -> int:
     if why := in_force(loaded, calibration_folder(args) / FILE)[1]:
         raise ConfigError(f"--plc: {why}")
     bridge = Bridge(loaded.cell.plc, PROGRAMS, PARAMETERS)
-    walk = Walk(args.plc, loaded.cell.plc.life_timeout, PATIENCE, complain if args.json else say)
+    # Longest time for one step of the commissioning, s.
+    walk = Walk(args.plc, loaded.cell.plc.life_timeout, 300.0, complain if args.json else say)
     line = WatchedLine(bridge, walk, args.stop)
     with open_journal(args, loaded.cell.journal) as journal, opened(assemble(warm_up(loaded))) as cell:
         supervisor = Supervisor(cell, loaded, line, journal, args.stop)

@@ -86,8 +86,6 @@ ENDS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 """Signals that request the end of a command."""
 REPEATED = 1.0
 """Time after a signal within which further signals count as the same, s."""
-AGAIN = 0.02
-"""Delay before a lost interrupt is raised again, s."""
 COMPLETION = "completion"
 """Command that needs the arguments of all others."""
 COMMANDS = {
@@ -252,7 +250,8 @@ def _threads() -> Iterator[None]:
 
 def _again() -> None:
     """Repeat the interrupt a little later: during a callback of the compiler, an exception cannot be raised."""
-    again = Timer(AGAIN, os.kill, (os.getpid(), signal.SIGINT))
+    # Delay before a lost interrupt is raised again, s.
+    again = Timer(0.02, os.kill, (os.getpid(), signal.SIGINT))
     again.daemon = True
     again.start()
 

@@ -12,8 +12,6 @@ from plc_bridge.protocol.images import Diagnostics
 from plc_bridge.protocol.messages import Report
 from skills.catalogue import CATALOGUE
 
-PERIOD = 0.1
-"""Polling period of `watch`, s."""
 LONGEST = 3600.0
 """Longest wait for the end of a run, wall time, s."""
 
@@ -93,7 +91,8 @@ def watch_remote(
         peer.look()
         while True:
             show(peer.read_report(), peer.read_diagnostics())
-            if once or stop.wait(PERIOD):
+            # Polling period of `watch`, s.
+            if once or stop.wait(0.1):
                 return
     finally:
         peer.close()

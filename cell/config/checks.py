@@ -23,8 +23,6 @@ from skills.seating.decision import LEAST_PUSH
 
 LATCH_MARGIN = 1.2
 """Largest force of a real latch relative to the stated force, ratio. Source: `latch.force` of config/reality.toml."""
-LEAST_TURN = 1e-3
-"""Tolerance for the rotation of a peg with corners relative to its hole, rad; it covers rounded figures."""
 
 
 def require_shallow(peg: Peg, hole: Hole, rack: Rack) -> None:
@@ -150,7 +148,8 @@ def require_turned_as_hole(search: SpraySearchParams, peg: Peg) -> None:
     """Require that a peg with corners has the same rotation about the vertical as its hole."""
     azimuth, part = search.tilt_azimuth, peg.part
     turn = part.least_turn(azimuth)
-    if min(turn, part.symmetry - turn) > LEAST_TURN:
+    # Tolerance for the rotation of a peg with corners relative to its hole, rad; it covers rounded figures.
+    if min(turn, part.symmetry - turn) > 1e-3:
         raise ValueError(
             f'search.tilt_azimuth = {azimuth:g}: turns the hand, and with it a peg of peg.shape = "{peg.shape}",'
             f" against the hole; multiples of {part.symmetry:.4f} allowed"

@@ -18,8 +18,6 @@ SPEEDS: Vector = np.arange(0.02, 0.6, 0.001)
 """Candidate speeds for the optimum, m/s."""
 STEP = 1e-4
 """Time step of the integration of a descent, s."""
-LONGEST = 5.0
-"""Time limit of a descent, s."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -164,7 +162,8 @@ class Down:
             most: Largest depth that the walls allow at a time, m; they absorb excess speed.
         """
         times, depths, speed = [0.0], [depth], 0.0
-        while depths[-1] < end and times[-1] < LONGEST:
+        # Time limit of a descent, s.
+        while depths[-1] < end and times[-1] < 5.0:
             damped = self.damping * (self.factor if depths[-1] > end - self.arrival else 1.0)
             speed = (speed + STEP * self.push / self.mass) / (1.0 + STEP * damped / self.mass)
             times.append(times[-1] + STEP)

@@ -17,8 +17,6 @@ from cell.records.statistics import wilson
 CHART = "speed_accuracy.png"
 INK, GREY, BLUE, RED, GREEN, PURPLE = "#222222", "#888888", "#4477aa", "#ee6677", "#228833", "#aa3377"
 """Palette of the charts, with `COLOURS`; colour-blind readers can distinguish it."""
-LETTERS_PER_INCH = 13.0
-"""Length of a line of a title."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,7 +98,8 @@ def draw_panels(
             for handle, label in zip(*axes.get_legend_handles_labels(), strict=True)
         }
         figure.legend(found.values(), found.keys(), loc="outside lower center", ncols=legend, fontsize=8, frameon=False)
-    figure.suptitle("\n".join(fill(line, round(LETTERS_PER_INCH * width)) for line in title.splitlines()), fontsize=10)
+    # Letters an inch of a title.
+    figure.suptitle("\n".join(fill(line, round(13.0 * width)) for line in title.splitlines()), fontsize=10)
     figure.savefig(path, dpi=110)
     return path
 

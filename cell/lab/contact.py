@@ -31,10 +31,6 @@ from sim.world import native
 from sim.world.truth import VOID_PENETRATION, VOID_SHARE
 
 SHIPPED = "closed form, 0.5 ms"
-THICKER = 1e-5
-"""Excess of the too thick peg over the hole on every side, m."""
-BESIDE = 2.45e-3
-"""Distance between a dragged peg's edge path and the hole's rim, m."""
 SHALLOW, STEEP = (1, 2, 5), (15, 45)
 """Tilts, degrees: of a peg during release, and of a falling peg."""
 PUSH, SECONDS = 10.0, 1.5
@@ -43,10 +39,6 @@ AT_REST = 1e-2
 """Speed below which a pushed peg is at rest, m/s."""
 EXACT_ENOUGH = 0.01
 """Relative error of the depth that a skill tolerates."""
-SMOOTH = 3.0
-"""Peak-to-peak lateral force over solid plate that a search tolerates, N."""
-AZIMUTHS = (0.3,)
-"""Azimuths of the tilt, rad."""
 MAP_SECONDS, MAP_TILT = 0.6, 5
 TIMESTEPS, STIFFNESSES = np.geomspace(1e-4, 4e-3, 12), np.geomspace(1e4, 1e8, 17)
 """Time steps of the map's columns, s, and stiffnesses of its rows, 1/s²."""
@@ -154,7 +146,8 @@ def verdict(row: RungRow) -> str:
         wrong.append("void")
     if not row.rests:
         wrong.append("does not rest")
-    if row.drag > SMOOTH:
+    # Peak-to-peak lateral force over solid plate that a search tolerates, N.
+    if row.drag > 3.0:
         wrong.append("seams")
     if not row.keeps_out:
         wrong.append("lets a thick peg in")
@@ -246,14 +239,16 @@ def _seams(rung: Rung, peg: Part, hole: Part) -> float:
     with native.quiet():
         for direction in (0.4, 1.9):
             over = rig.tilted_peg(peg, hole, tilt, 0.0, 0.0, rung.timestep, rung.model, is_judged=False)
-            swing = rig.drag(over, peg, tilt, direction, hole.reach + BESIDE)
+            # Distance between a dragged peg's edge path and the hole's rim, m.
+            swing = rig.drag(over, peg, tilt, direction, hole.reach + 2.45e-3)
             seams = max(seams, swing if math.isfinite(swing) else math.inf)
     return seams
 
 
 def _keeps_out(rung: Rung, hole: Part) -> bool:
     """Return True if a peg thicker than the hole goes no deeper than its tilt allows."""
-    thick, azimuth = hole.grown(THICKER), 0.3
+    # Excess of the too thick peg over the hole on every side, m.
+    thick, azimuth = hole.grown(1e-5), 0.3
     with native.quiet():
         for degrees in (1, 5):
             tilt = math.radians(degrees)
@@ -344,7 +339,8 @@ def run(args: argparse.Namespace) -> StudyReport:
     config, folder = config_of(args), out_folder(args.out)
     peg, hole = config.peg.part, config.hole.part
     parts = f"{size(peg)} in {size(hole)}"
-    rungs = each_of(measure_rung, [(rung, AZIMUTHS, peg, hole) for rung in ladder(peg)], args.workers, "models")
+    # Azimuths of the tilt, rad.
+    rungs = each_of(measure_rung, [(rung, (0.3,), peg, hole) for rung in ladder(peg)], args.workers, "models")
     places = [(kind, float(dt), float(k), peg, hole) for kind in HOLES for dt in TIMESTEPS for k in STIFFNESSES]
     points = each_of(measure_point, places, args.workers, "points")
     title = "Models of the contact: speed against exactness"

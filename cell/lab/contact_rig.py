@@ -23,8 +23,6 @@ SHIPPED = HoleModel()
 HOLE_DEPTH = 0.03
 MASS = 0.5
 """Mass of the peg and its carrier, kg."""
-DAMPING = 5.0
-"""Damping of the slides during a push, N·s/m."""
 SERVO_STIFFNESS, SERVO_DAMPING = 5e4, 300.0
 """Stiffness, N/m, and damping, N·s/m, of the slides during a drag."""
 
@@ -122,7 +120,8 @@ def _push(
     speed = 0.0
     for step in range(steps):
         for i in range(3):
-            qfrc[i] = -DAMPING * qvel[i]
+            # Damping of the slides during a push, N·s/m.
+            qfrc[i] = -5.0 * qvel[i]
         qfrc[2] -= force
         metering.clear(state.userdata)
         native.step(model, state.data)

@@ -19,10 +19,6 @@ THICKNESS = 1e-3
 MODULUS, POISSON = 1.5e5, 0.45
 """Young's modulus, Pa, and Poisson's ratio of a soft silicone; assumed, so that 30 N press an 8 mm peg in by about half
 the layer."""
-TAXEL_DIAMETER = 4e-3
-"""Diameter of a taxel's averaging area, m; assumed, about half the pitch."""
-TOLERANCE = 1e-3
-"""Relative tolerance of the depth in the contact solution."""
 MOST_STEPS = 200
 STIFF = 12.0
 """Wavenumber times thickness above which the layer acts as a half-space and no pressure reaches the backing."""
@@ -93,7 +89,8 @@ class LayerPads:
         self._answer = answer * THICKNESS / shear
         self._reach = np.where(wave > STIFF, 0.0, np.interp(wave, nodes, reaching))
         number = np.arange(400) + 0.5
-        radius, turn = TAXEL_DIAMETER / 2 * np.sqrt(number / number.size), np.pi * (1 + 5**0.5) * number
+        # Diameter of a taxel's averaging area, m; assumed, about half the pitch.
+        radius, turn = 4e-3 / 2 * np.sqrt(number / number.size), np.pi * (1 + 5**0.5) * number
         disc = np.column_stack([radius * np.cos(turn), radius * np.sin(turn)])
         points = finger_positions(layout)[:, :, None, :] + disc
         self._column = np.rint((points[..., 0] - self._x[0]) / cell).astype(int)
@@ -141,7 +138,8 @@ class LayerPads:
             missing = self._sinking(pressure) - sunk
             touching = pressure > 0.0
             square = float((missing[touching] ** 2).sum())
-            if math.sqrt(square / max(int(touching.sum()), 1)) < TOLERANCE * sunk.max():
+            # Relative tolerance of the depth in the contact solution.
+            if math.sqrt(square / max(int(touching.sum()), 1)) < 1e-3 * sunk.max():
                 break
             direction = np.where(touching, missing + restart * square / size * direction, 0.0)
             size, answer = square, self._sinking(direction)

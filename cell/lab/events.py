@@ -32,19 +32,8 @@ from skills.search.feel import FAINT
 from skills.search.spray_search import SpraySearchResult
 from skills.search.surface import Plane, SurfaceEstimate
 
-OVER = 5e-5
-"""Depth of the peg's lowest point below the plate from which it is over the hole, m; the plate's contacts yield by a
-hundredth of it."""
-FALL = 2e-4
-"""Smallest depth of a drop, m; shallower passes over the hole's edge are ignored."""
 WINDOW = 1.0
 """Time after the start of a drop in which an event is its detection, s."""
-AT_ONCE = 0.05
-"""Time since the start of sliding below which the peg came down in the hole, so that there is no drop, s."""
-WITH_HOLE = 200
-"""Largest number of seeds that also run on a plate with a hole."""
-QUICK_TIMEOUT = 8.0
-"""Timeout of a search with --quick, s."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,14 +108,18 @@ class _Watch:
         _, axis = end_point(self.seen.arm.tcp, truth.theta, self._cell.config.peg.length)
         edge = self._cell.config.peg.part.lowest(np.array(truth.tip), axis, self.seen.arm.tcp.rotation[:, 2])
         depth = truth.depth + truth.tip[2] - edge[2]
-        if self._over is None and depth > OVER:
-            self.began_in_hole = now - start < AT_ONCE
+        # Depth of the peg's lowest point below the plate from which it is over the hole, m; the plate's contacts
+        # yield by a hundredth of it.
+        if self._over is None and depth > 5e-5:
+            # Time since the start of sliding below which the peg came down in the hole, so that there is no drop, s.
+            self.began_in_hole = now - start < 0.05
             self._over, self._deepest, self.delay = now, 0.0, math.nan
         if self._over is None:
             return
         self._deepest = max(self._deepest, depth)
         if now - self._over >= WINDOW:
-            self.is_done = self.has_fallen = self._deepest >= FALL
+            # Smallest depth of a drop, m; shallower passes over the hole's edge are ignored.
+            self.is_done = self.has_fallen = self._deepest >= 2e-4
             self._over = None
 
 
@@ -256,9 +249,11 @@ def run(args: argparse.Namespace) -> StudyReport:
     """Search with and without a hole, and write the table."""
     config, folder = config_of(args), out_folder(args.out)
     if args.quick:
-        config = config.with_params(SEARCH, timeout=min(config.params(SEARCH).timeout, QUICK_TIMEOUT))
+        # Timeout of a search with --quick, s.
+        config = config.with_params(SEARCH, timeout=min(config.params(SEARCH).timeout, 8.0))
     seeds = seeds_of(args, 1000, 4)
-    jobs = [(config, has_hole, seed) for has_hole in (False, True) for seed in seeds[: WITH_HOLE if has_hole else None]]
+    # Largest number of seeds that also run on a plate with a hole.
+    jobs = [(config, has_hole, seed) for has_hole in (False, True) for seed in seeds[: 200 if has_hole else None]]
     rows = each_of(watch, jobs, args.workers, "searches")
     line = line_of(rows)
     title = f"{len(seeds)} searches of {config.params(SEARCH).timeout:g} s without a hole, {line.falls} falls, from seed {seeds[0]}"

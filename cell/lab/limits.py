@@ -30,12 +30,6 @@ from skills.insert.spiral_adjust import ARRIVING
 from skills.paths import Lanes
 from skills.search.spray_search import SpraySearchResult
 
-SETTLED = 5e-4
-"""Distance from the seated depth at which a downward motion ends, m."""
-RATE_TIME = 0.05
-"""Time for the computation of the initial tilt rate of a downward motion, s."""
-LEAST_SHARE = 0.15
-"""Smallest share of a cover from which its time is estimated; shorter paths consist mostly of touch-down and rest."""
 COVER, TURN, DOWN, DAMPED, WALLS = (
     "cover of the area",
     "turn in the hole",
@@ -136,7 +130,8 @@ class Phases:
 
     def _seated(self) -> dict[str, float]:
         end, names = self._cell.config.hole.depth, (DOWN, DAMPED, WALLS)
-        time = next((time for time, depth, _ in self._scans if depth >= end - SETTLED), math.nan)
+        # Distance from the seated depth at which a downward motion ends, m.
+        time = next((time for time, depth, _ in self._scans if depth >= end - 5e-4), math.nan)
         if len(self._scans) < 2 or math.isnan(time):
             return {DOWN: math.nan, **dict.fromkeys((f"{name}: bound" for name in names), math.nan)}
         job, adjust, depth = self._cell.config.job(), self._cell.config.params(ADJUST), self._scans[0][1]
@@ -157,7 +152,8 @@ class Phases:
     def _upright(self, stiffness: float) -> Upright:
         """Return the righting of the hand by its stiffness, from the start of the adjustment."""
         start = self._scans[0]
-        later = next((scan for scan in self._scans if scan[0] >= start[0] + RATE_TIME), self._scans[-1])
+        # Time for the computation of the initial tilt rate of a downward motion, s.
+        later = next((scan for scan in self._scans if scan[0] >= start[0] + 0.05), self._scans[-1])
         rate = (later[2] - start[2]) / max(later[0] - start[0], 1e-6)
         moment = float(self._about @ self._inertia[3:, 3:] @ self._about)
         return Upright(start[2], rate, stiffness, moment)
@@ -193,7 +189,9 @@ def lines_of(variant: str, rows: Sequence[TrialRow]) -> list[LimitsLine]:
     covers = [
         row.search_time / float(share)
         for row in good
-        if row.search_time and (share := row.more[f"{COVER}: share"]) and float(share) > LEAST_SHARE
+        # Smallest share of a cover from which its time is estimated; shorter paths consist mostly of touch-down and
+        # rest.
+        if row.search_time and (share := row.more[f"{COVER}: share"]) and float(share) > 0.15
     ]
     times = {COVER: covers, TURN: of(TURN), **dict.fromkeys((DOWN, DAMPED, WALLS), of(DOWN))}
     return [

@@ -35,8 +35,6 @@ from skills.flow import StageRecord
 from skills.seating.latch_likelihood import GRID, InsertionStroke, Signature, resistance, told_by
 from skills.seating.signature import StrokeCurve as Force
 
-ON_BOTTOM = 3e-4
-"""Largest distance of a seated peg's end from the bottom in the simulation, m."""
 SEATED = "seated"
 """Case in which a part on the bottom is seated; in all others the latch is worn out or the bottom is another one."""
 LATCH = Latch(kind="detent", force=5.0, height=0.003)
@@ -78,7 +76,8 @@ class Seating:
         """Return depth, judgements and curve; empty if the peg did not come to rest."""
         cell, said, shown = self._cell, self._said, self._shown
         look = LastLook(cell.gripper.read(), cell.arm.read().tcp.position, cell.switch.read())
-        is_on_bottom = self._truth.is_in_hole and self._truth.depth >= cell.config.hole.depth - ON_BOTTOM
+        # Largest distance of a seated peg's end from the bottom in the simulation, m.
+        is_on_bottom = self._truth.is_in_hole and self._truth.depth >= cell.config.hole.depth - 3e-4
         lowest = shown.heights[-1] if shown.heights else math.nan
         found: dict[str, float | None] = {
             "seated_depth": self._truth.depth,

@@ -41,14 +41,10 @@ LOOKS = ((GREY, "s"), (BLUE, "^"), (PURPLE, "o"), (GREEN, "v"))
 """Colours and markers of the estimators, in their order."""
 Model = Literal["springs", "layer"]
 FRAMES, QUICK_FRAMES = 800, 40
-FRAMES_A_SKIN = 8
-"""Number of grasps per draw of the taxels' gains."""
 BETWEEN = 2.0
 """Time between two grasps, s; the offsets drift continuously."""
 WIDEST = math.radians(80.0)
 GRIP = 30.0
-OFFSET = 0.7e-3
-"""Standard deviation of the peg's offset from the finger centre, m."""
 PUSH, LEVER = 7.0, 0.045
 """Largest force across the pads, N, and its mean lever about the finger centre, m, as in a search."""
 DEPTHS = (0.45e-3, 0.6e-3)
@@ -181,7 +177,8 @@ def made(
     pads, number_of = Pads(skin.pad, layout), module_of(layout)
     angles = rng.permutation(np.linspace(-WIDEST, WIDEST, count))
     for number, theta in enumerate(angles):
-        if number % FRAMES_A_SKIN == 0:
+        # Number of grasps per draw of the taxels' gains.
+        if number % 8 == 0:
             taxels, feels = Taxels(skin, rng), np.ones_like(number_of, dtype=bool)
             module = int(rng.integers(number_of.max() + 1))
             if condition.dead == "known":
@@ -191,7 +188,8 @@ def made(
             rest = np.zeros(number_of.shape)
             still = np.array([taxels.measure(rest, 0.0) for _ in range(skin.health.baseline_frames)])
             health = SkinHealth(skin.health, still, layout_of(layout).full_scale)
-        offset = rng.normal(0.0, OFFSET)
+        # Standard deviation of the peg's offset from the finger centre, m.
+        offset = rng.normal(0.0, 0.7e-3)
         if condition.off_centre is not None:
             offset = rng.choice([-1.0, 1.0]) * rng.uniform(*condition.off_centre)
         back = config.peg.overhang if condition.reach_back is None else rng.uniform(*condition.reach_back)

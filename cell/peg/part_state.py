@@ -37,8 +37,6 @@ UNRESOLVED = (PartPlace.UNKNOWN, PartPlace.IN_HAND, PartPlace.ON_PLATE, PartPlac
 """Places from which a peg must be removed before the next one can be taken."""
 IN_THE_HOLE = (PartPlace.IN_HOLE, PartPlace.SEATED)
 """Places in the hole, partly or fully inserted."""
-RECOVERED = (PartPlace.IN_HAND, PartPlace.IN_HOLE)
-"""Places from which `recover` can remove a held peg."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -362,7 +360,10 @@ def refusal_of(part: PartState, switch: SwitchState, is_rack_empty: bool, recove
         is_rack_empty: True if all slots have been emptied.
         recovers_first: True if `recover` removes a held peg before the program begins.
     """
-    if part.place in UNRESOLVED and not (recovers_first and part.is_held and part.place in RECOVERED):
+    # Places from which `recover` can remove a held peg.
+    if part.place in UNRESOLVED and not (
+        recovers_first and part.is_held and part.place in (PartPlace.IN_HAND, PartPlace.IN_HOLE)
+    ):
         return Refusal.PART_UNRESOLVED
     if switch is SwitchState.UNKNOWN:
         return Refusal.SWITCH_UNKNOWN

@@ -29,8 +29,6 @@ logger = logging.getLogger(__name__)
 
 LONGEST_UNKNOWN = 0.5
 """If a run needs the switch and it gives no valid reading for this time, the run ends, s."""
-EARLY_STAGES = (GRASP.name, SEARCH.name)
-"""Stages in which no peg can be on the switch: the hole is empty at the start, and the search ends when the peg dips into it."""
 EARLY_SHARE = 0.5
 """While a held peg is shallower than this share of the hole's depth, it cannot be on the switch, for any plate height; fraction."""
 FELT_WITHIN = 0.25
@@ -102,7 +100,9 @@ class PartWatch:
 
     def _require_plausible(self, seen: Observation) -> None:
         """Require that an open switch does not close before the peg can be on it."""
-        is_early = self._needs_switch and self._context.stage in EARLY_STAGES and self._was_open
+        # Stages in which no peg can be on the switch: the hole is empty at the start, and the search ends when the
+        # peg dips into it.
+        is_early = self._needs_switch and self._context.stage in (GRASP.name, SEARCH.name) and self._was_open
         if not is_early or seen.switch is not SwitchState.CLOSED:
             return
         hole = self._context.job.hole

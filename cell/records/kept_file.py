@@ -12,10 +12,6 @@ OWNER_ONLY = 0o600
 """Permissions of the file."""
 
 
-RETRY_AFTER = 1.0
-"""Delay between two attempts to write a text, s."""
-
-
 class KeptFile:
     """One file whose newest text is written whole or not at all; an older text still waiting is skipped."""
 
@@ -67,7 +63,8 @@ class KeptFile:
                 with self._changed:
                     self._text = text if self._text is None else self._text
                     self._is_lasting |= is_lasting
-                    self._changed.wait(RETRY_AFTER)
+                    # Delay between two attempts to write a text, s.
+                    self._changed.wait(1.0)
 
 
 def _empty(path: Path) -> None:

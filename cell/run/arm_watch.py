@@ -13,10 +13,6 @@ logger = logging.getLogger(__name__)
 
 MOVING = 0.03
 """Joint velocity above which the torque contains full friction, rad/s."""
-LEAST_SCANS = 50
-"""Least number of scans with motion in one direction before a joint is judged; one transfer has about as many."""
-MOST_APART = 3.0
-"""Largest deviation of the mean torque in one direction, in standard deviations of the calibration's prior."""
 
 
 class ArmWatch:
@@ -32,7 +28,9 @@ class ArmWatch:
         self._told = ""
         if calibration is not None:
             deviations = calibration.believed(arm)[1][:, :3]
-            self._most = MOST_APART * np.sqrt((deviations**2).sum(axis=1))
+            # Largest deviation of the mean torque in one direction, in standard deviations of the calibration's
+            # prior.
+            self._most = 3.0 * np.sqrt((deviations**2).sum(axis=1))
         self.begin()
 
     def begin(self) -> None:
@@ -50,7 +48,8 @@ class ArmWatch:
 
     def end(self) -> str:
         """Judge the run and return the largest misfit, one line, empty if all fits; without enough motion, keep the last verdict."""
-        is_judged = self._counts >= LEAST_SCANS
+        # Least number of scans with motion in one direction before a joint is judged; one transfer has about as many.
+        is_judged = self._counts >= 50
         if self._calibration is None or not is_judged.any():
             return self._told
         means = np.where(is_judged, self._sums / np.maximum(self._counts, 1.0), 0.0)

@@ -23,9 +23,6 @@ from sim.boards.faulty import FaultyDevice, kept
 PATIENT = ("--set", "plc.life_timeout=10", "--set", "plc.lease_timeout=10")
 """Options that come first: simulated time passes faster than a busy computer's, so that shipped limits would end runs."""
 
-TURN = 0.001
-"""Time between two looks at that clock, s."""
-
 
 class SimulatedCell:
     """A served cell, as a test sees it.
@@ -72,7 +69,8 @@ class SimulatedCell:
         self.cell.refill()
         # Time in which every device that is repaired has returned readings again, s of the cell's clock.
         end = self.cell.clock.now() + 0.5
-        while self.cell.clock.now() < end and not self.has_ended.wait(TURN):
+        # Time between two looks at that clock, s.
+        while self.cell.clock.now() < end and not self.has_ended.wait(0.001):
             pass
 
 

@@ -18,14 +18,10 @@ Speed = Annotated[float, Field(gt=0.0, le=3.0)]
 Offset = Annotated[float, Field(ge=-50.0, le=50.0)]
 Offsets = tuple[Offset, Offset, Offset, Offset, Offset, Offset, Offset]
 
-MOST_SHARE = 0.25
-"""Largest plausible friction or offset of a joint, fraction of its largest torque. Above it the joint is worn, braked or blocked."""
 MOST_UNSURE = 0.3
 """Largest half width of the interval of a friction or an offset, N·m. If it is exceeded, the measurement was disturbed."""
 CHANGED = 0.2
 """Standard deviation of a joint's friction from day to day, fraction: grease warms up; assumed."""
-ELSEWHERE = 0.3
-"""Change of an arm's likely offset in another posture, fraction; assumed, because only one posture is calibrated."""
 
 
 class Measured(ConfigModel):
@@ -68,7 +64,9 @@ class ArmCalibration(ConfigModel):
         """
         likely, figures = doubts(arm), np.zeros((JOINTS, FIGURES))
         figures[:, 0], figures[:, 1], figures[:, 2] = self.dry.value, self.smooth.value, self.offset.value
-        may_change = np.column_stack([CHANGED * figures[:, 0], CHANGED * figures[:, 1], ELSEWHERE * likely[:, 2]])
+        # Change of an arm's likely offset in another posture, fraction; assumed, because only one posture is
+        # calibrated.
+        may_change = np.column_stack([CHANGED * figures[:, 0], CHANGED * figures[:, 1], 0.3 * likely[:, 2]])
         measured = np.column_stack([figure.deviation() for figure in (self.dry, self.smooth, self.offset)])
         deviations = likely.copy()
         deviations[:, :3] = np.minimum(np.hypot(measured, may_change), likely[:, :3])
@@ -117,7 +115,9 @@ def read_arm_calibration(path: Path, arm: ArmModel, unit: str) -> ArmCalibration
 
 def implausible(found: ArmCalibration, arm: ArmModel) -> str | None:
     """Return the reason why a calibration is implausible for a sound arm; None if it is plausible."""
-    most = MOST_SHARE * np.array(arm.joints.torque)
+    # Largest plausible friction or offset of a joint, fraction of its largest torque. Above it the joint is worn,
+    # braked or blocked.
+    most = 0.25 * np.array(arm.joints.torque)
     named = [(f"friction at {v:g} rad/s", f, most) for v, f in zip(found.speeds, found.friction, strict=True)]
     for name, figure, bound in (*named, ("offset", found.offset, np.minimum(most, MOST_OFFSET))):
         value, interval = np.array(figure.value), np.array(figure.interval)

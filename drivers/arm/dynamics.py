@@ -20,8 +20,6 @@ xy, xz, yz, kg·m².
 ROTORS = BODY * JOINTS
 WORDS = ROTORS + JOINTS
 """Number of words for an arm: seven bodies, the last with the hand, then the rotors' inertias, kg·m²."""
-ROUNDS = 20
-"""Largest number of iterations for the mean of two matrices; six usually suffice."""
 
 
 def masses(arm: ArmModel) -> Vector:
@@ -133,7 +131,8 @@ def geometric_mean(A: Vector, B: Vector) -> Vector:  # pragma: no cover
     """
     n = A.shape[0]
     high, low = A.copy(), B.copy()
-    for _ in range(ROUNDS):
+    # Largest number of iterations for the mean of two matrices; six usually suffice.
+    for _ in range(20):
         a, b = inverse(high), inverse(low)
         for i in range(n):
             for j in range(n):

@@ -28,8 +28,6 @@ CONNECT_TIME = 20.0
 """Longest time until the loop runs, s of wall time: start of the interpreter, load of the compiled law, connection."""
 RESET_TIME = 5.0
 """Longest time for the arm's error recovery, s of wall time. If it takes longer, the arm stays still and needs another reset."""
-START_TIME = 1.0
-"""Longest time from the end of the recovery to the first cycle of torque control, s of wall time."""
 POLL_PERIOD = 0.005
 """Time between two polls of the shared block while the driver waits, s of wall time."""
 _ERRORS: dict[LoopPhase, type[CellError]] = {
@@ -153,7 +151,8 @@ class FrankaArm:
             start_by = time.monotonic() + RESET_TIME
             link["start_by"][0] = start_by
             link["resets"][0] += 1
-            while time.monotonic() < start_by + START_TIME and self._is_alive():
+            # Longest time from the end of the recovery to the first cycle of torque control, s of wall time.
+            while time.monotonic() < start_by + 1.0 and self._is_alive():
                 if link["resets_done"][0] == link["resets"][0] and self.phase is LoopPhase.RUNNING:
                     break
                 time.sleep(POLL_PERIOD)

@@ -14,10 +14,6 @@ from drivers.quantities import Pose, Vector
 _X, _Z = np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.0, 1.0])
 LONGEST_STEP = 0.2
 """Largest change of a joint in one iteration, rad."""
-STEPS = 100
-"""Largest number of iterations of the inverse kinematics."""
-DAMPING = 1e-6
-"""Damping of the least-squares step; it keeps the step finite at a singular pose."""
 
 
 def links(arm: ArmModel, q: Vector) -> tuple[list[Vector], Vector]:
@@ -96,7 +92,8 @@ def joints_at(arm: ArmModel, tip: Vector, axis: Vector, closing: Vector, length:
     moving = [i for i in range(JOINTS) if i != arm.kinematics.elbow - 1]
     q = np.array(arm.home)
     q[arm.kinematics.elbow - 1] = elbow
-    for _ in range(STEPS):
+    # Largest number of iterations of the inverse kinematics.
+    for _ in range(100):
         rotations, origins = links(arm, q)
         axes = np.array([R[:, 2] for R in rotations])
         point = origins[-1] + (arm.kinematics.flange + arm.hand.finger_centre + length) * axes[-1]
@@ -109,7 +106,8 @@ def joints_at(arm: ArmModel, tip: Vector, axis: Vector, closing: Vector, length:
             return q
         J = jacobian(point, axes, origins)[:, moving]
         # dq = (JᵀJ + λI)⁻¹ Jᵀ e, scaled to `LONGEST_STEP`.
-        step = np.linalg.solve(J.T @ J + DAMPING * np.eye(len(moving)), J.T @ error)
+        # Damping of the least-squares step; it keeps the step finite at a singular pose.
+        step = np.linalg.solve(J.T @ J + 1e-6 * np.eye(len(moving)), J.T @ error)
         step *= min(1.0, LONGEST_STEP / max(float(np.abs(step).max()), 1e-12))
         q[moving] = np.clip(q[moving] + step, low[moving], high[moving])
     return None

@@ -33,8 +33,6 @@ DRY_RATE = 0.02
 """Velocity at which dry friction has three quarters of its level, rad/s."""
 SMOOTH_RATE = 0.25
 """Velocity at which smooth friction has three quarters of its level, rad/s; 0.1 to 0.4 in the published sigmoids."""
-ROTOR_DEVIATION = 0.1
-"""Standard deviation of the rotor inertia beyond the model's, before learning, kg·m²."""
 
 CYCLES = 5
 """Number of control cycles between two updates; the learnt figures change more slowly."""
@@ -44,8 +42,6 @@ NOISE = 0.1
 """Standard deviation of the disturbance around the four figures' prediction, over the observer's time, N·m."""
 MOVING = 0.03
 """Velocity below which a joint counts as at rest, rad/s: its dry friction may have any value up to its level."""
-MEMORY = 60.0
-"""Time of free motion in which the variance of a learnt figure grows back to its first value, s; joints warm up."""
 
 FRICTION_SHARE = 0.8
 """Share of the learnt friction that is fed forward, fraction. If it exceeded the real friction, the arm would be driven."""
@@ -70,7 +66,8 @@ WORDS = COVARIANCE + FIGURES * FIGURES * JOINTS
 def doubts(arm: ArmModel) -> Vector:
     """Return the standard deviation of each figure before learning, shape (7, 4)."""
     friction, offset = np.array(arm.joints.friction), np.array(arm.joints.offset)
-    return np.column_stack([friction, friction, offset, np.full(JOINTS, ROTOR_DEVIATION)])
+    # Standard deviation of the rotor inertia beyond the model's, before learning, kg·m².
+    return np.column_stack([friction, friction, offset, np.full(JOINTS, 0.1)])
 
 
 def begin(state: Vector, arm: ArmModel, believed: tuple[Vector, Vector] | None = None) -> None:
@@ -156,7 +153,9 @@ def _learn(state: Vector, joint: int, explains: Vector, disturbance: float, peri
     spread, error = NOISE**2 / (period * BANDWIDTH), disturbance
     for k in range(FIGURES):
         first = state[PRIOR + FIGURES * joint + k] ** 2
-        P[k, k] = min(P[k, k] + first * period / MEMORY, first)
+        # Time of free motion in which the variance of a learnt figure grows back to its first value, s; joints warm
+        # up.
+        P[k, k] = min(P[k, k] + first * period / 60.0, first)
         error -= explains[k] * known[k]
     for k in range(FIGURES):
         for j in range(FIGURES):

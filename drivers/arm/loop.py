@@ -33,8 +33,6 @@ NEEDED_SYSTEM = "pylibfranka 0.21.3 needs system 5.9 or later: update the arm's 
 """Source: compatibility_matrix.rst of the library, for the version that `constraints.txt` pins."""
 NOT_READY = "unlock the brakes, choose execution and activate the control interface in Desk, then reset"
 """Remedy if the arm refuses a motion in its present mode."""
-RECONNECT_PERIOD = 0.1
-"""Time between two attempts to connect while the connection is lost, s."""
 
 
 class TorqueLoop:
@@ -216,7 +214,8 @@ class TorqueLoop:
                 link["resets_done"][0] = link["resets"][0]
                 return True
             if self._robot is None:
-                time.sleep(RECONNECT_PERIOD)
+                # Time between two attempts to connect while the connection is lost, s.
+                time.sleep(0.1)
             else:
                 self._try(self._read_idle)
 

@@ -11,14 +11,8 @@ from drivers.errors import DeviceNotOpenedError, GripperSilentError
 from drivers.gripper.franka_config import FrankaGripperConfig
 from drivers.quantities import GripperState
 
-SILENT = 1.0
-"""Age at which a state is too old, s of wall time."""
 COMMAND_TIME = 10.0
 """Longest time of one command, s of wall time; the whole stroke takes 8 s at the lowest speed allowed."""
-SETTLE = 0.2
-"""Longest time from the end of a grasp until the hand's states show it, s of wall time; both arrive independently."""
-CONNECT_TIME = 20.0
-"""Longest wait for the first state of the hand, s of wall time."""
 
 
 class FrankaGripper:
@@ -40,7 +34,8 @@ class FrankaGripper:
                 "gripper: pylibfranka is not installed: pip install 'tactile-insertion-cell[franka]'"
             )
         self._start()
-        end = time.monotonic() + CONNECT_TIME
+        # Longest wait for the first state of the hand, s of wall time.
+        end = time.monotonic() + 20.0
         while self._width is None and not self._lost and time.monotonic() < end:
             time.sleep(0.01)
             self._listen()
@@ -98,7 +93,8 @@ class FrankaGripper:
         self._failed = ""
         if told:
             raise GripperSilentError(f"{where}: {told}")
-        age, limit = time.monotonic() - self._heard, COMMAND_TIME if self._is_busy else SILENT
+        # Age at which a state is too old, s of wall time.
+        age, limit = time.monotonic() - self._heard, COMMAND_TIME if self._is_busy else 1.0
         if self._width is None or age > limit:
             raise GripperSilentError(f"{where}: newest state {age:.3f} s old > {limit} s limit")
         # Width below which the fingers have met with nothing between them, m.
@@ -156,7 +152,9 @@ class FrankaGripper:
         self._heard = time.monotonic()
         if word == "state":
             width, is_grasped = rest.split()
-            is_settled = is_grasped == "1" or not self._has_grasped or self._heard > self._done_at + SETTLE
+            # Longest time from the end of a grasp until the hand's states show it, s of wall time; both arrive
+            # independently.
+            is_settled = is_grasped == "1" or not self._has_grasped or self._heard > self._done_at + 0.2
             self._lost, self._is_busy = "", self._is_busy and not (self._done_at < math.inf and is_settled)
             if not self._is_busy:
                 self._width, self._is_grasped = float(width), is_grasped == "1"

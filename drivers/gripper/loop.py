@@ -16,9 +16,6 @@ from typing import Any
 
 import pylibfranka
 
-RECONNECT_PERIOD = 0.5
-"""Time between two attempts to connect, s."""
-
 
 def main() -> None:
     """Serve the cell that started this process until the cell closes its end of the pipe."""
@@ -42,7 +39,8 @@ def main() -> None:
         except RuntimeError as error:  # base of the library's errors
             gripper = None
             print("lost", str(error).replace("\n", " "), flush=True)
-            readable, _, _ = select.select([sys.stdin], [], [], RECONNECT_PERIOD)
+            # Time between two attempts to connect, s.
+            readable, _, _ = select.select([sys.stdin], [], [], 0.5)
             if readable and not sys.stdin.readline():
                 return
 

@@ -9,9 +9,6 @@ import numpy as np
 
 from drivers.quantities import Vector
 
-STEEPEST = 0.9
-"""Distance from a cylinder's axis up to which a pad follows its surface, fraction of the radius; the slope there is 64 degrees."""
-
 
 @dataclass(frozen=True, slots=True)
 class Face:
@@ -55,7 +52,9 @@ class Face:
             return np.where(np.abs(beside) <= self.width / 2, 0.0, np.inf)
         radius = self.width / 2
         sunk = radius - np.sqrt(np.maximum(radius**2 - beside**2, 0.0))
-        return np.where(np.abs(beside) < STEEPEST * radius, sunk, np.inf)
+        # Distance from a cylinder's axis up to which a pad follows its surface, fraction of the radius; the slope
+        # there is 64 degrees.
+        return np.where(np.abs(beside) < 0.9 * radius, sunk, np.inf)
 
     def strips(self, step: float) -> Vector:
         """Return the shares of the load on an odd number of lines `step`, m, apart, by the trapezoidal rule; they add up to 1.

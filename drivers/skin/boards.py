@@ -28,8 +28,6 @@ from drivers.transport.wires import ByteLink, CanLink
 
 logger = logging.getLogger(__name__)
 
-POLL_PERIOD = 0.005
-"""Time between two polls of the board while it is opened, s."""
 LEAST_RATE = 0.8
 """Least measured rate for opening a skin, fraction of the configured rate."""
 
@@ -132,7 +130,8 @@ class BoardSkin:
                 raise SkinSilentError(f"skin: {self._trouble()}")
             if still and clock.now() - still[0].stamp > longest:
                 break
-            clock.wait_until(clock.now() + POLL_PERIOD)
+            # Time between two polls of the board while it is opened, s.
+            clock.wait_until(clock.now() + 0.005)
             still += self._poll()
         rate = (len(still) - 1) / (clock.now() - still[0].stamp)
         if rate < LEAST_RATE * config.rate:

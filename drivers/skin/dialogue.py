@@ -33,13 +33,12 @@ from drivers.transport.wires import CanFrame
 
 RETRY = 0.1
 """Time between two attempts, s; the makers' host program waits as long for a hub that leaves its boot loader."""
-ANSWER_TIME = 0.5
-"""Longest wait for an answer, s; the makers' host program waits 1.5 s."""
 TRIES = 3
 """Number of attempts to get an answer."""
 _WAITS: dict[Step, float] = {
     "leave_modules_boot_loaders": 0.5,
-    **dict.fromkeys(("discover", "declare", "details"), ANSWER_TIME),
+    # Longest wait for an answer, s; the makers' host program waits 1.5 s.
+    **dict.fromkeys(("discover", "declare", "details"), 0.5),
 }
 """Longest time from a step to the next one, s. Source for the modules' boot loaders: the makers' host program [cyskin]."""
 WATCHED_SCANS = 10

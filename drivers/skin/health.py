@@ -29,10 +29,6 @@ FAINT, UNEVEN = 3.8, 1.4
 noise, and scatter of the heights, in standard deviations of the noise. Noise alone gives 1 of both; a peg gripped with 10 N gives 7.6 and 1.8.
 Warming raises all taxels alike, and drift scatters them to either side. Source: docs/tried/angle.md.
 """
-WALK = 1e-3
-"""Random walk of a reading without a load in one second, fraction of full scale. Source: [cyskin]."""
-LONGEST = 600.0
-"""Longest time of drift that is not taken for a touch, s; the drift of much longer times reaches the readings of a peg in the hand."""
 
 
 class SkinHealthConfig(ConfigModel):
@@ -102,7 +98,8 @@ class SkinHealth:
         """Standard deviation of a reading without a load, counts."""
         self._touch = np.maximum(config.touch * spread, config.least_touch * full_scale)
         """Height above the baseline at which a single taxel counts as touched, counts."""
-        self._walk = config.touch * WALK * full_scale
+        # Random walk of a reading without a load in one second, fraction of full scale. Source: [cyskin].
+        self._walk = config.touch * 1e-3 * full_scale
         """Such a height by drift alone within one second, counts."""
         self._behind = 0.0
         """Time of the random walk that the baseline has not followed, s."""
@@ -138,7 +135,9 @@ class SkinHealth:
 
     def _is_touched(self, values: Vector, trusted: Mask) -> bool:
         """Return True if one taxel, or all of them together, show a touch: a light grip raises no single taxel far above its noise."""
-        drift = self._walk * math.sqrt(min(self._behind, LONGEST))  # after a grip, a quiet taxel is not where it was
+        # Longest time of drift that is not taken for a touch, s; the drift of much longer times reaches the readings
+        # of a peg in the hand.
+        drift = self._walk * math.sqrt(min(self._behind, 600.0))  # after a grip, a quiet taxel is not where it was
         heights = values * self._config.touch / np.maximum(self._touch, drift)
         if (np.abs(heights) > self._config.touch).any():
             return True

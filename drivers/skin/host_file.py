@@ -15,9 +15,6 @@ from drivers.errors import DeviceNotOpenedError
 from drivers.skin.board_config import HostSkinConfig
 from drivers.skin.dialogue import RawScan, TaxelPlaces
 
-HIGHEST = 0xFFFF
-"""Largest reading of a channel, counts."""
-
 
 class HostFile:
     """Follows the end of the file; it is port, link and dialogue in one, because nothing is sent."""
@@ -107,7 +104,8 @@ class HostFile:
         try:
             _, time, *readings = line.split()
             counts = np.array(readings, dtype=np.int64)
-            if len(counts) != len(self._uids) or counts.min() < 0 or counts.max() > HIGHEST:
+            # Largest reading of a channel, counts.
+            if len(counts) != len(self._uids) or counts.min() < 0 or counts.max() > 0xFFFF:
                 raise ValueError
             self.is_started = True
             return float(time), counts.astype(np.uint16)

@@ -25,8 +25,6 @@ PITCH = 7.5e-3
 """Distance between neighbouring taxels of the shipped layouts, m; [gibbons], Sec. VI."""
 ROW = PITCH * 0.75**0.5
 """Distance between neighbouring rows of a triangle, m."""
-GAP = 7.6e-3
-"""Distance between the facing rows of the layout `base_to_base`, m."""
 SOFTEST_SHEAR, STIFFEST_SHEAR = 5e3, 5e4
 """Stiffness of both pads in their plane under the closed grip, N/m, in the softest and in the stiffest skin: assumed; the latter is rubber of
 60 kPa shear modulus, 180 mm² a pad under an 8 mm peg, 0.4 mm of it left.
@@ -89,7 +87,8 @@ def _shipped(module: Vector) -> SkinLayout:
 _PLACE, _ROW = np.array([(place, row) for row in range(4) for place in range(4 - row)], dtype=float).T
 LAYOUTS: dict[str, SkinLayout] = {
     "parallelogram": _shipped(np.column_stack([(_PLACE - 2.0) * PITCH + (_ROW - 1.5) * PITCH / 2, (_ROW - 1.5) * ROW])),
-    "base_to_base": _shipped(np.column_stack([GAP / 2 + _ROW * ROW, (_PLACE - (3.0 - _ROW) / 2) * PITCH])),
+    # Distance between the facing rows of the layout `base_to_base`, m.
+    "base_to_base": _shipped(np.column_stack([7.6e-3 / 2 + _ROW * ROW, (_PLACE - (3.0 - _ROW) / 2) * PITCH])),
 }
 """Layouts that ship with the program, by name."""
 

@@ -15,9 +15,6 @@ from drivers.skin.layout import Layout, exchanges, shape_of
 
 Order = NDArray[np.intp]
 """Index of the reading that each taxel reports, shape (2 n,)."""
-EXPLAINS = 1.8
-"""Largest mean square difference if an exchange explains a frame, in the same units. An exchange under a peg at rest leaves only
-the noise of the taxels; if a peg slips to about the mirrored angle, 2.8 and more remain. Source: docs/tried/grasp.md."""
 GAIN = 25.0
 """Least log-likelihood ratio between an exchange and the previous order. Source: docs/tried/grasp.md."""
 TOLD = 1
@@ -63,7 +60,10 @@ class TaxelOrder:
         found, self._suspected = self._suspected if is_steady else "", ""
         if self._was_steady and as_before > GAIN:
             (exchanged, mean), name = min((misfit(order), name) for name, order in self._exchanges.items())
-            if mean <= EXPLAINS and as_before - exchanged > GAIN:
+            # Largest mean square difference if an exchange explains a frame, in the same units. An exchange under a
+            # peg at rest leaves only the noise of the taxels; if a peg slips to about the mirrored angle, 2.8 and
+            # more remain. Source: docs/tried/grasp.md.
+            if mean <= 1.8 and as_before - exchanged > GAIN:
                 self._suspected = name
         self._was_steady = is_steady
         return found

@@ -21,9 +21,6 @@ from drivers.skin.dialogue import CySkinDialogue, IcubDialogue, RawScan
 from drivers.transport.cobs import DELIMITER, Deframer, frame
 from drivers.transport.wires import ByteLink, CanFrame, CanLink
 
-MOST_FRAMES = 1000
-"""Largest number of frames per read of a bus, so that a babbling node does not delay the scan."""
-
 NOTHING_ON_BUS = ": check its supply, the wires with a terminator at both ends, and that the bus runs at its bit rate"
 NOTHING_ON_LINE = ": check its supply and cable, whether this is its port, and skin.baud_rate"
 
@@ -213,6 +210,7 @@ def _pieces(data: bytes) -> list[bytes]:
 def _waiting(link: CanLink) -> list[CanFrame]:
     """Return the received frames."""
     frames: list[CanFrame] = []
-    while len(frames) < MOST_FRAMES and (part := link.read(0.0)) is not None:
+    # Largest number of frames per read of a bus, so that a babbling node does not delay the scan.
+    while len(frames) < 1000 and (part := link.read(0.0)) is not None:
         frames.append(part)
     return frames

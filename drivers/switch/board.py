@@ -16,12 +16,6 @@ FIRMWARE = 2
 """Number of the supported firmware."""
 STALE = 0.1
 """Age at which a report is too old, s; four heartbeats."""
-DRIFT = 0.02
-"""Largest relative error of the board's clock, fraction; its ceramic resonator is accurate to 0.5 %."""
-START_TIME = 2.5
-"""Longest time from opening the port, which resets the board, to the first report, s; the boot loader waits first."""
-POLL_PERIOD = 0.01
-"""Time between two polls for the first report, s."""
 REOPEN_PERIOD = 0.5
 """Time between two attempts to reopen a lost port, s."""
 _STATES = {Contacts.OPEN: SwitchState.OPEN, Contacts.CLOSED: SwitchState.CLOSED}
@@ -49,9 +43,12 @@ class SerialSuccessSwitch:
         self._line.open()
         self._is_open = True
         self._forget()
-        end = self._clock.now() + START_TIME
+        # Longest time from opening the port, which resets the board, to the first report, s; the boot loader waits
+        # first.
+        end = self._clock.now() + 2.5
         while self.read() is SwitchState.UNKNOWN and self._clock.now() < end:
-            self._clock.wait_until(self._clock.now() + POLL_PERIOD)
+            # Time between two polls for the first report, s.
+            self._clock.wait_until(self._clock.now() + 0.01)
         if problem := self.problem():
             self.close()
             raise DeviceNotOpenedError(problem)
@@ -128,7 +125,8 @@ class SerialSuccessSwitch:
         else:
             elapsed = now - self._heard
             passed = ((report.time - last.time) % TIME_RANGE) / 1000.0
-            lag = self._heard - self._stamp + (1.0 - DRIFT) * elapsed - passed
+            # Largest relative error of the board's clock, fraction; its ceramic resonator is accurate to 0.5 %.
+            lag = self._heard - self._stamp + (1.0 - 0.02) * elapsed - passed
             self._stamp = now - max(lag, 0.0)
         self._heard, self._report = now, report
         if report.was_hung and (last is None or not last.was_hung):

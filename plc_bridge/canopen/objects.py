@@ -17,8 +17,6 @@ RPDO_BASES, TPDO_BASES = (0x200, 0x300, 0x400, 0x500), (0x180, 0x280, 0x380, 0x4
 """COB-IDs of the predefined connection set, without the node-ID."""
 HEARTBEAT = 100
 """Period of the node's heartbeat, ms, unless configured otherwise."""
-TIMERS = ((0, 500), (0, 500), (1000, 100), (0, 500))
-"""Inhibit and event time of each TPDO, in counts: the third carries the life counter, which always changes."""
 
 _BLOCKS = {
     0x2000: "command",
@@ -165,7 +163,9 @@ def _pdos(
             _variable("transmission type", place, 2, _U8, "ro", 254),  # event-driven
         ]
         if kind == "TPDO":
-            inhibit, event = TIMERS[number]
+            # Inhibit and event time of each TPDO, in counts: the third carries the life counter, which always
+            # changes.
+            inhibit, event = ((0, 500), (0, 500), (1000, 100), (0, 500))[number]
             parameters.append(_variable("inhibit time", place, INHIBIT, _U16, "rw", inhibit))
             parameters.append(_variable("event timer", place, EVENT_TIMER, _U16, "rw", event))
         made.append(_group(ODRecord(f"{kind}{number + 1} parameter", place), parameters))

@@ -19,9 +19,6 @@ if TYPE_CHECKING:
 HEADER = struct.Struct(">HHHB")
 """Transaction, protocol, number of bytes after the length field, unit."""
 SHORTEST, LONGEST = 2, 254  # MBAP length: unit + function .. unit + the longest PDU
-REST = 3.0
-"""Pause after a turn for each connection with more requests, as a multiple of the turn's duration. A client that floods
-the server leaves three quarters of the time to others and to the scan, on a computer of any speed."""
 SEND_BUFFER = 8192
 """Number of unsent bytes buffered here if a client does not read; the system buffers about twice as many."""
 
@@ -129,7 +126,10 @@ class Connection(asyncio.Protocol):
         self._is_waiting = True
         self._reading().pause_reading()
         self._server.crowd += 1
-        self._server.loop.call_later(REST * took * self._server.crowd, self._next_turn)
+        # Pause after a turn for each connection with more requests, as a multiple of the turn's duration. A client
+        # that floods the server leaves three quarters of the time to others and to the scan, on a computer of any
+        # speed.
+        self._server.loop.call_later(3.0 * took * self._server.crowd, self._next_turn)
 
     def _answer_some(self) -> bool:
         """Answer the requests of one turn; return True if there may be more."""

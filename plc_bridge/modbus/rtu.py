@@ -22,8 +22,6 @@ logger = logging.getLogger(__name__)
 
 PATIENCE = 0.05
 """Longest pause within a frame, s: USB adapters deliver bytes up to 16 ms late, a busy computer even later."""
-IDLE = 0.1
-"""Time between two checks of an idle line for a request to close, s."""
 FIRST_PAUSE, LONGEST_PAUSE = 0.5, 10.0
 """Shortest and longest pause before a lost line is reopened, s."""
 WRITES = frozenset({5, 6, 15, 16, 22})
@@ -108,7 +106,8 @@ class RtuServer:
         Raises:
             LineLostError: The line is lost.
         """
-        data = self._line.read(PATIENCE if self._receiver.is_waiting else IDLE)
+        # Time between two checks of an idle line for a request to close, s.
+        data = self._line.read(PATIENCE if self._receiver.is_waiting else 0.1)
         if not data:
             self._receiver.give_up()
             if self._now() - self._heard > self._idle_timeout:

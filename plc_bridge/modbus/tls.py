@@ -18,8 +18,6 @@ from plc_bridge.config import Right, TlsConfig
 ROLE_EXTENSION = x509.ObjectIdentifier("1.3.6.1.4.1.50316.802.1")
 NULL_ROLE = ""
 LONGEST_ROLE = 64
-OTHERS = 0o077
-"""Permissions of a file for other users than its owner."""
 
 
 class BadRoleError(Exception):
@@ -79,7 +77,8 @@ def browser_context(config: TlsConfig) -> ssl.SSLContext:
     context.options |= ssl.OP_NO_RENEGOTIATION
     for name, path in _files(config).items():
         _read(name, path)
-    if (mode := config.key.stat().st_mode) & OTHERS:
+    # Permissions of a file for other users than its owner.
+    if (mode := config.key.stat().st_mode) & 0o077:
         raise DeviceNotOpenedError(
             f"plc.tls.key = {config.key}: mode {mode & 0o777:o}: open to others than its owner; 600 or 400 allowed, as by chmod 600"
         )

@@ -23,8 +23,6 @@ from plc_bridge.protocol.mailbox import Mailbox
 from plc_bridge.protocol.messages import REMEDIES, Control, Refusal, Result
 from plc_bridge.protocol.registers import PARAMETERS, Lease, Parameter, Register
 
-LOOK = 0.005
-"""Time between two looks for the answer, s."""
 _CONTROLS = (
     (f"{PATHS[BASE_MACHINE]}.Abort", Control.ABORT),
     (f"{PATHS[BASE_MACHINE]}.Clear", Control.CLEAR),
@@ -35,8 +33,6 @@ _CONTROLS = (
     (f"{PATHS[EXECUTE]}.Unhold", Control.UNHOLD),
 )
 """Control of each method of PackML."""
-_WITHOUT_MEANING = ("SetUnitMode", "SetMachSpeed", "SetProduct", "SetParameter")
-"""Methods that PackML requires and that this cell does not support."""
 _COMMAND: tuple[Right, ...] = ("command",)
 _STATUS = {Refusal.NOT_HOLDER: ua.StatusCodes.BadRequestNotAllowed, Refusal.BUSY: ua.StatusCodes.BadResourceUnavailable}
 """Status of a refused control; of all other refusals BadInvalidState."""
@@ -76,7 +72,8 @@ class Commands:
         for path, control in _CONTROLS:
             rights = ("stop", "command") if control in (Control.STOP, Control.ABORT) else _COMMAND
             add(self._unit.place(path), _checked(rights, [], partial(self._control, control)))
-        for name in _WITHOUT_MEANING:
+        # Methods that PackML requires and that this cell does not support.
+        for name in ("SetUnitMode", "SetMachSpeed", "SetProduct", "SetParameter"):
             add(self._unit.place(f"{UNIT}.{name}"), _not_supported)
         arguments = {
             name: _argument(title(register), variant_type(register), register.meaning)
@@ -219,4 +216,5 @@ async def _until(is_done: Callable[[], bool]) -> None:
     # Longest wait of a method for the scan thread, s; a later answer is read by `Answer`.
     end = loop.time() + 0.5
     while not is_done() and loop.time() < end:
-        await asyncio.sleep(LOOK)
+        # Time between two looks for the answer, s.
+        await asyncio.sleep(0.005)

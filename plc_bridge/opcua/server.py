@@ -24,8 +24,6 @@ from plc_bridge.protocol.registers import DEVICE_NAME, Parameter, Register
 
 logger = logging.getLogger(__name__)
 
-PERIOD = 0.1
-"""Period at which values are compared and changes shown, s."""
 SPECTATOR = "opcua"
 """Link of the server itself, which never writes: it reads the run of any link."""
 KEY_BITS = range(2048, 4097)
@@ -145,7 +143,8 @@ class OpcUaServer:
             for order in self._mailbox.ended():
                 await self._unit.end(order)
             try:
-                await asyncio.wait_for(self._stop.wait(), PERIOD)
+                # Period at which values are compared and changes shown, s.
+                await asyncio.wait_for(self._stop.wait(), 0.1)
             except TimeoutError:
                 continue
         await self._server.stop()

@@ -27,8 +27,6 @@ from plc_bridge.protocol.links import Order
 from plc_bridge.protocol.messages import Control, Refusal, Result
 from plc_bridge.protocol.registers import DEVICE_NAME, Register
 
-CELL_URI = "urn:tactile-insertion-cell"
-"""Namespace of the unit's own nodes; their NodeIds are paths, as in "Cell.Report.TotalTime"."""
 UNIT = "Cell"
 PATHS = {BASE_MACHINE: f"{UNIT}.BaseStateMachine"}
 PATHS[MACHINE] = f"{PATHS[BASE_MACHINE]}.MachineState"
@@ -92,7 +90,8 @@ class Unit:
     async def build(self) -> None:
         """Add the types, the unit and the event of a run's end."""
         self.nodes = await add_types(self._server)
-        self._index = await self._server.register_namespace(CELL_URI)
+        # Namespace of the unit's own nodes; their NodeIds are paths, as in "Cell.Report.TotalTime".
+        self._index = await self._server.register_namespace("urn:tactile-insertion-cell")
         unit, parent = self.place(UNIT), self.nodes.standard(FOLDER)
         await self.nodes.add(unit, UNIT, parent, ua.ObjectAttributes(), self.nodes.standard(UNIT_TYPE))
         await self._add_members(UNIT_TYPE, UNIT)

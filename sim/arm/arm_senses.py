@@ -30,8 +30,6 @@ torques, N·m; then six words of the low-passed wrench.
 """
 PLAY, ENCODER = 35, 36
 """Index of half the backlash of the wrist's joints, rad, and of seven words: encoder positions, rad."""
-WRIST = 4
-"""First joint of the wrist."""
 NEWEST = 43
 """Index of the reading of the newest cycle."""
 WORDS = NEWEST + ENTRY
@@ -82,7 +80,8 @@ def measure(
     entry = words[NEWEST : NEWEST + ENTRY]
     for i in range(JOINTS):
         # The encoder e follows its link q with play b to either side: e <- min(max(e, q - b), q + b).
-        play = words[PLAY] if i >= WRIST else 0.0
+        # First joint of the wrist.
+        play = words[PLAY] if i >= 4 else 0.0
         words[ENCODER + i] = min(max(words[ENCODER + i], q[i] - play), q[i] + play)
         entry[i] = words[ENCODER + i] + words[ZERO + i] + words[NOISE] * noise[i]
         entry[JOINTS + i] = dq[i] + words[RATE_NOISE + i] * noise[JOINTS + i]

@@ -21,8 +21,6 @@ DECOY_STREAM = 8
 """Key of the random stream for decoys; lower keys are in use."""
 ROOM = 2e-3
 """Width of solid plate around every hole within its tile, m; more than the contact distance `contact.NEAR`."""
-TRIES = 1000
-"""Largest number of attempts to place the decoys so that each has a tile."""
 
 Rectangle = tuple[Vector, Vector]
 """Lower and upper corner, each of shape (2,), m, plate frame."""
@@ -62,7 +60,8 @@ def with_decoys(plate: Plate, hole: Hole, config: DecoyConfig, seed: int) -> Pla
     own = Pocket(np.zeros(2), mouth, plate.depth)
     number = int(rng.integers(config.number[0], config.number[1] + 1))
     middle, half = np.array(plate.outline[:2]), np.array(plate.outline[2:])
-    for _ in range(TRIES):
+    # Largest number of attempts to place the decoys so that each has a tile.
+    for _ in range(1000):
         pockets = [own, *(_drawn(plate, hole, config, rng) for _ in range(number))]
         bounds = cut([pocket.bounds for pocket in pockets], (middle - half, middle + half))
         if bounds:

@@ -12,14 +12,8 @@ CELL = 1e-3
 """Side of a cell of the grid on the pad, m."""
 NEWTON_STEPS = 40
 NEWTON_TOLERANCE = 1e-4
-LIGHTEST = 1e-3
-"""Share of the grip's own load below which Newton's method need not resolve loads, fraction."""
 FURTHEST = 0.9
 """Largest step of Newton's method, as a share of the remaining compression of the pad, fraction."""
-LIFTED_SLOPE = 1e-3
-"""Slope of an untouched pad, so that Newton's matrix is invertible."""
-SMALLEST = 1e-6
-"""Shortest step of the line search, Newton steps."""
 
 
 @njit(cache=True)
@@ -86,7 +80,8 @@ def lie(  # noqa: C901  one Newton iteration, compiled, whose loops share its ar
     for i in range(m):
         energy -= wanted[i] * amounts[i]
         largest = max(largest, abs(wanted[i]))
-    enough = NEWTON_TOLERANCE * max(largest, LIGHTEST * pressed)
+    # Share of the grip's own load below which Newton's method need not resolve loads, fraction.
+    enough = NEWTON_TOLERANCE * max(largest, 1e-3 * pressed)
     matrix, missing, move = np.empty((m, m)), np.empty(m), np.empty(m)
     for _ in range(NEWTON_STEPS):
         for i in range(m):
@@ -95,7 +90,8 @@ def lie(  # noqa: C901  one Newton iteration, compiled, whose loops share its ar
                 matrix[i, j] = 0.0
         for k in range(n):
             room = _secant(depth[k], thickness, exponent)
-            slope = _slope(depth[k], thickness, exponent) if depth[k] > 0.0 else LIFTED_SLOPE
+            # Slope of an untouched pad, so that Newton's matrix is invertible.
+            slope = _slope(depth[k], thickness, exponent) if depth[k] > 0.0 else 1e-3
             for i in range(m):
                 # Residual r = wanted - M g(d) and Hessian H = M diag(g'(d)) Mᵀ.
                 missing[i] -= motions[i, k] * max(depth[k], 0.0) * room
@@ -119,7 +115,8 @@ def lie(  # noqa: C901  one Newton iteration, compiled, whose loops share its ar
             gain += missing[i] * move[i]
         size = min(1.0, FURTHEST / share if share > 0.0 else 1.0)
         reached = energy
-        while size > SMALLEST:
+        # Shortest step of the line search, Newton steps.
+        while size > 1e-6:
             for k in range(n):
                 trial[k] = depth[k] + size * change[k]
             reached = _energy(trial, thickness, exponent)

@@ -25,8 +25,6 @@ WHOLE, OPENED, BESIDE = 1, 2, 3
 """Groups of geoms: the whole plate, the plate cut open, and the objects between the section and its camera."""
 MARGIN = 0.022
 """Width of the plate beyond the area of the hole's positions, m."""
-BELOW = 0.008
-"""Thickness of the plate below the hole's floor, m."""
 SEEN = 0.085
 """Height of the region in the section, m."""
 TRAIL = 2.5
@@ -179,7 +177,8 @@ def _fixtures(job: Job, hole: Pose | None) -> tuple[str, str]:
 
 def _plate(job: Job, hole: Pose | None) -> tuple[str, str]:
     centre, half = np.array(job.hole.centre), np.array(job.hole.area) / 2 + MARGIN
-    depth, thickness = job.hole.depth + 0.0005, job.hole.depth + BELOW
+    # Thickness of the plate below the hole's floor, m.
+    depth, thickness = job.hole.depth + 0.0005, job.hole.depth + 0.008
     stand = centre[2] - thickness
     posts = "".join(
         f'<geom type="cylinder" size="0.006 {stand / 2}" pos="{centre[0] + x * (half[0] - 0.01)} {centre[1] + y * (half[1] - 0.01)} {stand / 2}" material="metal" group="{WHOLE}"/>'

@@ -11,15 +11,11 @@ from drivers.protocols import Clock
 from sim.world.physics import World
 from sim.world.situation import PegSituation
 
-BIN_REACH = 0.08
-"""Distance from the centre of the reject bin within which a peg released above it is in the bin, m."""
 EXCHANGE_TIME = 0.05
 """Time in which the line exchanges a workpiece, s: long enough for the switch's board to detect it."""
 EXCHANGE_STEPS = 5
 """Number of clock steps in that time. An emulated board reads its lever once in each step and reports it in the
 next."""
-UNTOUCHED = 2e-3
-"""Largest displacement of the peg's centre at which it is still in its slot, m."""
 
 
 class SimLine:
@@ -89,7 +85,9 @@ class SimLine:
     def _is_in_slot(self) -> bool:
         if self._world.peg is not PegSituation.FREE:
             return False
-        return math.dist(self._world.peg_pose().position, self._stood) <= UNTOUCHED
+        # Largest displacement of the peg's centre at which it is still in its slot, m.
+        return math.dist(self._world.peg_pose().position, self._stood) <= 2e-3
 
     def _is_in_bin(self) -> bool:
-        return math.dist(self._world.peg_pose().position[:2], self._bin[:2]) <= BIN_REACH
+        # Distance from the centre of the reject bin within which a peg released above it is in the bin, m.
+        return math.dist(self._world.peg_pose().position[:2], self._bin[:2]) <= 0.08

@@ -33,13 +33,8 @@ JERK_BANDWIDTH = 10.0
 """Corner frequency of the second-order Butterworth low-pass of the jerk, as in [r79], Hz. With the default stiffness
 the hand oscillates at 2 to 5 Hz. If an impact stops the hand within a step, the jerk is its change of speed times (2 pi
 10 Hz)², independent of the stopping time: 200 m/s³ for 0.05 m/s."""
-FORCE_FILTER = 0.005
-"""Time constant of the force low-pass, s, a bandwidth of 32 Hz; single steps of a rigid contact carry no
-information."""
 OVER_FORCE = 20.0
 """Force on the peg above which time is counted, N."""
-SUSTAINED_TIME = 0.002
-"""Shortest duration of a sustained penetration, s."""
 
 
 class HandView(NamedTuple):
@@ -63,7 +58,8 @@ def new_meters() -> Vector:
 @njit(cache=True, inline="always")
 def window(timestep: float) -> int:  # pragma: no cover
     """Return the number of ticks of `timestep`, s, after which a penetration is sustained."""
-    return math.floor(SUSTAINED_TIME / timestep + 0.5) + 1
+    # Shortest duration of a sustained penetration, s.
+    return math.floor(0.002 / timestep + 0.5) + 1
 
 
 @njit(cache=True, inline="always")
@@ -72,7 +68,9 @@ def take(
 ) -> None:  # pragma: no cover
     """Update the meters with the net force, N, and torque, N·m, of a step of `elapsed`, s, and the held peg's rotation."""
     # First-order low-pass, implicit Euler: y <- y + h / (T + h) (f - y).
-    blend = elapsed / (FORCE_FILTER + elapsed)
+    # Time constant of the force low-pass, s, a bandwidth of 32 Hz; single steps of a rigid contact carry no
+    # information.
+    blend = elapsed / (0.005 + elapsed)
     size = 0.0
     for i in range(3):
         meters[FORCE + i] += blend * (force[i] - meters[FORCE + i])

@@ -14,24 +14,12 @@ from sim.world import scene
 
 SETTLED_GRIP = 0.05
 """Time for which the pads must hold the peg clear of the rack before it is in the `HELD` situation, s."""
-SQUEEZED_SHARE = 0.5
-"""Share of the closing force with which both pads must press the peg, fraction."""
-CLEAR_OF_RACK = 1e-3
-"""Height of the peg's lowest point above the rack from which the peg is clear, m."""
 LOST_TURN = scene.HINGE_RANGE - math.radians(2.0)
 """Hinge angle at which the peg meets the palm and drops out, rad."""
 LEAST_CONTACT = 2e-3
 """Smallest length of the peg between the pads, m; below it the peg drops out."""
-SETTLING = 0.02
-"""Time for which a free peg must have settled before it is left at rest, s."""
 AT_REST = (1e-4, 1e-2)
 """Upper limits of the speeds of a peg at rest, m/s and rad/s; a falling peg would move at 0.2 m/s by then."""
-OUT_OF_REACH = 0.01
-"""Gap between pads and peg that no hand closes in the 10 ms before the next check, m."""
-
-MOST_SPIN = 100.0
-"""Angular velocity of a free peg that no fall reaches, rad/s. A peg that is squeezed out of pads or hole can, and explicit
-steps of its gyroscopic torque then grow without bound."""
 
 
 class PegSituation(Enum):
@@ -49,7 +37,9 @@ def has_fallen(height: float, speeds: Vector) -> bool:
         height: Height of its back end above the surface below it, or of its lowest point above the table, m.
         speeds: Linear, then angular velocity of the peg, shape (6,), m/s and rad/s.
     """
-    return height < 0.0 or float(np.abs(speeds[3:]).max()) > MOST_SPIN
+    # Angular velocity of a free peg that no fall reaches, rad/s. A peg that is squeezed out of pads or hole can, and
+    # explicit steps of its gyroscopic torque then grow without bound.
+    return height < 0.0 or float(np.abs(speeds[3:]).max()) > 100.0
 
 
 def is_in_grip(pad_force: float, grip_force: float, height: float) -> bool:
@@ -60,7 +50,9 @@ def is_in_grip(pad_force: float, grip_force: float, height: float) -> bool:
         grip_force: Closing force commanded, N.
         height: Height of the peg's lowest point above the rack, m.
     """
-    return pad_force > SQUEEZED_SHARE * grip_force > 0.0 and height > CLEAR_OF_RACK
+    # Share of the closing force with which both pads must press the peg, fraction.
+    # Height of the peg's lowest point above the rack from which the peg is clear, m.
+    return pad_force > 0.5 * grip_force > 0.0 and height > 1e-3
 
 
 def may_rest(is_resting: bool, gap: float, loose_for: float, speeds: Vector) -> bool:
@@ -72,9 +64,11 @@ def may_rest(is_resting: bool, gap: float, loose_for: float, speeds: Vector) -> 
         loose_for: Time since the peg was released or was last in reach, s.
         speeds: Linear, then angular velocity of the peg, shape (6,), m/s and rad/s.
     """
-    if gap <= OUT_OF_REACH:
+    # Gap between pads and peg that no hand closes in the 10 ms before the next check, m.
+    if gap <= 0.01:
         return False
-    if is_resting or loose_for < SETTLING:
+    # Time for which a free peg must have settled before it is left at rest, s.
+    if is_resting or loose_for < 0.02:
         return is_resting
     size = np.abs(speeds)
     return bool(size[:3].max() < AT_REST[0] and size[3:].max() < AT_REST[1])

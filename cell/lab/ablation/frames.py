@@ -10,9 +10,6 @@ from cell.lab.ablation.switch import Rule, without
 from cell.lab.tactile import CONDITIONS, Condition, Model, TactileLine, kinds, made, reads_of, simulated_skin, summed
 from drivers.quantities import TaxelFrame
 
-LAWS = ("hertz", "foam")
-"""Scenes whose pads follow another law than the templates assume; only nominal frames are tested on them."""
-
 NOMINAL = CONDITIONS[0]
 OTHER_LENGTH = Condition("end 4 mm off", reach_back=(0.011, 0.019))
 """Pegs that end up to 4 mm from the stated place, between the pads."""
@@ -35,7 +32,8 @@ def measure(count: int, done: Callable[[int], None]) -> list[TactileLine]:
 def _frames(count: int) -> Iterator[tuple[str, list[tuple[float, TaxelFrame]]]]:
     for model, condition in [*kinds(), ("springs", OTHER_LENGTH), ("layer", OTHER_LENGTH)]:
         yield f"{model}, {condition.name}", _made("honest", model, condition, count)
-    for law in LAWS:
+    # Scenes whose pads follow another law than the templates assume; only nominal frames are tested on them.
+    for law in ("hertz", "foam"):
         yield law, _made(law, "springs", NOMINAL, count)
     yield (
         "one wrong taxel",

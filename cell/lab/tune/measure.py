@@ -31,8 +31,6 @@ STYLES = ("careful", "balanced", "fast")
 """Presets from the gentlest to the fastest."""
 SECTIONS = ("search", "insert", "adjust")
 """Sections with a number of their own."""
-HOPELESS = 4
-"""Number of first trials after which a setting without a success ends. The pruner cannot end it, as long as no other is better."""
 QUICKEST = float(len(STYLES) - 1)
 Sets = tuple[str, ...]
 Ranges = Mapping[str, tuple[float, float]]
@@ -212,7 +210,9 @@ class _Left:
         if len(rows) > self._told:
             self._told = len(rows)
             self._asked.report(cost(rows[-1], self._wishes), len(rows) - 1)
-        is_hopeless = len(rows) >= HOPELESS and all(row.outcome != Outcome.SUCCESS for row in rows)
+        # Number of first trials after which a setting without a success ends. The pruner cannot end it, as long as no
+        # other is better.
+        is_hopeless = len(rows) >= 4 and all(row.outcome != Outcome.SUCCESS for row in rows)
         return len(rows) == self._told and (is_hopeless or self._asked.should_prune())
 
 
