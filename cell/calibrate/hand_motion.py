@@ -127,11 +127,7 @@ def moved_by_keys(cell: Cell, keys: Keys, act: Callable[[str, ArmState], bool], 
             key = keys.next(now > until)
             if key in DIRECTIONS:
                 direction, until = DIRECTIONS[key], now + DEAD_MAN
-            elif key == GRIP:
-                cell.gripper.grip(config.params(GRASP).force)
-            elif key == OPEN:
-                cell.gripper.release(config.params(GRASP).opening)
-            elif key == END or (key and not act(key, state)):
+            elif not _pressed(key, cell, state, act):
                 return
             if now > until and not is_guided:
                 held = None
@@ -147,6 +143,18 @@ def moved_by_keys(cell: Cell, keys: Keys, act: Callable[[str, ArmState], bool], 
             clock.wait_until(now + period)
     finally:
         arm.halt()
+
+
+def _pressed(key: str, cell: Cell, state: ArmState, act: Callable[[str, ArmState], bool]) -> bool:
+    """Carry out a key that is not a direction; return False if it ends the motion."""
+    grasp = cell.config.params(GRASP)
+    if key == GRIP:
+        cell.gripper.grip(grasp.force)
+    elif key == OPEN:
+        cell.gripper.release(grasp.opening)
+    else:
+        return key != END and (not key or act(key, state))
+    return True
 
 
 def _require_slow(state: ArmState, before: ArmState | None) -> None:

@@ -299,29 +299,31 @@ def _held(seen: PegEvidence, places: Places, slid: float) -> PartState:
 def _let_go(before: PartState, seen: PegEvidence, places: Places, is_running: bool) -> PartState:
     """Return the state of a peg that the hand has released since the last scan."""
     hand = f"hand {_mm(seen.width)} open"
-    gone = replace(before, is_held=False)
     if before.place in IN_THE_HOLE:
         # A switch that was closed already while the peg was held too far above the bottom proves nothing.
         is_high = before.depth < places.hole.depth - CLOSED_TOLERANCE
         is_early = is_high and PartEvidence.SWITCH_CLOSED in before.basis
         place = PartPlace.SEATED if seen.switch is SwitchState.CLOSED and not is_early else PartPlace.IN_HOLE
-        return replace(gone, place=place, evidence=f"let go {_mm(before.depth)} deep, {hand}, switch {seen.switch}")
-    if math.dist(before.tip[:2], places.bin[:2]) <= BIN_REACH:
-        return replace(gone, place=PartPlace.BIN, evidence=f"let go above the bin, {hand}")
-    if any(math.dist(before.tip[:2], slot[:2]) <= SLOT_REACH and before.tip[2] < slot[2] for slot in places.slots):
-        return replace(gone, place=PartPlace.RACK, evidence=f"let go in its slot, {hand}")
-    if before.was_in_hole and _is_over_hole(before.tip, places.hole):
-        return replace(
-            gone, place=PartPlace.UNKNOWN, evidence=f"lost over the hole after it stood in it or at it, {hand}"
-        )
-    height = _mm(-depth_of(np.array(before.tip), places.hole))
+        evidence = f"let go {_mm(before.depth)} deep, {hand}, switch {seen.switch}"
+    else:
+        place, why = _fallen(before, places, is_running)
+        evidence = f"{why}, {hand}"
+    return replace(before, place=place, is_held=False, evidence=evidence)
+
+
+def _fallen(before: PartState, places: Places, is_running: bool) -> tuple[PartPlace, str]:
+    """Return the place of a peg that the hand has released outside the hole, and its evidence."""
+    tip = before.tip
+    if math.dist(tip[:2], places.bin[:2]) <= BIN_REACH:
+        return PartPlace.BIN, "let go above the bin"
+    if any(math.dist(tip[:2], slot[:2]) <= SLOT_REACH and tip[2] < slot[2] for slot in places.slots):
+        return PartPlace.RACK, "let go in its slot"
+    if before.was_in_hole and _is_over_hole(tip, places.hole):
+        return PartPlace.UNKNOWN, "lost over the hole after it stood in it or at it"
     if not is_running:
-        return replace(gone, place=PartPlace.UNKNOWN, evidence=f"the hand was opened outside a run, {hand}")
-    return replace(
-        gone,
-        place=PartPlace.ON_PLATE,
-        evidence=f"fell from {height} above the plate's height {_at(before.tip)}, {hand}",
-    )
+        return PartPlace.UNKNOWN, "the hand was opened outside a run"
+    height = _mm(-depth_of(np.array(tip), places.hole))
+    return PartPlace.ON_PLATE, f"fell from {height} above the plate's height at x {tip[0]:.3f}, y {tip[1]:.3f} m"
 
 
 def _left_alone(before: PartState, seen: PegEvidence, places: Places) -> PartState:
@@ -459,10 +461,6 @@ def told(part: PartState, words: ActionWords = FOR_PLC) -> str:
 
 def _word(place: PartPlace) -> str:
     return place.name.lower().replace("_", " ")
-
-
-def _at(tip: tuple[float, float, float]) -> str:
-    return f"at x {tip[0]:.3f}, y {tip[1]:.3f} m"
 
 
 def _mm(length: float) -> str:

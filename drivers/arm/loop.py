@@ -106,14 +106,7 @@ class TorqueLoop:
         Raises:
             RuntimeError: The arm ended the motion or refuses one, or the time for a start has passed.
         """
-        link = self._link
-        impedance.restart(self._law)
-        # In a reflex or a user stop the arm refuses thresholds, so they are set before every start.
-        torque, force = self._collision
-        self._robot.set_collision_behavior(torque, torque, force, force)
-        if time.monotonic() > link["start_by"][0]:
-            raise RuntimeError("the arm recovered after its reset had expired: reset again")
-        control, self._sent = self._robot.start_torque_control(), np.zeros(JOINTS)
+        control = self._start()
         q, dq, last, count, end = np.empty(JOINTS), np.empty(JOINTS), time.monotonic(), 0, math.inf
         while True:
             state, passed = control.readOnce()
@@ -135,18 +128,38 @@ class TorqueLoop:
             if command.motion_finished:
                 return
             done = time.monotonic()
-            place = int(link["cycles"][0]) % CYCLES_KEPT
-            link["busy"][0, place], link["spacing"][0, place] = done - woke, woke - last
+            self._count(state, done - woke, woke - last, passed.to_sec(), count == 1)
             last = woke
-            link["cycles"][0] += 1
-            link["success"][0] += state.control_command_success_rate
-            if count > 1:
-                link["missed"][0] += max(round(passed.to_sec() / self._period) - 1, 0)
             self._publish(state, q, dq)
-            if count == 1:
-                link["end_effector"][0], link["load"][0] = state.m_ee, state.m_load
             # The first state is available only now.
-            link["phase"][0] = LoopPhase.RUNNING
+            self._link["phase"][0] = LoopPhase.RUNNING
+
+    def _start(self) -> Any:
+        """Start torque control and return it.
+
+        Raises:
+            RuntimeError: The arm refuses the motion, or the time for a start has passed.
+        """
+        impedance.restart(self._law)
+        # In a reflex or a user stop the arm refuses thresholds, so they are set before every start.
+        torque, force = self._collision
+        self._robot.set_collision_behavior(torque, torque, force, force)
+        if time.monotonic() > self._link["start_by"][0]:
+            raise RuntimeError("the arm recovered after its reset had expired: reset again")
+        control, self._sent = self._robot.start_torque_control(), np.zeros(JOINTS)
+        return control
+
+    def _count(self, state: Any, busy: float, spacing: float, passed: float, is_first: bool) -> None:
+        """Record the work in a cycle, its distance from the one before, and the arm's time between their states, s."""
+        link = self._link
+        place = int(link["cycles"][0]) % CYCLES_KEPT
+        link["busy"][0, place], link["spacing"][0, place] = busy, spacing
+        link["cycles"][0] += 1
+        link["success"][0] += state.control_command_success_rate
+        if is_first:
+            link["end_effector"][0], link["load"][0] = state.m_ee, state.m_load
+        else:
+            link["missed"][0] += max(round(passed / self._period) - 1, 0)
 
     def _torques(self, state: Any, q: Vector, dq: Vector) -> list[float]:
         """Return the torques of one cycle, N·m, within the arm's limits."""

@@ -88,6 +88,11 @@ class HostFile:
         Raises:
             DeviceNotOpenedError: The file is gone.
         """
+        samples = [sample for line in self._lines() if (sample := self._sample(line)) is not None]
+        return [self._places.scan(counts, now - samples[-1][0] + time, 0) for time, counts in samples]
+
+    def _lines(self) -> list[bytes]:
+        """Return the whole lines appended since the last call; a file that was replaced is opened again."""
         if self._is_stale or self._file is None or os.fstat(self._file.fileno()).st_size < self._file.tell():
             self.open()
         if self._is_stale or self._file is None:
@@ -96,8 +101,7 @@ class HostFile:
         if lines and not self._is_whole:
             self._is_whole = True
             del lines[0]
-        samples = [sample for line in lines if (sample := self._sample(line)) is not None]
-        return [self._places.scan(counts, now - samples[-1][0] + time, 0) for time, counts in samples]
+        return lines
 
     def _sample(self, line: bytes) -> tuple[float, np.ndarray[tuple[int, ...], np.dtype[np.uint16]]] | None:
         """Return time, s, and readings, counts, of a line; None if the line is not a sample."""

@@ -22,7 +22,6 @@ from drivers.transport.cobs import DELIMITER, Deframer, frame
 from drivers.transport.wires import ByteLink, CanFrame, CanLink
 
 NOTHING_ON_BUS = ": check its supply, the wires with a terminator at both ends, and that the bus runs at its bit rate"
-NOTHING_ON_LINE = ": check its supply and cable, whether this is its port, and skin.baud_rate"
 
 
 class Dialogue(Protocol):
@@ -68,24 +67,52 @@ class SkinPort(Protocol):
         """Return the reason why no scan arrives, derived from the received frames."""
 
 
-class HubOnCan:
-    """A CySkin hub on a CAN bus."""
+class _Hub:
+    """Common parts of a CySkin hub on every wire."""
 
-    def __init__(self, link: CanLink, config: HubConfig, period: float) -> None:
+    def __init__(self, config: HubConfig, period: float) -> None:
         """Describe the hub; `period` is the requested time between two scans, s."""
-        self.link, self._wire = link, config.wire
-        self.dialogue = CySkinDialogue(config, period)
+        self._wire, self.dialogue = config.wire, CySkinDialogue(config, period)
         self.forget()
 
     def forget(self) -> None:
         """Discard everything received."""
         self.dialogue.forget()
+        self._wrong = 0
+
+    def _take(self, data: bytes, stamp: float) -> list[RawScan]:
+        """Return the scan that a message completes, if any; count a message that cannot be decoded."""
+        try:
+            scan = self.dialogue.take(decode(data, self._wire), stamp)
+        except WireError:
+            self._wrong += 1
+            return []
+        return [] if scan is None else [scan]
+
+    def _wrong_sums(self) -> str:
+        """Return the text for a line or bus with more wrong check sums than messages; empty if there are fewer."""
+        if self._wrong <= (heard := self.dialogue.heard):
+            return ""
+        return f"{self._wrong} of {self._wrong + heard} messages have a wrong check sum: see board.wire.crc"
+
+
+class HubOnCan(_Hub):
+    """A CySkin hub on a CAN bus."""
+
+    def __init__(self, link: CanLink, config: HubConfig, period: float) -> None:
+        """Describe the hub; `period` is the requested time between two scans, s."""
+        self.link = link
+        super().__init__(config, period)
+
+    def forget(self) -> None:
+        """Discard everything received."""
+        super().forget()
         self._senders: defaultdict[int, CanAssembler] = defaultdict(CanAssembler)
-        self._own = self._others = self._wrong = 0
+        self._own = self._others = 0
 
     def exchange(self, now: float) -> list[RawScan]:
         """Return the received scans, then send what is due."""
-        scans = []
+        scans = list[RawScan]()
         for part in _waiting(self.link):
             hub = sender(part)
             data = None if hub is None else self._senders[hub].feed(part)
@@ -93,15 +120,8 @@ class HubOnCan:
             self._own += is_own
             self._others += not is_own
             # A hub without a number answers the discovery under any id.
-            if data is None or not (is_own or data[:1] == bytes([HubCommand.DISCOVER])):
-                continue
-            try:
-                scan = self.dialogue.take(decode(data, self._wire), now - part.waited)
-            except WireError:
-                self._wrong += 1
-                continue
-            if scan is not None:
-                scans.append(scan)
+            if data is not None and (is_own or data[:1] == bytes([HubCommand.DISCOVER])):
+                scans += self._take(data, now - part.waited)
         for item in self.dialogue.ask(now):
             for part in [item] if isinstance(item, CanFrame) else to_can(encode(item, self._wire), ALL_HUBS):
                 self.link.write(part)
@@ -113,8 +133,8 @@ class HubOnCan:
 
     def trouble(self) -> str:
         """Return the reason why no scan arrives."""
-        if self._wrong > (heard := self.dialogue.heard):
-            return f"{self._wrong} of {self._wrong + heard} messages have a wrong check sum: see board.wire.crc"
+        if wrong := self._wrong_sums():
+            return wrong
         if not self.dialogue.heard and self._others:
             return f"{self._others} frames on the bus, none of a CySkin hub: another board on this bus?"
         return self.dialogue.trouble() + ("" if self._own or self._others else NOTHING_ON_BUS)
@@ -148,7 +168,7 @@ class IcubOnCan:
         return self.dialogue.trouble() + ("" if self.dialogue.heard else NOTHING_ON_BUS)
 
 
-class HubOnSerial:
+class HubOnSerial(_Hub):
     """A CySkin hub on a serial line.
 
     The framing of its messages there is not public. Here each message is one frame of `drivers.transport.cobs`, and the
@@ -157,32 +177,25 @@ class HubOnSerial:
 
     def __init__(self, link: ByteLink, config: HubConfig, period: float) -> None:
         """Describe the hub; `period` is the requested time between two scans, s."""
-        self.link, self._wire = link, config.wire
-        self.dialogue = CySkinDialogue(config, period)
-        self.forget()
+        self.link = link
+        super().__init__(config, period)
 
     def forget(self) -> None:
         """Discard everything received."""
-        self.dialogue.forget()
-        self._frames, self._whole, self._wrong = Deframer(LONGEST), 0, 0
+        super().forget()
+        self._frames, self._whole = Deframer(LONGEST), 0
 
     def exchange(self, now: float) -> list[RawScan]:
         """Return the received scans, then send what is due."""
         data = self.link.read(0.0)
-        behind, scans = len(data), []
+        behind, scans = len(data), list[RawScan]()
         for piece in _pieces(data):
             # A frame's first byte arrived at least the transfer time of the frame and of all later bytes ago.
             stamp = now - behind * self.link.character_time
             behind -= len(piece)
             for content in self._frames.feed(piece):
                 self._whole += 1
-                try:
-                    scan = self.dialogue.take(decode(content, self._wire), stamp)
-                except WireError:
-                    self._wrong += 1
-                    continue
-                if scan is not None:
-                    scans.append(scan)
+                scans += self._take(content, stamp)
         for item in self.dialogue.ask(now):
             if isinstance(item, Message):
                 self.link.write(frame(encode(item, self._wire)))
@@ -196,9 +209,9 @@ class HubOnSerial:
         """Return the reason why no scan arrives."""
         if self._frames.bytes and not self._whole:
             return f"{self._frames.bytes} bytes heard and no frame among them: another baud rate than skin.baud_rate?"
-        if self._wrong > (heard := self.dialogue.heard):
-            return f"{self._wrong} of {self._wrong + heard} messages have a wrong check sum: see board.wire.crc"
-        return self.dialogue.trouble() + ("" if self._frames.bytes else NOTHING_ON_LINE)
+        return self._wrong_sums() or self.dialogue.trouble() + (
+            "" if self._frames.bytes else ": check its supply and cable, whether this is its port, and skin.baud_rate"
+        )
 
 
 def _pieces(data: bytes) -> list[bytes]:

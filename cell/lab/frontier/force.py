@@ -42,6 +42,11 @@ class ForceSearch:
     drop: float = 0.0005
     """Depth of the tip below the surface estimate at which the hand stops, and at which it then has found the hole, m."""
 
+    def spiral(self, time: float, reach: float) -> Vector:
+        """Return the point of the spiral after a time, s, shape (2,), m: outwards up to `reach`, m, and back again."""
+        longest = math.pi * reach**2 / (self.pitch * self.speed)  # time at which the spiral reaches the corners
+        return spiral_at_speed(longest - abs(time % (2.0 * longest) - longest), self.speed, self.pitch)
+
 
 def insert_by_force(cell: Cell, ctx: SkillContext, **figures: float) -> list[StageRecord]:
     """Take a peg, search, turn it upright and press it down by force alone; search again as often as the cell's own program does.
@@ -97,7 +102,6 @@ def find_by_force(params: ForceSearch, plan: InsertionPlan, ctx: SkillContext) -
     target, goal, tip, along = above.copy(), above[:2], above, 0.0
     stopped: float | None = None  # time at which the tip dropped
     borne = deque[bool](maxlen=BORNE)
-    longest = math.pi * reach**2 / (params.pitch * params.speed)  # time at which the spiral reaches the corners
     for seen in ctx.scan(own.timeout, holding=True):
         tip = seen.tip
         edge = part.lowest(tip, seen.axis, seen.arm.tcp.rotation[:, 2])
@@ -112,12 +116,10 @@ def find_by_force(params: ForceSearch, plan: InsertionPlan, ctx: SkillContext) -
             if dip > params.drop:
                 return _result(Outcome.SUCCESS, Reason.NONE, seen.running, tip, surface.plane(edge))
             stopped = None
-        elif stopped is None and len(borne) == BORNE and all(borne):
+        elif stopped is None and sum(borne) == BORNE:
             surface.learn(edge)
             along += seen.step
-            # Outwards and back again.
-            within = longest - abs(along % (2.0 * longest) - longest)
-            goal = middle[:2] + spiral_at_speed(within, params.speed, params.pitch)
+            goal = middle[:2] + params.spiral(along, reach)
         # To a stop and back to the spiral, the setpoint moves at twice the speed of the spiral at most.
         way = goal - target[:2]
         target[:2] += way * min(2.0 * params.speed * seen.step / max(math.hypot(*way), 1e-9), 1.0)
