@@ -19,7 +19,6 @@ from skills.tactile.skin_gains import fit_gains, rod_angles
 
 ROD_HALF = 0.05
 """Half the length of the rod, m; the rod crosses the whole pad on both sides of the finger centre."""
-STEP = math.radians(5.0)
 STEP_BY_HAND = math.radians(15.0)
 """Step between the angles if a person turns the rod, rad; this gives twelve angles."""
 RECOVERY = 3.0
@@ -49,7 +48,7 @@ def calibrate_skin(
     rod_in_hand: Rod
     if config.is_skin_simulated():
         skin, clock, rod_in_hand = bench_skin(config, ROD_HALF)
-        angles = rod_angles(STEP)
+        angles = rod_angles(math.radians(5.0))
     else:
         felt = real_skin(config)
         skin, clock = felt.skin, felt.clock

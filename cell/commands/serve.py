@@ -28,9 +28,6 @@ if TYPE_CHECKING:
 
 logger = logging.getLogger(__name__)
 
-PAGE = "127.0.0.1:8080"
-"""Default address of the page; only this computer can connect to it."""
-
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of the cell, its page and its records."""
@@ -38,7 +35,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_journal(parser)
     add_simulate(parser)
     for option, default, what in (
-        ("--page", PAGE, "a page for browsers"),
+        ("--page", "127.0.0.1:8080", "a page for browsers"),  # by default for this computer alone
         ("--opcua", "127.0.0.1:4840", "the cell as a PackML unit over OPC UA"),
         ("--metrics", "127.0.0.1:9464", "counters and timings as Prometheus text"),
     ):

@@ -8,7 +8,6 @@ from cell.devices.checks import OK
 from drivers.arm.loop_figures import PRIORITY
 
 _REALTIME = Path("/sys/kernel/realtime")
-_GOVERNORS = "sys/devices/system/cpu/cpu*/cpufreq/scaling_governor"
 UNLIMITED = resource.RLIM_INFINITY
 
 
@@ -16,7 +15,10 @@ def computer() -> list[tuple[str, str]]:
     """Return name and verdict of each setting of this computer."""
     is_realtime = _REALTIME.is_file() and _REALTIME.read_text(encoding="ascii").strip() == "1"
     memory, priority = (resource.getrlimit(what)[0] for what in (resource.RLIMIT_MEMLOCK, resource.RLIMIT_RTPRIO))
-    governors = {file.read_text(encoding="ascii").strip() for file in Path("/").glob(_GOVERNORS)}
+    governors = {
+        file.read_text(encoding="ascii").strip()
+        for file in Path("/").glob("sys/devices/system/cpu/cpu*/cpufreq/scaling_governor")
+    }
     return settings(is_realtime, memory, priority, governors)
 
 

@@ -32,7 +32,6 @@ from skills.contract import Outcome
 
 logger = logging.getLogger(__name__)
 
-FILE = Path(__file__).parent / "variants.toml"
 NAMES: Columns = {"variant": lambda line: line.family}
 
 
@@ -110,7 +109,7 @@ class Compared:
 
 def section(study: str) -> dict[str, Any]:
     """Return the data of a study in variants.toml."""
-    found: dict[str, Any] = tomllib.loads(FILE.read_text(encoding="utf-8"))[study]
+    found: dict[str, Any] = tomllib.loads(Path(__file__).with_name("variants.toml").read_text(encoding="utf-8"))[study]
     return found
 
 

@@ -19,7 +19,6 @@ THICKNESS = 1e-3
 MODULUS, POISSON = 1.5e5, 0.45
 """Young's modulus, Pa, and Poisson's ratio of a soft silicone; assumed, so that 30 N press an 8 mm peg in by about half
 the layer."""
-MOST_STEPS = 200
 STIFF = 12.0
 """Wavenumber times thickness above which the layer acts as a half-space and no pressure reaches the backing."""
 
@@ -134,7 +133,7 @@ class LayerPads:
             return pressure
         pressure *= float(sunk[may].mean() / self._sinking(pressure)[may].mean())
         direction, size, restart = np.zeros_like(sunk), 1.0, 0.0
-        for _ in range(MOST_STEPS):
+        for _ in range(200):
             missing = self._sinking(pressure) - sunk
             touching = pressure > 0.0
             square = float((missing[touching] ** 2).sum())

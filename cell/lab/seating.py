@@ -144,7 +144,9 @@ class SeatingLine:
 
 def line_of(case: str, rows: Sequence[TrialRow]) -> SeatingLine:
     """Return the counts of one case."""
-    on_bottom, believed, doubts, lengths, ways = (_column(rows, name) for name in FIGURES)
+    on_bottom, believed, doubts, lengths, ways = (
+        _column(rows, name) for name in ("on_bottom", "believed", "doubt", "hanging", "ways")
+    )
     told = np.array([row.outcome == Outcome.SUCCESS for row in rows], dtype=bool)
     seated = (on_bottom > 0.0) & (case == SEATED)
     return SeatingLine(
@@ -157,10 +159,6 @@ def line_of(case: str, rows: Sequence[TrialRow]) -> SeatingLine:
         hanging=quantile(known(lengths), 0.5),
         ways=average(ways),
     )
-
-
-FIGURES = ("on_bottom", "believed", "doubt", "hanging", "ways")
-"""Columns of a trial that `line_of` counts."""
 
 
 def _column(rows: Sequence[TrialRow], name: str) -> Vector:

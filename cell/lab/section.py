@@ -10,8 +10,6 @@ import numpy as np
 from drivers.part.contract import Part
 from drivers.quantities import Vector
 
-POINTS = 2001
-"""Number of lines on half a round peg."""
 DEEPEST = 0.03
 """Upper end of the search for the depth, m."""
 
@@ -33,7 +31,7 @@ def deepest(fits: Callable[[float], bool]) -> float:
 
 
 @cache
-def round_depth(peg: Part, hole: Part, tilt: float, points: int = POINTS) -> float:
+def round_depth(peg: Part, hole: Part, tilt: float, points: int = 2001) -> float:
     """Return the exact depth of the lowest point of a round peg in a round hole, m, with or without chamfers.
 
     The test follows every line of the peg's surface, from the rim of its end over its chamfer and up its side. The

@@ -44,8 +44,6 @@ from skills.guards.passivity import PassivityGuard, PassivityVerdict
 from skills.motion import Gains, Goal, move
 from skills.tactile.blend import Smoothing
 
-HEIGHT = 0.1
-"""Height of the tip above the hole, m, at which the arm moves freely."""
 FORCE, TORQUE = 15.0, 1.5
 """Largest initial force, N, and torque, N·m, of a step; a quarter of the guard's stop limits."""
 STEPS = {"translation": 0.01, "rotation": 0.1}
@@ -54,9 +52,6 @@ DIRECTIONS = {"translation": np.array([0.8, 0.6, 0.0]), "rotation": np.array([0.
 """Directions of the step, translation along and rotation about, shape (3,), base frame."""
 LOST = 8.0
 """Distance from the setpoint, in largest steps, at which a motion ends as unstable."""
-RESTLESS = 0.15
-"""Standard deviation in the last quarter of a case, in largest steps, below which a motion is stable even if it grows: noise
-of the skin causes as much."""
 PERIODS, LEAST_TIME = 60, 4.0
 """Duration of a case: number of frames, and shortest time, s."""
 
@@ -99,6 +94,17 @@ class GridCase:
     """Age of a frame at its first use, in frames."""
     gain: float
     """Varied gain, N/m or N·m/rad."""
+
+    @property
+    def updates_theta(self) -> bool:
+        """True if theta is new at every scan, which an observer can provide if frames are used at once."""
+        return self.observer and self.delay == 0
+
+    @property
+    def step(self) -> Vector:
+        """Step of the setpoint, shape (3,), m or rad."""
+        effort = FORCE if self.kind == "translation" else TORQUE
+        return min(STEPS[self.kind], effort / self.gain) * DIRECTIONS[self.kind]
 
 
 @dataclass(frozen=True, slots=True)
@@ -221,8 +227,7 @@ class PegRig:
         self._set_down()
         ctx, world = self.ctx, self.world
         theta = world.truth().theta
-        limit = STEPS[case.kind]
-        step = min(limit, (FORCE if case.kind == "translation" else TORQUE) / case.gain) * DIRECTIONS[case.kind]
+        limit, step = STEPS[case.kind], case.step
         seen = ctx.observe()
         goal = _stepped(case.kind, seen.tip, seen.axis, step)
         truth = _stepped(case.kind, *end_point(world.tcp(), theta, self.length), step)
@@ -239,8 +244,7 @@ class PegRig:
             if seen.is_new_frame or not frames:
                 frames.append(seen)
                 commanded = _with_frame(case, plain, frames)
-            elif case.observer and case.delay == 0:
-                # An observer can update theta at every scan.
+            elif case.updates_theta:
                 commanded = replace(plain, in_hand=ctx.in_hand())
             ctx.devices.arm.follow(commanded)
             away.append(_distance(case.kind, end_point(seen.arm.tcp, theta, self.length), truth))
@@ -248,10 +252,7 @@ class PegRig:
             if away[-1] > LOST * limit:
                 break
             try:
-                if case.observer:
-                    world.wait_until(seen.stamp + ctx.schedule.period)
-                else:
-                    self._hold_error(case, plain, commanded, frames)
+                self._advance(case, plain, commanded, frames, seen.stamp)
             except SimulationUnstableError:
                 away.append(math.inf)
                 self.is_sound = False
@@ -260,18 +261,30 @@ class PegRig:
         *_, before, swing = (float(np.std(quarter)) for quarter in np.array_split(away, 4))
         return StepTrace(
             case,
-            lost is None and swing < max(before, RESTLESS * limit),
+            # Standard deviation in the last quarter of a case, in largest steps, below which a motion is stable even
+            # if it grows: noise of the skin causes as much.
+            lost is None and swing < max(before, 0.15 * limit),
             max(away),
             verdicts.get(PassivityVerdict.SOFTEN),
             verdicts.get(PassivityVerdict.STOP),
             lost,
         )
 
-    def _hold_error(
-        self, case: GridCase, plain: ImpedanceSetpoint, commanded: ImpedanceSetpoint, frames: Sequence[Observation]
+    def _advance(
+        self,
+        case: GridCase,
+        plain: ImpedanceSetpoint,
+        commanded: ImpedanceSetpoint,
+        frames: Sequence[Observation],
+        stamp: float,
     ) -> None:
-        """Advance by one scan with the error of a frame: the setpoint moves with the arm, in every control period."""
+        """Advance by one scan from `stamp`, s; without the observer, the setpoint moves with the arm in every control period, so that the
+        error of a frame is held.
+        """
         ctx, world = self.ctx, self.world
+        if case.observer:
+            world.wait_until(stamp + ctx.schedule.period)
+            return
         assert commanded.in_hand is not None
         used = _used(case, frames)
         error = np.concatenate([plain.tip - used.tip, _turn(used, plain)]) * (len(frames) > case.delay)
@@ -354,7 +367,8 @@ def _held_peg(config: CellConfig, case: GridCase) -> Iterator[PegRig]:
             raise CellError("study: the peg could not be taken from the rack")
         search = config.params(SEARCH)
         axis, closing = config.peg.part.leaning(search.tilt_azimuth, search.tilt)
-        tip = np.array(config.hole.centre) + np.array([0.0, 0.0, HEIGHT])
+        # Height of the tip above the hole, m, at which the arm moves freely.
+        tip = np.array(config.hole.centre) + np.array([0.0, 0.0, 0.1])
         for _ in move(Goal(tip, axis, closing), search.transfer, ctx, ctx.in_hand(), settle=1.0):
             pass
         model, data = world.physics()

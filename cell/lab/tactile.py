@@ -49,7 +49,6 @@ PUSH, LEVER = 7.0, 0.045
 """Largest force across the pads, N, and its mean lever about the finger centre, m, as in a search."""
 DEPTHS = (0.45e-3, 0.6e-3)
 """Depths of the peg in the layer, m."""
-COVERED = 1.96
 
 
 @dataclass(frozen=True, slots=True)
@@ -269,7 +268,7 @@ def summed(layout: str, model: str, condition: str, estimator: str, reads: Seque
         rmse=float(np.sqrt(np.mean(degrees**2))),
         p95=float(np.percentile(degrees, 95)),
         worst=float(degrees.max()),
-        covered=float(np.mean(error < COVERED * sigma)),
+        covered=float(np.mean(error < 1.96 * sigma)),
         time=float(np.median([read.spent for read in reads])),
     )
 

@@ -33,8 +33,6 @@ BLAS = "OPENBLAS_NUM_THREADS"
 """Variable among them that can change a sum; a Dask nanny sets it to 1."""
 CONNECT = 10.0
 """Longest wait for a scheduler's answer, s."""
-PATIENCE = 30.0
-"""Time without a result and without a worker after which the cluster has failed, s."""
 _TAKE_UP = "the same command takes up where it was"
 
 
@@ -146,7 +144,7 @@ def on_cluster(
     seeds: Sequence[int],
     address: str,
     is_enough: Callable[[], bool] = lambda: False,
-    patience: float = PATIENCE,
+    patience: float = 30.0,
 ) -> Generator[Row, None, None]:
     """Yield the result of `task` for each seed, as it finishes, from the workers of a Dask cluster.
 

@@ -184,8 +184,6 @@ _TYPES: dict[Any, str] = {
     int | None: "INTEGER",
     float | None: "REAL",
 }
-_JSON = ("stage_times", "versions", "parameters", "facts")
-"""Columns with JSON."""
 _KEYS = {
     RunRow: "run INTEGER PRIMARY KEY AUTOINCREMENT",
     EventRow: "event INTEGER PRIMARY KEY AUTOINCREMENT",
@@ -216,7 +214,11 @@ def names(row: type) -> tuple[str, ...]:
 
 def plain(row: Any) -> dict[str, Any]:
     """Return a row as data for programs; its columns of JSON become data too."""
-    return {name: json.loads(value) if name in _JSON else value for name, value in asdict(row).items()}
+    # Columns with JSON.
+    return {
+        name: json.loads(value) if name in ("stage_times", "versions", "parameters", "facts") else value
+        for name, value in asdict(row).items()
+    }
 
 
 def create(index: sqlite3.Connection) -> None:

@@ -52,8 +52,6 @@ UPKEEP_PERIOD = 3600.0
 LOCK = "writer.lock"
 """Name of the lock file held by the writing process; its text is the process id and the start time."""
 _HOLDER = re.compile(r"(\d+) ([\d:.T+-]+)\n", re.ASCII)
-_BAD_CONTENT = (ArithmeticError, LookupError, TypeError, ValueError, struct.error)
-"""Errors raised if the index holds values that this program cannot have written."""
 
 
 class _Period:
@@ -194,7 +192,8 @@ class JournalWriter:
         self._take_lock()
         try:
             self._tidy()
-        except _BAD_CONTENT as error:
+        # Errors raised if the index holds values that this program cannot have written.
+        except (ArithmeticError, LookupError, TypeError, ValueError, struct.error) as error:
             logger.debug("content of the index", exc_info=True)
             self._put_aside(f"its content cannot be used: {type(error).__name__}: {error}")
             self._tidy()

@@ -7,7 +7,6 @@ from drivers.arm.kinematics import jacobian, links
 from drivers.arm.model import JOINTS, ArmModel
 from drivers.quantities import Vector
 
-_Z = np.array([0.0, 0.0, 1.0])
 SLACK = 1e-3
 """Smallest stiffness for the computation of the damping, N/m and N·m/rad; smaller values count as this."""
 
@@ -59,7 +58,7 @@ def joint_inertia(arm: ArmModel, q: Vector) -> Vector:
     M = np.zeros((JOINTS, JOINTS))
     for i, (R, link) in enumerate(zip(rotations, arm.link, strict=True)):
         M += _body(link.mass, origins[i] + R @ link.com, R @ link.tensor() @ R.T, axes, origins, i + 1)
-    turned = rotations[-1] @ frames.rotation_about(_Z, arm.hand.turn)
+    turned = rotations[-1] @ frames.rotation_about(np.array([0.0, 0.0, 1.0]), arm.hand.turn)
     body = arm.hand.body
     com = origins[-1] + arm.kinematics.flange * axes[-1] + turned @ body.com
     mass = body.mass + 2 * arm.hand.finger.mass

@@ -42,8 +42,6 @@ _WAITS: dict[Step, float] = {
 }
 """Longest time from a step to the next one, s. Source for the modules' boot loaders: the makers' host program [cyskin]."""
 WATCHED_SCANS = 10
-LEAST_PERIOD = 0.8
-"""Number of watched scans, and least share of the period between them. If they arrive faster, the period command is sent again."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -221,19 +219,25 @@ class CySkinDialogue:
             self._uids.add(payload)
             self._next = min(self._next, stamp + RETRY)  # further hubs answer within this time
         elif message.command == HubCommand.DECLARE and self._count is None:
-            if not payload or payload[0] == 0:
-                raise WireError("a hub without modules")
-            self._count, self._next = payload[0], -math.inf
+            self._take_count(payload)
         elif message.command == HubCommand.DETAILS and self._channels is None:
-            module = decode_module(payload, self._config.wire)
-            self.modules[module.number] = module
-            if len(self.modules) == self._count:
-                self._next = -math.inf
-                if all(module.names for module in self.modules.values()):
-                    self._begin(Channels(list(self.modules.values())))
+            self._take_module(decode_module(payload, self._config.wire))
         elif message.command == HubCommand.ERROR and len(payload) == 2:
             self._error = f"; the hub answers command 0x{payload[0]:02X} with error 0x{payload[1]:02X}"
         return None
+
+    def _take_count(self, payload: bytes) -> None:
+        if not payload or payload[0] == 0:
+            raise WireError("a hub without modules")
+        self._count, self._next = payload[0], -math.inf
+
+    def _take_module(self, module: Module) -> None:
+        """Take the details of a module; the last one completes the channels, if all modules have left their boot loaders."""
+        self.modules[module.number] = module
+        if len(self.modules) == self._count:
+            self._next = -math.inf
+            if all(module.names for module in self.modules.values()):
+                self._begin(Channels(list(self.modules.values())))
 
     def _begin(self, channels: Channels) -> None:
         suis = tuple(module.sui for module in channels.modules)
@@ -254,7 +258,8 @@ class CySkinDialogue:
         self._stamps.append(stamp)
         if len(self._stamps) < WATCHED_SCANS:
             return True
-        if stamp - self._stamps[0] > LEAST_PERIOD * self._period * (WATCHED_SCANS - 1):
+        # Least share of the requested period between two watched scans.
+        if stamp - self._stamps[0] > 0.8 * self._period * (WATCHED_SCANS - 1):
             return True
         self._stamps.clear()
         return False

@@ -15,8 +15,6 @@ TPDO_PARAMETER, INHIBIT, EVENT_TIMER = 0x1800, 3, 5
 """Object of the first TPDO's parameters, and two of its sub-indices: 0.1 ms and 1 ms a count."""
 RPDO_BASES, TPDO_BASES = (0x200, 0x300, 0x400, 0x500), (0x180, 0x280, 0x380, 0x480)
 """COB-IDs of the predefined connection set, without the node-ID."""
-HEARTBEAT = 100
-"""Period of the node's heartbeat, ms, unless configured otherwise."""
 
 _BLOCKS = {
     0x2000: "command",
@@ -81,7 +79,8 @@ def dictionary(registers: Sequence[Register], node_id: int = 0) -> ObjectDiction
             ODArray("consumer heartbeat time", CONSUMER),
             [_variable("PLC", CONSUMER, 1, _U32, "rw", 0)],
         ),
-        _variable("producer heartbeat time", PRODUCER, 0, _U16, "rw", HEARTBEAT),
+        # Period of the node's heartbeat, ms, unless configured otherwise.
+        _variable("producer heartbeat time", PRODUCER, 0, _U16, "rw", 100),
         _group(
             ODRecord("identity", 0x1018),
             [

@@ -19,8 +19,6 @@ from plc_bridge.protocol.registers import (
 )
 
 _VAR, _ARRAY, _RECORD = 7, 8, 9
-_MANDATORY = (0x1000, 0x1001, 0x1018)
-_MANUFACTURER = range(0x2000, 0x6000)
 
 
 def as_eds(registers: Sequence[Register]) -> str:
@@ -61,9 +59,9 @@ def as_eds(registers: Sequence[Register]) -> str:
 
 
 def _list_of(index: int) -> str:
-    if index in _MANUFACTURER:
+    if index in range(0x2000, 0x6000):
         return "ManufacturerObjects"
-    return "MandatoryObjects" if index in _MANDATORY else "OptionalObjects"
+    return "MandatoryObjects" if index in (0x1000, 0x1001, 0x1018) else "OptionalObjects"
 
 
 def _section(name: str, entries: Mapping[str, object], comment: str = "") -> Iterator[str]:

@@ -24,8 +24,6 @@ PATIENCE = 0.05
 """Longest pause within a frame, s: USB adapters deliver bytes up to 16 ms late, a busy computer even later."""
 FIRST_PAUSE, LONGEST_PAUSE = 0.5, 10.0
 """Shortest and longest pause before a lost line is reopened, s."""
-WRITES = frozenset({5, 6, 15, 16, 22})
-"""Functions that are valid as broadcasts."""
 
 
 class RtuServer:
@@ -134,7 +132,8 @@ class RtuServer:
 
     def _take(self, frame: bytes, is_last: bool) -> None:
         unit, request = frame[0], frame[1:]
-        if unit not in (self._unit, BROADCAST) or (unit == BROADCAST and request[0] not in WRITES):
+        # Functions that are valid as broadcasts.
+        if unit not in (self._unit, BROADCAST) or (unit == BROADCAST and request[0] not in {5, 6, 15, 16, 22}):
             return
         station = self._link()
         self._mailbox.heard(self.source)

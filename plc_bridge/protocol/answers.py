@@ -10,7 +10,6 @@ from plc_bridge.protocol.registers import VERSION
 IDLE, COMPLETE = 4, 17
 """States of PackML in which a start is accepted."""
 _NO_ORDER = Order(Command(0, Control.NONE))
-_ERRORS = (Result.FAILURE, Result.FAULT, Result.REFUSED)
 _OF_A_RUN = ("stage", "reason", "progress", "run", "stage_times", "total_time", "peak_force", "hole")
 """Fields of the report that belong to a run; the others belong to the cell or to the link."""
 
@@ -61,7 +60,7 @@ def inputs_for(link: Link, orders: Orders) -> Inputs:
     return Inputs(
         busy=order.is_under_way,
         done=order.is_program and result is Result.SUCCESS,
-        error=result in _ERRORS,
+        error=result in (Result.FAILURE, Result.FAULT, Result.REFUSED),
         command_aborted=result is Result.ABORTED,
         ready=is_waiting and orders.run is None and not orders.stops_held and orders.lease.is_open_to(link),
     )

@@ -10,8 +10,6 @@ from drivers.quantities import FINGERS, Vector
 
 CELL = 1e-3
 """Side of a cell of the grid on the pad, m."""
-NEWTON_STEPS = 40
-NEWTON_TOLERANCE = 1e-4
 FURTHEST = 0.9
 """Largest step of Newton's method, as a share of the remaining compression of the pad, fraction."""
 
@@ -81,9 +79,9 @@ def lie(  # noqa: C901  one Newton iteration, compiled, whose loops share its ar
         energy -= wanted[i] * amounts[i]
         largest = max(largest, abs(wanted[i]))
     # Share of the grip's own load below which Newton's method need not resolve loads, fraction.
-    enough = NEWTON_TOLERANCE * max(largest, 1e-3 * pressed)
+    enough = 1e-4 * max(largest, 1e-3 * pressed)
     matrix, missing, move = np.empty((m, m)), np.empty(m), np.empty(m)
-    for _ in range(NEWTON_STEPS):
+    for _ in range(40):
         for i in range(m):
             missing[i] = wanted[i]
             for j in range(m):

@@ -21,8 +21,6 @@ from sim.contact.plate import Plate, outline_of
 from sim.world import engine, scene
 from sim.world.disturb import Draw
 
-GRAVITY = 9.81
-
 
 class Mechanism:
     """One model of the scene with its state."""
@@ -110,7 +108,8 @@ class TrialScene:
             reach=job.peg.part.reach,
             chamfer=job.peg.chamfer,
             half=(job.peg.length + job.peg.overhang) / 2,
-            weight=float(held.body("peg").mass[0] * GRAVITY),
+            # Standard gravity, m/s².
+            weight=float(held.body("peg").mass[0] * 9.81),
             thickness=job.peg.part.thickness,
             flat=job.peg.part.face.flat_width,
         )

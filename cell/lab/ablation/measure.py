@@ -20,7 +20,6 @@ from skills.contract import Outcome
 
 ACTED, SPENT = "acted", "spent: "
 """Columns of a trial with all rules: rules that changed a decision, and the time in each rule's function, s per scan."""
-SCANS_A_SECOND = 100.0
 Rows = Mapping[int, TrialRow]
 """Trials by seed."""
 
@@ -57,7 +56,8 @@ def watched(scene: str, config: CellConfig, seed: int, **given: Any) -> TrialRow
     """Run one trial of a scene with all rules; the row contains the rules that acted, and their times."""
     with watching(rules_of(scene)) as watch:
         row = run_trial(config, seed, **given)
-    scans = row.sim_time * SCANS_A_SECOND
+    # The scan runs at 100 Hz.
+    scans = row.sim_time * 100.0
     spent = {f"{SPENT}{name}": f"{time / scans:.6g}" for name, time in sorted(watch.spent.items())}
     return replace(row, more={ACTED: "; ".join(sorted(watch.acted)), **spent})
 

@@ -12,7 +12,6 @@ from drivers.errors import ConfigError
 if TYPE_CHECKING:
     from cell.lab.tune.measure import Space
 
-RECIPE = "recipe.toml"
 AWAY = 1_000_000
 """Distance between the seeds for the choice of settings and the seeds for judging the best one."""
 
@@ -62,7 +61,7 @@ def run(args: argparse.Namespace) -> int:
     with advancing("judging", args.judge) as done:
         rows = measure.judge(space, best, fresh, args.workers, folder / "judged", lambda row: done(1))
     evidence = [{"wish": wish.text, "found": wish.found(rows), "holds": wish.holds(rows)} for wish in wishes]
-    is_good, recipe = all(each["holds"] for each in evidence), folder / RECIPE
+    is_good, recipe = all(each["holds"] for each in evidence), folder / "recipe.toml"
     figures = ", ".join(f"{name} = {value:.4g}" for name, value in best.figures.items())
     lines = [
         f"Wished: {args.want}. Found by `cell tune` on {datetime.now(UTC):%Y-%m-%d}, code {versions()['code']},",

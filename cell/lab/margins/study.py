@@ -34,8 +34,6 @@ from sim.world.reality import AnyError, read
 
 TESTS = {0.9: RateTest(good=0.05, bad=0.25, least=6), 0.5: RateTest(good=0.35, bad=0.65, least=6)}
 """Test by share of successes."""
-TIMES = 1.0, 1.4, 2.0, 2.8, 4.0, 5.6, 8.0, 11.0, 16.0
-"""Widths of a distribution, over the honest one."""
 SCENE = next(iter(SCENES))
 TABLE = "margins.csv"
 
@@ -45,7 +43,8 @@ class Swept(ConfigModel):
 
     name: str
     unit: str = "times"
-    levels: tuple[float, ...] = TIMES
+    # Widths of a distribution, over the honest one.
+    levels: tuple[float, ...] = (1.0, 1.4, 2.0, 2.8, 4.0, 5.6, 8.0, 11.0, 16.0)
     """Levels from the honest to the hardest one."""
     key: str = ""
     """Setting of the config, `KEY=VALUE` with {level} in the value."""
