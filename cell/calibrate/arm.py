@@ -38,10 +38,6 @@ SETTLED = 0.5
 """Time after the run-up before torques count, s; then overshoot in speed and rotor torque have decayed."""
 INSIDE = 0.02
 """Margin to the edge of the workspace, m, and to the joints' limits, rad."""
-LEAST_REACH = 0.5
-"""Least permitted displacement in a small workspace, as a fraction of `REACH`."""
-SWING = 0.07
-"""Amplitude of each joint in the motion of all joints, rad."""
 AWAKE = 0.5
 """Least ratio of measured to commanded speed in a pass, fraction; a slower joint is blocked."""
 
@@ -211,8 +207,9 @@ def _all_together(arm: ArmModel, start: Vector, config: CellConfig, ctx: SkillCo
 
     def path(time: float) -> tuple[Vector, Vector]:
         # The amplitude grows and decays, so that the motion starts and ends at rest.
-        grown = SWING * math.sin(math.pi * time / duration) ** 2
-        growth = SWING * math.pi / duration * math.sin(2.0 * math.pi * time / duration)
+        swing = 0.07  # Amplitude of each joint in the motion of all joints, rad.
+        grown = swing * math.sin(math.pi * time / duration) ** 2
+        growth = swing * math.pi / duration * math.sin(2.0 * math.pi * time / duration)
         turned = rates * time
         return start + grown * np.sin(turned), growth * np.sin(turned) + grown * rates * np.cos(turned)
 
@@ -280,8 +277,9 @@ def _reach(arm: ArmModel, start: Vector, joint: int, config: CellConfig) -> floa
     Raises:
         ConfigError: The displacement is too small for a calibration.
     """
+    least_reach = 0.5  # Least permitted displacement in a small workspace, as a fraction of `REACH`.
     low, high = np.array(config.limits.low) + INSIDE, np.array(config.limits.high) - INSIDE
-    for share in np.linspace(1.0, LEAST_REACH, 6):
+    for share in np.linspace(1.0, least_reach, 6):
         reach, is_inside = REACH * float(share), True
         for sense in (-1.0, 1.0):
             q = start.copy()
@@ -292,7 +290,7 @@ def _reach(arm: ArmModel, start: Vector, joint: int, config: CellConfig) -> floa
         if is_inside:
             return reach
     raise ConfigError(
-        f"calibrate arm: joint {joint + 1} cannot move by {LEAST_REACH * REACH:.3f} rad to both sides within limits.low ="
+        f"calibrate arm: joint {joint + 1} cannot move by {least_reach * REACH:.3f} rad to both sides within limits.low ="
         f" {list(config.limits.low)} and limits.high = {list(config.limits.high)}: a wider workspace needed"
     )
 

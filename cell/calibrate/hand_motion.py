@@ -30,8 +30,6 @@ DEAD_MAN = 0.2
 """Time after a key press during which the tool moves, s; a held key repeats faster."""
 GUIDE_SPEED = 0.15
 """Largest speed of the setpoint as it follows the hand, m/s; above it, the arm resists."""
-MOST_SPEED = 0.4
-"""Speed of the tool above which guiding ends, m/s."""
 MOST_FORCE = 30.0
 """Largest force between setpoint and hand, N."""
 STIFFNESS, TURN_STIFFNESS = 1000.0, 25.0
@@ -158,8 +156,9 @@ def _pressed(key: str, cell: Cell, state: ArmState, act: Callable[[str, ArmState
 
 
 def _require_slow(state: ArmState, before: ArmState | None) -> None:
+    most_speed = 0.4  # Speed of the tool above which guiding ends, m/s.
     if before is None or state.stamp <= before.stamp:
         return
     speed = float(np.linalg.norm(state.tcp.position - before.tcp.position)) / (state.stamp - before.stamp)
-    if speed > MOST_SPEED:
-        raise TrackingError(f"arm: the tool is moved at {speed:.2f} m/s by hand; {MOST_SPEED:g} m/s allowed")
+    if speed > most_speed:
+        raise TrackingError(f"arm: the tool is moved at {speed:.2f} m/s by hand; {most_speed:g} m/s allowed")

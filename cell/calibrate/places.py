@@ -31,8 +31,6 @@ PEGS = 3
 """Number of pegs, taken from consecutive slots."""
 MOST_FORCE = 25.0
 """Largest force at the TCP during a touch, N; above it the calibration ends."""
-REPEATED = 1e-4
-"""Repeatability of the arm, m, standard deviation: its maker's 0.1 mm."""
 MOST_TILT = 0.05
 """Largest plausible tilt of the plate, rad."""
 MOST_RACK = 5e-3
@@ -211,15 +209,16 @@ def mouth(hand: Pose, theta: float, offset: float, config: CellConfig) -> Vector
 
 def places_of(touched: Sequence[PegTouches], config: CellConfig, today: date) -> MeasuredPlaces:
     """Return the results of all pegs; each gives the plane of its plate."""
+    repeated = 1e-4  # Repeatability of the arm, m, standard deviation: its maker's 0.1 mm.
     middle = np.array(config.hole.centre)
     planes = [plane_through(each.points - middle) for each in touched]
     heights = middle[2] + np.array([values[2] for values, _ in planes])
     height = float(heights.mean())
     quantile = student(len(touched) - 1)
     slots = np.array([each.slot for each in touched])
-    apart = quantile * np.hypot(slots.std(axis=0, ddof=1), REPEATED) / math.sqrt(len(touched))
+    apart = quantile * np.hypot(slots.std(axis=0, ddof=1), repeated) / math.sqrt(len(touched))
     rack = slots.mean(axis=0)
-    sure = quantile * math.hypot(float(heights.std(ddof=1)), REPEATED) / math.sqrt(len(touched))
+    sure = quantile * math.hypot(float(heights.std(ddof=1)), repeated) / math.sqrt(len(touched))
     first = (config.rack.first[0] + float(rack[0]), config.rack.first[1] + float(rack[1]), config.rack.first[2])
     return MeasuredPlaces(
         date=today,

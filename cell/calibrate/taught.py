@@ -30,12 +30,6 @@ MEANINGS = {
     "q": "end",
 }
 """Meaning of each key."""
-MOST_TAUGHT_UNEVEN = 3e-3
-"""Largest rms distance of the corners from the fitted plane, m; a person shows a place within millimetres."""
-MOST_TAUGHT_LEAN = 0.3
-"""Largest angle between hand and vertical at a shown place, rad."""
-SHOWN_STILL = 0.05
-"""Largest speed of a joint at a shown place, rad/s."""
 
 
 @dataclass(slots=True)
@@ -62,13 +56,15 @@ def not_shown(key: str, axis: Vector, speed: float, rack: Rack) -> str | None:
         speed: Speed of the fastest joint, rad/s.
         rack: The cell's rack.
     """
+    shown_still = 0.05  # Largest speed of a joint at a shown place, rad/s.
+    most_taught_lean = 0.3  # Largest angle between hand and vertical at a shown place, rad.
     if key in SLOTS and int(key) > rack.slots:
         return f"slot {key}: 1 to {rack.slots} of rack.slots allowed"
-    if speed > SHOWN_STILL:
-        return f"arm: a joint moves at {speed:.2f} rad/s; at most {SHOWN_STILL:g} rad/s allowed: hold it still"
+    if speed > shown_still:
+        return f"arm: a joint moves at {speed:.2f} rad/s; at most {shown_still:g} rad/s allowed: hold it still"
     lean = angle_between(axis, UP)
-    if lean > MOST_TAUGHT_LEAN:
-        return f"arm: the hand leans by {lean:.2f} rad; at most {MOST_TAUGHT_LEAN:g} rad allowed: hold the peg upright"
+    if lean > most_taught_lean:
+        return f"arm: the hand leans by {lean:.2f} rad; at most {most_taught_lean:g} rad allowed: hold the peg upright"
     return None
 
 
@@ -95,6 +91,8 @@ def _outside(shown: Shown, length: float, limits: Limits) -> str | None:
 
 
 def _no_plate(shown: Shown) -> str | None:
+    # Largest rms distance of the corners from the fitted plane, m; a person shows a place within millimetres.
+    most_taught_uneven = 3e-3
     surface, area, plate = shown.points(PLATE + AREA), shown.points(AREA), shown.points(PLATE)
     if len(area) == 1:
         return "hole area: 1 corner; 2 or more allowed, of them two opposite ones"
@@ -103,10 +101,10 @@ def _no_plate(shown: Shown) -> str | None:
         tilt, off = float(np.hypot(x, y)), surface[:, :2] - surface[:, :2].mean(axis=0)
         # Places in one line do not determine the tilt: an error of height e tilts a plane of width w by e/w.
         width = float(np.linalg.svd(off, compute_uv=False)[-1]) / np.sqrt(len(off))
-        if tilt > MOST_TILT and width > MOST_TAUGHT_UNEVEN / MOST_TILT:
+        if tilt > MOST_TILT and width > most_taught_uneven / MOST_TILT:
             return f"plate: tilt {tilt:.3f} rad; at most {MOST_TILT:g} rad allowed"
-        if uneven > MOST_TAUGHT_UNEVEN:
-            return f"plate: uneven by {uneven:.4f} m; at most {MOST_TAUGHT_UNEVEN:g} m allowed"
+        if uneven > most_taught_uneven:
+            return f"plate: uneven by {uneven:.4f} m; at most {most_taught_uneven:g} m allowed"
     if len(plate) >= 2 and len(area):
         low, high = plate[:, :2].min(axis=0), plate[:, :2].max(axis=0)
         if np.any(area[:, :2] < low) or np.any(area[:, :2] > high):

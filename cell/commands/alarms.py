@@ -11,15 +11,13 @@ from cell.commands.arguments import add_period, add_records, period_of, positive
 from cell.commands.terminal import GOOD, show
 from cell.records.wall_clock import headed, local
 
-LAST = 20
-"""Default number of shown alarms."""
-
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the folder of the records, the period, and the code."""
+    last = 20  # Default number of shown alarms.
     add_records(parser)
     add_period(parser)
-    parser.add_argument("--last", type=positive, default=LAST, metavar="N", help=f"only the N newest; default {LAST}")
+    parser.add_argument("--last", type=positive, default=last, metavar="N", help=f"only the N newest; default {last}")
     parser.add_argument("--fault", type=positive, metavar="CODE", help="number of a fault, as in 2004")
 
 

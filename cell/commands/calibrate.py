@@ -22,9 +22,6 @@ from drivers.arm.calibration import ArmCalibration
 from drivers.errors import ConfigError, NotCalibratedError
 from drivers.skin.calibration import SkinCalibration
 
-FRICTION_RANGE = (0.5, 2.0)
-"""Permitted ratio of measured to published friction; the range of `config/reality.toml`, tested by `cell study margins`."""
-
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the device and the output folder."""
@@ -145,11 +142,14 @@ def _figure(value: float, interval: float) -> str:
 
 def _verdict(found: ArmCalibration, joint: int, friction: float, offset: float) -> str:
     """Return the verdict on a joint: within the permitted range, or not."""
+    # Permitted ratio of measured to published friction; the range of `config/reality.toml`, tested by `cell study
+    # margins`.
+    friction_range = (0.5, 2.0)
     share = found.friction[-1].value[joint] / friction if friction > 0.0 else 1.0
     told = []
-    if not FRICTION_RANGE[0] <= share <= FRICTION_RANGE[1]:
+    if not friction_range[0] <= share <= friction_range[1]:
         told.append(
-            f"friction {share:.1f} times the published: {FRICTION_RANGE[0]:g} to {FRICTION_RANGE[1]:g} expected"
+            f"friction {share:.1f} times the published: {friction_range[0]:g} to {friction_range[1]:g} expected"
         )
     # Largest permitted offset, in standard deviations of the arm's own file.
     if abs(found.offset.value[joint]) > 2.0 * offset:

@@ -38,8 +38,6 @@ from drivers.figures_file import read_toml
 from plc_bridge.bridge import Bridge
 from plc_bridge.config import PlcConfig
 
-MINUTES = 10.0
-"""Duration of the measurement of the arm's loop, min."""
 STEPS = {
     **dict.fromkeys(("kernel", "memlock", "priority", "governor", "clock"), 1),
     **dict.fromkeys(("arm", "system", "thresholds"), 2),
@@ -55,6 +53,7 @@ LAST_STEP = 12
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add --config, --set and the options of commissioning."""
+    minutes = 10.0  # Duration of the measurement of the arm's loop, min.
     add_config(parser)
     add_journal(parser)
     add_simulate(parser)
@@ -66,7 +65,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--loop", action="store_true", help="measure the arm's 1 kHz loop while the arm holds still")
     parser.add_argument(
-        "--minutes", type=float, default=MINUTES, metavar="M", help=f"duration of --loop, default {MINUTES:g}"
+        "--minutes", type=float, default=minutes, metavar="M", help=f"duration of --loop, default {minutes:g}"
     )
     parser.add_argument(
         "--plc", metavar="HOST", help='address of the PLC that will connect, "node 1" on CAN, "rtu:ttyUSB0" on a line'

@@ -12,9 +12,6 @@ from plc_bridge.protocol.images import Diagnostics
 from plc_bridge.protocol.messages import Report
 from skills.catalogue import CATALOGUE
 
-LONGEST = 3600.0
-"""Longest wait for the end of a run, wall time, s."""
-
 
 def raw_parameters(sets: Iterable[str]) -> list[tuple[int, int]]:
     """Return number and raw count of each `KEY=VALUE`.
@@ -52,6 +49,7 @@ def run_remote(
     Raises:
         CellError: The cell times out, or another client holds the lease.
     """
+    longest = 3600.0  # Longest wait for the end of a run, wall time, s.
     peer = Peer(*address)
     peer.connect()
     is_stopping = False
@@ -65,13 +63,13 @@ def run_remote(
 
     try:
         if name in ("stop", "abort"):
-            return peer.run(CONTROLS[name], timeout=LONGEST)
+            return peer.run(CONTROLS[name], timeout=longest)
         if not peer.take():
             raise CellError(
                 f"{address[0]}:{address[1]}: {peer.read_report().holder} holds the lease; only its holder may start"
             )
         code = CONTROLS[name] if name in CONTROLS else CATALOGUE[name].code
-        report = peer.run(code, recipe, serial, parameters, timeout=LONGEST, watch=look)
+        report = peer.run(code, recipe, serial, parameters, timeout=longest, watch=look)
         peer.release()
         return report
     finally:

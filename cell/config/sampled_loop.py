@@ -16,8 +16,6 @@ from drivers.quantities import Vector
 Loop = tuple[Vector, Vector, Vector, Vector]
 """Inertia, stiffness on the held error, stiffness on the present error, damping, each shape (n, n)."""
 
-GROWTH = 1.25
-"""Ratio of neighbouring gains in the search for the limit."""
 MOST = 1e6
 """Factor above which a gain counts as unlimited."""
 
@@ -72,6 +70,7 @@ def largest_factor(loop: Callable[[float], Loop], period: float, delay: float) -
     Returns:
         First unstable factor above the smallest one examined; `MOST` if there is none, 0 if no gain is stable.
     """
+    growth = 1.25  # Ratio of neighbouring gains in the search for the limit.
 
     def is_stable(factor: float) -> bool:
         return radius(one_period(*loop(factor), period, delay)) < 1.0
@@ -80,10 +79,10 @@ def largest_factor(loop: Callable[[float], Loop], period: float, delay: float) -
     if not is_stable(high):
         return 0.0
     while is_stable(high):
-        high *= GROWTH
+        high *= growth
         if high > MOST:
             return MOST
-    low = high / GROWTH
+    low = high / growth
     # Relative accuracy of the limit.
     while high / low > 1.0 + 1e-4:
         middle = math.sqrt(low * high)

@@ -25,8 +25,6 @@ from drivers.arm.model import JOINTS, ArmModel
 from drivers.quantities import Vector
 from skills.motion import Gains
 
-GROWTH = 1.02
-"""Ratio of neighbouring factors in the search for the limit."""
 MOST = 20.0
 """Factor above which torques count as unlimited."""
 
@@ -73,9 +71,10 @@ def _cycles(gains: Gains, place: Place) -> list[tuple[Vector, Vector]]:
 
 
 def _largest(cycles: Sequence[tuple[Vector, Vector]]) -> float:
+    growth = 1.02  # Ratio of neighbouring factors in the search for the limit.
     factor = 1.0 / MOST
-    while factor < MOST and _holds(cycles, factor * GROWTH):
-        factor *= GROWTH
+    while factor < MOST and _holds(cycles, factor * growth):
+        factor *= growth
     return factor
 
 

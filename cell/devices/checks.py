@@ -11,8 +11,6 @@ from skills.contract import is_trusted
 
 OK = "ok"
 """First word of the verdict on a usable device."""
-MOST_WEIGHT_OFF = 0.1
-"""Largest difference between the masses in Desk and in the arm's file, kg; 1 N; chosen, not measured."""
 LOOP_TIME = 0.5
 """Duration of the measurement of the arm's torque loop, s."""
 LEAST_IN_TIME = 0.95
@@ -20,8 +18,6 @@ LEAST_IN_TIME = 0.95
 _ARM_FAULTS = (FaultCode.ARM_STOPPED, FaultCode.ARM_REFLEX)
 SCANS = 50
 """Number of scans in the timing measurement."""
-LATE_SHARE = 0.5
-"""Largest permitted delay of a scan, fraction of its period."""
 
 
 def skin_verdict(frame: TaxelFrame, layout: Layout) -> str:
@@ -70,14 +66,16 @@ def hand_verdicts(figures: LoopFigures, hand: Hand, force: float, most: float) -
         force: Force that the arm reports in free air, N.
         most: Largest permitted such force, N.
     """
+    # Largest difference between the masses in Desk and in the arm's file, kg; 1 N; chosen, not measured.
+    most_weight_off = 0.1
     weight = hand.body.mass + 2.0 * hand.finger.mass
     off = figures.end_effector + figures.load - weight
     said = f"Desk has {figures.end_effector:.2f} kg and a load of {figures.load:.2f} kg, the arm's file {weight:.2f} kg"
     end_effector = load = OK
-    if figures.end_effector < 0.5 * hand.body.mass or figures.end_effector > weight + MOST_WEIGHT_OFF:
+    if figures.end_effector < 0.5 * hand.body.mass or figures.end_effector > weight + most_weight_off:
         end_effector = f"{said}: select the hand in Desk, or mend [hand] of the arm's file"
-    if abs(off) > MOST_WEIGHT_OFF:
-        load = f"{said}: {abs(off):.2f} kg apart, {MOST_WEIGHT_OFF:g} kg allowed: state the load in Desk"
+    if abs(off) > most_weight_off:
+        load = f"{said}: {abs(off):.2f} kg apart, {most_weight_off:g} kg allowed: state the load in Desk"
     elif force > most:
         load = f"{force:.0f} N reported in free air; wrench.offset = {most:g} N allowed: see what touches the hand, and the load in Desk"
     return [("end effector", end_effector), ("load", load)]
@@ -96,15 +94,16 @@ def check_clock(clock: Clock, period: float) -> str:
         clock: The cell's clock.
         period: Period of the scan, s.
     """
+    late_share = 0.5  # Largest permitted delay of a scan, fraction of its period.
     start, late = clock.now(), []
     for scan in range(1, SCANS + 1):
         clock.wait_until(start + scan * period)
         late.append(clock.now() - (start + scan * period))
     # The three largest delays are left out, because every computer is late at times.
     usual = sorted(late)[-4]
-    if usual <= LATE_SHARE * period:
+    if usual <= late_share * period:
         return OK
     return (
         f"scans of {period * 1e3:g} ms start {usual * 1e3:.1f} ms late, at worst {max(late) * 1e3:.1f} ms; "
-        f"{LATE_SHARE * period * 1e3:g} ms allowed: stop other programs, or lower scan_rate"
+        f"{late_share * period * 1e3:g} ms allowed: stop other programs, or lower scan_rate"
     )

@@ -16,8 +16,6 @@ from skills.paths import TURN_TIME
 
 SPEEDS: Vector = np.arange(0.02, 0.6, 0.001)
 """Candidate speeds for the optimum, m/s."""
-STEP = 1e-4
-"""Time step of the integration of a descent, s."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -161,14 +159,15 @@ class Down:
             end: Depth at which it is seated, m.
             most: Largest depth that the walls allow at a time, m; they absorb excess speed.
         """
+        step = 1e-4  # Time step of the integration of a descent, s.
         times, depths, speed = [0.0], [depth], 0.0
         # Time limit of a descent, s.
         while depths[-1] < end and times[-1] < 5.0:
             damped = self.damping * (self.factor if depths[-1] > end - self.arrival else 1.0)
-            speed = (speed + STEP * self.push / self.mass) / (1.0 + STEP * damped / self.mass)
-            times.append(times[-1] + STEP)
-            depths.append(max(min(depths[-1] + STEP * speed, most(times[-1])), depths[-1]))
-            speed = (depths[-1] - depths[-2]) / STEP
+            speed = (speed + step * self.push / self.mass) / (1.0 + step * damped / self.mass)
+            times.append(times[-1] + step)
+            depths.append(max(min(depths[-1] + step * speed, most(times[-1])), depths[-1]))
+            speed = (depths[-1] - depths[-2]) / step
         return np.array(times), np.array(depths)
 
 

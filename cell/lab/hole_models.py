@@ -18,8 +18,6 @@ from sim.contact.plate import CONTACT_STEPS, CONTACT_TIME, Plate, closed_form, w
 
 SIMP = "0.9999 0.9999 0.00001"
 """Parameter `solimp` of facets: MuJoCo's stiffest, within 10 um."""
-RING_WIDTH = 0.05
-"""Half the width of a box of the ring, radially, m."""
 FLOOR = 0.01
 """Half the thickness of the floor of a faceted hole, m."""
 
@@ -75,6 +73,7 @@ def geoms(plate: Plate, friction: float, timestep: float, model: HoleModel, is_j
         model: Model of the hole.
         is_judged: True to meter the penetration even if facets make the contacts.
     """
+    ring_width = 0.05  # Half the width of a box of the ring, radially, m.
     solref = model.solref(timestep)
     mode = contact.UNPREDICTED if model.hole == "unpredicted" else contact.EXACT
     if model.has_facets:
@@ -82,8 +81,8 @@ def geoms(plate: Plate, friction: float, timestep: float, model: HoleModel, is_j
     shapes = [closed_form("plate", plate, friction, timestep, solref, mode)]
     if not model.has_facets:
         return shapes
-    side = (plate.half[0] + 2.0 * RING_WIDTH) * math.tan(math.pi / model.facets)
-    size, reach = (RING_WIDTH, side, plate.depth / 2), plate.half[0] + RING_WIDTH
+    side = (plate.half[0] + 2.0 * ring_width) * math.tan(math.pi / model.facets)
+    size, reach = (ring_width, side, plate.depth / 2), plate.half[0] + ring_width
     for k in range(model.facets):
         angle = 2.0 * math.pi / model.facets * k
         at = np.array([reach * math.cos(angle), reach * math.sin(angle), -size[2]])

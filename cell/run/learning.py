@@ -26,8 +26,6 @@ logger = logging.getLogger(__name__)
 
 FILE = "learned.json"
 """Name of the file, beside the records of runs."""
-LONGEST_READ = 0.2
-"""Longest wait for the file to be read at the start or end of a run, s; the arm is at rest then."""
 Variance = Annotated[float, Field(gt=0.0, le=0.01)]
 Place = tuple[Coordinate, Coordinate]
 
@@ -162,15 +160,17 @@ class Learning:
         Raises:
             ConfigError: The file cannot be read, or holds impossible values; one line.
         """
+        # Longest wait for the file to be read at the start or end of a run, s; the arm is at rest then.
+        longest_read = 0.2
         answers: SimpleQueue[LearnedFile | ConfigError] = SimpleQueue()
         try:
             if self._reader is not None and self._reader.is_alive():
                 raise Empty  # the last read has not finished yet
             self._reader = Thread(target=lambda: answers.put(_tried(self._folder)), name="learned", daemon=True)
             self._reader.start()
-            answer = answers.get(timeout=LONGEST_READ)
+            answer = answers.get(timeout=longest_read)
         except Empty:
-            logger.warning("%s: no answer within %g s: what was known last holds", self._folder / FILE, LONGEST_READ)
+            logger.warning("%s: no answer within %g s: what was known last holds", self._folder / FILE, longest_read)
             return self._newest
         if isinstance(answer, ConfigError):
             raise answer

@@ -20,8 +20,6 @@ Offsets = tuple[Offset, Offset, Offset, Offset, Offset, Offset, Offset]
 
 MOST_UNSURE = 0.3
 """Largest half width of the interval of a friction or an offset, N·m. If it is exceeded, the measurement was disturbed."""
-CHANGED = 0.2
-"""Standard deviation of a joint's friction from day to day, fraction: grease warms up; assumed."""
 
 
 class Measured(ConfigModel):
@@ -62,11 +60,12 @@ class ArmCalibration(ConfigModel):
         The standard deviations exceed the measured ones, because friction changes from day to day and gravity with the posture.
         They never exceed those of an uncalibrated arm. The calibration leaves the rotor inertias to learning.
         """
+        changed = 0.2  # Standard deviation of a joint's friction from day to day, fraction: grease warms up; assumed.
         likely, figures = doubts(arm), np.zeros((JOINTS, FIGURES))
         figures[:, 0], figures[:, 1], figures[:, 2] = self.dry.value, self.smooth.value, self.offset.value
         # Change of an arm's likely offset in another posture, fraction; assumed, because only one posture is
         # calibrated.
-        may_change = np.column_stack([CHANGED * figures[:, 0], CHANGED * figures[:, 1], 0.3 * likely[:, 2]])
+        may_change = np.column_stack([changed * figures[:, 0], changed * figures[:, 1], 0.3 * likely[:, 2]])
         measured = np.column_stack([figure.deviation() for figure in (self.dry, self.smooth, self.offset)])
         deviations = likely.copy()
         deviations[:, :3] = np.minimum(np.hypot(measured, may_change), likely[:, :3])

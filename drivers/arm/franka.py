@@ -22,8 +22,6 @@ from drivers.errors import ArmReflexError, ArmSilentError, ArmStoppedError, Cell
 from drivers.protocols import Clock
 from drivers.quantities import ArmState, ImpedanceSetpoint, Pose, Vector, Wrench
 
-SILENT = 0.1
-"""Longest time without a new state, s on the cell's clock; the arm sends one every millisecond."""
 CONNECT_TIME = 20.0
 """Longest time until the loop runs, s of wall time: start of the interpreter, load of the compiled law, connection."""
 RESET_TIME = 5.0
@@ -164,6 +162,7 @@ class FrankaArm:
         Raises:
             ArmSilentError: The newest state is too old, or the loop has ended.
         """
+        silent = 0.1  # Longest time without a new state, s on the cell's clock; the arm sends one every millisecond.
         link = self._opened()
         while True:
             self._require_running()  # also if the loop was killed in the middle of a write
@@ -175,9 +174,9 @@ class FrankaArm:
         now = self._clock.now()
         if count != self._seen:
             self._seen, self._seen_at = count, now
-        elif now - self._seen_at > SILENT:
+        elif now - self._seen_at > silent:
             raise ArmSilentError(
-                f"arm at {self._config.host}: no new state for {now - self._seen_at:.3f} s > {SILENT} s limit"
+                f"arm at {self._config.host}: no new state for {now - self._seen_at:.3f} s > {silent} s limit"
             )
         position, rotation, _, _ = impedance.forward(self._figures, q)
         return ArmState(

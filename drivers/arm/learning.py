@@ -40,8 +40,6 @@ BANDWIDTH = 30.0
 """Bandwidth of the momentum observer, 1/s."""
 NOISE = 0.1
 """Standard deviation of the disturbance around the four figures' prediction, over the observer's time, N·m."""
-MOVING = 0.03
-"""Velocity below which a joint counts as at rest, rad/s: its dry friction may have any value up to its level."""
 
 FRICTION_SHARE = 0.8
 """Share of the learnt friction that is fed forward, fraction. If it exceeded the real friction, the arm would be driven."""
@@ -111,6 +109,8 @@ def observe(state: Vector, M: Vector, dq: Vector, period: float, is_free: bool) 
         period: Time since the last update, s.
         is_free: True if nothing touches the hand, so that the disturbance is the joints' own.
     """
+    # Velocity below which a joint counts as at rest, rad/s: its dry friction may have any value up to its level.
+    moving = 0.03
     share = period * BANDWIDTH / (1.0 + period * BANDWIDTH)
     # p = M dq,  r = K (p - ∫ (tau + r) dt);  the disturbance is -r. All regressors pass a low-pass of the same bandwidth K.
     for i in range(JOINTS):
@@ -133,9 +133,9 @@ def observe(state: Vector, M: Vector, dq: Vector, period: float, is_free: bool) 
             continue
         known = LEARNT + FIGURES * i
         slack = disturbance - state[known + OFFSET] - state[known + ROTOR] * acceleration
-        if abs(state[speed]) > MOVING and abs(state[dry]) > 0.9:
+        if abs(state[speed]) > moving and abs(state[dry]) > 0.9:
             _learn(state, i, np.array([state[dry], state[smooth], 1.0, acceleration]), disturbance, period)
-        elif abs(state[speed]) < MOVING and abs(slack) > state[known + DRY] + NOISE:
+        elif abs(state[speed]) < moving and abs(slack) > state[known + DRY] + NOISE:
             # |disturbance - offset - rotor ddq| <= dry at rest. If the figures say otherwise, friction is at its bound.
             _learn(state, i, np.array([math.copysign(1.0, slack), 0.0, 1.0, acceleration]), disturbance, period)
     state[COUNT], state[IS_BEGUN] = 0.0, 1.0

@@ -185,30 +185,28 @@ class CySkinDialogue:
 
     def _messages(self, step: Step) -> list[Message | CanFrame]:
         wire = self._config.wire
-        if step == "leave_boot_loader":
-            return [LEAVE_BOOT_LOADER]
         if step == "discover":
             self._forget_structure()
-            return [Message(HubCommand.DISCOVER)]
-        if step == "set_number":
-            return [Message(HubCommand.SET_NUMBER, uid + bytes([wire.hub])) for uid in self._uids]
-        if step == "declare":
-            return [Message(HubCommand.DECLARE)]
-        if step == "details":
-            return [Message(HubCommand.DETAILS, bytes([ALL_MODULES]))]
-        if step == "stop":
-            return [Message(HubCommand.AUTO_SYNC, b"\0")]
-        if step == "leave_modules_boot_loaders":
-            return [Message(HubCommand.LEAVE_MODULES_BOOT_LOADERS)]
-        if self._channels is None:
+        elif step == "start" and self._channels is None:
             self._tries = TRIES  # without modules there is nothing to start
             return []
-        # Longest time from the start of a board to its first scan, multiple of the period.
-        self._next += 3.0 * self._period
-        return [
-            Message(HubCommand.PERIOD, encode_period(self._period, wire)),
-            Message(HubCommand.AUTO_SYNC, b"\1"),
-        ]
+        elif step == "start":
+            # Longest time from the start of a board to its first scan, multiple of the period.
+            self._next += 3.0 * self._period
+        messages: dict[Step, list[Message | CanFrame]] = {
+            "leave_boot_loader": [LEAVE_BOOT_LOADER],
+            "discover": [Message(HubCommand.DISCOVER)],
+            "set_number": [Message(HubCommand.SET_NUMBER, uid + bytes([wire.hub])) for uid in self._uids],
+            "declare": [Message(HubCommand.DECLARE)],
+            "details": [Message(HubCommand.DETAILS, bytes([ALL_MODULES]))],
+            "stop": [Message(HubCommand.AUTO_SYNC, b"\0")],
+            "leave_modules_boot_loaders": [Message(HubCommand.LEAVE_MODULES_BOOT_LOADERS)],
+            "start": [
+                Message(HubCommand.PERIOD, encode_period(self._period, wire)),
+                Message(HubCommand.AUTO_SYNC, b"\1"),
+            ],
+        }
+        return messages[step]
 
     def _take(self, message: Message, stamp: float) -> RawScan | None:
         payload = message.payload
@@ -241,13 +239,9 @@ class CySkinDialogue:
 
     def _begin(self, channels: Channels) -> None:
         suis = tuple(module.sui for module in channels.modules)
-        if self._first_seen is None:
-            self._first_seen = suis
-        self.changed = (
-            ""
-            if suis == self._first_seen
-            else f"modules {', '.join(map(str, suis))} in place of {', '.join(map(str, self._first_seen))}"
-        )
+        self._first_seen = before = self._first_seen or suis
+        replaced = f"modules {', '.join(map(str, suis))} in place of {', '.join(map(str, before))}"
+        self.changed = "" if suis == before else replaced
         self._places = TaxelPlaces(channels.uid, self._config)
         self._channels = channels
         # Longest transfer time of the parts of one scan, s; two modules and two more take 10 ms at 115 200 baud.
@@ -256,10 +250,9 @@ class CySkinDialogue:
     def _keeps_period(self, stamp: float) -> bool:
         """Return True if scans keep the requested period; if a board missed the command or restarted, it keeps its own period."""
         self._stamps.append(stamp)
-        if len(self._stamps) < WATCHED_SCANS:
-            return True
         # Least share of the requested period between two watched scans.
-        if stamp - self._stamps[0] > 0.8 * self._period * (WATCHED_SCANS - 1):
+        least = 0.8 * self._period * (WATCHED_SCANS - 1)
+        if len(self._stamps) < WATCHED_SCANS or stamp - self._stamps[0] > least:
             return True
         self._stamps.clear()
         return False

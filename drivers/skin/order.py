@@ -15,8 +15,6 @@ from drivers.skin.layout import Layout, exchanges, shape_of
 
 Order = NDArray[np.intp]
 """Index of the reading that each taxel reports, shape (2 n,)."""
-GAIN = 25.0
-"""Least log-likelihood ratio between an exchange and the previous order. Source: docs/tried/grasp.md."""
 TOLD = 1
 """Number of further frames that still report an exchange after the first report: it ends every run, and a reset acknowledges it."""
 
@@ -45,6 +43,8 @@ class TaxelOrder:
 
     def _confirmed(self, now: Vector, is_known: Mask, before: Vector, pressed: Vector, was_known: Mask) -> str:
         """Return the exchange found in the previous frame if this frame confirms it; empty if there is none."""
+        # Least log-likelihood ratio between an exchange and the previous order. Source: docs/tried/grasp.md.
+        gain = 25.0
         # A pressed taxel usually changes by 5 % of its reading from frame to frame.
         variance = self._variance + (0.05 * pressed) ** 2
 
@@ -58,12 +58,12 @@ class TaxelOrder:
         # Frames agree up to 3 times the expected mean square difference.
         is_steady = mean <= 3.0
         found, self._suspected = self._suspected if is_steady else "", ""
-        if self._was_steady and as_before > GAIN:
+        if self._was_steady and as_before > gain:
             (exchanged, mean), name = min((misfit(order), name) for name, order in self._exchanges.items())
             # Largest mean square difference if an exchange explains a frame, in the same units. An exchange under a
             # peg at rest leaves only the noise of the taxels; if a peg slips to about the mirrored angle, 2.8 and
             # more remain. Source: docs/tried/grasp.md.
-            if mean <= 1.8 and as_before - exchanged > GAIN:
+            if mean <= 1.8 and as_before - exchanged > gain:
                 self._suspected = name
         self._was_steady = is_steady
         return found

@@ -26,8 +26,6 @@ logger = logging.getLogger(__name__)
 
 SPECTATOR = "opcua"
 """Link of the server itself, which never writes: it reads the run of any link."""
-KEY_BITS = range(2048, 4097)
-"""Lengths of an RSA key that Basic256Sha256 permits. Source: OPC 10000-7, SecurityPolicy Basic256Sha256."""
 LIMITS = TransportLimits(max_recv_buffer=65535, max_send_buffer=65535, max_chunk_count=17, max_message_size=1 << 20)
 
 
@@ -152,11 +150,13 @@ class OpcUaServer:
 
 def _application_uri(tls: TlsConfig) -> str:
     """Return the application URI of the cell's certificate."""
+    # Lengths of an RSA key that Basic256Sha256 permits. Source: OPC 10000-7, SecurityPolicy Basic256Sha256.
+    key_bits = range(2048, 4097)
     server_context(tls)  # names a file that is missing, open to others or no PEM
     key = load_pem_private_key(tls.key.read_bytes(), None)
-    if not isinstance(key, rsa.RSAPrivateKey) or key.key_size not in KEY_BITS:
+    if not isinstance(key, rsa.RSAPrivateKey) or key.key_size not in key_bits:
         raise DeviceNotOpenedError(
-            f"plc.tls.key = {tls.key}: not an RSA key; OPC UA needs one of {KEY_BITS[0]} to {KEY_BITS[-1]} bits: see docs/opcua.md"
+            f"plc.tls.key = {tls.key}: not an RSA key; OPC UA needs one of {key_bits[0]} to {key_bits[-1]} bits: see docs/opcua.md"
         )
     uris = application_uris(x509.load_pem_x509_certificate(tls.certificate.read_bytes()))
     if len(uris) != 1:

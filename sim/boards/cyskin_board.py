@@ -18,10 +18,6 @@ from drivers.transport.wires import CanFrame
 
 TEMPERATURE_COUNTS = 21_000
 """Reading of a module's temperature channel, counts; its last digit is the module's number."""
-FIRST_SUI = 3500
-"""Own number (sui) of the first module of an emulated hub if the config names no modules."""
-UID = bytes.fromhex("12345678")
-"""Unique number of the hub."""
 READINGS = 24
 """Number of readings in one message; 24 readings are two modules, in seven CAN frames."""
 BOOT_LOADER_EXIT = (0x17FFFFFF, bytes.fromhex("013B00004F6D17"))
@@ -43,9 +39,10 @@ class EmulatedHub:
 
     def __init__(self, config: HubConfig, measure: Callable[[], Counts]) -> None:
         """Build a hub with the modules of `config` and taxel readings from `measure`."""
+        first_sui = 3500  # Own number (sui) of the first module of an emulated hub if the config names no modules.
         self._names = config.channels
         self.measure = measure
-        self.replace_modules(config.modules or range(FIRST_SUI, FIRST_SUI + BOARD_MODULES))
+        self.replace_modules(config.modules or range(first_sui, first_sui + BOARD_MODULES))
 
     def replace_modules(self, suis: Sequence[int]) -> None:
         """Put modules with these own numbers (sui) on the hub and restart it; at most four, left finger first."""
@@ -61,13 +58,14 @@ class EmulatedHub:
 
     def take(self, message: bytes, at: float) -> list[bytes]:
         """Process a whole message of the host; return the answers."""
+        uid = bytes.fromhex("12345678")  # Unique number of the hub.
         if self.is_in_boot_loader or len(message) < 3 or len(message) != 3 + message[1] or check_sum(message):
             return []
         command, payload = message[0], message[2:-1]
         if command == 0x10:
-            return [sealed(0x10, UID)]
+            return [sealed(0x10, uid)]
         if command == 0x11:
-            if payload[:4] == UID:
+            if payload[:4] == uid:
                 self.number = payload[4]
             return []
         return [] if self.number is None else self._answers(command, payload, at)

@@ -24,9 +24,6 @@ from sim.contact.plate import Plate
 
 KINDS = {"detent": 1.0, "press": 2.0}
 """Number of each kind of latch; 0 is none."""
-PRESS_STIFFNESS = 5e4
-"""Stiffness of a press fit before it slides, N/m; assumed equal to the pads' shear stiffness, which the same steps
-resolve."""
 KIND, FORCE, TOP, HEIGHT, REACH, STUCK = 0, 1, 2, 3, 4, 5
 """Kind; largest force, N; depth at the start of the latch, and its length, m; distance from the axis within which an
 end is in the hole, m; depth at which a press fit sticks, m."""
@@ -91,15 +88,18 @@ def act(words: Vector, peg: PegView, mass_centre: Vector, load: Vector) -> None:
 @njit(cache=True, inline="always")
 def resistance(words: Vector, depth: float) -> float:  # pragma: no cover
     """Return the force on an end at a depth, m, N, positive out of the hole; moves the sticking depth of a press fit."""
+    # Stiffness of a press fit before it slides, N/m; assumed equal to the pads' shear stiffness, which the same steps
+    # resolve.
+    press_stiffness = 5e4
     # x = (depth - top) / height.
     way = (depth - words[TOP]) / words[HEIGHT]
     if words[KIND] == 1.0:
         return words[FORCE] * math.sin(2.0 * math.pi * way) if 0.0 < way < 1.0 else 0.0
     most = words[FORCE] * min(max(way, 0.0), 1.0)
     # Detent, above: F sin(2 pi x). Press fit: k (depth - s); the sticking depth s follows if |k (depth - s)| > F x.
-    slack = most / PRESS_STIFFNESS
+    slack = most / press_stiffness
     words[STUCK] = min(max(words[STUCK], depth - slack), depth + slack)
-    pressed: float = PRESS_STIFFNESS * (depth - words[STUCK])
+    pressed: float = press_stiffness * (depth - words[STUCK])
     return pressed
 
 

@@ -33,8 +33,6 @@ from sim.world import native
 PEG_TYPE = mujoco.mjtGeom.mjGEOM_BOX
 """Geom type of the peg; against `PLATE_TYPE` no other pair uses it. The plate's `hole` and `across` are half the hole's sides."""
 
-ROUNDING = 1e-6
-"""Penetration below which a pair outside a cone is omitted, m."""
 BEYOND = 1e-3
 """Extension of a rim edge beyond its ends, m. An edge of the peg that crosses the extension is over solid plate and
 must not be below it either. Without the extension, an edge of the peg that slides past a corner of the hole would meet
@@ -132,6 +130,7 @@ def _least_way_out(start, along, length, inward, half):  # type: ignore[no-untyp
 @njit(cache=True)
 def _edges(meet, start, along, length, one, other):  # type: ignore[no-untyped-def]
     """Add one edge of the peg, from `start` along a unit vector, against the hole's four; `one` and `other` are its faces' normals."""
+    rounding = 1e-6  # Penetration below which a pair outside a cone is omitted, m.
     for k in range(4):
         sign = 1.0 if k < 2 else -1.0
         # Direction t of the rim edge, the wall's normal into the bore, its distance from the axis, and half the edge's
@@ -159,7 +158,7 @@ def _edges(meet, start, along, length, one, other):  # type: ignore[no-untyped-d
         # Vector from the centre of the rim edge to the start of the peg's edge.
         d = (start[0] + away * inward[0], start[1] + away * inward[1], start[2])
         gap = _dot(d, n)
-        if abs(gap) > NEAR or (inside < 0.0 and gap < -ROUNDING):
+        if abs(gap) > NEAR or (inside < 0.0 and gap < -rounding):
             continue
         # Parameters of the two lines' closest points.
         cosine = _dot(t, along)
@@ -168,7 +167,7 @@ def _edges(meet, start, along, length, one, other):  # type: ignore[no-untyped-d
         s = _dot(d, t) + u * cosine
         if u < 0.0 or u > length or abs(s) > reach + BEYOND:
             continue
-        if gap < 0.0 and -gap > _least_way_out(start, along, length, inward, away) + ROUNDING:
+        if gap < 0.0 and -gap > _least_way_out(start, along, length, inward, away) + rounding:
             continue
         p = (start[0] + u * along[0], start[1] + u * along[1], start[2] + u * along[2])
         band = FEATURE_BAND if inside >= 0.0 else SAMPLE_BAND

@@ -4,9 +4,6 @@ from drivers.quantities import GripperState
 from sim.world import engine
 from sim.world.physics import World
 
-POSITION_TOLERANCE = 1e-3
-"""Distance from the commanded width within which the hand reports arrival, m."""
-
 
 class SimGripper:
     """Two fingers moved by one drive."""
@@ -32,13 +29,14 @@ class SimGripper:
 
     def read(self) -> GripperState:
         """Return the newest state."""
+        position_tolerance = 1e-3  # Distance from the commanded width within which the hand reports arrival, m.
         world = self._world
         drive, width = world.control.drive, world.finger_gap()
         force = float(drive[engine.DRIVE_FORCE])
         # Share of the set force on both pads from which the hand reports a grip, fraction.
         is_gripping = force > 0.0 and world.pad_force() > 0.5 * force
         if force > 0.0:
-            is_moving = not is_gripping and width > POSITION_TOLERANCE
+            is_moving = not is_gripping and width > position_tolerance
         else:
-            is_moving = abs(width - float(drive[engine.DRIVE_WIDTH])) > POSITION_TOLERANCE
+            is_moving = abs(width - float(drive[engine.DRIVE_WIDTH])) > position_tolerance
         return GripperState(width=width, is_gripping=is_gripping, is_moving=is_moving)

@@ -19,8 +19,6 @@ of 1 ms resolve the shear under the lightest peg, and the arm adds thirty times 
 TURNING_INERTIA = MASS * 0.035**2 / 12
 """Inertia of the same mass about the closing axis, over a contact of 35 mm, kg·m²."""
 
-LOSS = 0.4
-"""Damping ratio of the peg on the pads' shear, ratio to critical; assumed: a soft rubber under a peg with friction."""
 
 FORCE, TORQUE, ALONG, BESIDE = 0, 1, 2, 3
 """Largest force, N, and moment, N·m; centre of the contact along the peg, z from its tip to the finger, and beside it,
@@ -68,6 +66,9 @@ def bear(words: Vector, qpos: Vector, first: int, grip_force: float) -> None:  #
         first: Index of the rotation, or -1 if no hand holds the peg.
         grip_force: Grip force of the hand, N.
     """
+    # Damping ratio of the peg on the pads' shear, ratio to critical; assumed: a soft rubber under a peg with
+    # friction.
+    loss = 0.4
     if first < 0:
         return
     half, friction, shear = (words[PADS], words[PADS + 1]), words[PADS + 2], words[PADS + 3]
@@ -80,8 +81,8 @@ def bear(words: Vector, qpos: Vector, first: int, grip_force: float) -> None:  #
     turning = shear * limits.length**2 / 12
     # Damping c = 2 zeta sqrt(k m), for the rotation with k_r and the inertia.
     words[STIFFNESS], words[TURNING] = shear, turning
-    words[DAMPING] = 2.0 * LOSS * math.sqrt(shear * (MASS + words[PEG + 3]))
-    words[TURN_DAMPING] = 2.0 * LOSS * math.sqrt(turning * (TURNING_INERTIA + words[PEG + 4]))
+    words[DAMPING] = 2.0 * loss * math.sqrt(shear * (MASS + words[PEG + 3]))
+    words[TURN_DAMPING] = 2.0 * loss * math.sqrt(turning * (TURNING_INERTIA + words[PEG + 4]))
 
 
 @njit(cache=True, inline="always")

@@ -18,8 +18,6 @@ LOST_TURN = scene.HINGE_RANGE - math.radians(2.0)
 """Hinge angle at which the peg meets the palm and drops out, rad."""
 LEAST_CONTACT = 2e-3
 """Smallest length of the peg between the pads, m; below it the peg drops out."""
-AT_REST = (1e-4, 1e-2)
-"""Upper limits of the speeds of a peg at rest, m/s and rad/s; a falling peg would move at 0.2 m/s by then."""
 
 
 class PegSituation(Enum):
@@ -64,6 +62,8 @@ def may_rest(is_resting: bool, gap: float, loose_for: float, speeds: Vector) -> 
         loose_for: Time since the peg was released or was last in reach, s.
         speeds: Linear, then angular velocity of the peg, shape (6,), m/s and rad/s.
     """
+    # Upper limits of the speeds of a peg at rest, m/s and rad/s; a falling peg would move at 0.2 m/s by then.
+    at_rest = (1e-4, 1e-2)
     # Gap between pads and peg that no hand closes in the 10 ms before the next check, m.
     if gap <= 0.01:
         return False
@@ -71,4 +71,4 @@ def may_rest(is_resting: bool, gap: float, loose_for: float, speeds: Vector) -> 
     if is_resting or loose_for < 0.02:
         return is_resting
     size = np.abs(speeds)
-    return bool(size[:3].max() < AT_REST[0] and size[3:].max() < AT_REST[1])
+    return bool(size[:3].max() < at_rest[0] and size[3:].max() < at_rest[1])

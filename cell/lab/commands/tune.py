@@ -12,9 +12,6 @@ from drivers.errors import ConfigError
 if TYPE_CHECKING:
     from cell.lab.tune.measure import Space
 
-AWAY = 1_000_000
-"""Distance between the seeds for the choice of settings and the seeds for judging the best one."""
-
 
 def _count(default: int, meaning: str) -> dict[str, Any]:
     return {"type": positive, "default": default, "metavar": "N", "help": f"{meaning}; default {default}"}
@@ -45,6 +42,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Search, judge, write the recipe; NOT_GOOD with the result reached if the wish is not fulfilled."""
+    away = 1_000_000  # Distance between the seeds for the choice of settings and the seeds for judging the best one.
     from cell.lab.report import finite
     from cell.lab.tables import table
     from cell.lab.tune import measure
@@ -57,7 +55,7 @@ def run(args: argparse.Namespace) -> int:
     folder, seeds = out_folder(args.out), range(args.seed, args.seed + args.trials)
     with advancing("settings", args.candidates * len(seeds)) as done:
         tried = measure.tune(space, wishes, seeds, args.candidates, args.workers, folder, done)
-    best, fresh = tried[0], range(args.seed + AWAY, args.seed + AWAY + args.judge)
+    best, fresh = tried[0], range(args.seed + away, args.seed + away + args.judge)
     with advancing("judging", args.judge) as done:
         rows = measure.judge(space, best, fresh, args.workers, folder / "judged", lambda row: done(1))
     evidence = [{"wish": wish.text, "found": wish.found(rows), "holds": wish.holds(rows)} for wish in wishes]
