@@ -1,4 +1,4 @@
-"""The sequence-number handshake of all buses: pure, no sockets, no threads, time passed in.
+"""The sequence-number handshake of all buses: pure, no sockets, no threads, its clock passed in.
 
 Links come and go. The decision to run a command is made here, once for all buses, with the help of
 
@@ -24,7 +24,8 @@ Stops
 """
 
 import logging
-from collections.abc import Hashable, Mapping, Sequence
+import time
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import count
 
@@ -56,6 +57,7 @@ class Handshake:
             a link never wrote its life counter, any request is a sign of life.
         lease_timeout: Silence after which the lease is free again, s.
         log: Logger of refusals and of the lease's holders.
+        now: Monotonic time, s.
     """
 
     programs: Mapping[int, str]
@@ -63,6 +65,7 @@ class Handshake:
     life_timeout: float = 1.0
     lease_timeout: float = 5.0
     log: PeerLog = field(default_factory=lambda: PeerLog(logger))
+    now: Callable[[], float] = time.monotonic
     orders: Orders = field(init=False)
     _events: "count[int]" = field(default_factory=count)
     """Number of links opened and closed so far."""
@@ -76,9 +79,9 @@ class Handshake:
 
     # Links.
 
-    def opened(self, source: str, host: str, now: float, is_local: bool = False) -> None:
+    def opened(self, source: str, host: str, is_local: bool = False) -> None:
         """Begin a link; a local link is never silent."""
-        self._links[source] = Link(source, host, LinkWatchdog(now), is_local, next(self._events))
+        self._links[source] = Link(source, host, LinkWatchdog(self.now()), is_local, next(self._events))
 
     def closed(self, source: str) -> None:
         """End a link; its lease and its run stay until its host returns or the time-outs pass."""
@@ -100,26 +103,22 @@ class Handshake:
         if run is not None and run.link is link and run.is_watched:
             self._lose(run, link, "its bus says so")
 
-    def heard(self, source: str, now: float) -> None:
+    def heard(self, source: str) -> None:
         """Record a request of any kind from `source`."""
-        self._links[source].watchdog.heard = now
+        self._links[source].watchdog.heard = self.now()
 
     # Writes of links.
 
-    def wrote(
-        self, source: str, image: CommandImage, now: float, is_numbered: bool = True, by: Hashable = None
-    ) -> None:
+    def wrote(self, source: str, image: CommandImage, is_numbered: bool = True, by: Hashable = None) -> None:
         """Take the command block after a write of `source`; it counts once its number was written.
 
         Args:
             source: The link.
             image: The whole block.
-            now: Monotonic time, s.
             is_numbered: True if its number has ever been written.
             by: Connection that has just written the number; None if none has, or if the link is not shared.
         """
-        self._expire(now)
-        link = self._links[source]
+        now, link = self._expire(), self._links[source]
         link.has_spoken = True
         before, link.image = link.image or CommandImage(), image
         if not link.watchdog.see(image.life, image.life_tail, now):
@@ -138,23 +137,21 @@ class Handshake:
         if is_numbered:
             self.orders.take_number(link, image, now, before.code)
 
-    def switched(self, source: str, coils: Mapping[str, bool], now: float, by: Hashable = None) -> None:
+    def switched(self, source: str, coils: Mapping[str, bool], by: Hashable = None) -> None:
         """Take the coils that `source` has just written: execute, stop, reset; `by` names the connection if the link is shared."""
-        self._expire(now)
         link = self._links[source]
-        link.watchdog.heard = now
+        now = link.watchdog.heard = self._expire()
         self.orders.take_coils(link, coils, by, now)
 
-    def submit(self, source: str, image: CommandImage, now: float) -> Refusal:
+    def submit(self, source: str, image: CommandImage) -> Refusal:
         """Submit an order of a local user under the next number of `source`; return its refusal, or NONE."""
-        self._expire(now)
-        link = self._links[source]
+        now, link = self._expire(), self._links[source]
         link.has_spoken, link.image = True, image
         return self.orders.command(link, link.numbers.count_up(), image, now).refusal
 
-    def control(self, source: str, code: int, now: float) -> Order:
+    def control(self, source: str, code: int) -> Order:
         """Take a control of `source` without a number; its order holds the answer, and no result in view changes."""
-        self._expire(now)
+        self._expire()
         return self.orders.control(self._links[source], code)
 
     def acknowledge(self, source: str, sequence: int) -> None:
@@ -169,9 +166,9 @@ class Handshake:
         """Free the lease if `source` holds it; during its run, free it at the end of the run."""
         self._lease.release(self._links[source])
 
-    def poll(self, now: float) -> Command | None:
+    def poll(self) -> Command | None:
         """Return the next command for the scan thread, each once, stops first and the rest in order of arrival."""
-        self._expire(now)
+        self._expire()
         return self.orders.next()
 
     # Reads of links.
@@ -200,12 +197,12 @@ class Handshake:
         """Return the discrete inputs of `source`."""
         return inputs_for(self._links[source], self.orders)
 
-    def sight(self, host: str, now: float) -> PlcSight | None:
+    def sight(self, host: str) -> PlcSight | None:
         """Return the cell's view of the PLC at `host`, an address, node or line; None if it is not connected.
 
         If one host has several links, the view is of the link whose life counter changed most often.
         """
-        return sight_of(self._links.values(), host, now)
+        return sight_of(self._links.values(), host, self.now())
 
     # Acknowledgements, resumed links, and silent links.
 
@@ -232,9 +229,9 @@ class Handshake:
             link.resume(order)
             return
 
-    def _expire(self, now: float) -> None:
-        """Apply the time-outs: lost runs, silent holders, permanently torn blocks."""
-        run = self.orders.run
+    def _expire(self) -> float:
+        """Apply the time-outs: lost runs, silent holders, permanently torn blocks; return the time, s."""
+        now, run = self.now(), self.orders.run
         link = run.link if run is not None and run.is_watched else None
         if run is not None and link is not None and link.watchdog.is_silent(now, self.life_timeout):
             self._lose(run, link, f"no sign of life for {self.life_timeout:g} s")
@@ -242,6 +239,7 @@ class Handshake:
         for each in self._links.values():
             if each.watchdog.is_torn(now, self.life_timeout):
                 self.orders.refuse_torn(each)
+        return now
 
     def _lose(self, run: Order, link: Link, why: str) -> None:
         self.log.warning(link.host, "%s is lost: %s", link.source, why)

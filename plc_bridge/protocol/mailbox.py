@@ -6,19 +6,18 @@ One lock guards the handshake; every method holds it for a few microseconds and 
 import logging
 import math
 import threading
-from collections.abc import Callable, Hashable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import ParamSpec, TypeVar
 
 from plc_bridge.config import PlcConfig
 from plc_bridge.protocol.handshake import Handshake
-from plc_bridge.protocol.images import CommandImage, Diagnostics, diagnostics_words, report_words
+from plc_bridge.protocol.images import Diagnostics, diagnostics_words, report_words
 from plc_bridge.protocol.intervals import Intervals
 from plc_bridge.protocol.links import Order
-from plc_bridge.protocol.messages import Command, Refusal, Report
+from plc_bridge.protocol.messages import Refusal, Report
 from plc_bridge.protocol.peer_log import PeerLog
 from plc_bridge.protocol.registers import DISCRETE_INPUTS, Parameter
-from plc_bridge.protocol.sight import PlcSight
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -44,17 +43,29 @@ class Mailbox:
             tuple(parameters),
             config.life_timeout,
             config.lease_timeout,
-            log=PeerLog(logging.getLogger("plc_bridge.protocol.handshake"), now),
+            PeerLog(logging.getLogger("plc_bridge.protocol.handshake"), now),
+            now,
         )
         self._life = 0
         self._published = -math.inf
         self._intervals = Intervals()
+        # Calls of the scan thread, which must accept or refuse a command before its next `poll`.
+        self.poll = self._locked(self._handshake.poll)
         self.accept = self._locked(self._handshake.orders.accept)
         self.refuse = self._locked(self._handshake.orders.refuse)
+        # Calls of the servers.
+        self.opened = self._locked(self._handshake.opened)
         self.closed = self._locked(self._handshake.closed)
-        self.lost = self._locked(self._handshake.lost)
         self.left = self._locked(self._handshake.left)
+        self.lost = self._locked(self._handshake.lost)
+        self.heard = self._locked(self._handshake.heard)
+        self.wrote = self._locked(self._handshake.wrote)
+        self.switched = self._locked(self._handshake.switched)
+        self.control = self._locked(self._handshake.control)
         self.acknowledge = self._locked(self._handshake.acknowledge)
+        # Calls of local users and of the commissioning.
+        self.submit = self._locked(self._handshake.submit)
+        self.sight = self._locked(self._handshake.sight)
 
     def _locked(self, call: Callable[P, T]) -> Callable[P, T]:
         """Return a call of the handshake that holds the lock."""
@@ -64,14 +75,6 @@ class Mailbox:
                 return call(*args, **kwargs)
 
         return locked
-
-    def poll(self) -> Command | None:
-        """Return the next command for the scan thread, each once; stops and a lost PLC come first.
-
-        The scan thread must accept or refuse the command before its next `poll`.
-        """
-        with self._lock:
-            return self._handshake.poll(self._now())
 
     def publish(self, report: Report) -> None:
         """Publish `report` to all readers; a result in it ends the command whose sequence number it echoes."""
@@ -116,50 +119,20 @@ class Mailbox:
         with self._lock:
             return replace(self._handshake.counts, stops_held=self._handshake.orders.stops_held)
 
-    def sight(self, host: str) -> PlcSight | None:
-        """Return the cell's view of the PLC at `host`, an address, node or line; None if it is not connected."""
-        with self._lock:
-            return self._handshake.sight(host, self._now())
-
     def take(self, source: str) -> bool:
         """Give the lease to a user of this process, as "terminal"; return True if it was free."""
         with self._lock:
-            self._handshake.opened(source, source, self._now(), is_local=True)
+            self._handshake.opened(source, source, is_local=True)
             is_taken = self._handshake.take(source)
             if not is_taken:
                 self._handshake.closed(source)
             return is_taken
-
-    def submit(self, source: str, image: CommandImage) -> Refusal:
-        """Pass on a command of the local user `source`, who holds the lease; return its refusal, or NONE."""
-        with self._lock:
-            return self._handshake.submit(source, image, self._now())
 
     def release(self, source: str) -> None:
         """Return the lease of a local user."""
         with self._lock:
             self._handshake.release(source)
             self._handshake.closed(source)
-
-    def opened(self, source: str, host: str) -> None:
-        """Begin a link, for a server."""
-        with self._lock:
-            self._handshake.opened(source, host, self._now())
-
-    def wrote(self, source: str, image: CommandImage, is_numbered: bool = True, by: Hashable = None) -> None:
-        """Take the command block after a write, for a server; see `Handshake.wrote`."""
-        with self._lock:
-            self._handshake.wrote(source, image, self._now(), is_numbered, by)
-
-    def switched(self, source: str, coils: Mapping[str, bool], by: Hashable = None) -> None:
-        """Take the coils just written, for a server."""
-        with self._lock:
-            self._handshake.switched(source, coils, self._now(), by)
-
-    def control(self, source: str, code: int) -> Order:
-        """Take a control without a number, for a server; return its order."""
-        with self._lock:
-            return self._handshake.control(source, code, self._now())
 
     def ended(self) -> list[Order]:
         """Return the programs that have ended since the last call; for one reader."""
@@ -168,11 +141,6 @@ class Mailbox:
             orders = list(ended)
             ended.clear()
             return orders
-
-    def heard(self, source: str) -> None:
-        """Record a request, for a server."""
-        with self._lock:
-            self._handshake.heard(source, self._now())
 
     def report_for(self, source: str) -> Report:
         """Return the report for the link `source`, for a server."""

@@ -24,7 +24,7 @@ class Cell:
 
     def __init__(self) -> None:
         self.now, self.holder, self.running, self.is_given_back = 0.0, "", None, False
-        self.handshake = Handshake({PROGRAM: "insert_peg"}, (), life_timeout=1e9, lease_timeout=TIMEOUT)
+        self.handshake = Handshake({PROGRAM: "insert_peg"}, (), 1e9, TIMEOUT, now=lambda: self.now)
         self.heard = {}
         self.images = {}
         self.sources = {}
@@ -36,7 +36,7 @@ class Cell:
     def open(self, host):
         self.connections += 1
         source = self.sources[host] = f"{host}#{self.connections}"
-        self.handshake.opened(source, host, self.now)
+        self.handshake.opened(source, host)
         self.heard[source] = self.now
         self.images[host] = (1, Lease.NONE)
         self.send(host)
@@ -57,7 +57,7 @@ class Cell:
         (sequence, wish), source = self.images[host], self.sources[host]
         self.expire()
         self.heard[source] = self.now
-        self.handshake.wrote(source, CommandImage(sequence=sequence, code=code, lease=wish), self.now)
+        self.handshake.wrote(source, CommandImage(sequence=sequence, code=code, lease=wish))
         if wish == Lease.TAKE and self.is_open_to(host):
             self.holder = source
         if source == self.holder and wish:
@@ -83,7 +83,7 @@ class Cell:
 
     def read(self, host, _):
         self.heard[self.sources[host]] = self.now
-        self.handshake.heard(self.sources[host], self.now)
+        self.handshake.heard(self.sources[host])
         self.poll()  # every scan lets the time-outs act
 
     def wait(self, _, seconds):
@@ -112,10 +112,10 @@ class Cell:
         source = self.sources[host]
         self.expire()
         self.heard[source] = self.now
-        self.handshake.switched(source, {"stop": True}, self.now)
-        command = self.handshake.poll(self.now)
+        self.handshake.switched(source, {"stop": True})
+        command = self.handshake.poll()
         assert (command.code, command.source) == (Control.STOP, source)
-        self.handshake.switched(source, {"stop": False}, self.now)
+        self.handshake.switched(source, {"stop": False})
         self.end(Result.ABORTED)
 
     def finish(self, _, __):
@@ -129,14 +129,14 @@ class Cell:
 
     def terminal_takes(self, _, __):
         if not self.is_at_terminal:
-            self.handshake.opened(TERMINAL, TERMINAL, self.now, is_local=True)
+            self.handshake.opened(TERMINAL, TERMINAL, is_local=True)
             self.is_at_terminal = self.handshake.take(TERMINAL)
             assert self.is_at_terminal == (not self.holder)
             self.holder = self.holder or TERMINAL
 
     def terminal_starts(self, _, __):
         if self.is_at_terminal:
-            refusal = self.handshake.submit(TERMINAL, CommandImage(code=PROGRAM), self.now)
+            refusal = self.handshake.submit(TERMINAL, CommandImage(code=PROGRAM))
             assert (refusal is Refusal.NONE) == (self.running is None)
             self.poll()
 
@@ -155,7 +155,7 @@ class Cell:
 
     def poll(self):
         self.expire()
-        while (command := self.handshake.poll(self.now)) is not None:
+        while (command := self.handshake.poll()) is not None:
             if command.code == PROGRAM:
                 assert self.running is None
                 assert command.source == self.holder, "somebody started who did not hold the lease"

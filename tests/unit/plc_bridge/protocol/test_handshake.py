@@ -21,18 +21,16 @@ class Line:
     """A handshake, the time, and the last command block of each client."""
 
     def __init__(self, *sources: str, local: str = "") -> None:
-        self.handshake = Handshake(
-            {INSERT: "insert_peg", GRASP: "grasp"}, (SPEED,), life_timeout=1.0, lease_timeout=5.0
-        )
+        self.handshake = Handshake({INSERT: "insert_peg", GRASP: "grasp"}, (SPEED,), 1.0, 5.0, now=lambda: self.now)
         self.now = 0.0
         self.images: dict[str, CommandImage] = {}
         for source in sources or ("plc",):
             self.connect(source)
         if local:
-            self.handshake.opened(local, local, self.now, is_local=True)
+            self.handshake.opened(local, local, is_local=True)
 
     def connect(self, source, host=None):
-        self.handshake.opened(source, host or source, self.now)
+        self.handshake.opened(source, host or source)
         self.images[source] = CommandImage()
 
     def reconnect(self):
@@ -42,11 +40,11 @@ class Line:
 
     def write(self, source="plc", is_numbered=True, **changes):
         self.images[source] = replace(self.images[source], **changes)
-        self.handshake.wrote(source, self.images[source], self.now, is_numbered)
+        self.handshake.wrote(source, self.images[source], is_numbered)
         return self.answer(source)
 
     def coils(self, source="plc", **coils):
-        self.handshake.switched(source, coils, self.now)
+        self.handshake.switched(source, coils)
         return self.answer(source)
 
     def answer(self, source="plc"):
@@ -56,14 +54,14 @@ class Line:
 
     def poll(self):
         """Take the next command and accept it."""
-        command = self.handshake.poll(self.now)
+        command = self.handshake.poll()
         if command is not None:
             self.handshake.orders.accept(command)
         return command
 
     def refuse(self, refusal):
         """Take the next command and refuse it."""
-        self.handshake.orders.refuse(self.handshake.poll(self.now), refusal)
+        self.handshake.orders.refuse(self.handshake.poll(), refusal)
 
     def ask(self, sequence=2, source="plc", code=INSERT, **changes):
         """Write an empty number, and a command under the next."""
@@ -224,7 +222,8 @@ def test_a_link_reads_any_run_before_its_first_write_and_its_own_after():
 def test_silence_frees_the_lease_and_reading_keeps_it(heard, now, holder):
     line = Line()
     line.write(lease=Lease.TAKE)
-    line.handshake.heard("plc", heard)
+    line.now = heard
+    line.handshake.heard("plc")
     line.now = now
     line.poll()
     assert line.handshake.holder == holder
@@ -264,8 +263,10 @@ def test_ready_is_true_if_a_start_of_this_link_would_be_taken():
 def test_local_user_is_never_silent():
     line = Line(local="terminal")
     line.handshake.take("terminal")
-    assert line.handshake.submit("terminal", CommandImage(code=INSERT), 0.5) is Refusal.NONE
-    assert line.handshake.sight("terminal", 0.75).silence == 0.25
+    line.now = 0.5
+    assert line.handshake.submit("terminal", CommandImage(code=INSERT)) is Refusal.NONE
+    line.now = 0.75
+    assert line.handshake.sight("terminal").silence == 0.25
     line.now = 1000.0
     assert line.poll() == Command(1, INSERT, source="terminal")
     assert line.handshake.holder == "terminal"
@@ -275,9 +276,10 @@ def test_local_user_reads_any_run_before_the_first_order_and_its_own_after():
     line = Line("plc", local="terminal")
     line.run(7)
     assert line.answer("terminal").sequence == 7
-    assert line.handshake.submit("terminal", CommandImage(code=GRASP), 0.5) is Refusal.NOT_HOLDER
+    assert line.handshake.submit("terminal", CommandImage(code=GRASP)) is Refusal.NOT_HOLDER
     assert (line.answer("terminal").sequence, line.answer("terminal").refusal) == (1, Refusal.NOT_HOLDER)
-    line.handshake.submit("terminal", CommandImage(code=INSERT), 2.0)
+    line.now = 2.0
+    line.handshake.submit("terminal", CommandImage(code=INSERT))
     assert line.handshake.counts.lost == 1
 
 
@@ -356,7 +358,7 @@ def test_refusal_of_a_control_leaves_the_run_and_its_result_alone(is_over):
 def test_a_control_refused_behind_the_next_command_does_not_answer_for_it():
     line = Line().ended()
     line.write(sequence=3, code=Control.UNHOLD)
-    control = line.handshake.poll(line.now)
+    control = line.handshake.poll()
     line.write(sequence=4, code=INSERT)
     line.handshake.orders.refuse(control, Refusal.NOT_READY)
     assert line.answer().answered == 3
@@ -403,7 +405,7 @@ def test_a_client_without_a_life_counter_lives_by_its_own_requests():
     line.run(4, "another")
     for _ in range(4):
         line.now += 0.9
-        line.handshake.heard("another", line.now)
+        line.handshake.heard("another")
         assert line.poll() is None
     line.now += 1.1
     assert line.poll().code == Control.LOST
@@ -428,13 +430,14 @@ def test_reconnected_plc_keeps_its_run_alive():
 
 def test_sight_of_a_plc_is_that_of_the_time_of_the_question():
     line = Line()
-    assert line.handshake.sight("plc", 0.0) is None
+    assert line.handshake.sight("plc") is None
     line.write(life=1, version=2)
     line.now = 0.5
     line.write(life=2)
-    seen = line.handshake.sight("plc", 0.75)
+    line.now = 0.75
+    seen = line.handshake.sight("plc")
     assert (seen.source, seen.version, seen.silence) == ("plc", 2, pytest.approx(0.25))
-    assert line.handshake.sight("another", 0.75) is None
+    assert line.handshake.sight("another") is None
 
 
 # Coils.
