@@ -251,8 +251,7 @@ class CySkinDialogue:
         """Return True if scans keep the requested period; if a board missed the command or restarted, it keeps its own period."""
         self._stamps.append(stamp)
         # Least share of the requested period between two watched scans.
-        least = 0.8 * self._period * (WATCHED_SCANS - 1)
-        if len(self._stamps) < WATCHED_SCANS or stamp - self._stamps[0] > least:
+        if len(self._stamps) < WATCHED_SCANS or stamp - self._stamps[0] > 0.8 * self._period * (WATCHED_SCANS - 1):
             return True
         self._stamps.clear()
         return False

@@ -139,7 +139,7 @@ def _application(register: Register) -> ODVariable:
     high = 1 if register.type == "bool" else register.high
     made = _variable(register.name, register.index, register.subindex, _TYPES[register.type], access, None, high)
     made.min, made.pdo_mappable = register.low, bool(register.pdo)
-    made.factor, made.unit, made.description = register.scale, register.unit, register.meaning
+    made.factor, made.unit = register.scale, register.unit
     return made
 
 

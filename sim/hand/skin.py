@@ -20,8 +20,6 @@ from sim.world.reality import Drawn
 Disturb = Callable[[Counts], Counts | None]
 """Function from raw counts to received counts; None is a frame lost in transmission."""
 
-_LARGEST = np.iinfo(np.uint16).max
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SkinTruth:

@@ -24,7 +24,6 @@ class Kind:
     unit: str
     value: Callable[[Sequence[TrialRow]], float]
     """Function that returns the quantity of trials, in its unit; NaN if they have none."""
-    meaning: str
 
 
 def _times(rows: Sequence[TrialRow]) -> list[float]:
@@ -36,17 +35,12 @@ def _share(rows: Sequence[TrialRow]) -> float:
 
 
 KINDS: dict[str, Kind] = {
-    "mean": Kind("<=", "s", lambda rows: average(_times(rows)), "mean of search + insertion + adjustment"),
-    "p95": Kind("<=", "s", lambda rows: quantile(_times(rows), 0.95), "95th percentile of the same"),
-    "force": Kind(
-        "<=",
-        "N",
-        lambda rows: quantile([row.peak_contact_force for row in rows], 0.95),
-        "largest contact force of 95 % of the trials",
-    ),
-    "success": Kind(">=", "%", _share, "share of the trials that succeed"),
+    "mean": Kind("<=", "s", lambda rows: average(_times(rows))),
+    "p95": Kind("<=", "s", lambda rows: quantile(_times(rows), 0.95)),
+    "force": Kind("<=", "N", lambda rows: quantile([row.peak_contact_force for row in rows], 0.95)),
+    "success": Kind(">=", "%", _share),
 }
-"""Quantities for wishes, by name."""
+"""Quantities for wishes, by name: times are search + insertion + adjustment, the force is each trial's largest."""
 
 
 @dataclass(frozen=True, slots=True)
