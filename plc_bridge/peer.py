@@ -136,7 +136,7 @@ class PlcPeer(ABC):
     def trigger(
         self, code: int, recipe: int = 0, serial: str = "", parameters: Sequence[tuple[int, int]] = ()
     ) -> Report:
-        """Send one command under the next sequence number; return the report with its answer.
+        """Send one command under the next sequence number; return the next report, which can still lack the answer.
 
         Args:
             code: A program, a skill or a `Control`.
@@ -164,21 +164,38 @@ class PlcPeer(ABC):
         Raises:
             CellSilentError: There is no result in time, or the connection is lost.
         """
-        deadline = self._now() + timeout
+        number, deadline = self._image.sequence, self._now() + timeout
         while True:
             report = self.cycle()
             if watch is not None:
                 watch(report)
-            if report.sequence == self._image.sequence and report.result != Result.NONE:
+            is_answered = report.answered == number
+            if (report.sequence == number and report.result != Result.NONE) or (is_answered and report.refusal):
                 return report
-            if report.answered == self._image.sequence and report.refusal:
-                return report
-            if report.answered == self._image.sequence and report.answered_result != Result.NONE:
+            if is_answered and report.answered_result != Result.NONE:
                 # If a control was sent during a run, the run's own result stays in view.
                 return replace(report, sequence=report.answered, result=report.answered_result)
-            if self._now() > deadline:
-                raise CellSilentError(f"{self._where}: no result of command {self._image.sequence} in {timeout:g} s")
-            self._wait(self._period)
+            self._wait_before(deadline, "result", timeout)
+
+    def wait_for_answer(self, timeout: float) -> Report:
+        """Wait until the last command is accepted or refused and return the report of that time.
+
+        Args:
+            timeout: Longest wait, s.
+
+        Raises:
+            CellSilentError: There is no answer in time, or the connection is lost.
+        """
+        deadline = self._now() + timeout
+        while (report := self.cycle()).answered != self._image.sequence:
+            self._wait_before(deadline, "answer", timeout)
+        return report
+
+    def _wait_before(self, deadline: float, what: str, timeout: float) -> None:
+        """Wait one period; raise a CellSilentError after the deadline."""
+        if self._now() > deadline:
+            raise CellSilentError(f"{self._where}: no {what} of command {self._image.sequence} in {timeout:g} s")
+        self._wait(self._period)
 
     def acknowledge(self) -> Report:
         """Acknowledge the result of the last command."""

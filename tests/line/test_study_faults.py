@@ -1,5 +1,6 @@
 """The campaign of faults, with one case of it: what must hold on any computer holds."""
 
+import json
 from collections import Counter
 from dataclasses import replace
 
@@ -82,7 +83,10 @@ def program_case(kind, folder, stage="grasp_from_rack", moment=1.5):
 
 
 def test_a_program_that_a_signal_ends_has_its_arm_at_rest_and_its_run_on_record(tmp_path):
-    for run in (1, 2):  # the second finds the records of the first
+    for run in (1, 2):  # the second finds the records of the first, whose peg nobody has found since
+        if run == 2:
+            file = tmp_path / "journal" / "part-sim.json"
+            file.write_text(json.dumps({**json.loads(file.read_text()), "place": "UNKNOWN"}))
         case = program_case(BY_NAME["process: SIGHUP"], tmp_path)
         assert (case.outcome, case.reason, case.part) == ("aborted", "stopped", "rack"), run
         assert case.rest_after < 1.0

@@ -267,7 +267,8 @@ def _started(peer: Peer) -> Report:
     peer.connect()
     peer.take()
     for _ in range(STARTS):
-        if not (report := peer.trigger(INSERT)).refusal:
+        peer.trigger(INSERT)
+        if not (report := peer.wait_for_answer(PATIENCE)).refusal:
             break
         reset_if_needed(peer)
         peer.run(remedy(report), timeout=LONGEST)
