@@ -16,6 +16,8 @@ BEHIND: Colour = (243, 245, 247)
 INK: Colour = (32, 38, 46)
 FAINT: Colour = (120, 130, 140)
 RULE: Colour = (222, 227, 232)
+COLOURS = ("#bbbbbb", "#4477aa", "#66ccee", "#228833", "#ccbb44", "#ee6677", "#aa3377")
+"""Colours of stage 0 (none) and stages 1 to 6, which colour-blind readers can distinguish."""
 _FACE = cv2.FontFace("sans")
 
 

@@ -6,9 +6,9 @@ from typing import Any
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
-from cell.film.drawing import FAINT, INK, PAPER, RULE, Image, blank, colour, width_of, write, write_right
-from cell.film.plots import COLOURS
+from cell.film.drawing import COLOURS, FAINT, INK, PAPER, RULE, Image, blank, colour, width_of, write, write_right
 from cell.film.recorded import RecordedRun
 from cell.records.wall_clock import local
 from drivers.quantities import FINGER_NAMES, FINGERS, Vector
@@ -28,12 +28,12 @@ _FORCE = colour("#c2374d")
 class _Pad:
     """Interpolation of each pixel of one finger from its taxels."""
 
-    corners: Vector
+    corners: NDArray[np.intp]
     """Indices of the taxels at the corners of the triangle around each pixel, shape (height, width, 3)."""
     weights: Vector
     """Weights of these taxels, shape (height, width, 3); 0 outside all triangles."""
-    taxels: Vector
-    """Centres of the taxels, column and row, pixels, shape (n, 2)."""
+    labels: tuple[tuple[int, int], ...]
+    """Left end of each taxel's number, column and row, pixels."""
 
 
 class TouchPanel:
@@ -74,11 +74,10 @@ class TouchPanel:
         return image
 
     def _finger(self, pad: _Pad, values: Vector, theta: float) -> Image:
-        counts = (pad.weights * felt(values)[pad.corners.astype(int)]).sum(axis=2)
+        counts = (pad.weights * felt(values)[pad.corners]).sum(axis=2)
         picture: Image = touch_colours(counts).astype(np.uint8)
-        for taxel, (column, row) in enumerate(pad.taxels):
-            left = round(column - width_of(str(taxel), 9) / 2)
-            write(picture, str(taxel), (left, round(row) + 3), 9, (213, 222, 230))
+        for taxel, at in enumerate(pad.labels):
+            write(picture, str(taxel), at, 9, (213, 222, 230))
         if not np.isnan(theta):
             # The finger's centre is the origin; the tip lies in the direction (cos, sin).
             way = 0.05 * np.array([np.cos(theta), np.sin(theta)])
@@ -105,14 +104,18 @@ class TouchPanel:
             parts = np.concatenate([1.0 - along.sum(axis=-1, keepdims=True), along], axis=-1)
             inside = parts.min(axis=-1) >= -1e-9
             corners[inside], weights[inside] = corner, parts[inside]
-        return _Pad(corners, weights, np.array([self._pixel(place) for place in places]))
+        labels = [
+            (round(column - width_of(str(taxel), 9) / 2), round(row) + 3)
+            for taxel, (column, row) in enumerate(map(self._pixel, places))
+        ]
+        return _Pad(corners.astype(int), weights, tuple(labels))
 
 
 class ForcePanel:
     """The external force over the whole run, drawn up to the present scan."""
 
     def __init__(self, run: RecordedRun, width: int, height: int) -> None:
-        """Draw the axes once."""
+        """Draw the axes and the whole curve once."""
         self._run, self._width, self._height = run, width, height
         # Least upper end of the force axis, N.
         self._top = max(25.0, 1.08 * float(np.nanmax(run.force)))
@@ -124,11 +127,12 @@ class ForcePanel:
         write(self._ground, "external force, N", (34, 17), 13, FAINT)
         columns = 34 + (width - 46) * run.times / max(float(run.times[-1]), 1e-9)
         self._points = np.column_stack([columns, self._row(run.force)]).round().astype(np.int32)
+        self._whole = cv2.polylines(self._ground.copy(), [self._points], False, _FORCE, 2, cv2.LINE_AA)
 
     def draw(self, scan: int) -> Image:
         """Return the panel at one scan."""
-        image = self._ground.copy()
-        cv2.polylines(image, [self._points[: scan + 1]], False, _FORCE, 2, cv2.LINE_AA)
+        image, now = self._ground.copy(), self._points[scan, 0] + 1
+        image[:, :now] = self._whole[:, :now]
         cv2.circle(image, tuple(map(int, self._points[scan])), 4, _FORCE, -1, cv2.LINE_AA)
         write_right(image, f"{self._run.force[scan]:.1f} N", (self._width - 12, 19), 17, INK, bold=True)
         return image

@@ -9,15 +9,13 @@ from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 
+from cell.film.drawing import COLOURS
 from cell.records.schema import RunRow
 from drivers.errors import ConfigError
 from drivers.quantities import FINGER_NAMES, FINGERS, TaxelFrame, Vector
 from drivers.scene_facts import BRIGHT, NOISE, felt, touch_colours
 from drivers.skin.layout import Layout, finger_positions
 from skills.catalogue import ADJUST, INSERT, SEARCH
-
-COLOURS = ("#bbbbbb", "#4477aa", "#66ccee", "#228833", "#ccbb44", "#ee6677", "#aa3377")
-"""Colours of stage 0 (none) and stages 1 to 6, which colour-blind readers can distinguish."""
 
 
 def plot_run(row: RunRow, samples: dict[str, Vector], path: Path, faults: Mapping[str, float]) -> None:

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from cell.commands.arguments import out_folder
-from cell.film.plots import COLOURS
+from cell.film.drawing import COLOURS
 from cell.lab import contact_rig as rig
 from cell.lab.charts import BLUE, GREEN, GREY, INK, RED, Curve, Panel, draw_panels
 from cell.lab.compare import config_of

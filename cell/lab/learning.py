@@ -12,7 +12,7 @@ import numpy as np
 from cell.commands.arguments import out_folder
 from cell.config.cell_config import CellConfig
 from cell.devices.assembly import assemble, choices, make_perception, opened
-from cell.film.plots import COLOURS
+from cell.film.drawing import COLOURS
 from cell.lab.arguments import seeds_of
 from cell.lab.charts import Curve, Panel, draw_panels
 from cell.lab.compare import config_of

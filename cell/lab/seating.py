@@ -12,7 +12,7 @@ from itertools import takewhile
 import numpy as np
 
 from cell.devices.assembly import Cell
-from cell.film.plots import COLOURS
+from cell.film.drawing import COLOURS
 from cell.lab.arguments import seeds_of
 from cell.lab.charts import INK, Curve, Panel, draw_panels
 from cell.lab.compare import chosen, compared, config_of, section

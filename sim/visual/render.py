@@ -2,7 +2,6 @@
 
 import os
 import sys
-from itertools import pairwise
 from typing import Any, Self
 
 import mujoco
@@ -94,9 +93,9 @@ class Camera:
 
 def draw_trail(scene: mujoco.MjvScene, trail: Vector) -> None:
     """Add the line through `trail`, shape (n, 3), m, to a scene; a NaN point interrupts it."""
-    for start, end in pairwise(trail):
-        if scene.ngeom >= scene.maxgeom or not (np.isfinite(start).all() and np.isfinite(end).all()):
-            continue
+    known = np.flatnonzero(np.isfinite(trail).all(axis=1))
+    for first in known[:-1][np.diff(known) == 1][: scene.maxgeom - scene.ngeom]:
+        start, end = trail[first : first + 2]
         geom = scene.geoms[scene.ngeom]
         mujoco.mjv_initGeom(geom, mujoco.mjtGeom.mjGEOM_LINE, np.zeros(3), np.zeros(3), np.eye(3).ravel(), TRAIL_COLOUR)
         mujoco.mjv_connector(geom, mujoco.mjtGeom.mjGEOM_LINE, TRAIL, start, end)
