@@ -1,15 +1,15 @@
 """The page shows events at once, keeps no memory of past runs, and costs the scan little; run with nothing beside."""
 
-import asyncio
 import gc
 import threading
 import time
+from contextlib import closing
 from dataclasses import replace
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
 import pytest
-from tornado.websocket import websocket_connect
 
 from cell.config.load import load
 from cell.config.parameters import PARAMETERS
@@ -27,10 +27,10 @@ from cell.run.supervisor import Supervisor
 from plc_bridge.bridge import Bridge
 from plc_bridge.protocol.messages import FIRST_PROGRAM, Command, Report, Result
 from skills.catalogue import CATALOGUE
+from tests.bench.watched import PAGES, open_pages, watched
 from tests.browser import PageView, browsing, patience
 from tests.serving import process
 
-PAGES = 2
 WARM, RUNS = 20, 60
 """Number of shown runs until buffers are full, and of those in which memory must not grow."""
 MOST_GROWTH = 3.0
@@ -38,9 +38,18 @@ MOST_GROWTH = 3.0
 EVENTS, MOST_LATENCY = 100, 0.2
 """Number of changes of state, and the largest p95 of the time from one to the screen, s."""
 MOST_REPLAY = 1.0
-"""Longest time from a tap on the run of a fault to its touch, path and curves, s."""
+"""Longest time from a tap on the run of a fault to its touch, path, curves and 3D view, drawn without a graphics processor, s."""
 SCANS, MOST_SHARE = 300, 0.15
 """Number of scans, 100 per second, and the largest share of one core that the page's thread takes for two pages."""
+TURNS, MOST_LATER = 3, 1.05
+"""Number of runs without pages and with them, and the largest ratio of the p99 of their times between scans."""
+VISITS = 5
+"""Number of times the replay is opened; the median counts."""
+DRAWN = """
+if (document.getElementById('scene-canvas')?.hidden !== false) return false;
+requestAnimationFrame(() => { window.drawn ??= performance.now(); });
+return window.drawn !== undefined;
+"""
 OBSERVE = """
 window.seen = [];
 new MutationObserver(() => requestAnimationFrame(() => window.seen.push(performance.timeOrigin + performance.now())))
@@ -158,7 +167,10 @@ def test_a_change_of_state_is_on_the_screen_within_a_fifth_of_a_second(stand, sh
 
 
 def test_a_fault_is_one_tap_and_less_than_a_second_from_its_replay(tmp_path):
-    with process(tmp_path, (), "--page", "127.0.0.1:0", lines=2) as (_, [_, (host, port)]), browsing() as browser:
+    with (
+        process(tmp_path, (), "--page", "127.0.0.1:0", lines=2) as (_, [_, (host, port)]),
+        browsing(has_webgl=True) as browser,
+    ):
         token = (tmp_path / "page-token").read_text(encoding="utf-8").strip()
         page = PageView(browser, f"http://{host}:{port}/#token={token}")
         page.until(lambda: page.is_enabled("start"))
@@ -167,8 +179,13 @@ def test_a_fault_is_one_tap_and_less_than_a_second_from_its_replay(tmp_path):
         page.click("css selector", "[data-cable=skin]")
         page.until_text("state", "Aborted")
         page.click("css selector", "#fault-run a")
-        page.until_text("time", "s")
-        assert page.script("return performance.now()") < 1e3 * MOST_REPLAY
+        took = []
+        for visit in range(VISITS):
+            if visit:
+                page.front().refresh()
+            page.until(lambda: page.script(DRAWN))
+            took.append(page.script("return window.drawn"))
+        assert np.median(took) < 1e3 * MOST_REPLAY, took
 
 
 def page_time():
@@ -177,26 +194,20 @@ def page_time():
     return int(Path(f"/proc/self/task/{thread.native_id}/schedstat").read_text().split()[0]) / 1e9
 
 
-async def watch(address, is_over):
-    """Read two pages until the end."""
-    pages = [await websocket_connect(f"ws://{address[0]}:{address[1]}/live") for _ in range(PAGES)]
-    while not is_over.is_set():
-        await asyncio.gather(*(page.read_message() for page in pages))
-    for page in pages:
-        page.close()
-
-
 def test_two_pages_take_a_small_share_of_the_processor(stand, looks):
-    is_over = threading.Event()
-    watcher = threading.Thread(target=lambda: asyncio.run(watch(stand.server.address, is_over)))
-    watcher.start()
-    stand.report(1, State.EXECUTE)
-    before = page_time()
-    for look in looks[:SCANS]:
-        stand.live.show(look)
-        threading.Event().wait(0.01)
-    share = (page_time() - before) / (0.01 * SCANS)
-    is_over.set()
-    stand.report(1, State.COMPLETE)
-    watcher.join()
+    with open_pages(stand.server.address):
+        stand.report(1, State.EXECUTE)
+        before = page_time()
+        for look in looks[:SCANS]:
+            stand.live.show(look)
+            threading.Event().wait(0.01)
+        share = (page_time() - before) / (0.01 * SCANS)
+        stand.report(1, State.COMPLETE)
     assert share < MOST_SHARE
+
+
+def test_no_scan_comes_later_because_two_pages_are_open(tmp_path):
+    with closing(watched(tmp_path, in_turns=True)) as watching:
+        runs = [run.intervals for run in islice(watching, 2 * TURNS)]
+    without, beside = (np.percentile(np.concatenate(runs[turn::2]), 99) for turn in range(2))
+    assert beside < MOST_LATER * without

@@ -1,0 +1,130 @@
+"""Insertions of a served cell with two pages open: times of its scans, and growth of its memory, threads and files.
+
+    python -m tests.bench.watched HOURS
+
+The pages are two connections that read all that an open page gets; what a tablet draws is not this computer's work.
+"""
+
+import asyncio
+import os
+import sys
+import threading
+import time
+from collections.abc import Generator, Iterator
+from contextlib import closing, contextmanager, nullcontext
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+from tornado.websocket import websocket_connect
+
+from cell.lab.faults.cases import INSERT, LONGEST
+from cell.records.samples import read_samples
+from drivers.quantities import Vector
+from plc_bridge.peer import Peer
+from plc_bridge.protocol.messages import Result
+from tests.serving import process
+
+PAGES = 2
+SETTLED = 0.25
+"""Share of the runs after which caches are filled and growth is measured."""
+DAY = 24.0
+
+
+@dataclass(frozen=True)
+class WatchedRun:
+    """One insertion of the served cell."""
+
+    hours: float
+    """Wall time since the first run, hours."""
+    intervals: Vector
+    """Time from each scan to the next, s."""
+    grown: tuple[float, int, int]
+    """Memory, MB, and number of threads and of open files of the cell's process after the run."""
+
+
+@contextmanager
+def open_pages(address: tuple[str, int]) -> Iterator[None]:
+    """Keep pages open that read everything they are sent."""
+    is_over = threading.Event()
+
+    async def watch() -> None:
+        pages = [await websocket_connect(f"ws://{address[0]}:{address[1]}/live") for _ in range(PAGES)]
+        while not is_over.is_set():
+            await asyncio.gather(*(page.read_message() for page in pages))
+        for page in pages:
+            page.close()
+            while await page.read_message() is not None:
+                pass
+
+    watcher = threading.Thread(target=lambda: asyncio.run(watch()))
+    watcher.start()
+    try:
+        yield
+    finally:
+        is_over.set()
+        watcher.join()
+
+
+def watched(folder: Path, in_turns: bool) -> Generator[WatchedRun, None, None]:
+    """Yield insertions of one cell without end; the first only fills its caches.
+
+    Args:
+        folder: Folder of its records.
+        in_turns: True to open the pages in every second run alone, first without; False to keep them open.
+    """
+    with (
+        process(folder, (), "--page", "127.0.0.1:0", lines=2) as (running, [modbus, page]),
+        closing(Peer(*modbus)) as peer,
+        nullcontext() if in_turns else open_pages(page),
+    ):
+        peer.connect()
+        peer.take()
+        peer.run(INSERT, timeout=LONGEST)
+        began, number = time.monotonic(), 0
+        while True:
+            with open_pages(page) if in_turns and number % 2 else nullcontext():
+                report = peer.run(INSERT, timeout=LONGEST)
+            if report.result not in (Result.SUCCESS, Result.FAILURE):
+                raise RuntimeError(f"run {report.run}: {Result(report.result).name}, fault {report.fault}")
+            stamps = _recorded(folder, report.run)
+            yield WatchedRun((time.monotonic() - began) / 3600.0, np.diff(stamps), _grown(running.pid))
+            number += 1
+
+
+def _recorded(folder: Path, run: int) -> Vector:
+    """Return the times of a run's scans, s, once the file does not grow any more."""
+    stamps, before = np.zeros(0), -1
+    while stamps.size != before:
+        before = stamps.size
+        time.sleep(0.5)
+        stamps = read_samples(folder / f"run-{run:06d}.arrows")["stamp"]
+    return stamps
+
+
+def _grown(pid: int) -> tuple[float, int, int]:
+    at = Path(f"/proc/{pid}")
+    pages = int((at / "statm").read_text().split()[1])
+    return pages * os.sysconf("SC_PAGESIZE") / 1e6, len(os.listdir(at / "task")), len(os.listdir(at / "fd"))
+
+
+def main() -> None:
+    """Serve for some hours and print what grew."""
+    hours, runs = float(sys.argv[1]), list[WatchedRun]()
+    with TemporaryDirectory() as folder, closing(watched(Path(folder), in_turns=False)) as watching:
+        for run in watching:
+            runs.append(run)
+            if run.hours >= hours:
+                break
+    kept = runs[int(SETTLED * len(runs)) :]
+    slopes = np.polyfit([run.hours for run in kept], [run.grown for run in kept], 1)[0] * DAY
+    p99 = 1e3 * np.percentile(np.concatenate([run.intervals for run in runs]), 99)
+    print(
+        f"{runs[-1].hours:.2f} h, {len(runs)} insertions, {PAGES} pages open; p99 of the scan's interval {p99:.1f} ms"
+    )
+    print(f"growth in a day: {slopes[0]:+.1f} MB, {slopes[1]:+.1f} threads, {slopes[2]:+.1f} files")
+
+
+if __name__ == "__main__":
+    main()
