@@ -27,7 +27,7 @@ from cell.run.supervisor import Supervisor
 from plc_bridge.bridge import Bridge
 from plc_bridge.protocol.messages import FIRST_PROGRAM, Command, Report, Result
 from skills.catalogue import CATALOGUE
-from tests.bench.watched import PAGES, open_pages, watched
+from tests.bench.watched import PAGES, open_pages, p99, watched
 from tests.browser import PageView, browsing, patience
 from tests.serving import process
 
@@ -208,6 +208,5 @@ def test_two_pages_take_a_small_share_of_the_processor(stand, looks):
 
 def test_no_scan_comes_later_because_two_pages_are_open(tmp_path):
     with closing(watched(tmp_path, in_turns=True)) as watching:
-        runs = [run.intervals for run in islice(watching, 2 * TURNS)]
-    without, beside = (np.percentile(np.concatenate(runs[turn::2]), 99) for turn in range(2))
-    assert beside < MOST_LATER * without
+        runs = list(islice(watching, 2 * TURNS))
+    assert p99(tmp_path, runs[1::2]) < MOST_LATER * p99(tmp_path, runs[::2])

@@ -10,7 +10,7 @@ import os
 import sys
 import threading
 import time
-from collections.abc import Generator, Iterator
+from collections.abc import Generator, Iterator, Sequence
 from contextlib import closing, contextmanager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,7 +21,6 @@ from tornado.websocket import websocket_connect
 
 from cell.lab.faults.cases import INSERT, LONGEST
 from cell.records.samples import read_samples
-from drivers.quantities import Vector
 from plc_bridge.peer import Peer
 from plc_bridge.protocol.messages import Result
 from tests.serving import process
@@ -38,8 +37,7 @@ class WatchedRun:
 
     hours: float
     """Wall time since the first run, hours."""
-    intervals: Vector
-    """Time from each scan to the next, s."""
+    run: int
     grown: tuple[float, int, int]
     """Memory, MB, and number of threads and of open files of the cell's process after the run."""
 
@@ -88,19 +86,14 @@ def watched(folder: Path, in_turns: bool) -> Generator[WatchedRun, None, None]:
                 report = peer.run(INSERT, timeout=LONGEST)
             if report.result not in (Result.SUCCESS, Result.FAILURE):
                 raise RuntimeError(f"run {report.run}: {Result(report.result).name}, fault {report.fault}")
-            stamps = _recorded(folder, report.run)
-            yield WatchedRun((time.monotonic() - began) / 3600.0, np.diff(stamps), _grown(running.pid))
+            yield WatchedRun((time.monotonic() - began) / 3600.0, report.run, _grown(running.pid))
             number += 1
 
 
-def _recorded(folder: Path, run: int) -> Vector:
-    """Return the times of a run's scans, s, once the file does not grow any more."""
-    stamps, before = np.zeros(0), -1
-    while stamps.size != before:
-        before = stamps.size
-        time.sleep(0.5)
-        stamps = read_samples(folder / f"run-{run:06d}.arrows")["stamp"]
-    return stamps
+def p99(folder: Path, runs: Sequence[WatchedRun]) -> float:
+    """Return the 99th percentile of the time from one recorded scan of these runs to the next, s."""
+    stamps = [read_samples(folder / f"run-{run.run:06d}.arrows")["stamp"] for run in runs]
+    return float(np.percentile(np.concatenate([np.diff(each) for each in stamps]), 99))
 
 
 def _grown(pid: int) -> tuple[float, int, int]:
@@ -117,11 +110,11 @@ def main() -> None:
             runs.append(run)
             if run.hours >= hours:
                 break
+        interval = 1e3 * p99(Path(folder), runs)
     kept = runs[int(SETTLED * len(runs)) :]
     slopes = np.polyfit([run.hours for run in kept], [run.grown for run in kept], 1)[0] * DAY
-    p99 = 1e3 * np.percentile(np.concatenate([run.intervals for run in runs]), 99)
     print(
-        f"{runs[-1].hours:.2f} h, {len(runs)} insertions, {PAGES} pages open; p99 of the scan's interval {p99:.1f} ms"
+        f"{runs[-1].hours:.2f} h, {len(runs)} insertions, {PAGES} pages open; p99 of the scan's interval {interval:.1f} ms"
     )
     print(f"growth in a day: {slopes[0]:+.1f} MB, {slopes[1]:+.1f} threads, {slopes[2]:+.1f} files")
 
