@@ -29,7 +29,9 @@ FORMATS = {
     ".mp4": FilmFormat(
         "libx264", 25, (1280, 720), {"preset": "veryfast"}, {}
     ),  # H.264: every browser and tablet plays it
-    ".webp": FilmFormat("libwebp_anim", 10, (800, 450), {"quality": "60"}, {"loop": "0"}),  # endless
+    ".webp": FilmFormat(
+        "libwebp_anim", 10, (800, 450), {"quality": "80", "compression_level": "6"}, {"loop": "0"}
+    ),  # endless
 }
 """Format by the file's suffix."""
 
