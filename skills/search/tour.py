@@ -14,6 +14,10 @@ from skills.paths import TURN_TIME
 
 GATE = 3.0
 """Number of standard deviations about the likely place that are searched first."""
+RUN_UP = 0.015
+"""Length of the first stroke before the likely place, m, if the area is long enough: on it the search learns the plate's plane.
+Source: docs/tried/search.md.
+"""
 
 _BEGAN = attrgetter("began")
 
@@ -151,7 +155,7 @@ def first_look(likely: Likely, middle: Point, rows: Rows, width: float, outside:
         place = across + rows.pitch * ((n + 1) // 2) * (1.0 if n % 2 else -1.0)
         if abs(place) <= rows.half[1 - rows.fast]:
             before = width / 2 if strokes else outside
-            begin = way * max(way * along - reach - before, -edge - before)
+            begin = way * max(way * along - reach - before - (0.0 if strokes else RUN_UP), -edge - before)
             end = way * min(way * along + reach + width / 2, edge)
             strokes.append((rows.place(begin, place), rows.place(end, place)))
             way = -way
