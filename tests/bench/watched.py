@@ -17,6 +17,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
+from rich.console import Console
 from tornado.websocket import websocket_connect
 
 from cell.lab.faults.cases import INSERT, LONGEST
@@ -99,7 +100,7 @@ def p99(folder: Path, runs: Sequence[WatchedRun]) -> float:
 def _grown(pid: int) -> tuple[float, int, int]:
     at = Path(f"/proc/{pid}")
     pages = int((at / "statm").read_text().split()[1])
-    return pages * os.sysconf("SC_PAGESIZE") / 1e6, len(os.listdir(at / "task")), len(os.listdir(at / "fd"))
+    return pages * os.sysconf("SC_PAGESIZE") / 1e6, len(list((at / "task").iterdir())), len(list((at / "fd").iterdir()))
 
 
 def main() -> None:
@@ -113,10 +114,11 @@ def main() -> None:
         interval = 1e3 * p99(Path(folder), runs)
     kept = runs[int(SETTLED * len(runs)) :]
     slopes = np.polyfit([run.hours for run in kept], [run.grown for run in kept], 1)[0] * DAY
-    print(
-        f"{runs[-1].hours:.2f} h, {len(runs)} insertions, {PAGES} pages open; p99 of the scan's interval {interval:.1f} ms"
+    console = Console(soft_wrap=True)
+    console.print(
+        f"{runs[-1].hours:.2f} h, {len(runs)} insertions, {PAGES} pages; p99 of the scan's interval {interval:.1f} ms"
     )
-    print(f"growth in a day: {slopes[0]:+.1f} MB, {slopes[1]:+.1f} threads, {slopes[2]:+.1f} files")
+    console.print(f"growth in a day: {slopes[0]:+.1f} MB, {slopes[1]:+.1f} threads, {slopes[2]:+.1f} files")
 
 
 if __name__ == "__main__":
