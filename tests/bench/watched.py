@@ -118,6 +118,8 @@ def main() -> None:
     console.print(
         f"{runs[-1].hours:.2f} h, {len(runs)} insertions, {PAGES} pages; p99 of the scan's interval {interval:.1f} ms"
     )
+    course = [f"{run.grown[0]:.1f}" for run in runs[:: max(len(runs) // 8, 1)]]
+    console.print(f"memory in equal steps, MB: {', '.join(course)}")
     console.print(f"growth in a day: {slopes[0]:+.1f} MB, {slopes[1]:+.1f} threads, {slopes[2]:+.1f} files")
 
 

@@ -99,7 +99,9 @@ def test_ci_runs_the_readmes_second_command_then_faults_then_speed():
     assert demo.endswith(".venv/bin/cell demo")
     run = [line for line in (ROOT / ".ci" / "run").read_text(encoding="utf-8").splitlines() if not line.startswith("#")]
     at = run.index(tests)
-    assert (run[at - 1], run[at + 1]) == ("(", ")"), "outside a subshell, bash's -e ignores a command that fails before &&"
+    assert (run[at - 1], run[at + 1]) == ("(", ")"), (
+        "outside a subshell, bash's -e ignores a command that fails before &&"
+    )
     assert [line for line in run if line][-2:] == [
         ".venv/bin/cell study faults --quick --seed 142001 --out build/faults",
         ".venv/bin/python -m pytest tests/bench",
