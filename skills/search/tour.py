@@ -154,8 +154,8 @@ def first_look(likely: Likely, middle: Point, rows: Rows, width: float, outside:
     for n in range(2 * beside(likely, rows) + 1):
         place = across + rows.pitch * ((n + 1) // 2) * (1.0 if n % 2 else -1.0)
         if abs(place) <= rows.half[1 - rows.fast]:
-            before = width / 2 if strokes else outside
-            begin = way * max(way * along - reach - before - (0.0 if strokes else RUN_UP), -edge - before)
+            before, run_up = (width / 2, 0.0) if strokes else (outside, RUN_UP)
+            begin = way * max(way * along - reach - before - run_up, -edge - before)
             end = way * min(way * along + reach + width / 2, edge)
             strokes.append((rows.place(begin, place), rows.place(end, place)))
             way = -way
