@@ -15,7 +15,7 @@ from skills.paths import TURN_TIME
 GATE = 3.0
 """Number of standard deviations about the likely place that are searched first."""
 RUN_UP = 0.015
-"""Length of the first stroke before the likely place, m, if the area is long enough: on it the search learns the plate's plane.
+"""Additional length of the first stroke before the likely place, m, if the area has room: there the search learns the plate's plane.
 Source: docs/tried/search.md.
 """
 
