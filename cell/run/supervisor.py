@@ -1,5 +1,6 @@
 """The scan loop: poll the line, run the requested program, publish the report. One thread owns every device."""
 
+import gc
 import logging
 import math
 import os
@@ -321,6 +322,8 @@ class Supervisor:
             # Sequence 0 is valid too: the counter wraps.
             desk.report = replace(desk.report, result=Result.FAULT)
         desk.events.run = 0
+        desk.publish()
+        gc.collect()  # the cycles of a run are freed behind its answer, and seldom within a scan of the next
 
     def _config_of(self, command: Command, entry: Entry) -> CellConfig | Refusal:
         """Return the config requested by a command, or the reason why the program must not run."""
