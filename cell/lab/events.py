@@ -1,6 +1,6 @@
 """False and true hole events: how often a search stops on a plate without a hole, and how soon it detects a drop.
 
-A search slides over the plate without a stop, while its detector, the dip of the tip, runs. Up to its first event, a
+A search slides over the plate without a stop, while its detector runs. Up to its first event, a
 search that obeys the detector follows the same path. Seeds with a dip on a plate without a hole run again with stops,
 to measure the result of the judgement at rest.
 """
@@ -9,6 +9,8 @@ import argparse
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -28,9 +30,8 @@ from skills.catalogue import GRASP, SEARCH
 from skills.contract import Observation, Outcome, Request, SkillContext
 from skills.flow import run_stage
 from skills.search import spray_search
-from skills.search.feel import FAINT
+from skills.search.feel import EdgeEvidence
 from skills.search.spray_search import SpraySearchResult
-from skills.search.surface import Plane, SurfaceEstimate
 
 WINDOW = 1.0
 """Time after the start of a drop in which an event is its detection, s."""
@@ -69,7 +70,7 @@ class _Watch:
         self.is_done, self.has_fallen, self.began_in_hole = False, False, False
         self.slid = 0.0
         self.falsely = self.delay = math.nan
-        self._cell, self._has_hole, self._limit = cell, has_hole, cell.config.params(SEARCH).dip_threshold
+        self._cell, self._has_hole = cell, has_hole
         self._start: float | None = None
         self._over: float | None = None
         self._deepest = 0.0
@@ -86,8 +87,8 @@ class _Watch:
             assert self.seen is not None
             self._start = self.seen.stamp
 
-    def height(self, below: float) -> None:
-        """Record the larger of dip and drop of one scan; the last call of a scan."""
+    def note(self, is_edge: bool) -> None:
+        """Record whether there is evidence of an edge in this scan; the first call of a scan."""
         assert self.seen is not None
         if self._start is None:
             return
@@ -96,9 +97,9 @@ class _Watch:
             self._compare(self._start)
         if self._over is None:
             self.slid = now - self._start
-            if below > self._limit and math.isnan(self.falsely):
+            if is_edge and math.isnan(self.falsely):
                 self.falsely = self.slid
-        elif below > self._limit and math.isnan(self.delay):
+        elif is_edge and math.isnan(self.delay):
             self.delay = now - self._over
 
     def _compare(self, start: float) -> None:
@@ -123,33 +124,21 @@ class _Watch:
             self._over = None
 
 
-class _StillSurface(SurfaceEstimate):
-    """Surface estimate that reports every dip to the watch and none to the search."""
+class _Unheeded(EdgeEvidence):
+    """Evidence that is reported to the watch and not to the search."""
 
-    def __init__(self, watch: _Watch) -> None:
-        super().__init__()
-        self._watch, self._learnt, self._fallen = watch, SurfaceEstimate(), -math.inf
+    def __init__(self, watch: _Watch, *arguments: Any) -> None:
+        super().__init__(*arguments)
+        self._watch = watch
+
+    def update(self, seen: Observation, edge: Vector, is_likely: bool = False) -> tuple[float, bool]:
+        _, is_edge = super().update(seen, edge, is_likely)
+        self._watch.note(is_edge)
+        return 0.0, False
 
     def learn(self, edge: Vector) -> None:
         self._watch.slide()
-        self._learnt.learn(edge)
-
-    def below(self, edge: Vector) -> tuple[float, float]:
-        dip, deviation = self._learnt.below(edge)
-        self._watch.height(max(dip - deviation, self._fallen))
-        self._fallen = -math.inf
-        return dip, dip  # never evidence of an edge by itself
-
-    @property
-    def knows_slopes(self) -> bool:
-        return self._learnt.knows_slopes
-
-    def fallen(self, before: Vector, edge: Vector) -> float:
-        self._fallen = max(self._fallen, self._learnt.fallen(before, edge) / FAINT)
-        return 0.0
-
-    def plane(self, near: Vector) -> Plane:
-        return self._learnt.plane(near)
+        super().learn(edge)
 
 
 def watch(config: CellConfig, has_hole: bool, seed: int) -> HoleEventRow:
@@ -158,7 +147,12 @@ def watch(config: CellConfig, has_hole: bool, seed: int) -> HoleEventRow:
     params = cell.config.params(SEARCH)
     seer = _Watch(cell, has_hole)
     with opened(cell):
-        _search(cell, cell.context(seed), lambda ctx: spray_search.run(params, ctx, _StillSurface(seer)), seer)
+        _search(
+            cell,
+            cell.context(seed),
+            lambda ctx: spray_search.run(params, ctx, make_evidence=partial(_Unheeded, seer)),
+            seer,
+        )
     fell = seer.has_fallen and not seer.began_in_hole
     late = fell and math.isnan(seer.falsely)
     row = HoleEventRow(

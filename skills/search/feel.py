@@ -1,4 +1,4 @@
-"""Contact evidence of a search by the height of the plate, and the push, which slips in the hand reduce."""
+"""Contact evidence of a search by the height of the plate and the push that it bears; and that push, which slips in the hand reduce."""
 
 from collections import deque
 from dataclasses import dataclass
@@ -22,21 +22,18 @@ SUDDEN = 0.08
 """Time within which the hand drops with a peg that falls into the hole, s: it is caught after 0.02 to 0.05 s. Source: chosen, not measured."""
 
 
-FALLING = 0.05
-"""Longest time of a fall of the peg by the dip threshold, s; it takes 0.02 to 0.04 s. Source: measured by `cell study limits`."""
-
-
 SHARED = 0.5
-"""Least drop of the hand with a dip or a sudden fall, and least depth of a suddenly fallen peg's end below the plane, share of the dip threshold.
-A dip that stands still after a rest without a hole, or a new angle of the peg, moves the tip and not the hand. Source: docs/tried/search.md."""
+"""Least drop of the hand with a dip, share of the dip threshold. A dip that stands still after a rest without a hole, or a new angle of the
+peg, moves the tip and not the hand. Source: docs/tried/search.md."""
 
 
-FAINT = 0.6
-"""Least sudden fall of peg and hand that is evidence of an edge, share of the dip threshold. Source: docs/tried/search.md."""
-
-
-WARIER = 1.5
-"""Factor on the threshold of a sudden fall after each rest that finds no hole: if pegs hop, such rests cost more time than they save. Source: docs/tried/search.md."""
+BORNE = 0.2
+"""Time in which a lost push is lost against what the plate bore before, s. Source: docs/tried/search.md."""
+NEWEST = 0.04
+"""Time over which the push that is left is averaged, s: the estimate of the wrench is noisy. Source: docs/tried/search.md."""
+SOFTNESS = 1.1e-4
+"""Travel of the peg in the pads for each newton of push that the plate no longer bears, m/N: pads of 9 kN/m. They lower the peg into the hole before
+the hand has fallen after it. Source: docs/tried/search.md."""
 
 
 LIKELY = 0.5
@@ -95,16 +92,15 @@ def excess_of(height: float, axis: Vector, bound: float, has_touched: bool = Fal
 
 
 class EdgeEvidence:
-    """Watches the height of the plate for evidence of an edge; one object serves one search."""
+    """Watches the height of the plate, and what it bears, for evidence of an edge; one object serves one search."""
 
     def __init__(self, params: SpraySearchParams, surface: SurfaceEstimate, scan_period: float) -> None:
         """Take the surface estimate and the scan's period, s."""
         self._params, self._surface = params, surface
         self._late = deque[Vector](maxlen=max(round(LATE / scan_period), 1))
         self._heights = deque[float](maxlen=max(round(SUDDEN / scan_period), 1))
-        self._passed = deque[tuple[Vector, float]](maxlen=max(round(FALLING / scan_period), 1))
-        self._faint = FAINT * params.dip_threshold
-        """Sudden fall of the peg that is evidence of an edge, m."""
+        self._forces = deque[float](maxlen=round(BORNE / scan_period))
+        self._newest = round(NEWEST / scan_period)
 
     def update(self, seen: Observation, edge: Vector, is_likely: bool = False) -> tuple[float, bool]:
         """Return the depth of the peg's lowest point `edge` below the surface estimate, m, and whether there is
@@ -120,9 +116,10 @@ class EdgeEvidence:
         threshold = self._params.dip_threshold * (LIKELY if halved else 1.0)
         height = float(seen.arm.tcp.position[2])
         dip, deviation = self._surface.below(edge)
-        below, has_fallen = dip - deviation, self._fallen(edge, dip, height) > self._faint
-        has_dropped = self._drop(height) >= SHARED * threshold
-        return below, (below > threshold or has_fallen) and has_dropped
+        below = dip - deviation
+        # The peg in soft pads is deeper than the height of the hand alone would have it: z = z_hand + (F_before - F) / k.
+        lowered = SOFTNESS * self._unloaded(float(seen.arm.wrench.force[2]))
+        return below, self._drop(height) >= SHARED * threshold and below + lowered > threshold
 
     def learn(self, edge: Vector) -> None:
         """Take a scan without an edge; the surface estimate is updated by one that is `LATE` back."""
@@ -130,29 +127,20 @@ class EdgeEvidence:
             self._surface.learn(self._late.popleft())
         self._late.append(edge)
 
-    def doubt(self) -> None:
-        """Record a stop that found no hole: sudden falls must be larger from now on."""
-        self._faint *= WARIER
-
     def restart(self) -> None:
         """Forget the heights of the motion before; the peg has begun to move in another way."""
         self._late.clear()
         self._heights.clear()
-        self._passed.clear()
+        self._forces.clear()
 
-    def _fallen(self, edge: Vector, dip: float, height: float) -> float:
-        """Take the peg's lowest point in a pass, its depth below the plane and the height of the hand, m, and return the fall of the
-        peg within `FALLING`, m.
-
-        The hand drops with a falling peg, but not if a frame changes the angle. The peg must end below the plane, which excludes hops on a
-        rough plate.
-        """
-        fallen, least = 0.0, SHARED * self._params.dip_threshold
-        if dip > least:
-            earlier = (before for before, above in self._passed if above - height >= least)
-            fallen = max((self._surface.fallen(before, edge) for before in earlier), default=0.0)
-        self._passed.append((edge, height))
-        return fallen
+    def _unloaded(self, force: float) -> float:
+        """Take the force along z, N, and return by how much less the plate bears than just before, N; 0 after less than `BORNE` of sliding."""
+        forces = self._forces
+        forces.append(force)
+        if len(forces) < (forces.maxlen or 0):
+            return 0.0
+        newest, count = sum(list(forces)[-self._newest :]), len(forces) - self._newest
+        return (sum(forces) - newest) / count - newest / self._newest
 
     def _drop(self, height: float) -> float:
         """Take the height of the hand, m, and return by how much it has dropped within `SUDDEN`, m."""

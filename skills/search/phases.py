@@ -17,7 +17,7 @@ from skills.search.course import Course
 from skills.search.params import SpraySearchParams
 
 GONE = 0.5
-"""Share of the dip threshold below which a dip has gone, fraction. Source: docs/tried/search.md."""
+"""Share of the dip threshold below which the dip of a corner has gone, fraction. Source: docs/tried/search.md."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -61,10 +61,8 @@ class Felt:
     """Whether the plate has borne the push for a while."""
     is_edge: bool
     """Whether there is contact evidence of an edge."""
-    is_likely: bool = False
-    """Whether the peg comes by where the hole is likely."""
-    is_held: bool = False
-    """Whether that evidence is a lag of the tip behind its setpoint."""
+    velocity: Vector
+    """Velocity of the course, shape (2,), m/s, base frame; 0 where it stops."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -103,21 +101,10 @@ class Resting:
     place: Vector
     """Place of the evidence, shape (2,), m, base frame."""
     tcp: Pose
-    """Pose of the hand when it was stopped, T_base_tcp; the hand and not the tip is held, because the fall turns the
-    peg in the hand.
-    """
+    """Pose to which the hand is held, T_base_tcp; the hand and not the tip is held, because the fall turns the peg in the hand."""
     stopped: float
     """Time at which the hand was stopped, as a stamp, s."""
     was_probed: bool = False
-    was_held: bool = False
-    """Whether the tip lagged behind its setpoint."""
-
-    def is_gone(self, felt: Felt, params: SpraySearchParams) -> bool:
-        """Return whether a dip has gone at rest: the peg had turned in the hand, and the skin measures that later than the arm.
-
-        A probe would turn the peg further. Where the hole is likely it costs less than the whole area, which follows on a hole that was missed.
-        """
-        return not self.was_held and not felt.is_likely and felt.below < GONE * params.dip_threshold
 
     def is_over(self, felt: Felt, params: SpraySearchParams) -> bool:
         """Return whether the tip's depth is known well enough to be judged."""
@@ -145,20 +132,34 @@ def next_phase(phase: Phase, felt: Felt, params: SpraySearchParams, course: Cour
     if isinstance(phase, ComingDown):
         return _touched(phase, felt, params, course)
     if isinstance(phase, Sliding):
-        return Resting(felt.tip[:2], felt.tcp, felt.stamp, was_held=felt.is_held) if felt.is_edge else phase
+        return stopped(felt, params) if felt.is_edge else phase
     if isinstance(phase, Probing):
         return _probed(phase, felt, params, course, point)
     return phase
 
 
 def after_rest(phase: Resting, felt: Felt, params: SpraySearchParams, course: Course, point: Vector) -> Phase:
-    """Return the phase where the resting tip was not deep enough: probe the place once, then slide on."""
-    is_probed = not phase.was_probed and not phase.is_gone(felt, params)
-    goal = phase.place if is_probed else course.middle + point
+    """Return the phase where the resting tip was not deep enough: probe the place once, then slide on.
+
+    An error of theta looks like a dip of a corner until it is measured at rest; a probe would turn the peg further.
+    """
+    is_gone = params.lag is not None and felt.below < GONE * params.dip_threshold
+    is_done = phase.was_probed or is_gone
+    goal = course.middle + point if is_done else phase.place
     closing = felt.tcp.rotation[:, 2]
     hand_axis = rotation_about(closing, -felt.turned) @ felt.axis
     detour = Detour(felt.elapsed, felt.tip[:2] - goal, hand_axis, closing)
-    return Probing(detour, phase.place, felt.below) if is_probed else Sliding(detour)
+    return Sliding(detour) if is_done else Probing(detour, phase.place, felt.below)
+
+
+def stopped(felt: Felt, params: SpraySearchParams) -> Resting:
+    """Rest where there is evidence of an edge, led back by as far as joints and plate let the hand be led without moving the tip.
+
+    A peg that falls while it slides is beyond the middle of the hole by about half of that when it is caught, and leans on the rim there.
+    """
+    back = params.probe_radius * felt.velocity / max(math.hypot(*felt.velocity), 1e-9)
+    hand = Pose(felt.tcp.position - np.array([*back, 0.0]), felt.tcp.rotation)
+    return Resting(felt.tip[:2] - back / 2.0, hand, felt.stamp)
 
 
 def _touched(phase: ComingDown, felt: Felt, params: SpraySearchParams, course: Course) -> Phase:

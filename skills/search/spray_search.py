@@ -1,6 +1,7 @@
 """Cover the area that contains the hole the way a spray gun does until the peg's edge falls in: [gibbons], Sec. IV."""
 
 import logging
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from drivers.frames import UP
@@ -48,16 +49,16 @@ class SpraySearchResult(SkillResult):
 def run(
     params: SpraySearchParams,
     ctx: SkillContext,
-    surface: SurfaceEstimate | None = None,
     belief: Belief = ANYWHERE,
+    make_evidence: Callable[[SpraySearchParams, SurfaceEstimate, float], EdgeEvidence] = EdgeEvidence,
 ) -> SpraySearchResult:
     """Search the area from a random corner or point of it until the peg's edge falls into the hole.
 
     Args:
         params: Parameters of the search.
         ctx: The skill's context.
-        surface: Estimate of the plate's surface to start from; None starts from one that knows nothing.
         belief: Likely place of the hole, which is searched first, and what earlier attempts have not searched yet.
+        make_evidence: Makes what watches for the edge.
 
     Returns:
         Where the tip fell in, or why the search ended without a fall.
@@ -66,7 +67,7 @@ def run(
     start = (course.first[0], course.first[1])
     if (stuck := approach(_above(course), params.transfer, params.pull, ctx)) is not None:
         return SpraySearchResult(Outcome.FAILURE, Reason.NOT_SEATED, LONGEST, _point(stuck), start, 0, None)
-    evidence = EdgeEvidence(params, surface or SurfaceEstimate(), ctx.schedule.period)
+    evidence = make_evidence(params, SurfaceEstimate(), ctx.schedule.period)
     sweep, spent = SearchSweep(params, ctx, course, evidence), 0.0
     found, spent = _slide(params, ctx, sweep, spent)
     while found is None and spent < params.timeout:

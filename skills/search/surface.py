@@ -96,16 +96,6 @@ class SurfaceEstimate:
         """True if enough scans have determined the slopes; until then the plane counts as level."""
         return self._scans >= self.MEMORY / 2
 
-    def fallen(self, before: Vector, edge: Vector) -> float:
-        """Return the descent from the point `before` to the point `edge` minus that of the slopes and one standard deviation, m.
-
-        The height of the plane cancels, so the result is valid even with few samples of the plane. Points have the shape (3,),
-        m, base frame.
-        """
-        # w = [0, dx, dy]: z_before + w·values - z_edge - sqrt(w^T P w)
-        way = np.array([0.0, edge[0] - before[0], edge[1] - before[1]])
-        return float(before[2] + way @ self._values - edge[2]) - math.sqrt(float(way @ self._covariance @ way))
-
     def plane(self, near: Vector) -> Plane:
         """Return the plane at `near`, shape (2,) or more, m, base frame; level during the first `MEMORY` / 2 scans."""
         slopes = np.clip(self._values[1:3], -3.0 * self.SLOPE, 3.0 * self.SLOPE)

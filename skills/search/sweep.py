@@ -94,7 +94,6 @@ class SearchSweep:
                 return True
             if self._is_stuck(felt):
                 self._pass_over()
-            self._evidence.doubt()
             self._enter(after_rest(self._phase, felt, params, course, self._point))
         return False
 
@@ -254,8 +253,7 @@ class SearchSweep:
             below=below,
             is_pressed=self._bearing.after(float(seen.arm.wrench.force[2]), push),
             is_edge=is_edge or is_held,
-            is_likely=is_likely,
-            is_held=is_held,
+            velocity=self._velocity,
         )
 
     def _way(self, phase: ComingDown | Sliding | Probing, seen: Observation, back: float) -> tuple[Vector, Vector]:

@@ -17,6 +17,10 @@ def _not_probed(real: Any, phase: Any, felt: Any, params: Any, course: Any, poin
     return real(replace(phase, was_probed=True), felt, params, course, point)
 
 
+def _in_place(real: Any, felt: Any, params: Any) -> Any:
+    return real(replace(felt, velocity=felt.velocity * 0.0), params)
+
+
 def _same_lanes(real: Any, lanes: Any, lane: Any) -> Any:
     return (lanes.lanes - 1) / 2.0 - lane % lanes.lanes
 
@@ -59,6 +63,7 @@ OFF: Mapping[str, Function] = {
     "bears": lambda real, grip, tilt, dip: grip.bears,
     "best": lambda real, estimator, values, best: (best.found, best.weights),
     "not_probed": _not_probed,
+    "in_place": _in_place,
     "same_lanes": _same_lanes,
     "along_normal": _along_normal,
     "usual": _usual,
@@ -69,7 +74,7 @@ OFF: Mapping[str, Function] = {
 """Replacements by name."""
 ACTS: Mapping[str, Function] = {
     "called": lambda *_: True,
-    "sudden": lambda result, evidence, *_: result[1] and result[0] <= evidence._params.dip_threshold,
+    "unloaded": lambda result, evidence, *_: result[1] and result[0] <= evidence._params.dip_threshold,
     "near_a_place": lambda result, evidence, seen, edge, is_likely=False: (
         is_likely and result[0] > 0.5 * evidence._params.dip_threshold
     ),

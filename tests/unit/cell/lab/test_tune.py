@@ -80,8 +80,8 @@ def test_whole_numbers_are_the_presets(place, style):
 
 def test_between_two_presets_every_figure_lies_between_theirs():
     sets = Space(None, []).sets({"search": 1.5, "insert": 1.0, "adjust": 0.5})
-    shipped, fast = (load(None, style).cell.search.speed for style in ("balanced", "fast"))
-    assert f"search.speed={(shipped + fast) / 2:g}" in sets
+    shipped, fast = (load(None, style).cell.search.descent for style in ("balanced", "fast"))
+    assert f"search.descent={(shipped + fast) / 2:g}" in sets
     assert "search.margin=[0.0015, 0.0005]" in sets
     assert not any(text.startswith("insert.") for text in sets)
 

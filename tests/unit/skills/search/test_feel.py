@@ -23,10 +23,13 @@ PARAMS = CONFIG.params(SEARCH)
 PERIOD, SPEED, RUN_UP = 0.01, 0.14, 0.15
 
 
-def blind(height: float = 0.0) -> SimpleNamespace:
-    """Return an observation without a frame, of a hand at this height, m: heights alone are asked."""
-    tcp = SimpleNamespace(position=np.array([0.0, 0.0, height]))
-    return SimpleNamespace(is_new_frame=False, arm=SimpleNamespace(tcp=tcp))
+def blind(height: float = 0.0, force: float = 6.0) -> SimpleNamespace:
+    """Return an observation without a frame, of a hand at this height, m, that bears down with this force, N."""
+    tcp, wrench = (
+        SimpleNamespace(position=np.array([0.0, 0.0, height])),
+        SimpleNamespace(force=np.array([0.0, 0.0, force])),
+    )
+    return SimpleNamespace(is_new_frame=False, arm=SimpleNamespace(tcp=tcp, wrench=wrench))
 
 
 DIP = PARAMS.dip_threshold
@@ -36,31 +39,31 @@ DIP = PARAMS.dip_threshold
     ("dip", "scans", "how", "is_edge"),
     [
         (5e-4, 15, {"is_likely": True}, True),
-        (5e-4, 8, {}, True),
-        (5e-4, 15, {}, True),
-        (5e-4, 30, {}, True),
+        (5e-4, 15, {}, False),
+        (5e-4, 20, {"unloaded": 3.0}, True),
+        (5e-4, 60, {"unloaded": 3.0}, True),
         (0.9 * DIP, 15, {"with_hand": 0.2}, False),
         (0.9 * DIP, 300, {"with_hand": 0.2}, False),
-        (0.75 * DIP, 300, {}, True),
-        (0.75 * DIP, 300, {"lasting": 20}, False),
-        (0.95 * DIP, 300, {"in_vain": 1}, True),
-        (0.95 * DIP, 300, {"in_vain": 2}, False),
-        (1.5 * DIP, 300, {"in_vain": 9}, True),
+        (0.75 * DIP, 300, {}, False),
+        (0.75 * DIP, 300, {"unloaded": 1.5}, True),
+        (0.75 * DIP, 8, {"unloaded": 1.5}, False),
+        (1.5 * DIP, 300, {"unloaded": -2.0}, False),
+        (0.0, 300, {"unloaded": 6.0}, False),
         (0.0, 90, {"slope": 0.035}, False),
         (0.0, 60, {"is_likely": True}, False),
     ],
     ids=[
         "shallow after the run-up where the hole is likely",
-        "on the first lane",
+        "on the first lane while nothing is known of its slope",
+        "on the first lane with the push that is lost",
         "later on the first lane",
-        "much later on the first lane",
         "early without the hand",
         "without the hand",
-        "sudden and less than the threshold",
-        "as deep but slow",
-        "sudden after one stop without a hole",
-        "sudden after two stops without a hole",
-        "whole dip after many stops without a hole",
+        "less than the threshold",
+        "less than the threshold and less push borne",
+        "the same before it is known what the plate bears",
+        "more than the threshold and more push borne",
+        "less push borne at one height",
         "plate that leans by two degrees",
         "level plate where the hole is likely",
     ],
@@ -69,19 +72,18 @@ def test_what_is_evidence_of_an_edge(dip, scans, how, is_edge):
     assert falls(dip, scans, **how) is is_edge
 
 
-def falls(dip, scans, *, is_likely=False, slope=0.0, with_hand=1.0, lasting=3, in_vain=0):
+def falls(dip, scans, *, is_likely=False, slope=0.0, with_hand=1.0, unloaded=0.0):
     """Return whether there is evidence of an edge that runs up from rest over a plate, down its slope, and after so many scans
-    falls by `dip`, m, within `lasting` scans and stays there for five.
+    falls by `dip`, m, within three scans and stays there for five.
 
-    The hand goes down by `with_hand` of what the edge does. The search has rested `in_vain` so many times.
+    The hand goes down by `with_hand` of what the edge does, and the plate then bears less by `unloaded`, N.
     """
     evidence, place = EdgeEvidence(PARAMS, SurfaceEstimate(), PERIOD), 0.0
-    for _ in range(in_vain):
-        evidence.doubt()
-    for k in range(scans + lasting + 5):
+    for k in range(scans + 8):
         place += PERIOD * SPEED * min(k * PERIOD / RUN_UP, 1.0)
-        edge = np.array([0.0, place, -slope * place - dip * min(max(k - scans, 0) / lasting, 1.0)])
-        below, is_edge = evidence.update(blind(with_hand * edge[2]), edge, is_likely)
+        fallen = min(max(k - scans, 0) / 3, 1.0)
+        edge = np.array([0.0, place, -slope * place - dip * fallen])
+        below, is_edge = evidence.update(blind(with_hand * edge[2], 6.0 - unloaded * fallen), edge, is_likely)
         if is_edge:
             return True
         assert dip or not is_likely or below <= 0.0

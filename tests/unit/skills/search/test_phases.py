@@ -40,6 +40,7 @@ FELT = Felt(
     below=0.0,
     is_pressed=True,
     is_edge=False,
+    velocity=np.array([0.0, -0.1]),
 )
 BACK = Detour(3.0, np.zeros(2), COURSE.axis, COURSE.closing)
 
@@ -66,12 +67,20 @@ def test_the_search_slides_once_the_plate_has_borne_the_push_or_is_never_felt(el
     assert isinstance(after(first_phase(COURSE), elapsed=elapsed, is_pressed=is_pressed), phase)
 
 
-def test_evidence_stops_the_hand_where_it_is():
+def test_evidence_stops_the_hand_and_leads_it_back_the_way_it_came():
+    """A peg that fell while it slid is caught beyond the middle of the hole."""
     sliding = Sliding(BACK)
     assert after(sliding) is sliding
     rest = after(sliding, is_edge=True)
     assert isinstance(rest, Resting)
-    assert (rest.stopped, rest.tcp, rest.was_probed) == (FELT.stamp, HAND, False)
+    assert (rest.stopped, rest.was_probed) == (FELT.stamp, False)
+    assert rest.tcp.position == pytest.approx([0.0, PARAMS.probe_radius, 0.0])
+    assert rest.place == pytest.approx(HERE[:2] + np.array([0.0, PARAMS.probe_radius / 2.0]))
+
+
+def test_a_hand_that_stood_still_is_held_where_it_is():
+    rest = after(Sliding(BACK), is_edge=True, velocity=np.zeros(2))
+    assert (rest.tcp.position == HAND.position).all()
     assert rest.place == pytest.approx(HERE[:2])
 
 
@@ -98,16 +107,11 @@ def test_a_probe_that_begins_just_above_the_depth_of_the_hole_goes_on_to_a_deepe
     assert isinstance(after(probe, below=PARAMS.fall + PARAMS.dip_threshold), Resting)
 
 
-@pytest.mark.parametrize("params", [PARAMS, CONFIG.corner.searching(PARAMS)], ids=["round", "corner"])
-def test_a_peg_whose_dip_has_gone_at_rest_is_not_led_round_the_place(params):
-    """If the peg turns in the hand, the tip seems to dip until the skin measures the turn; a probe would turn it further."""
-    dip, lag = (
-        next_phase(Sliding(BACK), replace(FELT, is_edge=True, is_held=is_held), params, COURSE, np.zeros(2))
-        for is_held in (False, True)
-    )
-    gone, left = (replace(FELT, below=share * GONE * params.dip_threshold) for share in (0.99, 1.01))
-    likely = replace(gone, is_likely=True)
-    for rest, felt, phase in ((dip, gone, Sliding), (dip, left, Probing), (lag, gone, Probing), (dip, likely, Probing)):
+def test_a_corner_whose_dip_has_gone_at_rest_is_not_led_round_the_place():
+    """If the peg turns in the hand, the corner seems to dip until the skin measures the turn; a probe would turn it further."""
+    corner, rest = CONFIG.corner.searching(PARAMS), Resting(HERE[:2], HAND, stopped=10.0)
+    gone, left = (replace(FELT, below=share * GONE * corner.dip_threshold) for share in (0.99, 1.01))
+    for params, felt, phase in ((corner, gone, Sliding), (corner, left, Probing), (PARAMS, gone, Probing)):
         assert isinstance(after_rest(rest, felt, params, COURSE, np.zeros(2)), phase)
 
 

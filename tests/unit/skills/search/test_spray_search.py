@@ -18,7 +18,6 @@ from skills.pull_out import LONGEST
 from skills.search.belief import Belief
 from skills.search.course import ANYWHERE, make_course
 from skills.search.spray_search import run
-from skills.search.surface import SurfaceEstimate
 from skills.search.tour import Left, Likely
 from tests.board import Board
 from tests.fakes import HAND_DOWN, PERIOD, Rig
@@ -38,9 +37,9 @@ class Bench(Board):
         frame = np.column_stack([-axis, np.cross(closing, -axis), closing])
         rig.arm.tcp = Pose(HOLE + 0.02 * UP + self.length * axis, frame)
 
-    def search(self, surface=None, belief=ANYWHERE, **changes):
+    def search(self, belief=ANYWHERE, **changes):
         """Run the search with these parameters beside the shipped ones."""
-        return run(PARAMS.model_copy(update={"timeout": 2.0, **changes}), self.ctx, surface, belief)
+        return run(PARAMS.model_copy(update={"timeout": 2.0, **changes}), self.ctx, belief)
 
     @property
     def free_moves(self):
@@ -63,7 +62,7 @@ def test_a_search_finds_the_hole_on_its_lanes_and_tells_where_and_how_long_it_to
     bench.rig.arm.force = bench.free
     ended = bench.search(timeout=20.0)
     assert (ended.outcome, ended.reason, ended.rests) == (Outcome.SUCCESS, Reason.NONE, 1)
-    assert math.dist(ended.edge, hole) < 4.1e-3
+    assert math.dist(ended.edge, hole) < 4.1e-3 + PARAMS.probe_radius  # no rim holds the peg of this bench
     assert ended.tip == pytest.approx(tuple(bench.seen[-1].tip))
     lowest = bench.part.lowest(bench.seen[-1].tip, bench.seen[-1].axis, bench.seen[-1].arm.tcp.rotation[:, 2])
     assert (*ended.edge, bench.level - 2e-3) == pytest.approx(tuple(lowest), abs=1e-9)
@@ -73,7 +72,7 @@ def test_a_search_finds_the_hole_on_its_lanes_and_tells_where_and_how_long_it_to
     assert (*ended.offset, ended.noise) == pytest.approx((3.0, -2.0, 5.0, 0.0))
     assert ended.excess == 0.0
     assert ended.start + ended.left.path.at(ended.left.since)[0] == pytest.approx(
-        np.array(ended.tip[:2]) + ended.left.path.at(0.0)[0], abs=2e-3
+        np.array(ended.tip[:2]) + ended.left.path.at(0.0)[0], abs=2e-3 + PARAMS.probe_radius
     )
     assert ended.plane.point == pytest.approx([*ended.tip[:2], bench.level], abs=1e-4)
     assert angle_between(ended.plane.normal, UP) < 1e-3
@@ -175,7 +174,7 @@ def test_a_peg_that_turns_far_is_lifted_off_and_comes_down_where_it_was_with_the
     assert (len(bench.free_moves), ended.elapsed, ended.reason) == (2, 4.0, Reason.NO_HOLE)
     np.testing.assert_allclose(again[-1].axis, first[-1].axis, atol=1e-9)
     assert (first[-1].in_hand.theta, again[-1].in_hand.theta) == (0.0, TURN)
-    assert math.dist(again[-1].tip[:2], first[-1].tip[:2]) > 0.01
+    assert math.dist(again[-1].tip[:2], first[-1].tip[:2]) > 0.005
     assert max(each.tip[2] for each in pulled) > again[-1].tip[2] - 1e-3
     after = [each for each in bench.commanded if each.id > again[-1].id]
     assert after
@@ -188,7 +187,7 @@ def test_the_time_in_which_the_peg_is_lifted_off_counts(bench):
     hole = bench.dig(0.0, 0.0)
     ended = bench.search(timeout=20.0)
     assert ended.outcome is Outcome.SUCCESS
-    assert math.dist(ended.edge, hole) < 4.1e-3
+    assert math.dist(ended.edge, hole) < 4.1e-3 + PARAMS.probe_radius  # no rim holds the peg of this bench
     begun = next(each.valid_until for each in bench.commanded if not each.is_free) - VALIDITY
     assert ended.elapsed == pytest.approx(bench.seen[-1].stamp - begun, abs=3 * PERIOD)
 
@@ -229,17 +228,6 @@ def test_the_prior_of_a_job_is_searched_first_in_a_first_attempt_alone(bench, pr
     bench.ctx.rng = np.random.default_rng(2)
     course = make_course(PARAMS, CELL.job(), np.random.default_rng(2), followed, False)
     assert bench.search(belief=belief, timeout=0.05).start == pytest.approx(tuple(course.first[:2]))
-
-
-def test_a_plate_that_was_felt_before_keeps_its_slope(bench):
-    bench.slope, surface = np.array([0.02, -0.01]), SurfaceEstimate()
-    rng = np.random.default_rng(4)
-    for _ in range(400):
-        x, y = rng.uniform(-0.02, 0.02, 2)
-        surface.learn(np.array([HOLE[0] + x, HOLE[1] + y, HOLE[2] + 0.02 * x - 0.01 * y]))
-    bench.dig(0.0, 0.0)
-    ended = bench.search(surface, timeout=20.0)
-    np.testing.assert_allclose(ended.plane.normal[:2], [-0.02, 0.01], atol=2e-3)
 
 
 def test_a_peg_that_the_hand_loses_ends_it_at_once_with_the_arm_halted(bench):
