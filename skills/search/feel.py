@@ -21,11 +21,9 @@ estimate down with it, and the dip would not be seen. A peg that crosses half a 
 SUDDEN = 0.08
 """Time within which the hand drops with a peg that falls into the hole, s: it is caught after 0.02 to 0.05 s. Source: chosen, not measured."""
 
-
 SHARED = 0.5
 """Least drop of the hand with a dip, share of the dip threshold. A dip that stands still after a rest without a hole, or a new angle of the
 peg, moves the tip and not the hand. Source: docs/tried/search.md."""
-
 
 BORNE = 0.2
 """Time in which a lost push is lost against what the plate bore before, s. Source: docs/tried/search.md."""
@@ -34,7 +32,6 @@ NEWEST = 0.04
 SOFTNESS = 1.1e-4
 """Travel of the peg in the pads for each newton of push that the plate no longer bears, m/N: pads of 9 kN/m. They lower the peg into the hole before
 the hand has fallen after it. Source: docs/tried/search.md."""
-
 
 LIKELY = 0.5
 """Share of the dip threshold that is evidence of an edge where the hole is likely: a stop that finds no hole there costs less than the whole area, which
@@ -99,8 +96,8 @@ class EdgeEvidence:
         self._params, self._surface = params, surface
         self._late = deque[Vector](maxlen=max(round(LATE / scan_period), 1))
         self._heights = deque[float](maxlen=max(round(SUDDEN / scan_period), 1))
-        self._forces = deque[float](maxlen=round(BORNE / scan_period))
-        self._newest = round(NEWEST / scan_period)
+        self._newest = max(round(NEWEST / scan_period), 1)
+        self._forces = deque[float](maxlen=max(round(BORNE / scan_period), self._newest + 1))
 
     def update(self, seen: Observation, edge: Vector, is_likely: bool = False) -> tuple[float, bool]:
         """Return the depth of the peg's lowest point `edge` below the surface estimate, m, and whether there is

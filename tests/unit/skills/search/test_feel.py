@@ -110,6 +110,15 @@ def test_less_than_the_whole_threshold_counts_only_where_the_hole_is_likely(para
     assert evidence.update(blind(-fallen / 2), np.array([0.0, 0.03, -fallen]), is_likely)[1] is is_edge
 
 
+def test_a_slow_scan_compares_what_the_plate_bears_with_the_scans_before():
+    known = SurfaceEstimate()
+    for k in range(400):
+        known.learn(np.array([0.0, 1e-3 * (k % 60), 0.0]))
+    evidence = EdgeEvidence(PARAMS, known, 0.05)
+    for height, force, is_edge in (*[(0.0, 6.0, False)] * 4, (-0.75 * DIP, 4.0, True)):
+        assert evidence.update(blind(height, force), np.array([0.0, 0.03, height]))[1] is is_edge
+
+
 def test_a_fall_under_way_does_not_take_the_estimate_with_it():
     """The rest below the full dip is the uncertainty of slopes that were never touched."""
     evidence = EdgeEvidence(PARAMS, SurfaceEstimate(), PERIOD)
