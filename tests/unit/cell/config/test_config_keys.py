@@ -111,7 +111,7 @@ def test_a_value_in_force_says_where_it_came_from(tmp_path):
     origins = {each.key.name: each.origin for each in in_force(loaded, 7)}
     assert origins["limits.force"] == str(file)
     assert origins["scan_rate"] == str(DEFAULT)
-    assert origins["search.speed"] == str(SHIPPED / "presets" / "fast.toml")
+    assert origins["search.descent"] == str(SHIPPED / "presets" / "fast.toml")
     assert origins["peg.diameter"] == str(tmp_path / "recipes" / "7.toml")
     assert origins["grasp.force"] == "--set"
     assert origins["journal.folder"] == "default"
