@@ -13,7 +13,7 @@ from drivers.frames import UP, angle_between
 from drivers.quantities import Twist, Vector
 from skills.contract import Observation, Outcome, Reason, SkillContext, SkillParams, SkillResult
 from skills.held_peg import HeldPeg
-from skills.motion import VALIDITY, Goal, Transfer, Trim, move, stay
+from skills.motion import VALIDITY, Goal, Transfer, move, stay
 from skills.release_and_retract import HAND_TIME
 from skills.tactile.order import PrintOrder
 from skills.tactile.steady import GraspPrint
@@ -31,8 +31,12 @@ NEAR = (1e-3, math.radians(1.0))
 """Largest error of the hand's position, m, and of its directions, rad, for closing: the clearance of the slot.
 Source: docs/tried/grasp.md.
 """
-TRIM = Trim(rate=6.0, limit=0.01)
-"""Integral that trims the hand's position over the slot, along each axis."""
+PROPORTION, RATE, LARGEST = 1.4, 12.0, 0.01
+"""Proportional gain, ratio, and integral rate, 1/s, of the position setpoint over the slot, and the largest integral, m. The hand follows its
+setpoint there with a lag of 0.12 s = PROPORTION / RATE, which this zero cancels. Source: docs/tried/grasp.md.
+"""
+SATURATED = 2e-3
+"""Error of the position at which both saturate, m: the lag of the arriving hand fills no integral. Source: docs/tried/grasp.md."""
 INTEGRAL_GAIN, INTEGRAL_LIMIT = 300.0, 6.0
 """Integral gain of the arm's orientation over the slot, N·m/(rad·s), and its saturation, N·m. Source: chosen, not measured."""
 PRINT_TIME = 5.0
@@ -92,7 +96,7 @@ def run(params: GraspFromRackParams, ctx: SkillContext) -> GraspFromRackResult:
     ctx.peg = HeldPeg()
     above = Goal(grip_at + UP * params.clearance, UP, ACROSS_RACK)
     _rise(above.tip[2], params, ctx)
-    for _ in move(above, params.transfer, ctx, None):
+    for _ in move(above, params.transfer, ctx, None, settle=0.0):
         pass
     for _ in move(Goal(grip_at, UP, ACROSS_RACK), params.transfer, ctx, None, settle=0.0):
         pass
@@ -104,11 +108,10 @@ def run(params: GraspFromRackParams, ctx: SkillContext) -> GraspFromRackResult:
         return _missed(params, ctx, started, Reason.MISSED_GRASP)
     _require_print(params, ctx)
     _draw_out(grip_at[2] + job.rack.depth, params, ctx)
-    for _ in move(above, params.transfer, ctx, None):
+    for _ in move(above, params.transfer, ctx, None, settle=0.0):
         pass
     if not _holds_peg(params, ctx):
         return _missed(params, ctx, started, Reason.LOST_GRASP)
-    ctx.wrench.set_zero()
     seen = ctx.observe()
     return GraspFromRackResult(
         Outcome.SUCCESS, Reason.NONE, ctx.devices.clock.now() - started, seen.gripper.width, seen.peg.theta
@@ -126,7 +129,7 @@ def _rise(height: float, params: GraspFromRackParams, ctx: SkillContext) -> None
 
 
 class Centring:
-    """Integral control that centres the open hand on the slot against joint friction, also while the hand closes.
+    """Control that centres the open hand on the slot against joint friction, also while the hand closes.
 
     If the hand grips the peg aslant, the peg jams in the slot. The final setpoint balances the joints' friction.
     """
@@ -134,7 +137,7 @@ class Centring:
     def __init__(self, grip_at: Vector, ctx: SkillContext) -> None:
         """Start from the held setpoint, with the goal `grip_at`, shape (3,), m, base frame."""
         assert ctx.lead.held is not None
-        self._ctx, self._grip_at, self._trims = ctx, grip_at, [TRIM] * 3
+        self._ctx, self._grip_at, self._trim = ctx, grip_at, np.zeros(3)
         self._held = replace(
             ctx.lead.held,
             id=ctx.new_id(),
@@ -151,8 +154,10 @@ class Centring:
         self._off = self._grip_at - hand.position
         self._speed = float(np.abs(self._off - before).max()) / seen.step
         self._aslant = max(angle_between(-hand.rotation[:, 0], UP), angle_between(hand.rotation[:, 2], ACROSS_RACK))
-        self._trims = [trim.after(float(error), seen.step) for trim, error in zip(self._trims, self._off, strict=True)]
-        tip = self._grip_at + np.array([trim.value for trim in self._trims])
+        # x_sp = x_goal + K sat(e) + k ∫ sat(e) dt
+        error = np.clip(self._off, -SATURATED, SATURATED)
+        self._trim = np.clip(self._trim + RATE * seen.step * error, -LARGEST, LARGEST)
+        tip = self._grip_at + PROPORTION * error + self._trim
         self._held = replace(self._held, tip=tip, valid_until=seen.stamp + VALIDITY)
         self._ctx.follow(self._held)
         return self.is_within(near) and self._speed < RESTING

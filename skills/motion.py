@@ -9,7 +9,7 @@ import numpy as np
 from pydantic import Field, PositiveFloat
 
 from drivers.config_model import ConfigModel, Figure, Quantity, Tempo
-from drivers.frames import UP, angle_between, rotation_about
+from drivers.frames import UP, cross, quaternion, rotation_about
 from drivers.quantities import ImpedanceSetpoint, InHandTip, Twist, Vector
 from skills.contract import Observation, SkillContext
 from skills.guards.clearance import SAMPLES, Attitude, require_clear
@@ -135,8 +135,6 @@ def move(
     identity = ctx.new_id()
     stiffness, damping_ratio = transfer.stiffness(), transfer.gains.damping_ratios()
     for seen in ctx.scan(LONGEST_MOVE * (duration + settle), in_hand is not None, limited):
-        if seen.elapsed >= duration + settle:
-            break
         share, rate = minimum_jerk(seen.elapsed / duration)
         at, twist = way.at(share, rate / duration)
         ctx.follow(
@@ -155,41 +153,39 @@ def move(
             )
         )
         yield seen
+        if seen.elapsed >= duration + settle:
+            break
 
 
 class TransferPath:
-    """Path between two goals: a straight line of the tip, a rotation of the peg's axis, and a rotation about the peg."""
+    """Path between two goals: a straight line of the tip while the hand turns about one axis."""
 
     def __init__(self, start: Goal, goal: Goal) -> None:
         """Prepare the path from `start` to `goal`."""
         self._start, self._way = start, goal.tip - start.tip
-        self._swing_axis, self._swing = _turn_between(start.axis, goal.axis)
-        carried = rotation_about(self._swing_axis, self._swing) @ start.roll
-        self._twist = math.atan2(float(goal.axis @ np.cross(carried, goal.roll)), float(carried @ goal.roll))
+        # [w, v] = [cos(φ/2), sin(φ/2) a], the quaternion of the rotation from start to goal; w >= 0, so that φ <= π
+        w, *v = quaternion(_hand_frame(goal) @ _hand_frame(start).T)
+        size = math.hypot(*v)
+        self._about, self._turn = (np.array(v) / size, 2.0 * math.atan2(size, w)) if size > 1e-9 else (UP, 0.0)
 
     def duration(self, transfer: Transfer) -> float:
         """Return the time in which a minimum-jerk profile stays within the transfer's speeds, s, at least 0.2."""
         # Peak of dx/ds = 30 s² (1 - s)²: 1.875 at s = 1/2
-        turn, peak = self._swing + abs(self._twist), 1.875
-        return max(peak * float(np.linalg.norm(self._way)) / transfer.speed, peak * turn / transfer.turn_speed, 0.2)
+        peak = 1.875
+        return max(
+            peak * float(np.linalg.norm(self._way)) / transfer.speed, peak * self._turn / transfer.turn_speed, 0.2
+        )
 
     def at(self, share: float, rate: float = 0.0) -> tuple[Goal, Twist]:
         """Return the goal at a share of the path, and the twist there for a rate of that share, 1/s."""
-        start, turned = self._start, rotation_about(self._swing_axis, self._swing * share)
-        axis = turned @ start.axis
-        roll = rotation_about(axis, self._twist * share) @ turned @ start.roll
-        return Goal(start.tip + self._way * share, axis, roll), Twist(
-            self._way * rate, (self._swing_axis * self._swing + axis * self._twist) * rate
-        )
+        start, turned = self._start, rotation_about(self._about, self._turn * share)
+        goal = Goal(start.tip + self._way * share, turned @ start.axis, turned @ start.roll)
+        return goal, Twist(self._way * rate, self._about * (self._turn * rate))
 
 
-def _turn_between(a: Vector, b: Vector) -> tuple[Vector, float]:
-    cross = np.cross(a, b)
-    size = float(np.linalg.norm(cross))
-    if size < 1e-9:
-        other = np.cross(a, UP) if abs(a[2]) < 0.9 else np.cross(a, np.array([1.0, 0.0, 0.0]))
-        return other / np.linalg.norm(other), angle_between(a, b)
-    return cross / size, angle_between(a, b)
+def _hand_frame(goal: Goal) -> Vector:
+    """Return the rotation, shape (3, 3), with the closing axis, the axis across, and the peg's axis as columns."""
+    return np.array([goal.roll, cross(goal.axis, goal.roll), goal.axis]).T
 
 
 def tilted_by(offset: Vector, length: float) -> Vector:

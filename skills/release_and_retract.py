@@ -46,7 +46,7 @@ def run(params: ReleaseAndRetractParams, ctx: SkillContext) -> ReleaseAndRetract
         return _result(Outcome.FAILURE, Reason.STILL_HELD, ctx, first)
     start = ctx.observe().arm.tcp
     back = Goal(start.position + UP * params.height, -start.rotation[:, 0], start.rotation[:, 2])
-    for _ in move(back, params.transfer, ctx, None):
+    for _ in move(back, params.transfer, ctx, None, settle=0.0):
         pass
     if ctx.job.hole.evidence == "switch" and _answer(ctx) is not SwitchState.CLOSED:
         return _result(Outcome.FAILURE, Reason.NOT_SEATED, ctx, first)

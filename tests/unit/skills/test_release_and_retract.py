@@ -68,7 +68,7 @@ def test_the_hand_opens_where_it_is_and_draws_straight_back_up_without_turning(m
     [
         (SwitchState.CLOSED, (9.0, SwitchState.CLOSED), Reason.NONE),
         (SwitchState.CLOSED, (0.05, SwitchState.OPEN), Reason.NOT_SEATED),
-        (SwitchState.UNKNOWN, (1.4, SwitchState.CLOSED), Reason.NONE),
+        (SwitchState.UNKNOWN, (1.1, SwitchState.CLOSED), Reason.NONE),
         (SwitchState.UNKNOWN, (3.0, SwitchState.CLOSED), Reason.NOT_SEATED),
     ],
     ids=["stays", "comes along", "answers late", "answers too late"],
