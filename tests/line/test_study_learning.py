@@ -6,12 +6,12 @@ from cell.lab.learning import Mode, PartRow, lines_of, panels, run_series
 
 
 def test_a_cell_that_learns_finds_its_third_part_at_once_and_notices_another_fixture(tmp_path):
-    config = load(sets=["reality.scale=0.0", "preset=fast"]).cell
+    config = load(sets=["reality.scale=0.0"]).cell
     rows = run_series(config, 3, Mode.LEARNS, 3)
     assert [row.outcome for row in rows] == ["success"] * 4
     assert [row.is_expected for row in rows] == [False, False, True, True]
     assert [row.is_exchanged for row in rows] == [False, False, False, True]
-    assert rows[2].search_time < 1.0 < min(rows[0].search_time, rows[3].search_time)
+    assert rows[2].search_time < 1.2 < min(rows[0].search_time, rows[3].search_time)
     assert draw_panels(panels(rows, 3), "one series", tmp_path / "parts.png").stat().st_size > 10_000
 
 

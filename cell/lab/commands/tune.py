@@ -63,7 +63,7 @@ def run(args: argparse.Namespace) -> int:
     figures = ", ".join(f"{name} = {value:.4g}" for name, value in best.figures.items())
     lines = [
         f"Wished: {args.want}. Found by `cell tune` on {datetime.now(UTC):%Y-%m-%d}, code {versions()['code']},",
-        f"among {len(tried)} settings. A section is between the presets (0 careful, 1 balanced, 2 fast): {figures}.",
+        f"among {len(tried)} settings. A section is between the preset `careful`, 0, and the cell's own figures, 1: {figures}.",
         f"Judged on {len(rows)} simulated insertions, seeds {fresh[0]} to {fresh[-1]}, that it was not chosen by:",
         *(f"{each['wish']}: {each['found']}{'' if each['holds'] else ' - NOT fulfilled'}" for each in evidence),
     ]
@@ -73,7 +73,7 @@ def run(args: argparse.Namespace) -> int:
         {"wish": lambda each: each["wish"]},
         {"reached": lambda each: each["found"], "holds": lambda each: "yes" if each["holds"] else "no"},
         evidence,
-        f"sections: 0 careful, 1 balanced, 2 fast. {figures}",
+        f"sections: 0 careful, 1 the cell's own. {figures}",
     )
     facts = {"fulfilled": is_good, "judged": evidence, "best": best, "tried": tried, "file": str(recipe)}
     show(args, shown, finite(facts))

@@ -37,8 +37,8 @@ class Method:
     preset: str | None = None
     tuned: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     """Figures by scene; a scene without its own takes those of the first scene."""
-    points: Sequence[str] = ()
-    """Presets to mark, at the method's own speed."""
+    points: Mapping[str, str] = field(default_factory=dict)
+    """Presets to mark, at the method's own speed, by the name on the chart."""
 
     def made(self, figures: Mapping[str, float]) -> Program:
         """Return the program with the figures that are its own parameters."""
@@ -121,7 +121,7 @@ def variants(methods: Sequence[str], scenes: Sequence[str], scales: Sequence[flo
         for method, scene in pairs
     ]
     return found + [
-        Variant(family(method, scene), preset, preset, tuple(SCENES[scene].sets), program=METHODS[method].made({}))
+        Variant(family(method, scene), name, preset, tuple(SCENES[scene].sets), program=METHODS[method].made({}))
         for method, scene in pairs
-        for preset in METHODS[method].points
+        for name, preset in METHODS[method].points.items()
     ]

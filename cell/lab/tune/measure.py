@@ -1,8 +1,8 @@
 """Settings within ranges, selected by an optimiser, and the best one judged on other seeds.
 
-The default ranges have three figures for all gains: one each for search, insertion and adjustment, from 0, the gentlest
-preset, over 1 to 2, the fastest. Every setting is therefore between shipped settings. The optimiser is Optuna's
-tree-structured Parzen estimator. If a setting is clearly worse than the best one on the same seeds, Optuna's Wilcoxon
+The default ranges have three figures: one each for search, insertion and adjustment, from 0, the preset `careful`, to 1,
+the cell's own. Every setting is therefore between shipped settings. The optimiser is Optuna's tree-structured Parzen
+estimator. If a setting is clearly worse than the best one on the same seeds, Optuna's Wilcoxon
 pruner ends it early.
 """
 
@@ -27,16 +27,13 @@ from skills.contract import Outcome
 if TYPE_CHECKING:
     import optuna
 
-STYLES = ("careful", "balanced", "fast")
-"""Presets from the gentlest to the fastest."""
 SECTIONS = ("search", "insert", "adjust")
 """Sections with a number of their own."""
-QUICKEST = float(len(STYLES) - 1)
 Sets = tuple[str, ...]
 Ranges = Mapping[str, tuple[float, float]]
 """Least and largest value of each figure of a setting."""
-STYLED: Ranges = dict.fromkeys(SECTIONS, (0.0, QUICKEST))
-"""Ranges of the sections between the presets."""
+STYLED: Ranges = dict.fromkeys(SECTIONS, (0.0, 1.0))
+"""Ranges of the sections between `careful` and the cell's own figures."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,7 +54,7 @@ class Candidate:
 class Space:
     """Settings of one cell, each a value for every figure of its ranges.
 
-    The figure of a section interpolates the section's keys between the presets. Any other figure is a key of the
+    The figure of a section interpolates the section's keys. Any other figure is a key of the
     config if its name has a dot, and else a parameter of the program.
     """
 
@@ -69,7 +66,7 @@ class Space:
         preset: str | None = None,
         make: Callable[[Mapping[str, float]], Program] = lambda figures: insert_peg,
     ) -> None:
-        """Read the presets on top of a cell's file and single keys.
+        """Read a cell's file and single keys, as they are and with `careful` on top.
 
         Args:
             path: TOML file of the cell.
@@ -79,42 +76,38 @@ class Space:
             make: Function that returns the program for the figures of a setting.
 
         Raises:
-            ConfigError: The cell or one of the presets is invalid.
+            ConfigError: The cell or the preset is invalid.
         """
         self._path, self._own, self._preset, self.ranges, self.program = path, tuple(sets), preset, ranges, make
-        sets_at_pace = [*sets, "sim.pace=max"]
-        leaves = [dict(_numbers(load(path, style, sets_at_pace).cell.model_dump(mode="json"))) for style in STYLES]
-        self._base = dict(_numbers(load(path, preset, sets).cell.model_dump(mode="json")))
+        careful, base = (
+            dict(_numbers(load(path, style, sets).cell.model_dump(mode="json"))) for style in ("careful", preset)
+        )
         self._figures = {
-            key: tuple(each[key] for each in leaves)
-            for key in leaves[0]
+            key: (careful[key], base[key])
+            for key in careful.keys() & base.keys()
             if key.split(".")[0] in SECTIONS
-            and all(key in each and each[key].shape == leaves[0][key].shape for each in leaves)
-            and any((each[key] != leaves[0][key]).any() for each in leaves)
+            and careful[key].shape == base[key].shape
+            and (careful[key] != base[key]).any()
         }
 
     def sets(self, figures: Mapping[str, float]) -> Sets:
         """Return the keys of a setting that differ from the config's own."""
         found = []
-        for key, values in self._figures.items():
-            place = figures.get(key.split(".")[0])
-            if place is None:
+        for key, (careful, own) in sorted(self._figures.items()):
+            place = figures.get(key.split(".")[0], 1.0)
+            if place == 1.0:
                 continue
-            place = min(max(place, 0.0), QUICKEST)
-            below = min(int(place), len(values) - 2)
-            value = values[below] + (place - below) * (values[below + 1] - values[below])
-            if not np.allclose(value, self._base.get(key, np.nan)):
-                rounded = [float(f"{each:.4g}") for each in np.atleast_1d(value)]
-                found.append(f"{key}={json.dumps(rounded if value.ndim else rounded[0])}")
+            value = careful + place * (own - careful)
+            rounded = [float(f"{each:.4g}") for each in np.atleast_1d(value)]
+            found.append(f"{key}={json.dumps(rounded if value.ndim else rounded[0])}")
         keys = [f"{name}={value:.4g}" for name, value in figures.items() if "." in name]
         return (*found, *keys)
 
     def starts(self) -> list[dict[str, float]]:
-        """Return the settings that are tested first: every preset, each with the middle of the other ranges."""
+        """Return the settings that are tested first: both ends of the sections, with the middle of the other ranges."""
         middle = {name: math.sqrt(low * high) for name, (low, high) in self.ranges.items() if name not in SECTIONS}
         styled = [name for name in self.ranges if name in SECTIONS]
-        places = range(len(STYLES)) if styled else range(1)
-        return [{**dict.fromkeys(styled, float(place)), **middle} for place in places]
+        return [{**dict.fromkeys(styled, place), **middle} for place in ((1.0, 0.0) if styled else (1.0,))]
 
     def config(self, sets: Sets) -> CellConfig:
         """Return the simulated cell with these keys.
@@ -134,7 +127,7 @@ def tune(
     folder: Path,
     done: Callable[[int], None],
 ) -> list[Candidate]:
-    """Test settings, the presets first, and return them, cheapest first; a repeated call reuses finished trials.
+    """Test settings, the shipped ones first, and return them, cheapest first; a repeated call reuses finished trials.
 
     Args:
         space: Permitted settings.
@@ -152,7 +145,7 @@ def tune(
     optuna.logging.set_verbosity(optuna.logging.WARNING)
     warnings.filterwarnings("ignore", category=optuna.exceptions.ExperimentalWarning)  # its version is pinned
     study = optuna.create_study(
-        sampler=optuna.samplers.TPESampler(seed=seeds[0], n_startup_trials=max(candidates // 3, len(STYLES))),
+        sampler=optuna.samplers.TPESampler(seed=seeds[0], n_startup_trials=max(candidates // 3, 2)),
         pruner=optuna.pruners.WilcoxonPruner(p_threshold=0.1, n_startup_steps=min(4, len(seeds))),
     )
     for start in space.starts():

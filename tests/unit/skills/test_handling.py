@@ -74,8 +74,8 @@ def test_a_round_peg_is_searched_again_as_often_as_its_recipe_says_and_steered_b
     ("attempt", "rate", "run_up"), [(0, 1.0, 0.4), (1, STEADY, 0.4 / STEADY), (4, STEADY, 0.4 / STEADY)]
 )
 def test_a_peg_that_is_turned_fast_is_turned_upright_more_slowly_where_a_try_has_failed(attempt, rate, run_up):
-    fast = load(sets=["preset=fast"]).cell.plan(attempt).insert
-    assert (fast.turn_rate, fast.turn_run_up) == pytest.approx((rate, run_up))
+    insert = load().cell.plan(attempt).insert
+    assert (insert.turn_rate, insert.turn_run_up) == pytest.approx((rate, run_up))
 
 
 def test_a_peg_with_corners_is_searched_again_and_steered_as_its_own_section_says():

@@ -102,7 +102,7 @@ def test_a_key_is_found_in_each_kind_of_its_section():
 def test_a_value_in_force_says_where_it_came_from(tmp_path):
     file = tmp_path / "cell.toml"
     file.write_text(
-        'base = "sim.toml"\npreset = "fast"\n[limits]\nforce = 50.0\nlow = [0.2, -0.5, 0.05]\nhigh = [0.8, 0.45, 0.8]\n'
+        'base = "sim.toml"\npreset = "careful"\n[limits]\nforce = 50.0\nlow = [0.2, -0.5, 0.05]\nhigh = [0.8, 0.45, 0.8]\n'
         "[hole]\ncentre = [0.5, 0.0, 0.1]\n[rack]\nfirst = [0.45, -0.25, 0.1]\n"
     )
     (tmp_path / "recipes").mkdir()
@@ -111,7 +111,7 @@ def test_a_value_in_force_says_where_it_came_from(tmp_path):
     origins = {each.key.name: each.origin for each in in_force(loaded, 7)}
     assert origins["limits.force"] == str(file)
     assert origins["scan_rate"] == str(DEFAULT)
-    assert origins["search.descent"] == str(SHIPPED / "presets" / "fast.toml")
+    assert origins["search.rest"] == str(SHIPPED / "presets" / "careful.toml")
     assert origins["peg.diameter"] == str(tmp_path / "recipes" / "7.toml")
     assert origins["grasp.force"] == "--set"
     assert origins["journal.folder"] == "default"
@@ -174,7 +174,7 @@ def _described(schema, tree, root):
             yield name, found[0]
 
 
-@pytest.mark.parametrize("file", ["sim.toml", "cell_01.toml", "presets/fast.toml", "recipes/1.toml"])
+@pytest.mark.parametrize("file", ["sim.toml", "cell_01.toml", "presets/careful.toml", "recipes/1.toml"])
 def test_the_schema_knows_every_key_of_the_shipped_files(file):
     schema = file_schema()
     assert schema["$schema"] == "http://json-schema.org/draft-07/schema#"

@@ -97,7 +97,7 @@ def test_the_limit_is_where_the_swing_begins():
 
 
 @pytest.mark.parametrize("model", ["panda", "fr3"])
-@pytest.mark.parametrize("preset", ["balanced", "fast", "careful", "paper"])
+@pytest.mark.parametrize("preset", ["", "careful", "paper"])
 def test_every_shipped_gain_bears_the_path_of_every_shipped_arm(model, preset):
     cell = load(preset=preset, sets=[f"arm.model={model}"]).cell
     assert min(largest(gains, cell.place()) for gains in cell.followed().values()) > MARGIN

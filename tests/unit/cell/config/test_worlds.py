@@ -59,8 +59,8 @@ def test_a_cell_stands_in_every_world(world):
 
 
 def test_a_preset_lies_over_a_world():
-    config = load(sets=("world=soft", "preset=fast")).cell
-    assert (config.world, config.preset, config.grip.shear_stiffness) == ("soft", "fast", 5e3)
+    config = load(sets=("world=soft", "preset=careful")).cell
+    assert (config.world, config.preset, config.grip.shear_stiffness) == ("soft", "careful", 5e3)
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""A wish is read as it is meant, the dearer of two trials is the one further from it, and every setting lies between presets."""
+"""A wish is read as it is meant, the dearer of two trials is the one further from it, and every setting lies between shipped ones."""
 
 import shutil
 from dataclasses import replace
@@ -7,7 +7,7 @@ import pytest
 
 from cell.config.files import DEFAULT
 from cell.config.load import load
-from cell.lab.tune.measure import SECTIONS, STYLES, Space, toml
+from cell.lab.tune.measure import SECTIONS, Space, toml
 from cell.lab.tune.wish import LOST, cost, wishes_of
 from drivers.errors import ConfigError
 from tests.trial_rows import SEATED
@@ -70,25 +70,25 @@ def test_a_wish_holds_of_what_trials_reached():
     assert success.found(rows) == "100 % of 20, 95 % interval 83.9 to 100.0 %"
 
 
-@pytest.mark.parametrize(("place", "style"), list(enumerate(STYLES)))
-def test_whole_numbers_are_the_presets(place, style):
+@pytest.mark.parametrize(("place", "style"), [(0.0, "careful"), (1.0, None)])
+def test_the_ends_are_shipped_settings(place, style):
     space = Space(None, [])
-    found = space.config(space.sets(dict.fromkeys(SECTIONS, float(place))))
+    found = space.config(space.sets(dict.fromkeys(SECTIONS, place)))
     preset = load(None, style, ["sim.pace=max"]).cell
     assert (found.search, found.insert, found.adjust) == (preset.search, preset.insert, preset.adjust)
 
 
-def test_between_two_presets_every_figure_lies_between_theirs():
-    sets = Space(None, []).sets({"search": 1.5, "insert": 1.0, "adjust": 0.5})
-    shipped, fast = (load(None, style).cell.search.descent for style in ("balanced", "fast"))
-    assert f"search.descent={(shipped + fast) / 2:g}" in sets
-    assert "search.margin=[0.0015, 0.0005]" in sets
+def test_between_two_settings_every_figure_lies_between_theirs():
+    sets = Space(None, []).sets({"search": 0.5, "insert": 1.0, "adjust": 0.5})
+    shipped, careful = (load(None, style).cell.search.rest for style in (None, "careful"))
+    assert f"search.rest={(shipped + careful) / 2:g}" in sets
+    assert "search.margin=[0.004, 0.0015]" in sets
     assert not any(text.startswith("insert.") for text in sets)
 
 
 def test_a_recipe_is_read_as_the_setting_that_it_was_made_of(tmp_path):
     space = Space(None, [])
-    sets = space.sets({"search": 0.3, "insert": 1.7, "adjust": 1.2})
+    sets = space.sets({"search": 0.3, "insert": 0.7, "adjust": 0.2})
     (tmp_path / "recipes").mkdir()
     (tmp_path / "recipes" / "7.toml").write_text(toml(sets))
     shutil.copy(DEFAULT, tmp_path / "cell.toml")

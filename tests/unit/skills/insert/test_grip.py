@@ -24,7 +24,7 @@ def down(search):
     return search.push_stiffness * search.push_offset
 
 
-@pytest.mark.parametrize("preset", [None, "careful", "fast"])
+@pytest.mark.parametrize("preset", [None, "careful"])
 def test_the_shipped_grip_bears_every_push_as_it_is(preset):
     config = cell(preset=preset)
     grip, search, adjust = grip_of(config.params(GRASP)), config.params(SEARCH), config.params(ADJUST)
