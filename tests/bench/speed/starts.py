@@ -100,4 +100,5 @@ def start_of(arguments: Sequence[str], environment: Mapping[str, str] | None = N
 
 def heavy_imports(arguments: Sequence[str]) -> list[str]:
     """Return the heavy packages that one command imports."""
-    return [name for name in HEAVY if name in start_of(arguments).modules]
+    modules = start_of(arguments).modules
+    return [name for name in HEAVY if name in modules]
