@@ -9,6 +9,9 @@ from typing import Any
 
 from cell.commands.cli import GOOD, main
 
+ALONE = ("--workers", "1")
+"""Options of a study that runs on one process, which all of them share."""
+
 
 def studied(folder: Path, name: str, *words: str) -> dict[str, Any]:
     """Run a study into a folder and return its figures."""
