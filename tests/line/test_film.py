@@ -15,6 +15,7 @@ from drivers.frames import UP, rotation_about
 from drivers.quantities import Pose
 from sim.visual.render import Camera
 from sim.visual.scene import SEEN, Moment, Stage
+from tests.fakes import Rig
 from tests.filmed_runs import HOLE, ROW, record, require_rendering
 
 SCALE = 290 / SEEN
@@ -31,13 +32,14 @@ def grasped(tmp_path_factory):
     return folder
 
 
-@pytest.fixture
-def short(rig, tmp_path):
+@pytest.fixture(scope="module")
+def short(loaded, tmp_path_factory):
     """Return the folder of a journal with a run of 0.6 s."""
-    with Journal(tmp_path / "short") as journal:
-        run = record(rig, journal, knows_truth=True)
+    folder = tmp_path_factory.mktemp("short")
+    with Journal(folder / "short") as journal:
+        run = record(Rig(loaded, folder / "fakes"), journal, knows_truth=True)
         require_rendering(recorded(journal, run))
-    return tmp_path / "short"
+    return folder / "short"
 
 
 def gold(image):
@@ -46,38 +48,30 @@ def gold(image):
     return (red > 90) & (red - blue > 55) & (green - blue > 35) & (red - green < 80)
 
 
-def section(facts, peg):
-    """Return the section, 450 x 290, with the peg somewhere."""
-    stage = Stage(facts, HOLE)
-    joints = np.array(facts.arm.home)
+def test_the_section_shows_the_peg_as_deep_as_it_is_and_how_it_leans(short):
+    with Journal(short, is_read_only=True) as journal:
+        facts = recorded(journal, 1).facts
+    stage, half = Stage(facts, HOLE), (facts.job.peg.length + facts.job.peg.overhang) / 2
     with Camera(stage) as camera:
-        stage.pose(Moment(joints, 0.08, peg, np.zeros((2, 20))))
-        return camera.section(450, 290)
 
+        def section(peg):
+            """Return the section, 450 x 290, with the peg somewhere."""
+            stage.pose(Moment(np.array(facts.arm.home), 0.08, peg, np.zeros((2, 20))))
+            return camera.section(450, 290).astype(int)
 
-@pytest.mark.parametrize("depth", [0.0, 0.010, 0.020])
-def test_the_section_shows_the_peg_as_deep_as_it_is(short, depth):
-    with Journal(short) as journal:
-        facts = recorded(journal, 1).facts
-    half = (facts.job.peg.length + facts.job.peg.overhang) / 2
-    with_peg = section(facts, Pose(HOLE.position + (half - depth) * UP, np.eye(3)))
-    without = section(facts, None)
-    is_peg = gold(with_peg) & (np.abs(with_peg.astype(int) - without.astype(int)).sum(axis=2) > 20)
-    rows = np.nonzero(is_peg[:, 215:235])[0]
-    lowest = (290 / 2 - 1 - rows.max()) / SCALE + 0.0155
-    assert lowest == pytest.approx(-depth, abs=0.0008)
-    middle = np.nonzero(is_peg[100])[0]
-    assert middle.mean() == pytest.approx(449 / 2, abs=1.0)
-    assert len(middle) / SCALE == pytest.approx(facts.job.peg.diameter, abs=0.0008)
-
-
-def test_the_section_shows_how_the_peg_leans(short):
-    with Journal(short) as journal:
-        facts = recorded(journal, 1).facts
-    lean = rotation_about(np.array([0.0, 1.0, 0.0]), 0.3)
-    half = (facts.job.peg.length + facts.job.peg.overhang) / 2
-    picture = section(facts, Pose(HOLE.position + np.array([0.0, 0.0, 0.004]) + half * lean[:, 2], lean))
-    rows, columns = np.nonzero(gold(picture)[20:150])
+        without = section(None)
+        for depth in (0.0, 0.010, 0.020):
+            with_peg = section(Pose(HOLE.position + (half - depth) * UP, np.eye(3)))
+            is_peg = gold(with_peg) & (np.abs(with_peg - without).sum(axis=2) > 20)
+            rows = np.nonzero(is_peg[:, 215:235])[0]
+            lowest = (290 / 2 - 1 - rows.max()) / SCALE + 0.0155
+            assert lowest == pytest.approx(-depth, abs=0.0008)
+            middle = np.nonzero(is_peg[100])[0]
+            assert middle.mean() == pytest.approx(449 / 2, abs=1.0)
+            assert len(middle) / SCALE == pytest.approx(facts.job.peg.diameter, abs=0.0008)
+        lean = rotation_about(np.array([0.0, 1.0, 0.0]), 0.3)
+        leaning = Pose(HOLE.position + np.array([0.0, 0.0, 0.004]) + half * lean[:, 2], lean)
+        rows, columns = np.nonzero(gold(section(leaning))[20:150])
     assert np.polyfit(-rows, columns, 1)[0] == pytest.approx(np.tan(0.3), abs=0.03)
 
 
