@@ -1,7 +1,6 @@
 """The study of the frontier, with a few short trials: every point is shown, and what was run is not run again."""
 
 import argparse
-import shutil
 
 import pytest
 
@@ -10,39 +9,35 @@ from cell.lab import trials
 from cell.lab.compare import Variant, compared
 from cell.lab.frontier.methods import METHODS, SCALES, SCENES, TEST, variants
 from cell.lab.trials import TABLE, run_trial
-from tests.studies import is_chart, rows_of
+from tests.studies import ALONE, is_chart, rows_of, studied
 
 SETS = ("search.timeout=1.0",)
 NAMES = ("shipped", "force alone"), ("firm grip",)
 TWO = ("--method", "shipped", "--method", "force alone")
-STUDY = ("frontier", "--quick", *TWO, "--scene", "firm grip", "--set", *SETS)
-
-
-def test_every_point_has_a_row_of_its_own_trials(study):
-    found, folder = study
-    assert [row["variant"] for row in rows_of(folder / "frontier.csv")] == [line["variant"] for line in found["lines"]]
-    for line in found["lines"]:
-        of_line = rows_of(folder / line["folder"] / TABLE)
-        assert line["trials"] == len(of_line) == 1
-        assert line["successes"] == sum(row["outcome"] == "success" for row in of_line)
-
-
-def test_success_and_errors_are_drawn(study):
-    assert all(is_chart(study[1] / name) for name in ("frontier.png", "frontier_errors.png"))
 
 
 def args_of(folder, *sets):
     return argparse.Namespace(config=None, set=list(sets), out=folder, workers=1)
 
 
-def test_what_was_run_is_taken_up_and_other_seeds_are_run_anew(study, monkeypatch, tmp_path):
-    found, folder = study[0], shutil.copytree(study[1], tmp_path / "again")
+def test_every_point_has_a_row_of_its_own_trials_and_what_was_run_is_taken_up_and_other_seeds_are_run_anew(
+    monkeypatch, tmp_path
+):
+    found = studied(tmp_path, "frontier", "--quick", *ALONE, *TWO, "--scene", "firm grip", "--set", *SETS)
+    assert [row["variant"] for row in rows_of(tmp_path / "frontier.csv")] == [
+        line["variant"] for line in found["lines"]
+    ]
+    for line in found["lines"]:
+        of_line = rows_of(tmp_path / line["folder"] / TABLE)
+        assert line["trials"] == len(of_line) == 1
+        assert line["successes"] == sum(row["outcome"] == "success" for row in of_line)
+    assert all(is_chart(tmp_path / name) for name in ("frontier.png", "frontier_errors.png"))
     monkeypatch.setattr(trials, "on_processes", lambda task, seeds, workers, is_over: (None for seed in seeds))
     points = variants(*NAMES, (1.0,))
-    lines = compared(args_of(folder, *SETS), points, range(1, 2)).lines
+    lines = compared(args_of(tmp_path, *SETS), points, range(1, 2)).lines
     assert [line.error for line in lines] == [""] * len(lines)
     assert [line.endings for line in lines] == [line["endings"] for line in found["lines"]][: len(lines)]
-    assert all(line.error for line in compared(args_of(folder, *SETS), points, range(2, 3)).lines)
+    assert all(line.error for line in compared(args_of(tmp_path, *SETS), points, range(2, 3)).lines)
 
 
 def test_a_variant_that_faults_or_is_refused_is_shown_and_the_others_go_on(tmp_path):
