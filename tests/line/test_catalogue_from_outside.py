@@ -4,8 +4,7 @@ import json
 import os
 import shutil
 import subprocess
-import sys
-from contextlib import closing
+from contextlib import ExitStack, closing
 from pathlib import Path
 
 import pytest
@@ -14,6 +13,7 @@ from plc_bridge.peer import Peer
 from plc_bridge.protocol.messages import Result
 from plc_bridge.protocol.registers import STAGES
 from skills.catalogue import CATALOGUE
+from tests.forked import forked
 from tests.serving import process
 
 HERE = Path(__file__).resolve().parents[2]
@@ -111,36 +111,37 @@ def put(file, before, text):
     file.write_text(told.replace(before, before + text), encoding="utf-8")
 
 
-def build(folder, code=CODE, stage=STAGE, name="fixed", room=STAGE):
-    """Copy the program, its map with room for so many stages at least, and add to the copy what an engineer adds."""
+def build(folder):
+    """Copy the program, its map with room for one more stage, and add to the copy what an engineer adds."""
     for package in PACKAGES:
         shutil.copytree(HERE / package, folder / package)
-    if room > STAGES:
-        table = folder / "plc_bridge" / "protocol" / "registers.py"
-        told = table.read_text(encoding="utf-8")
-        assert told.count(f"\nSTAGES = {STAGES}\n") == 1
-        table.write_text(told.replace(f"\nSTAGES = {STAGES}\n", f"\nSTAGES = {room}\n"), encoding="utf-8")
+    table = folder / "plc_bridge" / "protocol" / "registers.py"
+    put(table, f"\nSTAGES = {STAGES}\n", f"STAGES = {max(STAGE, STAGES)}\n")
     (folder / "skills" / "look.py").write_text(SKILL, encoding="utf-8")
     put(folder / "skills" / "catalogue.py", "\nfrom skills import ", "look, ")
-    put(folder / "skills" / "catalogue.py", "\nCATALOGUE = Catalogue(\n", SKILL_ENTRY.format(code=code, stage=stage))
+    put(folder / "skills" / "catalogue.py", "\nCATALOGUE = Catalogue(\n", SKILL_ENTRY.format(code=CODE, stage=STAGE))
     table = folder / "skills" / "tactile" / "estimators.py"
     (folder / "skills" / "tactile" / "fixed.py").write_text(ESTIMATOR, encoding="utf-8")
     put(table, "\nfrom drivers.skin.layout import Layout\n", "from skills.tactile import fixed\n")
-    put(table, "\nESTIMATORS = estimators(\n", ESTIMATOR_ENTRY.format(name=name))
+    put(table, "\nESTIMATORS = estimators(\n", ESTIMATOR_ENTRY.format(name="fixed"))
     (folder / "config" / "recipes" / "2.toml").write_text("[look]\ntheta = 0.5\n", encoding="utf-8")
     return folder
 
 
-def told(house, *words):
-    """Return what `cell` does as it is in `house`."""
-    environment = {**os.environ, "PYTHONPATH": str(house)}
-    line = [sys.executable, "-m", "cell", *words]
-    return subprocess.run(line, env=environment, cwd=house, capture_output=True, text=True, check=False)
+def told(cell, *words):
+    """Return what a call of `cell` gives."""
+    return subprocess.run([cell, *words], capture_output=True, text=True, check=False)
 
 
 @pytest.fixture(scope="module")
 def house(tmp_path_factory):
     return build(tmp_path_factory.mktemp("house"))
+
+
+@pytest.fixture(scope="module")
+def cell(house, tmp_path_factory):
+    with forked(tmp_path_factory.mktemp("bin"), house) as command:
+        yield command
 
 
 @pytest.fixture
@@ -151,15 +152,15 @@ def served(house, tmp_path):
         yield address
 
 
-def test_the_terminal_runs_them(house, tmp_path):
+def test_the_terminal_runs_them(cell, tmp_path):
     words = ("run", "look", "--json", "--journal", str(tmp_path), "--set", "sim.pace=max")
-    good = told(house, *words, "--set", "insert.estimator=fixed", "--set", "fixed.theta=0.1", "--set", "look.theta=0.1")
+    good = told(cell, *words, "--set", "insert.estimator=fixed", "--set", "fixed.theta=0.1", "--set", "look.theta=0.1")
     row = json.loads(good.stdout)
     assert (good.returncode, row["outcome"], row["stage"]) == (0, "success", "look")
     assert row["stage_times"] == [["look", pytest.approx(0.5)]]
-    (stage,) = json.loads(told(house, "show", str(row["run"]), "--json", "--journal", str(tmp_path)).stdout)["stages"]
+    (stage,) = json.loads(told(cell, "show", str(row["run"]), "--json", "--journal", str(tmp_path)).stdout)["stages"]
     assert stage["facts"] == {"theta": pytest.approx(0.1)}
-    bad = told(house, *words, "--set", "insert.estimator=fixed", "--set", "fixed.theta=0.2")
+    bad = told(cell, *words, "--set", "insert.estimator=fixed", "--set", "fixed.theta=0.2")
     row = json.loads(bad.stdout)
     assert (bad.returncode, row["outcome"], row["reason"]) == (1, "failure", "other_angle")
 
@@ -175,8 +176,8 @@ def test_a_plc_runs_them_and_reads_the_time_back(house, served):
         assert report.total_time == pytest.approx(0.5)
 
 
-def test_the_map_names_them(house):
-    words = json.loads(told(house, "map", "--format", "json").stdout)
+def test_the_map_names_them(cell):
+    words = json.loads(told(cell, "map", "--format", "json").stdout)
     meanings = {entry["name"]: entry["meaning"] for entry in words}
     assert f"{CODE} look" in meanings["command_code"]
     assert f"{STAGE} look" in meanings["report_stage"]
@@ -191,8 +192,8 @@ def test_the_map_names_them(house):
         ("insert.estimator=eye", ("insert.estimator = 'eye'", '"fixed", "image", "robust" allowed')),
     ],
 )
-def test_a_wrong_value_is_told_as_of_any_other(house, key, words):
-    wrong = told(house, "run", "look", "--set", key)
+def test_a_wrong_value_is_told_as_of_any_other(cell, key, words):
+    wrong = told(cell, "run", "look", "--set", key)
     assert (wrong.returncode, wrong.stderr.count("\n")) == (2, 1)
     assert all(word in wrong.stderr for word in words), wrong.stderr
 
@@ -207,7 +208,14 @@ def test_a_wrong_value_is_told_as_of_any_other(house, key, words):
         ({"name": "limits"}, ("[limits]", "a key of every cell")),
     ],
 )
-def test_a_clash_ends_every_command_with_one_line(tmp_path, changes, words):
-    clash = told(build(tmp_path, **changes), "run", "recover")
+def test_a_clash_ends_every_command_with_one_line(house, cell, changes, words):
+    numbers = {"code": CODE, "stage": STAGE, "name": "fixed"}
+    with ExitStack() as before:
+        for path, entry in (("skills/catalogue.py", SKILL_ENTRY), ("skills/tactile/estimators.py", ESTIMATOR_ENTRY)):
+            text = (house / path).read_text(encoding="utf-8")
+            before.callback((house / path).write_text, text, encoding="utf-8")
+            other = text.replace(entry.format(**numbers), entry.format(**{**numbers, **changes}))
+            (house / path).write_text(other, encoding="utf-8")
+        clash = told(cell, "run", "recover")
     assert (clash.returncode, clash.stdout, clash.stderr.count("\n")) == (2, "", 1)
     assert all(word in clash.stderr for word in words), clash.stderr

@@ -4,34 +4,39 @@ import os
 import shutil
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 from cell.config.load import load
+from cell.lab.faults.program import LOADED
 from cell.run.record import scene_facts
 from drivers.errors import ConfigError
 from sim.visual.render import Camera
 from sim.visual.scene import Stage
+from tests.forked import forked
 from tests.pages import PAGES, RENDERING, ROOT, Block, blocks
 
 COPIED = ("cell", "config", "drivers", "plc_bridge", "sim", "skills", "pyproject.toml", "constraints.txt")
 PAGES_WITH_COMMANDS = sorted({block.page for block in blocks() if block.info in ("console", f"console {RENDERING}")})
 
 
-def run(commands: str, folder: Path, root: Path = ROOT) -> None:
-    """Run the lines of a block in a shell, with this tree's `cell`; every line has to succeed."""
-    tools = folder / "bin"
-    tools.mkdir(exist_ok=True)
-    cell = tools / "cell"
-    cell.write_text(f'#!/bin/sh\nexec "{sys.executable}" -m cell "$@"\n', encoding="utf-8")
-    cell.chmod(0o755)
-    path = os.pathsep.join([str(tools), str(Path(sys.executable).parent), os.environ["PATH"]])
+@pytest.fixture(scope="module")
+def cell(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """Yield this tree's `cell`."""
+    with forked(tmp_path_factory.mktemp("bin"), ROOT, LOADED) as command:
+        yield command
+
+
+def run(commands: str, folder: Path, cell: Path) -> None:
+    """Run the lines of a block in a shell; every line has to succeed."""
+    path = os.pathsep.join([str(cell.parent), str(Path(sys.executable).parent), os.environ["PATH"]])
     told = subprocess.run(
         ["sh", "-e"],
         input=commands,
         cwd=folder,
-        env={**os.environ, "PATH": path, "PYTHONPATH": str(root), "XDG_DATA_HOME": str(folder / "data")},
+        env={**os.environ, "PATH": path, "XDG_DATA_HOME": str(folder / "data")},
         capture_output=True,
         text=True,
         timeout=600,
@@ -49,11 +54,11 @@ def can_render() -> bool:
 
 
 @pytest.mark.parametrize("page", PAGES_WITH_COMMANDS, ids=lambda page: page.name)
-def test_the_commands_of_a_page_succeed_one_after_the_other(page, tmp_path):
+def test_the_commands_of_a_page_succeed_one_after_the_other(page, tmp_path, cell):
     kinds = ["console", *([f"console {RENDERING}"] if can_render() else [])]
     for block in blocks():
         if block.page == page and block.info in kinds:
-            run(block.text, tmp_path)
+            run(block.text, tmp_path, cell)
 
 
 def piece(note: str) -> Block:
@@ -67,7 +72,7 @@ def replaced(path: Path, old: str, new: str) -> None:
     path.write_text(text.replace(old, new), encoding="utf-8")
 
 
-def test_the_skill_of_the_page_on_extending_runs_after_the_edits_that_it_names(tmp_path):
+def test_the_skill_of_the_page_on_extending_runs_after_the_edits_that_it_names(tmp_path, tmp_path_factory):
     assert ROOT / "docs" / "extend.md" in PAGES
     for name in COPIED:
         source = ROOT / name
@@ -84,4 +89,5 @@ def test_the_skill_of_the_page_on_extending_runs_after_the_edits_that_it_names(t
     )
     (block,) = [block for block in blocks() if block.info == "console after-the-edit"]
 
-    run(block.text, tmp_path, tmp_path)
+    with forked(tmp_path_factory.mktemp("bin"), tmp_path) as command:
+        run(block.text, tmp_path, command)
