@@ -7,8 +7,6 @@ import sys
 import tomllib
 from importlib.metadata import entry_points
 
-import pytest
-
 from tests.pages import ROOT, blocks
 
 PLUGIN = "cell.testing.plugin"
@@ -51,39 +49,28 @@ def test_counted_pegs(cell):
     assert [insert(cell)[n] for n in (0, 3)] == ["SUCCESS", "RACK_EMPTY"]
 """
 
+REAL = PAGE["options"].replace("cell.toml", str(ROOT / "config" / "cell_01.toml"))
 
-def run(folder, *words):
-    """Run pytest in a folder, with the plugin as it is installed or, in a checkout that was installed before it existed, by name."""
+
+def test_the_example_the_page_and_each_fault_of_the_fixture_pass_and_a_real_cell_is_refused(tmp_path):
+    """With the plugin as it is installed or, in a checkout that was installed before it existed, by name."""
     is_installed = PLUGIN in [each.value for each in entry_points(group="pytest11")]
     plugin = [] if is_installed else ["-p", PLUGIN]
-    command = [sys.executable, "-m", "pytest", "-p", "no:cacheprovider", *plugin, *words]
-    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
-    return subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, check=False)
-
-
-@pytest.fixture
-def project(tmp_path):
-    return shutil.copytree(EXAMPLE, tmp_path / "line")
-
-
-def test_the_example_and_the_page_pass(project):
+    project = shutil.copytree(EXAMPLE, tmp_path / "line")
     (project / "test_page.py").write_text(PAGE["project"], encoding="utf-8")
-    told = run(project)
-    assert told.returncode == 0, told.stdout + told.stderr
-    assert "5 passed, 1 skipped" in told.stdout
-
-
-def test_each_fault_of_the_fixture_has_the_effect_that_the_page_names(project):
     (project / "test_faults.py").write_text(FAULTS, encoding="utf-8")
-    told = run(project, "test_faults.py")
-    assert told.returncode == 0, told.stdout + told.stderr
-
-
-def test_a_config_of_a_real_cell_is_refused(project):
-    (project / "conftest.py").write_text(
-        PAGE["options"].replace("cell.toml", str(ROOT / "config" / "cell_01.toml")), encoding="utf-8"
+    (project / "real").mkdir()
+    (project / "real" / "conftest.py").write_text(REAL, encoding="utf-8")
+    (project / "real" / "test_real.py").write_text("def test_real(cell): ...\n", encoding="utf-8")
+    told = subprocess.run(
+        [sys.executable, "-m", "pytest", "-p", "no:cacheprovider", *plugin],
+        cwd=project,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        capture_output=True,
+        text=True,
+        check=False,
     )
-    told = run(project, "-k", "recorded")
+    assert "8 passed, 1 skipped, 1 error" in told.stdout, told.stdout + told.stderr
     assert "that of a simulated one allowed" in told.stdout
 
 
