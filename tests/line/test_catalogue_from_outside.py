@@ -13,7 +13,7 @@ from plc_bridge.peer import Peer
 from plc_bridge.protocol.messages import Result
 from plc_bridge.protocol.registers import STAGES
 from skills.catalogue import CATALOGUE
-from tests.forked import forked
+from tests.line.forked import forked
 from tests.serving import process
 
 HERE = Path(__file__).resolve().parents[2]

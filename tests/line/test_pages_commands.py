@@ -15,7 +15,7 @@ from cell.run.record import scene_facts
 from drivers.errors import ConfigError
 from sim.visual.render import Camera
 from sim.visual.scene import Stage
-from tests.forked import forked
+from tests.line.forked import forked
 from tests.pages import PAGES, RENDERING, ROOT, Block, blocks
 
 COPIED = ("cell", "config", "drivers", "plc_bridge", "sim", "skills", "pyproject.toml", "constraints.txt")

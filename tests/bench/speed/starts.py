@@ -100,5 +100,4 @@ def start_of(arguments: Sequence[str], environment: Mapping[str, str] | None = N
 
 def heavy_imports(arguments: Sequence[str]) -> list[str]:
     """Return the heavy packages that one command imports."""
-    modules = start_of(arguments).modules
-    return [name for name in HEAVY if name in modules]
+    return list(filter(start_of(arguments).modules.__contains__, HEAVY))

@@ -1,6 +1,6 @@
 """Calls of the command `cell` at a tenth of the cost: forks of one process that has loaded what all of them need.
 
-    python tests/forked.py FOLDER MODULE...
+    python tests/line/forked.py FOLDER MODULE...
 
 imports the modules, writes the command into the folder, says so in a line, and obeys it until it is killed.
 """
