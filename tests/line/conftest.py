@@ -1,16 +1,15 @@
-"""A quick cell that is served over Modbus TCP, and wires to it; a study that the tests of a module share."""
+"""A quick cell that is served over Modbus TCP, wires to it and its page."""
 
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
 
 import pytest
 
 from cell.config.load import LoadedConfig
+from cell.page.server import PageServer
 from plc_bridge.config import ModbusConfig, PlcConfig
 from tests.plc_wire import Wire
 from tests.quick_cell import QuickCell, quick_cell
-from tests.studies import studied
 
 CALM = PlcConfig(life_timeout=60.0, lease_timeout=60.0, modbus=ModbusConfig(port=0))
 """So that a busy computer loses no run."""
@@ -43,8 +42,8 @@ def plc(connect: Callable[[], Wire]) -> Wire:
     return connect()
 
 
-@pytest.fixture(scope="module")
-def study(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> tuple[dict[str, Any], Path]:
-    """Return what the study of a module's `STUDY`, a name and words, printed, and its folder."""
-    folder = tmp_path_factory.mktemp("study")
-    return studied(folder, *request.module.STUDY), folder
+@pytest.fixture
+def server(served: QuickCell, loaded: LoadedConfig) -> Iterator[PageServer]:
+    """Yield the page of it, on which the cable of the skin can be pulled."""
+    with PageServer(("127.0.0.1", 0), served.bridge, served.live, loaded, served.folder, ["skin"]) as made:
+        yield made

@@ -1,23 +1,23 @@
 """The page in a real browser: a run watched, held and let go on, faults, leases, two pages, a server that comes back."""
 
 import signal
+import socket
 from collections.abc import Callable, Iterator
-from contextlib import closing
+from contextlib import closing, contextmanager
 
 import pytest
 
 from cell.commands.cli import GOOD, main
 from cell.film.recorded import recorded
-from cell.page.server import PageServer
+from cell.lab.faults import program
 from cell.records.journal import Journal
 from drivers.errors import SkinSilentError
 from plc_bridge.peer import Peer
 from plc_bridge.protocol.messages import Refusal
-from tests.browser import PageView, browsing
+from tests.browser import PageView, browsing, patience
 from tests.filmed_runs import require_rendering
 from tests.plc_wire import Wire
-from tests.quick_cell import CODE, QuickCell
-from tests.serving import process
+from tests.quick_cell import CODE
 
 WIRE_CUT = "skin: no frame for 0.5 s"
 
@@ -26,14 +26,6 @@ WIRE_CUT = "skin: no frame for 0.5 s"
 def browser():
     with browsing() as opened:
         yield opened
-
-
-@pytest.fixture
-def server(served: QuickCell, loaded) -> Iterator[PageServer]:
-    made = PageServer(("127.0.0.1", 0), served.bridge, served.live, loaded, served.folder, ["skin"])
-    made.start()
-    yield made
-    made.close()
 
 
 @pytest.fixture
@@ -219,52 +211,68 @@ WAYS = [
     (["start", "abort"], "Aborted"),
 ]
 """Controls that are pressed one after another, and the state that follows."""
-SIZES = [(360, 740), (1024, 768), (1920, 1080)]
+SIZES = [(360, 740, "dark"), (360, 740, "light"), (1024, 768, "light"), (1920, 1080, "light")]
+"""Width and height of the view, pixels, and the colours that its owner prefers."""
+PLACE = """
+const r = document.querySelector(`[data-ask=${arguments[0]}]`).getBoundingClientRect();
+return [r.left, r.top, r.right, r.bottom, innerWidth, innerHeight];
+"""
+RED = "return getComputedStyle(document.querySelector('[data-ask=stop]')).backgroundColor"
 
 
-def place_of(page, ask):
-    """Return left, top, right, bottom of a control and the size of the view, pixels."""
-    return page.script(
-        f"const r = document.querySelector('[data-ask={ask}]').getBoundingClientRect();"
-        "return [r.left, r.top, r.right, r.bottom, innerWidth, innerHeight]"
-    )
+def place_of_stop(page, down):
+    """Return left, top, right, bottom of Stop and of Abort and the size of the view, pixels, of a page scrolled so far."""
+    page.script(f"scrollTo(0, {down})")
+    return [page.front().execute_script(PLACE, ask) for ask in ("stop", "abort")]
 
 
-@pytest.mark.parametrize(("size", "scheme"), [(SIZES[0], "dark"), *((size, "light") for size in SIZES)], ids=str)
-def test_stop_and_abort_stay_in_view_at_one_place_in_every_state(served, page, size, scheme):
-    width, height = size
-    page.front().execute_cdp_cmd(
-        "Emulation.setDeviceMetricsOverride", {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": True}
-    )
-    page.front().execute_cdp_cmd(
-        "Emulation.setEmulatedMedia", {"features": [{"name": "prefers-color-scheme", "value": scheme}]}
-    )
-    places = [[place_of(page, ask) for ask in ("stop", "abort")]]
+def places_of_stop(page):
+    """Return these places in views of every size."""
+    places = []
+    for width, height, scheme in SIZES:
+        size = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": True}
+        page.front().execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
+        media = {"features": [{"name": "prefers-color-scheme", "value": scheme}]}
+        page.front().execute_cdp_cmd("Emulation.setEmulatedMedia", media)
+        top, end = (place_of_stop(page, down) for down in ("0", "document.body.scrollHeight"))
+        assert top == end
+        places.append(top)
+        assert page.script(RED) == "rgb(179, 38, 30)"
+        assert page.script("return document.documentElement.scrollWidth") <= width
+    return places
+
+
+def test_stop_and_abort_stay_in_view_at_one_place_in_every_state(served, page):
+    first = places_of_stop(page)
+    for left, top, right, bottom, across, down in (place for both in first for place in both):
+        assert 0 <= left < right <= across
+        assert 0 <= top < bottom <= down
+        assert bottom - top >= 60
     served.program.may_end.clear()
     for asks, state in WAYS:
         for ask in asks:
             page.press(ask)
         page.until_text("state", state)
-        page.script("scrollTo(0, document.body.scrollHeight)")
-        places.append([place_of(page, ask) for ask in ("stop", "abort")])
-    assert [found for found in places if found != places[0]] == []
-    for left, top, right, bottom, across, down in places[0]:
-        assert 0 <= left < right <= across
-        assert 0 <= top < bottom <= down
-        assert bottom - top >= 60
-    assert page.script("return getComputedStyle(document.querySelector('[data-ask=stop]')).backgroundColor") == (
-        "rgb(179, 38, 30)"
-    )
-    assert page.script("return document.documentElement.scrollWidth") <= width
+        assert places_of_stop(page) == first, state
 
 
-def page_of(folder, port=0):
-    """Return what yields a cell that is served with its page; see `process`."""
-    return process(folder, ["sim.pace=max"], "--page", f"127.0.0.1:{port}", lines=2)
+@contextmanager
+def serving_page(folder, port):
+    """Yield a process that serves a cell with its page at a port."""
+    with program.served(folder, ["--set", "sim.pace=max", "--page", f"127.0.0.1:{port}"]) as running:
+        patience(lambda: is_open(port))
+        yield running
+
+
+def is_open(port):
+    with closing(socket.socket()) as client:
+        return client.connect_ex(("127.0.0.1", port)) == 0
 
 
 def test_a_real_run_is_watched_and_a_page_outlives_a_killed_server(browser, tmp_path):
-    with page_of(tmp_path) as (running, (_, (_, port))):
+    with socket.create_server(("127.0.0.1", 0)) as free:
+        port = free.getsockname()[1]
+    with serving_page(tmp_path, port) as running:
         page = view(browser, ("127.0.0.1", port), (tmp_path / "page-token").read_text())
         page.until(lambda: page.is_enabled("start"))
         page.press("start")
@@ -280,13 +288,13 @@ def test_a_real_run_is_watched_and_a_page_outlives_a_killed_server(browser, tmp_
         assert page.complaints() == []
         page.front().back()
         page.until_text("link", "live")
-        running.send_signal(signal.SIGKILL)
+        running.signal(signal.SIGKILL)
         page.until_text("lost", "No connection to the cell")
-    with page_of(tmp_path, port) as (_, (modbus, _)):
+    with serving_page(tmp_path, port) as running:
         page.until_text("link", "live")
         page.until_text("state", "Idle")
         page.until(lambda: page.is_enabled("start"))
-        with closing(Peer(*modbus)) as peer:
+        with closing(Peer(*running.address)) as peer:
             assert peer.look().refusal == Refusal.NONE
     page.complaints()  # those of the time without a server, which the next page shall not be asked about
     page.close()

@@ -5,7 +5,6 @@ import http.client
 import json
 import socket
 import sqlite3
-from collections.abc import Iterator
 from contextlib import AsyncExitStack, asynccontextmanager, closing
 from dataclasses import replace
 
@@ -24,19 +23,11 @@ from plc_bridge.protocol.messages import Control
 from tests.browser import patience
 from tests.hostile import UPGRADE
 from tests.plc_wire import Wire
-from tests.quick_cell import CODE, QuickCell
+from tests.quick_cell import CODE
 from tests.scenes import played
 from tests.sockets import PATIENCE
 
 PING = b"\x89\x00"
-
-
-@pytest.fixture
-def server(served: QuickCell, loaded) -> Iterator[PageServer]:
-    made = PageServer(("127.0.0.1", 0), served.bridge, served.live, loaded, served.folder)
-    made.start()
-    yield made
-    made.close()
 
 
 def get(server, path, method="GET", **headers):
@@ -95,35 +86,29 @@ def test_a_browser_may_load_from_the_cell_alone(server):
     assert answer.headers["X-Content-Type-Options"] == "nosniff"
 
 
-@pytest.mark.parametrize(
-    ("path", "status"),
-    [
-        ("/nothing", 404),
-        ("/..%2f..%2fserver.py", 404),
-        ("/runs/9", 200),
-        ("/runs/9/data", 404),
-        ("/runs/9/film.mp4", 404),
-        ("/runs/9/replay", 404),
-        ("/runs/9/picture.png", 404),
-        ("/report.html", 404),
-        ("/alarms?since=yesterday", 400),
-    ],
-)
-def test_what_there_is_not_is_answered_so(server, path, status):
-    assert get(server, path)[0].status == status
+STATUS = {
+    "/nothing": 404,
+    "/..%2f..%2fserver.py": 404,
+    "/runs/9": 200,
+    "/runs/9/data": 404,
+    "/runs/9/film.mp4": 404,
+    "/runs/9/replay": 404,
+    "/runs/9/picture.png": 404,
+    "/report.html": 404,
+    "/alarms?since=yesterday": 400,
+}
+"""Answers to what there is not."""
 
 
-@pytest.mark.parametrize("path", ["/page.js", "/three-min.js"])
-def test_a_file_of_the_page_is_sent_once_to_a_browser_that_asks_whether_it_is_new(server, path):
-    first, body = get(server, path)
-    again, nothing = get(server, path, **{"If-None-Match": first.headers["Etag"]})
-    assert (first.status, first.headers["Cache-Control"], again.status, nothing) == (200, "no-cache", 304, b"")
-    assert body
-
-
-@pytest.mark.parametrize("path", ["/", "/runs/1"])
-def test_a_browser_keeps_no_page_whose_socket_would_be_gone(server, path):
-    assert get(server, path)[0].headers["Cache-Control"] == "no-store"
+def test_what_there_is_not_is_answered_so_and_a_browser_keeps_files_but_no_page_whose_socket_would_be_gone(server):
+    assert {path: get(server, path)[0].status for path in STATUS} == STATUS
+    for path in ("/page.js", "/three-min.js"):
+        first, body = get(server, path)
+        again, nothing = get(server, path, **{"If-None-Match": first.headers["Etag"]})
+        assert (first.status, first.headers["Cache-Control"], again.status, nothing) == (200, "no-cache", 304, b"")
+        assert body
+    for path in ("/", "/runs/1"):
+        assert get(server, path)[0].headers["Cache-Control"] == "no-store"
 
 
 def test_the_token_has_the_report_of_a_period_made(server, recorded):
@@ -268,13 +253,13 @@ async def test_one_address_has_only_so_many_places_to_look(server):
         assert "16 of them without the token at this address" in (await hear(late, "full"))["why"]
 
 
-@pytest.mark.parametrize("text", ["[" * 2000, '{"ask": "unlock", "token": "\\ud800"}', "9" * 2000, "NaN", "\x00"])
 @played
-async def test_what_no_parser_can_read_is_answered_in_one_line_and_logged_in_none(server, caplog, text):
-    async with connected(server) as page:
-        for _ in range(50):
-            page.write_message(text)
-            assert (await hear(page, "refused"))["why"] in ("not JSON", "an object with `ask` allowed")
+async def test_what_no_parser_can_read_is_answered_in_one_line_and_logged_in_none(server, caplog):
+    for text in ("[" * 2000, '{"ask": "unlock", "token": "\\ud800"}', "9" * 2000, "NaN", "\x00"):
+        async with connected(server) as page:
+            for _ in range(50):
+                page.write_message(text)
+                assert (await hear(page, "refused"))["why"] in ("not JSON", "an object with `ask` allowed")
     assert caplog.text == ""
 
 

@@ -4,20 +4,18 @@ import gzip
 import http.client
 import json
 import re
-from collections.abc import Iterator
 from contextlib import closing
 
 import numpy as np
 import pytest
 
-from cell.page.server import STATIC, PageServer
+from cell.page.server import STATIC
 from drivers.arm.kinematics import finger_frame
 from drivers.errors import SkinSilentError
 from drivers.scene_facts import BRIGHT, NOISE, felt, touch_colours
 from tests.browser import PageView, browsing, patience
 from tests.filmed_runs import record
 from tests.foreign import NODE_CLIENT
-from tests.quick_cell import QuickCell
 
 AXE = NODE_CLIENT / "node_modules" / "axe-core" / "axe.min.js"
 FIRST, WHOLE = 40e3, 1e6
@@ -42,12 +40,6 @@ MOST_SHIFT = 0.01
 def browser():
     with browsing(has_webgl=True) as opened:
         yield opened
-
-
-@pytest.fixture
-def server(served: QuickCell, loaded) -> Iterator[PageServer]:
-    with PageServer(("127.0.0.1", 0), served.bridge, served.live, loaded, served.folder, ["skin"]) as made:
-        yield made
 
 
 def get(server, path, **headers):
@@ -186,15 +178,15 @@ def faulted(page, served, server):
 
 
 @pytest.mark.skipif(not AXE.is_file(), reason="`npm ci` was not run in tests/clients/node")
-@pytest.mark.parametrize("scheme", ["light", "dark"])
 @pytest.mark.parametrize("state", [idle, asking, faulted, "runs/"])
-def test_no_rule_of_accessibility_is_violated(view, served, server, run, state, scheme):
+def test_no_rule_of_accessibility_is_violated(view, served, server, run, state):
     page = view("" if callable(state) else f"{state}{run}")
-    media = {"features": [{"name": "prefers-color-scheme", "value": scheme}]}
-    page.front().execute_cdp_cmd("Emulation.setEmulatedMedia", media)
     page.until(lambda: page.script(SHOWN) > 100)
     if callable(state):
         state(page, served, server)
     page.script(AXE.read_text(encoding="utf-8"))
-    found = answer_of(page, "return (await axe.run()).violations.map((v) => [v.id, v.nodes.map((n) => n.html)])")
-    assert found == [], json.dumps(found, indent=1)
+    for scheme in ("light", "dark"):
+        media = {"features": [{"name": "prefers-color-scheme", "value": scheme}]}
+        page.front().execute_cdp_cmd("Emulation.setEmulatedMedia", media)
+        found = answer_of(page, "return (await axe.run()).violations.map((v) => [v.id, v.nodes.map((n) => n.html)])")
+        assert found == [], json.dumps(found, indent=1)
