@@ -70,7 +70,7 @@ def test_first_number_is_adopted_and_never_run(line, served):
     assert len(served.program.runs) == 1
 
 
-def test_start_busy_done_held_until_acknowledged_idle(plc, served):
+def test_start_busy_done_held_until_acknowledged_idle_and_the_same_command_sent_again_never_runs_again(plc, served):
     busy = begin(plc, served)
     assert (busy.answered, busy.sequence, busy.code, busy.result) == (busy.sequence, busy.sequence, CODE, Result.NONE)
     served.program.may_end.set()
@@ -80,13 +80,6 @@ def test_start_busy_done_held_until_acknowledged_idle(plc, served):
     assert {(report.result, report.state) for report in held} == {(Result.SUCCESS, State.COMPLETE)}
     plc.acknowledge()
     assert until(plc.cycle, in_state(State.IDLE)).result == Result.NONE
-
-
-def test_identical_command_sent_again_never_runs_again(plc, served):
-    plc.trigger(CODE)
-    plc.wait_for_result(PATIENCE)
-    plc.acknowledge()
-    until(plc.cycle, in_state(State.IDLE))
     for _ in range(20):
         plc.cycle()
         plc._write(plc._image)
@@ -95,7 +88,7 @@ def test_identical_command_sent_again_never_runs_again(plc, served):
 
 
 def test_every_command_is_one_run_with_its_own_answer(plc, served):
-    expected = [(Outcome.SUCCESS, Reason.NONE, Result.SUCCESS), (Outcome.FAILURE, Reason.NO_HOLE, Result.FAILURE)] * 10
+    expected = [(Outcome.SUCCESS, Reason.NONE, Result.SUCCESS), (Outcome.FAILURE, Reason.NO_HOLE, Result.FAILURE)] * 3
     sequence = plc.cycle().sequence
     for run, (outcome, reason, result) in enumerate(expected, 1):
         served.program.outcome, served.program.reason = outcome, reason
@@ -104,17 +97,18 @@ def test_every_command_is_one_run_with_its_own_answer(plc, served):
     assert len(served.program.runs) == len(expected)
 
 
-@pytest.mark.parametrize(
-    ("what", "refusal"),
-    [
-        ({"code": 99}, Refusal.UNKNOWN_CODE),
-        ({"code": CODE, "recipe": 999}, Refusal.UNKNOWN_RECIPE),
-        ({"code": Control.UNHOLD}, Refusal.NOT_READY),
-    ],
-)
-def test_what_cannot_be_done_is_refused_with_its_reason_and_the_next_command_runs(plc, served, what, refusal):
-    report = plc.run(**what, timeout=PATIENCE)
-    assert (report.result, report.refusal) == (Result.REFUSED, refusal)
+REFUSED = [
+    ({"code": 99}, Refusal.UNKNOWN_CODE),
+    ({"code": CODE, "recipe": 999}, Refusal.UNKNOWN_RECIPE),
+    ({"code": Control.UNHOLD}, Refusal.NOT_READY),
+]
+
+
+def test_what_cannot_be_done_is_refused_with_its_reason_and_counted_and_the_next_command_runs(plc, served):
+    for what, refusal in REFUSED:
+        report = plc.run(**what, timeout=PATIENCE)
+        assert (report.result, report.refusal) == (Result.REFUSED, refusal)
+    assert plc.read_diagnostics().refusals == len(REFUSED)
     assert served.program.runs == []
     assert plc.run(CODE, timeout=PATIENCE).result == Result.SUCCESS
 
@@ -153,11 +147,18 @@ def test_another_command_while_busy_is_refused_and_the_run_goes_on(plc, served):
     assert len(served.program.runs) == 1
 
 
-def test_without_the_lease_nobody_starts_and_the_holder_is_named(plc, served):
+def test_without_the_lease_nobody_starts_and_the_holder_is_named_and_whoever_stops_needs_none(plc, served):
     served.bridge.take("terminal")
     report = plc.run(CODE, timeout=PATIENCE)
     assert (report.refusal, report.holder, report.lease) == (Refusal.NOT_HOLDER, "terminal", LeaseState.TAKEN)
     assert served.program.runs == []
+    served.program.may_end.clear()
+    served.bridge.submit("terminal", CommandImage(code=CODE))
+    until(plc.read_report, in_state(State.EXECUTE))
+    plc.stop()
+    report = until(plc.cycle, in_state(State.STOPPED))
+    assert report.holder == "terminal"
+    assert served.record(1).outcome == "aborted"
 
 
 def test_lease_is_taken_shown_and_released(plc, served, line):
@@ -170,17 +171,6 @@ def test_lease_is_taken_shown_and_released(plc, served, line):
     assert until(plc.cycle, lambda report: report.lease == LeaseState.FREE).holder == ""
     assert served.bridge.take("terminal")
     assert not plc.take()
-
-
-def test_whoever_stops_needs_no_lease(plc, served):
-    served.bridge.take("terminal")
-    served.program.may_end.clear()
-    served.bridge.submit("terminal", CommandImage(code=CODE))
-    until(plc.read_report, in_state(State.EXECUTE))
-    plc.stop()
-    report = until(plc.cycle, in_state(State.STOPPED))
-    assert report.holder == "terminal"
-    assert served.record(1).outcome == "aborted"
 
 
 def test_stop_ends_the_own_run_and_reset_makes_ready(plc, served):
@@ -220,26 +210,21 @@ def test_abort_then_clear_then_reset(plc, served):
     assert plc.run(CODE, timeout=PATIENCE).result == Result.SUCCESS
 
 
-def test_fault_has_its_word_and_its_stage_until_a_reset(plc, served):
+def test_fault_has_its_word_and_its_stage_until_a_reset_and_a_stop_that_finds_nothing_to_stop_leaves_it(plc, served):
     served.program.fault = SkinSilentError("nothing heard")
-    report = plc.run(CODE, timeout=PATIENCE)
+    plc.trigger(CODE)
+    report = plc.wait_for_result(PATIENCE)
     assert (report.result, report.fault, report.stage) == (Result.FAULT, FaultCode.SKIN_SILENT, 1)
     assert until(plc.cycle, in_state(State.ABORTED)).fault == FaultCode.SKIN_SILENT
     row = served.record(report.run)
     assert (row.outcome, row.fault, row.stage) == ("fault", FaultCode.SKIN_SILENT, STAGE)
+    plc.stop()
+    scans = plc.read_report().life
+    after = until(plc.cycle, lambda report: (report.life - scans) % 0x10000 > 2)
+    assert (after.sequence, after.result, after.refusal) == (report.sequence, Result.FAULT, Refusal.NONE)
     served.program.fault = None
     assert plc.reset(PATIENCE).fault == FaultCode.NONE
     assert plc.run(CODE, timeout=PATIENCE).result == Result.SUCCESS
-
-
-def test_a_stop_that_finds_nothing_to_stop_leaves_the_answer_alone(plc, served):
-    served.program.fault = SkinSilentError("nothing heard")
-    plc.trigger(CODE)
-    fault = plc.wait_for_result(PATIENCE)
-    plc.stop()
-    scans = plc.read_report().life
-    report = until(plc.cycle, lambda report: (report.life - scans) % 0x10000 > 2)
-    assert (report.sequence, report.result, report.refusal) == (fault.sequence, Result.FAULT, Refusal.NONE)
 
 
 def test_life_that_stands_still_stops_the_run_and_frees_the_lease(line, loaded, tmp_path):
@@ -267,9 +252,3 @@ def test_run_goes_on_over_a_new_connection_and_its_result_is_found_there(plc, se
         assert until(again.cycle, in_state(State.IDLE)).result == Result.NONE
         assert again.run(CODE, timeout=PATIENCE).sequence == run.sequence + 1
     assert len(served.program.runs) == 2
-
-
-def test_refusals_are_counted_where_everybody_can_read_them(plc, served):
-    for _ in range(3):
-        plc.run(99, timeout=PATIENCE)
-    assert plc.read_diagnostics().refusals == 3
