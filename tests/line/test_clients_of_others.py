@@ -1,4 +1,4 @@
-"""PLC-side programs that are not ours run a hundred commands each, over real sockets; a quick program stands in for physics.
+"""PLC-side programs that are not ours run fifty commands each, over real sockets; a quick program stands in for physics.
 
 They know of the cell what `cell map` prints; `python -m tests.foreign` lets them insert real pegs.
 """
@@ -18,9 +18,8 @@ from tests.quick_cell import quick_cell
 CLIENTS = Path(__file__).parents[1] / "clients"
 AWLSIM = Path(__file__).parents[2] / "build" / "awlsim"
 """Where `.ci/run` puts it."""
-COUNT = 100
-FEWER = 50
-"""Number of commands on other lines, and of the program in AWL."""
+COUNT = 50
+"""Number of commands, as many as the program in AWL gives."""
 PEGS = 20
 """Number of commands over OPC UA."""
 PATIENT = {"life_timeout": 60.0, "lease_timeout": 60.0, "modbus": ModbusConfig(port=0)}
@@ -58,7 +57,7 @@ def test_libmodbus_over_a_serial_line(loaded, tmp_path, libmodbus):
     with Cable() as cable:
         rtu = RtuConfig(port=cable.ends[0], unit=17, baud_rate=115200, parity="none")
         with quick_cell(loaded, PlcConfig(**PATIENT, rtu=rtu), tmp_path) as served:
-            assert is_all_done(served, call(libmodbus, "rtu", cable.ends[1], rtu.unit, FEWER), FEWER)
+            assert is_all_done(served, call(libmodbus, "rtu", cable.ends[1], rtu.unit, COUNT))
 
 
 def test_go_over_tcp(served, go):
@@ -72,9 +71,9 @@ def test_go_over_tls(loaded, tmp_path, go):
     with quick_cell(loaded, PlcConfig(**PATIENT, tls=tls), tmp_path / "journal") as served:
         host, port = served.bridge.secure_address
         client = authority.sign("plc", utf8("Operator"))
-        said = call(go, f"tcp+tls://{host}:{port}", FEWER, go.parent / "cell_map.h", *client, authority.certificate)
-        assert is_all_done(served, said, FEWER)
-        assert served.record(FEWER).source.startswith("Operator@127.0.0.1:")
+        said = call(go, f"tcp+tls://{host}:{port}", COUNT, go.parent / "cell_map.h", *client, authority.certificate)
+        assert is_all_done(served, said)
+        assert served.record(COUNT).source.startswith("Operator@127.0.0.1:")
 
 
 @pytest.mark.skipif(not has_node(), reason="Node is not installed, or `npm ci` was not run in tests/clients/node")
@@ -110,4 +109,4 @@ def test_soft_plc_over_tcp(served):
         *("-D", "-L", "1", "-m", "en", "-H", f"cell:host={host}:tcpPort={port}", CLIENTS / "fifty.awl"),
         PYTHONPATH=os.pathsep.join(map(str, (AWLSIM, CLIENTS))),
     )
-    assert is_all_done(served, said, FEWER)
+    assert is_all_done(served, said)
