@@ -2,13 +2,13 @@
 
 import json
 import logging
+import multiprocessing
 import os
 import select
 import signal
 import socket
 import subprocess
 import sys
-from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
@@ -22,7 +22,7 @@ from cell.lab.trials import PARTIAL, run_trial, run_trials
 from cell.lab.workers import Pool, _deaf_children, on_cluster, on_processes
 from drivers.errors import CellError
 
-SHORT = ["search.timeout=2.0"]
+SHORT = ["search.timeout=0.1"]
 SEEDS = range(5, 8)
 LOCAL = ("--host", "127.0.0.1", "--dashboard-address", "127.0.0.1:0")
 KILLED = """
@@ -39,7 +39,7 @@ def free_port() -> int:
 
 
 @contextmanager
-def running(*arguments: str, **environment: str) -> Iterator[subprocess.Popen[str]]:
+def running(*arguments, **environment):
     """Yield a Python process; it is killed at the end."""
     process = subprocess.Popen(
         [sys.executable, *arguments],
@@ -61,13 +61,6 @@ def worker(address: str, **environment: str):
 
 
 @pytest.fixture(scope="module")
-def scheduler() -> Iterator[str]:
-    port = free_port()
-    with running("-m", "distributed.cli.dask_scheduler", *LOCAL, "--port", str(port)):
-        yield f"tcp://127.0.0.1:{port}"
-
-
-@pytest.fixture(scope="module")
 def config():
     return load(sets=SHORT).cell
 
@@ -82,61 +75,57 @@ def timeless(rows):
     return [replace(row, wall_time=0.0) for row in rows]
 
 
-def test_a_killed_worker_costs_no_row_and_changes_none(scheduler, config, by_pool, tmp_path):
-    with worker(scheduler) as first, worker(scheduler):
-        by_cluster = run_trials(config, SEEDS, 2, tmp_path, lambda row: first.kill(), scheduler)
-        assert first.wait() == -signal.SIGKILL
-    assert timeless(by_cluster) == by_pool
+STUCK = partial(signal.sigtimedwait, {signal.SIGUSR1})
+"""A task that waits for its seed's seconds."""
 
 
-@pytest.mark.parametrize("on", ["processes", "cluster"])
-def test_a_killed_call_loses_no_finished_trial_and_leaves_no_process(on, scheduler, config, tmp_path):
-    address = scheduler if on == "cluster" else None
-    with worker(scheduler) if address else running("-c", "") as _:
-        with running("-c", KILLED.format(sets=SHORT, folder=str(tmp_path), scheduler=address)) as call:
-            finished = [int(call.stdout.readline()) for _ in range(2)]
-            call.kill()
-            # The workers of a pool hold the same pipe: its end is theirs.
-            while select.select([call.stdout], [], [], 30.0)[0] and call.stdout.readline():
-                pass
-            assert select.select([call.stdout], [], [], 0.0)[0]
-        kept = [json.loads(line) for line in (tmp_path / PARTIAL).read_text().splitlines()[1:]]
-        rows = run_trials(config, sorted({*finished, 5}), 1, tmp_path, lambda row: None, address)
+def kill_a_call(config, folder, address=None):
+    """Kill a call that runs trials: it leaves no process, and the same call once more takes up what was finished as it is."""
+    with running("-c", KILLED.format(sets=SHORT, folder=str(folder), scheduler=address)) as call:
+        finished = [int(call.stdout.readline()) for _ in range(2)]
+        call.kill()
+        # The workers of a pool hold the same pipe: its end is theirs.
+        while select.select([call.stdout], [], [], 30.0)[0] and call.stdout.readline():
+            pass
+        assert select.select([call.stdout], [], [], 0.0)[0]
+    kept = [json.loads(line) for line in (folder / PARTIAL).read_text().splitlines()[1:]]
+    rows = run_trials(config, sorted({*finished, 5}), 1, folder, lambda row: None, address)
     assert set(finished) <= {row["seed"] for row in kept}
     assert {row["wall_time"] for row in kept if row["seed"] in finished} <= {row.wall_time for row in rows}
 
 
-def test_a_worker_with_other_code_is_refused(scheduler, config, monkeypatch):
-    monkeypatch.setattr(workers, "versions", lambda: {"code": "another"})
-    with (
-        worker(scheduler),
-        pytest.raises(CellError, match=r"code .*; another, as where the trials were asked for, allowed"),
-    ):
-        list(on_cluster(partial(run_trial, config), [5], scheduler))
+def test_a_killed_call_loses_no_finished_trial_and_leaves_no_process(config, tmp_path):
+    kill_a_call(config, tmp_path)
 
 
-def test_a_worker_whose_sums_may_differ_is_refused(scheduler, config):
-    with (
-        worker(scheduler, OPENBLAS_NUM_THREADS="2"),
-        pytest.raises(CellError, match="OPENBLAS_NUM_THREADS = 2; 1 allowed"),
-    ):
-        list(on_cluster(partial(run_trial, config), [5], scheduler))
-
-
-def test_a_cluster_without_workers_is_told(scheduler, config):
-    with pytest.raises(CellError, match=r"no worker for 0\.1 s; .*dask worker tcp://"):
-        list(on_cluster(partial(run_trial, config), [5], scheduler, patience=0.1))
-
-
-def test_a_scheduler_that_dies_is_told(config):
+def test_a_cluster_gives_the_same_rows_whatever_dies_and_refuses_workers_whose_rows_may_differ(
+    config, by_pool, tmp_path, monkeypatch
+):
     port = free_port()
     address = f"tcp://127.0.0.1:{port}"
-    with running("-m", "distributed.cli.dask_scheduler", *LOCAL, "--port", str(port)) as process, worker(address):
-        rows = on_cluster(partial(run_trial, config), SEEDS, address, patience=10.0)
-        next(rows)
-        process.kill()
-        with pytest.raises(CellError, match="lost; the same command takes up where it was"):
-            list(rows)
+    with running("-m", "distributed.cli.dask_scheduler", *LOCAL, "--port", str(port)) as scheduler:
+
+        def refused(said, seeds=(0,), patience=30.0):
+            with pytest.raises(CellError, match=said):
+                list(on_cluster(STUCK, seeds, address, patience=patience))
+
+        refused(r"no worker for 0\.1 s; .*dask worker tcp://", patience=0.1)
+        with worker(address, OPENBLAS_NUM_THREADS="2"):
+            refused("OPENBLAS_NUM_THREADS = 2; 1 allowed")
+        with worker(address) as first:
+            with monkeypatch.context() as here:
+                here.setattr(workers, "versions", lambda: {"code": "another"})
+                refused(r"code .*; another, as where the trials were asked for, allowed")
+            kill_a_call(config, tmp_path, address)
+            with worker(address):
+                by_cluster = run_trials(config, SEEDS, 2, tmp_path / "all", lambda row: first.kill(), address)
+                assert first.wait() == -signal.SIGKILL
+                assert timeless(by_cluster) == by_pool
+                rows = on_cluster(STUCK, [0, 100_000], address, patience=10.0)
+                next(rows)
+                scheduler.kill()
+                with pytest.raises(CellError, match="lost; the same command takes up where it was"):
+                    list(rows)
 
 
 def test_an_address_where_nobody_schedules_is_told_in_one_line(capsys, monkeypatch, tmp_path):
@@ -149,17 +138,10 @@ def test_an_address_where_nobody_schedules_is_told_in_one_line(capsys, monkeypat
     assert f"scheduler {address}: no answer" in told.err
 
 
-def test_rows_do_not_depend_on_the_number_of_workers(config, by_pool):
+def test_rows_do_not_depend_on_the_number_of_workers_and_every_seed_draws_its_own_hole_and_start(config, by_pool):
     assert timeless(run_trial(config, seed) for seed in SEEDS) == by_pool
-
-
-def test_every_seed_draws_its_own_hole_and_start(by_pool):
     assert len({(row.hole_x, row.hole_y) for row in by_pool}) == len(SEEDS)
     assert len({(row.start_x, row.start_y) for row in by_pool}) == len(SEEDS)
-
-
-STUCK = partial(signal.sigtimedwait, {signal.SIGUSR1})
-"""A task that waits for its seed's seconds."""
 
 
 def test_whoever_interrupts_does_not_wait_for_trials_under_way():
@@ -169,14 +151,13 @@ def test_whoever_interrupts_does_not_wait_for_trials_under_way():
 
 
 def test_processes_of_a_call_that_had_enough_serve_the_next():
-    first, second = [], []
-    for pids in (first, second):
-        pids += on_processes(_pid, range(100), 1, lambda pids=pids: len(pids) >= 2)
-    assert len({*first, *second}) == 1
-
-
-def _pid(seed):
-    return os.getpid()
+    served = []
+    for _ in range(2):
+        rows = []
+        rows += on_processes(STUCK, [0] * 100, 1, lambda rows=rows: len(rows) >= 2)
+        served.append({process.pid for process in multiprocessing.active_children()})
+        assert len(rows) == 2
+    assert served[0] == served[1] != set()
 
 
 def test_a_pool_that_is_left_waits_for_none_of_its_tasks():
