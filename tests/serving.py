@@ -19,14 +19,8 @@ from plc_bridge.bridge import Bridge
 
 
 @contextmanager
-def serving(
-    cell: Cell, loaded: LoadedConfig, folder: Path, begin: threading.Event | None = None
-) -> Iterator[tuple[str, int]]:
-    """Yield host and port, a free one, of an opened cell that is served until the end.
-
-    The first scan waits for `begin`: with the command already in the mailbox, what follows does not depend on how
-    long a client took to send it.
-    """
+def serving(cell: Cell, loaded: LoadedConfig, folder: Path) -> Iterator[tuple[str, int]]:
+    """Yield host and port, a free one, of an opened cell that is served until the end."""
     plc = loaded.cell.plc
     bridge = Bridge(plc.model_copy(update={"modbus": plc.modbus.model_copy(update={"port": 0})}), PROGRAMS, PARAMETERS)
     journal, stop = Journal(folder), threading.Event()
@@ -34,8 +28,6 @@ def serving(
     supervisor = Supervisor(cell, loaded, bridge, journal, stop)
 
     def serve() -> None:
-        if begin is not None:
-            begin.wait()
         with closing(journal):
             supervisor.serve()
 
@@ -46,8 +38,6 @@ def serving(
         yield bridge.address
     finally:
         stop.set()
-        if begin is not None:
-            begin.set()
         thread.join()
         bridge.close()
 
@@ -57,13 +47,12 @@ def process(
     folder: Path,
     sets: Sequence[str],
     *options: str,
-    program: Sequence[str] = ("-m", "cell"),
     lines: int = 1,
     **how: Any,
 ) -> Iterator[tuple[subprocess.Popen[str], list[tuple[str, int]]]]:
     """Yield the process of `cell serve` with its records in a folder, and host and port of its first lines; it is killed."""
     words = [word for key in ("plc.modbus.port=0", *sets) for word in ("--set", key)]
-    command = [sys.executable, *program, "serve", "--journal", str(folder), *words, *options]
+    command = [sys.executable, "-m", "cell", "serve", "--journal", str(folder), *words, *options]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True, **how) as running:
         try:
             assert running.stdout is not None
