@@ -34,7 +34,7 @@ def serve_hanging(method, mark, wait, words, told):
         return called(switch)
 
     setattr(SimSwitch, method, hang)
-    program._serve(words, told)
+    program.serve(words, told)
 
 
 @pytest.fixture
@@ -43,7 +43,7 @@ def served(tmp_path, monkeypatch):
 
     def served(method="", wait="time.sleep(0.01)"):
         if method:
-            monkeypatch.setattr(program, "_serve", partial(serve_hanging, method, tmp_path / "mark", wait))
+            monkeypatch.setattr(program, "serve", partial(serve_hanging, method, tmp_path / "mark", wait))
         return program.served(tmp_path / "runs", [])
 
     return served

@@ -72,7 +72,7 @@ def served(folder: Path, arguments: Sequence[str], tls: Sequence[str] = ()) -> I
     words = ["serve", "--journal", str(folder), "--set", "plc.modbus.port=0", *arguments, *tls]
     _CONTEXT.set_forkserver_preload([LOADED])
     ours, its = _CONTEXT.Pipe(duplex=False)
-    process = _CONTEXT.Process(target=_serve, args=(words, its))
+    process = _CONTEXT.Process(target=serve, args=(words, its))
     process.start()
     its.close()
     try:
@@ -110,7 +110,7 @@ def _free_port() -> int:
         return int(server.getsockname()[1])
 
 
-def _serve(words: list[str], told: Connection) -> None:
+def serve(words: list[str], told: Connection) -> None:
     """Run the program: collect its output in `told`, discard its error output."""
     from cell.commands.cli import main
 
