@@ -18,11 +18,11 @@ from skills.guards.rest import REST_SPEED
 from tests.simulated_line import INSERT, line
 
 LENGTHS = {
-    "grasp_from_rack": 320,
+    "grasp_from_rack": 280,
     "spray_search": 700,
-    "tactile_insert": 100,
+    "tactile_insert": 80,
     "spiral_adjust": 100,
-    "release_and_retract": 110,
+    "release_and_retract": 80,
 }
 """Scans that a stage takes about; one that is over sooner is interrupted where it ends."""
 BRAKING = 60

@@ -111,7 +111,7 @@ def test_states_reasons_and_counts_of_pack_tags(buses):
     rig.command(100)  # an empty slot: an insertion that fails
     assert (buses.read("packml_processed"), buses.read("packml_defective")) == (1, 1)
     assert buses.read("packml_cntrl_cmd") == Control.START
-    assert buses.read(f"packml_state_time_{State.EXECUTE.value}") >= 5
+    assert buses.read(f"packml_state_time_{State.EXECUTE.value}") >= 3
     rig.arm.fault = ArmReflexError("arm: reflex")
     rig.scan()
     assert (buses.read("packml_state"), buses.read("packml_stop_reason")) == (State.ABORTED, FaultCode.ARM_REFLEX)
