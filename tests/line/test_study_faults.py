@@ -92,7 +92,7 @@ def test_a_slice_of_the_campaign_has_zeros_where_there_must_be(tmp_path):
     """
     tried = [
         ("arm: deaf", "spiral_adjust", 0.3),
-        ("arm: readings still", "spiral_adjust", 0.3),
+        ("arm: readings still", "spiral_adjust", 0.1),
         ("arm: stamp no number", "tactile_insert", 0.3),
         ("skin: fingers swapped", "tactile_insert", 0.4),
         ("skill: lies", "grasp_from_rack", 1.5),
