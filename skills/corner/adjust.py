@@ -218,7 +218,7 @@ def run(params: CornerAdjustParams, ctx: SkillContext, plane: Plane | None = Non
         if abs(seen.peg.theta - entry.in_hand.theta) > TURNED or watch.has_strayed(seen.elapsed):
             break
         is_between = sunk > params.entered or watch.is_caught(seen.elapsed, params)
-        if is_seated(seen.switch, tip, hole) or is_between:
+        if is_seated(seen.switch, plane.depth(tip), hole) or is_between:
             return CornerAdjustResult(Outcome.SUCCESS, Reason.NONE, running, depth_of(tip, hole))
         ctx.callbacks.progress(seen.elapsed / params.timeout)
         before, left = left, entry.raised(left, sunk, seen.step)

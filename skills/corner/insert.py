@@ -187,7 +187,7 @@ def run(params: CornerInsertParams, ctx: SkillContext, plane: Plane | None = Non
     yaw, phi, theta = 0.0, params.tilt, ctx.in_hand().theta
     for seen in ctx.scan(params.timeout, holding=True):
         phi, elapsed = angle_between(seen.axis, plane.normal), seen.elapsed
-        if is_seated(seen.switch, seen.tip, ctx.job.hole):
+        if is_seated(seen.switch, plane.depth(seen.tip), ctx.job.hole):
             return CornerInsertResult(Outcome.SUCCESS, Reason.NONE, seen.running, yaw, phi)
         depth = plane.depth(seen.tip)
         if depth < -params.lost_height - ctx.job.peg.part.widest * math.sin(phi):

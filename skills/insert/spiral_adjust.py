@@ -19,7 +19,6 @@ from skills.seating.decision import (
     CLOSED_TOLERANCE,
     OPEN_TOLERANCE,
     Arrival,
-    depth_of,
     is_seated,
     require_short_of_bottom,
 )
@@ -114,7 +113,7 @@ class SeatingEvidence:
             self.looks = self.looks.after(seen, ctx.lead.held, hole.latch, beyond)
             ctx.peg = replace(ctx.peg, ways=self.looks.curve.ways)
             return self.looks.is_shown
-        if not is_seated(seen.switch, tip, hole):
+        if not is_seated(seen.switch, plane.depth(tip), hole):
             return False
         short = hole.depth - plane.depth(seen.tip) if self.is_felt else 0.0
         self.arrival = self.arrival.after(seen, ctx.lead.held, short)
@@ -133,9 +132,9 @@ class Guidance:
 
     def is_stalled(self, tip: Vector, elapsed: float, is_lifting: bool) -> bool:
         """Take the place of the tip, m; return True if the peg has made no progress for too long."""
-        depth, hole = self._plane.depth(tip), self._ctx.job.hole
+        depth = self._plane.depth(tip)
         self._stall = Stall(depth, elapsed) if is_lifting else self._stall.after(depth, elapsed, self._params.jammed)
-        return elapsed - self._stall.since > given_up_after(depth_of(tip, hole), hole.depth, self._params)
+        return elapsed - self._stall.since > given_up_after(depth, self._ctx.job.hole.depth, self._params)
 
     def free(self, seen: Observation, tip: Vector, is_lifting: bool) -> Vector:
         """Free the peg if it jams; take and return its end point by the aim, shape (3,), m, base frame."""
@@ -191,9 +190,9 @@ def run(
     for seen in ctx.scan(params.timeout, holding=True):
         elapsed, running, tip = seen.elapsed, seen.running, down.aim.tip(seen.arm.tcp)
         if proof.is_given(seen, tip, plane, ctx):
-            return _result(Outcome.SUCCESS, Reason.NONE, running, offset, depth_of(tip, hole))
+            return _result(Outcome.SUCCESS, Reason.NONE, running, offset, plane.depth(tip))
         if angle_between(seen.axis, plane.normal) > LEANING:
-            return _result(Outcome.FAILURE, Reason.NOT_ALIGNED, running, offset, depth_of(tip, hole))
+            return _result(Outcome.FAILURE, Reason.NOT_ALIGNED, running, offset, plane.depth(tip))
         is_stalled = down.is_stalled(tip, elapsed, proof.looks.is_lifting)
         if _has_left(tip, plane, ctx.job) or is_stalled or proof.looks.is_over:
             break
@@ -201,7 +200,7 @@ def run(
         offset, next_offset = down.offsets(elapsed)
         ctx.callbacks.progress(elapsed / params.timeout)
         swing = swing.after(seen.arm) if running < params.swing_time else at_rest
-        stiffness, damping_ratio = _compliance(params, swing, depth_of(tip, hole) > hole.depth - params.arrival)
+        stiffness, damping_ratio = _compliance(params, swing, plane.depth(tip) > hole.depth - params.arrival)
         proof.looks = proof.looks.pulling(swing.push * params.push_offset, ctx.schedule.period)
         # The tip is held no further away than a hole can be from where it was found, and at the tip's height less a pull.
         beside, axis = anchored(tip, first.tip), down.aim.axis(offset)
@@ -219,8 +218,8 @@ def run(
             )
         )
     if hole.evidence == "switch":
-        require_short_of_bottom(tip, hole)
-    return _result(Outcome.FAILURE, Reason.NOT_SEATED, running, offset, depth_of(tip, hole))
+        require_short_of_bottom(plane.depth(tip), hole)
+    return _result(Outcome.FAILURE, Reason.NOT_SEATED, running, offset, plane.depth(tip))
 
 
 def _has_left(tip: Vector, plane: Plane, job: Job) -> bool:
@@ -229,7 +228,7 @@ def _has_left(tip: Vector, plane: Plane, job: Job) -> bool:
     In the last case the fingers have slid down the peg, which the next touch-down measures, or the hole is another one.
     """
     is_above = plane.depth(tip) < -(job.peg.part.inscribed / 2.0 + RAISED)
-    is_below = depth_of(tip, job.hole) > job.hole.depth + CLOSED_TOLERANCE
+    is_below = plane.depth(tip) > job.hole.depth + CLOSED_TOLERANCE
     return is_above or is_below
 
 

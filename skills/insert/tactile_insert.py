@@ -94,7 +94,7 @@ def run(params: TactileInsertParams, ctx: SkillContext, plane: Plane | None = No
     for seen in ctx.scan(params.timeout, holding=True):
         elapsed = seen.running
         phi = angle_between(seen.axis, normal)
-        if is_seated(seen.switch, seen.tip, ctx.job.hole):
+        if is_seated(seen.switch, plane.depth(seen.tip), ctx.job.hole):
             return TactileInsertResult(Outcome.SUCCESS, Reason.NONE, elapsed, first_phi, phi)
         angle, rate = turned(seen.elapsed, params.turn_rate, params.turn_run_up)
         if phi < params.aligned or angle >= first_phi:

@@ -26,7 +26,7 @@ def run(params: PaperAdjustParams, ctx: SkillContext) -> SpiralAdjustResult:
     growth, offset, x_p, running = params.radius / params.growing_time, np.zeros(2), first.tip, 0.0
     for seen in ctx.scan(params.timeout, holding=True):
         running, (x_p, _) = seen.running, end_point(seen.arm.tcp, in_hand.theta, in_hand.length)
-        if is_seated(seen.switch, x_p, hole):
+        if is_seated(seen.switch, depth_of(x_p, hole), hole):
             return _result(Outcome.SUCCESS, Reason.NONE, running, offset, depth_of(x_p, hole))
         # Offset of the finger centre from the vertical through the end: r (cos wt, sin wt), r = growth t.
         offset = spiral(seen.elapsed % params.growing_time, growth, params.turn_rate)
@@ -43,7 +43,7 @@ def run(params: PaperAdjustParams, ctx: SkillContext) -> SpiralAdjustResult:
                 in_hand=in_hand,
             )
         )
-    require_short_of_bottom(x_p, hole)
+    require_short_of_bottom(depth_of(x_p, hole), hole)
     return _result(Outcome.FAILURE, Reason.NOT_SEATED, running, offset, depth_of(x_p, hole))
 
 

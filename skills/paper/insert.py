@@ -9,7 +9,7 @@ from skills.insert.tactile_insert import TactileInsertResult
 from skills.motion import VALIDITY
 from skills.paper.equations import k_33, towards, x_star
 from skills.paper.params import PaperInsertParams
-from skills.seating.decision import is_seated
+from skills.seating.decision import depth_of, is_seated
 
 ALIGNED = math.radians(15.0)
 """Angle phi below which the adjustment starts, rad. Source: [gibbons], Sec. VII."""
@@ -27,7 +27,7 @@ def run(params: PaperInsertParams, ctx: SkillContext) -> TactileInsertResult:
     for seen in ctx.scan(params.timeout, holding=True):
         # phi = arccos(v . v*); computed as atan2(|v x v*|, v . v*)
         phi = angle_between(seen.axis, v_star)
-        if phi < ALIGNED or is_seated(seen.switch, seen.tip, hole):
+        if phi < ALIGNED or is_seated(seen.switch, depth_of(seen.tip, hole), hole):
             return TactileInsertResult(Outcome.SUCCESS, Reason.NONE, seen.running, phi_0, phi)
         ctx.callbacks.progress(1.0 - min(phi / phi_0, 1.0))
         K[2] = k_33(phi, phi_0, *params.push_stiffness)

@@ -91,16 +91,16 @@ class Arrival:
 
 
 def depth_of(tip: Vector, hole: Hole) -> float:
-    """Return the depth of the tip below the surface by the arm, m."""
+    """Return the depth of the tip below the stated surface by the arm, m."""
     return float(hole.centre[2] - tip[2])
 
 
-def is_seated(switch: SwitchState, tip: Vector, hole: Hole) -> bool:
+def is_seated(switch: SwitchState, depth: float, hole: Hole) -> bool:
     """Return True if the switch is closed; check that the tip is then at the hole's depth.
 
     Args:
         switch: State of the switch.
-        tip: End point of the peg by the arm, shape (3,), m, base frame.
+        depth: Depth of the tip by the arm, m, below the surface that the search has estimated, or else the stated one.
         hole: The hole of the job.
 
     Raises:
@@ -111,7 +111,6 @@ def is_seated(switch: SwitchState, tip: Vector, hole: Hole) -> bool:
         raise SwitchUnknownError("switch: state unknown; closed or open needed")
     if switch is SwitchState.OPEN:
         return False
-    depth = depth_of(tip, hole)
     if abs(depth - hole.depth) > CLOSED_TOLERANCE:
         raise SwitchDisagreesError(
             f"switch closed with the tip {depth * 1e3:.1f} mm deep; {hole.depth * 1e3:.1f} mm "
@@ -120,13 +119,12 @@ def is_seated(switch: SwitchState, tip: Vector, hole: Hole) -> bool:
     return True
 
 
-def require_short_of_bottom(tip: Vector, hole: Hole) -> None:
+def require_short_of_bottom(depth: float, hole: Hole) -> None:
     """Check that an open switch is plausible, after the timeout of seating the peg.
 
     Raises:
         SwitchDisagreesError: The tip is at the bottom.
     """
-    depth = depth_of(tip, hole)
     if abs(depth - hole.depth) <= OPEN_TOLERANCE:
         raise SwitchDisagreesError(
             f"switch open with the tip {depth * 1e3:.1f} mm deep; closed expected at {hole.depth * 1e3:.1f} mm "

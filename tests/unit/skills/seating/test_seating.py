@@ -92,29 +92,25 @@ def test_a_peg_is_pushed_on_only_where_that_can_prove_it_seated(seen, shorts, pu
 HOLE = load().cell.job().hole
 
 
-def tip_at(depth):
-    return np.array([HOLE.centre[0], HOLE.centre[1], HOLE.centre[2] - depth])
-
-
 @pytest.mark.parametrize("off", [-CLOSED_TOLERANCE, CLOSED_TOLERANCE])
 def test_a_switch_that_closes_elsewhere_than_at_the_holes_depth_is_told_with_both_depths(off):
-    assert is_seated(SwitchState.CLOSED, tip_at(HOLE.depth + 0.999 * off), HOLE)
-    assert not is_seated(SwitchState.OPEN, tip_at(HOLE.depth), HOLE)
+    assert is_seated(SwitchState.CLOSED, HOLE.depth + 0.999 * off, HOLE)
+    assert not is_seated(SwitchState.OPEN, HOLE.depth, HOLE)
     found = 1e3 * (HOLE.depth + 1.05 * off)
     expected = rf"^switch closed with the tip {found:.1f} mm deep; 20\.0 mm \+- 4 mm expected$"
     with pytest.raises(SwitchDisagreesError, match=expected):
-        is_seated(SwitchState.CLOSED, tip_at(HOLE.depth + 1.05 * off), HOLE)
+        is_seated(SwitchState.CLOSED, HOLE.depth + 1.05 * off, HOLE)
 
 
 def test_a_switch_that_gives_no_answer_is_told_with_what_is_needed():
     with pytest.raises(SwitchUnknownError, match=r"^switch: state unknown; closed or open needed$"):
-        is_seated(SwitchState.UNKNOWN, tip_at(HOLE.depth), HOLE)
+        is_seated(SwitchState.UNKNOWN, HOLE.depth, HOLE)
 
 
 @pytest.mark.parametrize("off", [-OPEN_TOLERANCE, OPEN_TOLERANCE])
 def test_a_switch_that_stays_open_at_the_bottom_is_told_with_both_depths(off):
-    require_short_of_bottom(tip_at(HOLE.depth + 1.001 * off), HOLE)
+    require_short_of_bottom(HOLE.depth + 1.001 * off, HOLE)
     found = 1e3 * (HOLE.depth + 0.95 * off)
     expected = rf"^switch open with the tip {found:.1f} mm deep; closed expected at 20\.0 mm \+- 1\.5 mm$"
     with pytest.raises(SwitchDisagreesError, match=expected):
-        require_short_of_bottom(tip_at(HOLE.depth + 0.95 * off), HOLE)
+        require_short_of_bottom(HOLE.depth + 0.95 * off, HOLE)
