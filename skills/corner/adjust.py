@@ -20,7 +20,7 @@ from skills.corner.insert import lead_to, to_and_fro, turned_by
 from skills.motion import VALIDITY, Gains, tilted_by
 from skills.paths import dither
 from skills.search.surface import Plane, nominal
-from skills.seating.decision import depth_of, is_seated
+from skills.seating.decision import is_seated
 
 TURNED = 0.2
 """Rotation in the hand above which the skill fails, because the tip no longer follows the hand, rad; several times the noise of theta. Source: chosen, not measured."""
@@ -219,8 +219,8 @@ def run(params: CornerAdjustParams, ctx: SkillContext, plane: Plane | None = Non
             break
         is_between = sunk > params.entered or watch.is_caught(seen.elapsed, params)
         if is_seated(seen.switch, plane.depth(tip), hole) or is_between:
-            return CornerAdjustResult(Outcome.SUCCESS, Reason.NONE, running, depth_of(tip, hole))
+            return CornerAdjustResult(Outcome.SUCCESS, Reason.NONE, running, plane.depth(tip))
         ctx.callbacks.progress(seen.elapsed / params.timeout)
         before, left = left, entry.raised(left, sunk, seen.step)
         ctx.follow(entry.setpoint(seen, (before, left), ctx.schedule.period, identity))
-    return CornerAdjustResult(Outcome.FAILURE, Reason.NOT_SEATED, running, depth_of(tip, hole))
+    return CornerAdjustResult(Outcome.FAILURE, Reason.NOT_SEATED, running, plane.depth(tip))

@@ -1,9 +1,8 @@
 """Settings within ranges, selected by an optimiser, and the best one judged on other seeds.
 
-The default ranges have three figures: one each for search, insertion and adjustment, from 0, the preset `careful`, to 1,
-the cell's own. Every setting is therefore between shipped settings. The optimiser is Optuna's tree-structured Parzen
-estimator. If a setting is clearly worse than the best one on the same seeds, Optuna's Wilcoxon
-pruner ends it early.
+The default ranges have two figures, one each for search and insertion, from 0, the preset `careful`, to 1, the cell's
+own. Every setting is therefore between shipped settings. The optimiser is Optuna's tree-structured Parzen estimator. If
+a setting is clearly worse than the best one on the same seeds, Optuna's Wilcoxon pruner ends it early.
 """
 
 import json
@@ -27,8 +26,8 @@ from skills.contract import Outcome
 if TYPE_CHECKING:
     import optuna
 
-SECTIONS = ("search", "insert", "adjust")
-"""Sections with a number of their own."""
+SECTIONS = ("search", "insert")
+"""Sections with a number of their own: those that `careful` changes."""
 Sets = tuple[str, ...]
 Ranges = Mapping[str, tuple[float, float]]
 """Least and largest value of each figure of a setting."""
@@ -54,8 +53,8 @@ class Candidate:
 class Space:
     """Settings of one cell, each a value for every figure of its ranges.
 
-    The figure of a section interpolates the section's keys. Any other figure is a key of the
-    config if its name has a dot, and else a parameter of the program.
+    The figure of a section interpolates the section's keys. Any other figure is a key of the config if its name has a
+    dot, and else a parameter of the program.
     """
 
     def __init__(

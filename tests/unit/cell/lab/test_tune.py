@@ -79,7 +79,7 @@ def test_the_ends_are_shipped_settings(place, style):
 
 
 def test_between_two_settings_every_figure_lies_between_theirs():
-    sets = Space(None, []).sets({"search": 0.5, "insert": 1.0, "adjust": 0.5})
+    sets = Space(None, []).sets({"search": 0.5, "insert": 1.0})
     shipped, careful = (load(None, style).cell.search.rest for style in (None, "careful"))
     assert f"search.rest={(shipped + careful) / 2:g}" in sets
     assert "search.margin=[0.004, 0.0015]" in sets
@@ -88,7 +88,7 @@ def test_between_two_settings_every_figure_lies_between_theirs():
 
 def test_a_recipe_is_read_as_the_setting_that_it_was_made_of(tmp_path):
     space = Space(None, [])
-    sets = space.sets({"search": 0.3, "insert": 0.7, "adjust": 0.2})
+    sets = space.sets({"search": 0.3, "insert": 0.7})
     (tmp_path / "recipes").mkdir()
     (tmp_path / "recipes" / "7.toml").write_text(toml(sets))
     shutil.copy(DEFAULT, tmp_path / "cell.toml")

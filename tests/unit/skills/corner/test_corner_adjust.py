@@ -116,7 +116,7 @@ def test_a_peg_that_sinks_along_the_plates_normal_is_between_the_walls_at_its_de
     assert ended.outcome is (Outcome.SUCCESS if is_between else Outcome.FAILURE)
     assert ended.reason is (Reason.NONE if is_between else Reason.NOT_SEATED)
     assert ended.elapsed == pytest.approx(0.1 if is_between else 0.49, abs=1e-9)
-    assert ended.depth == pytest.approx(depth * normal[2], abs=1e-9)
+    assert ended.depth == pytest.approx(depth + 3e-3 * normal[2], abs=1e-9)  # below the felt surface
 
 
 @pytest.mark.parametrize(("share", "is_caught"), [(1.3, True), (0.95, False)])
