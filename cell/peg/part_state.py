@@ -209,13 +209,17 @@ def by_hand_alone(
 ) -> PartState:
     """Return the state of the peg after a reading without the arm's pose; `before` itself if nothing changed.
 
-    If the arm times out, a closing hand still closes on its peg. An opening hand releases the peg at the arm's last pose.
+    If the arm times out, a closing hand still closes on its peg. An opening hand releases the peg at the arm's last pose. A held peg
+    whose end was at the hole may be in it since.
     """
     seen = PegEvidence(hand.width, hand.is_gripping, hand.is_moving, before.tip, 0.0, switch)
     if not _is_between(seen, places):
         return after(before, seen, places, is_running)
     if before.is_held:
-        return before
+        if before.place is not PartPlace.IN_HAND or not (before.was_in_hole and _is_near_hole(before.tip, places.hole)):
+            return before
+        told = f"hand grips {_mm(hand.width)}, its end was at the hole when the arm measured last"
+        return _shown(replace(before, place=PartPlace.UNKNOWN, evidence=told), seen, places)
     told = f"hand grips {_mm(hand.width)}; the arm does not tell where"
     return _shown(PartState(PartPlace.IN_HAND, told, is_held=True, tip=before.tip), seen, places)
 
@@ -349,8 +353,11 @@ def _is_over_hole(tip: tuple[float, float, float], hole: Hole) -> bool:
 
 def _is_at_hole(seen: PegEvidence, hole: Hole) -> bool:
     """Return True if the end of a peg is so close to the hole that was found that the arm cannot measure whether it is in."""
-    is_near = abs(depth_of(np.array(seen.tip), hole)) < IN_HOLE_DEPTH
-    return is_near and seen.is_inserting and _is_over_hole(seen.tip, hole)
+    return seen.is_inserting and _is_near_hole(seen.tip, hole)
+
+
+def _is_near_hole(tip: tuple[float, float, float], hole: Hole) -> bool:
+    return abs(depth_of(np.array(tip), hole)) < IN_HOLE_DEPTH and _is_over_hole(tip, hole)
 
 
 def refusal_of(part: PartState, switch: SwitchState, is_rack_empty: bool, recovers_first: bool) -> Refusal:

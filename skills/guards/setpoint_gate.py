@@ -33,8 +33,8 @@ Source: chosen, not measured; reason in decision 0013.
 
 
 LONGEST_UNCHANGED = 0.15
-"""Longest time for which the force of an arm, or all readings of one whose force has no noise, may be identical to the last digit
-while its setpoint moves, s: 15 scans at 100 Hz, and a fault within 0.2 s. An exact zero has no noise: libfranka#25.
+"""Longest time for which the force of an arm, or all readings of one whose force has no noise and whose setpoint moves, may be identical to
+the last digit, s: 15 scans at 100 Hz, and a fault within 0.2 s. An exact zero has no noise: libfranka#25.
 Source: chosen, not measured.
 """
 MOVED, TURNED = 5e-4, 5e-3
@@ -161,7 +161,7 @@ class GatedArm:
         self._untaken_since: float | None = None
         """Time of the first setpoint that the arm has not adopted, s; None if it follows the last one sent."""
         self._unchanged: tuple[list[float], float, Vector] | None = None
-        """Readings, time, s, and setpoint of the first of the newest identical states; None if no setpoint is held."""
+        """Readings, time, s, and setpoint of the first of the newest identical states; None before them."""
         self._is_noisy: bool | None = None
         """True if the force differed between the first two readings, as torque sensors make it; None before them."""
         # The first calls of a process compile code, which must not happen while the arm moves.
@@ -204,7 +204,8 @@ class GatedArm:
             NotFiniteError: A reading is not plausible. If the arm follows a setpoint, it is halted once; repeated halts would let it sink
                 by the error of its gravity model.
             TrackingError: The arm does not adopt its setpoints; it is halted, once.
-            ArmSilentError: The readings do not change although the setpoint moves; the arm is halted.
+            ArmSilentError: The force is unchanged although it has noise, or all readings although the setpoint moves; the arm is
+                halted, once.
             CellError: The arm's own `read` raised it.
         """
         state = self._arm.read()
@@ -241,23 +242,21 @@ class GatedArm:
             raise TrackingError(f"arm: takes no setpoint for {untaken:.2f} s; {LONGEST_UNTAKEN:g} s allowed")
 
     def _require_live(self, words: Vector, stamp: float) -> None:
-        """Check that the readings change while the setpoint moves: the force alone if it has noise."""
-        held = self._before
-        if held is NOTHING:
+        """Check that a force with noise changes, at rest too, and that other readings change while the setpoint moves."""
+        held, force = self._before, words[rules.FORCE : rules.TORQUE].tolist()
+        is_noisy = self._is_noisy and any(force)
+        if held is NOTHING and not is_noisy:
             self._unchanged = None
             return
-        readings = words[: rules.TORQUE].tolist()
-        if self._is_noisy and (force := readings[rules.FORCE :]) != [0.0, 0.0, 0.0]:
-            readings = force
+        readings = force if is_noisy else words[: rules.TORQUE].tolist()
         if self._unchanged is None or readings != self._unchanged[0]:
             self._unchanged = readings, stamp, held
             return
         _, since, first = self._unchanged
-        if (time := stamp - since) > LONGEST_UNCHANGED and _has_moved(first, held):
-            self.halt()
-            raise ArmSilentError(
-                f"arm: readings unchanged to the last digit for {time:.2f} s, while its setpoint moved"
-            )
+        if (time := stamp - since) > LONGEST_UNCHANGED and (is_noisy or _has_moved(first, held)):
+            if held is not NOTHING:
+                self.halt()
+            raise ArmSilentError(f"arm: readings unchanged to the last digit for {time:.2f} s")
 
     def halt(self) -> None:
         """Hold the arm still at its present pose, compliant; the next setpoint is checked as the start of a motion."""

@@ -88,11 +88,12 @@ def test_a_slice_of_the_campaign_has_zeros_where_there_must_be(tmp_path):
     """Faults of each device, at all stages that bear one; `cell study faults` tries all kinds at all stages.
 
     Of an arm that takes no setpoint when the peg is nearly in, no distance reveals it: the hand stands where the setpoint
-    is, which goes on so slowly that it is not 61 mm away for 79 s.
+    is, which goes on so slowly that it is not 61 mm away for 79 s. A peg at the hole may drop while the arm
+    does not measure, so its place is unknown until the arm does again.
     """
     tried = [
         ("arm: deaf", "spiral_adjust", 0.3),
-        ("arm: readings still", "spiral_adjust", 0.1),
+        ("arm: readings still", "spiral_adjust", 0.3),
         ("arm: stamp no number", "tactile_insert", 0.3),
         ("skin: fingers swapped", "tactile_insert", 0.4),
         ("skill: lies", "grasp_from_rack", 1.5),
@@ -101,7 +102,8 @@ def test_a_slice_of_the_campaign_has_zeros_where_there_must_be(tmp_path):
     cases = measure(lambda number: load(sets=list(HONEST)), [(BY_NAME[name], *when) for name, *when in tried], tmp_path)
     line = tables.lines(cases, load().cell.limits.force)[-1]
     assert line["n"] == len(tried)
-    assert {name: line[name] for name in COUNTED if "late" not in name} == dict.fromkeys(COUNTED[:1] + COUNTED[3:], 0)
+    zeros = dict.fromkeys(COUNTED[:1] + COUNTED[3:], 0) | {"part unknown": 2}
+    assert {name: line[name] for name in COUNTED if "late" not in name} == zeros
     told = [(FaultCode.TRACKING, 0.5), (FaultCode.ARM_SILENT, 0.2), (FaultCode.NOT_FINITE, 0.2)]
     for case, (code, latest) in zip(cases, told, strict=False):
         assert (case.outcome, case.fault, case.state) == ("fault", code, "ABORTED")

@@ -73,7 +73,7 @@ def shown(found: Sequence[Mapping[str, Any]]) -> Table:
         return lambda line: _text(line[name])
 
     columns = {name: cell(name) for name in found[0]}
-    caption = "largest times in s from fault to report, from report to rest, from fault to rest; farthest way of the hand later than 0.3 s after the report, mm; largest force at the tool by the arm and of the plates on the peg in truth, N; p99 of the PLC's cycles during a fault from outside, ms; the last nine columns count cases and should be 0"
+    caption = "largest times in s from fault to report, from report to rest, from fault to rest; farthest way of the hand later than 0.3 s after the report, mm; largest force at the tool by the arm and of the plates on the peg in truth, N; p99 of the PLC's cycles during a fault from outside, ms; the last nine columns count cases and should be 0, except that the place of a peg at the hole is unknown while the arm does not measure"
     return table("Faults by kind", {"kind": columns.pop("kind")}, columns, found, caption)
 
 

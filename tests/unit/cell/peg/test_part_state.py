@@ -465,6 +465,14 @@ def test_a_hand_that_goes_on_holding_its_peg_leaves_it_where_it_was(peg, depth):
     assert peg.by_hand(gripping=False, moving=True) is before
 
 
+def test_a_held_peg_that_was_at_the_hole_when_the_arm_fell_silent_may_be_in_it(peg):
+    peg.held(0.003, inserts=True)
+    assert peg.by_hand(gripping=True).place is NOWHERE
+    assert peg.held(0.01).place is IN_HOLE
+    peg.held(-0.05)
+    assert peg.by_hand(gripping=True).place is IN_HAND
+
+
 @pytest.mark.parametrize(
     ("depth", "switch", "is_running", "place"),
     [

@@ -435,6 +435,20 @@ def test_readings_that_stand_still_are_a_fault_within_a_fifth_of_a_second(arm, g
     assert arm.is_halted
 
 
+def test_a_noisy_force_that_stands_still_at_rest_is_a_fault_until_it_changes(arm, gated):
+    arm.force = np.array([0.0, 0.0, -5.0])
+    led(arm, gated, 2)
+    gated.halt()
+    arm.is_frozen = True
+    for step in [PERIOD] * 15 + [2.0 * PERIOD] * 3:
+        arm.clock.wait_until(arm.clock.now() + step)
+        with pytest.raises(ArmSilentError) if step > PERIOD else nullcontext():
+            gated.read()
+    assert arm.halts == 1
+    arm.is_frozen = False
+    gated.read()
+
+
 @pytest.mark.parametrize(("noise", "is_fault"), [(1e-9, True), (0.0, False)])
 def test_a_force_that_stands_still_in_motion_is_a_fault_if_it_has_noise(gated, arm, noise, is_fault):
     forces, read = itertools.chain([0.2 + noise], itertools.repeat(0.2)), arm.read
