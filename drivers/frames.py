@@ -104,4 +104,5 @@ def end_point(T_base_tcp: Pose, theta: float, length: float) -> tuple[Vector, Ve
     (xx, yx, _), (xy, yy, _), (xz, yz, _) = T_base_tcp.rotation.tolist()
     vx, vy, vz = -c * xx - s * yx, -c * xy - s * yy, -c * xz - s * yz
     x, y, z = T_base_tcp.position.tolist()
-    return np.array([x - length * vx, y - length * vy, z - length * vz]), np.array([vx, vy, vz])
+    both = np.array([x - length * vx, y - length * vy, z - length * vz, vx, vy, vz])
+    return both[:3], both[3:]

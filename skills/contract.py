@@ -321,7 +321,6 @@ class SkillContext:
         timing.take(clock.now())
         while running < timeout:
             request = self.callbacks.poll()
-            timing.require_kept()
             if request is Request.STOP:
                 self._interrupt(Reason.STOPPED)
             seen = self.observe(elapsed, timing.step, running)

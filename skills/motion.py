@@ -203,6 +203,8 @@ def stay(ctx: SkillContext, stamp: float) -> None:
 
 def between(goal: Vector, start: Vector, share: float) -> Vector:
     """Return the unit vector between `start` and `goal`, shape (3,); `share` is the weight of `start`, 0 to 1."""
+    if share == 0.0:
+        return goal
     mixed: Vector = (1.0 - share) * goal + share * start
     return mixed / math.sqrt(float(mixed @ mixed))
 

@@ -65,7 +65,7 @@ class Lanes:
             angle = math.pi * t / TURN_TIME
             across = here + (there - here) * (1.0 - math.cos(angle)) / 2.0
             drift = (there - here) * math.pi / TURN_TIME * math.sin(angle) / 2.0
-        point, velocity = np.zeros(2), np.zeros(2)
+        point, velocity = np.empty((2, 2))
         point[self.fast] = self.signs[self.fast] * way * along
         velocity[self.fast] = self.signs[self.fast] * way * rate
         point[slow] = self.signs[slow] * pitch * across

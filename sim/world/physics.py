@@ -71,11 +71,13 @@ class World(Stepper):
         Raises:
             SimulationUnstableError: The state is no longer finite.
         """
-        ticks = round((stamp - self.now()) / self.pace.timestep)
+        pace, most = self.pace, self.beat.law_every * 10
+        ticks = round(stamp / pace.timestep) - pace.ticks
         while ticks > 0:
             # Largest number of control periods between two checks of the peg's situation.
-            ticks -= self.advance(min(ticks, self.beat.law_every * 10))
-        self.pace.keep()
+            ticks -= self.advance(most if ticks > most else ticks)
+        if pace.is_kept:
+            pace.keep()
 
     @property
     def is_held(self) -> bool:

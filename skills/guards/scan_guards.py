@@ -67,20 +67,18 @@ class ScanTiming:
         """Time of the next scan, s, on the cell's clock: one period after this scan, so late scans are not caught up."""
 
     def take(self, stamp: float) -> None:
-        """Record the start of a scan on the cell's clock, s."""
+        """Record the start of a scan on the cell's clock, s, and check the limits on lateness.
+
+        Raises:
+            ScanOverrunError: This scan is later than allowed, or too many of the last scans were late.
+        """
         if self._before is not None:
             # Ticks of a simulated clock are not exact binary fractions; rounding makes punctual scans whole periods.
             self.passed = round(stamp - self._before, 9)
             self.step = min(self.passed, LONGEST_STEP * self._period)
         self._before, self.due = stamp, stamp + self._period
-        self._late.append(self.passed > 2.0 * self._period)
-
-    def require_kept(self) -> None:
-        """Check the limits on lateness.
-
-        Raises:
-            ScanOverrunError: This scan is later than allowed, or too many of the last scans were late.
-        """
+        is_late = self.passed > 2.0 * self._period
+        self._late.append(is_late)
         if self.passed > self._limits.longest:
             raise ScanOverrunError(
                 f"scan: {1e3 * self.passed:.0f} ms after the one before; scan.longest = {self._limits.longest:g} s allowed: "
@@ -88,7 +86,7 @@ class ScanTiming:
             )
         # Only a late scan raises their number.
         most = self._limits.late * OVERRUN_WINDOW
-        if self._late[-1] and sum(self._late) > most + 1e-9:
+        if is_late and sum(self._late) > most + 1e-9:
             late = sum(self._late)
             self._late.clear()
             raise ScanOverrunError(

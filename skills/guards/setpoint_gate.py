@@ -244,7 +244,7 @@ class GatedArm:
     def _require_live(self, words: Vector, stamp: float) -> None:
         """Check that a force with noise changes, at rest too, and that other readings change while the setpoint moves."""
         held, force = self._before, words[rules.FORCE : rules.TORQUE].tolist()
-        is_noisy = self._is_noisy and any(force)
+        is_noisy = self._is_noisy and force != [0.0, 0.0, 0.0]
         if held is NOTHING and not is_noisy:
             self._unchanged = None
             return

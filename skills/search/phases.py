@@ -129,10 +129,10 @@ def next_phase(phase: Phase, felt: Felt, params: SpraySearchParams, course: Cour
         course: The course of the search.
         point: Place on the course, from its middle, shape (2,), m.
     """
-    if isinstance(phase, ComingDown):
-        return _touched(phase, felt, params, course)
     if isinstance(phase, Sliding):
         return stopped(felt, params) if felt.is_edge else phase
+    if isinstance(phase, ComingDown):
+        return _touched(phase, felt, params, course)
     if isinstance(phase, Probing):
         return _probed(phase, felt, params, course, point)
     return phase

@@ -69,9 +69,7 @@ class Blend:
 
     def follow(self, new: PegPose | None, stamp: float, moment: float) -> PegPose:
         """Return the pose of the peg now; see `Tracker`."""
-        if not math.isfinite(moment):
-            moment = self._moment
-        self._twist.feel(stamp, moment)
+        self._twist.moments.append((stamp, moment))
         if new is not None and new.stamp > self._peg.stamp:
             then = self._twist.moment(new.stamp)
             held, change = self._twisted(then), then - self._moment

@@ -17,19 +17,16 @@ class GripTwist:
     def __init__(self, softest: float) -> None:
         """Start from a stiff grip; the softest one twists by `softest`, rad/(N·m)."""
         self._softest = softest
-        self._moments = deque[tuple[float, float]](maxlen=KEPT)
+        self.moments = deque[tuple[float, float]](maxlen=KEPT)
+        """Times, s, and moments, N·m, of the last scans."""
         self._crossed = self._squares = 0.0
         self.compliance = 0.0
         """Twist by a moment, rad/(N·m)."""
 
-    def feel(self, stamp: float, moment: float) -> None:
-        """Record the moment at a time, N·m and s."""
-        self._moments.append((stamp, moment))
-
     def moment(self, stamp: float) -> float:
         """Return the moment that was measured nearest to a time, N·m."""
         nearest, least = 0.0, math.inf
-        for felt_at, felt in reversed(self._moments):
+        for felt_at, felt in reversed(self.moments):
             away = felt_at - stamp if felt_at > stamp else stamp - felt_at
             if away > least:
                 break
