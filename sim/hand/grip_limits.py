@@ -72,7 +72,7 @@ def grip_limits(
     length = moment = lever = 0.0
     for k in range(lines.shape[0]):
         low, high = span(theta, offset + flat / 2 * lines[k, 0], reach[0], reach[1], half[0], half[1])
-        spans[k] = low, high
+        spans[k, 0], spans[k, 1] = low, high
         length += lines[k, 1] * (high - low)
         moment += lines[k, 1] * (high**2 - low**2) / 2
     if length <= 0.0:

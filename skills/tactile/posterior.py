@@ -282,9 +282,11 @@ def posterior(  # type: ignore[no-untyped-def] # noqa: C901, PLR0915  compiled l
     solution = np.zeros(4)
     step, across = theta[1] - theta[0], offset[1] - offset[0]
     middle, usual = m // 2, round(place)
+    # An assignment of a row, or its largest element by numpy, would take the compiler several seconds.
     prior = np.empty((even.shape[0], m))
     for w in range(even.shape[0]):
-        prior[w] = beside + 0.5 * surety * (w - place) ** 2
+        for j in range(m):
+            prior[w, j] = beside[j] + 0.5 * surety * (w - place) ** 2
     coarse, nearest = np.full(n // COARSE_THETA, NEVER), np.zeros(n // COARSE_THETA, np.int64)
     likeliest = np.full(n // COARSE_THETA, usual)
     # If no print is expected, the search covers all prints.
@@ -309,10 +311,10 @@ def posterior(  # type: ignore[no-untyped-def] # noqa: C901, PLR0915  compiled l
     rows, about = np.empty(modes * (2 * FINE + 1)), np.empty(modes * (2 * FINE + 1))
     breadths, sureties = np.empty(rows.size), np.empty(rows.size)
     turns, places, prints = np.empty(rows.size, np.int64), np.empty(rows.size, np.int64), np.empty(rows.size, np.int64)
-    count = 0
+    count, top = 0, -math.inf
     for mode in range(modes):
         a = int(np.argmax(coarse))
-        if coarse[a] <= NEVER or (mode > 0 and coarse[a] < rows[:count].max() - RIVAL):
+        if coarse[a] <= NEVER or coarse[a] < top - RIVAL:
             break
         for way in (1, -1):
             j, w = nearest[a], likeliest[a]
@@ -322,8 +324,9 @@ def posterior(  # type: ignore[no-untyped-def] # noqa: C901, PLR0915  compiled l
                     i, j, w, narrow, weighed, prior, even, rising, along, borne, load, tightness, solution
                 )
                 turns[count], places[count], prints[count] = i, j, w
+                top = max(top, rows[count])
                 count += 1
-                if rows[count - 1] < rows[:count].max() - HOPELESS:
+                if rows[count - 1] < top - HOPELESS:
                     break
         for b in range(-(FINE // COARSE_THETA), FINE // COARSE_THETA + 1):
             coarse[(a + b) % coarse.size] = NEVER

@@ -67,7 +67,9 @@ def fill(  # type: ignore[no-untyped-def] # noqa: C901  compiled nested loops ov
     """
     scale = 1.0 / (blur * math.sqrt(2.0))
     density = 1.0 / (scale * math.sqrt(math.pi))
-    felt = groove.max() + math.sqrt(FAR) * blur
+    felt = math.sqrt(FAR) * blur
+    for away in groove:
+        felt = max(felt, away + math.sqrt(FAR) * blur)
     sums = np.empty((2, backs.size))
     for i in range(first, last):
         c, s = math.cos(theta[i]), math.sin(theta[i])
