@@ -82,29 +82,3 @@ def test_a_new_connection_does_not_find_the_run_of_the_program_before(cell):
     plc.close()
     plc.open()
     assert told(plc.write((0, 1, 100))) == (1, Result.REFUSED, 1, Refusal.ADOPTED)
-
-
-# 5. The lease of a run.
-
-
-def test_a_lease_that_is_released_in_a_run_goes_with_its_end(cell):
-    plc, other = Tcp(cell), Tcp(cell, "10.0.0.2")
-    other.write((0, 1, 0))
-    plc.write((0, 2, 0), (0, 3, 100))
-    plc.ask(word(5, 3))
-    cell.scan()
-    assert cell.bridge.holder
-    assert told(other.write((0, 2, Control.HOLD)))[2:] == (2, Refusal.NOT_HOLDER)
-    cell.end()
-    assert cell.bridge.holder == ""
-
-
-def test_a_run_keeps_its_holder_while_that_is_silent():
-    cell = Cell(life_timeout=10.0, lease_timeout=1.0)
-    plc = Tcp(cell)
-    plc.write((0, 2, 0), (0, 3, 100))
-    cell.wait(3.0)
-    assert cell.bridge.holder
-    cell.end()
-    cell.wait(0.1)
-    assert cell.bridge.holder == ""

@@ -21,14 +21,6 @@ def test_a_node_is_lost_after_its_time(age, is_lost):
     assert consumer.has_lost(100.0 + age) is is_lost
 
 
-def test_a_loss_is_told_once_and_the_next_beat_begins_the_watch_anew():
-    consumer = HeartbeatConsumer(1, 0.5)
-    assert consumer.hear(100.0)
-    assert [consumer.has_lost(101.0), consumer.has_lost(102.0)] == [True, False]
-    assert consumer.hear(103.0)
-    assert consumer.has_lost(104.0)
-
-
 def test_without_a_time_nothing_is_sent_or_watched():
     assert not HeartbeatProducer(0.0).is_due(10.0)
     consumer = HeartbeatConsumer(1, 0.0)

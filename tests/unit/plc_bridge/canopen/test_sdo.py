@@ -131,10 +131,6 @@ def test_a_transfer_without_end_is_cut_at_the_object_s_size(rig):
     assert abort_of(answers[-1]) == TOO_LONG
 
 
-def test_a_text_that_is_announced_too_long_is_refused_at_once(rig):
-    assert abort_of(start_download(rig, 33)) == TOO_LONG
-
-
 @pytest.mark.parametrize(("pause", "is_forgotten"), [(SEGMENT_TIMEOUT, False), (SEGMENT_TIMEOUT + 0.01, True)])
 def test_a_transfer_that_rests_too_long_is_forgotten(rig, pause, is_forgotten):
     start_download(rig, 14)

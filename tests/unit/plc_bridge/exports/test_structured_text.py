@@ -79,7 +79,6 @@ class Plc:
 
     def end(self, result, **facts):
         command = take(self.bridge)
-        assert command is not None
         self.publish(Report(sequence=command.sequence, state=17, result=result, **facts))
         return command
 

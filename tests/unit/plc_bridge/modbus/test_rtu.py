@@ -75,17 +75,8 @@ def test_bad_check_sum_is_counted_and_ignored(rtu):
     assert rtu.ask("01 03 0003 0001") == [bytes.fromhex("01 03 02 0000")]
 
 
-@pytest.mark.parametrize(
-    ("request_", "response"),
-    [
-        ("01 03 0000 0000", "01 83 03"),
-        ("01 03 0029 0001", "01 83 02"),
-        ("01 2B 0D 01 00", "01 AB 01"),
-        ("01 05 0000 1234", "01 85 03"),
-    ],
-)
-def test_illegal_request_gets_its_exception(rtu, request_, response):
-    assert rtu.ask(request_) == [bytes.fromhex(response)]
+def test_illegal_request_gets_its_exception(rtu):
+    assert rtu.ask("01 2B 0D 01 00") == [bytes.fromhex("01 AB 01")]
     assert rtu.server.counts.exceptions == 1
 
 

@@ -84,16 +84,19 @@ class Line:
         return self
 
 
-def test_first_sequence_number_is_adopted_and_never_run():
-    line = Line()
+@pytest.fixture
+def line():
+    return Line()
+
+
+def test_first_sequence_number_is_adopted_and_never_run(line):
     answer = line.write(sequence=7, code=INSERT)
     assert line.poll() is None
     assert (answer.answered, answer.result) == (7, Result.REFUSED)
     assert (answer.refusal, answer.refusal_detail) == (Refusal.ADOPTED, 0)
 
 
-def test_next_sequence_number_runs_once_and_is_busy_until_its_result():
-    line = Line()
+def test_next_sequence_number_runs_once_and_is_busy_until_its_result(line):
     assert line.ask(recipe=3, serial="A-17", parameters=((0, 250),)).is_busy
     assert line.poll() == Command(2, INSERT, 3, "A-17", (("search.speed", pytest.approx(0.025)),), "plc")
     assert (line.write().refusal, line.poll(), line.answer().is_busy) == (Refusal.NONE, None, True)
@@ -124,15 +127,6 @@ def test_report_of_the_run_before_does_not_end_the_next_of_the_same_number():
     assert line.answer("b").is_busy
 
 
-def test_another_command_while_busy_is_refused_and_the_run_keeps_its_number():
-    line = Line()
-    line.run()
-    answer = line.write(sequence=3, code=GRASP)
-    assert (answer.answered, answer.refusal, answer.sequence, answer.result) == (3, Refusal.BUSY, 2, Result.NONE)
-    line.end()
-    assert line.answer().result is Result.SUCCESS
-
-
 @pytest.mark.parametrize(
     ("changes", "refusal", "detail"),
     [
@@ -153,8 +147,7 @@ def test_another_command_while_busy_is_refused_and_the_run_keeps_its_number():
         ({"serial": "\x07"}, Refusal.PARAMETER, SERIAL_NUMBER),
     ],
 )
-def test_commands_beyond_their_limits_are_refused_with_the_detail(changes, refusal, detail):
-    line = Line()
+def test_commands_beyond_their_limits_are_refused_with_the_detail(line, changes, refusal, detail):
     answer = line.ask(**changes)
     assert (answer.sequence, answer.refusal, answer.refusal_detail) == (2, refusal, detail)
     assert (answer.result is Result.REFUSED, line.poll() is None) == (refusal is not Refusal.NONE,) * 2
@@ -172,8 +165,7 @@ def test_torn_block_counts_once_it_is_whole_and_is_refused_after_the_timeout():
         assert line.write(life_tail=2).is_busy is tail_gives
 
 
-def test_a_known_number_in_a_block_that_stays_torn_changes_nothing():
-    line = Line()
+def test_a_known_number_in_a_block_that_stays_torn_changes_nothing(line):
     line.run(life=1, life_tail=1)
     line.end()
     before = line.write()
@@ -197,16 +189,6 @@ def test_reconnected_plc_finds_the_result_of_the_same_command_only(recipe, resul
 # The lease, and links side by side.
 
 
-def test_a_start_takes_the_free_lease_and_only_the_holder_may_start():
-    line = Line("a", "b")
-    line.run(source="a")
-    line.end()
-    assert line.handshake.holder == "a"
-    answer = line.ask(source="b")
-    assert (answer.refusal, answer.lease, line.poll()) == (Refusal.NOT_HOLDER, LeaseState.TAKEN, None)
-    assert (line.answer("a").result, answer.result) == (Result.SUCCESS, Result.REFUSED)
-
-
 def test_a_link_reads_any_run_before_its_first_write_and_its_own_after():
     line = Line("a", "b", "screen")
     line.run(source="a")
@@ -218,19 +200,7 @@ def test_a_link_reads_any_run_before_its_first_write_and_its_own_after():
     assert (line.answer("a").sequence, line.answer("a").result) == (2, Result.SUCCESS)
 
 
-@pytest.mark.parametrize(("heard", "now", "holder"), [(0, 5.0, "plc"), (0, 5.1, ""), (4.0, 8.0, "plc")])
-def test_silence_frees_the_lease_and_reading_keeps_it(heard, now, holder):
-    line = Line()
-    line.write(lease=Lease.TAKE)
-    line.now = heard
-    line.handshake.heard("plc")
-    line.now = now
-    line.poll()
-    assert line.handshake.holder == holder
-
-
-def test_a_link_that_takes_the_lease_and_asks_for_nothing_loses_it():
-    line = Line()
+def test_a_link_that_takes_the_lease_and_asks_for_nothing_loses_it(line):
     line.now = 3.0
     line.connect("panel")
     assert line.handshake.take("panel")
@@ -313,8 +283,7 @@ def test_abort_comes_before_stop():
 
 
 @pytest.mark.parametrize("code", [Control.HOLD, Control.STOP])
-def test_a_control_in_a_run_has_its_own_result_and_leaves_the_number(code):
-    line = Line()
+def test_a_control_in_a_run_has_its_own_result_and_leaves_the_number(line, code):
     line.run()
     answer = line.write(sequence=3, code=code)
     assert (answer.answered, answer.refusal, answer.sequence) == (2, Refusal.NONE, 2)
@@ -323,26 +292,15 @@ def test_a_control_in_a_run_has_its_own_result_and_leaves_the_number(code):
     assert (answer.answered, answer.answered_result, answer.sequence) == (3, Result.SUCCESS, 2)
 
 
-def test_controls_that_wait_are_limited():
-    line = Line()
+def test_controls_that_wait_are_limited(line):
     line.run()
     for number in range(MOST_WAITING):
         assert line.write(sequence=3 + number, code=Control.HOLD).refusal is Refusal.NONE
     assert line.write(sequence=99, code=Control.HOLD).refusal is Refusal.BUSY
 
 
-def test_refusal_of_the_supervisor_reaches_the_plc():
-    line = Line()
-    line.ask()
-    line.refuse(Refusal.UNKNOWN_RECIPE)
-    answer = line.answer()
-    assert (answer.result, answer.refusal, answer.is_busy) == (Result.REFUSED, Refusal.UNKNOWN_RECIPE, False)
-    assert line.handshake.counts.refusals == 1
-
-
 @pytest.mark.parametrize("is_over", [False, True])
-def test_refusal_of_a_control_leaves_the_run_and_its_result_alone(is_over):
-    line = Line()
+def test_refusal_of_a_control_leaves_the_run_and_its_result_alone(line, is_over):
     line.run()
     if is_over:
         line.end()
@@ -371,8 +329,7 @@ def test_a_control_refused_behind_the_next_command_does_not_answer_for_it():
 
 
 @pytest.mark.parametrize(("silence", "is_lost"), [(1.0, False), (1.01, True)])
-def test_a_life_counter_that_stands_still_loses_run_and_lease(silence, is_lost):
-    line = Line()
+def test_a_life_counter_that_stands_still_loses_run_and_lease(line, silence, is_lost):
     line.run(life=1)
     line.now = silence
     line.write()
@@ -380,8 +337,7 @@ def test_a_life_counter_that_stands_still_loses_run_and_lease(silence, is_lost):
     assert line.handshake.holder == ("" if is_lost else "plc")
 
 
-def test_a_number_after_a_loss_is_adopted_and_told_once_what_to_do(caplog):
-    line = Line()
+def test_a_number_after_a_loss_is_adopted_and_told_once_what_to_do(line, caplog):
     line.run(life=1)
     line.now = 1.5
     assert line.poll().code == Control.LOST
@@ -417,8 +373,7 @@ def test_idle_cell_does_not_mind_a_silent_plc():
     assert line.poll() is None
 
 
-def test_reconnected_plc_keeps_its_run_alive():
-    line = Line()
+def test_reconnected_plc_keeps_its_run_alive(line):
     line.run(life=1)
     line.now = 0.8
     line.reconnect()
@@ -428,8 +383,7 @@ def test_reconnected_plc_keeps_its_run_alive():
     assert line.handshake.holder == AGAIN
 
 
-def test_sight_of_a_plc_is_that_of_the_time_of_the_question():
-    line = Line()
+def test_sight_of_a_plc_is_that_of_the_time_of_the_question(line):
     assert line.handshake.sight("plc") is None
     line.write(life=1, version=2)
     line.now = 0.5
@@ -453,8 +407,7 @@ def test_a_coil_acts_on_its_rising_edge_alone(coil, code):
         assert [command.code for command in iter(line.poll, None)] == commands
 
 
-def test_execute_coil_acknowledges_when_it_falls_but_not_before_the_end():
-    line = Line()
+def test_execute_coil_acknowledges_when_it_falls_but_not_before_the_end(line):
     line.write(code=INSERT)
     line.coils(execute=False)
     assert line.coils(execute=True).is_busy
@@ -465,8 +418,7 @@ def test_execute_coil_acknowledges_when_it_falls_but_not_before_the_end():
     assert line.coils(execute=False).result is Result.NONE
 
 
-def test_a_refused_reset_is_an_error_also_beside_a_control_that_execute_gave():
-    line = Line()
+def test_a_refused_reset_is_an_error_also_beside_a_control_that_execute_gave(line):
     line.write(sequence=1, code=Control.STOP)
     line.poll()
     line.write(sequence=2, code=0)
@@ -486,8 +438,7 @@ def test_a_refused_reset_is_an_error_also_beside_a_control_that_execute_gave():
     "later", [[(3, Control.HOLD)], [(3, Control.HOLD), (4, Control.UNHOLD)], [(3, INSERT)], [(3, Control.NONE)]]
 )
 @pytest.mark.parametrize("again", [False, True])
-def test_a_run_is_found_by_the_number_that_its_connection_had_come_to(later, again):
-    line = Line()
+def test_a_run_is_found_by_the_number_that_its_connection_had_come_to(line, later, again):
     line.run()
     for sequence, code in later:
         line.write(sequence=sequence, code=code)
@@ -506,8 +457,7 @@ def test_a_run_is_found_by_the_number_that_its_connection_had_come_to(later, aga
 
 
 @pytest.mark.parametrize("changed", [{"sequence": 4}, {"code": GRASP}, {"recipe": 1}])
-def test_another_number_or_command_does_not_find_the_run(changed):
-    line = Line()
+def test_another_number_or_command_does_not_find_the_run(line, changed):
     line.run()
     line.write(sequence=3, code=Control.HOLD)
     line.poll()
@@ -516,8 +466,7 @@ def test_another_number_or_command_does_not_find_the_run(changed):
     assert (answer.refusal, answer.sequence) == (Refusal.ADOPTED, changed.get("sequence", 3))
 
 
-def test_a_stop_that_stands_in_the_block_of_a_new_connection_stops_again():
-    line = Line()
+def test_a_stop_that_stands_in_the_block_of_a_new_connection_stops_again(line):
     line.run()
     line.write(sequence=3, code=Control.STOP)
     line.poll()
@@ -539,8 +488,7 @@ def test_an_acknowledged_result_is_read_again_only_by_the_whole_command(code, re
 
 
 @pytest.mark.parametrize("last", [70, 71])
-def test_a_command_under_a_number_that_came_empty_is_refused(last):
-    line = Line()
+def test_a_command_under_a_number_that_came_empty_is_refused(line, last):
     for number in range(70, last + 1):
         assert line.write(sequence=number, code=0).refusal is Refusal.NONE
     answer = line.write(code=INSERT)
@@ -549,8 +497,7 @@ def test_a_command_under_a_number_that_came_empty_is_refused(last):
     assert line.write(sequence=last + 1).is_busy
 
 
-def test_the_number_of_the_run_that_comes_late_changes_nothing():
-    line = Line()
+def test_the_number_of_the_run_that_comes_late_changes_nothing(line):
     line.run()
     line.write(sequence=3, code=Control.HOLD)
     line.poll()

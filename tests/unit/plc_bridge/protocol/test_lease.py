@@ -10,22 +10,6 @@ def link(source, host=None, **facts):
     return Link(source, host or source, LinkWatchdog(0.0), **facts)
 
 
-def test_one_reader_sees_yours_where_another_sees_taken():
-    lease, one, other = CellLease(5.0), link("one"), link("other")
-    assert lease.state_for(one) is LeaseState.FREE
-    assert (lease.take(one), lease.take(other)) == (True, False)
-    assert (lease.state_for(one), lease.state_for(other)) == (LeaseState.YOURS, LeaseState.TAKEN)
-
-
-def test_only_its_holder_releases_it():
-    lease, one = CellLease(5.0), link("one")
-    lease.take(one)
-    lease.release(link("other"))
-    assert not lease.is_open_to(link("other"))
-    lease.release(one)
-    assert lease.is_open_to(link("other"))
-
-
 @pytest.mark.parametrize(
     ("host", "closed", "is_taken"), [("a", 1, True), ("a", None, False), ("a", 3, False), ("b", 1, False)]
 )

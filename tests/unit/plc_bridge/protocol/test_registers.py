@@ -99,10 +99,6 @@ def test_values_beyond_a_register_are_cut():
     assert image.total_time == pytest.approx(0xFFFFFFFF * 0.001)
 
 
-def test_negative_values_keep_their_sign():
-    assert COMMAND.unpack(COMMAND.pack({"command_parameter_1": -1}))["command_parameter_1"] == -1
-
-
 def test_mask_beyond_the_parameters_is_kept_for_refusal():
     words = command_words(CommandImage())
     words[PLACES["command_parameter_mask"].address] = 0x8000
