@@ -3,21 +3,18 @@
 import json
 import threading
 from dataclasses import replace
-from datetime import UTC, datetime
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from cell.records.journal import Journal, newest_run
+from cell.records.journal import Journal
 from cell.records.schema import EventKind
 from cell.run import supervisor
-from cell.run.learning import LearnedFile, LearnedPlace, read_learned, write_learned
 from cell.run.live import CablePull, Live
 from cell.run.states import State
 from cell.run.supervisor import Supervisor
-from drivers.errors import ArmReflexError, CellError, FaultCode, SkinSilentError, SwitchUnknownError
-from drivers.quantities import SwitchState
+from drivers.errors import ArmReflexError, CellError, FaultCode, SkinSilentError
 from plc_bridge.protocol.messages import Command, Control, PartPlace, Refusal, Result
 from skills.catalogue import CATALOGUE
 from skills.contract import Outcome, Reason
@@ -172,11 +169,6 @@ def test_a_cell_that_was_stopped_starts_only_after_a_reset(rig, program, control
     assert rig.command(CODE).result == Result.SUCCESS
 
 
-def test_a_hole_that_is_occupied_refuses_a_fresh_peg(rig, program):
-    rig.switch.state = SwitchState.CLOSED
-    assert rig.command(100).refusal == Refusal.HOLE_OCCUPIED
-
-
 def test_what_a_person_did_is_believed(rig, program):
     rig.gripper.grip(30.0)
     assert rig.scan().part == PartPlace.IN_HAND
@@ -186,17 +178,6 @@ def test_what_a_person_did_is_believed(rig, program):
     report = rig.command(Control.CLEARED)
     assert (report.part, report.refusal) == (PartPlace.RACK, Refusal.NONE)
     assert rig.command(Control.REFILLED).refusal == Refusal.NONE
-
-
-def test_a_cell_whose_record_of_the_peg_is_gone_starts_nothing_before_a_person_has_looked(rig, program):
-    rig.command(CODE)
-    while not (rig.supervisor._part._custody.flush() and newest_run(rig.folder, is_simulated=True)):
-        pass  # both are written beside the scan
-    (rig.folder / "part-sim.json").unlink()
-    rig.supervisor = Supervisor(rig.cell, rig.loaded, rig.bridge, rig.journal)
-    assert rig.scan().part == PartPlace.UNKNOWN
-    assert rig.command(100).refusal == Refusal.PART_UNRESOLVED
-    assert rig.command(Control.CLEARED).part == PartPlace.RACK
 
 
 # Stop, hold, faults.
@@ -336,12 +317,6 @@ def test_a_plc_that_falls_silent_is_a_fault_only_while_its_run_goes_on(rig, prog
     assert (report.state, report.fault) == (State.ABORTED, FaultCode.PLC_LOST)
 
 
-def test_a_switch_that_does_not_answer_ends_a_run_that_needs_it(rig, monkeypatch):
-    runs_on(rig, inserts(rig, monkeypatch, Claim.INSERTED), 9.0)
-    rig.at(0.5, lambda: setattr(rig.switch, "state", SwitchState.UNKNOWN))
-    assert rig.command(100).fault == SwitchUnknownError.code
-
-
 class GoneError(BaseException):
     """The end of the program, as a test sees it."""
 
@@ -468,27 +443,6 @@ def test_whoever_gives_a_command_is_told_that_this_one_is_obeyed(rig, terminal, 
     rig.scan()
     assert (terminal.accepted, terminal.refused) == ([command], [])
     assert terminal.reports[-1].fault == FaultCode.NONE
-
-
-def test_a_cleared_fault_is_told_as_a_success_beside_the_number_of_the_run_that_it_ended(rig, program, terminal):
-    program.fault = ArmReflexError("arm: reflex")
-    for sequence, code in ((7, CODE), (8, Control.CLEAR), (9, Control.RESET)):
-        terminal.waiting.append(Command(sequence, code))
-        rig.scan()
-        report = terminal.reports[-1]
-        assert (report.sequence, report.run) == (sequence, 1)
-        assert report.result is (Result.FAULT if code == CODE else Result.SUCCESS)
-
-
-def test_what_was_learnt_of_a_recipe_is_forgotten_and_that_of_others_is_not(rig, program):
-    when = datetime(2025, 1, 1, tzinfo=UTC)
-    place = LearnedPlace(
-        job="peg", mean=(0.5, 0.1), variance=(1e-6,) * 2, scatter=(1e-6,) * 2, parts=3, stray=None, updated=when
-    )
-    write_learned(rig.folder, LearnedFile(places={str(recipe): place for recipe in (0, 99)}))
-    assert rig.command(Control.FORGET, 0).refusal is Refusal.NONE
-    assert rig.supervisor._execution.learning.flush()
-    assert set(read_learned(rig.folder).places) == {"99"}
 
 
 class Wall:
