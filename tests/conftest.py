@@ -12,6 +12,7 @@ import pytest
 from hypothesis import settings
 
 from cell.config.load import LoadedConfig, load
+from skills.contract import Observation
 from tests.fakes import Rig
 from tests.inputs import inputs
 
@@ -71,6 +72,12 @@ def _level_of_the_log() -> Iterator[None]:
 def rig(loaded: LoadedConfig, tmp_path: Path) -> Rig:
     """Return a cell of fakes with a PLC."""
     return Rig(loaded, tmp_path / "journal")
+
+
+@pytest.fixture
+def seen(rig: Rig) -> Observation:
+    """Return what a scan of a cell of fakes observes."""
+    return rig.cell.context(0).observe()
 
 
 @pytest.fixture(autouse=True)

@@ -132,14 +132,6 @@ def test_an_index_that_cannot_be_read_may_have_runs(tmp_path, program):
     assert program().is_empty().part.place is PartPlace.UNKNOWN
 
 
-def test_a_folder_that_cannot_be_written_stops_nothing(tmp_path, places, caplog):
-    custody = Keeper(tmp_path / "gone", places).holds()
-    assert custody.part.place is PartPlace.IN_HAND
-    until(lambda: "cannot be kept" in caplog.text)
-    (tmp_path / "gone").mkdir()
-    assert custody.flush()
-
-
 def test_what_a_full_disk_could_not_keep_is_unknown_to_the_next_program_and_kept_later(tmp_path, program):
     first, file = program().is_empty(), tmp_path / FILE
     assert first.flush()

@@ -22,7 +22,6 @@ from skills.search.surface import Plane
 from skills.seating.decision import BORNE_WITHIN, DOUBTED, MOST_DEEP
 from skills.seating.latch_likelihood import Signature
 from skills.seating.signature import LIFTED, StrokeCurve
-from tests.fakes import Rig
 from tests.unit.skills.seating.test_latch import HELD, LATCH, lowered, pushing, scan
 
 SETS = ("hole.latch={kind='detent',force=5.0,height=0.003}", "hole.evidence=force")
@@ -33,11 +32,6 @@ SUCCESS = Ending(Outcome.SUCCESS, "release_and_retract", Reason.NONE)
 @pytest.fixture
 def job():
     return load(sets=SETS).cell.job()
-
-
-@pytest.fixture
-def seen(tmp_path):
-    return Rig(load(), tmp_path).cell.context(0).observe()
 
 
 def proven(job, depth=0.02):

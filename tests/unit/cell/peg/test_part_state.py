@@ -409,20 +409,6 @@ def test_a_hand_slack_by_exactly_what_its_width_errs_neither_grips_nor_opens(at_
     assert slack.basis == Bit.SKIN_TOUCHED | Bit.SWITCH_OPEN
 
 
-@pytest.mark.parametrize(
-    ("depth", "how", "bits"),
-    [
-        (-0.1, {"felt": True}, Bit.HAND_HOLDS | Bit.SKIN_TOUCHED | Bit.SWITCH_OPEN),
-        (-0.1, {"felt": False, "switch": CLOSED}, Bit.HAND_HOLDS | Bit.SKIN_FREE | Bit.SWITCH_CLOSED),
-        (-0.1, {"switch": UNKNOWN}, Bit.HAND_HOLDS),
-        (0.012, {}, Bit.HAND_HOLDS | Bit.TIP_IN_HOLE | Bit.SWITCH_OPEN),
-    ],
-)
-def test_the_bits_say_what_hand_skin_tip_and_switch_said(peg, depth, how, bits):
-    state = peg.held(depth, **how)
-    assert (state.basis, state.width) == (bits, peg.places.thickness)
-
-
 def test_a_peg_that_fell_keeps_the_evidence_of_its_fall(peg):
     peg.held(-0.1)
     peg.gone(width=0.0, felt=False)

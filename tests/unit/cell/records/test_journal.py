@@ -11,16 +11,13 @@ from cell.commands.cli import main
 from cell.commands.terminal import FAULT, GOOD
 from cell.records.journal import INDEX, Journal, default_folder, newest_run
 from cell.records.provenance import config_hash
-from cell.records.run_query import RunQuery
 from cell.records.sample_blocks import BATCH, COLUMNS, JOINT_COLUMNS, SampleBlock, SampleStream, taxel_columns
 from cell.records.samples import SampleFile, export_csv, read_facts, read_samples
 from cell.records.schema import LAYOUT, ConfigRow, EventKind, EventRow, RunRow, StageRow
-from cell.run.record import scene_facts
 from drivers.errors import JournalError
 from drivers.frames import rotation_about, rotation_of
 from drivers.quantities import Pose
 from drivers.scene_facts import Sight
-from tests.fakes import Rig
 
 ROW = RunRow(0, "2025-01-01T00:00:00.000+00:00", "insert_peg", 1, "A-17", "10.0.0.5:4711", 42)
 
@@ -41,11 +38,6 @@ def journal(tmp_path):
         yield opened
 
 
-@pytest.fixture
-def seen(rig: Rig):
-    return rig.cell.context(0).observe()
-
-
 def test_a_run_is_on_record_from_its_beginning_to_its_end(journal):
     first, row = journal.begin(ROW), journal.begin(ROW)
     assert (row.run - first.run, journal.last_run()) == (1, row.run)
@@ -54,13 +46,6 @@ def test_a_run_is_on_record_from_its_beginning_to_its_end(journal):
     journal.finish(replace(row, outcome="failure", stage="spray_search", reason="no_hole"))
     found = journal.find(row.run)
     assert (found.sequence, found.serial, found.source, found.reason) == (42, "A-17", "10.0.0.5:4711", "no_hole")
-
-
-def test_runs_are_counted_by_how_they_ended(journal):
-    for outcome in ("success", "failure", "success"):
-        journal.finish(replace(journal.begin(ROW), outcome=outcome))
-    journal.finish(replace(journal.begin(replace(ROW, serial="B-2")), outcome="success"))
-    assert journal.outcomes(RunQuery(serial="A-17")) == {"success": 2, "failure": 1}
 
 
 def test_an_unknown_run_is_told_with_what_is_there(journal):
@@ -209,13 +194,6 @@ def test_samples_of_an_earlier_version_are_read_without_what_it_did_not_record(t
     samples = read_samples(tmp_path / "old.arrows")
     assert (samples["stage"].tolist(), samples["taxels"].shape, samples["torques"].shape) == ([3.0], (1, 40), (1, 0))
     assert np.isnan(samples["true_peg_x"]).all()
-
-
-def test_the_facts_of_the_scene_stand_in_the_head_of_the_samples(tmp_path, seen, loaded):
-    facts = scene_facts(loaded.cell)
-    with stream(tmp_path / "a.arrows", facts) as written:
-        written.add(seen, None, 1)
-    assert read_facts(tmp_path / "a.arrows") == facts
 
 
 def test_samples_are_readable_when_the_program_was_killed(tmp_path, seen):

@@ -18,7 +18,6 @@ from cell.records.index import SET_ASIDE
 from cell.records.journal import INDEX, Journal
 from cell.records.schema import LOST, EventKind, EventRow, StageRow
 from drivers.errors import JournalError
-from tests.fakes import Rig
 from tests.inputs import KEPT, inputs
 from tests.unit.cell.records.test_journal_writer import ROW, recorded
 
@@ -30,11 +29,6 @@ POISON = {
     "no text at all": replace(EVENT, name=None),
     "another kind of thing": replace(EVENT, source=object()),
 }
-
-
-@pytest.fixture
-def seen(rig: Rig):
-    return rig.cell.context(0).observe()
 
 
 def aside(folder: Path) -> list[dict[str, object]]:

@@ -33,16 +33,10 @@ from cell.records.writer import (
     JournalWriter,
 )
 from drivers.errors import JournalError
-from tests.fakes import Rig
 from tests.trouble import full_disk, until
 
 EVENT = EventRow(0, "2025", 0.0, EventKind.FAULT, "SKIN_SILENT")
 ROW = RunRow(0, "2025-01-01T00:00:00.000+00:00", "insert_peg", 1, "A-17", "10.0.0.5:4711", 42)
-
-
-@pytest.fixture
-def seen(rig: Rig):
-    return rig.cell.context(0).observe()
 
 
 def recorded(journal, seen, scans=1, began=ROW.started, **ending):
@@ -124,18 +118,6 @@ def test_a_damaged_index_is_made_again_from_the_samples(tmp_path, seen, how):
         assert (journal.runs(5), journal.stages(1)) == (before[::-1], stages)
         assert journal.begin(ROW).run == 3
     assert bool(list(tmp_path.glob(f"{INDEX}.damaged-*"))) == (how != "deleted")
-
-
-def test_a_locked_index_holds_up_nobody_and_nothing_is_lost(tmp_path, seen):
-    with Journal(tmp_path) as journal:
-        recorded(journal, seen)
-        with locked(tmp_path):
-            row = journal.begin(ROW)
-            journal.finish(replace(row, outcome="success"))
-            until(lambda: journal.trouble)
-            assert "locked" in journal.trouble
-        assert journal.find(row.run).outcome == "success"
-        assert journal.trouble == ""
 
 
 def test_a_full_disk_ends_recording_and_is_told_until_a_run_is_whole_again(tmp_path, seen):
