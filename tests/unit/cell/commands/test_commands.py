@@ -21,22 +21,22 @@ from drivers.errors import FaultCode
 ROOT = Path(__file__).parents[4]
 
 
-@pytest.mark.parametrize("name", COMMANDS)
-def test_a_command_has_its_parts(name, capsys):
-    with pytest.raises(SystemExit, match="0"):
-        main([name, "--help"])
-    assert COMMANDS[name] in " ".join(capsys.readouterr().out.split())
-    assert callable(load_command(name).run)
+PARTS = {
+    **{name: (summary, load_command, name) for name, summary in COMMANDS.items()},
+    **{f"study {name}": (study.SUMMARY, import_module, study.module) for name, study in STUDIES.items()},
+}
+"""Summary of each command and study, and how its module is loaded."""
 
 
-@pytest.mark.parametrize("name", STUDIES)
-def test_a_study_has_its_parts_and_a_help_of_its_own(name, capsys):
+@pytest.mark.parametrize("name", PARTS)
+def test_a_command_and_a_study_have_their_parts_and_a_help_of_their_own(name, capsys):
+    summary, loaded, module = PARTS[name]
     with pytest.raises(SystemExit, match="0"):
-        main(["study", name, "--help"])
+        main([*name.split(), "--help"])
     told = " ".join(capsys.readouterr().out.split())
-    assert STUDIES[name].SUMMARY in told
-    assert f"cell study {name}" in told
-    assert callable(import_module(STUDIES[name].module).run)
+    assert summary in told
+    assert f"cell {name}" in told
+    assert callable(loaded(module).run)
 
 
 @pytest.mark.parametrize(

@@ -30,10 +30,8 @@ WIDE = "hole.area=[0.2,0.2]; limits.high=[0.55,0.45,0.80]"
 
 
 WRONG = [
-    ("plc.tls.foo=1", ["--set", "plc.tls.foo: unknown key", "authority, certificate"]),
     ("plc.can=3", ["--set", "plc.can = 3", "a section with interface (needed), channel (needed)"]),
     ("plc.rtu=true", ["--set", "plc.rtu = True", "a section with port (needed), unit"]),
-    ("peg.diametre=0.008", ["--set", "peg.diametre", "unknown key", "diameter, length"]),
     ("peg.diameter=8", ["--set", "peg.diameter = 8", "0.002 to 0.03", "metres", "0.008"]),
     ("hole.area=[60, 60]", ["hole.area", "60", "0 to 0.2", "metres"]),
     ("peg.diameter=0.0081", ["--set", "peg.diameter = 0.0081", "thicker than the hole", "0.0081"]),
@@ -42,25 +40,18 @@ WRONG = [
         ["--set", "grasp.clearance = 0.03", "leaves the peg in its slot", "rack.depth = 0.03"],
     ),
     ("search.descent=0.001", ["--set", "search.descent = 0.001", "not down within", "at least 0.0207"]),
-    ("insert.estimator=eye", ["insert.estimator", "'eye'", '"image"']),
     ("preset=hasty", ["preset", "'hasty'", "presets/"]),
     ("peg.shape=oval", ["peg.shape", "'oval'", '"square"']),
     ("hole.depth=0.06", ["hole.depth = 0.06", "peg.length"]),
     ("scan_rate=5", ["scan_rate = 5", "10 to 1000"]),
     ("contact.friction=[0.1, 3]", ["contact.friction", "[0.1, 3]", "0 to 2"]),
-    ("arm.kind=serial", ["arm.kind", "'serial'", '"sim"']),
     ("arm.model=ur5", ["--set", 'arm.model = "ur5": no such arm; "fr3", "fr3v2", "panda" or a file']),
     ("arm.model=none.toml", ["arm.model", "none.toml", "no such arm"]),
     ("sim.timestep=0.0007", ["sim", "0.0007", "does not divide"]),
-    ("plc.modbus.port=70000", ["plc.modbus.port = 70000", "65535"]),
     ("gibberish", ["gibberish", "KEY=VALUE"]),
     ("hole.centre=[1.2, 0.0, 0.1]", ["hole.centre = (1.2, 0.0, 0.1)", "Franka Emika Panda, does not reach it"]),
     ("limits.force=0.0", ["limits.force"]),
-    ("limits.force=-1.0", ["limits.force"]),
-    ("sim.plate.tilt=0.3", ["sim.plate.tilt", "0.3"]),
     ("peg.shape=square; corner.adjust.gains.rotation=400", ["corner.adjust.gains.rotation", "400", "unstable"]),
-    ("=1", ["--set", "KEY=VALUE"]),
-    ("search..speed=1", ["--set", "KEY=VALUE"]),
     ("search speed=1", ["--set", "KEY=VALUE"]),
     ("peg.shape=square; peg.diameter=0.01", ["peg.diameter = 0.01", "square", "peg.sides = [0.01, 0.01]"]),
     ("peg.shape=rectangular; hole.diameter=0.01", ["hole.diameter = 0.01", "hole.sides = [0.01, 0.01]"]),
@@ -80,7 +71,6 @@ WRONG = [
     ("peg.shape=square; hole.chamfer=0.0005", ["hole.chamfer = 0.0005: not for a part with corners"]),
     (f"{THIN}; peg.chamfer=0.001", ["peg.chamfer = 0.001: leaves too little of the end; less than 0.001"]),
     ("hole.depth=0.002; hole.chamfer=0.002", ["no bore is left; less than hole.depth = 0.002 allowed"]),
-    ("hole.chamfer=0.5", ["hole.chamfer"]),
     (LATCH % (5.9, 0.003), ["hole.latch.force = 5.9: not pressed through", "push with 11 N; at most 5.83 allowed"]),
     (
         f"{LATCH % (5.0, 0.003)}; grasp.force=15.0",
@@ -247,14 +237,6 @@ def test_an_arm_of_ones_own_is_a_file_beside_the_config(tmp_path):
         assert config.arm_model().kinematics.flange == 0.117
 
 
-def test_a_preset_beyond_the_margin_is_refused_by_its_own_file(tmp_path):
-    shutil.copy(DEFAULT, tmp_path / "cell.toml")
-    (tmp_path / "presets").mkdir()
-    (tmp_path / "presets" / "stiff.toml").write_text("[search]\ngains = { rotation = 400.0 }\n")
-    with pytest.raises(ConfigError, match=r"stiff\.toml: search\.gains\.rotation = 400: unstable from"):
-        load(tmp_path / "cell.toml", preset="stiff")
-
-
 @pytest.fixture
 def real(tmp_path):
     """Return a file of a physical cell, which the shipped one is the base of."""
@@ -404,12 +386,6 @@ def test_a_square_peg_without_its_section_is_refused(tmp_path):
     load(path)
     line = line_about("peg.shape=square", path=path)
     assert all(word in line for word in ("[corner]", "missing", "square"))
-
-
-def test_a_square_peg_is_tried_as_often_as_its_own_section_says():
-    assert load(sets=("peg.shape=square", "retries=1", "corner.retries=4")).cell.plan().retries == 4
-    assert load(sets=("retries=1", "corner.retries=4")).cell.plan().retries == 1
-    assert load().cell.plan().corner is None
 
 
 @pytest.mark.parametrize(("name", "figure"), [("translation", "stiffness"), ("rotation", "turn_stiffness")])

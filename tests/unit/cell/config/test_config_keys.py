@@ -21,14 +21,6 @@ def _texts():
     return [key.name for key in keys() if key.allowed in ("a text", "a file") or key.name.endswith("model")]
 
 
-@pytest.mark.parametrize(
-    ("name", "unit"),
-    [("search.speed", "m/s"), ("hole.diameter", "m"), ("sim.pace", "multiple"), ("search.fast_axis", "")],
-)
-def test_a_unit_stands_beside_the_type_of_its_key(name, unit):
-    assert {key.unit for key in find(name)} == {unit}
-
-
 def test_every_key_says_what_it_means_and_in_which_unit():
     for key in keys():
         assert key.meaning.endswith((".", '."')), key

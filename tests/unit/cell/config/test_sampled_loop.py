@@ -3,7 +3,7 @@ import math
 import numpy as np
 import pytest
 
-from cell.config.sampled_loop import MOST, exponential, largest_factor, one_period, radius
+from cell.config.sampled_loop import MOST, largest_factor, one_period, radius
 
 ONE = np.ones((1, 1))
 TABLE = [(1.0, 25.0, 3.57, 1.23), (0.7, 17.8, 1.45, 0.50), (0.5, 15.4, 0.61, 0.22)]
@@ -52,10 +52,3 @@ def test_one_period_is_what_a_fine_integration_of_the_held_force_gives():
 
 def test_what_is_measured_without_delay_has_no_limit():
     assert largest_factor(lambda factor: (ONE, 0.0 * ONE, factor * ONE, ONE), 0.1, 2.0) == MOST
-
-
-def test_the_exponential_of_a_turn_is_a_rotation():
-    angle = 2.5
-    turn = np.array([[0.0, -angle], [angle, 0.0]])
-    expected = [[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]]
-    np.testing.assert_allclose(exponential(turn), expected, atol=1e-12)
