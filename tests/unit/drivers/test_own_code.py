@@ -7,18 +7,11 @@ from pathlib import Path
 import pytest
 
 import drivers
-from cell.config.files import arm_file
 from cell.page.records import _run
 from drivers.arm.franka import FrankaArm
-from drivers.arm.franka_config import FrankaArmConfig
-from drivers.arm.model import read_arm
 from drivers.gripper.franka import FrankaGripper
-from drivers.gripper.franka_config import FrankaGripperConfig
 from tests.fakes import FakeClock
-
-FR3 = read_arm(arm_file("fr3"))
-ARM = FrankaArmConfig(kind="franka", model="fr3", host="127.0.0.1", collision_torque=40.0, collision_force=40.0)
-GRIPPER = FrankaGripperConfig(kind="franka", host="127.0.0.1")
+from tests.unit.drivers.arm.test_franka import ARM, FR3, GRIPPER
 
 
 @pytest.fixture

@@ -1,5 +1,7 @@
 """The arms that ship: their files, kinematics and inertia, and the damping that follows."""
 
+import re
+
 import mujoco
 import numpy as np
 import pytest
@@ -55,11 +57,8 @@ def test_figures_that_no_arm_has_are_told_in_one_line(tmp_path, line, wrong, tol
     assert line in text
     file = tmp_path / "bent.toml"
     file.write_text(text.replace(line, wrong), encoding="utf-8")
-    with pytest.raises(ConfigError) as raised:
+    with pytest.raises(ConfigError, match=rf"\A{re.escape(str(file))}: [^\n]*{re.escape(told)}[^\n]*\Z"):
         read_arm(file)
-    assert str(raised.value).startswith(f"{file}: ")
-    assert told in str(raised.value)
-    assert "\n" not in str(raised.value)
 
 
 @pytest.mark.parametrize("file", SHIPPED, ids=lambda file: file.stem)

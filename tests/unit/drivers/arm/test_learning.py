@@ -21,10 +21,12 @@ OFFSET = np.array([0.05, -0.6, 0.3, 0.8, -0.1, 0.15, 0.02])
 ROTOR = np.array([0.08, 0.02, 0.1, -0.03, 0.03, 0.02, 0.04])
 
 
-def begun():
-    state = np.zeros(learning.WORDS)
-    learning.begin(state, PANDA)
-    return state
+@pytest.fixture
+def state():
+    """Return the state of an observer that begins."""
+    begun = np.zeros(learning.WORDS)
+    learning.begin(begun, PANDA)
+    return begun
 
 
 def moved(state, seconds, is_free=True, pushed=0.0, dry=DRY):
@@ -39,8 +41,8 @@ def moved(state, seconds, is_free=True, pushed=0.0, dry=DRY):
     return learning.figures_of(state)
 
 
-def test_friction_offset_and_rotor_are_found_within_two_moves():
-    figures, deviations = moved(begun(), 3.0)
+def test_friction_offset_and_rotor_are_found_within_two_moves(state):
+    figures, deviations = moved(state, 3.0)
     assert np.abs(figures[:, learning.OFFSET] - OFFSET).max() < 0.1
     assert np.abs(figures[:, learning.ROTOR] - ROTOR).max() < 0.05
     together = figures[:, learning.DRY] + figures[:, learning.SMOOTH]
@@ -48,14 +50,13 @@ def test_friction_offset_and_rotor_are_found_within_two_moves():
     assert (deviations < learning.doubts(PANDA)).all()
 
 
-def test_what_is_learnt_lies_within_its_own_interval():
-    figures, deviations = moved(begun(), 20.0)
+def test_what_is_learnt_lies_within_its_own_interval(state):
+    figures, deviations = moved(state, 20.0)
     truth = np.column_stack([DRY, SMOOTH, OFFSET, ROTOR])
     assert (np.abs(figures - truth) < 3.0 * deviations + 0.02).all()
 
 
-def test_a_push_teaches_nothing_while_the_hand_is_not_said_to_be_free():
-    state = begun()
+def test_a_push_teaches_nothing_while_the_hand_is_not_said_to_be_free(state):
     before = moved(state, 3.0)[0]
     after = moved(state, 3.0, is_free=False, pushed=4.0)[0]
     np.testing.assert_array_equal(after, before)
@@ -70,14 +71,12 @@ def rested(state, seconds, torque):
     return learning.figures_of(state)
 
 
-def test_a_joint_at_rest_within_its_friction_teaches_nothing():
-    state = begun()
+def test_a_joint_at_rest_within_its_friction_teaches_nothing(state):
     before, _ = moved(state, 3.0)
     np.testing.assert_array_equal(rested(state, 2.0, OFFSET + 0.5 * DRY)[0], before)
 
 
-def test_a_joint_that_moved_one_way_and_sticks_before_it_moves_back_separates_friction_from_offset():
-    state = begun()
+def test_a_joint_that_moved_one_way_and_sticks_before_it_moves_back_separates_friction_from_offset(state):
     for _ in range(300):
         state[learning.COMMANDED : learning.COMMANDED + JOINTS] = (
             OFFSET + DRY + SMOOTH * math.tanh(0.5 / learning.SMOOTH_RATE)
@@ -91,22 +90,20 @@ def test_a_joint_that_moved_one_way_and_sticks_before_it_moves_back_separates_fr
     assert error.max() < 0.2
 
 
-def test_an_arm_that_is_held_back_learns_no_more_than_a_plausible_joint_has():
-    figures, _ = rested(begun(), 1.0, np.full(JOINTS, 20.0))
+def test_an_arm_that_is_held_back_learns_no_more_than_a_plausible_joint_has(state):
+    figures, _ = rested(state, 1.0, np.full(JOINTS, 20.0))
     doubts = learning.doubts(PANDA)[:, : learning.ROTOR]
     assert (np.abs(figures[:, : learning.ROTOR]).sum(axis=1) <= 3.0 * np.sqrt((doubts**2).sum(axis=1))).all()
 
 
-def test_joints_that_warm_up_are_learnt_anew():
-    state = begun()
+def test_joints_that_warm_up_are_learnt_anew(state):
     moved(state, 60.0)
     figures, _ = moved(state, 120.0, dry=0.5 * DRY)
     together = figures[:, learning.DRY] + figures[:, learning.SMOOTH]
     np.testing.assert_allclose(together, 0.5 * DRY + SMOOTH, atol=0.08)
 
 
-def test_friction_is_fed_forward_along_the_commanded_motion_and_an_offset_always():
-    state = begun()
+def test_friction_is_fed_forward_along_the_commanded_motion_and_an_offset_always(state):
     figures, _ = moved(state, 3.0)
     at_rest, there, back = (learning.feed_forward(state, 1, wanted) for wanted in (0.0, 0.5, -0.5))
     assert at_rest == pytest.approx(figures[1, learning.OFFSET])
@@ -115,8 +112,7 @@ def test_friction_is_fed_forward_along_the_commanded_motion_and_an_offset_always
     assert 0.5 * (there + back) == pytest.approx(at_rest)
 
 
-def test_a_new_arm_is_left_alone_and_what_was_learnt_outlasts_a_restart_of_the_loop():
-    state = begun()
+def test_a_new_arm_is_left_alone_and_what_was_learnt_outlasts_a_restart_of_the_loop(state):
     assert learning.feed_forward(state, 3, 0.7) == 0.0
     before = moved(state, 3.0)
     learning.pause(state)

@@ -8,7 +8,6 @@ from drivers.skin.boards import CanSkin
 from drivers.skin.health import BASELINE_FRAMES, SkinHealth, SkinHealthConfig
 from drivers.skin.layout import LAYOUTS
 from drivers.transport.wires import CanFrame
-from sim.boards.cyskin_board import TEMPERATURE_COUNTS
 from sim.config import WireFaults
 from tests.cyskin_makers import SENT
 from tests.skins import WIRED, BoardRig, can_config, held_peg, serial_config
@@ -68,13 +67,6 @@ def test_stamp_is_no_more_than_one_scan_and_the_wire_behind_the_measurement(rig)
     assert len(delays) > 25
     assert delays.min() > 0.0
     assert delays.max() < 0.01 + 0.0015
-
-
-def test_figures_tell_rate_and_temperature_of_every_module(rig):
-    figures = rig.skin.figures()
-    assert figures.rate == pytest.approx(10.0, rel=0.01)
-    assert figures.temperature.tolist() == [TEMPERATURE_COUNTS + n for n in range(4)]
-    assert rig.scan(2.0)[-1].sequence == pytest.approx(20, abs=1)
 
 
 def test_lost_messages_cost_scans_and_are_counted(rig):

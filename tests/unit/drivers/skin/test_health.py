@@ -3,7 +3,7 @@ import pytest
 
 from drivers.errors import SkinUntrustedError
 from drivers.quantities import TaxelFrame
-from drivers.skin.health import ERROR_COUNT, SkinHealth, SkinHealthConfig, dead_groups, require_trust
+from drivers.skin.health import ERROR_COUNT, SkinHealth, SkinHealthConfig, require_trust
 
 CONFIG = SkinHealthConfig().model_copy(update={"stuck_frames": 10, "drift_time": 10.0})
 TAXELS = 8
@@ -22,11 +22,6 @@ def _health(still=None):
 def test_too_short_a_baseline_is_refused():
     with pytest.raises(ValueError, match="49 frames < 50 frames"):
         _health(_still(frames=49))
-
-
-def test_fifty_frames_leave_a_seventh_of_the_noise_in_the_baseline():
-    errors = [_health(_still(seed)).baseline - 5000.0 for seed in range(100)]
-    assert np.std(errors) == pytest.approx(300.0 / 50**0.5, rel=0.1)
 
 
 def test_dead_and_stuck_taxels_are_masked_from_the_start():
@@ -82,11 +77,6 @@ def test_frozen_skin_is_trusted_again_once_it_measures():
     assert trusted.all()
 
 
-def test_group_is_dead_when_all_of_it_is():
-    dead = np.array([True, True, True, False])
-    assert dead_groups(dead, np.array([7, 7, 9, 9])) == [7]
-
-
 def test_the_baseline_keeps_up_with_the_drift_of_a_skin_that_is_gripped_most_of_the_time():
     """Forty parts, each in the hand for 20 s, with 5 s of an open hand before the next; noise and drift as in [cyskin]."""
     rng, noise, period = np.random.default_rng(7), 200.0, 0.1
@@ -131,12 +121,6 @@ def test_dead_modules_and_single_taxels_are_named_each_as_what_it_is():
     )
 
 
-def test_noise_of_half_a_count_is_measured_as_such():
-    still = np.full((50, TAXELS), 5000, dtype=np.uint16)
-    still[::2] += 1
-    assert _health(still).noise == pytest.approx(0.5)
-
-
 @pytest.mark.parametrize(
     ("at_rail", "is_usable"),
     [(slice(24), True), (slice(25), False), (slice(0, None, 3), True), (slice(1, None), False)],
@@ -157,15 +141,6 @@ def test_a_taxel_that_is_at_the_rail_throughout_has_a_baseline_of_zero():
     still[:, 2] = ERROR_COUNT
     health = _health(still)
     assert (health.baseline[2], health.noise[2], health.usable[2]) == (0.0, 0.0, False)
-
-
-@pytest.mark.parametrize(("share", "is_followed"), [(0.99, True), (1.01, False)])
-def test_the_baseline_follows_up_to_a_touch_of_so_many_times_the_noise(share, is_followed):
-    health = _health(_still(level=20_000.0))
-    above = np.zeros(TAXELS)
-    above[4] = share * CONFIG.touch * health.noise[4]
-    assert above[4] > CONFIG.least_touch * FULL_SCALE
-    assert follows(health, above) is is_followed
 
 
 def _skin(noise=300.0, taxels=40, frames=50, seed=0):

@@ -58,9 +58,8 @@ def test_no_taxel_lies_inside_a_triangles_circumcircle(layout):
 def test_a_file_that_is_no_layout_is_refused_in_one_line(tmp_path, figures, said):
     path = tmp_path / "other.toml"
     path.write_text(f"pad = [0.03, 0.02]\nfull_scale = 20_000.0\nnoise = 0.015\nbeside = 0.1\n{figures}\n")
-    with pytest.raises(ConfigError, match=said) as caught:
+    with pytest.raises(ConfigError, match=rf"\A[^\n]*{said}[^\n]*\Z"):
         layout_of(str(path))
-    assert "\n" not in str(caught.value)
 
 
 def test_a_layout_whose_file_is_missing_is_refused_by_its_name():
@@ -120,9 +119,8 @@ def test_file_that_is_no_calibration_is_told_in_one_line(path, old, new, said):
     text = path.read_text()
     assert old in text
     path.write_text(text.replace(old, new))
-    with pytest.raises(ConfigError, match=said) as caught:
+    with pytest.raises(ConfigError, match=rf"\A[^\n]*{said}[^\n]*\Z"):
         read_calibration(path, "parallelogram")
-    assert "\n" not in str(caught.value)
 
 
 def test_missing_file_is_told(path):
