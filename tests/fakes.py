@@ -168,10 +168,10 @@ class FakeSkin:
 
 
 class FakeSwitch:
-    """Estimator that returns the pose it was given."""
+    """Reports the state that the test has set."""
 
-    def __init__(self) -> None:
-        self.state = SwitchState.OPEN
+    def __init__(self, state: SwitchState = SwitchState.OPEN) -> None:
+        self.state = state
 
     def open(self) -> None: ...
 

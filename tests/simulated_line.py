@@ -14,7 +14,6 @@ from cell.run.line import PROGRAMS
 from cell.run.states import State
 from cell.run.supervisor import Supervisor
 from drivers.protocols import Clock
-from drivers.quantities import SwitchState
 from plc_bridge.bridge import Bridge
 from plc_bridge.protocol.messages import Control, PartPlace, Report
 from sim.world.physics import World
@@ -41,20 +40,6 @@ class ScanClock:
         self.inner.wait_until(stamp)
         for action in list(self.every):
             action()
-
-
-class Says:
-    """A switch that reports the state it was set to."""
-
-    def __init__(self, state: SwitchState) -> None:
-        self.state = state
-
-    def open(self) -> None: ...
-
-    def close(self) -> None: ...
-
-    def read(self) -> SwitchState:
-        return self.state
 
 
 class HeardBridge(Bridge):

@@ -8,7 +8,8 @@ from drivers.quantities import SwitchState
 from plc_bridge.protocol.messages import Control, PartPlace, Refusal, Result
 from sim.world.situation import PegSituation
 from skills.contract import Reason
-from tests.simulated_line import GRASP, INSERT, RECOVER, RELEASE, Says, line
+from tests.fakes import FakeSwitch
+from tests.simulated_line import GRASP, INSERT, RECOVER, RELEASE, line
 
 SEARCH_STAGE = 2
 
@@ -56,7 +57,7 @@ def test_a_slot_that_is_empty_although_the_cell_believes_it_full_is_a_missed_gra
     ("state", "refusal"), [(SwitchState.CLOSED, Refusal.HOLE_OCCUPIED), (SwitchState.UNKNOWN, Refusal.SWITCH_UNKNOWN)]
 )
 def test_a_switch_that_is_closed_or_unknown_refuses_a_start_before_anything_moves(tmp_path, state, refusal):
-    with line(tmp_path, switch=lambda cell: Says(state)) as made:
+    with line(tmp_path, switch=lambda cell: FakeSwitch(state)) as made:
         before = made.world.q
         report = made.command(INSERT)
         assert (report.refusal, report.result) == (refusal, Result.REFUSED)

@@ -18,7 +18,8 @@ from skills.insert.tactile_insert import TactileInsertResult
 from skills.release_and_retract import ReleaseAndRetractResult
 from skills.search import spray_search
 from skills.search.spray_search import SpraySearchResult
-from tests.simulated_line import INSERT, RECOVER, Says, line
+from tests.fakes import FakeSwitch
+from tests.simulated_line import INSERT, RECOVER, line
 
 ADJUST_STAGE = 4
 
@@ -131,7 +132,7 @@ def test_skills_that_lie_make_no_success(tmp_path):
 
 @pytest.mark.usefixtures("liars")
 def test_skills_that_lie_make_no_success_with_a_switch_that_closes_for_nothing(tmp_path):
-    with line(tmp_path, switch=lambda cell: Says(SwitchState.OPEN)) as made:
+    with line(tmp_path, switch=lambda cell: FakeSwitch()) as made:
 
         def follow_the_hand():
             made.cell.switch.state = SwitchState.CLOSED if made.cell.gripper.read().is_gripping else SwitchState.OPEN

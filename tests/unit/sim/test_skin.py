@@ -171,16 +171,6 @@ def test_reading_before_opening_is_a_fault():
         SimSkin(SimSkinConfig(kind="sim"), ScriptedWorld(), np.random.default_rng(0)).read()
 
 
-def test_frames_come_at_the_rate_and_bear_the_time_they_were_measured_at():
-    source = ScriptedWorld()
-    skin = _skin(source)
-    seen = [skin.read()] + [_read_after(skin, source, 0.01) for _ in range(100)]
-    stamps = sorted({frame.stamp for frame in seen})
-    assert stamps == pytest.approx(np.arange(11) / 10)
-    assert [frame.sequence for frame in seen[::10]] == list(range(11))
-    assert _read_after(skin, source, 0.31).sequence == 13  # what nobody read is lost
-
-
 def test_an_unplugged_board_falls_silent_and_goes_on_once_it_is_plugged_in():
     source = ScriptedWorld()
     skin = _skin(source)

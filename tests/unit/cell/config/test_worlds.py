@@ -71,6 +71,5 @@ def test_a_preset_lies_over_a_world():
     ],
 )
 def test_a_world_that_cannot_be_is_refused_in_one_line(sets, said):
-    with pytest.raises(ConfigError, match=said) as refused:
+    with pytest.raises(ConfigError, match=rf"\A[^\n]*{said}[^\n]*\Z"):
         assemble(load(sets=sets).cell)
-    assert "\n" not in str(refused.value)

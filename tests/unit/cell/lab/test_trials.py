@@ -15,36 +15,9 @@ from tests.studies import rows_of
 from tests.trial_rows import SEATED
 
 ROW = replace(
-    SEATED,
-    seed=3,
-    grasp_time=3.0,
-    search_time=10.0,
-    insert_time=4.0,
-    total_time=16.0,
-    peak_contact_force=17.0,
-    max_penetration=1e-7,
-    max_in_hand_rotation=0.5,
-    theta_rmse=0.07,
-    tip_rmse=0.003,
-    hole_y=0.01,
-    start_x=0.51,
-    start_y=-0.01,
-    sim_time=25.0,
-    wall_time=1.5,
-    time_over_20N=0.0,
-    plate_penetration=1e-7,
-    grip_slip=0.0,
+    SEATED, seed=3, grasp_time=3.0, search_time=10.0, insert_time=4.0, total_time=16.0, peak_contact_force=17.0
 )
-LOST = replace(
-    ROW,
-    seed=4,
-    outcome="failure",
-    reason="no_hole",
-    stage="spray_search",
-    insert_time=None,
-    adjust_time=None,
-    switch_closed=False,
-)
+LOST = replace(ROW, seed=4, outcome="failure", insert_time=None, adjust_time=None, switch_closed=False)
 
 
 @pytest.fixture

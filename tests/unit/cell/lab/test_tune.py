@@ -1,5 +1,6 @@
 """A wish is read as it is meant, the dearer of two trials is the one further from it, and every setting lies between shipped ones."""
 
+import re
 import shutil
 from dataclasses import replace
 
@@ -37,9 +38,8 @@ def test_a_wish_is_read_with_and_without_units():
     ],
 )
 def test_a_wish_that_says_nothing_is_told_what_is_allowed(wrong, told):
-    with pytest.raises(ConfigError) as caught:
+    with pytest.raises(ConfigError, match=re.escape(told)):
         wishes_of(wrong)
-    assert told in str(caught.value)
 
 
 def test_a_trial_that_just_fulfils_the_wish_costs_one():

@@ -108,9 +108,8 @@ def test_an_impossible_file_is_refused_in_one_line_and_costs_no_run(tmp_path, ca
     tree["places"]["0"][key] = value
     (tmp_path / FILE).write_text(json.dumps(tree))
     if not is_read:
-        with pytest.raises(ConfigError, match=told) as refused:
+        with pytest.raises(ConfigError, match=rf"\A[^\n]*{told}[^\n]*\Z"):
             read_learned(tmp_path)
-        assert "\n" not in str(refused.value)
     with caplog.at_level(logging.WARNING):
         assert cell.prepared(JOB, 0).hole.prior is None
     cell.take(JOB, 0, run_at(HOME))

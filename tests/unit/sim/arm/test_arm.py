@@ -82,7 +82,6 @@ def test_the_published_curve_takes_the_place_of_dry_friction_and_each_joint_has_
     drawn = {**AS_BELIEVED, "arm.sigmoid_friction": np.array(1.0), "arm.friction_level": level}
     friction = drawn_arm(PANDA, drawn).friction
     curve = PANDA.joints.smooth_friction
-    assert curve is not None
     assert friction.dry == (0.0,) * 7
     assert friction.span == pytest.approx(level * np.array(curve.span))
 

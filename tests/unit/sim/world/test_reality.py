@@ -23,8 +23,8 @@ source = "A test that needs a figure"
 """
 
 
-def many(name: str, scale: float = 1.0, count: int = 400) -> np.ndarray:
-    return np.array([SHIPPED.draw(seed, RealityConfig(scale=scale))[name] for seed in range(count)])
+def many(name: str, **config: object) -> np.ndarray:
+    return np.array([SHIPPED.draw(seed, RealityConfig(**config))[name] for seed in range(400)])
 
 
 def test_scale_0_is_the_cell_as_believed_and_a_seed_draws_one_cell():
@@ -73,13 +73,9 @@ def test_an_offset_grows_in_proportion_to_the_scale_and_a_factor_as_its_power():
     assert twice["arm.friction_level"] == pytest.approx(once["arm.friction_level"] ** 2)
 
 
-def alone(name: str) -> np.ndarray:
-    return np.array([SHIPPED.draw(seed, RealityConfig(alone=name))[name] for seed in range(400)])
-
-
 def test_noise_of_taxels_is_as_loud_and_as_unequal_as_in_the_recordings():
-    levels = alone("skin.noise_level")
-    counts = 188.0 * alone("skin.module_noise")[:, :2, None] * levels[:, 0].reshape(-1, 2, 10)
+    levels = many("skin.noise_level", alone="skin.noise_level")
+    counts = 188.0 * many("skin.module_noise", alone="skin.module_noise")[:, :2, None] * levels[:, 0].reshape(-1, 2, 10)
     assert np.percentile(counts, [50, 95]) == pytest.approx([160, 456], rel=0.1)
     low, high = np.percentile(levels[:, 0, :10], [10, 90], axis=1)
     assert np.median(high / low) == pytest.approx(3.3, rel=0.1)
@@ -87,7 +83,7 @@ def test_noise_of_taxels_is_as_loud_and_as_unequal_as_in_the_recordings():
 
 @pytest.mark.parametrize("scale", [1.0, 2.0])
 def test_the_pads_shear_never_leaves_its_assumed_range(scale: float):
-    drawn = many("grip.shear_stiffness", scale)
+    drawn = many("grip.shear_stiffness", scale=scale)
     assert np.percentile(drawn, [0, 50, 100]) == pytest.approx([0.1, 0.32, 1.0], rel=0.15)
 
 
@@ -123,9 +119,8 @@ def test_a_file_that_cannot_be_meant_is_refused_in_one_line(tmp_path: Path, text
     before, after = shipped.index("[arm.gravity]"), shipped.index("[arm.velocity_noise]")
     file = tmp_path / "reality.toml"
     file.write_text(shipped[:before] + text + shipped[after:] if text.startswith("\n[arm") else text, encoding="utf-8")
-    with pytest.raises(ConfigError, match=said) as told:
+    with pytest.raises(ConfigError, match=rf"\A[^\n]*{said}[^\n]*\Z"):
         read(file)
-    assert "\n" not in str(told.value)
 
 
 def test_an_error_that_is_missing_is_named(tmp_path: Path):
