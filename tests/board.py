@@ -4,10 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from drivers.quantities import ImpedanceSetpoint, Vector
-from skills.contract import Callbacks, Observation, Perception
-from skills.tactile.blend import Blend, Smoothing
-from tests.fakes import Rig, ToldEstimator
+from drivers.quantities import ImpedanceSetpoint, Pose, Vector
+from tests.fakes import Rig
+from tests.scripted import Watched
 
 WALL = 1e-3
 """Depth from which on a hole has walls that hold the lowest point of the peg, m; a shallower dent lets it slide out."""
@@ -15,38 +14,30 @@ Dent = tuple[Vector, float, float]
 """Middle, shape (2,), m, base frame, radius and depth, m."""
 
 
-class Board:
-    """A plate that bears what is pushed onto it, a hand that holds a peg over it, and what a search saw and commanded."""
+class Board(Watched):
+    """A plate that bears what is pushed onto it, under a hand that is at once where it shall be."""
 
     def __init__(self, rig: Rig) -> None:
-        self.rig, self.skin, self.ctx = rig, ToldEstimator(), rig.cell.context(1)
+        super().__init__(rig)
         job = rig.cell.config.job()
         self.part, self.length = job.peg.part, job.peg.length
         self.middle, self.level = np.array(job.hole.centre[:2]), float(job.hole.centre[2])
-        self.slope = np.zeros(2)
-        """Slopes of the plate along x and y, from the middle of the area."""
         self.dents: list[Dent] = []
         self.free = np.zeros(3)
         """Force that the arm reports where nothing touches, N."""
         self.longer = 0.0
         """Length by which the peg reaches further from the hand than the job says, m."""
-        self.seen: list[Observation] = []
-        self.commanded: list[ImpedanceSetpoint] = []
-        self.progress: list[float] = []
         self._inside: Dent | None = None
-        rig.gripper.grip(30.0)
-        self.ctx.perception = Perception(self.skin, Blend(Smoothing(jump=3.0)))
-        self.ctx.callbacks = Callbacks(progress=self.progress.append, record=lambda seen, held: self.seen.append(seen))
-        self._follow, rig.arm.follow = rig.arm.follow, self._followed
+
+    def put(self, tip: Vector, axis: Vector, closing: Vector) -> None:
+        """Put the hand where its peg, straight in it, ends at `tip`, m, with these axes of the peg and of the closing."""
+        frame = np.column_stack([-axis, np.cross(closing, -axis), closing])
+        self.rig.arm.tcp = Pose(tip + self.length * axis, frame)
 
     def dig(self, x: float, y: float, radius: float = 4e-3, depth: float = 2e-3) -> Vector:
         """Make a hole or a dent at a place from the middle of the area, m, and return its middle, shape (2,), m, base frame."""
         self.dents.append((self.middle + np.array([x, y]), radius, depth))
         return self.dents[-1][0]
-
-    def at(self, time: float, theta: float) -> None:
-        """Let the skin measure another in-hand angle, rad, from a time on, s."""
-        self.rig.clock.at.append((time - 1e-9, lambda: setattr(self.skin, "theta", theta)))
 
     def _followed(self, setpoint: ImpedanceSetpoint) -> None:
         self.commanded.append(setpoint)
@@ -69,7 +60,7 @@ class Board:
     def _ground(self, place: Vector) -> float:
         """Return the height of what lies under a place, shape (2,), m."""
         depths = (depth for middle, radius, depth in self.dents if np.linalg.norm(place - middle) < radius)
-        return self.level + float(self.slope @ (place - self.middle)) - max(depths, default=0.0)
+        return self.level - max(depths, default=0.0)
 
     def _held_by_walls(self, edge: Vector) -> Vector:
         """Return where the lowest point of the peg comes that is asked to be at `edge`, shape (2,), m."""

@@ -52,21 +52,36 @@ def corner_hand(
     return Pose(tip + SQUARE.cell.peg.length * turned @ axis, turned @ rotation_about(closing, -theta) @ straight)
 
 
-class ScriptedHand:
-    """A hand that grips a peg and is where `way` says at each time, s, and what a skill saw and commanded."""
+class Watched:
+    """A hand that holds a peg, with a skin that reports scripted poses, and what a skill saw and commanded."""
 
-    def __init__(self, rig: Rig, way: Callable[[float], Pose]) -> None:
-        self.rig, self.way = rig, way
-        self.skin, self.ctx = ToldEstimator(), rig.cell.context(1)
+    def __init__(self, rig: Rig) -> None:
+        self.rig, self.skin, self.ctx = rig, ToldEstimator(), rig.cell.context(1)
         self.seen: list[Observation] = []
         self.commanded: list[ImpedanceSetpoint] = []
         self.progress: list[float] = []
         rig.gripper.grip(30.0)
-        rig.arm.is_blocked = True
-        rig.clock.every.append(self.move)
         self.ctx.perception = Perception(self.skin, Blend(Smoothing(jump=3.0)))
         self.ctx.callbacks = Callbacks(progress=self.progress.append, record=lambda seen, held: self.seen.append(seen))
         self._follow, rig.arm.follow = rig.arm.follow, self._followed
+
+    def turn(self, time: float, theta: float) -> None:
+        """Let the skin measure another in-hand angle, rad, from a time on, s."""
+        self.rig.clock.at.append((time - 1e-9, lambda: setattr(self.skin, "theta", theta)))
+
+    def _followed(self, setpoint: ImpedanceSetpoint) -> None:
+        self.commanded.append(setpoint)
+        self._follow(setpoint)
+
+
+class ScriptedHand(Watched):
+    """A hand that is where `way` says at each time, s."""
+
+    def __init__(self, rig: Rig, way: Callable[[float], Pose]) -> None:
+        super().__init__(rig)
+        self.way = way
+        rig.arm.is_blocked = True
+        rig.clock.every.append(self.move)
 
     def move(self) -> None:
         """Put the hand where it is now."""
@@ -79,7 +94,3 @@ class ScriptedHand:
             skill()
         assert self.rig.arm.is_halted
         return ended.value.reason
-
-    def _followed(self, setpoint: ImpedanceSetpoint) -> None:
-        self.commanded.append(setpoint)
-        self._follow(setpoint)

@@ -27,10 +27,6 @@ class SkillBench(ScriptedHand):
         """Return each observation with the setpoint that followed on it."""
         return zip(self.seen, self.commanded, strict=True)
 
-    def turn(self, time: float, theta: float) -> None:
-        """Let the skin measure another in-hand angle, rad, from a time on, s."""
-        self.rig.clock.at.append((time - 1e-9, lambda: setattr(self.skin, "theta", theta)))
-
 
 class WatchedArm(FakeArm):
     """An arm that keeps its setpoints, each with its time, s."""

@@ -225,12 +225,6 @@ def test_a_stop_ends_the_skill_before_its_next_scan_with_the_arm_halted(ctx):
 # A peg that has to be held.
 
 
-def test_a_hand_that_lets_go_ends_a_skill_that_needs_the_peg(ctx):
-    at(ctx, 2, lambda: setattr(ctx.devices.gripper, "has_peg", False))
-    assert ended(ctx, 9, holding=True) is Reason.LOST_GRASP
-    assert len(scanned(ctx, 9)) == 9
-
-
 @pytest.mark.parametrize("is_seen_first", [True, False])
 def test_a_skin_may_be_blind_for_exactly_as_long_as_the_limit_says(ctx, is_seen_first):
     ctx.perception.estimator.is_healthy = is_seen_first

@@ -9,7 +9,7 @@ from cell.config.load import load
 from drivers.errors import CellError, ConfigError
 from skills.catalogue import CATALOGUE, GRASP, SEARCH
 from skills.contract import Interrupted, Outcome, Reason, SkillParams, SkillResult
-from skills.entry import Catalogue, Program, Skill
+from skills.entry import Catalogue, Skill
 from skills.flow import StageRecord, in_order, run_stage
 from skills.motion import Gains
 from tests.fakes import FakeArm, FakeClock, FakeGripper, context_of
@@ -59,11 +59,6 @@ def clash(*entries):
 def test_a_clash_is_told_in_one_line_that_names_both(changes, words):
     line = clash(knock(**changes))
     assert all(word in line for word in words), line
-
-
-def test_a_program_cannot_have_the_command_code_of_a_skill():
-    line = clash(Program(name="twice", code=103, run=lambda skills, ctx: []))
-    assert "twice: command code 103 is that of tactile_insert" in line
 
 
 def test_two_skills_cannot_give_one_reason_two_numbers():

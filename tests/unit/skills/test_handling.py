@@ -136,14 +136,6 @@ def test_a_weak_grip_inserts_with_a_weaker_push(either, attempt):
     assert either.pushes.max() * cell.params(INSERT).push_offset < 1.001 * bears
 
 
-@pytest.mark.parametrize(("attempt", "retries", "share"), [(0, 3, FIRST_STALL), (1, 3, 1.0), (0, 0, 1.0)])
-def test_the_first_adjustment_of_several_gives_a_jam_up_sooner(bench, attempt, retries, share):
-    bench.way = lambda time: hand(HOLE - 1e-3 * UP)
-    ended = bench.adjust(attempt=attempt, retries=retries, stall_timeout=0.5)
-    assert (ended.outcome, ended.reason) == (Outcome.FAILURE, Reason.NOT_SEATED)
-    assert ended.elapsed == pytest.approx(share * 0.5, abs=2.5 * PERIOD)
-
-
 def test_an_adjustment_goes_by_the_plate_that_was_felt_with_a_push_that_the_grip_bears(bench):
     bench.way = lambda time: hand()
     bench.adjust(FELT, timeout=0.05, grip_share=WEAK)

@@ -4,7 +4,7 @@ import pytest
 
 from cell.config.load import load
 from drivers.errors import ConfigError
-from skills.catalogue import ADJUST, GRASP, SEARCH
+from skills.catalogue import ADJUST, SEARCH
 from skills.pace import Pace, at_pace
 from skills.plan import ARM, GRIP
 from skills.search.size import CROSSED_DIP, CROSSINGS, fastest
@@ -69,7 +69,6 @@ WAITS = (
     *("corner.adjust.stands_for", "paper.adjust.growing_time"),
 )
 LIMITS = ("search.touch_down", "search.timeout", "insert.timeout", "adjust.timeout", "paper.adjust.timeout")
-SECTIONS = ("grasp", "search", "insert", "adjust", "corner", "paper", "release", "recover")
 
 
 def figure(name, pace):
@@ -81,37 +80,22 @@ def figure(name, pace):
     return value
 
 
-@pytest.mark.parametrize("name", SPEEDS)
-def test_a_speed_is_multiplied(name):
-    assert figure(name, Pace(1.5)) == pytest.approx(1.5 * figure(name, Pace()))
-
-
-@pytest.mark.parametrize("name", WAITS)
-def test_a_waiting_time_is_divided(name):
-    assert figure(name, Pace(1.6)) == pytest.approx(figure(name, Pace()) / 1.6)
-
-
-@pytest.mark.parametrize("name", LIMITS)
-@pytest.mark.parametrize(("scale", "share"), [(0.5, 2.0), (2.0, 1.0)])
-def test_the_longest_time_of_a_motion_grows_in_a_slower_plan_alone(name, scale, share):
-    assert figure(name, Pace(scale)) == pytest.approx(share * figure(name, Pace()))
-
-
-@pytest.mark.parametrize("section", SECTIONS)
-def test_a_scale_of_one_changes_nothing(section):
-    assert at_pace(getattr(PAPER, section), PAPER.pace()) == getattr(PAPER, section)
+@pytest.mark.parametrize(
+    ("name", "scale", "factor"),
+    [
+        *((name, 1.5, 1.5) for name in SPEEDS),
+        *((name, 1.6, 1.0 / 1.6) for name in WAITS),
+        *((name, scale, factor) for name in LIMITS for scale, factor in ((0.5, 2.0), (2.0, 1.0))),
+    ],
+)
+def test_a_pace_multiplies_speeds_divides_waits_and_lengthens_timeouts_in_a_slower_plan_alone(name, scale, factor):
+    assert figure(name, Pace(scale)) == pytest.approx(factor * figure(name, Pace()))
 
 
 def test_a_scaled_search_keeps_its_forces_and_lengths():
     kept = ("push_stiffness", "push_offset", "gains", "dip_threshold", "fall", "probe_radius", "trim_rate")
     slow = at_pace(PAPER.params(SEARCH), Pace(0.5))
     assert all(getattr(slow, name) == getattr(PAPER.params(SEARCH), name) for name in kept)
-
-
-@pytest.mark.parametrize(("speed", "turn_speed"), [(1.7, 2.5), (0.2, 0.5)])
-def test_the_arms_limits_cap_speeds(speed, turn_speed):
-    paced = at_pace(PAPER.params(GRASP).transfer, Pace(10.0, speed, turn_speed))
-    assert (paced.speed, paced.turn_speed) == (speed, turn_speed)
 
 
 def test_the_speed_on_its_circle_caps_a_rate():

@@ -13,15 +13,16 @@ PERIOD = 0.01  # s
 
 
 class CountedArm(FakeArm):
-    """An arm that counts its halts, and is silent for some readings."""
+    """An arm that counts its halts and readings, and is silent for some of them."""
 
-    halts = silent = 0
+    halts = reads = silent = 0
 
     def halt(self):
         self.halts += 1
         super().halt()
 
     def read(self):
+        self.reads += 1
         if self.silent > 0:
             self.silent -= 1
             raise ArmSilentError("arm: no state")

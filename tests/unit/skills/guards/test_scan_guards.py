@@ -76,8 +76,6 @@ def test_what_is_older_than_the_window_is_forgiven():
 
 
 # The way back from a hold, and what an arm and its setpoint have to agree in.
-
-HAND = Pose(np.array([0.5, 0.0, 0.3]), HAND_DOWN)
 GAINS = np.array([800.0, 800.0, 800.0, 40.0, 40.0, 40.0])
 
 
@@ -151,31 +149,32 @@ def finger(side=1, first=0, last=20, value=MOST_LEVEL, untrusted=()):
     return framed(values, trusted)
 
 
-@pytest.mark.parametrize(
-    ("at", "beyond", "words"),
-    [
-        (finger(), finger(value=MOST_LEVEL + 1.0), "right finger"),
-        (finger(value=-MOST_LEVEL), finger(value=-MOST_LEVEL - 1.0), "right finger"),
-        (finger(first=4, value=2e3), finger(first=3, value=2e3), "right finger: offset of 2000 counts"),
-        (
-            finger(first=4, value=2e3, untrusted=range(16, 20)),
-            finger(first=3, value=2e3, untrusted=range(16, 20)),
-            "right finger: offset of 2000 counts",
-        ),
-        (finger(0, last=10, value=-2e3), finger(0, last=11, value=-2e3), "left finger: offset of -2000 counts"),
-        (finger(value=4e3, untrusted=range(20)), finger(value=np.linspace(2e3, 3.9e3, 20)), "offset of 2300 counts"),
-        (finger(value=0.0), finger(value=-np.linspace(2e3, 3.9e3, 20)), "offset of -2900 counts"),
-    ],
-    ids=[
-        "limit",
-        "limit below the baseline",
-        "less than a fifth free",
-        "less than a fifth of the trusted free",
-        "more than half below the baseline",
-        "by the taxels beside the peg, and untrusted ones show none",
-        "by the middle below the baseline",
-    ],
-)
+SOME = range(16, 20)
+OFFSETS = {
+    "limit": (finger(), finger(value=MOST_LEVEL + 1.0), "right finger"),
+    "below the baseline": (finger(value=-MOST_LEVEL), finger(value=-MOST_LEVEL - 1.0), "right finger"),
+    "a fifth free": (finger(first=4, value=2e3), finger(first=3, value=2e3), "right finger: offset of 2000 counts"),
+    "a fifth of the trusted free": (
+        finger(first=4, value=2e3, untrusted=SOME),
+        finger(first=3, value=2e3, untrusted=SOME),
+        "right finger: offset of 2000 counts",
+    ),
+    "half below": (
+        finger(0, last=10, value=-2e3),
+        finger(0, last=11, value=-2e3),
+        "left finger: offset of -2000 counts",
+    ),
+    "beside": (
+        finger(value=4e3, untrusted=range(20)),
+        finger(value=np.linspace(2e3, 3.9e3, 20)),
+        "offset of 2300 counts",
+    ),
+    "by the middle": (finger(value=0.0), finger(value=-np.linspace(2e3, 3.9e3, 20)), "offset of -2900 counts"),
+}
+"""Frames at the limit and one beyond it, and the words of the fault."""
+
+
+@pytest.mark.parametrize(("at", "beyond", "words"), OFFSETS.values(), ids=OFFSETS)
 def test_an_offset_of_a_finger_is_borne_up_to_its_limit(at, beyond, words):
     require_level_skin(at, "parallelogram")
     with pytest.raises(SkinUntrustedError, match=words):
@@ -213,11 +212,6 @@ def test_a_path_on_a_busy_computer_ends_at_its_goal_in_about_its_time(mean):
     time, tips, goal = moved(late_cell(lambda n: rng.exponential(mean)))
     np.testing.assert_allclose(tips[-1], goal, atol=1e-4)
     assert time == pytest.approx(punctual, rel=0.12)
-
-
-def test_no_setpoint_steps_further_than_the_path_may_in_one_scan():
-    _, tips, _ = moved(late_cell(lambda n: 0.09 if n % 7 == 0 else 0.0))
-    assert np.linalg.norm(np.diff(tips, axis=0), axis=1).max() <= 0.25 * LONGEST_STEP * PERIOD * 1.001
 
 
 def test_a_timeout_is_counted_on_the_cells_clock():

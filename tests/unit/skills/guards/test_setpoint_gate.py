@@ -13,7 +13,7 @@ from drivers.errors import ArmSilentError, NotFiniteError, SetpointError, Tracki
 from drivers.frames import UP, end_point
 from drivers.quantities import ArmState, ImpedanceSetpoint, InHandTip, Pose, TaxelFrame, Twist, Wrench
 from skills.guards.limits import Limits
-from skills.guards.scan_guards import require_finite_skin, require_finite_theta
+from skills.guards.scan_guards import require_finite_skin
 from skills.guards.setpoint_bounds import (
     AGE_SLACK,
     LEAD,
@@ -30,8 +30,8 @@ from skills.guards.setpoint_bounds import (
 )
 from skills.guards.setpoint_gate import MOVED, NOTHING, TURNED, GatedArm, pack_bounds, require_readings, require_sound
 from skills.guards.setpoint_rules import pack_state
-from skills.tactile.pose import NO_PEG
-from tests.fakes import HAND_DOWN, FakeArm, FakeClock
+from tests.fakes import HAND_DOWN, FakeClock
+from tests.unit.skills.guards.test_rest import CountedArm
 
 LIMITS = Limits(force=60.0, low=(0.2, -0.5, 0.05), high=(0.8, 0.45, 0.8))
 SPEED, PERIOD = 3.0, 0.01
@@ -357,27 +357,7 @@ def test_a_trusted_taxel_that_is_no_number_is_named_and_an_untrusted_one_is_born
     require_finite_skin(TaxelFrame(values, trusted, 0.0, 1))
 
 
-def test_a_healthy_theta_that_is_no_number_is_a_fault():
-    require_finite_theta(replace(NO_PEG, theta=math.nan))
-    with pytest.raises(NotFiniteError, match="theta: nan"):
-        require_finite_theta(replace(NO_PEG, theta=math.nan, healthy=True))
-
-
 # The gate between the skills and an arm.
-
-
-class CountedArm(FakeArm):
-    """An arm that counts its halts and readings."""
-
-    halts = reads = 0
-
-    def halt(self):
-        self.halts += 1
-        super().halt()
-
-    def read(self):
-        self.reads += 1
-        return super().read()
 
 
 @pytest.fixture

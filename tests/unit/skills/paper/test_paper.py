@@ -8,7 +8,7 @@ import pytest
 from cell.config.load import load
 from drivers.errors import ConfigError
 from drivers.frames import UP, angle_between, end_point
-from drivers.quantities import Pose, SwitchState, TaxelFrame
+from drivers.quantities import SwitchState, TaxelFrame
 from skills.catalogue import SEARCH
 from skills.contract import Outcome, Reason
 from skills.motion import tilted_by
@@ -44,9 +44,7 @@ def test_the_setpoint_of_the_axis_leads_by_what_the_gate_allows(tilt):
 @pytest.fixture
 def board(tmp_path):
     board = Board(Rig(LOADED, tmp_path))
-    axis, closing = board.part.leaning(WAY.tilt_azimuth, 0.9 * WAY.tilt)
-    frame = np.column_stack([-axis, np.cross(closing, -axis), closing])
-    board.rig.arm.tcp = Pose(HOLE + 0.02 * UP + board.length * axis, frame)
+    board.put(HOLE + 0.02 * UP, *board.part.leaning(WAY.tilt_azimuth, 0.9 * WAY.tilt))
     return board
 
 
@@ -75,7 +73,7 @@ def test_the_end_follows_the_path_below_the_surface_from_a_random_point(board):
 
 
 def test_the_hand_keeps_its_attitude_if_the_plate_turns_the_peg(board):
-    board.at(1.5, 0.3)
+    board.turn(1.5, 0.3)
     search.run(PAPER.search, WAY.model_copy(update={"timeout": 2.0}), board.ctx)
     last, hand = board.commanded[-1], board.seen[-1].arm.tcp
     assert last.in_hand.theta == 0.3

@@ -8,10 +8,10 @@ import pytest
 
 from cell.config.load import load
 from skills.catalogue import SEARCH
-from skills.paths import TURN_TIME, Lanes
+from skills.paths import TURN_TIME
 from skills.search.belief import Belief
 from skills.search.course import ANYWHERE, OUTSIDE, leading, make_course
-from skills.search.decoys import BLIND, NOWHERE, SHALLOW, THROUGH, Decoy, decoy_at
+from skills.search.decoys import BLIND, SHALLOW, THROUGH, Decoy, decoy_at
 from skills.search.tour import GATE, Left, Likely
 from skills.seating.decision import CLOSED_TOLERANCE
 
@@ -85,7 +85,6 @@ def test_lanes_begin_so_far_beside_the_area_that_the_peg_comes_down_in_no_hole(a
 @pytest.mark.parametrize(("axis", "fast"), [("x", 0), ("y", 1)])
 def test_lanes_reach_beyond_the_area_by_their_margins_and_lie_a_pitch_apart_at_most(axis, fast):
     course = course_of(fast_axis=axis, margin=(2e-3, 5e-4), pitch=0.6)
-    assert isinstance(course.path, Lanes)
     swept = np.abs(points(course, course.path.cover - TURN_TIME, start=0.6))
     half = AREA[1 - fast] / 2 + 5e-4
     lanes = math.ceil(2 * half / (0.6 * WIDTH))
@@ -136,11 +135,6 @@ def test_the_lane_over_a_place_that_is_known_less_well_is_swept_from_where_the_s
     assert course.likely_until == pytest.approx((abs(begin[1]) + GATE * 3.5e-3 + WIDTH / 2) / PARAMS.speed)
     after = points(course, course.likely_until + 1.2, course.likely_until)
     assert np.abs(after[:, 1] - begin[1]).min() < 1e-3
-
-
-def test_what_the_strokes_have_missed_is_swept_by_the_second_cover():
-    course, plain = course_of(seed=3, belief=likely()), course_of(seed=3)
-    assert course.path.then.since == plain.path.cover
 
 
 def test_a_next_attempt_looks_where_the_hole_was_and_goes_on_with_what_is_left():
@@ -225,7 +219,3 @@ def test_a_hole_that_was_taken_for_a_decoy_is_tried_again_once_the_rest_is_cover
     assert course.decoys.until == pytest.approx(until * whole.cover)
     later = next(time for time in np.arange(course.decoys.until, 30.0, 0.02) if away(course, time) < WIDTH)
     assert course.decoys.beyond(course.path, float(later)) == later
-
-
-def test_without_decoys_the_path_is_followed_as_it_is():
-    assert NOWHERE.beyond(course_past(8).path, 1.0) == 1.0

@@ -35,39 +35,24 @@ def blind(height: float = 0.0, force: float = 6.0) -> SimpleNamespace:
 DIP = PARAMS.dip_threshold
 
 
-@pytest.mark.parametrize(
-    ("dip", "scans", "how", "is_edge"),
-    [
-        (5e-4, 15, {"is_likely": True}, True),
-        (5e-4, 15, {}, False),
-        (5e-4, 20, {"unloaded": 3.0}, True),
-        (5e-4, 60, {"unloaded": 3.0}, True),
-        (0.9 * DIP, 15, {"with_hand": 0.2}, False),
-        (0.9 * DIP, 300, {"with_hand": 0.2}, False),
-        (0.75 * DIP, 300, {}, False),
-        (0.75 * DIP, 300, {"unloaded": 1.5}, True),
-        (0.75 * DIP, 8, {"unloaded": 1.5}, False),
-        (1.5 * DIP, 300, {"unloaded": -2.0}, False),
-        (0.0, 300, {"unloaded": 6.0}, False),
-        (0.0, 90, {"slope": 0.035}, False),
-        (0.0, 60, {"is_likely": True}, False),
-    ],
-    ids=[
-        "shallow after the run-up where the hole is likely",
-        "on the first lane while nothing is known of its slope",
-        "on the first lane with the push that is lost",
-        "later on the first lane",
-        "early without the hand",
-        "without the hand",
-        "less than the threshold",
-        "less than the threshold and less push borne",
-        "the same before it is known what the plate bears",
-        "more than the threshold and more push borne",
-        "less push borne at one height",
-        "plate that leans by two degrees",
-        "level plate where the hole is likely",
-    ],
-)
+EVIDENCE = {
+    "shallow after the run-up where the hole is likely": (5e-4, 15, {"is_likely": True}, True),
+    "on the first lane while nothing is known of its slope": (5e-4, 15, {}, False),
+    "on the first lane with the push that is lost": (5e-4, 20, {"unloaded": 3.0}, True),
+    "later on the first lane": (5e-4, 60, {"unloaded": 3.0}, True),
+    "early without the hand": (0.9 * DIP, 15, {"with_hand": 0.2}, False),
+    "without the hand": (0.9 * DIP, 300, {"with_hand": 0.2}, False),
+    "less than the threshold": (0.75 * DIP, 300, {}, False),
+    "less than the threshold and less push borne": (0.75 * DIP, 300, {"unloaded": 1.5}, True),
+    "the same before it is known what the plate bears": (0.75 * DIP, 8, {"unloaded": 1.5}, False),
+    "more than the threshold and more push borne": (1.5 * DIP, 300, {"unloaded": -2.0}, False),
+    "less push borne at one height": (0.0, 300, {"unloaded": 6.0}, False),
+    "plate that leans by two degrees": (0.0, 90, {"slope": 0.035}, False),
+    "level plate where the hole is likely": (0.0, 60, {"is_likely": True}, False),
+}
+
+
+@pytest.mark.parametrize(("dip", "scans", "how", "is_edge"), EVIDENCE.values(), ids=EVIDENCE)
 def test_what_is_evidence_of_an_edge(dip, scans, how, is_edge):
     assert falls(dip, scans, **how) is is_edge
 
@@ -179,13 +164,21 @@ def test_a_peg_that_reaches_further_than_believed_is_measured(excess, tilt):
     assert excess_of(excess * math.cos(tilt), axis_at(tilt), BOUND) == pytest.approx(excess)
 
 
-def test_what_other_errors_explain_is_left_as_it_is():
-    assert excess_of(0.99 * EXPLAINED * math.cos(0.7854), axis_at(0.7854), BOUND) == 0.0
-
-
-def test_no_more_than_the_bound_is_believed():
-    assert excess_of(0.99 * BOUND * math.cos(0.7854), axis_at(0.7854), BOUND) == pytest.approx(0.99 * BOUND)
-    assert excess_of(1.01 * BOUND * math.cos(0.7854), axis_at(0.7854), BOUND) is None
+@pytest.mark.parametrize(
+    ("reached", "has_touched", "believed"),
+    [
+        (0.99 * EXPLAINED, False, 0.0),
+        (0.99 * BOUND, False, 0.99 * BOUND),
+        (1.01 * BOUND, False, None),
+        (1.01 * BOUND, True, None),
+        (-0.99 * LONGEST_SLIP, True, -0.99 * LONGEST_SLIP),
+        (-1.01 * LONGEST_SLIP, True, None),
+    ],
+    ids=["other errors explain it", "bound", "beyond", "no peg grows", "slip by half the pads", "beyond half the pads"],
+)
+def test_the_length_of_a_peg_and_its_slip_into_the_hand_are_believed_up_to_their_bounds(reached, has_touched, believed):
+    found = excess_of(reached * math.cos(0.7854), axis_at(0.7854), BOUND, has_touched=has_touched)
+    assert found == (believed and pytest.approx(believed))
 
 
 @pytest.mark.parametrize("is_plate_high", [False, True])
@@ -200,16 +193,6 @@ def test_a_seated_peg_is_where_the_switch_expects_it_whichever_of_peg_and_plate_
     seated = Pose(np.array([0.0, 0.0, height - depth + LENGTH + longer]), hand_down)
     tip, _ = end_point(seated, 0.0, LENGTH + excess)
     assert -tip[2] == pytest.approx(depth, abs=0.0025)
-
-
-@pytest.mark.parametrize(("slip", "is_believed"), [(0.99 * LONGEST_SLIP, True), (1.01 * LONGEST_SLIP, False)])
-def test_a_peg_that_has_touched_before_may_have_slipped_into_the_hand_by_half_the_pads(slip, is_believed):
-    excess = excess_of(-slip * math.cos(0.7854), axis_at(0.7854), BOUND, has_touched=True)
-    assert excess == (pytest.approx(-slip) if is_believed else None)
-
-
-def test_a_peg_that_has_touched_before_has_not_grown():
-    assert excess_of(1.01 * BOUND * math.cos(0.7854), axis_at(0.7854), BOUND, has_touched=True) is None
 
 
 def referenced(slip, *, tilt=0.0, is_known=True):

@@ -115,18 +115,6 @@ def test_a_corner_whose_dip_has_gone_at_rest_is_not_led_round_the_place():
         assert isinstance(after_rest(rest, felt, params, COURSE, np.zeros(2)), phase)
 
 
-def test_a_probe_that_finds_nothing_ends_at_its_radius_without_a_jump():
-    probe, elapsed = Probing(replace(BACK, offset=np.array([2e-3, 0.0])), HERE[:2], FELT.below), 3.0
-    while (phase := after(probe, elapsed=elapsed)) is probe:
-        elapsed += PERIOD
-    looked = probe.looked(elapsed, PARAMS)
-    assert PARAMS.probe_radius < np.hypot(*looked) < PARAMS.probe_radius + PARAMS.probe_speed * PERIOD
-    assert isinstance(phase, Sliding)
-    assert COURSE.middle + phase.detour.offset == pytest.approx(
-        HERE[:2] + looked + probe.detour.left(elapsed, PARAMS) * np.array([2e-3, 0.0])
-    )
-
-
 def test_a_probe_that_ends_while_the_peg_falls_rests():
     """A peg that leans on the far side of the rim has just begun to fall when the spiral is over."""
     probe, elapsed = Probing(BACK, HERE[:2], 1e-4), 60.0

@@ -17,7 +17,6 @@ def after(holes: "np.ndarray | list[tuple[float, float]]", known: PlaceEstimate 
     for x, y in holes:
         hole = float(x), float(y)
         known = first_estimate(hole, LEARNING) if known is None else known.after(hole, LEARNING)
-    assert known is not None
     return known
 
 
@@ -29,7 +28,6 @@ def holes(place: tuple[float, float], scatter: float, count: int, seed: int = 1)
 def test_a_place_is_not_told_before_parts_agree():
     assert after([HOME] * (NEEDED - 1)).prior(LEARNING) is None
     told = after([HOME] * NEEDED).prior(LEARNING)
-    assert told is not None
     assert told.mean == pytest.approx(HOME)
 
 
@@ -50,8 +48,6 @@ def test_nineteen_of_twenty_holes_lie_where_they_are_expected(scatter):
 
 def test_the_deviation_becomes_that_of_the_parts_and_no_smaller_than_what_the_arm_finds():
     told, equal = after(holes(HOME, 5e-4, 60)).prior(LEARNING), after([HOME] * 100).prior(LEARNING)
-    assert told is not None
-    assert equal is not None
     assert told.deviation == pytest.approx((5e-4, 5e-4), rel=0.4)
     assert min(equal.deviation) >= LEAST_DEVIATION
 
@@ -59,7 +55,6 @@ def test_the_deviation_becomes_that_of_the_parts_and_no_smaller_than_what_the_ar
 def test_a_fixture_that_drifts_is_followed():
     drifting = [(HOME[0] + 1e-4 * n, HOME[1]) for n in range(60)]
     told = after(drifting).prior(LEARNING)
-    assert told is not None
     assert abs(told.mean[0] - drifting[-1][0]) < 1e-3
 
 
@@ -68,7 +63,6 @@ def test_one_part_elsewhere_widens_to_the_whole_area_and_the_next_one_decides(se
     known = after(holes(HOME, 5e-4, 10)).after(AWAY, LEARNING)
     assert known.prior(LEARNING) is None
     told = known.after((settled[0] + 4e-4, settled[1]), LEARNING).prior(LEARNING)
-    assert told is not None
     assert math.dist(told.mean, settled) < 5e-4
 
 
@@ -91,7 +85,6 @@ def test_the_gate_is_where_the_config_says(distance, fits):
 def test_a_configured_prior_is_told_as_it_is_until_parts_tell_otherwise():
     prior = HolePrior(mean=HOME, deviation=(2e-3, 3e-4))
     told = from_prior(prior, LEARNING).prior(LEARNING)
-    assert told is not None
     assert told.mean == HOME
     assert told.deviation == pytest.approx(prior.deviation, rel=0.1)
     assert from_prior(prior, LEARNING).after(AWAY, LEARNING).prior(LEARNING) is None

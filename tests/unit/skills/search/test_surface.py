@@ -40,20 +40,18 @@ def test_a_tilted_plate_is_no_edge_and_its_normal_is_known(slope: tuple[float, f
     np.testing.assert_allclose(surface.plane(tip).normal, expected, atol=3e-3)
 
 
-def test_a_dip_of_half_a_millimetre_is_seen_at_once() -> None:
-    surface, tip = slid_over((0.035, 0.01))
-    assert below(surface, tip - np.array([0.0, 0.0, 5e-4])) == pytest.approx(5e-4, abs=1.2e-4)
-
-
-def test_a_height_that_follows_the_sense_of_the_path_is_no_edge() -> None:
-    surface, tip = slid_over((0.0, 0.0), lag=1e-4)
-    assert abs(below(surface, tip)) < 2e-4
-
-
-def test_a_dip_right_after_the_path_has_turned_for_the_first_time_is_seen() -> None:
-    surface, tip = slid_over((0.01, 0.0), lanes=1)
-    back = tip - np.array([0.0, 5e-3, 5e-4])
-    assert below(surface, back) == pytest.approx(5e-4, abs=2e-4)
+@pytest.mark.parametrize(
+    ("slid", "away", "dip", "within"),
+    [
+        ({"slope": (0.035, 0.01)}, (0.0, 0.0, -5e-4), 5e-4, 1.2e-4),
+        ({"slope": (0.01, 0.0), "lanes": 1}, (0.0, -5e-3, -5e-4), 5e-4, 2e-4),
+        ({"slope": (0.0, 0.0), "lag": 1e-4}, (0.0, 0.0, 0.0), 0.0, 2e-4),
+    ],
+    ids=["at once", "right after the first turn of the path", "height that follows the sense of the path"],
+)
+def test_a_dip_of_half_a_millimetre_is_seen(slid, away, dip, within) -> None:
+    surface, tip = slid_over(**slid)
+    assert below(surface, tip + np.array(away)) == pytest.approx(dip, abs=within)
 
 
 def test_nothing_is_below_a_ground_that_nobody_has_felt() -> None:

@@ -9,7 +9,6 @@ import pytest
 
 from cell.config.load import load
 from drivers.frames import UP, angle_between, end_point
-from drivers.quantities import Pose
 from skills.catalogue import SEARCH
 from skills.held_peg import HeldPeg
 from skills.motion import VALIDITY
@@ -26,65 +25,20 @@ LOADED = load(sets=[LIGHT])
 PARAMS, JOB = LOADED.cell.params(SEARCH), LOADED.cell.job()
 
 
-@pytest.fixture
-def sweeping(tmp_path):
-    """Return a function that begins a search above the plate, and its first observation; the hand is as the course asks for."""
-
-    def begin(**keys):
-        rig = Rig(LOADED, tmp_path)
-        params = rig.loaded.cell.params(SEARCH).model_copy(update=keys)
-        ctx = rig.cell.context(1)
-        course = make_course(params, ctx.job, np.random.default_rng(1))
-        closing, axis = course.closing, course.axis
-        frame = np.column_stack([-axis, np.cross(closing, -axis), closing])
-        rig.arm.tcp = replace(rig.arm.tcp, position=course.first + ctx.length * axis, rotation=frame)
-        evidence = EdgeEvidence(params, SurfaceEstimate(), ctx.schedule.period)
-        sweep = SearchSweep(params, ctx, course, evidence)
-        return sweep, ctx.observe(), ctx
-
-    return begin
-
-
-def turned(seen, theta, length):
-    """Return an observation in which the peg has turned in a hand that stands still."""
-    tip, axis = end_point(seen.arm.tcp, theta, length)
-    return replace(seen, peg=replace(seen.peg, theta=theta), tip=tip, axis=axis)
-
-
-@pytest.mark.parametrize(("most", "angle", "is_turned"), [(0.35, 0.34, False), (0.35, 0.36, True), (0.2, 0.21, True)])
-def test_a_peg_that_has_turned_far_is_held_anew(sweeping, most, angle, is_turned):
-    sweep, seen, ctx = sweeping(turned=most)
-    assert sweep.is_to_lift(turned(seen, seen.peg.theta - angle, ctx.length)) is is_turned
-
-
-@pytest.mark.parametrize(("lag", "rests"), [(0.99e-2, 0), (1.01e-2, 1)])
-def test_a_tip_that_a_wall_holds_back_stops_the_path(sweeping, lag, rests):
-    sweep, seen, _ = sweeping(lag=1e-2, run_up=1e-6, touch_down=0.2)
-    for elapsed in (0.0, 0.3):
-        sweep.finds(replace(seen, elapsed=elapsed))
-    way = sweep.setpoint(replace(seen, elapsed=0.3))
-    tip = seen.tip.copy()
-    tip[1] = way.tip[1] - lag
-    held = replace(seen, elapsed=0.31, step=0.0, tip=tip)
-    sweep.setpoint(held)
-    sweep.finds(held)
-    assert sweep.rests == rests
-
-
 class Slide(Board):
     """A search from above its first point on, over a plate on which the hand is at once where it shall be."""
 
     def begin(self, known=False, **keys):
-        """Put the hand above the first point of a course along lanes, and begin."""
+        """Put the hand above the first point of a course along lanes, and begin; return the search and an observation."""
         self.params = PARAMS.model_copy(update={"trim_rate": 0.0, **keys})
         self.ctx.peg = HeldPeg(measured=0.0 if known else None)
         self.course = course = make_course(self.params, self.ctx.job, np.random.default_rng(1))
-        frame = np.column_stack([-course.axis, np.cross(course.closing, -course.axis), course.closing])
-        self.rig.arm.tcp = Pose(course.first + self.length * course.axis, frame)
+        self.put(course.first, course.axis, course.closing)
         evidence = EdgeEvidence(self.params, SurfaceEstimate(), PERIOD)
         self.ctx.observe()
         self.sweep = SearchSweep(self.params, self.ctx, course, evidence)
         self.found = None
+        return self.sweep, self.ctx.observe()
 
     def slide(self, time, known=False, **keys):
         """Begin, and search for so long, s, or until the peg is in the hole."""
@@ -116,6 +70,32 @@ DOWN = math.ceil((PARAMS.height + PARAMS.push_offset) / PARAMS.descent / PERIOD)
 @pytest.fixture
 def slide(tmp_path):
     return Slide(Rig(LOADED, tmp_path))
+
+
+def turned(seen, theta, length):
+    """Return an observation in which the peg has turned in a hand that stands still."""
+    tip, axis = end_point(seen.arm.tcp, theta, length)
+    return replace(seen, peg=replace(seen.peg, theta=theta), tip=tip, axis=axis)
+
+
+@pytest.mark.parametrize(("most", "angle", "is_turned"), [(0.35, 0.34, False), (0.35, 0.36, True), (0.2, 0.21, True)])
+def test_a_peg_that_has_turned_far_is_held_anew(slide, most, angle, is_turned):
+    sweep, seen = slide.begin(turned=most)
+    assert sweep.is_to_lift(turned(seen, seen.peg.theta - angle, slide.ctx.length)) is is_turned
+
+
+@pytest.mark.parametrize(("lag", "rests"), [(0.99e-2, 0), (1.01e-2, 1)])
+def test_a_tip_that_a_wall_holds_back_stops_the_path(slide, lag, rests):
+    sweep, seen = slide.begin(lag=1e-2, run_up=1e-6, touch_down=0.2)
+    for elapsed in (0.0, 0.3):
+        sweep.finds(replace(seen, elapsed=elapsed))
+    way = sweep.setpoint(replace(seen, elapsed=0.3))
+    tip = seen.tip.copy()
+    tip[1] = way.tip[1] - lag
+    held = replace(seen, elapsed=0.31, step=0.0, tip=tip)
+    sweep.setpoint(held)
+    sweep.finds(held)
+    assert sweep.rests == rests
 
 
 def stopped(slide):
@@ -173,7 +153,7 @@ def speed_of(setpoint):
 @pytest.mark.parametrize("sense", [-1.0, 1.0])
 def test_a_slip_in_the_hand_takes_back_push_and_pace_alike_and_leaves_the_hand_as_it_is(slide, sense):
     slide.begin()
-    slide.at(1.5, 0.12 * sense)
+    slide.turn(1.5, 0.12 * sense)
     slide.go_on(2.0)
     before, after = (max(slide.commanded[part], key=speed_of) for part in (slice(100, 145), slice(-40, None)))
     assert after.stiffness[2] == pytest.approx(PARAMS.push_back * before.stiffness[2])
@@ -233,8 +213,8 @@ def test_after_a_rest_in_vain_the_place_is_probed_on_a_spiral_and_the_path_goes_
 @pytest.mark.parametrize(
     ("places", "lifted"), [((0.0, 0.0, 0.0), True), ((0.0, 0.9e-3, 1.8e-3), True), ((0.0, 0.0, 1.1e-3), False)]
 )
-def test_a_place_of_three_rests_without_a_find_is_lifted_over(sweeping, monkeypatch, places, lifted):
-    sweep, seen, _ = sweeping(rest=0.1)
+def test_a_place_of_three_rests_without_a_find_is_lifted_over(slide, monkeypatch, places, lifted):
+    sweep, seen = slide.begin(rest=0.1)
     monkeypatch.setattr(EdgeEvidence, "update", lambda *args: (0.99 * PARAMS.fall, True))
     for number, place in enumerate(places):
         sweep._phase = Sliding(Detour(0.0, np.zeros(2), seen.axis, seen.arm.tcp.rotation[:, 2]))
@@ -274,9 +254,9 @@ def test_a_plate_that_is_not_felt_tells_no_length(slide):
 
 
 @pytest.mark.parametrize(("limit", "moved"), [(1.0, 12.0 * 2e-3 * 20 * PERIOD), (1e-3, 1e-3)])
-def test_the_setpoint_across_the_lanes_is_moved_against_a_standing_error_of_the_tip(sweeping, limit, moved):
+def test_the_setpoint_across_the_lanes_is_moved_against_a_standing_error_of_the_tip(slide, limit, moved):
     """The hand stands 2 mm beside the lane; the setpoint is down, and the path stands still."""
-    sweep, seen, _ = sweeping(trim_rate=12.0, trim_limit=limit)
+    sweep, seen = slide.begin(trim_rate=12.0, trim_limit=limit)
     for sense in (1.0, -1.0):
         sweep.hold_anew()
         aside = replace(seen, elapsed=DOWN, step=PERIOD, tip=seen.tip - 2e-3 * sense * SIDE)
@@ -286,8 +266,8 @@ def test_the_setpoint_across_the_lanes_is_moved_against_a_standing_error_of_the_
 
 
 @pytest.mark.parametrize(("more", "is_trimmed"), [(1e-5, False), (-1e-5, True)])
-def test_in_the_air_nothing_is_trimmed(sweeping, more, is_trimmed):
-    sweep, seen, _ = sweeping(trim_rate=12.0)
+def test_in_the_air_nothing_is_trimmed(slide, more, is_trimmed):
+    sweep, seen = slide.begin(trim_rate=12.0)
     elapsed = (sweep._course.first[2] - JOB.hole.centre[2] - TRIMMED_BELOW - more) / PARAMS.descent
     high = replace(seen, elapsed=elapsed, step=PERIOD, tip=seen.tip + 2e-3 * SIDE)
     assert (abs(sweep.setpoint(high).tip[0] - seen.tip[0]) > 1e-5) == is_trimmed
@@ -295,7 +275,7 @@ def test_in_the_air_nothing_is_trimmed(sweeping, more, is_trimmed):
 
 def test_a_peg_that_is_held_anew_is_another_motion_that_pushes_as_it_last_did_and_feels_the_plate_anew(slide):
     slide.begin()
-    slide.at(DOWN + 0.5, 0.12)
+    slide.turn(DOWN + 0.5, 0.12)
     slide.go_on(DOWN + 0.7)
     course = slide.sweep.begin_anew()
     assert course.first[:2] == pytest.approx(slide.course.middle + slide.course.path.at(slide.sweep.left.since)[0])

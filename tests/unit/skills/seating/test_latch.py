@@ -6,11 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cell.config.load import load
 from drivers.frames import UP
 from drivers.parts import Latch
 from drivers.quantities import GripperState, ImpedanceSetpoint, Wrench
-from skills.seating.decision import DOUBTED, LEAST_PUSH
+from skills.seating.decision import DOUBTED
 from skills.seating.latch_likelihood import (
     BEFORE,
     DOUBT,
@@ -26,7 +25,6 @@ from skills.seating.latch_likelihood import (
 )
 from skills.seating.latch_looks import LEAST_LOOKS, MOST_LOOKS, TURNING_BACK, Looks, is_enough
 from skills.seating.signature import LIFTED, MOST_WAYS, StrokeCurve
-from tests.fakes import Rig
 
 LATCH = Latch(kind="detent", force=5.0, height=0.003)
 BIAS = 3.0
@@ -117,11 +115,6 @@ PERIOD, SPEED = 0.01, 0.01
 HELD, EMPTY = GripperState(0.008, True, False), GripperState(0.0, False, False)
 
 
-@pytest.fixture
-def seen(tmp_path):
-    return Rig(load(), tmp_path).cell.context(0).observe()
-
-
 def scan(seen, height, force, stamp, hand=HELD):
     """Return a scan with hand and tip `height` above where the peg shall rest."""
     pose = replace(seen.arm.tcp, position=seen.arm.tcp.position + height * UP)
@@ -154,7 +147,6 @@ def shows(curve, now):
 def test_a_peg_that_went_through_its_latch_to_the_bottom_shows_force_and_place(seen):
     curve, now = lowered(seen)
     found = curve.signature(LATCH, now)
-    assert found is not None
     assert found.force == pytest.approx(LATCH.force, rel=0.05)
     assert abs(found.offset) <= 2 * GRID
     assert shows(curve, now)
@@ -233,13 +225,6 @@ def test_no_more_ways_are_kept_than_are_needed(seen):
     assert up.earlier[-1].heights == curve.heights
 
 
-def test_a_push_too_weak_to_tell_a_bottom_shows_none(seen):
-    now = scan(seen, 0.0, 0.0, 0.0)
-    weak = replace(pushing(now), tip=now.tip - 0.99 * LEAST_PUSH / 1000.0 * UP)
-    curve = lowered(seen)[0].after(now, weak, LATCH)
-    assert curve.signature(LATCH, 10.0) is None
-
-
 PUSH = 0.008
 REST = 8.0
 """Force at which the bottom bears the push, N."""
@@ -268,12 +253,6 @@ def lifted(looks, seen, stamp):
         looks = looks.after(now, replace(pushing(now), tip=now.tip + PUSH * UP), LATCH, 0.0).pulling(PUSH, PERIOD)
         stamp += PERIOD
     return looks, stamp, height
-
-
-def test_a_way_down_that_shows_the_latch_is_enough(seen):
-    looks, _ = looked_down(Looks(), seen, 0.0)
-    assert looks.is_shown
-    assert looks.missed == 0
 
 
 def test_a_peg_whose_latch_was_hidden_is_drawn_up_through_it_and_looked_at_again(seen):
@@ -310,12 +289,6 @@ def test_a_peg_whose_first_way_denies_the_bottom_is_not_told_by_the_next_one(see
     looks, stamp, _ = lifted(looks, seen, stamp)
     looks, _ = looked_down(looks, seen, stamp)
     assert not looks.is_shown
-
-
-def test_how_many_ways_are_enough_depends_on_how_sure_they_are():
-    open_, sure = Signature(5.0, 0.0, 0.5), Signature(5.0, 0.0, 1.0 - DOUBT / 2)
-    assert [is_enough(LEAST_LOOKS - 1, sure), is_enough(LEAST_LOOKS, sure)] == [False, True]
-    assert [is_enough(MOST_LOOKS - 1, open_), is_enough(MOST_LOOKS, open_)] == [False, True]
 
 
 def test_a_rest_away_from_the_bottom_is_no_look(seen):

@@ -24,14 +24,8 @@ from skills.seating.decision import (
     is_seated,
     require_short_of_bottom,
 )
-from tests.fakes import Rig
 
 STIFFNESS = 1000.0
-
-
-@pytest.fixture
-def seen(tmp_path):
-    return Rig(load(), tmp_path).cell.context(0).observe()
 
 
 def pushing(seen, newtons):

@@ -155,20 +155,6 @@ def _plain(layout):
     return Plain(layout)
 
 
-@pytest.mark.parametrize("module", range(4))
-@pytest.mark.parametrize("reading", [None, 0.0, -5000.0])
-def test_module_that_died_unnoticed_costs_no_more_than_a_known_one(module, reading):
-    """None: the module is known not to be trusted."""
-    dead = module == module_of("parallelogram")
-
-    def die(_, values):
-        return (values, ~dead) if reading is None else (np.where(dead, reading, values), ALL)
-
-    error, _, _, healthy = swept(_estimator("parallelogram"), "parallelogram", die)
-    assert healthy.mean() > 0.99
-    assert rms_degrees(error) < 1.2
-
-
 def test_taxels_that_read_anything_are_left_out():
     def spoil(rng, values):
         values = values.copy()

@@ -97,23 +97,16 @@ LEFT = np.arange(40).reshape(2, 20)
 """Numbers of the taxels; those of module 0 are 0 to 9, those of module 3 are 30 to 39."""
 
 
-@pytest.mark.parametrize(
-    ("wild", "trusted", "restless_ones"),
-    [
-        (LEFT < 4, LEFT >= 0, []),
-        (LEFT < 6, LEFT >= 0, [0]),
-        ((LEFT < 5) | (LEFT >= 30), (LEFT >= 5) & (LEFT < 30), []),
-        (LEFT < 6, LEFT < 0, []),
-        (LEFT >= 0, (module_of("parallelogram") != 1) | (LEFT == 10), [0, 1, 2, 3]),
-    ],
-    ids=[
-        "few taxels",
-        "more than half",
-        "untrusted ones",
-        "none trusted",
-        "a single trusted one speaks for its module",
-    ],
-)
+WILD = {
+    "few taxels": (LEFT < 4, LEFT >= 0, []),
+    "more than half": (LEFT < 6, LEFT >= 0, [0]),
+    "untrusted ones": ((LEFT < 5) | (LEFT >= 30), (LEFT >= 5) & (LEFT < 30), []),
+    "none trusted": (LEFT < 6, LEFT < 0, []),
+    "a single trusted one": (LEFT >= 0, (module_of("parallelogram") != 1) | (LEFT == 10), [0, 1, 2, 3]),
+}
+
+
+@pytest.mark.parametrize(("wild", "trusted", "restless_ones"), WILD.values(), ids=WILD)
 def test_a_module_is_restless_by_more_than_half_of_its_trusted_taxels(wild, trusted, restless_ones):
     after = np.where(wild, 30_000.0, 0.0)
     assert np.flatnonzero(restless(framed(np.zeros((2, 20))), framed(after, trusted))).tolist() == restless_ones
