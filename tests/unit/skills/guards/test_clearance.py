@@ -34,13 +34,6 @@ def test_distances_from_a_box_are_exact():
     np.testing.assert_allclose(box.gaps(points), [0.2, 0.5, -0.1])
 
 
-def test_the_edge_of_a_tilted_peg_is_what_comes_nearest():
-    at = Attitude(PLATE + 0.01 * UP, TILTED, ALONG)
-    gap, what, where = nearest(at, JOB, HELD, boxes_of(JOB))
-    assert gap == pytest.approx(0.01 - JOB.peg.part.reach * np.sin(0.7854), abs=2e-4)
-    assert (what, where) == ("peg", "plate")
-
-
 @pytest.mark.parametrize("azimuth", [0.0, 0.5 * np.pi, np.pi])
 @pytest.mark.parametrize("x", np.linspace(-0.035, 0.035, 8))
 def test_closed_fingers_are_farther_from_the_plate_than_the_edge_of_the_tilted_peg_all_over_it(x, azimuth):

@@ -25,13 +25,6 @@ def at(x: float, angle: float = 0.0) -> Pose:
     return Pose(x * ACROSS + WRIST * rotation[:, 0], rotation)
 
 
-def test_an_arm_that_presses_with_the_force_limit_when_its_spring_stops_it_is_at_the_limit():
-    """Turning counts as much as sliding."""
-    speed, rate = LIMIT / math.sqrt(MASS * STIFF), LEVER * LIMIT / math.sqrt(INERTIA * TURN)
-    for after in (at(speed * PERIOD), at(0.0, rate * PERIOD)):
-        assert share_of_limit(setpoint(), at(0.0), after, PERIOD, LIMIT) == pytest.approx(1.0, rel=1e-2)
-
-
 def swing(guard: PassivityGuard, moves) -> list[PassivityVerdict]:
     """Move by so much of the way that is at the limit in every scan."""
     way, x, verdicts = LIMIT / math.sqrt(MASS * STIFF) * PERIOD, 0.0, []
