@@ -312,7 +312,7 @@ def posterior(  # type: ignore[no-untyped-def] # noqa: C901, PLR0915  compiled l
     breadths, sureties = np.empty(rows.size), np.empty(rows.size)
     turns, places, prints = np.empty(rows.size, np.int64), np.empty(rows.size, np.int64), np.empty(rows.size, np.int64)
     count, top = 0, -math.inf
-    for mode in range(modes):
+    for _ in range(modes):
         a = int(np.argmax(coarse))
         if coarse[a] <= NEVER or coarse[a] < top - RIVAL:
             break
