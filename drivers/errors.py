@@ -171,137 +171,98 @@ class CellError(Exception):
 
     code = FaultCode.SOFTWARE
 
+    def __init_subclass__(cls, code: FaultCode | None = None) -> None:
+        """Give a class of faults its code; without one it has that of its base."""
+        if code is not None:
+            cls.code = code
 
-class SkinSilentError(CellError):
+
+class SkinSilentError(CellError, code=FaultCode.SKIN_SILENT):
     """No taxel frame arrived within the configured time."""
 
-    code = FaultCode.SKIN_SILENT
 
-
-class SkinUntrustedError(CellError):
+class SkinUntrustedError(CellError, code=FaultCode.SKIN_UNTRUSTED):
     """Too few taxels can be trusted to estimate the pose of the peg."""
 
-    code = FaultCode.SKIN_UNTRUSTED
 
-
-class SwitchUnknownError(CellError):
+class SwitchUnknownError(CellError, code=FaultCode.SWITCH_UNKNOWN):
     """The switch under the hole returns no valid answer."""
 
-    code = FaultCode.SWITCH_UNKNOWN
 
-
-class SwitchDisagreesError(CellError):
+class SwitchDisagreesError(CellError, code=FaultCode.SWITCH_DISAGREES):
     """The switch and the depth of the tip contradict each other."""
 
-    code = FaultCode.SWITCH_DISAGREES
 
-
-class ArmSilentError(CellError):
+class ArmSilentError(CellError, code=FaultCode.ARM_SILENT):
     """The arm's state is too old, or its connection is gone."""
 
-    code = FaultCode.ARM_SILENT
 
-
-class GripperSilentError(CellError):
+class GripperSilentError(CellError, code=FaultCode.GRIPPER_SILENT):
     """The gripper does not answer, or refuses a command."""
 
-    code = FaultCode.GRIPPER_SILENT
 
-
-class ArmStoppedError(CellError):
+class ArmStoppedError(CellError, code=FaultCode.ARM_STOPPED):
     """An emergency or protective stop holds the arm."""
 
-    code = FaultCode.ARM_STOPPED
 
-
-class ArmReflexError(CellError):
+class ArmReflexError(CellError, code=FaultCode.ARM_REFLEX):
     """The arm's controller stopped the arm by a reflex."""
 
-    code = FaultCode.ARM_REFLEX
 
-
-class TrackingError(CellError):
+class TrackingError(CellError, code=FaultCode.TRACKING):
     """The arm is too far from its setpoint."""
 
-    code = FaultCode.TRACKING
 
-
-class NotPassiveError(CellError):
+class NotPassiveError(CellError, code=FaultCode.NOT_PASSIVE):
     """The held setpoint puts more energy into the arm than a stable loop can."""
 
-    code = FaultCode.NOT_PASSIVE
 
-
-class ArmRestlessError(CellError):
+class ArmRestlessError(CellError, code=FaultCode.ARM_RESTLESS):
     """The arm still moves long after it was halted."""
 
-    code = FaultCode.ARM_RESTLESS
 
-
-class SetpointError(CellError):
+class SetpointError(CellError, code=FaultCode.SETPOINT):
     """A skill requested a setpoint that is not finite, lies outside the workspace, or is too far away or too fast."""
 
-    code = FaultCode.SETPOINT
 
-
-class NotFiniteError(CellError):
+class NotFiniteError(CellError, code=FaultCode.NOT_FINITE):
     """A reading of a device, or a quantity computed from it, is not finite."""
 
-    code = FaultCode.NOT_FINITE
 
-
-class SuccessUnprovenError(CellError):
+class SuccessUnprovenError(CellError, code=FaultCode.SUCCESS_UNPROVEN):
     """The skills report success without evidence."""
 
-    code = FaultCode.SUCCESS_UNPROVEN
 
-
-class WrenchOffsetError(CellError):
+class WrenchOffsetError(CellError, code=FaultCode.WRENCH_OFFSET):
     """The external wrench that the arm reports in free air is implausible."""
 
-    code = FaultCode.WRENCH_OFFSET
 
-
-class WrenchReversedError(CellError):
+class WrenchReversedError(CellError, code=FaultCode.WRENCH_REVERSED):
     """The external wrench that the arm reports points along the push on a surface instead of against it."""
 
-    code = FaultCode.WRENCH_REVERSED
 
-
-class PlcLostError(CellError):
+class PlcLostError(CellError, code=FaultCode.PLC_LOST):
     """The PLC's life counter stands still."""
 
-    code = FaultCode.PLC_LOST
 
-
-class DeviceNotOpenedError(CellError):
+class DeviceNotOpenedError(CellError, code=FaultCode.DEVICE_NOT_OPENED):
     """A device could not be opened."""
 
-    code = FaultCode.DEVICE_NOT_OPENED
 
-
-class SimulationUnstableError(CellError):
+class SimulationUnstableError(CellError, code=FaultCode.SIMULATION_UNSTABLE):
     """The simulated physics diverged."""
 
-    code = FaultCode.SIMULATION_UNSTABLE
 
-
-class ScanOverrunError(CellError):
+class ScanOverrunError(CellError, code=FaultCode.SCAN_OVERRUN):
     """The scan missed its period too often."""
 
-    code = FaultCode.SCAN_OVERRUN
 
-
-class ConfigError(CellError):
+class ConfigError(CellError, code=FaultCode.CONFIG):
     """The configuration cannot be used; the message names file, key, value and the permitted values."""
 
-    code = FaultCode.CONFIG
 
-
-class JournalError(CellError):
+class JournalError(CellError, code=FaultCode.JOURNAL):
     """The run's record cannot be written or read."""
-
-    code = FaultCode.JOURNAL
 
 
 class UnknownRunError(ConfigError, JournalError):

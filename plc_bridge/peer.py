@@ -28,7 +28,7 @@ from plc_bridge.protocol.registers import COILS, VERSION, Lease
 logging.getLogger("pymodbus.logging").setLevel(logging.CRITICAL)  # its errors are raised here
 
 
-class CellSilentError(CellError):
+class CellSilentError(CellError, code=FaultCode.PLC_LOST):
     """The cell cannot be reached, or does not answer in time."""
 
     code = FaultCode.PLC_LOST

@@ -22,7 +22,7 @@ Wire = Literal["can", "serial"]
 W = TypeVar("W", CanLink, ByteLink)
 
 
-class TrafficEndedError(CellError):
+class TrafficEndedError(CellError, code=FaultCode.SKIN_SILENT):
     """The recording has ended."""
 
     code = FaultCode.SKIN_SILENT

@@ -9,13 +9,12 @@ Interface = Literal["socketcan", "slcan", "socketcand", "udp_multicast", "virtua
 Parity = Literal["none", "even", "odd"]
 
 
-class CanLostError(CellError):
+class CanLostError(CellError, code=FaultCode.DEVICE_NOT_OPENED):
     """A bus that was open can no longer be read or written."""
 
     code = FaultCode.DEVICE_NOT_OPENED
 
-
-class LineLostError(CellError):
+class LineLostError(CellError, code=FaultCode.DEVICE_NOT_OPENED):
     """A line that was open can no longer be read or written."""
 
     code = FaultCode.DEVICE_NOT_OPENED
