@@ -43,7 +43,7 @@ from drivers.switch.board import SerialSuccessSwitch
 from drivers.switch.board_config import SerialSwitchConfig
 from drivers.switch.wire import BAUD_RATE
 from drivers.transport.serial_line import SerialLine
-from drivers.transport.traffic import PlaybackCan, PlaybackLine, RecordedCan, RecordedLine, Recorder, is_traffic
+from drivers.transport.traffic import PlaybackCan, PlaybackLine, RecordedWire, Recorder, is_traffic
 from drivers.transport.wires import ByteLink, CanLink
 from skills.catalogue import INSERT, RECOVER
 from skills.contract import Devices, Perception, SkillContext
@@ -337,7 +337,7 @@ def _can_skin(config: CanSkinConfig, bus: CanLink, clock: Clock) -> SkinLine:
         skin = CanSkin(config, bus, clock)
     else:
         recorder = Recorder(Path(config.record), "can", clock)
-        skin = CanSkin(config, RecordedCan(bus, recorder), recorder)
+        skin = CanSkin(config, RecordedWire(bus, recorder), recorder)
     return SkinLine(skin, clock, skin.figures)
 
 
@@ -346,7 +346,7 @@ def _serial_skin(config: SerialSkinConfig, line: ByteLink, clock: Clock) -> Skin
         skin = SerialSkin(config, line, clock)
     else:
         recorder = Recorder(Path(config.record), "serial", clock)
-        skin = SerialSkin(config, RecordedLine(line, recorder), recorder)
+        skin = SerialSkin(config, RecordedWire(line, recorder), recorder)
     return SkinLine(skin, clock, skin.figures)
 
 
@@ -452,7 +452,7 @@ def _serial_switch(config: SerialSwitchConfig, clock: Clock) -> SerialSuccessSwi
     if not config.record:
         return SerialSuccessSwitch(config, clock)
     recorder = Recorder(Path(config.record), "serial", clock)
-    return SerialSuccessSwitch(config, recorder, RecordedLine(SerialLine(config.port, BAUD_RATE), recorder))
+    return SerialSuccessSwitch(config, recorder, RecordedWire(SerialLine(config.port, BAUD_RATE), recorder))
 
 
 @contextmanager

@@ -9,23 +9,20 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Generic, Literal, TextIO, TypeVar
+from typing import Generic, Literal, TextIO
 
 from drivers.errors import CellError, ConfigError, FaultCode
 from drivers.protocols import Clock
-from drivers.transport.wires import ByteLink, CanFrame, CanLink, LineLostError
+from drivers.transport.wires import CanFrame, LineLostError, Link, Received, Sent
 
 HEAD = "# cell traffic 1 "
 EXTENDED_DIGITS = 8
 """Number of digits of an identifier of 29 bits; one of 11 bits has three."""
 Wire = Literal["can", "serial"]
-W = TypeVar("W", CanLink, ByteLink)
 
 
 class TrafficEndedError(CellError, code=FaultCode.SKIN_SILENT):
     """The recording has ended."""
-
-    code = FaultCode.SKIN_SILENT
 
 
 class Recorder:
@@ -94,13 +91,14 @@ class Recorder:
                 self._file.write(f"{what} {text}\n")
 
 
-class _RecordedWire(Generic[W]):
-    """A wire with its traffic written to a file."""
+class RecordedWire(Generic[Received, Sent]):
+    """A CAN bus or a serial line with its traffic written to a file."""
 
-    def __init__(self, link: W, recorder: Recorder) -> None:
+    def __init__(self, link: Link[Received, Sent], recorder: Recorder) -> None:
         """Take the wire and the recorder of its traffic."""
-        self._link: W = link
-        self._recorder = recorder
+        self._link, self._recorder = link, recorder
+        self.character_time: float = getattr(link, "character_time", 0.0)
+        """Transfer time of one character on a serial line, s."""
 
     def open(self) -> None:
         """Open the file and the wire."""
@@ -113,51 +111,29 @@ class _RecordedWire(Generic[W]):
         self._link.close()
         self._recorder.close()
 
-
-class RecordedCan(_RecordedWire[CanLink]):
-    """A CAN bus with its frames written to a file."""
-
-    def read(self, timeout: float) -> CanFrame | None:
-        """Return the next frame."""
-        with self._recorder.watching():
-            frame = self._link.read(timeout)
-        if frame is not None:
-            waited = f" {frame.waited!r}" if frame.waited else ""
-            self._recorder.note("<", f"{_text(frame)}{waited}")
-        return frame
-
-    def write(self, frame: CanFrame) -> None:
-        """Send a frame."""
-        self._recorder.note(">", _text(frame))
-        with self._recorder.watching():
-            self._link.write(frame)
-
-
-def _text(frame: CanFrame) -> str:
-    return f"{frame.id:0{EXTENDED_DIGITS if frame.is_extended else 3}X} {frame.data.hex()}"
-
-
-class RecordedLine(_RecordedWire[ByteLink]):
-    """A serial line with its bytes written to a file."""
-
-    def __init__(self, link: ByteLink, recorder: Recorder) -> None:
-        """Take the line and the recorder of its traffic."""
-        super().__init__(link, recorder)
-        self.character_time = link.character_time
-
-    def read(self, timeout: float) -> bytes:
-        """Return the received bytes."""
+    def read(self, timeout: float) -> Received:
+        """Return what the wire returns."""
         with self._recorder.watching():
             data = self._link.read(timeout)
-        if data:
-            self._recorder.note("<", data.hex())
+        if isinstance(data, CanFrame) and data.waited:
+            self._recorder.note("<", f"{_text(data)} {data.waited!r}")
+        elif data:
+            self._recorder.note("<", _text(data))
         return data
 
-    def write(self, data: bytes) -> None:
-        """Send bytes."""
-        self._recorder.note(">", data.hex())
+    def write(self, data: Sent) -> None:
+        """Send a frame or bytes."""
+        self._recorder.note(">", _text(data))
         with self._recorder.watching():
             self._link.write(data)
+
+
+def _text(data: object) -> str:
+    """Return a frame or bytes in hexadecimal digits."""
+    if not isinstance(data, CanFrame):
+        assert isinstance(data, bytes)
+        return data.hex()
+    return f"{data.id:0{EXTENDED_DIGITS if data.is_extended else 3}X} {data.data.hex()}"
 
 
 @dataclass(slots=True)
@@ -252,7 +228,7 @@ class PlaybackLine(TrafficPlayback):
 
     def write(self, data: bytes) -> None:
         """Compare sent bytes with the recorded ones."""
-        self._check(data.hex())
+        self._check(_text(data))
 
 
 def is_traffic(path: Path) -> bool:

@@ -1,23 +1,22 @@
 """Common types of all wires, without any I/O: CAN frames, the contracts of a bus and of a line, and the errors of their loss."""
 
 from dataclasses import dataclass, field
-from typing import Literal, Protocol
+from typing import Literal, Protocol, TypeVar
 
 from drivers.errors import CellError, FaultCode
 
 Interface = Literal["socketcan", "slcan", "socketcand", "udp_multicast", "virtual"]
 Parity = Literal["none", "even", "odd"]
+Received = TypeVar("Received", covariant=True)
+Sent = TypeVar("Sent", contravariant=True)
 
 
 class CanLostError(CellError, code=FaultCode.DEVICE_NOT_OPENED):
     """A bus that was open can no longer be read or written."""
 
-    code = FaultCode.DEVICE_NOT_OPENED
 
 class LineLostError(CellError, code=FaultCode.DEVICE_NOT_OPENED):
     """A line that was open can no longer be read or written."""
-
-    code = FaultCode.DEVICE_NOT_OPENED
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,36 +33,28 @@ class CanFrame:
     """Time from arrival at the adapter to this read, s; 0 if the interface does not report it."""
 
 
-class CanLink(Protocol):
-    """A CAN bus; `CanBus` of `drivers.transport.can_bus` is one."""
+class Link(Protocol[Received, Sent]):
+    """A wire that carries frames or bytes."""
 
     def open(self) -> None:
-        """Open the bus."""
+        """Open the bus or the port."""
 
     def close(self) -> None:
-        """Close the bus; may be called again."""
+        """Close it; may be called again."""
 
-    def read(self, timeout: float) -> CanFrame | None:
-        """Return the next frame; None if none arrives within `timeout`, s."""
+    def read(self, timeout: float) -> Received:
+        """Return the next frame, None if there is none, or the bytes received within `timeout`, s."""
 
-    def write(self, frame: CanFrame) -> None:
-        """Send one frame."""
+    def write(self, data: Sent) -> None:
+        """Send one frame, or bytes."""
 
 
-class ByteLink(Protocol):
+CanLink = Link[CanFrame | None, CanFrame]
+"""A CAN bus; `CanBus` of `drivers.transport.can_bus` is one."""
+
+
+class ByteLink(Link[bytes, bytes], Protocol):
     """A serial line; `SerialLine` of `drivers.transport.serial_line` is one."""
 
     character_time: float
     """Transfer time of one character, s."""
-
-    def open(self) -> None:
-        """Open the port."""
-
-    def close(self) -> None:
-        """Close the port; may be called again."""
-
-    def read(self, timeout: float) -> bytes:
-        """Return the bytes received within `timeout`, s."""
-
-    def write(self, data: bytes) -> None:
-        """Send `data`."""

@@ -17,7 +17,7 @@ from drivers.switch.board import SerialSuccessSwitch
 from drivers.switch.board_config import SerialSwitchConfig
 from drivers.switch.wire import BAUD_RATE, Contacts, Decoder, SwitchReport
 from drivers.transport.serial_line import SerialLine
-from drivers.transport.traffic import PlaybackLine, RecordedLine, Recorder, TrafficEndedError
+from drivers.transport.traffic import PlaybackLine, RecordedWire, Recorder, TrafficEndedError
 from sim.boards.board_clock import BoardClock
 from sim.boards.switch_board import FREQUENCY, Chip, EmulatedSwitchBoard
 from tests.emulation import emulated_or_skip
@@ -183,7 +183,7 @@ def test_recorded_traffic_of_the_switch_is_played_back_bit_for_bit(tmp_path):
     config = SerialSwitchConfig(kind="serial", port=board.port)
     recorder = Recorder(path, "serial", both)
     live = states(
-        SerialSuccessSwitch(config, recorder, RecordedLine(SerialLine(board.port, BAUD_RATE), recorder)), both
+        SerialSuccessSwitch(config, recorder, RecordedWire(SerialLine(board.port, BAUD_RATE), recorder)), both
     )
     for _ in range(2):
         board.close()

@@ -6,8 +6,7 @@ from drivers.skin.boards import CanSkin, SerialSkin
 from drivers.transport.traffic import (
     PlaybackCan,
     PlaybackLine,
-    RecordedCan,
-    RecordedLine,
+    RecordedWire,
     Recorder,
     TrafficEndedError,
     TrafficPlayback,
@@ -25,9 +24,9 @@ def recorded(name, path, seconds=9.0):
     rig.clock.wait_until(OTHER_CLOCK)
     recorder = Recorder(path, "can" if is_can else "serial", rig.clock)
     if is_can:
-        rig.skin = CanSkin(WIRED[name], RecordedCan(rig.link, recorder), recorder)
+        rig.skin = CanSkin(WIRED[name], RecordedWire(rig.link, recorder), recorder)
     else:
-        rig.skin = SerialSkin(WIRED[name], RecordedLine(rig.link, recorder), recorder)
+        rig.skin = SerialSkin(WIRED[name], RecordedWire(rig.link, recorder), recorder)
     recorder.open()
     rig.skin.open()
     rig.link.faults = WireFaults(drop=0.002, corrupt=0.002)
