@@ -94,8 +94,8 @@ class BoardSkin:
         silence = self._silence()
         if silence > self._limit:
             raise SkinSilentError(f"skin: no frame for {silence:.3f} s > {self._limit:.3f} s limit: {self._trouble()}")
-        if self._port.dialogue.changed:
-            raise SkinSilentError(f"skin: {self._port.dialogue.changed}: open it again, for a new baseline")
+        if self._port.changed:
+            raise SkinSilentError(f"skin: {self._port.changed}: open it again, for a new baseline")
         self._order.require()
         return frame
 
@@ -168,8 +168,8 @@ class BoardSkin:
             self._lost += scan.missed
             self._recent.append(scan.stamp)
             self._temperature = scan.temperature
-        if self._port.dialogue.is_started and self._silence() > self._limit:
-            self._port.dialogue.restart()
+        if self._port.is_started and self._silence() > self._limit:
+            self._port.restart()
         return scans
 
     def _exchange(self, now: float) -> list[RawScan]:

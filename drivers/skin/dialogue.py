@@ -1,8 +1,4 @@
-"""The dialogue of host and skin board: discovery, start, and the joining of scans; pure, no I/O and no waiting.
-
-There are two dialects: a CySkin hub over CAN or a serial line, and an iCub board on CAN. Both return raw scans of the
-two fingers.
-"""
+"""The dialogue of host and CySkin hub: discovery, start, and the joining of scans; pure, no I/O and no waiting."""
 
 import math
 from collections import deque
@@ -12,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from drivers.quantities import FINGERS, Vector
-from drivers.skin.board_config import BOARD_MODULES, TEMPERATURE, HubConfig, IcubConfig
+from drivers.skin.board_config import BOARD_MODULES, TEMPERATURE, HubConfig
 from drivers.skin.cyskin_wire import (
     ALL_MODULES,
     LEAVE_BOOT_LOADER,
@@ -23,12 +19,11 @@ from drivers.skin.cyskin_wire import (
     ScanAssembler,
     Step,
     WireError,
+    decode,
     decode_module,
     encode_period,
 )
-from drivers.skin.health import ERROR_COUNT, Counts
-from drivers.skin.icub_wire import TriangleAssembler, TriangleReading, setup
-from drivers.skin.layout import MODULE_TAXELS
+from drivers.skin.health import Counts
 from drivers.transport.wires import CanFrame
 
 RETRY = 0.1
@@ -81,7 +76,7 @@ class TaxelPlaces:
 
 
 class CySkinDialogue:
-    """Brings a hub from power-on to sensor data, and joins its scans.
+    """Brings a hub from power-on to sensor data, and joins its scans; its port on each wire moves the bytes.
 
     Args:
         config: Config of the hub.
@@ -97,7 +92,8 @@ class CySkinDialogue:
 
     def forget(self) -> None:
         """Discard everything learnt about the board."""
-        self.heard = self.refused = self.incomplete = 0
+        self.heard = self._wrong = self._unfit = self._incomplete = 0
+        """Messages understood, with a wrong check sum, and beyond the state of the dialogue; scans of which only parts came."""
         self.changed = ""
         """Text that names the modules exchanged since the first discovery; empty if none."""
         self._first_seen: tuple[int, ...] | None = None
@@ -139,26 +135,37 @@ class CySkinDialogue:
         self._next = now + _WAITS.get(steps[self._step], RETRY)
         return self._messages(steps[self._step])
 
-    def take(self, message: Message, stamp: float) -> RawScan | None:
-        """Take a message of the hub; return the scan that it completes.
+    def take(self, data: bytes, stamp: float) -> list[RawScan]:
+        """Take a message of the hub; return the scan that it completes, if any.
 
         Args:
-            message: Message of the hub.
+            data: Bytes of the message.
             stamp: Time of arrival, s.
         """
         try:
+            message = decode(data, self._config.wire)
+        except WireError:
+            self._wrong += 1
+            return []
+        try:
             scan = self._take(message, stamp)
         except WireError as error:
-            self.refused += 1
+            self._unfit += 1
             self._error = f"; {error}"
-            return None
+            return []
         self.heard += 1
-        return scan
+        return [] if scan is None else [scan]
+
+    def refused(self) -> int:
+        """Number of messages that could not be decoded."""
+        return self._wrong + self._unfit
 
     def trouble(self) -> str:
-        """Return what is still missing before scans arrive, in one line."""
+        """Return the reason why no scan arrives, in one line: wrong check sums, or what is still missing before scans."""
+        if self._wrong > self.heard:
+            return f"{self._wrong} of {self._wrong + self.heard} messages have a wrong check sum: see board.wire.crc"
         hub = f"hub {self._config.wire.hub}"
-        parts = f"; of {self.incomplete} scans only parts came" if self.incomplete else ""
+        parts = f"; of {self._incomplete} scans only parts came" if self._incomplete else ""
         return f"{hub} {self._missing()}{parts}{self._error}"
 
     def _missing(self) -> str:
@@ -262,7 +269,7 @@ class CySkinDialogue:
         part = self._channels.decode(message.payload, self._config.wire)
         incomplete = self._scans.incomplete
         scan = self._scans.add(part, stamp)
-        self.incomplete += self._scans.incomplete - incomplete
+        self._incomplete += self._scans.incomplete - incomplete
         if scan is None:
             return None
         counts, begun = scan
@@ -270,77 +277,3 @@ class CySkinDialogue:
         missed = max(round((begun - self._stamps[-1]) / self._period) - 1, 0) if self._stamps else 0
         self.is_started, self._tries = self._keeps_period(begun), 0
         return self._places.scan(counts, begun, missed)
-
-
-class IcubDialogue:
-    """Starts an iCub board and joins the triangles of one scan.
-
-    Scans of a board have no numbers: a triangle that arrives a second time begins the next scan.
-
-    Args:
-        config: Config of the board.
-    """
-
-    def __init__(self, config: IcubConfig) -> None:
-        self._config = config
-        self._row = {number: row for row, number in enumerate(config.triangles)}
-        self._channels = np.array(config.channels)
-        self._begun: dict[int, TriangleReading] = {}
-        self._stamp = 0.0
-        self.changed = ""
-        """Empty text: triangles of such a board have no serial numbers, so an exchange is not detectable."""
-        self.forget()
-
-    def forget(self) -> None:
-        """Discard everything learnt about the board."""
-        self._frames = TriangleAssembler(self._config.board)
-        self.heard = self.incomplete = 0
-        self.restart()
-
-    @property
-    def refused(self) -> int:
-        """Number of frames of another protocol, and of frames without their other half."""
-        return self._frames.broken
-
-    def restart(self) -> None:
-        """Start the board again."""
-        self._next = -math.inf
-        self.is_started = False
-        """True from the first triangle until the next restart."""
-        self._begun.clear()
-
-    def ask(self, now: float) -> list[CanFrame]:
-        """Return the frame that starts the board, until the board sends."""
-        if now < self._next or self.is_started:
-            return []
-        self._next = now + RETRY
-        return [setup(self._config.board)]
-
-    def take(self, frame: CanFrame, stamp: float) -> RawScan | None:
-        """Take a frame; return the scan that it completes."""
-        triangle = self._frames.feed(frame)
-        if triangle is None or triangle[0] not in self._row:
-            return None
-        self.heard += 1
-        self.is_started = True
-        number, reading = triangle
-        if number in self._begun:
-            self.incomplete += 1
-            self._begun.clear()
-        if not self._begun:
-            self._stamp = stamp
-        self._begun[number] = reading
-        if len(self._begun) < len(self._row):
-            return None
-        counts = np.full((BOARD_MODULES, MODULE_TAXELS), ERROR_COUNT, dtype=np.uint16)
-        for triangle_number, row in self._row.items():
-            counts[row] = self._begun[triangle_number].counts()[self._channels]
-        self._begun.clear()
-        return RawScan(counts.reshape(FINGERS, -1), np.full(BOARD_MODULES, np.nan), self._stamp, 0)
-
-    def trouble(self) -> str:
-        """Return what is still missing before scans arrive, in one line."""
-        if not self.heard:
-            return f"board {self._config.board} does not send"
-        missing = ", ".join(str(n) for n in self._row if n not in self._begun) or "none"
-        return f"board {self._config.board} sends no whole scan; missing triangles: {missing}"

@@ -17,13 +17,13 @@ from drivers.skin.dialogue import RawScan, TaxelPlaces
 
 
 class HostFile:
-    """Follows the end of the file; it is port, link and dialogue in one, because nothing is sent."""
+    """Follows the end of the file; it is port and link in one, because nothing is sent."""
 
     def __init__(self, config: HostSkinConfig) -> None:
         """Describe the file."""
         self._config = config
         self._file: BinaryIO | None = None
-        self.link = self.dialogue = self
+        self.link = self
         self.forget()
 
     def forget(self) -> None:

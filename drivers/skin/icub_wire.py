@@ -9,11 +9,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drivers.skin.cyskin_wire import WireError
 from drivers.skin.health import ERROR_COUNT, Counts
 from drivers.transport.wires import CanFrame
 
 TAXELS = 12
+FRAME_BYTES = 8
 HEAD, TAIL = 0x40, 0xC0
 SKIN_CLASS, SETUP_CLASS = 4, 2
 SETUP = 0x4C
@@ -48,29 +48,6 @@ def encode_triangle(board: int, triangle: int, reading: TriangleReading) -> tupl
     return CanFrame(name, head), CanFrame(name, bytes([TAIL, *reading.values[_HEAD_TAXELS:]]) + flags)
 
 
-def decode_head(frame: CanFrame) -> tuple[int, ...]:
-    """Return the first seven readings of a triangle.
-
-    Raises:
-        WireError: The frame is not a head frame.
-    """
-    if len(frame.data) != 1 + _HEAD_TAXELS or frame.data[0] != HEAD:
-        raise WireError(f"frame {frame.id:#05x} of {len(frame.data)} bytes is no head of a triangle")
-    return tuple(frame.data[1:])
-
-
-def decode_tail(frame: CanFrame) -> tuple[tuple[int, ...], int, int]:
-    """Return the last five readings of a triangle, the bits of taxels out of range, and the error.
-
-    Raises:
-        WireError: The frame is not a tail frame.
-    """
-    if len(frame.data) != 1 + TAXELS - _HEAD_TAXELS + 2 or frame.data[0] != TAIL:
-        raise WireError(f"frame {frame.id:#05x} of {len(frame.data)} bytes is no tail of a triangle")
-    high, low = frame.data[-2:]
-    return tuple(frame.data[1:-2]), high << 4 | low >> 4, low & 0xF
-
-
 class TriangleAssembler:
     """Joins the frames of one board to whole triangles.
 
@@ -81,8 +58,6 @@ class TriangleAssembler:
     def __init__(self, board: int) -> None:
         self._board = board
         self._heads: dict[int, tuple[int, ...]] = {}
-        self.frames = 0
-        """Number of frames of this board's skin."""
         self.broken = 0
         """Number of frames that cannot be decoded, and of heads and tails without their other half."""
 
@@ -90,23 +65,17 @@ class TriangleAssembler:
         """Take one frame; return the triangle's number and its reading if both halves have arrived."""
         if frame.is_extended or frame.id >> 4 != SKIN_CLASS << 4 | self._board:
             return None
-        self.frames += 1
-        triangle = frame.id & 0xF
-        try:
-            if frame.data[:1] == bytes([HEAD]):
-                self.broken += triangle in self._heads
-                self._heads[triangle] = decode_head(frame)
-                return None
-            values, out_of_range, error = decode_tail(frame)
-        except WireError:
-            self._heads.pop(triangle, None)
-            self.broken += 1
-            return None
+        triangle, is_whole = frame.id & 0xF, len(frame.data) == FRAME_BYTES
         head = self._heads.pop(triangle, None)
-        if head is None:
+        if is_whole and frame.data[0] == HEAD:
+            self.broken += head is not None
+            self._heads[triangle] = tuple(frame.data[1:])
+            return None
+        if head is None or not is_whole or frame.data[0] != TAIL:
             self.broken += 1
             return None
-        return triangle, TriangleReading(head + values, out_of_range, error)
+        high, low = frame.data[-2:]
+        return triangle, TriangleReading(head + tuple(frame.data[1:-2]), high << 4 | low >> 4, low & 0xF)
 
 
 def setup(board: int) -> CanFrame:
