@@ -17,9 +17,10 @@ MOST_WORDS_READ, MOST_WORDS_WRITTEN, MOST_WORDS_EXCHANGED = 125, 123, 121  # 6.3
 COIL_ON, COIL_OFF = 0xFF00, 0x0000
 DIAGNOSTICS, SERVER_ID, MASK_WRITE, ENCAPSULATED = 8, 17, 22, 43  # 6.8, 6.13, 6.16, 6.21
 
-_FIXED_LENGTH = {1: 5, 2: 5, 3: 5, 4: 5, 5: 5, 6: 5, SERVER_ID: 1, MASK_WRITE: 7, ENCAPSULATED: 4}
-_HEAD_LENGTH = {15: 6, 16: 6, 23: 10}
-"""Number of bytes before the data, the last of which is the number of data bytes."""
+_HEAD_LENGTH = dict.fromkeys((1, 2, 3, 4, 5, 6, DIAGNOSTICS), 5)
+_HEAD_LENGTH |= {15: 6, 16: 6, SERVER_ID: 1, MASK_WRITE: 7, 23: 10, ENCAPSULATED: 4}
+"""Length of each request, bytes; for those in `_COUNTED` without the data, whose number of bytes comes last."""
+_COUNTED = {15, 16, 23}
 _HEAD = struct.Struct(">BHH")
 """Function, address, and count or value."""
 
@@ -47,19 +48,24 @@ def is_exception(response: bytes) -> bool:
     return response[0] >= 0x80
 
 
-def _check_length(request: bytes) -> None:
+def length_of(request: bytes) -> int:
+    """Return the length of a request that begins so, bytes; an echo has one word of data.
+
+    Raises:
+        NotImplementedError: The function does not exist.
+    """
     function = request[0]
-    if function in _FIXED_LENGTH:
-        is_whole = len(request) == _FIXED_LENGTH[function]
-    elif function in _HEAD_LENGTH:
-        head = _HEAD_LENGTH[function]
-        is_whole = len(request) > head and len(request) == head + request[head - 1]
-    elif function == DIAGNOSTICS:
-        is_whole = len(request) >= 5 and len(request) % 2 == 1
-    else:
+    if function not in _HEAD_LENGTH:
         raise NotImplementedError(function)
-    if not is_whole:
-        raise ValueError(len(request))
+    head = _HEAD_LENGTH[function]
+    return head + request[head - 1] if function in _COUNTED and len(request) >= head else head
+
+
+def _check_length(request: bytes) -> None:
+    size, least = len(request), length_of(request)
+    is_longer_echo = request[0] == DIAGNOSTICS and size > least and size % 2 == 1
+    if size != least and not is_longer_echo:
+        raise ValueError(size)
 
 
 def _check_count(count: int, most: int) -> None:

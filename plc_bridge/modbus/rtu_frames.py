@@ -5,14 +5,14 @@ frames at once. A frame is therefore valid if its function, its length and its c
 search. The receiver joins the pieces of a frame, separates joined frames, and skips and counts noise before and after.
 """
 
+from contextlib import suppress
+
 from pymodbus.framer.rtu import FramerRTU
+
+from plc_bridge.modbus.pdu import length_of
 
 SHORTEST, LONGEST = 4, 256  # Modbus over Serial Line V1.02, 2.5.1: unit, function, data, check sum
 BROADCAST = 0
-_FIXED = {1: 8, 2: 8, 3: 8, 4: 8, 5: 8, 6: 8, 8: 8, 17: 4, 22: 10, 43: 7}
-"""Length of requests by function, including unit and check sum; function 8 is an echo with one word of data."""
-_COUNTED = {15: (9, 6), 16: (9, 6), 23: (13, 10)}
-"""Length of other requests without their data, and the place of the byte with the number of data bytes."""
 
 
 def with_check_sum(frame: bytes) -> bytes:
@@ -84,10 +84,9 @@ class Receiver:
     def _lengths(self, frame: bytes) -> list[int]:
         """Return the possible lengths of a frame with this beginning: as a request, and as another unit's response."""
         unit, function = frame[:2]
-        lengths = [_FIXED[function]] if function in _FIXED else []
-        length, place = _COUNTED.get(function, (0, LONGEST))
-        if place < len(frame):
-            lengths.append(length + frame[place])
+        lengths = []
+        with suppress(NotImplementedError):
+            lengths.append(3 + length_of(frame[1:]))  # unit and check sum
         if unit not in (self._unit, BROADCAST):
             # Functions whose response has the number of data bytes in its third byte.
             if function in (1, 2, 3, 4, 17, 23):
