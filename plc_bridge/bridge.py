@@ -12,9 +12,9 @@ from plc_bridge.config import CanConfig, PlcConfig
 from plc_bridge.modbus.rtu import RtuServer
 from plc_bridge.modbus.server import ModbusServer
 from plc_bridge.modbus.tls_server import SecureModbusServer
-from plc_bridge.protocol.images import Diagnostics
 from plc_bridge.protocol.intervals import Intervals
 from plc_bridge.protocol.mailbox import Mailbox
+from plc_bridge.protocol.messages import Diagnostics
 from plc_bridge.protocol.packml import PackTags
 from plc_bridge.protocol.registers import Parameter, Register, table
 

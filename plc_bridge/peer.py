@@ -17,12 +17,9 @@ from plc_bridge.protocol.images import (
     DIAGNOSTICS,
     REPORT,
     CommandImage,
-    Diagnostics,
     command_words,
-    diagnostics_image,
-    report_image,
 )
-from plc_bridge.protocol.messages import Control, LeaseState, Report, Result
+from plc_bridge.protocol.messages import Control, Diagnostics, LeaseState, Report, Result
 from plc_bridge.protocol.registers import COILS, VERSION, Lease
 
 logging.getLogger("pymodbus.logging").setLevel(logging.CRITICAL)  # its errors are raised here
@@ -30,8 +27,6 @@ logging.getLogger("pymodbus.logging").setLevel(logging.CRITICAL)  # its errors a
 
 class CellSilentError(CellError, code=FaultCode.PLC_LOST):
     """The cell cannot be reached, or does not answer in time."""
-
-    code = FaultCode.PLC_LOST
 
 
 class PlcPeer(ABC):
@@ -258,11 +253,11 @@ class Peer(PlcPeer):
 
     def read_report(self) -> Report:
         """Return the report; writes nothing."""
-        return report_image(self._read(REPORT.start, REPORT.words))
+        return REPORT.read(self._read(REPORT.start, REPORT.words))
 
     def read_diagnostics(self) -> Diagnostics:
         """Return the cell's counts; writes nothing."""
-        return diagnostics_image(self._read(DIAGNOSTICS.start, DIAGNOSTICS.words))
+        return DIAGNOSTICS.read(self._read(DIAGNOSTICS.start, DIAGNOSTICS.words))
 
     def stop(self) -> None:
         """Stop the cell, independent of the lease."""

@@ -15,8 +15,8 @@ from plc_bridge.canopen.node import NmtState
 from plc_bridge.canopen.objects import RPDO_BASES, bytes_of, dictionary
 from plc_bridge.config import CanConfig
 from plc_bridge.peer import CellSilentError, PlcPeer
-from plc_bridge.protocol.images import CommandImage, Diagnostics, Value, command_words, report_of
-from plc_bridge.protocol.messages import Report
+from plc_bridge.protocol.images import REPORT, CommandImage, Value, command_words
+from plc_bridge.protocol.messages import Diagnostics, Report
 from plc_bridge.protocol.registers import RPDOS, Register, table
 
 _NEWS = tuple(
@@ -126,7 +126,7 @@ class CanPeer(PlcPeer):
             self._rest = state, {name: self._number(name) for name in _BY_SDO}
         values |= self._rest[1]
         values |= {"report_holder": holder.decode("ascii"), "report_life_tail": values["report_life"]}
-        return report_of(values)
+        return REPORT.value_of(values)
 
     def read_diagnostics(self) -> Diagnostics:
         """Return the cell's counts; writes nothing."""

@@ -16,7 +16,7 @@ from pymodbus.client import ModbusTcpClient
 
 from cell.lab.faults.program import served
 from cell.run.states import State
-from plc_bridge.protocol.images import COMMAND, REPORT, CommandImage, command_words, report_image
+from plc_bridge.protocol.images import COMMAND, REPORT, CommandImage, command_words
 from plc_bridge.protocol.messages import Refusal, Result
 from plc_bridge.protocol.registers import COILS, DISCRETE_INPUTS
 from skills.catalogue import CATALOGUE
@@ -70,7 +70,7 @@ class Conversation:
 def by_numbers(client: ModbusTcpClient) -> Conversation:
     """Record a PLC that writes the whole block in every cycle."""
     trace = Conversation("By sequence number: one FC16 and one FC4 in every cycle")
-    read = lambda: report_image(client.read_input_registers(REPORT.start, count=REPORT.words).registers)  # noqa: E731
+    read = lambda: REPORT.read(client.read_input_registers(REPORT.start, count=REPORT.words).registers)  # noqa: E731
     image = CommandImage(sequence=read().sequence + 1)
 
     def cycle(**changes: int) -> dict[str, int]:

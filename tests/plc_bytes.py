@@ -13,7 +13,7 @@ from plc_bridge.modbus.connection import HEADER
 from plc_bridge.modbus.rtu import RtuServer
 from plc_bridge.modbus.rtu_frames import with_check_sum
 from plc_bridge.modbus.server import ModbusServer
-from plc_bridge.protocol.images import REPORT, report_image
+from plc_bridge.protocol.images import REPORT
 from plc_bridge.protocol.messages import Command, Control, Refusal, Report, Result
 from plc_bridge.protocol.registers import table
 
@@ -109,7 +109,9 @@ class Cell:
             return
         self.running.result = result
         number = self.running.number
-        self.report = Report(self.running.command.sequence, state=state, result=result, fault=fault, run=number)
+        self.report = Report(
+            sequence=self.running.command.sequence, state=state, result=result, fault=fault, run=number
+        )
         self.running = None
         self.bridge.publish(self.report)
 
@@ -122,7 +124,7 @@ class Cell:
             self.bridge.accept(command)
             self.running = Run(command, len(self.runs) + 1, self.step)
             self.runs.append(self.running)
-            self.report = Report(command.sequence, state=EXECUTE, run=self.running.number)
+            self.report = Report(sequence=command.sequence, state=EXECUTE, run=self.running.number)
         elif code == Control.LOST:
             if self.running is not None:
                 self.end(Result.FAULT, ABORTED, PLC_LOST)
@@ -134,7 +136,7 @@ class Cell:
             self.end(Result.ABORTED, ABORTED if code == Control.ABORT or state == ABORTED else STOPPED)
         elif code == Control.RESET and state in (STOPPED, ABORTED, COMPLETE):
             self.bridge.accept(command)
-            self.report = Report(command.sequence, state=IDLE, result=Result.SUCCESS)
+            self.report = Report(sequence=command.sequence, state=IDLE, result=Result.SUCCESS)
         elif code > Control.CLEAR:
             self.bridge.accept(command)
         else:
@@ -142,7 +144,11 @@ class Cell:
 
     def _show(self, state: int) -> None:
         self.report = Report(
-            self.report.sequence, state=state, result=self.report.result, fault=self.report.fault, run=self.report.run
+            sequence=self.report.sequence,
+            state=state,
+            result=self.report.result,
+            fault=self.report.fault,
+            run=self.report.run,
         )
         self.bridge.publish(self.report)
 
@@ -162,7 +168,7 @@ class Client:
 
     def report(self) -> Any:
         """Return the report block as values."""
-        return report_image(struct.unpack(f">{REPORT.words}H", self.ask(READ_REPORT)[2:]))
+        return REPORT.read(struct.unpack(f">{REPORT.words}H", self.ask(READ_REPORT)[2:]))
 
 
 class SerialWire:
@@ -294,4 +300,4 @@ class Can:
 
     def report(self) -> Any:
         """Return the report as the node has it for its TPDOs."""
-        return report_image(self.cell.bridge.report_words(self.cell.node.source))
+        return REPORT.read(self.cell.bridge.report_words(self.cell.node.source))

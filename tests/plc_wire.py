@@ -5,7 +5,7 @@ import struct
 import time
 
 from cell.run.states import State
-from plc_bridge.protocol.images import COMMAND, REPORT, CommandImage, command_words, report_image
+from plc_bridge.protocol.images import COMMAND, REPORT, CommandImage, command_words
 from plc_bridge.protocol.messages import Control
 from plc_bridge.protocol.registers import COILS, DISCRETE_INPUTS
 from tests.quick_cell import CODE
@@ -36,7 +36,7 @@ class Wire:
 
     def report(self):
         (answer,) = self.ask(struct.pack(">BHH", 4, REPORT.start, REPORT.words))
-        return report_image(struct.unpack(f">{REPORT.words}H", answer[2:]))
+        return REPORT.read(struct.unpack(f">{REPORT.words}H", answer[2:]))
 
     def bits(self):
         """Return the names of the discrete inputs that are 1, without `ready`, which belongs to the cell."""

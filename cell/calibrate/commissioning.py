@@ -13,7 +13,7 @@ from cell.run.states import State
 from plc_bridge.bridge import Bridge
 from plc_bridge.protocol.messages import FIRST_PROGRAM, Command, Control, Report, Result
 from plc_bridge.protocol.registers import VERSION_MAJOR, VERSION_MINOR
-from plc_bridge.protocol.sight import PlcSight
+from plc_bridge.protocol.watchdog import PlcSight
 from skills.catalogue import CATALOGUE
 
 MOTION = CATALOGUE["recover"].code

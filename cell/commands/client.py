@@ -8,8 +8,7 @@ from cell.config.parameters import PARAMETERS
 from cell.run.line import CONTROLS
 from drivers.errors import CellError, ConfigError
 from plc_bridge.peer import Peer
-from plc_bridge.protocol.images import Diagnostics
-from plc_bridge.protocol.messages import Report
+from plc_bridge.protocol.messages import Diagnostics, Report
 from skills.catalogue import CATALOGUE
 
 

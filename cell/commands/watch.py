@@ -10,8 +10,7 @@ from rich.text import Text
 from cell.commands import client, words
 from cell.commands.arguments import address
 from cell.commands.terminal import GOOD, console, say
-from plc_bridge.protocol.images import Diagnostics
-from plc_bridge.protocol.messages import Report
+from plc_bridge.protocol.messages import Diagnostics, Report
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -25,8 +25,7 @@ from cell.records.schema import EventKind, EventRow, RunRow, StageRow
 from cell.records.wall_clock import headed, local
 from cell.run.states import BEFORE_RESET, State
 from drivers.errors import FAULTS, FaultCode
-from plc_bridge.protocol.images import Diagnostics
-from plc_bridge.protocol.messages import LeaseState, PartEvidence, PartPlace, Refusal, Report, Result
+from plc_bridge.protocol.messages import Diagnostics, LeaseState, PartEvidence, PartPlace, Refusal, Report, Result
 from skills.catalogue import CATALOGUE
 
 TYPED: ActionWords = {Action.RECOVER: "`cell run recover`", Action.CLEARED: "`cell run cleared`"}

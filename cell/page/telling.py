@@ -9,8 +9,7 @@ from cell.peg.part_state import told as told_peg
 from cell.records.schema import RunRow
 from cell.run.states import ASKED, Event, State, is_permitted
 from drivers.errors import FAULTS, FaultCode
-from plc_bridge.protocol.messages import LeaseState, PartEvidence, PartPlace, Refusal, Report, Result
-from plc_bridge.protocol.registers import Warnings
+from plc_bridge.protocol.messages import LeaseState, PartEvidence, PartPlace, Refusal, Report, Result, Warnings
 from skills.catalogue import CATALOGUE
 
 NEXT = {

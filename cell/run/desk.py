@@ -73,7 +73,7 @@ class Desk:
     def open(self, command: Command, run: int = 0) -> None:
         """Start the report on a command; `run` is the number of its run, 0 before it has one."""
         before = self.report
-        self.report = Report(command.sequence, run=run, transition=before.transition, warnings=before.warnings)
+        self.report = Report(sequence=command.sequence, run=run, transition=before.transition, warnings=before.warnings)
 
     def tell_times(self, clock: StageClock) -> None:
         """Write the times of the stages into the report."""

@@ -9,8 +9,7 @@ from cell.records.wall_clock import now_text
 from cell.run.live import CablePull
 from cell.run.states import State
 from drivers.errors import CellError, JournalError
-from plc_bridge.protocol.messages import Command, Control, Refusal
-from plc_bridge.protocol.registers import Warnings
+from plc_bridge.protocol.messages import Command, Control, Refusal, Warnings
 from skills.catalogue import CATALOGUE
 
 logger = logging.getLogger(__name__)

@@ -16,8 +16,8 @@ from drivers.transport.can_bus import CanBus
 from drivers.transport.wires import CanFrame, CanLostError
 from plc_bridge.canopen.node import CanopenNode
 from plc_bridge.config import CanConfig
-from plc_bridge.protocol.images import Diagnostics
 from plc_bridge.protocol.mailbox import Mailbox
+from plc_bridge.protocol.messages import Diagnostics
 from plc_bridge.protocol.registers import Register
 
 logger = logging.getLogger(__name__)

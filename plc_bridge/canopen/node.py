@@ -37,8 +37,8 @@ from plc_bridge.canopen.objects import (
 from plc_bridge.canopen.pdo import Reports
 from plc_bridge.canopen.sdo import ABORT, SdoServer
 from plc_bridge.config import CanConfig
-from plc_bridge.protocol.images import Diagnostics
 from plc_bridge.protocol.mailbox import Mailbox
+from plc_bridge.protocol.messages import Diagnostics
 from plc_bridge.protocol.peer_log import PeerLog
 from plc_bridge.protocol.registers import RPDOS, Register
 from plc_bridge.protocol.station import LinkStation, LinkWords

@@ -107,7 +107,7 @@ def _object(objects: ObjectDictionary, index: int, by_place: Mapping[tuple[int, 
     for subindex in sorted(found.subindices):
         register = by_place.get((index, subindex))
         entries = _entries(found.subindices[subindex])
-        yield from _section(f"{index:04X}sub{subindex:X}", entries, _comment(register) if register else "")
+        yield from _section(f"{index:04X}sub{subindex:X}", entries, register.told if register else "")
 
 
 def _entries(variable: ODVariable) -> dict[str, object]:
@@ -132,8 +132,3 @@ def _default(variable: ODVariable) -> str:
         return f"$NODEID+0x{variable.default:X}"
     is_word = variable.data_type == datatypes.UNSIGNED32
     return f"0x{variable.default:08X}" if is_word else str(variable.default)
-
-
-def _comment(register: Register) -> str:
-    scale = f"; in {register.scale:g} {register.unit}" if register.scale != 1.0 else ""
-    return register.meaning + scale

@@ -105,20 +105,18 @@ def function_block(registers: Sequence[Register], names: Mapping[str, int]) -> F
 
 
 def _inputs(command: Mapping[str, Register]) -> tuple[Variable, ...]:
-    def said(name: str) -> str:
-        return _meaning(command[name])
-
-    notes = "; ".join(f"[{n}] {said(f'parameter_{n}')}" for n in range(1, PARAMETERS + 1))
+    said = {name: entry.told for name, entry in command.items()}
+    notes = "; ".join(f"[{n}] {said[f'parameter_{n}']}" for n in range(1, PARAMETERS + 1))
     return (
         Variable("Execute", "BOOL", "a rising edge starts, falling acknowledges"),
         Variable("Stop", "BOOL", "a rising edge stops the cell, whoever runs it"),
         Variable("Hold", "BOOL", "while TRUE the own run waits where it is"),
-        Variable("Code", "UINT", said("code")),
-        Variable("Recipe", "UINT", said("recipe")),
-        Variable("SerialNumber", SERIAL, said("serial")),
+        Variable("Code", "UINT", said["code"]),
+        Variable("Recipe", "UINT", said["recipe"]),
+        Variable("SerialNumber", SERIAL, said["serial"]),
         Variable("Parameters", PARAMETER, notes),
-        Variable("ParameterMask", "UINT", said("parameter_mask")),
-        Variable("Lease", "UINT", said("lease")),
+        Variable("ParameterMask", "UINT", said["parameter_mask"]),
+        Variable("Lease", "UINT", said["lease"]),
         Variable("SilentTime", "TIME", "time without a new report after which the cell counts as gone", "T#1s"),
         Variable("Report", REPORT, "input registers of the cell, as the Modbus client has read them"),
     )
@@ -128,8 +126,8 @@ def _outputs(report: Mapping[str, Register]) -> tuple[Variable, ...]:
     return (
         *(Variable(name, "BOOL") for name in ("Busy", "Done", "Error", "CommandAborted")),
         Variable("ErrorID", "UINT", "see the head"),
-        *(Variable(shown, "UINT", _meaning(report[name])) for name, shown in SHOWN.items()),
-        Variable("Run", "UDINT", _meaning(report["run"])),
+        *(Variable(shown, "UINT", report[name].told) for name, shown in SHOWN.items()),
+        Variable("Run", "UDINT", report["run"].told),
         Variable("TotalTime", "TIME", report["total_time"].meaning),
         Variable("StageTime", STAGE_TIMES, "time spent in each stage of the run"),
         Variable("Names", NAMES, "what the numbers are called"),
@@ -158,7 +156,3 @@ def _words(block: Mapping[str, Register]) -> int:
 def _block(registers: Sequence[Register], prefix: str) -> dict[str, Register]:
     words = [r for r in registers if r.table in ("holding", "input")]
     return {r.name.removeprefix(prefix): r for r in words if r.name.startswith(prefix)}
-
-
-def _meaning(entry: Register) -> str:
-    return entry.meaning + (f"; in {entry.scale:g} {entry.unit}" if entry.scale != 1.0 else "")

@@ -24,10 +24,9 @@ def plc_names(programs: Mapping[int, str], words: Mapping[str, Mapping[int, str]
         ("LEASE", LeaseState),
         ("PART", PartPlace),
         ("EVIDENCE", PartEvidence),
+        ("ASK_LEASE", Lease),
     ):
         names.update({_name(kind, str(member.name)): member.value for member in members})
-    wishes = {"NONE": Lease.NONE, "TAKE": Lease.TAKE, "TAKE_FOR_HOST": Lease.TAKE_FOR_HOST, "RELEASE": Lease.RELEASE}
-    names.update({_name("ASK_LEASE", wish): number for wish, number in wishes.items()})
     for register, said in words.items():
         kind = register.removeprefix("report_").upper()
         names.update({_name(kind, word): number for number, word in said.items()})

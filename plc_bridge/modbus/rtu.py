@@ -14,8 +14,8 @@ from drivers.transport.serial_line import SerialLine
 from plc_bridge.config import RtuConfig
 from plc_bridge.modbus.pdu import is_exception, respond
 from plc_bridge.modbus.rtu_frames import BROADCAST, Receiver, with_check_sum
-from plc_bridge.protocol.images import Diagnostics
 from plc_bridge.protocol.mailbox import Mailbox
+from plc_bridge.protocol.messages import Diagnostics
 from plc_bridge.protocol.station import LinkStation, LinkWords
 
 logger = logging.getLogger(__name__)

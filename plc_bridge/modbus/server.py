@@ -12,8 +12,8 @@ from drivers.errors import DeviceNotOpenedError
 from plc_bridge.config import ModbusConfig
 from plc_bridge.modbus.admission import NoPlaceError, who_leaves
 from plc_bridge.modbus.connection import Connection
-from plc_bridge.protocol.images import Diagnostics
 from plc_bridge.protocol.mailbox import Mailbox
+from plc_bridge.protocol.messages import Diagnostics
 from plc_bridge.protocol.peer_log import PeerLog
 from plc_bridge.protocol.station import LinkStation, LinkWords
 

@@ -18,8 +18,9 @@ from plc_bridge.modbus.tls import server_context
 from plc_bridge.opcua.commands import Commands
 from plc_bridge.opcua.session import CellServer, Trust, application_uris
 from plc_bridge.opcua.unit import Unit
-from plc_bridge.protocol.images import PACKML, REPORT, Diagnostics
+from plc_bridge.protocol.images import PACKML, REPORT
 from plc_bridge.protocol.mailbox import Mailbox
+from plc_bridge.protocol.messages import Diagnostics
 from plc_bridge.protocol.registers import DEVICE_NAME, Parameter, Register
 
 logger = logging.getLogger(__name__)

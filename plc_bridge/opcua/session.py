@@ -7,7 +7,6 @@ run's number, as over Modbus. Every request is a sign of life.
 import logging
 from collections.abc import Callable
 from contextvars import ContextVar
-from dataclasses import dataclass, field
 from typing import Any
 
 from asyncua import ua
@@ -20,8 +19,9 @@ from cryptography.x509 import verification
 
 from plc_bridge.config import Right, TlsConfig
 from plc_bridge.modbus.tls import BadRoleError, rights_of, role_of
-from plc_bridge.protocol.images import CommandImage, Diagnostics
+from plc_bridge.protocol.images import CommandImage
 from plc_bridge.protocol.mailbox import Mailbox
+from plc_bridge.protocol.messages import Diagnostics
 from plc_bridge.protocol.peer_log import PeerLog
 
 logger = logging.getLogger(__name__)
@@ -44,7 +44,6 @@ class UntrustedError(Exception):
         self.status = status
 
 
-@dataclass(frozen=True, slots=True)
 class Trust:
     """Decides on clients by the certificate of their secure channel.
 
@@ -53,19 +52,14 @@ class Trust:
         is_open: True if a client without a certificate may read.
     """
 
-    tls: TlsConfig | None
-    is_open: bool
-    _store: verification.Store | None = field(init=False)
-    _revoked: x509.CertificateRevocationList | None = field(init=False)
-
-    def __post_init__(self) -> None:
-        store = revoked = None
-        if self.tls is not None:
-            store = verification.Store(x509.load_pem_x509_certificates(self.tls.authority.read_bytes()))
-            if self.tls.revoked is not None:
-                revoked = x509.load_pem_x509_crl(self.tls.revoked.read_bytes())
-        object.__setattr__(self, "_store", store)
-        object.__setattr__(self, "_revoked", revoked)
+    def __init__(self, tls: TlsConfig | None, is_open: bool) -> None:
+        self.tls, self.is_open = tls, is_open
+        self._store: verification.Store | None = None
+        self._revoked: x509.CertificateRevocationList | None = None
+        if tls is not None:
+            self._store = verification.Store(x509.load_pem_x509_certificates(tls.authority.read_bytes()))
+            if tls.revoked is not None:
+                self._revoked = x509.load_pem_x509_crl(tls.revoked.read_bytes())
 
     def identify(self, certificate: bytes | None, uri: str) -> tuple[str, frozenset[Right]]:
         """Return the role and the rights of a client.

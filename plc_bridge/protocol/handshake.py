@@ -5,11 +5,8 @@ Links come and go. The decision to run a command is made here, once for all buse
     | module             | decision                                                      |
     | ------------------ | ------------------------------------------------------------- |
     | `sequence_numbers` | a number is adopted, is a command, is late, or has no effect  |
-    | `coils`            | a write of a coil is a command or not                         |
-    | `refusals`         | refusals that do not need the scan thread                     |
-    | `orders`           | a request becomes an order, waits in the queue, and ends      |
+    | `orders`           | a number or a coil becomes an order, is refused, waits, ends  |
     | `links`            | the answer and the result that a link reads                   |
-    | `answers`          | content of the link's report and inputs                       |
     | `lease`            | permission to start                                           |
     | `watchdog`         | a link is alive, and its block whole                          |
 
@@ -26,22 +23,25 @@ Stops
 import logging
 import time
 from collections.abc import Callable, Hashable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import count
 
-from plc_bridge.protocol.answers import Inputs, answer_for, inputs_for
-from plc_bridge.protocol.images import CommandImage, Diagnostics
+from plc_bridge.protocol.images import CommandImage
 from plc_bridge.protocol.lease import CellLease
 from plc_bridge.protocol.links import Link, Order
-from plc_bridge.protocol.messages import Command, Control, Refusal, Report
+from plc_bridge.protocol.messages import Command, Control, Diagnostics, Inputs, Refusal, Report, Result
 from plc_bridge.protocol.orders import Orders
 from plc_bridge.protocol.peer_log import PeerLog
-from plc_bridge.protocol.refusals import Rules
-from plc_bridge.protocol.registers import Lease, Parameter
-from plc_bridge.protocol.sight import PlcSight, sight_of
-from plc_bridge.protocol.watchdog import LinkWatchdog
+from plc_bridge.protocol.registers import VERSION, Lease, Parameter
+from plc_bridge.protocol.watchdog import LinkWatchdog, PlcSight
 
 logger = logging.getLogger(__name__)
+
+IDLE, COMPLETE = 4, 17
+"""States of PackML in which a start is accepted."""
+_NO_ORDER = Order(Command(0, Control.NONE))
+_OF_A_RUN = ("stage", "reason", "progress", "run", "stage_times", "total_time", "peak_force", "hole")
+"""Fields of the report that belong to a run; the others belong to the cell or to the link."""
 
 
 @dataclass(slots=True)
@@ -74,7 +74,7 @@ class Handshake:
 
     def __post_init__(self) -> None:
         self._lease = CellLease(self.lease_timeout, self.log)
-        self.orders = Orders(self._lease, self.log, Rules(self.programs, self.parameters))
+        self.orders = Orders(self._lease, self.log, self.programs, self.parameters)
         self._links = self.orders.links
 
     # Links.
@@ -190,19 +190,60 @@ class Handshake:
         return frozenset(link.source for link in (holder, runner) if link is not None)
 
     def answer(self, source: str, life: int = 0) -> Report:
-        """Return the report that `source` reads, with the life counter of the cell."""
-        return answer_for(self._links[source], self.orders, life)
+        """Return the report that `source` reads, with the life counter of the cell; it is composed only here.
+
+        Before a link's first command this is the run of any link.
+        """
+        link, orders = self._links[source], self.orders
+        shown, answered = link.in_view, link.answered
+        if not link.has_spoken:
+            shown, answered = orders.run or orders.seen, orders.latest
+        shown, answered = shown or _NO_ORDER, answered or _NO_ORDER
+        return replace(
+            orders.report,
+            **{name: getattr(shown.report, name) for name in _OF_A_RUN},
+            life=life,
+            life_tail=life,
+            version=VERSION,
+            lease=orders.lease.state_for(link),
+            holder=orders.lease.name,
+            sequence=shown.sequence,
+            result=shown.told_to(link),
+            code=shown.command.code,
+            answered=answered.sequence,
+            answered_result=answered.result,
+            refusal=answered.refusal,
+            refusal_detail=answered.detail,
+        )
 
     def inputs(self, source: str) -> Inputs:
-        """Return the discrete inputs of `source`."""
-        return inputs_for(self._links[source], self.orders)
+        """Return the discrete inputs of `source`, for the last request of its coils, or for its last number."""
+        link, orders = self._links[source], self.orders
+        order = link.executed or link.in_view
+        if order is None or not order.is_shown:
+            order = link.resetting or _NO_ORDER
+        result = order.told_to(link)
+        is_waiting = orders.report.state in (IDLE, COMPLETE) and orders.report.obstacle is Refusal.NONE
+        return Inputs(
+            busy=order.is_under_way,
+            done=order.is_program and result is Result.SUCCESS,
+            error=result in (Result.FAILURE, Result.FAULT, Result.REFUSED),
+            command_aborted=result is Result.ABORTED,
+            ready=is_waiting and orders.run is None and not orders.stops_held and orders.lease.is_open_to(link),
+        )
 
     def sight(self, host: str) -> PlcSight | None:
         """Return the cell's view of the PLC at `host`, an address, node or line; None if it is not connected.
 
         If one host has several links, the view is of the link whose life counter changed most often.
         """
-        return sight_of(self._links.values(), host, self.now())
+        spoken = [link for link in self._links.values() if link.host.rpartition("@")[2] == host and link.has_spoken]
+        if not spoken:
+            return None
+        link = max(spoken, key=lambda each: each.watchdog.changes)
+        version, watch = link.image.version if link.image is not None else 0, link.watchdog
+        silence = watch.silence(self.now())
+        return PlcSight(link.source, version, watch.changes, watch.longest_gap, silence, watch.uses_tail)
 
     # Acknowledgements, resumed links, and silent links.
 

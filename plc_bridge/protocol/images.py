@@ -2,12 +2,15 @@
 
 import struct
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass
+from typing import Any, Generic, TypeVar
 
-from plc_bridge.protocol.messages import Report
-from plc_bridge.protocol.registers import PARAMETERS, STAGES, Register, table
+from plc_bridge.protocol.messages import Diagnostics, Report, entries_of
+from plc_bridge.protocol.packml import PackTags
+from plc_bridge.protocol.registers import PARAMETERS, Register, table
 
 Value = int | float | str
+T = TypeVar("T")
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,28 +32,6 @@ class CommandImage:
     def asked(self) -> tuple[int, int, str] | None:
         """Return the key of a command: two blocks with one number and one key are the same command; None without a command."""
         return (self.code, self.recipe, self.serial) if self.code else None
-
-
-@dataclass(slots=True)
-class Diagnostics:
-    """Counts since the start, as in the diagnostics block."""
-
-    requests: int = 0
-    exceptions: int = 0
-    malformed: int = 0
-    refusals: int = 0
-    torn: int = 0
-    lost: int = 0
-    connections: int = 0
-    accepted: int = 0
-    dropped: int = 0
-    forbidden: int = 0
-    unauthorised: int = 0
-    bad_frames: int = 0
-    stops_held: int = 0
-
-    def __add__(self, other: "Diagnostics") -> "Diagnostics":
-        return Diagnostics(*(getattr(self, n.name) + getattr(other, n.name) for n in fields(Diagnostics)))
 
 
 class Block:
@@ -89,6 +70,34 @@ class Block:
         return values
 
 
+class ValueBlock(Block, Generic[T]):
+    """A block whose registers are the fields of a dataclass, see `messages.entry`; a field with several registers holds a sequence."""
+
+    def __init__(self, kind: type[T], prefix: str) -> None:
+        super().__init__([register for register in table() if register.name.startswith(prefix)])
+        self._kind = kind
+        entries = list(entries_of(kind))
+        self._numbers = {prefix + name: field for field, name, entry in entries if not entry.names}
+        self._groups = {field: [prefix + name for name in entry.names] for field, _, entry in entries if entry.names}
+
+    def words_of(self, value: T) -> list[int]:
+        """Return the words of a value."""
+        values: dict[str, Value] = {register: getattr(value, field) for register, field in self._numbers.items()}
+        for field, registers in self._groups.items():
+            values.update(zip(registers, getattr(value, field), strict=False))
+        return self.pack(values)
+
+    def value_of(self, values: Mapping[str, Value]) -> T:
+        """Return the value with this content of each register."""
+        facts: dict[str, Any] = {field: values[register] for register, field in self._numbers.items()}
+        facts |= {field: tuple(float(values[each]) for each in names) for field, names in self._groups.items()}
+        return self._kind(**facts)
+
+    def read(self, words: Sequence[int]) -> T:
+        """Return the value in these words."""
+        return self.value_of(self.unpack(words))
+
+
 def _code(register: Register) -> str:
     if register.type == "string":
         return f"{2 * register.words}s"
@@ -101,9 +110,9 @@ def _range(register: Register) -> tuple[int, int]:
 
 
 COMMAND = Block([register for register in table() if register.table == "holding"])
-REPORT = Block([register for register in table() if register.name.startswith("report_")])
-PACKML = Block([register for register in table() if register.name.startswith("packml_")])
-DIAGNOSTICS = Block([register for register in table() if register.name.startswith("diagnostics_")])
+REPORT = ValueBlock(Report, "report_")
+PACKML = ValueBlock(PackTags, "packml_")
+DIAGNOSTICS = ValueBlock(Diagnostics, "diagnostics_")
 
 
 def command_image(words: Sequence[int]) -> CommandImage:
@@ -126,44 +135,3 @@ def command_words(image: CommandImage) -> list[int]:
     values["command_parameter_mask"] = sum(1 << number for number, _ in image.parameters)
     values.update({f"command_parameter_{number + 1}": count for number, count in image.parameters})
     return COMMAND.pack(values)
-
-
-_STAGE_TIMES = [f"report_stage_time_{number}" for number in range(1, STAGES + 1)]
-_HOLE = ("report_hole_x", "report_hole_y")
-_REPORT_FIELDS = [
-    (register.name, register.name.removeprefix("report_"))
-    for register in REPORT.registers
-    if register.name not in (*_STAGE_TIMES, *_HOLE)
-]
-"""Registers of the report, and the fields of `Report` of the same names; the others hold a tuple each."""
-
-
-def report_words(report: Report) -> list[int]:
-    """Return the words of the report block."""
-    values: dict[str, Value] = {register: getattr(report, name) for register, name in _REPORT_FIELDS}
-    values.update(zip(_STAGE_TIMES, report.stage_times, strict=False))
-    values.update(zip(_HOLE, report.hole, strict=True))
-    return REPORT.pack(values)
-
-
-def report_image(words: Sequence[int]) -> Report:
-    """Return the report block in `words` as values."""
-    return report_of(REPORT.unpack(words))
-
-
-def report_of(values: Mapping[str, Value]) -> Report:
-    """Return the report block from the value of each of its registers."""
-    times = tuple(float(values[name]) for name in _STAGE_TIMES)
-    hole = float(values[_HOLE[0]]), float(values[_HOLE[1]])
-    return Report(stage_times=times, hole=hole, **{name: values[register] for register, name in _REPORT_FIELDS})  # type: ignore[arg-type]
-
-
-def diagnostics_words(counts: Diagnostics) -> list[int]:
-    """Return the words of the diagnostics block."""
-    return DIAGNOSTICS.pack({f"diagnostics_{name}": value for name, value in asdict(counts).items()})
-
-
-def diagnostics_image(words: Sequence[int]) -> Diagnostics:
-    """Return the diagnostics block in `words` as values."""
-    values = DIAGNOSTICS.unpack(words)
-    return Diagnostics(**{name.removeprefix("diagnostics_"): int(value) for name, value in values.items()})

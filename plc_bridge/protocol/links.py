@@ -7,7 +7,6 @@ newest order, or its run as long as that is under way.
 from collections.abc import Hashable
 from dataclasses import dataclass, field
 
-from plc_bridge.protocol.coils import Coils
 from plc_bridge.protocol.images import CommandImage
 from plc_bridge.protocol.messages import FIRST_PROGRAM, Command, Control, Refusal, Report, Result
 from plc_bridge.protocol.sequence_numbers import SequenceNumbers
@@ -62,6 +61,12 @@ class Order:
         """Return the result until it is acknowledged."""
         return Result.NONE if self.is_acknowledged else self.result
 
+    @property
+    def is_shown(self) -> bool:
+        """True if the discrete inputs show the order; they do not show a control that has been carried out."""
+        is_obeyed = self.shown_result is Result.SUCCESS and not self.is_program
+        return self.is_under_way or (self.shown_result is not Result.NONE and not is_obeyed)
+
     def told_to(self, link: "Link") -> Result:
         """Return the result until it is acknowledged, and record that its own link has read it."""
         self.is_read |= link is self.link and self.result is not Result.NONE
@@ -99,7 +104,8 @@ class Link:
     """Sequence numbers of other connections; each connection counts for itself."""
     stops: set[Hashable] = field(default_factory=set)
     """Connections of the link that hold their stop coil at 1."""
-    coils: Coils = field(default_factory=Coils)
+    coils: dict[str, bool] = field(default_factory=dict)
+    """The coils `execute` and `reset` as last written; one that was not written has no entry."""
     shown: Order | None = None
     """Order whose result the link reads; None before its first order."""
     aside: Order | None = None
@@ -127,7 +133,7 @@ class Link:
         self.was_lost = True
         for each in (self.numbers, *self.others.values()):
             each.forget()
-        self.coils = Coils()
+        self.coils.clear()
 
     def turn_to(self, writer: Hashable) -> None:
         """Switch to the numbers of the connection that writes; its first number after another connection's is adopted.

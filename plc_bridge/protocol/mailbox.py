@@ -12,10 +12,10 @@ from typing import ParamSpec, TypeVar
 
 from plc_bridge.config import PlcConfig
 from plc_bridge.protocol.handshake import Handshake
-from plc_bridge.protocol.images import Diagnostics, diagnostics_words, report_words
+from plc_bridge.protocol.images import DIAGNOSTICS, PACKML, REPORT
 from plc_bridge.protocol.intervals import Intervals
 from plc_bridge.protocol.links import Order
-from plc_bridge.protocol.messages import Refusal, Report
+from plc_bridge.protocol.messages import Diagnostics, Refusal, Report
 from plc_bridge.protocol.peer_log import PeerLog
 from plc_bridge.protocol.registers import DISCRETE_INPUTS, Parameter
 
@@ -149,16 +149,16 @@ class Mailbox:
 
     def report_words(self, source: str) -> list[int]:
         """Return the report block for the link `source`, for a server."""
-        return report_words(self.report_for(source))
+        return REPORT.words_of(self.report_for(source))
 
     def diagnostics_words(self) -> list[int]:
         """Return the diagnostics block, for a server."""
-        return diagnostics_words(self.diagnostics)
+        return DIAGNOSTICS.words_of(self.diagnostics)
 
     def packml_words(self) -> list[int]:
         """Return the block of PackTags, for a server."""
         with self._lock:
-            return self._handshake.orders.tags.words()
+            return PACKML.words_of(self._handshake.orders.tags)
 
     def discrete_inputs(self, source: str) -> list[bool]:
         """Return the discrete inputs, for a server."""

@@ -1,7 +1,9 @@
-"""The messages of the line as values: one Command in, one Report out."""
+"""The messages of the line as values: one Command in, one Report out; the fields of what goes out are the registers of the map."""
 
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, fields, replace
 from enum import IntEnum, IntFlag
+from typing import Any, Literal
 
 
 class Result(IntEnum):
@@ -165,62 +167,172 @@ class Command:
     """Source of the command: address, node or user, as in the run's record."""
 
 
-@dataclass(frozen=True, slots=True)
-class Report:
-    """The report block as values; each of its registers, or each group of numbered ones, is a field.
+class Warnings:
+    """Bits of `report_warnings`."""
 
-    The cell fills in its own fields. For each link, the bridge adds the fields from `life` on.
+    NOT_RECORDED = 1
+    DISK_LOW = 2
+    SCAN_OVERRUNS = 4
+    ARM_CALIBRATION = 8
+    COMMISSIONING = 16
+
+
+STAGES = 12
+"""Largest number of stages with times in the report."""
+AFTER_A_LOSS = 1
+"""Detail of the refusal ADOPTED if the number is the first one after the PLC was lost."""
+SERIAL_NUMBER = 100
+"""Detail of the refusal PARAMETER if the serial number is invalid."""
+Kind = Literal["u16", "u32", "i16", "i32", "string", "bool"]
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """An entry of the register map without its place."""
+
+    kind: Kind
+    meaning: str
+    unit: str = ""
+    scale: float = 1.0
+    words: int = 0
+    """Number of words of a string; 0 for the size of the type."""
+    names: tuple[str, ...] = ()
+    """Names of the registers of a field with several values; in the meaning, braces stand for the last part of each name."""
+
+
+def entry(kind: Kind, meaning: str, default: Any = 0, **more: Any) -> Any:
+    """Return a field that is an entry of the map, with this default or the function that makes it; `more` are fields of `Entry`."""
+    made = {"default_factory" if callable(default) else "default": default}
+    return field(metadata={"entry": Entry(kind, meaning, **more)}, **made)
+
+
+def entries_of(block: type) -> Iterator[tuple[str, str, Entry]]:
+    """Yield field, register and entry of each value of a block, in the order of the registers."""
+    for each in fields(block):
+        found: Entry | None = each.metadata.get("entry")
+        if found is not None:
+            for name in found.names or (each.name,):
+                yield each.name, name, replace(found, meaning=found.meaning.format(name.rpartition("_")[2]))
+
+
+def listed(words: Mapping[int, str]) -> str:
+    """Return numbers with their names."""
+    return ", ".join(f"{number} {word}" for number, word in sorted(words.items()))
+
+
+def _numbers(words: type[IntEnum] | type[IntFlag]) -> str:
+    return listed({word.value: str(word.name) for word in words})
+
+
+TRANSITIONS = listed({control.value: control.name for control in PACKML})
+"""Numbers and names of the controls that change the state."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Report:
+    """The report block as values, in the order of its registers.
+
+    The cell fills in its own fields. For each link, the bridge adds those of its number, its answer and the lease. Those of a
+    run belong to the command `sequence`.
     """
 
-    sequence: int = 0
-    """Sequence number of the command that the fields of a run belong to."""
-    state: int = 0
-    """PackML state number."""
-    result: int = Result.NONE
-    fault: int = 0
-    stage: int = 0
-    """Number of the present or last skill; 0 before the first."""
-    transition: int = Control.NONE
-    """Control that caused the last change of state."""
-    reason: int = 0
+    life: int = entry("u16", "head life counter: changes with every scan of the cell")
+    version: int = entry("u16", "256 * major + minor of this map")
+    sequence: int = entry("u16", "number of the command that report_result belongs to")
+    answered: int = entry("u16", "number of the last command that was accepted or refused: the answer to the sequence")
+    refusal: int = entry("u16", f"why report_answered was refused: {_numbers(Refusal)}", Refusal.NONE)
+    result: int = entry("u16", f"how report_sequence ended, held until acknowledged: {_numbers(Result)}", Result.NONE)
+    state: int = entry("u16", "PackML state number of the cell")
+    fault: int = entry("u16", "fault code, see `cell faults`; 0 is none")
+    stage: int = entry("u16", "skill under way or reached last (0 before the first)")
+    reason: int = entry("u16", "why the run ended so")
     """Reason of the outcome, as in `skills.contract.Reason`, by number."""
-    progress: int = 0
-    """Progress of the present skill, percent."""
-    run: int = 0
-    """Number of the run in the journal."""
-    stage_times: tuple[float, ...] = ()
-    """Time spent in each stage of the run so far, s; at most `registers.STAGES`."""
-    total_time: float = 0.0
-    """Total time of the run, s."""
-    hole: tuple[float, float] = (0.0, 0.0)
-    """Place where the run found the hole, shape (2,), m, base frame; zeros before that."""
-    peak_force: float = 0.0
-    """Largest force of the run at the tool, N."""
-    part: int = PartPlace.UNKNOWN
-    part_depth: float = 0.0
-    """Depth of the peg's tip below the plate, m."""
-    part_evidence: int = PartEvidence.NOTHING
-    part_width: float = 0.0
-    """Distance between the pads in the reading that determined the peg's place, m."""
-    warnings: int = 0
-    """Warnings, which do not stop the cell, as a sum of `registers.Warnings`."""
+    progress: int = entry("u16", "how much of the run is done", unit="%")
+    code: int = entry("u16", "code of the command that report_sequence belongs to")
+    run: int = entry("u32", "number of the run in the journal")
+    lease: int = entry("u16", f"who may start: {_numbers(LeaseState)}", LeaseState.FREE)
+    holder: str = entry("string", "who holds the lease, ASCII, zero-padded", "", words=16)
+    stage_times: tuple[float, ...] = entry(
+        "u32",
+        "time spent in stage {} of the run, 0 where there is no such stage",
+        (),
+        unit="s",
+        scale=0.001,
+        names=tuple(f"stage_time_{number}" for number in range(1, STAGES + 1)),
+    )
+    total_time: float = entry("u32", "time of the run that counts", 0.0, unit="s", scale=0.001)
+    answered_result: int = entry(
+        "u16", f"how report_answered ended, 0 while it is under way: {_numbers(Result)}", Result.NONE
+    )
+    refusal_detail: int = entry(
+        "u16",
+        f"of refusal {Refusal.PARAMETER.value}: number of the parameter, 9 a bit of the mask beyond them, "
+        f"{SERIAL_NUMBER} the serial number, 0 the parameters together; of refusal {Refusal.ADOPTED.value}: "
+        f"{AFTER_A_LOSS} the first number after the PLC was lost; else 0",
+    )
+    transition: int = entry("u16", f"why the state last changed, 0 not yet: {TRANSITIONS}", Control.NONE)
+    part: int = entry("u16", f"where the peg is: {_numbers(PartPlace)}", PartPlace.UNKNOWN)
+    part_depth: float = entry("i32", "how deep the peg's tip is below the plate", 0.0, unit="m", scale=1e-6)
+    hole: tuple[float, float] = entry(
+        "i32",
+        "place along {} where the hole was found, base frame, 0 not yet",
+        (0.0, 0.0),
+        unit="m",
+        scale=1e-6,
+        names=("hole_x", "hole_y"),
+    )
+    warnings: int = entry(
+        "u16",
+        f"sum of {Warnings.NOT_RECORDED} records not written, {Warnings.DISK_LOW} disk low, "
+        f"{Warnings.SCAN_OVERRUNS} scan overruns, {Warnings.ARM_CALIBRATION} arm calibration does not fit, "
+        f"{Warnings.COMMISSIONING} in commissioning",
+    )
+    overruns: int = entry("u32", "scans that took longer than their period since the start")
+    peak_force: float = entry("u32", "largest force of the run at the tool", 0.0, unit="N", scale=0.01)
+    life_tail: int = entry("u16", "equal to report_life when the block was read whole")
+    # Map 2.0 ends here; later entries follow it, so that no register has moved.
+    part_evidence: int = entry(
+        "u16", f"why report_part is believed, a sum of {_numbers(PartEvidence)}", PartEvidence.NOTHING
+    )
+    part_width: float = entry("u16", "distance between the pads when report_part was found", 0.0, unit="m", scale=1e-4)
     obstacle: Refusal = Refusal.NONE
     """Refusal that a program with a fresh peg would get now, from the state of peg, hole and rack; for the bridge, no register."""
-    overruns: int = 0
-    """Number of scans that took longer than their period, since the start."""
-    life: int = 0
-    """Life counter of the cell."""
-    life_tail: int = 0
-    version: int = 0
-    """Version of the register map."""
-    code: int = 0
-    """Code of the command `sequence`."""
-    answered: int = 0
-    """Sequence number of the last decided command of the link."""
-    answered_result: int = Result.NONE
-    refusal: int = Refusal.NONE
-    """Refusal of the command `answered`."""
-    refusal_detail: int = 0
-    lease: int = LeaseState.FREE
-    holder: str = ""
-    """Name of the link that holds the lease."""
+
+
+@dataclass(slots=True)
+class Diagnostics:
+    """Counts since the start: the diagnostics block."""
+
+    requests: int = entry("u32", "requests answered, over CAN the PDOs and SDOs taken")
+    exceptions: int = entry("u32", "requests answered with an exception, over CAN with an abort")
+    malformed: int = entry("u32", "connections closed because of a malformed frame, over CAN frames of wrong length")
+    refusals: int = entry("u32", "commands refused")
+    torn: int = entry("u32", "command blocks whose head and tail life counters differed")
+    lost: int = entry("u32", "runs stopped because the PLC fell silent")
+    connections: int = entry("u32", "connections open now")
+    accepted: int = entry("u32", "connections accepted, over CAN how often the PLC came up")
+    dropped: int = entry("u32", "connections closed for being idle or to make room, over CAN heartbeats and buses lost")
+    forbidden: int = entry("u32", "connections refused for their address or their certificate")
+    unauthorised: int = entry("u32", "requests refused because the role of the client does not permit them")
+    bad_frames: int = entry(
+        "u32", "serial frames with a wrong check sum, over CAN what was no frame, or could not be sent"
+    )
+    stops_held: int = entry("u32", "connections that hold their stop coil at 1 now: nothing starts before they let go")
+
+    def __add__(self, other: "Diagnostics") -> "Diagnostics":
+        return Diagnostics(*(getattr(self, n.name) + getattr(other, n.name) for n in fields(Diagnostics)))
+
+
+@dataclass(frozen=True, slots=True)
+class Inputs:
+    """The discrete inputs of one link; done, error and command_aborted are held until acknowledged, ready needs no acknowledgement."""
+
+    busy: bool = entry("bool", "the command is accepted and has not ended", False)
+    done: bool = entry("bool", "the program or skill ended in success; held until acknowledged", False)
+    error: bool = entry("bool", "the command failed, met a fault or was refused; held until acknowledged", False)
+    command_aborted: bool = entry("bool", "the command was stopped; held until acknowledged", False)
+    ready: bool = entry(
+        "bool",
+        "a start of this connection would be taken now: idle or complete, its lease, no stop held, peg, hole and rack ready",
+        False,
+    )

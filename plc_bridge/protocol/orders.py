@@ -7,21 +7,33 @@ import logging
 from collections import deque
 from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Literal
 
-from plc_bridge.protocol.coils import Edge
-from plc_bridge.protocol.images import CommandImage, Diagnostics
+from plc_bridge.protocol.images import CommandImage
 from plc_bridge.protocol.lease import CellLease
 from plc_bridge.protocol.links import Link, Order
-from plc_bridge.protocol.messages import FIRST_PROGRAM, REMEDIES, UNNUMBERED, Command, Control, Refusal, Report, Result
+from plc_bridge.protocol.messages import (
+    AFTER_A_LOSS,
+    FIRST_PROGRAM,
+    REMEDIES,
+    SERIAL_NUMBER,
+    UNNUMBERED,
+    Command,
+    Control,
+    Diagnostics,
+    Refusal,
+    Report,
+    Result,
+)
 from plc_bridge.protocol.packml import PackTags
 from plc_bridge.protocol.peer_log import PeerLog
-from plc_bridge.protocol.refusals import CONTROLS, STOPS, BadParameterError, Rules
-from plc_bridge.protocol.registers import AFTER_A_LOSS
+from plc_bridge.protocol.registers import VERSION_MAJOR, Parameter
 from plc_bridge.protocol.sequence_numbers import NumberMeaning
 
 logger = logging.getLogger(__name__)
 
+CONTROLS = frozenset(control.value for control in Control if control < FIRST_PROGRAM) - {Control.START.value}
+STOPS = frozenset({Control.STOP.value, Control.ABORT.value})
+"""Controls that every link may give, and that precede all other commands."""
 MOST_WAITING = 8
 """Largest number of orders that wait for the scan thread, without stops."""
 
@@ -33,12 +45,14 @@ class Orders:
     Args:
         lease: The lease of the cell; the queue sets the link of its run.
         log: Logger of refusals.
-        rules: Rules for accepted commands.
+        programs: Name of each program and skill by its command code, from 100 on.
+        parameters: Meaning of the numbered parameters.
     """
 
     lease: CellLease
     log: PeerLog = field(default_factory=lambda: PeerLog(logger))
-    rules: Rules = field(default_factory=lambda: Rules({}))
+    programs: Mapping[int, str] = field(default_factory=dict)
+    parameters: Sequence[Parameter] = ()
     links: dict[str, Link] = field(default_factory=dict)
     """Open links, by their source."""
     counts: Diagnostics = field(default_factory=Diagnostics)
@@ -263,21 +277,21 @@ class Orders:
         link.resetting = self._take_edge(link, "reset", coils, link.resetting, image, now)
 
     def _take_edge(
-        self,
-        link: Link,
-        coil: Literal["execute", "reset"],
-        coils: Mapping[str, bool],
-        before: Order | None,
-        image: CommandImage,
-        now: float,
+        self, link: Link, coil: str, coils: Mapping[str, bool], before: Order | None, image: CommandImage, now: float
     ) -> Order | None:
-        """Return the request made by a write of a coil; otherwise `before`, the request of an earlier write."""
-        edge = link.coils.take(coil, coils)
-        if edge is Edge.ROSE:
-            return self.command(link, link.numbers.count_up(), image, now)
-        if edge is Edge.UNSEEN:
+        """Return the request made by a write of a coil; otherwise `before`, the request of an earlier write.
+
+        If a coil is 1 in the first write after its link opened or was lost, its rising edge was not seen. Its command may
+        have run before the loss, so it is not run again.
+        """
+        if coil not in coils:
+            return before
+        was, link.coils[coil] = link.coils.get(coil), coils[coil]
+        if coils[coil] and was is None:
             return self._refuse_new(link, image, link.numbers.count_up(), Refusal.ADOPTED)
-        if edge is Edge.LOW and before is not None and before.is_read:
+        if coils[coil] and not was:
+            return self.command(link, link.numbers.count_up(), image, now)
+        if not coils[coil] and before is not None and before.is_read:
             self.end(before)
         return before
 
@@ -300,13 +314,11 @@ class Orders:
         """Answer a new number, or pass its command on to the scan thread."""
         if image.code in STOPS:
             return self._stop_for(link, image, sequence)
-        refusal, detail = self._why_not(link, image), 0
-        parameters: tuple[tuple[str, float], ...] = ()
-        try:
-            parameters = self.rules.parameters_of(image)
-        except BadParameterError as error:
-            if refusal is Refusal.NONE:
-                refusal, detail = Refusal.PARAMETER, error.detail
+        refusal, (parameters, detail) = self._why_not(link, image), self._parameters_of(image)
+        if refusal is not Refusal.NONE:
+            detail = 0
+        elif detail:
+            refusal = Refusal.PARAMETER
         order = _order(link, sequence, image, parameters, detail)
         if refusal is not Refusal.NONE:
             self.turn_down(order, refusal)
@@ -318,7 +330,7 @@ class Orders:
         return order
 
     def _why_not(self, link: Link, image: CommandImage) -> Refusal:
-        refusal = self.rules.refuse_code(image)
+        refusal = self._refuse_code(image)
         if refusal is not Refusal.NONE:
             return refusal
         if image.code != Control.HOLD and self.stops_held:
@@ -328,6 +340,34 @@ class Orders:
         if (self.run is not None and image.code not in CONTROLS) or len(self._waiting) >= MOST_WAITING:
             return Refusal.BUSY
         return Refusal.NONE
+
+    def _refuse_code(self, image: CommandImage) -> Refusal:
+        """Return the refusal of a command block that is independent of its sender, or NONE."""
+        if image.version and image.version >> 8 != VERSION_MAJOR:
+            return Refusal.VERSION
+        if image.code not in CONTROLS and image.code not in self.programs:
+            return Refusal.UNKNOWN_CODE
+        return Refusal.NONE
+
+    def _parameters_of(self, image: CommandImage) -> tuple[tuple[tuple[str, float], ...], int]:
+        """Return the parameters in their units, and 0 or the detail of their refusal.
+
+        The detail is the number, from 1, of a parameter that is unknown or beyond its limits, or `SERIAL_NUMBER` if the
+        serial number cannot be printed.
+        """
+        if not image.serial.isascii() or not image.serial.isprintable():
+            return (), SERIAL_NUMBER
+        values = []
+        for number, count in image.parameters:
+            if number >= len(self.parameters):
+                return (), number + 1
+            spec = self.parameters[number]
+            value = count * spec.scale
+            slack = spec.scale / 2  # limits need not be a multiple of the scale
+            if not spec.low - slack <= value <= spec.high + slack:
+                return (), number + 1
+            values.append((spec.name, min(max(value, spec.low), spec.high)))
+        return tuple(values), 0
 
     # Torn blocks of links.
 

@@ -3,13 +3,12 @@
 Source of the tags: PackML Unit/Machine Implementation Guide, part 1 (OMAC), chapter on PackTags.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
-from plc_bridge.protocol.images import PACKML, Value
-from plc_bridge.protocol.messages import PACKML as CONTROLS_OF_PACKML
-from plc_bridge.protocol.messages import Control, Report, Result
-from plc_bridge.protocol.registers import STATES
+from plc_bridge.protocol.messages import PACKML, TRANSITIONS, Control, Report, Result, entry
 
+STATES = 17
+"""Number of PackML states, numbered from 1."""
 STOPPED, EXECUTE, STOPPING, ABORTING, ABORTED = 2, 6, 7, 8, 9
 """States of PackML with a stop reason, and the state that ends it."""
 
@@ -18,22 +17,27 @@ STOPPED, EXECUTE, STOPPING, ABORTING, ABORTED = 2, 6, 7, 8, 9
 class PackTags:
     """The tags since the start."""
 
-    state: int = 0
-    cntrl_cmd: int = 0
-    stop_reason: int = 0
-    processed: int = 0
-    defective: int = 0
-    _times: list[float] = field(default_factory=lambda: [0.0] * STATES)
+    unit_mode: int = entry("u16", "PackTags UnitModeCurrent: 1 production", 1)
+    state: int = entry("u16", "PackTags StateCurrent, equal to report_state")
+    cntrl_cmd: int = entry("u16", f"PackTags CntrlCmd, obeyed last: {TRANSITIONS}")
+    stop_reason: int = entry(
+        "u16", "PackTags StopReason: fault code, or the control that stopped the cell; 0 since it went on"
+    )
+    processed: int = entry("u32", "PackTags ProdProcessedCount: insertions that have ended since the start")
+    defective: int = entry("u32", "PackTags ProdDefectiveCount: those of them that did not end in success")
+    times: list[float] = entry(  # noqa: RUF009  made anew for each
+        "u32",
+        "PackTags StateCumulativeTime: time in state {} since the start",
+        lambda: [0.0] * STATES,
+        unit="s",
+        names=tuple(f"state_time_{number}" for number in range(1, STATES + 1)),
+    )
+    """Time in each state from 1 on, s."""
     _since: float | None = None
-
-    @property
-    def times(self) -> tuple[float, ...]:
-        """Time in each state from 1 on, s."""
-        return tuple(self._times)
 
     def obey(self, control: int) -> None:
         """Record a control that the cell has carried out, if PackML defines it."""
-        if control in CONTROLS_OF_PACKML:
+        if control in PACKML:
             self.cntrl_cmd = control
 
     def count(self, result: Result) -> None:
@@ -44,7 +48,7 @@ class PackTags:
     def record(self, report: Report, now: float) -> None:
         """Take a report of the cell at the time `now`, s."""
         if self._since is not None and 1 <= self.state <= STATES:
-            self._times[self.state - 1] += now - self._since
+            self.times[self.state - 1] += now - self._since
         self.state, self._since = report.state, now
         if report.state == EXECUTE:
             self.stop_reason = 0
@@ -53,17 +57,3 @@ class PackTags:
             Control.ABORT,
         ):
             self.stop_reason = report.fault or int(report.transition)
-
-    def words(self) -> list[int]:
-        """Return the words of the block."""
-        values: dict[str, Value] = {
-            # Value of PackML's UnitModeCurrent in this cell.
-            "packml_unit_mode": 1,
-            "packml_state": self.state,
-            "packml_cntrl_cmd": self.cntrl_cmd,
-            "packml_stop_reason": self.stop_reason,
-            "packml_processed": self.processed,
-            "packml_defective": self.defective,
-        }
-        values.update({f"packml_state_time_{n}": time for n, time in enumerate(self._times, 1)})
-        return PACKML.pack(values)

@@ -13,18 +13,21 @@ registers at the same address plus `MIRROR`.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from enum import IntEnum
 from typing import Literal
 
 from plc_bridge.protocol.messages import (
     FIRST_PROGRAM,
-    PACKML,
     Control,
-    LeaseState,
-    PartEvidence,
-    PartPlace,
-    Refusal,
-    Result,
+    Diagnostics,
+    Inputs,
+    Kind,
+    Report,
+    entries_of,
+    listed,
 )
+from plc_bridge.protocol.messages import STAGES as STAGES
+from plc_bridge.protocol.packml import PackTags
 
 DEVICE_NAME = "tactile insertion cell"
 """Name of the cell on every bus."""
@@ -37,8 +40,6 @@ VERSION_DATE = "2026-11-25"
 
 MIRROR = 1000
 """Offset of the holding registers that mirror the input registers."""
-STAGES = 12
-"""Largest number of stages with times in the report."""
 PARAMETERS = 8
 """Largest number of parameters of a command."""
 
@@ -63,34 +64,15 @@ _PDO_OF = {
 }
 
 Table = Literal["holding", "input", "coil", "discrete"]
-Kind = Literal["u16", "u32", "i16", "i32", "string", "bool"]
 
 
-class Lease:
+class Lease(IntEnum):
     """Values of `command_lease`."""
 
     NONE = 0
     TAKE = 1
     TAKE_FOR_HOST = 2
     RELEASE = 3
-
-
-class Warnings:
-    """Bits of `report_warnings`."""
-
-    NOT_RECORDED = 1
-    DISK_LOW = 2
-    SCAN_OVERRUNS = 4
-    ARM_CALIBRATION = 8
-    COMMISSIONING = 16
-
-
-AFTER_A_LOSS = 1
-"""Detail of the refusal ADOPTED if the number is the first one after the PLC was lost."""
-SERIAL_NUMBER = 100
-"""Detail of the refusal PARAMETER if the serial number is invalid."""
-STATES = 17
-"""Number of PackML states, numbered from 1."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,6 +98,11 @@ class Register:
     """PDO of the entry on CAN; empty if it is accessible by SDO only."""
     meaning: str
 
+    @property
+    def told(self) -> str:
+        """The meaning, with the value of one count."""
+        return self.meaning + (f"; in {self.scale:g} {self.unit}" if self.scale != 1.0 else "")
+
 
 @dataclass(frozen=True, slots=True)
 class Parameter:
@@ -130,22 +117,10 @@ class Parameter:
     meaning: str
 
 
-def _numbers(words: type[Result] | type[Refusal] | type[LeaseState] | type[PartPlace] | type[PartEvidence]) -> str:
-    return _listed({word.value: str(word.name) for word in words})
-
-
 def _codes(programs: Mapping[int, str]) -> str:
     named = {control.value: control.name for control in Control if control < FIRST_PROGRAM}
     del named[Control.START]  # a program's own code starts it
-    return _listed({**named, **programs})
-
-
-def _transitions() -> str:
-    return _listed({control.value: control.name for control in PACKML})
-
-
-def _listed(words: Mapping[int, str]) -> str:
-    return ", ".join(f"{number} {word}" for number, word in sorted(words.items()))
+    return listed({**named, **programs})
 
 
 class _Layout:
@@ -180,6 +155,12 @@ class _Layout:
         )
         self.registers.append(entry)
         self._next += words
+
+    def of(self, block: type) -> list[Register]:
+        """Append the entries of a block of values, and return all registers."""
+        for _, name, each in entries_of(block):
+            self.add(name, each.kind, each.meaning, each.unit, each.scale, each.words)
+        return self.registers
 
 
 def _command_block(programs: Mapping[int, str], parameters: Sequence[Parameter]) -> list[Register]:
@@ -216,119 +197,12 @@ def _command_block(programs: Mapping[int, str], parameters: Sequence[Parameter])
     return block.registers
 
 
-def _report_block() -> list[Register]:
-    block = _Layout("input", 0, "r", "report_", 0x2001)
-    block.add("life", "u16", "head life counter: changes with every scan of the cell")
-    block.add("version", "u16", "256 * major + minor of this map")
-    block.add("sequence", "u16", "number of the command that report_result belongs to")
-    block.add("answered", "u16", "number of the last command that was accepted or refused: the answer to the sequence")
-    block.add("refusal", "u16", f"why report_answered was refused: {_numbers(Refusal)}")
-    block.add("result", "u16", f"how report_sequence ended, held until acknowledged: {_numbers(Result)}")
-    block.add("state", "u16", "PackML state number of the cell")
-    block.add("fault", "u16", "fault code, see `cell faults`; 0 is none")
-    block.add("stage", "u16", "skill under way or reached last (0 before the first)")
-    block.add("reason", "u16", "why the run ended so")
-    block.add("progress", "u16", "how much of the run is done", unit="%")
-    block.add("code", "u16", "code of the command that report_sequence belongs to")
-    block.add("run", "u32", "number of the run in the journal")
-    block.add("lease", "u16", f"who may start: {_numbers(LeaseState)}")
-    block.add("holder", "string", "who holds the lease, ASCII, zero-padded", words=16)
-    for number in range(1, STAGES + 1):
-        block.add(
-            f"stage_time_{number}",
-            "u32",
-            f"time spent in stage {number} of the run, 0 where there is no such stage",
-            unit="s",
-            scale=0.001,
-        )
-    block.add("total_time", "u32", "time of the run that counts", unit="s", scale=0.001)
-    block.add("answered_result", "u16", f"how report_answered ended, 0 while it is under way: {_numbers(Result)}")
-    block.add(
-        "refusal_detail",
-        "u16",
-        f"of refusal {Refusal.PARAMETER.value}: number of the parameter, 9 a bit of the mask beyond them, "
-        f"{SERIAL_NUMBER} the serial number, 0 the parameters together; of refusal {Refusal.ADOPTED.value}: "
-        f"{AFTER_A_LOSS} the first number after the PLC was lost; else 0",
-    )
-    block.add("transition", "u16", f"why the state last changed, 0 not yet: {_transitions()}")
-    block.add("part", "u16", f"where the peg is: {_numbers(PartPlace)}")
-    block.add("part_depth", "i32", "how deep the peg's tip is below the plate", unit="m", scale=1e-6)
-    block.add("hole_x", "i32", "place along x where the hole was found, base frame, 0 not yet", unit="m", scale=1e-6)
-    block.add("hole_y", "i32", "place along y where the hole was found, base frame, 0 not yet", unit="m", scale=1e-6)
-    block.add(
-        "warnings",
-        "u16",
-        f"sum of {Warnings.NOT_RECORDED} records not written, {Warnings.DISK_LOW} disk low, "
-        f"{Warnings.SCAN_OVERRUNS} scan overruns, {Warnings.ARM_CALIBRATION} arm calibration does not fit, "
-        f"{Warnings.COMMISSIONING} in commissioning",
-    )
-    block.add("overruns", "u32", "scans that took longer than their period since the start")
-    block.add("peak_force", "u32", "largest force of the run at the tool", unit="N", scale=0.01)
-    block.add("life_tail", "u16", "equal to report_life when the block was read whole")
-    # Map 2.0 ends here; later entries follow it, so that no register has moved.
-    block.add("part_evidence", "u16", f"why report_part is believed, a sum of {_numbers(PartEvidence)}")
-    block.add("part_width", "u16", "distance between the pads when report_part was found", unit="m", scale=1e-4)
-    return block.registers
-
-
-def _diagnostics_block() -> list[Register]:
-    block = _Layout("input", 100, "r", "diagnostics_", 0x2002)
-    block.add("requests", "u32", "requests answered, over CAN the PDOs and SDOs taken")
-    block.add("exceptions", "u32", "requests answered with an exception, over CAN with an abort")
-    block.add("malformed", "u32", "connections closed because of a malformed frame, over CAN frames of wrong length")
-    block.add("refusals", "u32", "commands refused")
-    block.add("torn", "u32", "command blocks whose head and tail life counters differed")
-    block.add("lost", "u32", "runs stopped because the PLC fell silent")
-    block.add("connections", "u32", "connections open now")
-    block.add("accepted", "u32", "connections accepted, over CAN how often the PLC came up")
-    block.add("dropped", "u32", "connections closed for being idle or to make room, over CAN heartbeats and buses lost")
-    block.add("forbidden", "u32", "connections refused for their address or their certificate")
-    block.add("unauthorised", "u32", "requests refused because the role of the client does not permit them")
-    block.add(
-        "bad_frames", "u32", "serial frames with a wrong check sum, over CAN what was no frame, or could not be sent"
-    )
-    block.add("stops_held", "u32", "connections that hold their stop coil at 1 now: nothing starts before they let go")
-    return block.registers
-
-
-def _packml_block() -> list[Register]:
-    block = _Layout("input", 200, "r", "packml_", 0x2005)
-    block.add("unit_mode", "u16", "PackTags UnitModeCurrent: 1 production")
-    block.add("state", "u16", "PackTags StateCurrent, equal to report_state")
-    block.add("cntrl_cmd", "u16", f"PackTags CntrlCmd, obeyed last: {_transitions()}")
-    block.add(
-        "stop_reason",
-        "u16",
-        "PackTags StopReason: fault code, or the control that stopped the cell; 0 since it went on",
-    )
-    block.add("processed", "u32", "PackTags ProdProcessedCount: insertions that have ended since the start")
-    block.add("defective", "u32", "PackTags ProdDefectiveCount: those of them that did not end in success")
-    for number in range(1, STATES + 1):
-        block.add(
-            f"state_time_{number}",
-            "u32",
-            f"PackTags StateCumulativeTime: time in state {number} since the start",
-            unit="s",
-        )
-    return block.registers
-
-
 def _bits() -> list[Register]:
     coils = _Layout("coil", 0, "rw", "", 0x2003)
     coils.add("execute", "bool", "0 to 1 runs command_code as the next sequence number; 1 to 0 acknowledges its result")
     coils.add("stop", "bool", "1 stops the cell, whoever holds the lease")
     coils.add("reset", "bool", "0 to 1 resets the cell after a stop or a fault")
-    inputs = _Layout("discrete", 0, "r", "", 0x2004)
-    inputs.add("busy", "bool", "the command is accepted and has not ended")
-    inputs.add("done", "bool", "the program or skill ended in success; held until acknowledged")
-    inputs.add("error", "bool", "the command failed, met a fault or was refused; held until acknowledged")
-    inputs.add("command_aborted", "bool", "the command was stopped; held until acknowledged")
-    inputs.add(
-        "ready",
-        "bool",
-        "a start of this connection would be taken now: idle or complete, its lease, no stop held, peg, hole and rack ready",
-    )
-    return [*coils.registers, *inputs.registers]
+    return [*coils.registers, *_Layout("discrete", 0, "r", "", 0x2004).of(Inputs)]
 
 
 def table(
@@ -345,15 +219,13 @@ def table(
     """
     registers = [
         *_command_block(programs or {}, parameters),
-        *_report_block(),
-        *_diagnostics_block(),
-        *_packml_block(),
+        *_Layout("input", 0, "r", "report_", 0x2001).of(Report),
+        *_Layout("input", 100, "r", "diagnostics_", 0x2002).of(Diagnostics),
+        *_Layout("input", 200, "r", "packml_", 0x2005).of(PackTags),
         *_bits(),
     ]
     said = words or {}
-    return tuple(
-        replace(r, meaning=f"{r.meaning}: {_listed(said[r.name])}") if r.name in said else r for r in registers
-    )
+    return tuple(replace(r, meaning=f"{r.meaning}: {listed(said[r.name])}") if r.name in said else r for r in registers)
 
 
 COILS = {register.name: register.address for register in _bits() if register.table == "coil"}

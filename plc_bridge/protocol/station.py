@@ -8,8 +8,9 @@ from typing import TypeVar
 from pymodbus.constants import ExcCodes
 
 from plc_bridge.config import ALL_RIGHTS, Right
-from plc_bridge.protocol.images import COMMAND, DIAGNOSTICS, PACKML, Diagnostics, command_image
+from plc_bridge.protocol.images import COMMAND, DIAGNOSTICS, PACKML, command_image
 from plc_bridge.protocol.mailbox import Mailbox
+from plc_bridge.protocol.messages import Diagnostics
 from plc_bridge.protocol.registers import COILS, MIRROR, Lease
 
 logger = logging.getLogger(__name__)
@@ -90,7 +91,8 @@ class LinkStation:
         _slice(self.link.words, address, len(words))
         wish = words[_LEASE.address - address] if address <= _LEASE.address < address + len(words) else Lease.NONE
         if not Lease.NONE <= wish <= Lease.RELEASE:
-            self._say_once(f"{_LEASE.name} = {wish}: {Lease.NONE} to {Lease.RELEASE} allowed")
+            why = f"{_LEASE.name} = {wish}: {Lease.NONE} to {Lease.RELEASE} allowed"
+            self._say_once(why, why)
             raise ValueError(wish)
         if wish == Lease.TAKE_FOR_HOST and self._share is not None:
             self._share()  # first: the words go into the block that all connections of the host have together
@@ -137,13 +139,11 @@ class LinkStation:
 
     def refused(self, function: int, exception: int) -> None:
         """Log an exception, once for each of its codes."""
-        if exception not in self._told:
-            self._told.add(exception)
-            self._warn("%s: refused: function %d: exception %02d", self.link.source, function, exception)
+        self._say_once(exception, f"function {function}: exception {exception:02d}")
 
-    def _say_once(self, why: str) -> None:
-        if why not in self._told:
-            self._told.add(why)
+    def _say_once(self, key: str | int, why: str) -> None:
+        if key not in self._told:
+            self._told.add(key)
             self._warn("%s: refused: %s", self.link.source, why)
 
     def _demand(self, right: Right) -> None:

@@ -4,6 +4,23 @@ import math
 from dataclasses import dataclass
 
 
+@dataclass(frozen=True, slots=True)
+class PlcSight:
+    """View of one PLC from the cell, for commissioning of both."""
+
+    source: str
+    version: int
+    """Version of the map that the PLC writes; 0 for none."""
+    life_changes: int
+    """Number of changes of its life counter on this connection."""
+    longest_gap: float
+    """Longest time between two changes, s."""
+    silence: float
+    """Time since its last sign of life, s."""
+    uses_tail: bool
+    """True if the PLC writes the copy of the life counter at the tail."""
+
+
 @dataclass(slots=True)
 class LinkWatchdog:
     """Watches one link.
@@ -46,7 +63,11 @@ class LinkWatchdog:
 
     def is_silent(self, now: float, timeout: float) -> bool:
         """Return True if the last sign of life is older than `timeout`, s."""
-        return now - (self.life_stamp if self.uses_life else self.heard) > timeout
+        return self.silence(now) > timeout
+
+    def silence(self, now: float) -> float:
+        """Return the time since the last sign of life, s."""
+        return now - (self.life_stamp if self.uses_life else self.heard)
 
     def is_torn(self, now: float, timeout: float) -> bool:
         """Return True if the block has been torn for longer than `timeout`, s."""

@@ -80,7 +80,9 @@ class Cell:
         while not self._stop.wait(0.002):
             command = take(self.bridge)
             if command is not None and command.code == PROGRAM:
-                self.bridge.publish(Report(command.sequence, 17, Result.SUCCESS, run=command.recipe))
+                self.bridge.publish(
+                    Report(sequence=command.sequence, state=17, result=Result.SUCCESS, run=command.recipe)
+                )
 
     def close(self):
         self._stop.set()

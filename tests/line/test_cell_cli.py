@@ -14,7 +14,7 @@ from cell.config.files import DEFAULT
 from cell.lab import demo
 from drivers.errors import FAULTS
 from plc_bridge.peer import Peer
-from plc_bridge.protocol.images import Diagnostics
+from plc_bridge.protocol.messages import Diagnostics
 from tests.emulation import emulated_or_skip
 from tests.fakes import Rig
 from tests.serving import serving

@@ -7,8 +7,7 @@ import pytest
 from cell.records.schema import EventKind
 from cell.run.states import State
 from drivers.errors import FaultCode, SkinSilentError
-from plc_bridge.protocol.messages import Control, Result
-from plc_bridge.protocol.registers import Warnings
+from plc_bridge.protocol.messages import Control, Result, Warnings
 from skills.catalogue import CATALOGUE
 from skills.contract import Outcome, Reason, SkillResult
 from skills.entry import Program

@@ -11,7 +11,7 @@ from plc_bridge.config import ModbusConfig, PlcConfig
 from plc_bridge.peer import Peer
 from plc_bridge.protocol.messages import Command, Control, Report, Result
 from plc_bridge.protocol.registers import VERSION, VERSION_MAJOR, VERSION_MINOR, Lease
-from plc_bridge.protocol.sight import PlcSight
+from plc_bridge.protocol.watchdog import PlcSight
 from tests.plc_wire import until
 from tests.quick_cell import quick_cell
 

@@ -28,8 +28,7 @@ from cell.run.states import State
 from drivers.errors import CellError
 from drivers.quantities import Vector
 from plc_bridge.peer import Peer
-from plc_bridge.protocol.messages import PartPlace, Report, Result
-from plc_bridge.protocol.registers import Warnings
+from plc_bridge.protocol.messages import PartPlace, Report, Result, Warnings
 from skills.catalogue import CATALOGUE
 from skills.guards.rest import REST_SPEED
 

@@ -20,8 +20,7 @@ from cell.devices.computer import UNLIMITED, settings
 from cell.run.supervisor import Supervisor
 from drivers.errors import NotCalibratedError, WrenchReversedError
 from drivers.quantities import Pose, SwitchState
-from plc_bridge.protocol.messages import Control, Refusal
-from plc_bridge.protocol.registers import Warnings
+from plc_bridge.protocol.messages import Control, Refusal, Warnings
 from skills.catalogue import CATALOGUE, RECOVER
 
 TODAY = date(2026, 11, 26)

@@ -3,8 +3,7 @@ import pytest
 from cell.commands.words import line, report
 from cell.run.states import BEFORE_RESET, State
 from drivers.errors import FAULTS, FaultCode
-from plc_bridge.protocol.images import Diagnostics
-from plc_bridge.protocol.messages import PartEvidence, PartPlace, Report
+from plc_bridge.protocol.messages import Diagnostics, PartEvidence, PartPlace, Report
 
 
 def told(**fields):

@@ -7,9 +7,20 @@ import pytest
 
 from plc_bridge.protocol.handshake import Handshake
 from plc_bridge.protocol.images import CommandImage
-from plc_bridge.protocol.messages import REMEDIES, UNNUMBERED, Command, Control, LeaseState, Refusal, Report, Result
+from plc_bridge.protocol.messages import (
+    AFTER_A_LOSS,
+    REMEDIES,
+    SERIAL_NUMBER,
+    UNNUMBERED,
+    Command,
+    Control,
+    LeaseState,
+    Refusal,
+    Report,
+    Result,
+)
 from plc_bridge.protocol.orders import MOST_WAITING
-from plc_bridge.protocol.registers import AFTER_A_LOSS, SERIAL_NUMBER, Lease, Parameter
+from plc_bridge.protocol.registers import Lease, Parameter
 
 INSERT, GRASP = 100, 101
 AGAIN = "plc again"

@@ -6,7 +6,7 @@ from plc_bridge.protocol.packml import PackTags
 
 
 def values(tags):
-    return {name.removeprefix("packml_"): value for name, value in PACKML.unpack(tags.words()).items()}
+    return {name.removeprefix("packml_"): value for name, value in PACKML.unpack(PACKML.words_of(tags)).items()}
 
 
 def test_time_is_counted_for_the_state_that_was():
