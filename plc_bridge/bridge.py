@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from drivers.errors import CellError, ConfigError
 from drivers.transport.serial_line import SerialLine
-from plc_bridge.config import CanConfig, PlcConfig
+from plc_bridge.config import PlcConfig
 from plc_bridge.modbus.rtu import RtuServer
 from plc_bridge.modbus.server import ModbusServer
 from plc_bridge.modbus.tls_server import SecureModbusServer
@@ -16,7 +16,7 @@ from plc_bridge.protocol.intervals import Intervals
 from plc_bridge.protocol.mailbox import Mailbox
 from plc_bridge.protocol.messages import Diagnostics
 from plc_bridge.protocol.packml import PackTags
-from plc_bridge.protocol.registers import Parameter, Register, table
+from plc_bridge.protocol.registers import Parameter, table
 
 if TYPE_CHECKING:
     from plc_bridge.canopen.bus import CanopenServer
@@ -66,11 +66,22 @@ class Bridge(Mailbox):
         if config.rtu is not None:
             line = SerialLine(config.rtu.port, config.rtu.baud_rate, config.rtu.parity, config.rtu.stop_bits)
             self._servers.append(RtuServer(config.rtu, line, self))
+        registers = table(programs, parameters)
         if config.can is not None:
-            self._servers.append(_canopen_server(config.can, table(programs, parameters), self))
+            # Imported here: the CAN libraries take 0.1 s, which only a cell with CANopen should spend.
+            from drivers.transport.can_bus import CanBus
+            from plc_bridge.canopen import bus
+
+            wire = CanBus(config.can.interface, config.can.channel, config.can.bitrate)
+            self._servers.append(bus.CanopenServer(config.can, registers, wire, self))
         self._opcua: OpcUaServer | None = None
         if opcua is not None:
-            self._opcua = _opcua_server(opcua, config, table(programs, parameters), parameters, self)
+            # Imported here: the library is an extra of the package, and takes a second to import.
+            try:
+                from plc_bridge.opcua import server
+            except ModuleNotFoundError as error:
+                raise ConfigError(f"--opcua: {error}: install the extra, as by uv pip install -e '.[opcua]'") from error
+            self._opcua = server.OpcUaServer(opcua, config, self, registers, parameters)
             self._servers.append(self._opcua)
 
     def start(self) -> None:
@@ -121,26 +132,3 @@ class Bridge(Mailbox):
         for server in self._servers:
             total = total + server.counts
         return total
-
-
-def _canopen_server(config: CanConfig, registers: Sequence[Register], bridge: Bridge) -> "CanopenServer":
-    # Imported here: the CAN libraries take 0.1 s, which only a cell with CANopen should spend.
-    from drivers.transport.can_bus import CanBus
-    from plc_bridge.canopen.bus import CanopenServer
-
-    return CanopenServer(config, registers, CanBus(config.interface, config.channel, config.bitrate), bridge)
-
-
-def _opcua_server(
-    address: tuple[str, int],
-    config: PlcConfig,
-    registers: Sequence[Register],
-    parameters: Sequence[Parameter],
-    bridge: Bridge,
-) -> "OpcUaServer":
-    # Imported here: the library is an extra of the package, and takes a second to import.
-    try:
-        from plc_bridge.opcua.server import OpcUaServer
-    except ModuleNotFoundError as error:
-        raise ConfigError(f"--opcua: {error}: install the extra, as by uv pip install -e '.[opcua]'") from error
-    return OpcUaServer(address, config, bridge, registers, parameters)

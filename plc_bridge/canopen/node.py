@@ -30,7 +30,6 @@ from plc_bridge.canopen.objects import (
     PRODUCER,
     RPDO_BASES,
     dictionary,
-    number_in,
     size_of,
     words_of,
 )
@@ -290,7 +289,7 @@ class CanopenNode:
         if self.state not in (NmtState.PRE_OPERATIONAL, NmtState.OPERATIONAL):
             return
         words = self._mailbox.report_words(self.source)
-        message = self._emergency.update(number_in(words, self._fault), self._mailbox.run)
+        message = self._emergency.update(words[self._fault.address], self._mailbox.run)
         if message is not None:
             self._shout(message)
         if self.state is not NmtState.OPERATIONAL:

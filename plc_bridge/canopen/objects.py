@@ -52,14 +52,6 @@ def bytes_of(register: Register, words: Sequence[int]) -> bytes:
     return data.rstrip(b"\0") if register.type == "string" else data[::-1]
 
 
-def number_in(words: Sequence[int], register: Register) -> int:
-    """Return the raw value of a register in the words of its block."""
-    value = 0
-    for word in words[register.address : register.address + register.words]:
-        value = value << 16 | word
-    return value
-
-
 def dictionary(registers: Sequence[Register], node_id: int = 0) -> ObjectDictionary:
     """Return the dictionary; with node-ID 0 the COB-IDs are relative to the node-ID, as in an EDS.
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from drivers.transport.wires import CanFrame
 from plc_bridge.canopen.object_values import Values
-from plc_bridge.canopen.objects import EVENT_TIMER, INHIBIT, TPDO_BASES, TPDO_PARAMETER, number_in, size_of
+from plc_bridge.canopen.objects import EVENT_TIMER, INHIBIT, TPDO_BASES, TPDO_PARAMETER, bytes_of
 from plc_bridge.protocol.registers import TPDOS, Register
 
 
@@ -20,7 +20,7 @@ class _Tpdo:
 
     def data(self, words: Sequence[int]) -> bytes:
         """Return the PDO's data from a report block."""
-        return b"".join(number_in(words, r).to_bytes(size_of(r), "little") for r in self.registers)
+        return b"".join(bytes_of(r, words[r.address : r.address + r.words]) for r in self.registers)
 
 
 class Reports:
