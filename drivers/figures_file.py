@@ -2,6 +2,7 @@
 
 import os
 import tomllib
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -69,13 +70,29 @@ def write_whole(path: Path, text: str, what: str) -> None:
     Raises:
         ConfigError: The file cannot be written; a previous file stays.
     """
-    new = path.with_suffix(path.suffix + ".new")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        with new.open("w", encoding="utf-8") as file:
-            file.write(text)
-            file.flush()
-            os.fsync(file.fileno())
-        new.replace(path)
+        replace_text(path, text)
     except OSError as error:
         raise ConfigError(f"{path}: {what} cannot be written: {error.strerror}") from None
+
+
+def replace_text(path: Path, text: str, *, is_lasting: bool = True, mode: int = 0o666) -> None:
+    """Replace the text of a file, whole or not at all; with `is_lasting` it then survives a power failure.
+
+    Raises:
+        OSError: The file cannot be written.
+    """
+    beside = path.with_suffix(path.suffix + ".new")
+    try:
+        number = os.open(beside, os.O_CREAT | os.O_TRUNC | os.O_WRONLY, mode)
+        with os.fdopen(number, "w", encoding="utf-8") as file:
+            file.write(text)
+            if is_lasting:
+                file.flush()
+                os.fsync(file.fileno())
+        beside.replace(path)
+    except OSError:
+        with suppress(OSError):
+            beside.unlink()
+        raise

@@ -60,8 +60,8 @@ def held_peg(rig, theta: float) -> Pose:
 
 def record(rig, journal: Journal, *, knows_truth: bool, scans: int = 60) -> int:
     """Put a run on record in which the hand closes on a peg in the middle and the switch at the end; return its number."""
-    row = journal.begin(ROW, scene_facts(rig.loaded.cell))
-    stream = SampleStream(partial(journal.write, row.run))
+    row = journal.writer.begin(ROW, scene_facts(rig.loaded.cell))
+    stream = SampleStream(partial(journal.writer.write, row.run))
     peg = rig.loaded.cell.peg
     upright = Pose(HOLE.position + ((peg.length + peg.overhang) / 2 - 0.012) * UP, np.eye(3))
     for number in range(scans):
@@ -70,5 +70,5 @@ def record(rig, journal: Journal, *, knows_truth: bool, scans: int = 60) -> int:
             rig, number, peg.diameter if is_held else 0.04, 0.2 if is_held else math.nan, is_closed=number == scans - 1
         )
         stream.add(seen, None, 2, Sight(upright, HOLE) if knows_truth else None)
-    journal.finish(row, (), stream.rest())
+    journal.writer.finish(row, (), stream.rest())
     return row.run

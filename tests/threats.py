@@ -39,7 +39,7 @@ a half-written token is used for ever
  cell.page.token.page_token
  tests/unit/cell/page/test_page_parts.py::test_a_token_that_anybody_could_guess_is_made_anew
 a full disk leaves an empty token
- cell.records.kept_file.replace
+ drivers.figures_file.replace_text
  tests/unit/cell/page/test_page_parts.py::test_a_full_disk_leaves_no_token_behind
 viewers lock the operator out
  cell.page.hub.PageHub.admit

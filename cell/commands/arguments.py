@@ -134,10 +134,9 @@ def load_config(args: argparse.Namespace, default_pace: str | None = None) -> "L
 def open_journal(args: argparse.Namespace, config: "JournalConfig") -> "Journal":
     """Return the journal for writing, not yet open: in --journal, the config's `folder`, or the user's data folder."""
     from cell.records.journal import Journal, default_folder
-    from cell.records.upkeep import Keep
 
     named = Path(config.folder).expanduser() if config.folder else default_folder()
-    return Journal(args.journal or named, keep=Keep(config.days, config.bytes, config.least_free))
+    return Journal(args.journal or named, keep=config)
 
 
 def read_journal(args: argparse.Namespace) -> "Journal":

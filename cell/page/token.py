@@ -5,8 +5,9 @@ import logging
 import secrets
 from pathlib import Path
 
-from cell.records.kept_file import replace
+from cell.records.kept_file import OWNER_ONLY
 from drivers.errors import ConfigError
+from drivers.figures_file import replace_text
 
 FILE = "page-token"
 """Name of the token's file in the folder of the records; only the user of the cell may read it."""
@@ -28,7 +29,7 @@ def page_token(folder: Path) -> str:
         kept = _kept(path)
         if not kept:
             kept = secrets.token_urlsafe(18)
-            replace(path, kept, is_lasting=True)
+            replace_text(path, kept, mode=OWNER_ONLY)
         return kept
     except OSError as error:
         raise ConfigError(f"{path}: cannot be used: {error}") from None

@@ -15,10 +15,8 @@ from cell.records.schema import ConfigRow, EventRow, RunRow, StageRow
 from drivers.errors import JournalError, UnknownRunError
 
 if TYPE_CHECKING:
-    from cell.records.sample_blocks import SampleBlock
-    from cell.records.upkeep import Keep
+    from cell.config.cell_config import JournalConfig
     from cell.records.writer import JournalWriter
-    from drivers.scene_facts import SceneFacts
 
 MOST = 2**62
 """Number that exceeds the number of runs in any journal."""
@@ -42,7 +40,7 @@ class Journal:
         folder: Path,
         *,
         is_read_only: bool = False,
-        keep: "Keep | None" = None,
+        keep: "JournalConfig | None" = None,
         trace: Callable[[str], None] | None = None,
     ) -> None:
         """Keep the folder; `open` creates it.
@@ -50,7 +48,7 @@ class Journal:
         Args:
             folder: Folder of the index and the samples.
             is_read_only: True to create and write nothing; a folder without an index then has no runs.
-            keep: Limits of age and size of the records; None keeps everything.
+            keep: Limits of age and size of the records; None keeps all of them.
             trace: Function that is called with each SQL statement of a journal that is only read.
         """
         self.folder = folder
@@ -69,11 +67,11 @@ class Journal:
         """
         if not self._is_read_only:
             # Imported here because a reader of runs needs neither Arrow nor the writing thread.
-            from cell.records.upkeep import Keep
+            from cell.config.cell_config import JournalConfig
             from cell.records.writer import JournalWriter
 
             versions()
-            writer = JournalWriter(self.folder, self._keep or Keep())
+            writer = JournalWriter(self.folder, self._keep or JournalConfig())
             writer.open()
             self._writer = writer
         else:
@@ -99,32 +97,16 @@ class Journal:
         """Close."""
         self.close()
 
-    # Methods that write; each raises a JournalError if the journal is not open to write.
+    @property
+    def writer(self) -> "JournalWriter":
+        """The writing side of the journal.
 
-    def begin(self, row: RunRow, facts: "SceneFacts | None" = None) -> RunRow:
-        """Record the start of a run; return its row with its number.
-
-        Args:
-            row: Row of the run at its start.
-            facts: Facts of the scene for pictures of the run.
+        Raises:
+            JournalError: The journal is not open to write.
         """
-        return self._writing().begin(row, facts)
-
-    def write(self, run: int, block: "SampleBlock") -> None:
-        """Record samples of a run."""
-        self._writing().write(run, block)
-
-    def finish(self, row: RunRow, stages: Sequence[StageRow] = (), rest: "SampleBlock | None" = None) -> None:
-        """Record the end of a run and its stages, with the rest of its samples."""
-        self._writing().finish(row, stages, rest)
-
-    def note(self, row: EventRow) -> None:
-        """Record an event; the index numbers it."""
-        self._writing().note(row)
-
-    def keep_config(self, row: ConfigRow) -> None:
-        """Record a whole config, once."""
-        self._writing().keep_config(row)
+        if self._writer is None:
+            raise JournalError(f"{self.folder / INDEX}: not open to write")
+        return self._writer
 
     @property
     def trouble(self) -> str:
@@ -133,13 +115,8 @@ class Journal:
 
     @property
     def is_disk_low(self) -> bool:
-        """True if the free space of the disk is below `Keep.least_free`."""
+        """True if the free space of the disk is below `JournalConfig.least_free`."""
         return self._writer is not None and self._writer.is_disk_low
-
-    def _writing(self) -> "JournalWriter":
-        if self._writer is None:
-            raise JournalError(f"{self.folder / INDEX}: not open to write")
-        return self._writer
 
     # Methods that read.
 

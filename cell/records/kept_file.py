@@ -6,6 +6,8 @@ from contextlib import suppress
 from pathlib import Path
 from threading import Condition, Thread
 
+from drivers.figures_file import replace_text
+
 logger = logging.getLogger(__name__)
 
 OWNER_ONLY = 0o600
@@ -53,7 +55,7 @@ class KeptFile:
                     self._changed.notify_all()
                     return
             try:
-                replace(self.path, text, is_lasting)
+                replace_text(self.path, text, is_lasting=is_lasting, mode=OWNER_ONLY)
             except OSError as error:
                 if not is_said:
                     is_said = True
@@ -71,25 +73,3 @@ def _empty(path: Path) -> None:
     """Empty a file; this works even on a full disk."""
     with suppress(OSError):
         os.close(os.open(path, os.O_CREAT | os.O_TRUNC | os.O_WRONLY, OWNER_ONLY))
-
-
-def replace(path: Path, text: str, is_lasting: bool) -> None:
-    """Replace the text of a file, whole or not at all; with `is_lasting` it then survives a power failure.
-
-    Raises:
-        OSError: The file cannot be written.
-    """
-    beside = path.with_suffix(".tmp")
-    try:
-        with os.fdopen(
-            os.open(beside, os.O_CREAT | os.O_TRUNC | os.O_WRONLY, OWNER_ONLY), "w", encoding="utf-8"
-        ) as file:
-            file.write(text)
-            if is_lasting:
-                file.flush()
-                os.fsync(file.fileno())
-        beside.replace(path)
-    except OSError:
-        with suppress(OSError):
-            beside.unlink()
-        raise

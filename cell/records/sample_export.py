@@ -2,7 +2,8 @@
 
 import json
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import asdict
 from datetime import datetime
 from pathlib import Path
@@ -65,7 +66,8 @@ def write_samples_parquet(row: RunRow, samples: dict[str, Vector], path: Path) -
     flat = columns_of(samples)
     schema = pa.schema([pa.field(name, pa.float64(), metadata=_metadata(name)) for name in flat])
     head = {"run": json.dumps(asdict(row)), "stages": json.dumps(CATALOGUE.stages), "frame": FRAME}
-    _write(lambda: pq.write_table(pa.table(list(flat.values()), schema.with_metadata(head)), path), path)
+    with _told(path):
+        pq.write_table(pa.table(list(flat.values()), schema.with_metadata(head)), path)
 
 
 def write_runs_parquet(rows: Sequence[RunRow], path: Path) -> None:
@@ -80,7 +82,8 @@ def write_runs_parquet(rows: Sequence[RunRow], path: Path) -> None:
     table = {name: [getattr(row, name) for row in rows] for name in names}
     for name in ("started", "ended"):
         table[name] = [datetime.fromisoformat(text) if text else None for text in table[name]]
-    _write(lambda: pq.write_table(pa.table(table, pa.schema(list(names.items()))), path), path)
+    with _told(path):
+        pq.write_table(pa.table(table, pa.schema(list(names.items()))), path)
 
 
 def write_mcap(row: RunRow, samples: dict[str, Vector], path: Path) -> None:
@@ -94,20 +97,17 @@ def write_mcap(row: RunRow, samples: dict[str, Vector], path: Path) -> None:
     except ImportError:
         raise ConfigError("--export mcap: needs the package mcap; pip install 'tactile-insertion-cell[mcap]'") from None
 
-    def write() -> None:
-        with path.open("wb") as file:
-            writer = Writer(file)
-            writer.start(profile="", library="tactile-insertion-cell")
-            channels = {}
-            for topic, (name, schema) in _TOPICS.items():
-                number = writer.register_schema(name, "jsonschema", json.dumps(schema).encode())
-                channels[topic] = writer.register_channel(topic, "json", number)
-            writer.add_metadata("run", {name: str(value) for name, value in asdict(row).items()})
-            for place, (time, topic, message) in enumerate(_messages(row, samples)):
-                writer.add_message(channels[topic], time, json.dumps(message).encode(), time, place)
-            writer.finish()  # type: ignore[no-untyped-call]
-
-    _write(write, path)
+    with _told(path), path.open("wb") as file:
+        writer = Writer(file)
+        writer.start(profile="", library="tactile-insertion-cell")
+        channels = {}
+        for topic, (name, schema) in _TOPICS.items():
+            number = writer.register_schema(name, "jsonschema", json.dumps(schema).encode())
+            channels[topic] = writer.register_channel(topic, "json", number)
+        writer.add_metadata("run", {name: str(value) for name, value in asdict(row).items()})
+        for place, (time, topic, message) in enumerate(_messages(row, samples)):
+            writer.add_message(channels[topic], time, json.dumps(message).encode(), time, place)
+        writer.finish()  # type: ignore[no-untyped-call]
 
 
 def _metadata(column: str) -> dict[str, str]:
@@ -177,8 +177,9 @@ def _finite(value: float) -> float | None:
     return float(value) if math.isfinite(value) else None
 
 
-def _write(act: Callable[[], object], path: Path) -> None:
+@contextmanager
+def _told(path: Path) -> Iterator[None]:
     try:
-        act()
+        yield
     except OSError as error:
         raise ConfigError(f"{path}: cannot be written: {error}") from None

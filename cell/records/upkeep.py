@@ -5,14 +5,14 @@ import logging
 import re
 from collections.abc import Collection
 from contextlib import suppress
-from dataclasses import dataclass, fields, replace
+from dataclasses import asdict, dataclass, replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from pydantic import TypeAdapter, ValidationError
 
+from cell.config.cell_config import JournalConfig
 from cell.records import wall_clock
 from cell.records.index import INDEX, DamagedIndexError, Index, samples_path
 from cell.records.samples import read_rows, read_samples
@@ -23,18 +23,6 @@ from skills.catalogue import CATALOGUE
 logger = logging.getLogger(__name__)
 
 _SAMPLES = re.compile(r"run-(\d{6,15})\.arrows", re.ASCII)
-
-
-@dataclass(frozen=True, slots=True)
-class Keep:
-    """Limits of age and size of the records; 0 keeps everything."""
-
-    days: int = 0
-    """Age beyond which runs and events are deleted, days."""
-    bytes: int = 0
-    """Total size of samples beyond which the oldest are deleted, bytes; their runs stay on record."""
-    least_free: int = 0
-    """Free space of the disk below which the cell warns, bytes; below a tenth of it no samples are recorded."""
 
 
 def sampled_runs(folder: Path) -> dict[int, Path]:
@@ -113,7 +101,7 @@ def close_lost_runs(index: Index, folder: Path, under_way: Collection[int] = ())
                 _count_up_to(index, run)
 
 
-def delete_old(index: Index, folder: Path, keep: Keep) -> None:
+def delete_old(index: Index, folder: Path, keep: JournalConfig) -> None:
     """Delete the records beyond the limits.
 
     The age of a record is the sum of the time steps between later records, up to the computer's clock. A step longer
@@ -126,7 +114,7 @@ def delete_old(index: Index, folder: Path, keep: Keep) -> None:
         _delete_beyond_size(index, folder, keep.bytes)
 
 
-def warn_of_clock(index: Index, folder: Path, keep: Keep) -> None:
+def warn_of_clock(index: Index, folder: Path, keep: JournalConfig) -> None:
     """Record a warning if the clock is more than `keep.days` ahead of the newest run, so that this time ages no record."""
     newest = _newest(index)
     if not keep.days or newest is None or wall_clock.now() - newest <= timedelta(days=keep.days):
@@ -196,12 +184,12 @@ def event(name: str, text: str, run: int = 0) -> EventRow:
 
 def ending_text(row: RunRow, stages: list[StageRow]) -> str:
     """Return the end of a run as JSON, for its last block of samples."""
-    return json.dumps({"run": _plain(row), "stages": [_plain(stage) for stage in stages]})
+    return json.dumps({"run": asdict(row), "stages": [asdict(stage) for stage in stages]})
 
 
 def beginning_text(row: RunRow) -> str:
     """Return the start of a run as JSON, for the head of its samples."""
-    return json.dumps(_plain(row))
+    return json.dumps(asdict(row))
 
 
 def _restore(index: Index, run: int, path: Path, row: RunRow = UNKNOWN_RUN) -> None:
@@ -272,7 +260,3 @@ def _count_up_to(index: Index, run: int) -> None:
         " (SELECT 1 FROM sqlite_sequence WHERE name = 'runs')",
         [run],
     )
-
-
-def _plain(row: Any) -> dict[str, object]:
-    return {field.name: getattr(row, field.name) for field in fields(row)}

@@ -13,17 +13,18 @@ import struct
 import time
 from collections import deque
 from collections.abc import Callable, Sequence
+from concurrent.futures import Future
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from threading import Condition, Thread
 
+from cell.config.cell_config import JournalConfig
 from cell.records.index import OWNER_ONLY, OWNERS_FOLDER, DamagedIndexError, Index, require_own
 from cell.records.run_samples import RunSamples
 from cell.records.sample_blocks import SampleBlock
 from cell.records.schema import ConfigRow, EventRow, RunRow, StageRow
 from cell.records.upkeep import (
-    Keep,
     close_lost_runs,
     delete_old,
     made_again,
@@ -71,7 +72,7 @@ class _Period:
 class JournalWriter:
     """The writing side of a journal; every method except `open`, `close` and `flush` returns at once."""
 
-    def __init__(self, folder: Path, keep: Keep) -> None:
+    def __init__(self, folder: Path, keep: JournalConfig) -> None:
         """Keep the folder, and the limits of its records."""
         self._folder, self._keep = folder, keep
         self._rows: deque[Callable[[Index], object]] = deque()
@@ -79,15 +80,16 @@ class JournalWriter:
         """Waiting actions on samples, each with its number of scans."""
         self._changed = Condition()
         self._thread: Thread | None = None
-        self._is_open, self._is_closing, self._is_busy = False, False, False
-        self._failed: Exception | None = None
+        self._opening: Future[None] = Future()
+        """Done when the index is open, or cannot be opened."""
+        self._is_closing, self._is_busy = False, False
         self._index: Index | None = None
         self._samples = RunSamples(folder, keep.least_free)
         self._last, self._ready = 0, 0
         """Last assigned run number, and the number whose file is reserved; 0 for none."""
         self._row_trouble = ""
         self.is_disk_low = False
-        """True if the free space of the disk is below `Keep.least_free`."""
+        """True if the free space of the disk is below `JournalConfig.least_free`."""
         self._lock = -1
         self._given_up = 0.0
         """Monotonic time after which waiting records are lost, s; 0 before the end."""
@@ -105,12 +107,12 @@ class JournalWriter:
         """
         self._thread = Thread(target=self._work, name="journal", daemon=True)
         self._thread.start()
-        with self._changed:
-            self._changed.wait_for(lambda: self._is_open or self._failed is not None)
-        if self._failed is not None:
+        try:
+            self._opening.result()
+        except Exception:  # the thread has ended; the error is raised again
             self._thread.join()
             self._thread = None
-            raise self._failed
+            raise
 
     def close(self) -> None:
         """Write the waiting records, for a few seconds at most, and end; idempotent."""
@@ -128,8 +130,8 @@ class JournalWriter:
             self._changed.notify_all()
             return self._changed.wait_for(self._is_idle, timeout)
 
-    def begin(self, row: RunRow, facts: SceneFacts | None) -> RunRow:
-        """Return the row of a run with its number, and queue it for writing."""
+    def begin(self, row: RunRow, facts: SceneFacts | None = None) -> RunRow:
+        """Return the row of a run with its number, and queue it for writing; `facts` serve pictures of the run."""
         with self._changed:
             row = replace(row, run=self._ready or self._last + 1)
             self._last, self._ready = row.run, 0
@@ -141,12 +143,12 @@ class JournalWriter:
         """Write a block of the samples of a run."""
         self._add_block(lambda: self._samples.write(run, block), block.used, run)
 
-    def finish(self, row: RunRow, stages: Sequence[StageRow], block: SampleBlock | None) -> None:
+    def finish(self, row: RunRow, stages: Sequence[StageRow] = (), rest: SampleBlock | None = None) -> None:
         """Write the end of a run and its stages, with its last samples."""
-        self._add_block(lambda: self._finish(row, list(stages), block or SampleBlock()), 0)
+        self._add_block(lambda: self._finish(row, list(stages), rest or SampleBlock()), 0)
 
     def note(self, row: EventRow) -> None:
-        """Write an event."""
+        """Write an event; the index numbers it."""
         self._add_row(lambda index: index.put(row, is_numbered_here=True))
 
     def keep_config(self, row: ConfigRow) -> None:
@@ -174,9 +176,8 @@ class JournalWriter:
             self._start()
         except Exception as error:  # passed to `open`, which raises it instead of waiting for ever
             self._end()
-            with self._changed:
-                self._failed = _unusable(self._folder, error) if isinstance(error, OSError) else error
-                self._changed.notify_all()
+            is_known = not isinstance(error, OSError)
+            self._opening.set_exception(error if is_known else JournalError(f"{self._folder}: cannot be used: {error}"))
             return
         try:
             self._write_until_closed()
@@ -199,9 +200,7 @@ class JournalWriter:
             self._tidy()
         self._claim()
         self._look_at_disk()
-        with self._changed:
-            self._is_open = True
-            self._changed.notify_all()
+        self._opening.set_result(None)
 
     def _take_lock(self) -> None:
         """Lock the journal against writing by other processes.
@@ -369,7 +368,3 @@ class JournalWriter:
         with self._changed:
             self._is_busy = False
             self._changed.notify_all()
-
-
-def _unusable(folder: Path, error: OSError) -> JournalError:
-    return JournalError(f"{folder}: cannot be used: {error}")

@@ -64,7 +64,7 @@ class EventLog:
         source, sequence = (by, 0) if command is None else (command.source, command.sequence)
         row = EventRow(0, now_text(), self._now(), kind, name, int(code), source, sequence, self.run, text)
         try:
-            self._journal.note(row)
+            self._journal.writer.note(row)
         except JournalError as error:
             logger.warning("not on record: %s %s: %s", kind, name, error)
 

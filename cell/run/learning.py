@@ -14,9 +14,10 @@ from typing import Annotated, Literal
 from pydantic import AwareDatetime, Field, ValidationError
 
 from cell.records import wall_clock
-from cell.records.kept_file import KeptFile, replace
+from cell.records.kept_file import OWNER_ONLY, KeptFile
 from drivers.config_model import ConfigModel
 from drivers.errors import ConfigError
+from drivers.figures_file import replace_text
 from drivers.parts import Coordinate, Job
 from skills.flow import StageRecord
 from skills.search.prior import NEEDED, LearningConfig, PlaceEstimate, first_estimate, from_prior
@@ -94,7 +95,7 @@ def write_learned(folder: Path, learned: LearnedFile) -> None:
     path = folder / FILE
     try:
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-        replace(path, _text(learned), is_lasting=True)
+        replace_text(path, _text(learned), mode=OWNER_ONLY)
     except OSError as error:
         raise ConfigError(f"{path}: cannot be written: {error.strerror}") from None
 

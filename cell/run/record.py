@@ -77,11 +77,11 @@ class RunRecord:
         Raises:
             JournalError: The journal is not open.
         """
-        self._journal = journal
+        self._records = journal.writer
         self.clock = StageClock()
         self._trace, self._scans = RunTrace(now, config.job().hole), 0
         text = config_text(config)
-        self.row = journal.begin(
+        self.row = self._records.begin(
             RunRow(
                 run=0,
                 started=now_text(),
@@ -98,8 +98,8 @@ class RunRecord:
             ),
             scene_facts(config),
         )
-        journal.keep_config(ConfigRow(self.row.config_hash, text))
-        self._stream = SampleStream(partial(journal.write, self.row.run))
+        self._records.keep_config(ConfigRow(self.row.config_hash, text))
+        self._stream = SampleStream(partial(self._records.write, self.row.run))
 
     def add(self, seen: Observation, setpoint: ImpedanceSetpoint | None, sight: Sight | None = None) -> None:
         """Record one scan; in a simulated cell, `sight` holds the true poses of peg and hole."""
@@ -144,4 +144,4 @@ class RunRecord:
                 samples=self._scans,
             )
         )
-        self._journal.finish(self.row, self._trace.stages(self.row.run, records, fault), self._stream.rest())
+        self._records.finish(self.row, self._trace.stages(self.row.run, records, fault), self._stream.rest())

@@ -139,10 +139,10 @@ def memory(browser):
 
 def test_no_run_that_is_over_stays_in_memory(stand, shown, looks):
     for number in range(1, WARM + RUNS + 1):
-        row = stand.journal.begin(RunRow(0, now_text(), "insert_peg", 0, f"A-{number}", "bench", number))
+        row = stand.journal.writer.begin(RunRow(0, now_text(), "insert_peg", 0, f"A-{number}", "bench", number))
         stand.report(row.run, State.EXECUTE)
         stand.show(looks, row.run)
-        stand.journal.finish(
+        stand.journal.writer.finish(
             RunRow(row.run, row.started, "insert_peg", 0, row.serial, "bench", number, outcome="success")
         )
         stand.report(row.run, State.COMPLETE)

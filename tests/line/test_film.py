@@ -124,8 +124,8 @@ def test_wrong_use_is_told_in_one_line(short, capsys, tmp_path, monkeypatch, wro
 
 def test_a_run_of_an_earlier_version_is_told(tmp_path, capsys):
     with Journal(tmp_path) as journal:
-        row = journal.begin(ROW)
-        journal.finish(row)
+        row = journal.writer.begin(ROW)
+        journal.writer.finish(row)
         run = row.run
     assert main(["film", str(run), "--journal", str(tmp_path), "--out", str(tmp_path / "a.png")]) == FAULT
     assert "recorded by another version" in capsys.readouterr().err

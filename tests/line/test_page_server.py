@@ -277,8 +277,10 @@ async def test_wrong_tokens_fill_no_log(server, caplog):
 def recorded(served) -> int:
     """Return the number of a run on record."""
     journal = served.journal
-    row = journal.begin(RunRow(0, now_text(), "insert_peg", 0, "PN7[a]-[/x]", "10.0.0.5:1", 1, config_hash="abc"))
-    journal.keep_config(ConfigRow("abc", '{"journal": {"folder": "/home/somebody"}}'))
+    row = journal.writer.begin(
+        RunRow(0, now_text(), "insert_peg", 0, "PN7[a]-[/x]", "10.0.0.5:1", 1, config_hash="abc")
+    )
+    journal.writer.keep_config(ConfigRow("abc", '{"journal": {"folder": "/home/somebody"}}'))
     assert journal.find(row.run)
     return row.run
 

@@ -71,8 +71,8 @@ RUN = RunRow(0, "2026-01-01T20:00:00+00:00", "insert_peg", 0, SERIAL, "plc[/]", 
 
 def test_a_serial_number_that_looks_like_markup_is_printed_as_it_is(tmp_path, capsys):
     with Journal(tmp_path) as journal:
-        journal.begin(RUN)
-        journal.begin(replace(RUN, serial="", source="10.0.0.1"))
+        journal.writer.begin(RUN)
+        journal.writer.begin(replace(RUN, serial="", source="10.0.0.1"))
     assert main(["runs", "--journal", str(tmp_path)]) == GOOD
     printed = capsys.readouterr().out
     assert all(word in printed for word in SERIAL.split())
@@ -102,11 +102,11 @@ def test_times_are_local_with_their_zone(words, tmp_path, monkeypatch, capsys):
     time.tzset()
     with Journal(tmp_path) as journal:
         for _ in range(2):
-            begun = journal.begin(RUN)
-            journal.note(
+            begun = journal.writer.begin(RUN)
+            journal.writer.note(
                 EventRow(0, "2026-01-01T20:00:01+00:00", 0.0, EventKind.FAULT, "SKIN_SILENT", 1001, run=begun.run)
             )
-            journal.finish(replace(begun, outcome="fault", fault=1001))
+            journal.writer.finish(replace(begun, outcome="fault", fault=1001))
     assert main([*words, "--journal", str(tmp_path)]) != WRONG_USE
     monkeypatch.undo()
     time.tzset()

@@ -25,8 +25,10 @@ def records(tmp_path):
     fault = {"outcome": "fault", "stage": "tactile_insert", "fault": 2004, "message": message}
     with Journal(tmp_path) as journal:
         for ending in (success, fault):
-            run = journal.begin(ROW).run
-            journal.finish(replace(ROW, run=run, **ending), [StageRow(run, 1, "spray_search", 0.0, 9.0, counted=5.0)])
+            run = journal.writer.begin(ROW).run
+            journal.writer.finish(
+                replace(ROW, run=run, **ending), [StageRow(run, 1, "spray_search", 0.0, 9.0, counted=5.0)]
+            )
     return str(tmp_path)
 
 

@@ -52,11 +52,11 @@ def test_a_physical_run_has_its_hole_where_the_switch_closed(rig, journal):
 
 
 def test_a_physical_run_whose_switch_never_closed_has_no_hole(rig, journal):
-    row = journal.begin(ROW, scene_facts(rig.loaded.cell))
+    row = journal.writer.begin(ROW, scene_facts(rig.loaded.cell))
     number = row.run
-    stream = SampleStream(partial(journal.write, number))
+    stream = SampleStream(partial(journal.writer.write, number))
     stream.add(scan(rig, 0, 0.04, 0.0, is_closed=False), None, 1)
-    journal.finish(row, (), stream.rest())
+    journal.writer.finish(row, (), stream.rest())
     assert recorded(journal, number).hole() is None
 
 
@@ -75,16 +75,16 @@ def test_the_tips_line_has_no_part_above_the_plate(rig, journal):
 
 
 def test_a_run_that_recorded_nothing_is_told(rig, journal):
-    row = journal.begin(ROW, scene_facts(rig.loaded.cell))
+    row = journal.writer.begin(ROW, scene_facts(rig.loaded.cell))
     number = row.run
-    journal.finish(row)
+    journal.writer.finish(row)
     with pytest.raises(JournalError, match="no samples on record"):
         recorded(journal, number)
 
 
 def test_a_run_in_progress_is_read_on_as_it_grows(rig, journal):
-    number = journal.begin(ROW, scene_facts(rig.loaded.cell)).run
-    stream = SampleStream(partial(journal.write, number))
+    number = journal.writer.begin(ROW, scene_facts(rig.loaded.cell)).run
+    stream = SampleStream(partial(journal.writer.write, number))
     for k in range(100):
         stream.add(scan(rig, k, 0.04, 0.0, is_closed=False), None, 1)
     playback = RunPlayback(journal, number)

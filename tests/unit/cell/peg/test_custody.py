@@ -96,7 +96,7 @@ def test_a_file_of_an_earlier_version_has_the_place_and_the_first_look_the_bits(
 def test_without_a_file_only_a_cell_that_never_ran_has_its_peg_in_the_rack(tmp_path, program, has_run, place):
     with Journal(tmp_path) as journal:
         if has_run:
-            journal.begin(RUN)
+            journal.writer.begin(RUN)
     part = program().is_empty().part
     assert part.place is place
     assert ("part-sim.json is missing, although runs are on record" in part.evidence) == has_run

@@ -40,7 +40,9 @@ def time_of(second):
 
 def note(journal, happened):
     for second, kind, name, code in happened:
-        journal.note(EventRow(0, time_of(second), 1.0, kind, name, code, text="" if second % 60 == 0 else "BEFORE"))
+        journal.writer.note(
+            EventRow(0, time_of(second), 1.0, kind, name, code, text="" if second % 60 == 0 else "BEFORE")
+        )
 
 
 @pytest.fixture

@@ -39,11 +39,11 @@ def journal(tmp_path):
 
 
 def test_a_run_is_on_record_from_its_beginning_to_its_end(journal):
-    first, row = journal.begin(ROW), journal.begin(ROW)
+    first, row = journal.writer.begin(ROW), journal.writer.begin(ROW)
     assert (row.run - first.run, journal.last_run()) == (1, row.run)
     assert [found.run for found in journal.runs(1)] == [row.run]
     assert journal.find(row.run).outcome == "running"
-    journal.finish(replace(row, outcome="failure", stage="spray_search", reason="no_hole"))
+    journal.writer.finish(replace(row, outcome="failure", stage="spray_search", reason="no_hole"))
     found = journal.find(row.run)
     assert (found.sequence, found.serial, found.source, found.reason) == (42, "A-17", "10.0.0.5:4711", "no_hole")
 
@@ -52,7 +52,7 @@ def test_an_unknown_run_is_told_with_what_is_there(journal):
     with pytest.raises(JournalError, match=r"run 3: not in .*; no runs are on record yet"):
         journal.find(3)
     assert (journal.is_disk_low, journal.trouble) == (False, "")
-    journal.begin(ROW)
+    journal.writer.begin(ROW)
     with pytest.raises(JournalError, match=r"run 9: .*1 to 1 are on record"):
         journal.find(9)
 
@@ -66,7 +66,7 @@ def test_a_folder_or_an_index_that_is_none_is_a_fault(tmp_path):
 
 def test_a_journal_tells_runs_of_simulated_cells_from_those_of_real_ones(journal):
     assert newest_run(journal.folder, is_simulated=True) is None
-    number = journal.begin(replace(ROW, is_simulated=1)).run
+    number = journal.writer.begin(replace(ROW, is_simulated=1)).run
     assert journal.find(number)  # it is written
     assert newest_run(journal.folder, is_simulated=True) == journal.find(number)
     assert newest_run(journal.folder, is_simulated=False) is None
@@ -92,17 +92,17 @@ def test_reading_makes_no_folder(tmp_path):
 
 
 def test_a_journal_that_is_being_written_can_be_read_and_not_written_by_others(journal):
-    number = journal.begin(ROW).run
+    number = journal.writer.begin(ROW).run
     assert journal.find(number) == replace(ROW, run=number)
     with Journal(journal.folder, is_read_only=True) as reader:
         assert reader.find(number).outcome == "running"
         with pytest.raises(JournalError, match="not open to write"):
-            reader.begin(ROW)
+            reader.writer.begin(ROW)
 
 
 def test_files_are_their_owners_alone(tmp_path):
     with Journal(tmp_path / "runs") as journal:
-        journal.begin(ROW)
+        journal.writer.begin(ROW)
         assert {file.stat().st_mode & 0o777 for file in journal.folder.iterdir()} == {0o600}
     assert (tmp_path / "runs").stat().st_mode & 0o777 == 0o700
 
@@ -112,7 +112,7 @@ def test_a_folder_that_others_may_write_is_refused_in_one_line(tmp_path, mode):
     (tmp_path / "own").mkdir()
     (tmp_path / "own").chmod(mode & 0o755)
     with Journal(tmp_path / "own") as journal:
-        assert journal.begin(ROW).run == 1
+        assert journal.writer.begin(ROW).run == 1
     shutil.rmtree(tmp_path / "own")
     tmp_path.chmod(mode)
     with pytest.raises(JournalError, match=rf"^[^\n]*: mode {mode:o}: others than its owner may write [^\n]*$"):
@@ -121,18 +121,20 @@ def test_a_folder_that_others_may_write_is_refused_in_one_line(tmp_path, mode):
 
 
 def test_stages_come_back_in_order_with_what_is_not_known_left_open(journal):
-    row = journal.begin(ROW)
+    row = journal.writer.begin(ROW)
     stages = [
         StageRow(row.run, 1, "grasp_from_rack", 0.0, 4.0, 3.0, "success", theta=0.4, sigma=0.01),
         StageRow(row.run, 2, "spray_search", 4.0, 9.0),
     ]
-    journal.finish(replace(row, outcome="fault"), stages)
+    journal.writer.finish(replace(row, outcome="fault"), stages)
     assert journal.stages(row.run) == stages
 
 
 def test_events_come_back_oldest_first_by_time_and_by_run(journal):
     for second, run in ((1, 0), (2, 7)):
-        journal.note(EventRow(0, f"2025-01-01T00:00:0{second}", 1.5, EventKind.FAULT, "SKIN_SILENT", 1001, run=run))
+        journal.writer.note(
+            EventRow(0, f"2025-01-01T00:00:0{second}", 1.5, EventKind.FAULT, "SKIN_SILENT", 1001, run=run)
+        )
     assert [event.run for event in journal.events()] == [0, 7]
     assert [event.event for event in journal.events("2025-01-01T00:00:02")] == [2]
     assert [event.event for event in journal.events(run=7)] == [2]
@@ -140,7 +142,7 @@ def test_events_come_back_oldest_first_by_time_and_by_run(journal):
 
 def test_a_config_is_kept_once_and_whole_under_its_hash(journal, loaded):
     for _ in range(2):
-        journal.keep_config(ConfigRow("abc", '{"scan_rate": 100.0}'))
+        journal.writer.keep_config(ConfigRow("abc", '{"scan_rate": 100.0}'))
     assert (journal.config("abc"), journal.config("other")) == ('{"scan_rate": 100.0}', None)
     assert config_hash(loaded.cell.model_copy(update={"scan_rate": 50.0})) != config_hash(loaded.cell)
 
@@ -207,7 +209,7 @@ def test_samples_are_readable_when_the_program_was_killed(tmp_path, seen):
 
 def test_a_torn_file_of_samples_is_told_after_what_the_index_knows(tmp_path, capsys):
     with Journal(tmp_path) as journal:
-        journal.finish(replace(journal.begin(ROW), outcome="success", serial="A-18"))
+        journal.writer.finish(replace(journal.writer.begin(ROW), outcome="success", serial="A-18"))
     (tmp_path / "run-000001.arrows").write_bytes(b"x")
     assert main(["show", "1", "--journal", str(tmp_path)]) == FAULT
     told = capsys.readouterr()
@@ -219,13 +221,13 @@ def test_a_torn_file_of_samples_is_told_after_what_the_index_knows(tmp_path, cap
 
 def test_samples_that_cannot_be_read_any_more_are_counted(tmp_path, seen, capsys):
     with Journal(tmp_path) as journal:
-        row, block = journal.begin(ROW), SampleBlock()
+        row, block = journal.writer.begin(ROW), SampleBlock()
         for _ in range(BATCH):
             block.add(seen, None, 1, None)
-        journal.write(row.run, block)
+        journal.writer.write(row.run, block)
         rest = SampleBlock()
         rest.add(seen, None, 1, None)
-        journal.finish(replace(row, outcome="success"), rest=rest)
+        journal.writer.finish(replace(row, outcome="success"), rest=rest)
     path = tmp_path / "run-000001.arrows"
     export = ["runs", "--export", "csv", "--out", str(tmp_path / "csv"), "--journal", str(tmp_path)]
     assert main(export) == GOOD

@@ -38,10 +38,10 @@ def aside(folder: Path) -> list[dict[str, object]]:
 @pytest.mark.parametrize("poison", POISON.values(), ids=POISON)
 def test_a_row_that_cannot_be_written_holds_up_no_other(tmp_path, caplog, poison):
     with Journal(tmp_path) as journal:
-        row = journal.begin(ROW)
-        journal.note(poison)
-        journal.note(EVENT)
-        journal.finish(replace(row, outcome="success"))
+        row = journal.writer.begin(ROW)
+        journal.writer.note(poison)
+        journal.writer.note(EVENT)
+        journal.writer.finish(replace(row, outcome="success"))
         assert [event.name for event in journal.events()] == ["SKIN_SILENT"]
         assert (journal.find(row.run).outcome, journal.trouble) == ("success", "")
     (found,) = aside(tmp_path)
@@ -52,8 +52,8 @@ def test_a_row_that_cannot_be_written_holds_up_no_other(tmp_path, caplog, poison
 def test_a_stage_that_cannot_be_written_leaves_its_run_on_record(tmp_path):
     stages = [StageRow(1, 1, "grasp_from_rack", math.nan, 1.0), StageRow(1, 2, "spray_search", 1.0, 2.0)]
     with Journal(tmp_path) as journal:
-        row = journal.begin(ROW)
-        journal.finish(replace(row, outcome="failure"), stages)
+        row = journal.writer.begin(ROW)
+        journal.writer.finish(replace(row, outcome="failure"), stages)
         assert [stage.name for stage in journal.stages(1)] == ["spray_search"]
         assert journal.find(1).outcome == "failure"
     with Journal(tmp_path) as journal:
@@ -63,8 +63,8 @@ def test_a_stage_that_cannot_be_written_leaves_its_run_on_record(tmp_path):
 def test_a_run_that_cannot_be_written_is_recorded_as_lost(tmp_path):
     for _ in range(2):
         with Journal(tmp_path) as journal:
-            row = journal.begin(ROW)
-            journal.finish(replace(row, outcome="failure", retries=None))
+            row = journal.writer.begin(ROW)
+            journal.writer.finish(replace(row, outcome="failure", retries=None))
             assert journal.find(row.run).outcome == LOST
             assert SET_ASIDE in journal.find(row.run).message
     with Journal(tmp_path) as journal:
@@ -91,7 +91,7 @@ def test_a_run_with_a_damaged_byte_is_recorded_as_lost(tmp_path, seen):
     assert whole.count(b'"insert_peg"') == 2
     samples.write_bytes(whole.replace(b'"insert_peg"', b'"insert\xffpeg"'))
     with Journal(tmp_path) as journal:
-        assert (journal.find(1).outcome, journal.begin(ROW).run) == (LOST, 2)
+        assert (journal.find(1).outcome, journal.writer.begin(ROW).run) == (LOST, 2)
 
 
 def test_whatever_ends_the_start_reaches_whoever_opens(tmp_path, monkeypatch):
@@ -128,10 +128,10 @@ from drivers.errors import CellError
 for folder in Path(sys.argv[1]).iterdir():
     try:
         with Journal(folder) as journal:
-            run = journal.begin(RunRow(0, "2025-01-01", "insert_peg", 1, "A-17", "plc", 42))
+            run = journal.writer.begin(RunRow(0, "2025-01-01", "insert_peg", 1, "A-17", "plc", 42))
             assert journal.find(run.run).outcome == "running", journal.trouble
             assert journal.trouble == "", journal.trouble
-            journal.finish(run)
+            journal.writer.finish(run)
         Custody(folder, "sim")
         proven.read(folder / proven.FILE)
         read_learned(folder)
@@ -182,7 +182,7 @@ def test_a_damaged_folder_starts_or_is_refused_in_one_line(tmp_path, seen, seed)
     with Journal(whole) as journal:
         for number in range(3):
             recorded(journal, seen, scans=5, config_hash=f"{number}")
-        row = journal.begin(ROW)
+        row = journal.writer.begin(ROW)
         assert journal.find(row.run)
         for name, text in KEPT.items():
             (whole / name).write_bytes(text)

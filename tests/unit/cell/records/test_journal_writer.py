@@ -14,6 +14,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from cell.config.cell_config import JournalConfig
 from cell.records import wall_clock
 from cell.records import writer as journal_writer
 from cell.records.index import DamagedIndexError, Index
@@ -21,7 +22,7 @@ from cell.records.journal import INDEX, Journal
 from cell.records.sample_blocks import BATCH, SampleBlock, SampleStream
 from cell.records.samples import read_samples
 from cell.records.schema import LOST, EventKind, EventRow, RunRow, StageRow
-from cell.records.upkeep import Keep, delete_old
+from cell.records.upkeep import delete_old
 from cell.records.writer import (
     CLOSING_TIME,
     DISK_PERIOD,
@@ -41,12 +42,12 @@ ROW = RunRow(0, "2025-01-01T00:00:00.000+00:00", "insert_peg", 1, "A-17", "10.0.
 
 def recorded(journal, seen, scans=1, began=ROW.started, **ending):
     """Put a run on record and return its row."""
-    row = journal.begin(replace(ROW, started=began))
-    stream = SampleStream(partial(journal.write, row.run))
+    row = journal.writer.begin(replace(ROW, started=began))
+    stream = SampleStream(partial(journal.writer.write, row.run))
     for _ in range(scans):
         stream.add(seen, None, 1)
     stages = [StageRow(row.run, 1, "grasp_from_rack", 0.0, 1.0, outcome="success")]
-    journal.finish(replace(row, outcome="success", **ending), stages, stream.rest())
+    journal.writer.finish(replace(row, outcome="success", **ending), stages, stream.rest())
     return journal.find(row.run)
 
 
@@ -69,12 +70,12 @@ from cell.records.sample_blocks import JOINT_COLUMNS, SampleBlock
 journal = Journal(Path(sys.argv[1]))
 journal.open()
 for _ in range(2):
-    row = journal.begin(RunRow(0, "2025-01-01", "insert_peg", 1, "A-17", "plc", 42))
+    row = journal.writer.begin(RunRow(0, "2025-01-01", "insert_peg", 1, "A-17", "plc", 42))
     block = SampleBlock(used=2, joints={name: [[0.0], [0.0]] for name in JOINT_COLUMNS})
     block.values[:], block.taxels = 0.0, [np.zeros(40)] * 2
     block.values[0, :2], block.values[13, :2], block.values[1, :2] = (1.0, 3.5), 12.0, 2.0
-    journal.write(row.run, block)
-journal.finish(row)
+    journal.writer.write(row.run, block)
+journal.writer.finish(row)
 journal.find(1)
 os.kill(os.getpid(), 9)
 """
@@ -88,7 +89,7 @@ def test_a_run_that_a_kill_left_open_is_closed_with_what_its_samples_tell(tmp_pa
         assert row.message.startswith("its end was not recorded")
         assert row.message.endswith("samples of 2.50 s are on record")
         assert [event.name for event in journal.events(run=1)] == ["run_lost"]
-        assert (done.outcome, journal.begin(ROW).run) == ("running", 4)
+        assert (done.outcome, journal.writer.begin(ROW).run) == ("running", 4)
 
 
 def test_numbers_go_on_without_a_gap_and_are_never_given_again(tmp_path, seen):
@@ -100,7 +101,7 @@ def test_numbers_go_on_without_a_gap_and_are_never_given_again(tmp_path, seen):
         index.execute("DELETE FROM runs")
     (tmp_path / "run-000003.arrows").unlink()
     with Journal(tmp_path) as journal:
-        assert journal.begin(ROW).run == 4
+        assert journal.writer.begin(ROW).run == 4
 
 
 @pytest.mark.parametrize("how", ["no index at all", "torn in the middle", "deleted"])
@@ -116,7 +117,7 @@ def test_a_damaged_index_is_made_again_from_the_samples(tmp_path, seen, how):
         index.write_bytes(b"\x00" * len(whole) if how == "no index at all" else whole[:4096] + b"\xff" * 8192)
     with Journal(tmp_path) as journal:
         assert (journal.runs(5), journal.stages(1)) == (before[::-1], stages)
-        assert journal.begin(ROW).run == 3
+        assert journal.writer.begin(ROW).run == 3
     assert bool(list(tmp_path.glob(f"{INDEX}.damaged-*"))) == (how != "deleted")
 
 
@@ -124,8 +125,8 @@ def test_a_full_disk_ends_recording_and_is_told_until_a_run_is_whole_again(tmp_p
     with Journal(tmp_path) as journal:
         recorded(journal, seen)
         with full_disk():
-            row = journal.begin(ROW)
-            journal.finish(replace(row, outcome="success"))
+            row = journal.writer.begin(ROW)
+            journal.writer.finish(replace(row, outcome="success"))
             until(lambda: journal.trouble)
         lost = journal.find(row.run)
         assert (lost.outcome, lost.samples) == ("success", 0)
@@ -134,7 +135,7 @@ def test_a_full_disk_ends_recording_and_is_told_until_a_run_is_whole_again(tmp_p
 
 
 def test_a_disk_with_less_than_is_asked_for_is_low_and_takes_no_samples(tmp_path, seen):
-    with Journal(tmp_path, keep=Keep(least_free=10**18)) as journal:
+    with Journal(tmp_path, keep=JournalConfig(least_free=10**18)) as journal:
         row = recorded(journal, seen)
         assert journal.is_disk_low
         assert (row.outcome, row.samples) == ("success", 0)
@@ -145,7 +146,7 @@ def test_samples_that_come_faster_than_the_disk_takes_them_are_told_and_counted(
     full = SampleBlock()
     for _ in range(BATCH):
         full.add(seen, None, 1, None)
-    writer = JournalWriter(tmp_path, Keep())
+    writer = JournalWriter(tmp_path, JournalConfig())
     row = writer.begin(ROW, None)
     for _ in range(MOST_BLOCKS + 10):
         writer.write(row.run, full)
@@ -162,7 +163,7 @@ def test_runs_older_than_is_asked_for_are_deleted_with_all_that_belongs_to_them(
     with Journal(tmp_path) as journal:
         for days in (40, 20, 1):
             recorded(journal, seen, started=(now - timedelta(days=days)).isoformat(), config_hash=f"config of {days}")
-    with Journal(tmp_path, keep=Keep(days=30)) as journal:
+    with Journal(tmp_path, keep=JournalConfig(days=30)) as journal:
         assert ([row.run for row in journal.runs(5)], journal.stages(1)) == ([3, 2], [])
     assert not (tmp_path / "run-000001.arrows").exists()
     assert read_samples(tmp_path / "run-000002.arrows")["stamp"].size == 1
@@ -183,14 +184,14 @@ def test_a_clock_that_is_years_ahead_for_many_starts_deletes_no_run_of_the_last_
     monkeypatch.setattr(journal_writer, "UPKEEP_PERIOD", 0.0)  # each round of the writer deletes
     for start in range(3):
         clock_ahead_by(monkeypatch, 3650 + start)
-        with Journal(tmp_path, keep=Keep(days=30)) as journal:
+        with Journal(tmp_path, keep=JournalConfig(days=30)) as journal:
             recorded(journal, seen, began=wall_clock.now().isoformat())
             assert sorted(row.run for row in journal.runs(9)) == list(range(1, 4 + start))
     assert read_samples(tmp_path / "run-000001.arrows")["stamp"].size == 1
     (warning,) = [record.getMessage() for record in caplog.records if "clock" in record.getMessage()]
     assert "clock 3651.0 days ahead of the newest run, at most 30 (journal.days) believed" in warning
     monkeypatch.undo()  # the clock is set right again
-    with Journal(tmp_path, keep=Keep(days=30)) as journal:
+    with Journal(tmp_path, keep=JournalConfig(days=30)) as journal:
         assert len(journal.runs(9)) == 5
 
 
@@ -202,7 +203,7 @@ def test_age_counts_over_steps_that_can_be_believed(tmp_path, seen, monkeypatch,
             recorded(journal, seen, began=(datetime.now(UTC) - timedelta(days=day)).isoformat())
     clock_ahead_by(monkeypatch, days)
     with closing(Index(tmp_path, is_read_only=False)) as index:
-        delete_old(index, tmp_path, Keep(days=30))
+        delete_old(index, tmp_path, JournalConfig(days=30))
         assert [row.run for row in index.rows(RunRow)] == kept
 
 
@@ -213,7 +214,7 @@ def test_events_age_as_runs_do(tmp_path, monkeypatch):
             time = (now - timedelta(days=days)).isoformat()
             index.put(EventRow(0, time, 0.0, EventKind.WARNING, f"{days}"), is_numbered_here=True)
         clock_ahead_by(monkeypatch, 3651)
-        delete_old(index, tmp_path, Keep(days=30))
+        delete_old(index, tmp_path, JournalConfig(days=30))
         assert [row.name for row in index.rows(EventRow)] == ["20", "1", "-3650"]
 
 
@@ -222,7 +223,7 @@ def test_the_oldest_samples_beyond_the_size_are_deleted_and_their_runs_stay(tmp_
         for _ in range(3):
             recorded(journal, seen)
     size = (tmp_path / "run-000001.arrows").stat().st_size
-    with Journal(tmp_path, keep=Keep(bytes=2 * size)) as journal:
+    with Journal(tmp_path, keep=JournalConfig(bytes=2 * size)) as journal:
         assert len(journal.runs(5)) == 3
     assert sorted(path.name for path in tmp_path.glob("*.arrows")) == ["run-000002.arrows", "run-000003.arrows"]
 
@@ -231,7 +232,7 @@ def test_the_oldest_samples_beyond_the_size_are_deleted_and_their_runs_stay(tmp_
 def test_runs_under_way_and_after_an_index_was_damaged_are_on_record(tmp_path, seen, how):
     with Journal(tmp_path) as journal:
         recorded(journal, seen)
-        row = journal.begin(ROW)
+        row = journal.writer.begin(ROW)
         assert journal.find(row.run)
         if how == "deleted":
             for file in tmp_path.glob(f"{INDEX}*"):
@@ -239,8 +240,8 @@ def test_runs_under_way_and_after_an_index_was_damaged_are_on_record(tmp_path, s
         else:
             index = tmp_path / INDEX
             index.write_bytes(b"\xff" * index.stat().st_size)
-        journal.note(EVENT)
-        journal.finish(replace(row, outcome="failure"))
+        journal.writer.note(EVENT)
+        journal.writer.finish(replace(row, outcome="failure"))
         assert recorded(journal, seen).run == 3
     with Journal(tmp_path) as journal:
         assert [row.outcome for row in journal.runs(5)] == ["success", "failure", "success"]
@@ -258,14 +259,14 @@ def test_a_run_under_the_number_that_was_kept_ready_while_the_index_was_made_aga
             for error in damage:
                 raise error
 
-        journal._writer._add_row(finds_damage)
+        journal.writer._add_row(finds_damage)
         journal._writer.flush()
         recorded(journal, seen)
         assert [(row.run, row.outcome) for row in journal.runs(5)] == [(2, "success"), (1, "success")]
 
 
 def test_rows_beyond_those_that_may_wait_are_lost_and_told(tmp_path):
-    writer = JournalWriter(tmp_path, Keep())
+    writer = JournalWriter(tmp_path, JournalConfig())
     for _ in range(MOST_ROWS):
         writer.note(EVENT)
     assert writer.trouble == ""
@@ -275,17 +276,17 @@ def test_rows_beyond_those_that_may_wait_are_lost_and_told(tmp_path):
 
 def test_whether_all_is_written_is_told_after_as_long_as_is_asked_for(tmp_path):
     with Journal(tmp_path) as journal:
-        journal.begin(ROW)
+        journal.writer.begin(ROW)
         writer = journal._writer
         assert writer.flush()
         with locked(tmp_path):
-            journal.note(EVENT)
+            journal.writer.note(EVENT)
             assert not writer.flush(timeout=0.05)
         assert writer.flush()
 
 
 def test_a_writer_that_never_began_or_has_ended_has_nothing_to_wait_for(tmp_path):
-    writer = JournalWriter(tmp_path, Keep())
+    writer = JournalWriter(tmp_path, JournalConfig())
     writer.note(EVENT)
     assert writer.flush(timeout=0.0)
     writer.open()
@@ -303,7 +304,7 @@ class Turned:
     def __init__(self, monkeypatch, folder, **keep):
         self.time, self.at = 1000.0, []
         monkeypatch.setattr(journal_writer, "time", SimpleNamespace(monotonic=lambda: self.time))
-        self.writer = JournalWriter(folder, Keep(**keep))
+        self.writer = JournalWriter(folder, JournalConfig(**keep))
         self.writer._changed = self
 
     def __enter__(self):
@@ -434,11 +435,11 @@ def test_an_error_inside_the_writer_is_told_and_its_files_are_closed(tmp_path, t
 
 
 def test_a_folder_that_cannot_be_used_is_told_and_leaves_nothing_to_wait_for(tmp_path):
-    writer = JournalWriter(tmp_path / "gone", Keep())
+    writer = JournalWriter(tmp_path / "gone", JournalConfig())
     writer._claim()
     assert writer.trouble == f"{tmp_path / 'gone'}: no file can be made: No such file or directory"
     (tmp_path / LOCK).mkdir()
-    writer = JournalWriter(tmp_path, Keep())
+    writer = JournalWriter(tmp_path, JournalConfig())
     with pytest.raises(JournalError, match=rf"^{tmp_path}: cannot be used: .*{LOCK}"):
         writer.open()
     writer.note(EVENT)
@@ -449,7 +450,7 @@ def test_a_folder_that_cannot_be_used_is_told_and_leaves_nothing_to_wait_for(tmp
 def test_the_beginning_and_the_end_of_a_run_are_written_however_many_samples_wait(tmp_path, seen):
     block = SampleBlock()
     block.add(seen, None, 1, None)
-    writer = JournalWriter(tmp_path, Keep())
+    writer = JournalWriter(tmp_path, JournalConfig())
     first = writer.begin(ROW, None)
     for _ in range(MOST_BLOCKS):
         writer.write(first.run, block)
@@ -465,7 +466,7 @@ def test_the_beginning_and_the_end_of_a_run_are_written_however_many_samples_wai
 def test_the_thread_of_the_writer_has_a_name_and_leaves_nothing_open(tmp_path):
     before = set(threading.enumerate())
     with Journal(tmp_path) as journal:
-        journal.begin(ROW)
+        journal.writer.begin(ROW)
         (thread,) = set(threading.enumerate()) - before
         assert (thread.name, thread.daemon) == ("journal", True)
     assert not thread.is_alive()

@@ -15,11 +15,11 @@ import numpy as np
 import pytest
 
 from cell.commands.cli import GOOD, main
+from cell.config.cell_config import JournalConfig
 from cell.records.journal import INDEX, Journal
 from cell.records.run_query import RunQuery
 from cell.records.schema import LAYOUT, EventKind, EventRow, RunRow, StageRow
 from cell.records.statistics import spread
-from cell.records.upkeep import Keep
 from cell.report.facts import facts_of
 from skills.catalogue import CATALOGUE, GRASP
 
@@ -34,7 +34,7 @@ def fill(folder, seed, runs=40):
         for age in np.sort(rng.uniform(0.0, 50.0, runs))[::-1]:
             started = (now - timedelta(days=age)).isoformat(timespec="milliseconds")
             asked = RunRow(0, started, "insert_peg", 1, f"A-{rng.integers(3)}", "plc", 7)
-            row = journal.begin(asked)
+            row = journal.writer.begin(asked)
             outcome = str(rng.choice(OUTCOMES))
             ended = replace(
                 row,
@@ -45,10 +45,10 @@ def fill(folder, seed, runs=40):
                 cycle_time=drawn(rng),
                 peak_force=drawn(rng),
             )
-            journal.finish(ended, tries(rng, row.run))
+            journal.writer.finish(ended, tries(rng, row.run))
             if outcome == "fault":
                 stop(journal, row, float(rng.exponential(4.0)))
-        journal.begin(asked)
+        journal.writer.begin(asked)
 
 
 def stop(journal, row, hours):
@@ -60,7 +60,7 @@ def stop(journal, row, hours):
         (hours, "RESETTING", "STOPPED"),
     ):
         at = (began + timedelta(hours=later)).isoformat(timespec="milliseconds")
-        journal.note(EventRow(0, at, 1.0, EventKind.STATE, name, run=row.run, text=before))
+        journal.writer.note(EventRow(0, at, 1.0, EventKind.STATE, name, run=row.run, text=before))
 
 
 def tries(rng, run):
@@ -258,7 +258,7 @@ def test_it_still_is_after_a_program_was_killed_and_old_runs_were_deleted(tmp_pa
     fill(tmp_path, 103004)
     with closing(sqlite3.connect(tmp_path / INDEX)) as index, index:
         before = index.execute("SELECT count(*) FROM stages").fetchone()[0]
-    with Journal(tmp_path, keep=Keep(days=30)) as journal:
+    with Journal(tmp_path, keep=JournalConfig(days=30)) as journal:
         assert {row.outcome for row in journal.runs(1)} == {"lost"}
     with closing(sqlite3.connect(tmp_path / INDEX)) as index:
         assert 0 < index.execute("SELECT count(*) FROM stages").fetchone()[0] < before

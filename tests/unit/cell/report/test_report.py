@@ -56,8 +56,8 @@ def journal(tmp_path):
             row(3, 1.0, outcome="failure", stage="spray_search", reason="no_hole", serial=EVIL),
             row(4, 0.1),
         ):
-            begun = opened.begin(replace(asked, outcome="running"))
-            opened.finish(replace(asked, run=begun.run), [stage(begun.run, SEARCH.name, 5.0)])
+            begun = opened.writer.begin(replace(asked, outcome="running"))
+            opened.writer.finish(replace(asked, run=begun.run), [stage(begun.run, SEARCH.name, 5.0)])
         yield opened
 
 
@@ -120,8 +120,8 @@ def test_a_pad_that_wears_shows_and_one_that_does_not_stays_quiet():
 
 def test_a_report_is_one_file_that_asks_nobody_and_prints_what_comes_from_outside_as_it_is(journal, tmp_path):
     lost = row(9, outcome="failure", stage="spray_search", reason=EVIL)
-    begun = journal.begin(replace(lost, outcome="running"))
-    journal.finish(replace(lost, run=begun.run))
+    begun = journal.writer.begin(replace(lost, outcome="running"))
+    journal.writer.finish(replace(lost, run=begun.run))
     facts = facts_of(journal, RunQuery())
     write(facts, tmp_path / "report.html")
     write(facts, tmp_path / "report.pdf")
