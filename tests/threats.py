@@ -120,7 +120,7 @@ requests to the page, forms, chunks and websocket frames that no parser can read
  cell.page.front.Front
  tests/line/test_hostile_frames.py::test_every_kind_of_answer_was_provoked
 a browser leaves during a film
- cell.page.server.FileHandler.send
+ cell.page.server.FileHandler
  tests/line/test_page_server.py::test_a_browser_that_leaves_during_a_film_is_no_error
 """
 """What may happen, and below it its guard and the test of that."""

@@ -48,8 +48,8 @@ class Guarded(RequestHandler):
         for name, value in headers(self.request.host if self.is_answered else "").items():
             self.set_header(name, value)
 
-    def require_token(self, token: str) -> None:
-        """Require the token, in a header that a page of another site cannot send.
+    def require_token(self) -> None:
+        """Require the token of the cell, in a header that a page of another site cannot send.
 
         Raises:
             HTTPError: The token is missing or wrong.
@@ -57,7 +57,7 @@ class Guarded(RequestHandler):
         assert self.request.remote_ip is not None
         if not is_private(self.request.protocol, self.request.remote_ip):
             raise HTTPError(403, reason=OPEN_LINE)
-        if not is_token(self.request.headers.get("Authorization", "").removeprefix("Bearer "), token):
+        if not is_token(self.request.headers.get("Authorization", "").removeprefix("Bearer "), self.settings["token"]):
             raise HTTPError(401, reason="only with the token of this cell")
 
     def write_error(self, status_code: int, **_: Any) -> None:

@@ -12,7 +12,6 @@ POLICY = (
 )
 """Content policy of the page: the browser loads only from the cell."""
 
-_RANGE = re.compile(r"bytes=(?P<first>\d{0,15})-(?P<last>\d{0,15})", re.ASCII)
 _HOST = re.compile(r"(?:\[(?P<six>[0-9a-fA-F:.]+)\]|(?P<name>[\w.-]+))(?::\d{1,5})?", re.ASCII)
 
 
@@ -55,17 +54,6 @@ def is_private(protocol: str, peer: str) -> bool:
         return protocol == "https" or ipaddress.ip_address(peer).is_loopback
     except ValueError:
         return False
-
-
-def part_of(asked: str, size: int) -> tuple[int, int]:
-    """Return the first and the last byte of a request's Range; the whole file if the Range is missing or invalid."""
-    match = _RANGE.fullmatch(asked)
-    if match is None or not size:
-        return 0, size - 1
-    if not match["first"]:
-        return max(size - (int(match["last"] or 0) or size), 0), size - 1
-    first, last = int(match["first"]), min(int(match["last"] or size), size - 1)
-    return (first, last) if first <= last else (0, size - 1)
 
 
 def headers(host: str) -> dict[str, str]:

@@ -3,7 +3,7 @@
 import json
 from collections import deque
 from collections.abc import Mapping, Sequence
-from typing import Protocol
+from typing import TYPE_CHECKING
 
 from cell.config.load import LoadedConfig
 from cell.page import telling
@@ -17,6 +17,9 @@ from plc_bridge.bridge import Bridge
 from plc_bridge.protocol.messages import Report
 from skills.catalogue import CATALOGUE
 
+if TYPE_CHECKING:
+    from cell.page.socket import PageSocket
+
 SPECTATOR = "page"
 """Name of the page's own link; it sends no command, so that it reads the run of any other link."""
 PERIOD = 0.1
@@ -27,30 +30,6 @@ PLACES_OF_ONE = 16
 """Largest number of open pages without the token from one address."""
 AGAIN = 50
 """Number of polls between two reads of the records, because other programs write them too."""
-
-
-class Page(Protocol):
-    """One open page."""
-
-    def tell(self, text: bytes) -> None:
-        """Send a text that later ones do not replace."""
-
-    def show(self, text: bytes) -> None:
-        """Send a text that may be skipped if the page is slow."""
-
-    def look(self) -> None:
-        """Send the changes that concern only this page."""
-
-    @property
-    def is_unlocked(self) -> bool:
-        """True if the page has sent the token."""
-
-    @property
-    def peer(self) -> str:
-        """Address of the page's computer."""
-
-    def leave(self, why: str) -> None:
-        """Close this page."""
 
 
 class PageHub:
@@ -79,9 +58,9 @@ class PageHub:
         self._bridge, self._live, self._loaded, self._records = bridge, live, loaded, records
         self._build = build
         self._scene = scene(scene_facts(loaded.cell))
-        self.pages: list[Page] = []
+        self.pages: list[PageSocket] = []
         """Admitted pages, oldest first."""
-        self._lobby: deque[Page] = deque()
+        self._lobby: deque[PageSocket] = deque()
         """Pages that found no place and can still send the token."""
         self.traces = Traces()
         self._report: Report | None = None
@@ -112,7 +91,7 @@ class PageHub:
         for page in tuple(self.pages):
             page.look()
 
-    def greet(self, page: Page) -> None:
+    def greet(self, page: "PageSocket") -> None:
         """Send the whole view to a page that has just opened."""
         page.tell(_text("hello", self._hello()))
         for text in (self._state, self._summary):
@@ -121,7 +100,7 @@ class PageHub:
         page.tell(self.history())
         self.pages.append(page)
 
-    def full(self, page: Page) -> str:
+    def full(self, page: "PageSocket") -> str:
         """Return the reason why a page without the token finds no place; empty if there is one."""
         alike = sum(not each.is_unlocked and each.peer == page.peer for each in self.pages)
         if len(self.pages) < PLACES and alike < PLACES_OF_ONE:
@@ -131,7 +110,7 @@ class PageHub:
         self._lobby.append(page)
         return f"{len(self.pages)} pages are open already, {alike} of them without the token at this address"
 
-    def admit(self, page: Page) -> bool:
+    def admit(self, page: "PageSocket") -> bool:
         """Admit a page with the token, if necessary in place of one without it; return False if there is no place."""
         self.leave(page)
         if len(self.pages) >= PLACES:
@@ -144,7 +123,7 @@ class PageHub:
         self.greet(page)
         return True
 
-    def leave(self, page: Page) -> None:
+    def leave(self, page: "PageSocket") -> None:
         """Remove a page from the view."""
         for pages in (self.pages, self._lobby):
             if page in pages:

@@ -11,14 +11,12 @@ from dataclasses import asdict
 from pathlib import Path
 
 from tornado.ioloop import PeriodicCallback
-from tornado.iostream import StreamClosedError
-from tornado.web import Finish, HTTPError
+from tornado.web import HTTPError, StaticFileHandler
 
 from cell.config.cell_config import CellConfig
 from cell.config.load import LoadedConfig
 from cell.page.commands import MOST
 from cell.page.front import Front, Guarded, HttpServer
-from cell.page.guard import part_of
 from cell.page.hub import PERIOD, SPECTATOR, PageHub
 from cell.page.metrics import KIND, CellCollector
 from cell.page.records import REPORT, Records
@@ -40,8 +38,6 @@ KINDS = {
     ".svg": "image/svg+xml",
     ".mp4": "video/mp4",
 }
-PIECE = 256 * 1024
-"""Block size for sending a file, bytes."""
 REPORT_POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; frame-ancestors 'none'"
 """Content policy of a report, which is one file without scripts."""
 
@@ -91,23 +87,25 @@ class PageServer(HttpServer):
 
     def made(self) -> Front:
         """Return the routes."""
-        records = Records(self._folder)
-        build = _build()
+        records, build = Records(self._folder), _build()
         self._hub = PageHub(self._bridge, self._live, self._loaded, records, build, self._cables)
+        own, kept = {"path": str(STATIC)}, {"path": str(self._folder)}
         return Front(
             [
                 ("/live", PageSocket, {"hub": self._hub, "bridge": self._bridge, "token": self.token}),
                 ("/faults", FaultCatalogue),
-                ("/alarms", Alarms, {"records": records}),
-                (f"/{REPORT}", ReportDocument, {"records": records, "token": self.token}),
-                (r"/runs/(\d{1,9})/(data|config)", RunData, {"records": records, "token": self.token}),
-                (r"/runs/(\d{1,9})/replay", RunReplay, {"records": records}),
-                (r"/runs/(\d{1,9})/film\.mp4", RunFilm, {"records": records, "token": self.token}),
-                (r"/runs/\d{1,9}", Static, {"build": build, "name": "run.html"}),
-                (r"/([\w-]+\.(?:html|js|css|svg))", Static, {"build": build}),
-                ("/", Static, {"build": build, "name": "index.html"}),
+                ("/alarms", Alarms),
+                (f"/{REPORT}", ReportDocument, kept),
+                (r"/runs/(\d{1,9})/(data|config)", RunData),
+                (r"/runs/(\d{1,9})/replay", RunReplay),
+                (r"/runs/(\d{1,9})/film\.mp4", RunFilm, kept),
+                (r"/([\w-]+\.(?:html|js|css|svg))", Static, own),
+                (r"/(?:runs/\d{1,9})?", Page, own),
             ],
             self._loaded.cell.page.names,
+            records=records,
+            token=self.token,
+            build=build,
             compress_response=True,
             # Three pings within the timeout of a link; an answer is a sign of life for the page's run, and a late one closes no page.
             websocket_ping_interval=self._loaded.cell.plc.life_timeout / 3,
@@ -140,70 +138,61 @@ class MetricsServer(HttpServer):
 
     def made(self) -> Front:
         """Return the one route."""
-        return Front([("/metrics", Metrics, {"collector": self._collector})], self._names)
+        return Front([("/metrics", Metrics)], self._names, collector=self._collector)
 
 
 class Metrics(Guarded):
     """Handler of the metrics."""
 
-    def initialize(self, collector: CellCollector) -> None:
-        """Keep the collector of the metrics."""
-        self._collector = collector
-
     def get(self) -> None:
         """Send the present metrics."""
         self.set_header("Content-Type", KIND)
-        self.finish(self._collector.text())
+        self.finish(self.settings["collector"].text())
 
 
-class FileHandler(Guarded):
-    """Base of the handlers that send files."""
+class RecordsHandler(Guarded):
+    """Base of the handlers that read the records."""
 
-    async def send(self, path: Path) -> None:
-        """Send a file in blocks, or only its requested range, for example if a browser seeks in a film.
+    @property
+    def records(self) -> Records:
+        """The records of the cell."""
+        records: Records = self.settings["records"]
+        return records
 
-        Raises:
-            Finish: The browser left.
-        """
-        size = path.stat().st_size
-        first, last = part_of(self.request.headers.get("Range", ""), size)
-        self.set_header("Content-Type", KINDS[path.suffix])
-        self.set_header("Accept-Ranges", "bytes")
-        self.set_header("Content-Length", str(last - first + 1))
-        if last - first + 1 < size:
-            self.set_status(206)
-            self.set_header("Content-Range", f"bytes {first}-{last}/{size}")
-        with path.open("rb") as file:
-            file.seek(first)
-            left = last - first + 1
-            while left and (piece := file.read(min(PIECE, left))):
-                left -= len(piece)
-                self.write(piece)
-                try:
-                    await self.flush()
-                except StreamClosedError:  # the browser left
-                    raise Finish from None
+
+class FileHandler(RecordsHandler, StaticFileHandler):
+    """Base of the handlers that send a file, or only its requested range, for example if a browser seeks in a film."""
+
+    SUPPORTED_METHODS = ("GET", "POST")
+
+    def get_content_type(self) -> str:
+        """Return the media type of the file."""
+        return KINDS[Path(self.path).suffix]
+
+    def compute_etag(self) -> str | None:
+        """Return no version of the file: it can change."""
+        return None
 
 
 class Static(FileHandler):
     """Handler of the page's own files, which a browser keeps while the server confirms that they are of this version."""
 
-    def initialize(self, build: str, name: str = "") -> None:
-        """Keep the version of the page, and the file's name if the route does not contain it."""
-        self._build, self._name = build, name
+    def compute_etag(self) -> str | None:
+        """Return the version of the page; a page that a browser keeps would lose its socket meanwhile."""
+        return None if self.path.endswith(".html") else f'"{self.settings["build"]}"'
 
-    async def get(self, name: str = "") -> None:
-        """Send the file."""
-        path = STATIC / (self._name or name)
-        if not path.is_file():
-            raise HTTPError(404, reason="no such file")
-        if path.suffix != ".html":  # a page that a browser keeps would lose its socket meanwhile
+    def set_extra_headers(self, path: str) -> None:
+        """Let a browser keep the file."""
+        if not path.endswith(".html"):
             self.set_header("Cache-Control", "no-cache")
-            self.set_header("Etag", f'"{self._build}"')
-        if self.check_etag_header():
-            self.set_status(304)
-        else:
-            await self.send(path)
+
+
+class Page(Static):
+    """Handler of the pages, whose names are not in their routes."""
+
+    async def get(self, path: str = "", include_body: bool = True) -> None:
+        """Send the page of a run, or of the cell."""
+        await super().get("run.html" if self.request.path.startswith("/runs/") else "index.html", include_body)
 
 
 class FaultCatalogue(Guarded):
@@ -215,17 +204,13 @@ class FaultCatalogue(Guarded):
         self.finish(json.dumps([{"code": code, **asdict(text)} for code, text in FAULTS.items() if code]))
 
 
-class Alarms(Guarded):
+class Alarms(RecordsHandler):
     """Handler of the alarms on record."""
-
-    def initialize(self, records: Records) -> None:
-        """Keep the records."""
-        self._records = records
 
     def get(self) -> None:
         """Send the newest alarms since the argument `since` as JSON."""
         try:
-            found = self._records.alarms(self.get_argument("since", ""))
+            found = self.records.alarms(self.get_argument("since", ""))
         except ConfigError as error:
             logger.info("page: %s", error)
             raise HTTPError(400, reason="since: 30m, 12h, 7d, 4w or a date allowed") from None
@@ -236,37 +221,29 @@ class Alarms(Guarded):
         self.finish(json.dumps(found))
 
 
-class RunData(Guarded):
+class RunData(RecordsHandler):
     """Handler of the record of one run; its config is sent only with the token."""
-
-    def initialize(self, records: Records, token: str) -> None:
-        """Keep the records and the token."""
-        self._records, self._token = records, token
 
     def get(self, number: str, what: str) -> None:
         """Send the run as JSON."""
         run = int(number)
         if what == "config":
-            self.require_token(self._token)
+            self.require_token()
         with _found(run):
-            text = json.dumps(self._records.whole(run)) if what == "data" else self._records.config(run)
+            text = json.dumps(self.records.whole(run)) if what == "data" else self.records.config(run)
         if text is None:
             raise HTTPError(404, reason=f"run {run}: its config was not kept")
         self.set_header("Content-Type", "application/json")
         self.finish(text if what == "data" else json.dumps(json.loads(text), indent=2))  # indented for reading
 
 
-class RunReplay(Guarded):
+class RunReplay(RecordsHandler):
     """Handler of the samples of one run, which the browser draws."""
-
-    def initialize(self, records: Records) -> None:
-        """Keep the records."""
-        self._records = records
 
     async def get(self, number: str) -> None:
         """Send the samples."""
         with _found(int(number)):
-            samples = await self._records.replay(int(number))
+            samples = await self.records.replay(int(number))
         self.set_header("Content-Type", "application/octet-stream")
         self.finish(samples)
 
@@ -274,22 +251,18 @@ class RunReplay(Guarded):
 class RunFilm(FileHandler):
     """Handler of the film of a run: reading an existing one is free, drawing one needs the token."""
 
-    def initialize(self, records: Records, token: str) -> None:
-        """Keep the records and the token."""
-        self._records, self._token = records, token
-
-    async def get(self, number: str) -> None:
-        """Send the film."""
-        path = self._records.film_path(int(number))
-        if not path.is_file():
-            raise HTTPError(404, reason=f"run {number}: not drawn yet")
-        await self.send(path)
+    async def get(self, path: str, include_body: bool = True) -> None:
+        """Send the film of the run with this number."""
+        film = self.records.film_path(int(path))
+        if not film.is_file():
+            raise HTTPError(404, reason=f"run {path}: not drawn yet")
+        await super().get(film.name, include_body)
 
     async def post(self, number: str) -> None:
         """Draw the film if it is missing; it takes minutes, so the answer does not wait for it."""
-        self.require_token(self._token)
+        self.require_token()
         with _found(int(number)):
-            path = self._records.film(int(number))
+            path = self.records.film(int(number))
         self.set_status(202 if path is None else 200)
         self.finish("being drawn\n" if path is None else "there\n")
 
@@ -297,22 +270,17 @@ class RunFilm(FileHandler):
 class ReportDocument(FileHandler):
     """Handler of the report of a period: reading the last one is free, making one needs the token."""
 
-    def initialize(self, records: Records, token: str) -> None:
-        """Keep the records and the token."""
-        self._records, self._token = records, token
-
-    async def get(self) -> None:
+    async def get(self, path: str = "", include_body: bool = True) -> None:
         """Send the report; its style is inside it."""
-        path = self._records.path_of_report
-        if not path.is_file():
+        if not self.records.path_of_report.is_file():
             raise HTTPError(404, reason="no report was made yet")
         self.set_header("Content-Security-Policy", REPORT_POLICY)
-        await self.send(path)
+        await super().get(REPORT, include_body)
 
     async def post(self) -> None:
         """Make the report since the argument `since`."""
-        self.require_token(self._token)
-        if await self._records.report(self.get_argument("since", "")) is None:
+        self.require_token()
+        if await self.records.report(self.get_argument("since", "")) is None:
             raise HTTPError(404, reason="the report cannot be made here; run cell report for the reason")
         self.finish("there\n")
 

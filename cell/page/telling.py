@@ -1,7 +1,7 @@
 """The state of the cell in words for the page: activity, fault, next step; pure."""
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import asdict, replace
 
 from cell.peg.ending import explained
 from cell.peg.part_state import REMEDIES, Action, ActionWords, PartState
@@ -153,15 +153,7 @@ def _next(state: State, part: PartState, unplugged: Sequence[str]) -> str:
 def _fault(code: int, message: str) -> dict[str, object] | None:
     if code == FaultCode.NONE:
         return None
-    text = FAULTS[FaultCode(code)]
-    return {
-        "code": code,
-        "name": FaultCode(code).name,
-        "message": message,
-        "meaning": text.meaning,
-        "cause": text.cause,
-        "remedy": text.remedy,
-    }
+    return {"code": code, "name": FaultCode(code).name, "message": message, **asdict(FAULTS[FaultCode(code)])}
 
 
 def own(image: Report) -> dict[str, object]:
@@ -181,21 +173,17 @@ def meaning(fault: int, reason: str) -> str:
     return "" if why is None else why.meaning
 
 
+_OF_A_ROW = (
+    *("run", "started", "program", "recipe", "serial", "source"),
+    *("outcome", "stage", "reason", "fault", "message"),
+)
+
+
 def row(run: RunRow) -> dict[str, object]:
     """Return a recorded run for the page's list."""
     return {
-        "run": run.run,
-        "started": run.started,
-        "program": run.program,
-        "recipe": run.recipe,
-        "serial": run.serial,
-        "source": run.source,
-        "outcome": run.outcome,
-        "stage": run.stage,
-        "reason": run.reason,
-        "fault": run.fault,
+        **{name: getattr(run, name) for name in _OF_A_ROW},
         "meaning": meaning(run.fault, run.reason),
-        "message": run.message,
         "cycle_time": round(run.cycle_time, 2) if run.cycle_time is not None else None,
         "peak_force": round(run.peak_force, 1) if run.peak_force is not None else None,
     }

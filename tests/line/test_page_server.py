@@ -304,7 +304,15 @@ def test_a_browser_that_leaves_during_a_film_is_no_error(server, served, recorde
     with socket.create_connection(server.address) as browser:
         browser.sendall(f"GET /runs/{recorded}/film.mp4 HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n".encode())
         assert browser.recv(12) == b"HTTP/1.1 200"
-    assert get(server, f"/runs/{recorded}/film.mp4", Range="bytes=0-9")[0].status == 206
+    size = 64 * 1024 * 1024
+    for asked, status, part in (
+        ("bytes=0-9", 206, f"bytes 0-9/{size}"),
+        ("bytes=-10", 206, f"bytes {size - 10}-{size - 1}/{size}"),
+        (f"bytes={size - 5}-{size + 500}", 206, f"bytes {size - 5}-{size - 1}/{size}"),
+        (f"bytes={size}-", 416, f"bytes */{size}"),
+    ):
+        answer = get(server, f"/runs/{recorded}/film.mp4", Range=asked)[0]
+        assert (answer.status, answer.headers["Content-Range"]) == (status, part)
     assert caplog.text == ""
 
 

@@ -3,7 +3,7 @@
 import random
 
 from cell.page.commands import BadAskError, parse
-from cell.page.guard import part_of, refusal
+from cell.page.guard import refusal
 from cell.page.token import is_token
 from tests.inputs import inputs
 
@@ -51,6 +51,4 @@ def test_the_names_of_a_request_are_the_cells_or_refused():
         own += refusal(host, None) == ""
         for name in (host, "127.0.0.1:80"):
             assert refusal(name, f"http://{origin}") or origin.lower() == name.lower()
-        first, last = part_of(host, 100)
-        assert 0 <= first <= last < 100
     assert 0.005 < own / INPUTS < 0.5

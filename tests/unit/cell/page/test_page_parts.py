@@ -8,7 +8,7 @@ import pytest
 from cell.config.parameters import PARAMETERS
 from cell.page import telling
 from cell.page.commands import Ask, BadAskError, parse
-from cell.page.guard import part_of, refusal
+from cell.page.guard import refusal
 from cell.page.hub import PageHub
 from cell.page.records import Records, shift
 from cell.page.token import FILE, is_token, page_token
@@ -134,27 +134,6 @@ def test_every_fault_comes_with_meaning_cause_and_remedy(code):
 def test_every_refusal_that_a_page_can_meet_has_words():
     met = set(Refusal) - {Refusal.NONE, Refusal.VERSION, Refusal.TORN, Refusal.ADOPTED, Refusal.LATE}
     assert set(telling.REFUSED) == met
-
-
-@pytest.mark.parametrize(
-    ("asked", "part"),
-    [
-        ("", (0, 99)),
-        ("bytes=0-", (0, 99)),
-        ("bytes=10-19", (10, 19)),
-        ("bytes=90-500", (90, 99)),
-        ("bytes=-10", (90, 99)),
-        ("bytes=-500", (0, 99)),
-        ("bytes=100-", (0, 99)),
-        ("bytes=5-4", (0, 99)),
-        ("bytes=-", (0, 99)),
-        ("bytes=1-2,4-5", (0, 99)),
-        ("lines=1-2", (0, 99)),
-    ],
-)
-def test_a_range_is_the_part_of_a_file_that_there_is(asked, part):
-    assert part_of(asked, 100) == part
-    assert part_of(asked, 0) == (0, -1)
 
 
 def test_the_yield_counts_runs_that_have_ended():
