@@ -67,8 +67,10 @@ def add_config(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help="replace one key")
 
 
-def add_simulate(parser: argparse.ArgumentParser) -> None:
-    """Add --simulate."""
+def add_cell(parser: argparse.ArgumentParser) -> None:
+    """Add the options of a cell that records its runs: --config, --set, --journal and --simulate."""
+    add_config(parser)
+    add_journal(parser)
     parser.add_argument(
         "--simulate",
         type=devices,
@@ -104,6 +106,24 @@ def calibration_folder(args: argparse.Namespace) -> Path:
     from cell.records.journal import default_folder
 
     return (args.config.parent if args.config else default_folder()) / "calibration"
+
+
+def proven_file(args: argparse.Namespace) -> Path:
+    """Return the file of what is proven of a physical cell."""
+    from cell.calibrate.proven import FILE
+
+    return calibration_folder(args) / FILE
+
+
+def load_proven(args: argparse.Namespace) -> "tuple[LoadedConfig, str]":
+    """Return the config in force, slow and gentle until all of the cell is proven, and what is not proven, in words.
+
+    Raises:
+        ConfigError: The config is wrong.
+    """
+    from cell.calibrate.proven import in_force
+
+    return in_force(load_config(args), proven_file(args))
 
 
 def add_journal(parser: argparse.ArgumentParser) -> None:

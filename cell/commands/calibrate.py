@@ -13,9 +13,16 @@ from rich.table import Table
 
 from cell.calibrate.arm import calibrate_arm
 from cell.calibrate.places import PEGS, MeasuredPlaces, calibrate_places
-from cell.calibrate.proven import FILE, in_force, keep
+from cell.calibrate.proven import keep
 from cell.calibrate.skin import calibrate_skin
-from cell.commands.arguments import add_calibration_folder, add_config, calibration_folder, load_config, positive
+from cell.commands.arguments import (
+    add_calibration_folder,
+    add_config,
+    calibration_folder,
+    load_proven,
+    positive,
+    proven_file,
+)
 from cell.commands.terminal import GOOD, ask, complain, counting, show
 from cell.config.cell_config import CellConfig
 from drivers.arm.calibration import ArmCalibration
@@ -38,7 +45,7 @@ def run(args: argparse.Namespace) -> int:
     today = date.today()
     if args.pegs is not None and args.device != "places":
         raise ConfigError("--pegs: only for places")
-    config = in_force(load_config(args), calibration_folder(args) / FILE)[0].cell
+    config = load_proven(args)[0].cell
     path = (args.out or calibration_folder(args)) / f"{args.device}_{today.isoformat()}.toml"
     try:
         return DEVICES[args.device](args, config, today, path)
@@ -51,19 +58,13 @@ def _skin(args: argparse.Namespace, config: CellConfig, today: date, path: Path)
         raise ConfigError("calibrate skin: somebody has to turn a rod between the pads; a terminal needed")
     with counting("angles") as done:
         found = calibrate_skin(config, today, done, ask)
-    found.write(path)
-    show(args, _named(_skin_table(found, path), args, path), {**found.model_dump(mode="json"), "file": str(path)})
-    return GOOD
+    return _written(args, found, _skin_table(found, path), path)
 
 
 def _arm(args: argparse.Namespace, config: CellConfig, today: date, path: Path) -> int:
     with counting("motions") as done:
         found = calibrate_arm(config, today, done)
-    found.write(path)
-    show(
-        args, _named(_arm_table(found, config, path), args, path), {**found.model_dump(mode="json"), "file": str(path)}
-    )
-    return GOOD
+    return _written(args, found, _arm_table(found, config, path), path)
 
 
 def _places(args: argparse.Namespace, config: CellConfig, today: date, path: Path) -> int:
@@ -78,9 +79,7 @@ def _places(args: argparse.Namespace, config: CellConfig, today: date, path: Pat
         found = calibrate_places(config, today, done, pegs)
     found.write(path)
     if not config.is_simulated:
-        keep(
-            calibration_folder(args) / FILE, found.corrected(config), {"places": f"{pegs} pegs, see {path.name}"}, today
-        )
+        keep(proven_file(args), found.corrected(config), {"places": f"{pegs} pegs, see {path.name}"}, today)
     data = {**asdict(found), "date": today.isoformat(), "file": str(path), "write": found.sections}
     show(args, _places_table(found, config, path), data)
     return GOOD
@@ -90,9 +89,12 @@ DEVICES = {"skin": _skin, "arm": _arm, "places": _places}
 """Function that calibrates each device."""
 
 
-def _named(table: Table, args: argparse.Namespace, path: Path) -> Group:
-    """Return a table with the lines that name its file in the cell's file."""
-    return Group(table, f'for the cell\'s file:\n\n[calibration]\n{args.device} = "{path.resolve()}"\n')
+def _written(args: argparse.Namespace, found: SkinCalibration | ArmCalibration, table: Table, path: Path) -> int:
+    """Write the file of a device, and show its table with the lines that name it in the cell's file."""
+    found.write(path)
+    named = f'for the cell\'s file:\n\n[calibration]\n{args.device} = "{path.resolve()}"\n'
+    show(args, Group(table, named), {**found.model_dump(mode="json"), "file": str(path)})
+    return GOOD
 
 
 def _skin_table(found: SkinCalibration, path: Path) -> Table:

@@ -11,17 +11,8 @@ from rich.table import Table
 
 from cell.calibrate.commissioning import Walk, WatchedLine, record
 from cell.calibrate.proofs import prove_switch, prove_wrench
-from cell.calibrate.proven import FILE, commissioning, in_force, keep, read
-from cell.commands.arguments import (
-    add_config,
-    add_journal,
-    add_simulate,
-    calibration_folder,
-    devices,
-    file_path,
-    load_config,
-    open_journal,
-)
+from cell.calibrate.proven import commissioning, in_force, keep, read
+from cell.commands.arguments import add_cell, devices, file_path, load_config, open_journal, proven_file
 from cell.commands.terminal import FAULT, GOOD, NOT_GOOD, ask, complain, say, show
 from cell.commands.warm_up import warm_up
 from cell.config.load import LoadedConfig
@@ -54,9 +45,7 @@ LAST_STEP = 12
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add --config, --set and the options of commissioning."""
     minutes = 10.0  # Duration of the measurement of the arm's loop, min.
-    add_config(parser)
-    add_journal(parser)
-    add_simulate(parser)
+    add_cell(parser)
     parser.add_argument("--only", type=devices, default=(), metavar="DEVICES", help="check these devices alone: skin")
     parser.add_argument(
         "--prove",
@@ -144,7 +133,7 @@ def _proven(args: argparse.Namespace, loaded: LoadedConfig, found: dict[str, str
     """Return what is proven of a physical cell, after a proof with --prove."""
     if loaded.cell.is_simulated:
         return []
-    path = calibration_folder(args) / FILE
+    path = proven_file(args)
     if args.prove:
         try:
             _prove(loaded, path, found)
@@ -195,7 +184,7 @@ def _network(plc: PlcConfig) -> list[tuple[str, str]]:
 
 def _commission(args: argparse.Namespace, loaded: LoadedConfig) -> int:
     """Serve the cell to the PLC and watch its commands until every step has passed or one has failed."""
-    if why := in_force(loaded, calibration_folder(args) / FILE)[1]:
+    if why := in_force(loaded, proven_file(args))[1]:
         raise ConfigError(f"--plc: {why}")
     bridge = Bridge(loaded.cell.plc, PROGRAMS, PARAMETERS)
     # Longest time for one step of the commissioning, s.

@@ -1,6 +1,7 @@
 """`cell run`: run one skill, program or control, in this process or on a served cell."""
 
 import argparse
+from collections.abc import Callable, Iterable
 from contextlib import ExitStack
 from threading import Event, Thread
 from typing import TYPE_CHECKING
@@ -8,25 +9,25 @@ from typing import TYPE_CHECKING
 from rich.console import Group
 from rich.progress import Progress, TaskID
 
-from cell.commands import client, words
+from cell.commands import words
 from cell.commands.arguments import (
-    add_config,
-    add_journal,
-    add_simulate,
+    add_cell,
     address,
-    calibration_folder,
-    load_config,
+    load_proven,
     natural,
     open_journal,
     require_known,
     require_recipe,
 )
 from cell.commands.terminal import FAULT, GOOD, NOT_GOOD, complain, progress, show
+from cell.config.layers import parse_set
 from cell.config.load import LoadedConfig
+from cell.config.parameters import PARAMETERS
 from cell.page.telling import REFUSED
 from cell.records.schema import plain
 from cell.run.line import CONTROLS, TOLD, TerminalLine
-from drivers.errors import ConfigError
+from drivers.errors import CellError, ConfigError
+from plc_bridge.peer import Peer
 from plc_bridge.protocol.messages import REMEDIES, Command, Refusal, Report, Result
 from skills.catalogue import CATALOGUE
 from skills.contract import Outcome
@@ -38,9 +39,7 @@ if TYPE_CHECKING:
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the skill, program or control, the part, and the cell."""
     names = f"{', '.join((*CATALOGUE, *TOLD))}; with --connect also {', '.join(c for c in CONTROLS if c not in TOLD)}"
-    add_config(parser)
-    add_journal(parser)
-    add_simulate(parser)
+    add_cell(parser)
     parser.add_argument("name", metavar="NAME", help=names)
     parser.add_argument(
         "--connect", type=address, metavar="HOST:PORT", help="run it on a cell that is served at this address"
@@ -58,18 +57,10 @@ def run(args: argparse.Namespace) -> int:
 def _run_there(args: argparse.Namespace) -> int:
     if args.config is not None or args.simulate:
         raise ConfigError("--config, --simulate: not together with --connect, the cell there has its own devices")
-    parameters = client.raw_parameters(args.set)
+    parameters = _raw_parameters(args.set)
     with progress() as bars:
         bar = bars.add_task(args.name, total=100)
-        report = client.run_remote(
-            args.connect,
-            args.name,
-            args.recipe,
-            args.serial,
-            parameters,
-            lambda r: bars.update(bar, completed=r.progress),
-            args.stop,
-        )
+        report = _run_remote(args, parameters, lambda r: bars.update(bar, completed=r.progress))
     data = words.report(report)
     show(args, " ".join(f"{k}={v}" for k, v in data.items() if v not in ("", "none")), data)
     if refusal := Refusal(report.refusal):
@@ -79,13 +70,66 @@ def _run_there(args: argparse.Namespace) -> int:
     return {Result.SUCCESS: GOOD, Result.FAULT: FAULT}.get(Result(report.result), NOT_GOOD)
 
 
+def _raw_parameters(sets: Iterable[str]) -> list[tuple[int, int]]:
+    """Return number and raw count of each `KEY=VALUE`.
+
+    Raises:
+        ConfigError: The key is not a parameter of commands, or the value is out of range.
+    """
+    numbers = {spec.name: number for number, spec in enumerate(PARAMETERS)}
+    found = []
+    for text in sets:
+        place, value = parse_set(text)
+        key = ".".join(place)
+        if key not in numbers:
+            raise ConfigError(f"--set {key}: not for --connect; {', '.join(numbers)} allowed")
+        spec = PARAMETERS[numbers[key]]
+        if isinstance(value, bool) or not isinstance(value, int | float) or not spec.low <= value <= spec.high:
+            raise ConfigError(
+                f"--set {key} = {value!r}: a number from {spec.low:g} to {spec.high:g} {spec.unit} allowed"
+            )
+        found.append((numbers[key], round(value / spec.scale)))
+    return found
+
+
+def _run_remote(args: argparse.Namespace, parameters: list[tuple[int, int]], watch: Callable[[Report], None]) -> Report:
+    """Run a program, a skill or a control on a served cell, under the same lease as a PLC; return the last report.
+
+    Raises:
+        CellError: The cell times out, or another client holds the lease.
+    """
+    longest = 3600.0  # Longest wait for the end of a run, wall time, s.
+    peer = Peer(*args.connect)
+    peer.connect()
+    is_stopping = False
+
+    def look(report: Report) -> None:
+        nonlocal is_stopping
+        watch(report)
+        if args.stop.is_set() and not is_stopping:
+            is_stopping = True
+            peer.stop()
+
+    try:
+        if args.name in ("stop", "abort"):
+            return peer.run(CONTROLS[args.name], timeout=longest)
+        if not peer.take():
+            host, port = args.connect
+            raise CellError(f"{host}:{port}: {peer.read_report().holder} holds the lease; only its holder may start")
+        code = CONTROLS[args.name] if args.name in CONTROLS else CATALOGUE[args.name].code
+        report = peer.run(code, args.recipe, args.serial, parameters, timeout=longest, watch=look)
+        peer.release()
+        return report
+    finally:
+        peer.close()
+
+
 def _run_here(args: argparse.Namespace) -> int:
-    from cell.calibrate.proven import FILE, in_force
     from cell.commands.warm_up import warm_up
     from cell.devices.assembly import assemble, opened
     from cell.run.supervisor import Supervisor
 
-    loaded, _ = in_force(load_config(args), calibration_folder(args) / FILE)  # slow and gentle until all is proven
+    loaded, _ = load_proven(args)  # slow and gentle until all is proven
     require_recipe(args.recipe, loaded)
     code = CATALOGUE[args.name].code if args.name in CATALOGUE else TOLD[args.name]
     command = Command(1, code, args.recipe, args.serial, source="terminal")

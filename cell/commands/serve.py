@@ -9,15 +9,7 @@ from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cell.commands.arguments import (
-    add_config,
-    add_journal,
-    add_simulate,
-    calibration_folder,
-    listening,
-    load_config,
-    open_journal,
-)
+from cell.commands.arguments import add_cell, listening, load_proven, open_journal
 from cell.commands.terminal import GOOD, say
 
 if TYPE_CHECKING:
@@ -31,9 +23,7 @@ logger = logging.getLogger(__name__)
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of the cell, its page and its records."""
-    add_config(parser)
-    add_journal(parser)
-    add_simulate(parser)
+    add_cell(parser)
     for option, default, what in (
         ("--page", "127.0.0.1:8080", "a page for browsers"),  # by default for this computer alone
         ("--opcua", "127.0.0.1:4840", "the cell as a PackML unit over OPC UA"),
@@ -60,7 +50,6 @@ def run(args: argparse.Namespace) -> int:
 def _serve(args: argparse.Namespace) -> None:
     from dataclasses import replace
 
-    from cell.calibrate.proven import FILE, in_force
     from cell.commands.warm_up import warm_up
     from cell.config.parameters import PARAMETERS
     from cell.devices.assembly import assemble, opened
@@ -69,7 +58,7 @@ def _serve(args: argparse.Namespace) -> None:
     from cell.run.supervisor import Supervisor
     from plc_bridge.bridge import Bridge
 
-    loaded, why = in_force(load_config(args), calibration_folder(args) / FILE)
+    loaded, why = load_proven(args)
     _warn(loaded.cell.plc, args)
     bridge, live = Bridge(loaded.cell.plc, PROGRAMS, PARAMETERS, opcua=args.opcua), Live()
     with (

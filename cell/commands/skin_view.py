@@ -65,9 +65,8 @@ def play(config: CellConfig, path: Path, seconds: float, show: Show, stop: Event
         ConfigError: The file is not a recording, or its wire differs from `skin.kind`.
         CellError: The recording contains no frame of the skin.
     """
-    felt = played_skin(config, path, _PlayClock(at_pace))
-    if felt.figures is not None:  # traffic: its clock runs as fast as it is read
-        felt = replace(felt, clock=_Paced(felt.clock, at_pace))
+    felt = played_skin(config, path, _PlayClock())
+    felt = replace(felt, clock=_Paced(felt.clock)) if at_pace else felt
     _play(felt, 1.0 / config.scan_rate, seconds, show, stop)
 
 
@@ -107,23 +106,21 @@ def fingers(seen: SeenFrame, layout: Layout) -> Group:
 class _PlayClock:
     """Clock of a recording without one; its time advances with each wait."""
 
-    def __init__(self, at_pace: bool) -> None:
-        self._time, self._at_pace = 0.0, at_pace
+    def __init__(self) -> None:
+        self._time = 0.0
 
     def now(self) -> float:
         return self._time
 
     def wait_until(self, stamp: float) -> None:
-        if self._at_pace:
-            time.sleep(max(stamp - self._time, 0.0))
         self._time = max(stamp, self._time)
 
 
 class _Paced:
-    """A playback's own clock, slowed down to the pace of the recording."""
+    """The clock of a recording, which runs as fast as it is read, slowed down to the pace of the recording."""
 
-    def __init__(self, clock: Clock, at_pace: bool) -> None:
-        self._clock, self._at_pace = clock, at_pace
+    def __init__(self, clock: Clock) -> None:
+        self._clock = clock
 
     def now(self) -> float:
         return self._clock.now()
@@ -131,8 +128,7 @@ class _Paced:
     def wait_until(self, stamp: float) -> None:
         before = self._clock.now()
         self._clock.wait_until(stamp)
-        if self._at_pace:
-            time.sleep(max(self._clock.now() - before, 0.0))
+        time.sleep(max(self._clock.now() - before, 0.0))
 
 
 def _watch(felt: SkinLine, period: float, seconds: float, show: Show, stop: Event) -> None:

@@ -7,9 +7,10 @@ from dataclasses import asdict, replace
 
 from rich.text import Text
 
-from cell.commands import client, words
+from cell.commands import words
 from cell.commands.arguments import address
 from cell.commands.terminal import GOOD, console, say
+from plc_bridge.peer import Peer
 from plc_bridge.protocol.messages import Diagnostics, Report
 
 
@@ -38,5 +39,13 @@ def run(args: argparse.Namespace) -> int:
                     say(json.dumps(data) if args.json else line)
                 last.update(told)
 
-        client.watch_remote(args.connect, tell, args.stop, args.once)
-    return GOOD
+        peer = Peer(*args.connect)
+        try:
+            peer.look()
+            while True:
+                tell(peer.read_report(), peer.read_diagnostics())
+                # Polling period, s.
+                if args.once or args.stop.wait(0.1):
+                    return GOOD
+        finally:
+            peer.close()
