@@ -1,7 +1,6 @@
-"""The properties of a part's cross-section; `round` and `rectangular` implement them."""
+"""The properties of a part's cross-section; `round` and `rectangular` complete them."""
 
 import math
-from collections.abc import Hashable
 from dataclasses import dataclass
 from typing import Protocol, Self
 
@@ -69,12 +68,15 @@ class Face:
         return shares
 
 
-class Part(Hashable, Protocol):
+class Part(Protocol):
     """The cross-section of a peg or of a hole; two sections of one kind can be compared.
 
     The hand holds a peg between two faces. The closing axis, along which the fingers move, is the section's first
     axis; the second axis is normal to it. All lengths are in m.
     """
+
+    def __hash__(self) -> int:
+        return hash(self.kind)  # the sections are dataclasses, which hash their sizes instead
 
     @property
     def kind(self) -> str:
@@ -91,10 +93,12 @@ class Part(Hashable, Protocol):
     @property
     def inscribed(self) -> float:
         """Diameter of the largest circle inside the section, m."""
+        return 2.0 * min(self.half)
 
     @property
     def widest(self) -> float:
         """Largest distance between two parallel tangents that lie along an axis of the section, m."""
+        return 2.0 * max(self.half)
 
     @property
     def reach(self) -> float:
@@ -103,6 +107,7 @@ class Part(Hashable, Protocol):
     @property
     def chamfer(self) -> float:
         """Width and height of a chamfer of 45 degrees, m: at a peg's end or at a hole's mouth; 0 if there is none."""
+        return 0.0
 
     @property
     def symmetry(self) -> float:
@@ -110,6 +115,7 @@ class Part(Hashable, Protocol):
 
     def least_turn(self, turn: float) -> float:
         """Return the smallest turn about the peg's axis, rad, >= 0, that is equivalent to `turn`, rad."""
+        return turn % self.symmetry if self.symmetry > 0.0 else 0.0
 
     @property
     def face(self) -> Face:
@@ -123,6 +129,7 @@ class Part(Hashable, Protocol):
 
     def clearance(self, hole: Self) -> float:
         """Return the gap on every side of this peg in the middle of its hole, m; the smallest if the sides differ."""
+        return min(around - own for around, own in zip(hole.half, self.half, strict=True))
 
     def azimuth(self, direction: float) -> float:
         """Return the azimuth, rad, of the section's leading point when the peg is tilted.

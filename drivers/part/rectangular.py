@@ -7,12 +7,12 @@ from typing import ClassVar, Self
 import numpy as np
 
 from drivers.frames import UP, rotation_about
-from drivers.part.contract import Face
+from drivers.part.contract import Face, Part
 from drivers.quantities import Vector
 
 
 @dataclass(frozen=True, slots=True)
-class Rectangular:
+class Rectangular(Part):
     """A rectangle; `drivers.part.contract.Part` documents its members."""
 
     kind: ClassVar[str] = "rectangular"
@@ -32,33 +32,14 @@ class Rectangular:
         return self.a
 
     @property
-    def inscribed(self) -> float:
-        """Shorter side, m."""
-        return min(self.a, self.b)
-
-    @property
-    def widest(self) -> float:
-        """Longer side, m."""
-        return max(self.a, self.b)
-
-    @property
     def reach(self) -> float:
         """Half the diagonal, m."""
         return math.sqrt(self.a * self.a + self.b * self.b) / 2
 
     @property
-    def chamfer(self) -> float:
-        """Zero, m: parts with corners have none."""
-        return 0.0
-
-    @property
     def symmetry(self) -> float:
         """Half a turn, or a quarter of a turn for a square, rad."""
         return math.pi / 2 if self.a == self.b else math.pi
-
-    def least_turn(self, turn: float) -> float:
-        """Return the turn less whole symmetries, rad."""
-        return turn % self.symmetry
 
     @property
     def face(self) -> Face:
@@ -72,10 +53,6 @@ class Rectangular:
     def grown(self, gap: float) -> Self:
         """Return a rectangle with every side moved outwards by `gap`, m."""
         return type(self)(self.a + 2 * gap, self.b + 2 * gap)
-
-    def clearance(self, hole: "Rectangular") -> float:
-        """Return the smaller of the gaps between parallel sides, m."""
-        return min((hole.a - self.a) / 2, (hole.b - self.b) / 2)
 
     def azimuth(self, direction: float) -> float:
         """Return the azimuth, rad, of the corner towards which the peg is tilted."""

@@ -7,7 +7,7 @@ from typing import ClassVar, Self
 import numpy as np
 
 from drivers.frames import UP
-from drivers.part.contract import Face
+from drivers.part.contract import Face, Part
 from drivers.quantities import Vector
 
 CORNERS = 96
@@ -15,7 +15,7 @@ CORNERS = 96
 
 
 @dataclass(frozen=True, slots=True)
-class Round:
+class Round(Part):
     """A circle; `drivers.part.contract.Part` documents its members."""
 
     kind: ClassVar[str] = "round"
@@ -34,8 +34,6 @@ class Round:
         """Diameter, m."""
         return self.diameter
 
-    inscribed = widest = thickness
-
     @property
     def reach(self) -> float:
         """Radius, m."""
@@ -44,10 +42,6 @@ class Round:
     @property
     def symmetry(self) -> float:
         """Zero, rad: every turn leaves the section unchanged."""
-        return 0.0
-
-    def least_turn(self, turn: float) -> float:
-        """Return zero, rad."""
         return 0.0
 
     @property
@@ -63,10 +57,6 @@ class Round:
     def grown(self, gap: float) -> Self:
         """Return a circle whose radius is larger by `gap`, m, without a chamfer."""
         return type(self)(self.diameter + 2 * gap)
-
-    def clearance(self, hole: "Round") -> float:
-        """Return the difference of the radii, m."""
-        return (hole.diameter - self.diameter) / 2
 
     def azimuth(self, direction: float) -> float:
         """Return the azimuth, rad, of the closing axis; a round peg is tilted in its plane."""
