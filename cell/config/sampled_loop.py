@@ -68,20 +68,21 @@ def largest_factor(loop: Callable[[float], Loop], period: float, delay: float) -
         delay: Age of a frame at its first use, in periods.
 
     Returns:
-        First unstable factor above the smallest one examined; `MOST` if there is none, 0 if no gain is stable.
+        First unstable factor, as `first_unstable` finds it.
     """
-    growth = 1.25  # Ratio of neighbouring gains in the search for the limit.
+    return first_unstable(lambda factor: radius(one_period(*loop(factor), period, delay)) < 1.0)
 
-    def is_stable(factor: float) -> bool:
-        return radius(one_period(*loop(factor), period, delay)) < 1.0
 
+def first_unstable(is_stable: Callable[[float], bool], most: float = MOST) -> float:
+    """Return the first unstable factor above the smallest one examined; `most` if there is none, 0 if no factor is stable."""
+    growth = 1.25  # Ratio of neighbouring factors in the search for the limit.
     high = 1e-3
     if not is_stable(high):
         return 0.0
     while is_stable(high):
         high *= growth
-        if high > MOST:
-            return MOST
+        if high > most:
+            return most
     low = high / growth
     # Relative accuracy of the limit.
     while high / low > 1.0 + 1e-4:

@@ -11,16 +11,16 @@ stable if a single joint is stable with c times its torques. `largest_hold` retu
 the largest modelled and the least true inertia.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from functools import lru_cache
 
 import numpy as np
 
 from cell.config.margins import MARGIN, Place
-from cell.config.sampled_loop import exponential, radius
+from cell.config.sampled_loop import exponential, first_unstable, radius
 from drivers import impedance
 from drivers.arm.inertia import critical_damping, joint_inertia, tip_inertia
-from drivers.arm.kinematics import jacobian, links
+from drivers.arm.kinematics import tip_jacobian
 from drivers.arm.model import JOINTS, ArmModel
 from drivers.quantities import Vector
 from skills.motion import Gains
@@ -54,28 +54,21 @@ def largest_hold(place: Place) -> float:
 
 
 def _hold_cycles(place: Place) -> list[tuple[Vector, Vector]]:
-    cycles = []
-    for q in place.postures():
-        idle, once = (one_held_cycle(place.arm, q, factor) for factor in (0.0, 1.0))
-        cycles.append((idle, once - idle))
-    return cycles
+    return _parts(place, lambda q, factor: one_held_cycle(place.arm, q, factor))
 
 
 def _cycles(gains: Gains, place: Place) -> list[tuple[Vector, Vector]]:
-    """Return, for each posture, the matrix of one cycle without torques, and the matrix that the torques of these gains add."""
-    cycles = []
-    for q in place.postures():
-        idle, once = (one_cycle(place.arm, q, place.length, gains, factor) for factor in (0.0, 1.0))
-        cycles.append((idle, once - idle))
-    return cycles
+    return _parts(place, lambda q, factor: one_cycle(place.arm, q, place.length, gains, factor))
+
+
+def _parts(place: Place, cycle: Callable[[Vector, float], Vector]) -> list[tuple[Vector, Vector]]:
+    """Return, for each posture, the matrix of one cycle without torques, and the matrix that the torques add."""
+    idle = [cycle(q, 0.0) for q in place.postures()]
+    return [(without, cycle(q, 1.0) - without) for q, without in zip(place.postures(), idle, strict=True)]
 
 
 def _largest(cycles: Sequence[tuple[Vector, Vector]]) -> float:
-    growth = 1.02  # Ratio of neighbouring factors in the search for the limit.
-    factor = 1.0 / MOST
-    while factor < MOST and _holds(cycles, factor * growth):
-        factor *= growth
-    return factor
+    return first_unstable(lambda factor: _holds(cycles, factor), MOST)
 
 
 def _holds(cycles: Iterable[tuple[Vector, Vector]], factor: float) -> bool:
@@ -128,9 +121,7 @@ def _one_cycle(arm: ArmModel, q: Vector, law: Vector) -> Vector:
 
 def _law(arm: ArmModel, q: Vector, length: float, gains: Gains) -> Vector:
     """Return L of the law tau = -L (q, dq), shape (7, 14)."""
-    rotations, origins = links(arm, q)
-    axes = np.array([rotation[:, 2] for rotation in rotations])
-    J = jacobian(origins[-1] + (arm.kinematics.flange + arm.hand.finger_centre + length) * axes[-1], axes, origins)
+    J = tip_jacobian(arm, q, length)
     stiffness = gains.stiffness()
     D = gains.damping_ratio * critical_damping(tip_inertia(arm, q, length), stiffness)
     # Term added to J Jᵀ in the null-space projection of the law.

@@ -3,7 +3,7 @@
 import numpy as np
 
 from drivers import frames
-from drivers.arm.kinematics import jacobian, links
+from drivers.arm.kinematics import jacobian, links, tip_jacobian
 from drivers.arm.model import JOINTS, ArmModel
 from drivers.quantities import Vector
 
@@ -22,10 +22,7 @@ def tip_inertia(arm: ArmModel, q: Vector, length: float) -> Vector:
     Returns:
         Shape (6, 6), translation first, base frame: kg, kg·m and kg·m².
     """
-    rotations, origins = links(arm, q)
-    axes = np.array([R[:, 2] for R in rotations])
-    tip = origins[-1] + (arm.kinematics.flange + arm.hand.finger_centre + length) * axes[-1]
-    J = jacobian(tip, axes, origins)
+    J = tip_jacobian(arm, q, length)
     M = joint_inertia(arm, q) + np.diag(arm.joints.rotor_inertia)
     # L = (J M⁻¹ Jᵀ)⁻¹.
     return np.linalg.inv(J @ np.linalg.inv(M) @ J.T).astype(np.float64)

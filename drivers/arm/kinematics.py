@@ -54,6 +54,13 @@ def jacobian(point: Vector, axes: Vector, origins: Vector, joints: int = JOINTS)
     return J
 
 
+def tip_jacobian(arm: ArmModel, q: Vector, length: float) -> Vector:
+    """Return the Jacobian, shape (6, 7), of the end point of a peg that is straight in the hand and `length`, m, long."""
+    rotations, origins = links(arm, q)
+    axes = np.array([R[:, 2] for R in rotations])
+    return jacobian(origins[-1] + (arm.kinematics.flange + arm.hand.finger_centre + length) * axes[-1], axes, origins)
+
+
 def largest_push(arm: ArmModel, q: Vector, length: float) -> float:
     """Return the largest vertical force that the joints' torques can hold at a peg's end point, N, by tau = Jᵀ F.
 
@@ -62,11 +69,8 @@ def largest_push(arm: ArmModel, q: Vector, length: float) -> float:
         q: Joint positions, shape (7,), rad.
         length: Distance from the finger centre to the end point, m.
     """
-    rotations, origins = links(arm, q)
-    axes = np.array([R[:, 2] for R in rotations])
-    tip = origins[-1] + (arm.kinematics.flange + arm.hand.finger_centre + length) * axes[-1]
     # F = min over joints of tau_max,i / |J_z,i|.
-    levers = np.abs(jacobian(tip, axes, origins)[2])
+    levers = np.abs(tip_jacobian(arm, q, length)[2])
     return float(np.min(np.array(arm.joints.torque) / np.maximum(levers, 1e-9)))
 
 

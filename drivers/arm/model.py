@@ -197,12 +197,6 @@ class ArmModel(ConfigModel):
         links = sum(math.hypot(a, d) for a, d in zip(dh.a[1:], dh.d[1:], strict=True))
         return links + abs(dh.flange + self.hand.finger_centre)
 
-    def posture(self, q: Vector, elbow: float) -> Vector:
-        """Return joint positions with the elbow's joint at `elbow`, rad, shape (7,)."""
-        drawn: Vector = q.copy()
-        drawn[self.kinematics.elbow - 1] = elbow
-        return drawn
-
     @model_validator(mode="after")
     def _is_home_permitted(self) -> Self:
         limits = zip(self.home, self.joints.q_min, self.joints.q_max, strict=True)
