@@ -52,8 +52,6 @@ class Key:
     """Module of the class that declares and reads the key."""
     setters: tuple[str, ...]
     """Places that can set the key: always a cell's file, a preset and `--set`; for some keys a recipe or a command's parameter."""
-    is_float: bool
-    """True if the value is one or several floating-point numbers."""
     section: str
     """Class of the key's section."""
 
@@ -255,7 +253,6 @@ def _key(name: str, kind: str, field: FieldInfo, schema: Mapping[str, Any], mode
         sources=sources,
         reader=_owner(model, name.rsplit(".", 1)[-1]).__module__,
         setters=tuple(setters),
-        is_float=_has_float(field.annotation),
         section=model.__name__,
     )
 
@@ -263,10 +260,6 @@ def _key(name: str, kind: str, field: FieldInfo, schema: Mapping[str, Any], mode
 def _owner(model: type[BaseModel], field: str) -> type:
     """Return the class that declares a key."""
     return next((base for base in model.__mro__ if field in inspect.get_annotations(base)), model)
-
-
-def _has_float(annotation: Any) -> bool:
-    return annotation is float or any(_has_float(part) for part in get_args(annotation))
 
 
 def unit_of(field: FieldInfo) -> str:
