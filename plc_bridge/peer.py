@@ -19,7 +19,7 @@ from plc_bridge.protocol.images import (
     CommandImage,
     command_words,
 )
-from plc_bridge.protocol.messages import Control, Diagnostics, LeaseState, Report, Result
+from plc_bridge.protocol.messages import Diagnostics, LeaseState, Report, Result
 from plc_bridge.protocol.registers import COILS, VERSION, Lease
 
 logging.getLogger("pymodbus.logging").setLevel(logging.CRITICAL)  # its errors are raised here
@@ -212,14 +212,6 @@ class PlcPeer(ABC):
         report = self.wait_for_result(timeout, watch)
         self.acknowledge()
         return report
-
-    def abort(self) -> Report:
-        """Abort the present run, independent of the lease."""
-        return self.trigger(Control.ABORT)
-
-    def reset(self, timeout: float) -> Report:
-        """Reset the cell after a stop or a fault."""
-        return self.run(Control.RESET, timeout=timeout)
 
 
 class Peer(PlcPeer):

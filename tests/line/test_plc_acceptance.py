@@ -181,7 +181,7 @@ def test_stop_ends_the_own_run_and_reset_makes_ready(plc, served):
     plc.acknowledge()
     served.program.may_end.set()
     assert plc.run(CODE, timeout=PATIENCE).refusal == Refusal.NOT_READY
-    assert plc.reset(PATIENCE).result == Result.SUCCESS
+    assert plc.run(Control.RESET, timeout=PATIENCE).result == Result.SUCCESS
     assert plc.run(CODE, timeout=PATIENCE).result == Result.SUCCESS
 
 
@@ -200,12 +200,12 @@ def test_hold_waits_and_unhold_goes_on(plc, served):
 
 def test_abort_then_clear_then_reset(plc, served):
     begin(plc, served)
-    plc.abort()
+    plc.trigger(Control.ABORT)
     assert until(plc.cycle, in_state(State.ABORTED)).result == Result.ABORTED
     assert plc.read_report().transition == Control.ABORT
     assert plc.run(CODE, timeout=PATIENCE).refusal == Refusal.NOT_READY
     assert plc.run(Control.CLEAR, timeout=PATIENCE).state == State.STOPPED
-    assert plc.reset(PATIENCE).state == State.IDLE
+    assert plc.run(Control.RESET, timeout=PATIENCE).state == State.IDLE
     served.program.may_end.set()
     assert plc.run(CODE, timeout=PATIENCE).result == Result.SUCCESS
 
@@ -223,7 +223,7 @@ def test_fault_has_its_word_and_its_stage_until_a_reset_and_a_stop_that_finds_no
     after = until(plc.cycle, lambda report: (report.life - scans) % 0x10000 > 2)
     assert (after.sequence, after.result, after.refusal) == (report.sequence, Result.FAULT, Refusal.NONE)
     served.program.fault = None
-    assert plc.reset(PATIENCE).fault == FaultCode.NONE
+    assert plc.run(Control.RESET, timeout=PATIENCE).fault == FaultCode.NONE
     assert plc.run(CODE, timeout=PATIENCE).result == Result.SUCCESS
 
 
