@@ -10,8 +10,7 @@ from pathlib import Path
 import pytest
 
 from plc_bridge.peer import Peer
-from plc_bridge.protocol.messages import Result
-from plc_bridge.protocol.registers import STAGES
+from plc_bridge.protocol.messages import STAGES, Result
 from skills.catalogue import CATALOGUE
 from tests.line.forked import forked
 from tests.serving import process
@@ -115,7 +114,7 @@ def build(folder):
     """Copy the program, its map with room for one more stage, and add to the copy what an engineer adds."""
     for package in PACKAGES:
         shutil.copytree(HERE / package, folder / package)
-    table = folder / "plc_bridge" / "protocol" / "registers.py"
+    table = folder / "plc_bridge" / "protocol" / "messages.py"
     put(table, f"\nSTAGES = {STAGES}\n", f"STAGES = {max(STAGE, STAGES)}\n")
     (folder / "skills" / "look.py").write_text(SKILL, encoding="utf-8")
     put(folder / "skills" / "catalogue.py", "\nfrom skills import ", "look, ")
