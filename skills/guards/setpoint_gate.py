@@ -201,8 +201,7 @@ class GatedArm:
         """Return the newest state.
 
         Raises:
-            NotFiniteError: A reading is not plausible. If the arm follows a setpoint, it is halted once; repeated halts would let it sink
-                by the error of its gravity model.
+            NotFiniteError: A reading is not plausible; the arm is halted, once.
             TrackingError: The arm does not adopt its setpoints; it is halted, once.
             ArmSilentError: The force is unchanged although it has noise, or all readings although the setpoint moves; the arm is
                 halted, once.
@@ -211,8 +210,7 @@ class GatedArm:
         state = self._arm.read()
         words = rules.pack_state(state)
         if not rules.is_plausible(words):
-            if self._before is not NOTHING:
-                self.halt()
+            self._halt_once()
             require_readings(words)
         if self._is_noisy is None and self._state is not None and state.stamp > self._state[rules.STATE_STAMP]:
             force = slice(rules.FORCE, rules.TORQUE)
@@ -254,9 +252,13 @@ class GatedArm:
             return
         _, since, first = self._unchanged
         if (time := stamp - since) > LONGEST_UNCHANGED and (is_noisy or _has_moved(first, held)):
-            if held is not NOTHING:
-                self.halt()
+            self._halt_once()
             raise ArmSilentError(f"arm: readings unchanged to the last digit for {time:.2f} s")
+
+    def _halt_once(self) -> None:
+        """Halt an arm that follows a setpoint; repeated halts would let it sink by the error of its gravity model."""
+        if self._before is not NOTHING:
+            self.halt()
 
     def halt(self) -> None:
         """Hold the arm still at its present pose, compliant; the next setpoint is checked as the start of a motion."""
