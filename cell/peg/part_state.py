@@ -210,7 +210,7 @@ def by_hand_alone(
     """Return the state of the peg after a reading without the arm's pose; `before` itself if nothing changed.
 
     If the arm times out, a closing hand still closes on its peg. An opening hand releases the peg at the arm's last pose. A held peg
-    whose end was at the hole may be in it since.
+    whose end was at the hole may have entered it since then.
     """
     seen = PegEvidence(hand.width, hand.is_gripping, hand.is_moving, before.tip, 0.0, switch)
     if not _is_between(seen, places):
@@ -218,7 +218,7 @@ def by_hand_alone(
     if before.is_held:
         if before.place is not PartPlace.IN_HAND or not (before.was_in_hole and _is_near_hole(before.tip, places.hole)):
             return before
-        told = f"hand grips {_mm(hand.width)}, its end was at the hole when the arm measured last"
+        told = f"hand grips {_mm(hand.width)}, the end of the peg was at the hole when the arm measured last"
         return _shown(replace(before, place=PartPlace.UNKNOWN, evidence=told), seen, places)
     told = f"hand grips {_mm(hand.width)}; the arm does not tell where"
     return _shown(PartState(PartPlace.IN_HAND, told, is_held=True, tip=before.tip), seen, places)
@@ -424,7 +424,8 @@ REMEDIES = {
         "a peg lies on the plate or below it: a person must take it away, then {cleared}", (Action.CLEARED,)
     ),
     PartPlace.UNKNOWN: Remedy(
-        "the place of the peg is unknown: look at hand, hole and plate, take it away, then {cleared}", (Action.CLEARED,)
+        "the place of the peg is unknown: after a fault, reset; if it stays unknown, look at hand, hole and plate, take the peg away, then {cleared}",
+        (Action.CLEARED,),
     ),
 }
 """Remedy by the peg's place."""

@@ -17,8 +17,6 @@ class ClockPace:
         self.timestep = timestep
         self.ticks = 0
         self._pace = pace
-        self.is_kept = pace != "max"
-        """True if `keep` has to be called."""
         self._wall: float | None = None
 
     def now(self) -> float:

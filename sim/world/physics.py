@@ -76,8 +76,7 @@ class World(Stepper):
         while ticks > 0:
             # Largest number of control periods between two checks of the peg's situation.
             ticks -= self.advance(most if ticks > most else ticks)
-        if pace.is_kept:
-            pace.keep()
+        pace.keep()
 
     @property
     def is_held(self) -> bool:

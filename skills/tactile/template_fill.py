@@ -67,9 +67,10 @@ def fill(  # type: ignore[no-untyped-def] # noqa: C901  compiled nested loops ov
     """
     scale = 1.0 / (blur * math.sqrt(2.0))
     density = 1.0 / (scale * math.sqrt(math.pi))
-    felt = math.sqrt(FAR) * blur
+    widest = 0.0  # by a loop: numpy's maximum takes the compiler seconds
     for away in groove:
-        felt = max(felt, away + math.sqrt(FAR) * blur)
+        widest = max(widest, away)
+    felt = widest + math.sqrt(FAR) * blur
     sums = np.empty((2, backs.size))
     for i in range(first, last):
         c, s = math.cos(theta[i]), math.sin(theta[i])
