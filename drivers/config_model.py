@@ -46,6 +46,14 @@ class Quantity:
     """Figure of the same model with the radius, m, of the circle that a rate in rad/s turns on; empty if the hand itself turns."""
 
 
+@dataclass(frozen=True, slots=True)
+class Source:
+    """Mark of a key, or of a section for its keys without their own: source of the figure; `SOURCE` is that of a whole class."""
+
+    text: str
+    """References, pages, commands, or "assumed", separated by semicolons."""
+
+
 class Figure(Quantity):
     """Figure of a plan that no config sets: it has a value, and no key. Its annotation also needs `Field(exclude=True)`."""
 

@@ -1,11 +1,11 @@
 """The parts and places of a job: peg, hole and rack. Lengths are in m; bounds reject a length typed in mm."""
 
 import math
-from typing import Annotated, Literal, Self
+from typing import Annotated, ClassVar, Literal, Self
 
 from pydantic import Field, model_validator
 
-from drivers.config_model import ConfigModel, Quantity
+from drivers.config_model import ConfigModel, Quantity, Source
 from drivers.part.contract import Part
 from drivers.part.shapes import WORDS, Shape, part_of, section_of
 
@@ -22,22 +22,29 @@ Chamfer = Annotated[float, Field(ge=0.0, le=0.002)]
 class Peg(ConfigModel):
     """The part to insert."""
 
-    shape: Shape = "round"
-    """Shape of the peg's cross-section, and of the hole's; a square is a rectangle with equal sides. Source: set for each part."""
-    diameter: Annotated[Annotated[float, Field(ge=0.002, le=0.03)] | None, Quantity("m")] = None
-    """Diameter of a round peg, m; for other shapes see `sides`. Source: [gibbons], Sec. VI."""
-    sides: Annotated[tuple[PegSide, PegSide] | None, Quantity("m")] = None
-    """Sides of a square or rectangular peg, between the pads of the hand and across them, m. Source: set for each part."""
-    chamfer: Annotated[Chamfer, Quantity("m")] = 0.0
+    shape: Annotated[Shape, Source("set for each part")] = "round"
+    """Shape of the peg's cross-section, and of the hole's; a square is a rectangle with equal sides."""
+    diameter: Annotated[
+        Annotated[float, Field(ge=0.002, le=0.03)] | None, Quantity("m"), Source("[gibbons], Sec. VI")
+    ] = None
+    """Diameter of a round peg, m; for other shapes see `sides`."""
+    sides: Annotated[tuple[PegSide, PegSide] | None, Quantity("m"), Source("set for each part")] = None
+    """Sides of a square or rectangular peg, between the pads of the hand and across them, m."""
+    chamfer: Annotated[Chamfer, Quantity("m"), Source("set for each part")] = 0.0
     """Width and height of a chamfer of 45 degrees round the end of a round peg, m; at least 1 mm less than the radius. The simulation
-    and the lowest point of a leaning peg use it. Source: set for each part.
+    and the lowest point of a leaning peg use it.
     """
-    length: Annotated[float, Field(ge=0.02, le=0.15), Quantity("m")]
-    """Length from the finger centre to the end point, m; L of [gibbons], Eq. (2). Source: [gibbons], Sec. VI."""
-    overhang: Annotated[float, Field(ge=0.005, le=0.05), Quantity("m")]
-    """Length of the peg beyond the finger centre, inside the hand, m. Source: assumed."""
-    mass: Annotated[float, Field(gt=0.0, le=1.0), Quantity("kg")]
-    """Mass of the peg, kg. Source: derived for a steel cylinder of 8 mm diameter and 65 mm length."""
+    length: Annotated[float, Field(ge=0.02, le=0.15), Quantity("m"), Source("[gibbons], Sec. VI")]
+    """Length from the finger centre to the end point, m; L of [gibbons], Eq. (2)."""
+    overhang: Annotated[float, Field(ge=0.005, le=0.05), Quantity("m"), Source("assumed")]
+    """Length of the peg beyond the finger centre, inside the hand, m."""
+    mass: Annotated[
+        float,
+        Field(gt=0.0, le=1.0),
+        Quantity("kg"),
+        Source("derived for a steel cylinder of 8 mm diameter and 65 mm length"),
+    ]
+    """Mass of the peg, kg."""
 
     @property
     def part(self) -> Part:
@@ -56,10 +63,9 @@ class Peg(ConfigModel):
 
 
 class HolePrior(ConfigModel):
-    """Normal distribution of the hole's place in its area, with the axes of the base frame.
+    """Normal distribution of the hole's place in its area, with the axes of the base frame."""
 
-    Source: set for each part, or learnt as decision 0025 says.
-    """
+    SOURCE: ClassVar[str] = "set for each part, or learnt as decision 0025 says"
 
     mean: Annotated[tuple[Coordinate, Coordinate], Quantity("m")]
     """Most likely place of the hole's middle along x and y, m, base frame; within `hole.area` about `hole.centre`."""
@@ -68,17 +74,16 @@ class HolePrior(ConfigModel):
 
 
 class Latch(ConfigModel):
-    """Resistance of a part on the last distance to the bottom of its hole: a detent that snaps in, or a light press fit.
+    """Resistance of a part on the last distance to the bottom of its hole: a detent that snaps in, or a light press fit."""
 
-    Source: set for each part.
-    """
+    SOURCE: ClassVar[str] = "set for each part"
 
     kind: Literal["detent", "press"]
     """Kind of the latch: a detent returns its energy behind the crest, a press fit dissipates it."""
-    force: Annotated[float, Field(ge=1.0, le=40.0), Quantity("N")]
-    """Largest resisting force along the hole, N: a detent at its crest, a press fit at the bottom. Source: the part's
-    drawing, or [bayer], mating force.
-    """
+    force: Annotated[
+        float, Field(ge=1.0, le=40.0), Quantity("N"), Source("the part's drawing, or [bayer], mating force")
+    ]
+    """Largest resisting force along the hole, N: a detent at its crest, a press fit at the bottom."""
     height: Annotated[float, Field(ge=0.0015, le=0.01), Quantity("m")]
     """Height of the peg's end above the bottom where the resistance begins, m; a detent's crest lies a quarter of it
     deeper, and beyond half of it the detent pulls the part in.
@@ -94,30 +99,32 @@ PLATE_BORDER = 0.04
 class Hole(ConfigModel):
     """The hole for the peg, and the area that contains it."""
 
-    diameter: Annotated[Annotated[float, Field(ge=0.002, le=0.031)] | None, Quantity("m")] = None
-    """Diameter of a round hole, m; for other shapes see `sides`. Source: [gibbons], Sec. VI."""
-    sides: Annotated[tuple[HoleSide, HoleSide] | None, Quantity("m")] = None
-    """Sides of the hole of a square or rectangular peg, in the order of `peg.sides`, m. Source: set for each part."""
-    chamfer: Annotated[Chamfer, Quantity("m")] = 0.0
+    diameter: Annotated[
+        Annotated[float, Field(ge=0.002, le=0.031)] | None, Quantity("m"), Source("[gibbons], Sec. VI")
+    ] = None
+    """Diameter of a round hole, m; for other shapes see `sides`."""
+    sides: Annotated[tuple[HoleSide, HoleSide] | None, Quantity("m"), Source("set for each part")] = None
+    """Sides of the hole of a square or rectangular peg, in the order of `peg.sides`, m."""
+    chamfer: Annotated[Chamfer, Quantity("m"), Source("set for each part")] = 0.0
     """Width and depth of a chamfer of 45 degrees round the mouth of a round hole (countersink), m, less than `depth`. The simulation
-    uses it, and the search, which starts outside it. Source: set for each part.
+    uses it, and the search, which starts outside it.
     """
-    centre: Annotated[Point, Quantity("m")]
-    """Middle of the area that contains the hole, on the plate's surface, m, base frame. Source: set for each cell."""
+    centre: Annotated[Point, Quantity("m"), Source("set for each cell")]
+    """Middle of the area that contains the hole, on the plate's surface, m, base frame."""
     area: Annotated[
-        tuple[Annotated[float, Field(ge=0.0, le=0.2)], Annotated[float, Field(ge=0.0, le=0.2)]], Quantity("m")
+        tuple[Annotated[float, Field(ge=0.0, le=0.2)], Annotated[float, Field(ge=0.0, le=0.2)]],
+        Quantity("m"),
+        Source("[gibbons], Sec. VI; set for each cell"),
     ]
-    """Extent along x and y of the area that contains the hole, m; the hole is anywhere in it. Source: [gibbons], Sec. VI;
-    set for each cell.
-    """
-    depth: Annotated[float, Field(ge=0.002, le=0.1), Quantity("m")]
-    """Depth of the tip below the surface at which the peg is seated and the switch closes, m. Source: set for each part."""
-    yaw: Annotated[float, Field(ge=0.0, le=math.pi / 4), Quantity("rad")] = math.radians(10.0)
-    """Largest angle between the hole's sides and the base frame's x and y, rad; a round hole has none.
-    Source: assumed; docs/tried/corners.md.
-    """
-    evidence: Literal["switch", "force"] = "switch"
-    """Evidence of a seated part: the switch under the hole, or force against depth, which requires `hole.latch`. Source: set for each part."""
+    """Extent along x and y of the area that contains the hole, m; the hole is anywhere in it."""
+    depth: Annotated[float, Field(ge=0.002, le=0.1), Quantity("m"), Source("set for each part")]
+    """Depth of the tip below the surface at which the peg is seated and the switch closes, m."""
+    yaw: Annotated[float, Field(ge=0.0, le=math.pi / 4), Quantity("rad"), Source("assumed; docs/tried/corners.md")] = (
+        math.radians(10.0)
+    )
+    """Largest angle between the hole's sides and the base frame's x and y, rad; a round hole has none."""
+    evidence: Annotated[Literal["switch", "force"], Source("set for each part")] = "switch"
+    """Evidence of a seated part: the switch under the hole, or force against depth, which requires `hole.latch`."""
     latch: Latch | None = None
     """Resistance of the part on the last distance to the bottom; without the section there is none."""
     prior: HolePrior | None = None
@@ -168,10 +175,9 @@ class Hole(ConfigModel):
 
 
 class Rack(ConfigModel):
-    """The rack of upright pegs.
+    """The rack of upright pegs."""
 
-    Source: set for each cell.
-    """
+    SOURCE: ClassVar[str] = "set for each cell"
 
     first: Annotated[Point, Quantity("m")]
     """Place of the first slot on the rack's surface, m, base frame."""

@@ -1,11 +1,11 @@
 """Config of the cell's lines to its PLC."""
 
 from ipaddress import IPv4Network, IPv6Network
-from typing import Annotated, Literal, Self, get_args
+from typing import Annotated, ClassVar, Literal, Self, get_args
 
 from pydantic import Field, model_validator
 
-from drivers.config_model import ConfigModel, FilePath, Quantity
+from drivers.config_model import ConfigModel, FilePath, Quantity, Source
 from drivers.transport.wires import Interface, Parity
 
 Bitrate = Literal[10_000, 20_000, 50_000, 125_000, 250_000, 500_000, 800_000, 1_000_000]
@@ -17,15 +17,14 @@ Seconds = Annotated[float, Field(ge=0.05, le=3600.0)]
 
 
 class ModbusConfig(ConfigModel):
-    """The Modbus TCP server.
+    """The Modbus TCP server."""
 
-    Source: chosen, not measured.
-    """
+    SOURCE: ClassVar[str] = "chosen, not measured"
 
-    host: str = "127.0.0.1"
-    """Network address of the listening socket; only this computer by default. Source: set for each cell."""
-    port: Annotated[int, Field(ge=0, le=65535)] = 5020
-    """TCP port of the listening socket; 0 selects a free one. Source: set for each cell."""
+    host: Annotated[str, Source("set for each cell")] = "127.0.0.1"
+    """Network address of the listening socket; only this computer by default."""
+    port: Annotated[int, Field(ge=0, le=65535), Source("set for each cell")] = 5020
+    """TCP port of the listening socket; 0 selects a free one."""
     connections: Annotated[int, Field(ge=1, le=500)] = 64
     """Largest number of connections at once, including TLS handshakes. Above it, a newcomer replaces a connection without any
     request, else the one that was idle longest. A connection that holds the lease or has a run under way is never replaced.
@@ -34,15 +33,14 @@ class ModbusConfig(ConfigModel):
     """Largest number of connections at once from one address; above it, a newcomer replaces one of its own host."""
     idle_timeout: Annotated[Seconds, Quantity("s")] = 60.0
     """Time without a request after which a connection is closed, s."""
-    allow: tuple[IPv4Network | IPv6Network, ...] = ()
-    """Networks or addresses that may connect; if empty, every address that can reach the port. Source: set for each cell."""
+    allow: Annotated[tuple[IPv4Network | IPv6Network, ...], Source("set for each cell")] = ()
+    """Networks or addresses that may connect; if empty, every address that can reach the port."""
 
 
 class TlsConfig(ModbusConfig):
-    """The Modbus/TCP Security server: mutual TLS, and rights by the role in the client's certificate.
+    """The Modbus/TCP Security server: mutual TLS, and rights by the role in the client's certificate."""
 
-    Source: set for each cell.
-    """
+    SOURCE: ClassVar[str] = "set for each cell"
 
     port: Annotated[int, Field(ge=0, le=65535)] = 802
     """TCP port of the listening socket; 802 is the registered one, ports below 1024 require permission, 0 selects a free one."""
@@ -61,32 +59,30 @@ class TlsConfig(ModbusConfig):
 
 
 class RtuConfig(ConfigModel):
-    """The Modbus RTU server on a serial line; defaults of Modbus over Serial Line V1.02, 2.5.1, 3.2.
+    """The Modbus RTU server on a serial line; defaults of Modbus over Serial Line V1.02, 2.5.1, 3.2."""
 
-    Source: set for each cell.
-    """
+    SOURCE: ClassVar[str] = "set for each cell"
 
     port: Annotated[str, Field(min_length=1)]
     """Name of the serial port, as in /dev/ttyUSB0."""
     unit: Annotated[int, Field(ge=1, le=247)] = 1
     """Unit identifier of the cell; the cell does not answer requests to other units."""
-    baud_rate: Annotated[int, Field(ge=1200, le=4_000_000), Quantity("bits/s")] = 19200
-    """Bit rate of the line, bits/s. Source: Modbus over Serial Line V1.02, 3.2."""
-    parity: Parity = "even"
-    """Parity of the line. Source: Modbus over Serial Line V1.02, 2.5.1."""
-    stop_bits: Literal[1, 2] = 1
-    """Number of stop bits; the standard requires 2 without parity, but many devices use 1. Source: Modbus over
-    Serial Line V1.02, 2.5.1; set for each cell.
-    """
-    idle_timeout: Annotated[Seconds, Quantity("s")] = 60.0
-    """Silence after which the next request begins a new conversation, whose first number is adopted, s. Source: chosen, not measured."""
+    baud_rate: Annotated[
+        int, Field(ge=1200, le=4_000_000), Quantity("bits/s"), Source("Modbus over Serial Line V1.02, 3.2")
+    ] = 19200
+    """Bit rate of the line, bits/s."""
+    parity: Annotated[Parity, Source("Modbus over Serial Line V1.02, 2.5.1")] = "even"
+    """Parity of the line."""
+    stop_bits: Annotated[Literal[1, 2], Source("Modbus over Serial Line V1.02, 2.5.1; set for each cell")] = 1
+    """Number of stop bits; the standard requires 2 without parity, but many devices use 1."""
+    idle_timeout: Annotated[Seconds, Quantity("s"), Source("chosen, not measured")] = 60.0
+    """Silence after which the next request begins a new conversation, whose first number is adopted, s."""
 
 
 class CanConfig(ConfigModel):
-    """The CANopen node.
+    """The CANopen node."""
 
-    Source: set for each cell.
-    """
+    SOURCE: ClassVar[str] = "set for each cell"
 
     interface: Interface
     """Interface to the bus."""
@@ -98,10 +94,10 @@ class CanConfig(ConfigModel):
     """Node-ID of the cell."""
     plc_node: Annotated[int, Field(ge=1, le=127)] = 1
     """Node-ID of the PLC; the cell watches its heartbeat and obeys its commands."""
-    heartbeat: Annotated[float, Field(ge=0.01, le=60.0), Quantity("s")] = 0.1
-    """Period of the cell's own heartbeat, s. Source: chosen, not measured."""
-    plc_timeout: Annotated[float, Field(ge=0.0, le=60.0), Quantity("s")] = 1.0
-    """Longest time without the PLC's heartbeat, after its first one, before a run stops, s; 0 disables the watch. Source: chosen, not measured."""
+    heartbeat: Annotated[float, Field(ge=0.01, le=60.0), Quantity("s"), Source("chosen, not measured")] = 0.1
+    """Period of the cell's own heartbeat, s."""
+    plc_timeout: Annotated[float, Field(ge=0.0, le=60.0), Quantity("s"), Source("chosen, not measured")] = 1.0
+    """Longest time without the PLC's heartbeat, after its first one, before a run stops, s; 0 disables the watch."""
 
     @model_validator(mode="after")
     def _differ(self) -> Self:
@@ -111,10 +107,9 @@ class CanConfig(ConfigModel):
 
 
 class PlcConfig(ConfigModel):
-    """Settings of the cell's connection to the PLC.
+    """Settings of the cell's connection to the PLC."""
 
-    Source: chosen, not measured.
-    """
+    SOURCE: ClassVar[str] = "chosen, not measured"
 
     life_timeout: Annotated[Seconds, Quantity("s")] = 1.0
     """Longest time without a change of the life counter of the link that started a run, s; the run then stops."""
@@ -128,5 +123,5 @@ class PlcConfig(ConfigModel):
     """The Modbus RTU server on a serial line; off without this section."""
     can: CanConfig | None = None
     """The CANopen node; off without this section."""
-    opcua_anonymous: bool = False
-    """True if clients without a certificate may read over OPC UA; they never command. Source: set for each cell."""
+    opcua_anonymous: Annotated[bool, Source("set for each cell")] = False
+    """True if clients without a certificate may read over OPC UA; they never command."""

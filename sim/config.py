@@ -1,11 +1,11 @@
 """Config models of the simulated parts and of their common world; imports no physics."""
 
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 
 from pydantic import Field, NonNegativeInt
 
 from drivers.arm.model import ArmName
-from drivers.config_model import ConfigModel, Figure, FilePath, Quantity
+from drivers.config_model import ConfigModel, Figure, FilePath, Quantity, Source
 from drivers.parts import Fraction
 from drivers.skin.health import SkinHealthConfig
 from drivers.skin.layout import SOFTEST_SHEAR, STIFFEST_SHEAR, Layout
@@ -17,18 +17,17 @@ class PadConfig(ConfigModel):
     Sources: [gibbons] for the elastomer; `assumed` values are the developer's choice; studies vary them.
     """
 
-    stiffness: Annotated[float, Figure("N/m"), Field(exclude=True)] = 10e3
+    stiffness: Annotated[float, Figure("N/m"), Field(exclude=True), Source("assumed")] = 10e3
     """Stiffness of one pad at small depth, under a contact as long as the pad, N/m; assumed, studies vary it by 0.5 to
     2."""
-    thickness: Annotated[float, Figure("m"), Field(exclude=True)] = 1.1e-3
+    thickness: Annotated[float, Figure("m"), Field(exclude=True), Source("[gibbons], Sec. VI; assumed")] = 1.1e-3
     """Depth at which the pad is fully compressed, m; 1 mm of elastomer ([gibbons], Sec. VI) and part of the cover
     (assumed)."""
-    exponent: Annotated[float, Field(ge=0.3, le=3.0), Quantity("number")] = 1.0
-    """Exponent of force over depth at small depth, number; 1 is a bed of springs, 1.5 a Hertz contact, 0.5 the plateau
-    of a foam. Source: set for each trial."""
-    blur: Annotated[float, Field(ge=1e-4, le=1e-2), Quantity("m")] = 1.2e-3
+    exponent: Annotated[float, Field(ge=0.3, le=3.0), Quantity("number"), Source("set for each trial")] = 1.0
+    """Exponent of force over depth at small depth, number; 1 is a bed of springs, 1.5 a Hertz contact, 0.5 the plateau of a foam."""
+    blur: Annotated[float, Field(ge=1e-4, le=1e-2), Quantity("m"), Source("assumed")] = 1.2e-3
     """Standard deviation of the point spread through 1 mm of elastomer, m; assumed, close to the thickness."""
-    taxel_diameter: Annotated[float, Figure("m"), Field(exclude=True)] = 4e-3
+    taxel_diameter: Annotated[float, Figure("m"), Field(exclude=True), Source("[gibbons], Sec. VI; assumed")] = 4e-3
     """Diameter of the round area that one taxel averages over, m; assumed, about half the pitch of [gibbons], Sec. VI.
     """
 
@@ -40,13 +39,13 @@ class SkinModel(ConfigModel):
     the developer's choice, none of them better than the recordings.
     """
 
-    noise: Annotated[float, Field(ge=0.0, le=0.2), Quantity("fraction")] = 0.0094
+    noise: Annotated[float, Field(ge=0.0, le=0.2), Quantity("fraction"), Source("[cyskin]")] = 0.0094
     """Standard deviation of the white noise, fraction of full scale; 188 counts, the median of the modules of [cyskin],
     see `skin.module_noise` of config/reality.toml."""
-    drift: Annotated[float, Field(ge=0.0, le=0.01), Quantity("fraction")] = 1.0e-3
+    drift: Annotated[float, Field(ge=0.0, le=0.01), Quantity("fraction"), Source("[cyskin]")] = 1.0e-3
     """Random walk of a taxel's offset in one second, fraction of full scale; 0.11 of the noise, as in [cyskin]."""
-    dead_modules: NonNegativeInt = 0
-    """Number of modules, drawn at random, that read zero, as one module in [cyskin]. Source: set for each trial."""
+    dead_modules: Annotated[NonNegativeInt, Source("set for each trial")] = 0
+    """Number of modules, drawn at random, that read zero, as one module in [cyskin]."""
     pad: PadConfig = PadConfig()
     """The elastomer over the taxels."""
 
@@ -54,22 +53,22 @@ class SkinModel(ConfigModel):
 class SimSkinConfig(SkinModel):
     """The simulated skin; rate and taxel pitch as in [gibbons]."""
 
-    kind: Literal["sim"]
-    """Kind of the skin: the simulated one. Source: set for each cell."""
-    rate: Annotated[float, Field(ge=1.0, le=1000.0), Quantity("Hz")] = 10.0
+    kind: Annotated[Literal["sim"], Source("set for each cell")]
+    """Kind of the skin: the simulated one."""
+    rate: Annotated[float, Field(ge=1.0, le=1000.0), Quantity("Hz"), Source("[gibbons], Sec. VI")] = 10.0
     """Rate of the frames, Hz; [gibbons], Sec. VI."""
-    layout: Layout = "parallelogram"
-    """Arrangement of the two modules of a finger; [gibbons] does not state it. Source: assumed."""
-    gain_spread: Annotated[float, Field(ge=0.0, le=0.3), Quantity("fraction")] = 0.05
+    layout: Annotated[Layout, Source("assumed")] = "parallelogram"
+    """Arrangement of the two modules of a finger; [gibbons] does not state it."""
+    gain_spread: Annotated[float, Field(ge=0.0, le=0.3), Quantity("fraction"), Source("assumed")] = 0.05
     """Standard deviation of a taxel's gain about 1, fraction; assumed, the remainder after calibration."""
-    sensitivity: Annotated[float, Field(ge=1e-4, le=10.0), Quantity("counts/Pa")] = 0.05
+    sensitivity: Annotated[float, Field(ge=1e-4, le=10.0), Quantity("counts/Pa"), Source("[cyskin]")] = 0.05
     """Sensitivity of a taxel, counts/Pa; set so that touch peaks equal those of [cyskin], see `full_scale`."""
-    full_scale: Annotated[float, Field(ge=1e3, le=43e3), Quantity("counts")] = 20e3
+    full_scale: Annotated[float, Field(ge=1e3, le=43e3), Quantity("counts"), Source("[cyskin]")] = 20e3
     """Reading to which the fractions of noise and drift refer, counts; the highest published touch peak of [cyskin]."""
-    offset: Annotated[float, Field(ge=0.0, le=43e3), Quantity("counts")] = 5000.0
+    offset: Annotated[float, Field(ge=0.0, le=43e3), Quantity("counts"), Source("[cyskin]; assumed")] = 5000.0
     """Mean raw reading of an unloaded taxel, counts; assumed, [cyskin] publishes readings without it."""
-    dead_taxels: NonNegativeInt = 0
-    """Number of taxels, drawn at random, that read zero. Source: set for each trial."""
+    dead_taxels: Annotated[NonNegativeInt, Source("set for each trial")] = 0
+    """Number of taxels, drawn at random, that read zero."""
     health: SkinHealthConfig = SkinHealthConfig()
     """Conditions under which a taxel is excluded."""
 
@@ -78,10 +77,9 @@ Instant = Annotated[float, Field(ge=0.0, le=1e6)]
 
 
 class WireFaults(ConfigModel):
-    """Faults that a technician can practise on the wire of an emulated board; times are the cell's, s.
+    """Faults that a technician can practise on the wire of an emulated board; times are the cell's, s."""
 
-    Source: set for each trial.
-    """
+    SOURCE: ClassVar[str] = "set for each trial"
 
     drop: Annotated[Fraction, Quantity("fraction")] = 0.0
     """Probability of the loss of a CAN frame or byte, fraction."""
@@ -126,19 +124,20 @@ Spread = Coefficient | tuple[Coefficient, Coefficient]
 class ContactConfig(ConfigModel):
     """Friction of peg against plate."""
 
-    friction: Annotated[Spread, Quantity("ratio")]
-    """Coulomb coefficient of peg against plate, ratio; 0.1 to 0.4 covers dry to greased metal on metal. Source: assumed."""
+    friction: Annotated[Spread, Quantity("ratio"), Source("assumed")]
+    """Coulomb coefficient of peg against plate, ratio; 0.1 to 0.4 covers dry to greased metal on metal."""
 
 
 class GripConfig(ConfigModel):
     """Friction and position of the peg between the pads."""
 
-    friction: Annotated[Spread, Quantity("ratio")]
-    """Coulomb coefficient of the rubber cover, ratio; together with grip force and contact length it sets the
-    pivot's break-away torque. Source: assumed."""
-    angle: Annotated[float, Field(ge=0.0, le=0.3), Quantity("rad")]
-    """Largest in-hand angle of a peg in the rack, rad. Source: assumed."""
-    shear_stiffness: Annotated[float, Field(ge=SOFTEST_SHEAR, le=STIFFEST_SHEAR), Quantity("N/m")] = STIFFEST_SHEAR
+    friction: Annotated[Spread, Quantity("ratio"), Source("assumed")]
+    """Coulomb coefficient of the rubber cover, ratio; together with grip force and contact length it sets the pivot's break-away torque."""
+    angle: Annotated[float, Field(ge=0.0, le=0.3), Quantity("rad"), Source("assumed")]
+    """Largest in-hand angle of a peg in the rack, rad."""
+    shear_stiffness: Annotated[
+        float, Field(ge=SOFTEST_SHEAR, le=STIFFEST_SHEAR), Quantity("N/m"), Source("assumed")
+    ] = STIFFEST_SHEAR
     """Stiffness of both pads in their plane under the closed grip, as the cell assumes, N/m; assumed. Each trial draws a lower true
     value, see `grip.shear_stiffness` of config/reality.toml."""
 
@@ -146,17 +145,16 @@ class GripConfig(ConfigModel):
 class ModelConfig(ConfigModel):
     """Level of detail of the physics."""
 
-    long_steps: bool = True
-    """True to double the step while nothing can touch the hole. Source: decision 0004."""
-    wrist_backlash: Annotated[float, Field(ge=0.0, le=0.02), Quantity("rad")] = 0.0
-    """Backlash between encoder and link of the joints 5 to 7, rad; the reading lags by half of it. Source: set for each trial."""
+    long_steps: Annotated[bool, Source("decision 0004")] = True
+    """True to double the step while nothing can touch the hole."""
+    wrist_backlash: Annotated[float, Field(ge=0.0, le=0.02), Quantity("rad"), Source("set for each trial")] = 0.0
+    """Backlash between encoder and link of the joints 5 to 7, rad; the reading lags by half of it."""
 
 
 class FixtureConfig(ConfigModel):
-    """[sim.fixture]: distribution of the plate's position from part to part.
+    """[sim.fixture]: distribution of the plate's position from part to part."""
 
-    Source: set for each trial.
-    """
+    SOURCE: ClassVar[str] = "set for each trial"
 
     mean: Annotated[tuple[float, float] | None, Quantity("m")] = None
     """Mean position of the hole's centre over the parts, m, base frame. If none, it is drawn once per cell, uniformly
@@ -176,10 +174,9 @@ class DecoyKind(NamedTuple):
 
 
 class DecoyConfig(ConfigModel):
-    """[sim.plate.decoys]: features of the plate that a search can mistake for the hole; all kinds are equally likely.
+    """[sim.plate.decoys]: features of the plate that a search can mistake for the hole; all kinds are equally likely."""
 
-    Source: chosen, not measured.
-    """
+    SOURCE: ClassVar[str] = "chosen, not measured"
 
     number: Annotated[
         tuple[Annotated[int, Field(ge=0, le=5)], Annotated[int, Field(ge=0, le=5)]], Quantity("count")
@@ -194,10 +191,9 @@ class DecoyConfig(ConfigModel):
 
 
 class PlateConfig(ConfigModel):
-    """[sim.plate]: true properties of the plate that no skill can read.
+    """[sim.plate]: true properties of the plate that no skill can read."""
 
-    Source: set for each trial.
-    """
+    SOURCE: ClassVar[str] = "set for each trial"
 
     tilt: Annotated[float, Field(ge=0.0, le=0.2), Quantity("rad")] = 0.0
     """Angle between the plate's normal and the vertical, rad; `place.plate_tilt` is added."""
@@ -209,12 +205,12 @@ class PlateConfig(ConfigModel):
     """Force loss of the hole's worn latch, fraction."""
     stick: Annotated[float, Field(ge=0.0, le=3.0), Quantity("ratio")] = 0.0
     """Friction at rest divided by friction of fast sliding, minus 1, ratio; Stribeck's law, 0 is Coulomb's law."""
-    stick_speed: Annotated[float, Field(ge=1e-4, le=1.0), Quantity("m/s")] = 0.01
-    """Sliding speed at which `stick` has fallen to 1/e, m/s. Source: assumed."""
+    stick_speed: Annotated[float, Field(ge=1e-4, le=1.0), Quantity("m/s"), Source("assumed")] = 0.01
+    """Sliding speed at which `stick` has fallen to 1/e, m/s."""
     ripple: Annotated[float, Field(ge=0.0, le=0.9), Quantity("fraction")] = 0.0
     """Amplitude of the friction's variation over the surface, fraction."""
-    ripple_length: Annotated[float, Field(ge=1e-3, le=0.1), Quantity("m")] = 0.01
-    """Period of `ripple` along x and along y, m. Source: assumed."""
+    ripple_length: Annotated[float, Field(ge=1e-3, le=0.1), Quantity("m"), Source("assumed")] = 0.01
+    """Period of `ripple` along x and along y, m."""
     decoys: DecoyConfig = DecoyConfig()
     """Other holes of the plate."""
 
@@ -222,12 +218,16 @@ class PlateConfig(ConfigModel):
 class SimConfig(ConfigModel):
     """The simulated world."""
 
-    timestep: Annotated[float, Field(ge=5e-5, le=1e-3), Quantity("s")]
-    """Time step of the physics, s; the arm's control period must be a multiple of it. Source: decision 0002; measured by `cell study contact`."""
-    pace: Annotated[Annotated[float, Field(gt=0.0, le=100.0)] | Literal["max"], Quantity("multiple")] = 1.0
-    """Pace of the cell's clock, multiple of real time; "max" is as fast as possible. Source: set for each command."""
-    seed: Annotated[int, Field(ge=0)] = 0
-    """Seed of the first run; each further run of a session uses the next one. Source: set for each trial."""
+    timestep: Annotated[
+        float, Field(ge=5e-5, le=1e-3), Quantity("s"), Source("decision 0002; measured by `cell study contact`")
+    ]
+    """Time step of the physics, s; the arm's control period must be a multiple of it."""
+    pace: Annotated[
+        Annotated[float, Field(gt=0.0, le=100.0)] | Literal["max"], Quantity("multiple"), Source("set for each command")
+    ] = 1.0
+    """Pace of the cell's clock, multiple of real time; "max" is as fast as possible."""
+    seed: Annotated[int, Field(ge=0), Source("set for each trial")] = 0
+    """Seed of the first run; each further run of a session uses the next one."""
     fixture: FixtureConfig | None = None
     """Fixture that holds the plate near one position. If none, the hole's position is drawn per part, uniformly over
     its area."""
@@ -238,10 +238,9 @@ class SimConfig(ConfigModel):
 
 
 class RealityConfig(ConfigModel):
-    """Section [reality]: scale and choice of the errors of a simulated cell.
+    """Section [reality]: scale and choice of the errors of a simulated cell."""
 
-    Source: set for each trial; the errors and their sources in config/reality.toml.
-    """
+    SOURCE: ClassVar[str] = "set for each trial; the errors and their sources in config/reality.toml"
 
     scale: Annotated[float, Field(ge=0.0, le=10.0), Quantity("ratio")] = 1.0
     """Scale of the drawn errors, ratio; 0 is an ideal cell, 1 realistic and 2 careless."""
@@ -258,10 +257,9 @@ class RealityConfig(ConfigModel):
 
 
 class SimArmConfig(ConfigModel):
-    """Section [arm] for the simulated arm.
+    """Section [arm] for the simulated arm."""
 
-    Source: set for each cell.
-    """
+    SOURCE: ClassVar[str] = "set for each cell"
 
     kind: Literal["sim"]
     """Kind of the arm: the simulated one."""
@@ -270,20 +268,18 @@ class SimArmConfig(ConfigModel):
 
 
 class SimGripperConfig(ConfigModel):
-    """Section [gripper] for the simulated hand.
+    """Section [gripper] for the simulated hand."""
 
-    Source: set for each cell.
-    """
+    SOURCE: ClassVar[str] = "set for each cell"
 
     kind: Literal["sim"]
     """Kind of the gripper: the simulated hand."""
 
 
 class SimSwitchConfig(ConfigModel):
-    """Section [switch] for the simulated switch.
+    """Section [switch] for the simulated switch."""
 
-    Source: set for each cell.
-    """
+    SOURCE: ClassVar[str] = "set for each cell"
 
     kind: Literal["sim"]
     """Kind of the switch: the simulated one."""

@@ -2,12 +2,12 @@
 
 import math
 from dataclasses import dataclass, replace
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 import numpy as np
 from pydantic import Field
 
-from drivers.config_model import Figure, Quantity, Tempo
+from drivers.config_model import Figure, Quantity, Source, Tempo
 from drivers.errors import SkinUntrustedError
 from drivers.frames import UP, angle_between
 from drivers.quantities import Twist, Vector
@@ -46,32 +46,28 @@ DRAWING_TIME = 2.0
 
 
 class GraspFromRackParams(SkillParams):
-    """Parameters of taking a peg from the rack.
+    """Parameters of taking a peg from the rack."""
 
-    Source: chosen, not measured.
-    """
+    SOURCE: ClassVar[str] = "chosen, not measured"
 
     transfer: Annotated[Transfer, Figure(""), Field(exclude=True)] = Transfer()
     """Motion of the hand to the slot and away from it."""
     force: Annotated[float, Field(gt=0.0, le=70.0), Quantity("N")]
     """Grip force, N."""
-    pad_friction: Annotated[float, Field(gt=0.0, le=2.0), Quantity("ratio")] = 0.3
-    """Assumed least Coulomb coefficient of peg on pads, ratio; with the grip force it bounds every push. Source: assumed.
-    """
-    grip_margin: Annotated[float, Figure("ratio"), Field(exclude=True)] = 1.4375
-    """Safety factor on grip force times friction, ratio; pushes stay below the load that the pads bear with it.
-    Source: docs/tried/search.md.
-    """
+    pad_friction: Annotated[float, Field(gt=0.0, le=2.0), Quantity("ratio"), Source("assumed")] = 0.3
+    """Assumed least Coulomb coefficient of peg on pads, ratio; with the grip force it bounds every push."""
+    grip_margin: Annotated[float, Figure("ratio"), Field(exclude=True), Source("docs/tried/search.md")] = 1.4375
+    """Safety factor on grip force times friction, ratio; pushes stay below the load that the pads bear with it."""
     opening: Annotated[float, Field(gt=0.0, le=0.08), Quantity("m")]
     """Distance between the pads during the approach, m."""
     clearance: Annotated[float, Field(gt=0.0, le=0.3), Quantity("m")]
     """Height of the fingers above the slot before and after the grasp, m."""
     width_tolerance: Annotated[float, Field(gt=0.0, le=0.005), Quantity("m")]
     """Largest difference between the pads' distance and the peg's width between them, m."""
-    drawing_speed: Annotated[float, Figure("m/s", Tempo.SPEED), Field(exclude=True)] = 0.05
-    """Speed at which the peg leaves the slot, m/s; at higher speeds a peg that rubs in the slot slips between the pads.
-    Source: docs/tried/grasp.md.
-    """
+    drawing_speed: Annotated[float, Figure("m/s", Tempo.SPEED), Field(exclude=True), Source("docs/tried/grasp.md")] = (
+        0.05
+    )
+    """Speed at which the peg leaves the slot, m/s; at higher speeds a peg that rubs in the slot slips between the pads."""
 
 
 @dataclass(frozen=True, slots=True)

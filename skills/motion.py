@@ -3,12 +3,12 @@
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 import numpy as np
 from pydantic import Field, PositiveFloat
 
-from drivers.config_model import ConfigModel, Figure, Quantity, Tempo
+from drivers.config_model import ConfigModel, Figure, Quantity, Source, Tempo
 from drivers.frames import UP, cross, quaternion, rotation_about
 from drivers.quantities import ImpedanceSetpoint, InHandTip, Twist, Vector
 from skills.contract import Observation, SkillContext
@@ -39,8 +39,8 @@ class Gains(ConfigModel):
     """Translational stiffness, N/m."""
     rotation: Annotated[PositiveFloat, Quantity("N·m/rad")]
     """Rotational stiffness, N·m/rad."""
-    damping_ratio: Annotated[float, Figure("multiple"), Field(exclude=True)] = 1.0
-    """Damping ratio of every mode, multiple of the critical damping at the arm's own inertia. Source: decision 0011."""
+    damping_ratio: Annotated[float, Figure("multiple"), Field(exclude=True), Source("decision 0011")] = 1.0
+    """Damping ratio of every mode, multiple of the critical damping at the arm's own inertia."""
 
     def stiffness(self) -> Vector:
         """Return the stiffness, shape (6,)."""
@@ -54,15 +54,14 @@ class Gains(ConfigModel):
 class DampedGains(Gains):
     """Gains whose damping ratio a config can set."""
 
-    damping_ratio: Annotated[PositiveFloat, Quantity("multiple")] = 1.0
-    """Damping ratio of every mode, multiple of the critical damping at the arm's own inertia. Source: decision 0011."""
+    damping_ratio: Annotated[PositiveFloat, Quantity("multiple"), Source("decision 0011")] = 1.0
+    """Damping ratio of every mode, multiple of the critical damping at the arm's own inertia."""
 
 
 class Transfer(ConfigModel):
-    """Figures of a move through free space.
+    """Figures of a move through free space."""
 
-    Source: chosen, not measured.
-    """
+    SOURCE: ClassVar[str] = "chosen, not measured"
 
     gains: Annotated[Gains, Figure(""), Field(exclude=True)] = Gains(translation=1500.0, rotation=60.0)
     """Stiffness and damping ratio during the move."""
@@ -72,8 +71,8 @@ class Transfer(ConfigModel):
     """Largest turning rate, rad/s."""
     elbow: Annotated[float, Figure("rad"), Field(exclude=True)] = 0.05
     """Goal of the elbow's joint in the null space, rad; without it the elbow would drift from run to run."""
-    clearance: Annotated[float, Figure("m"), Field(exclude=True)] = 0.002
-    """Least distance of hand and peg from plate and rack during a move, m; a move that starts or ends nearer may come as near. Source: decision 0013."""
+    clearance: Annotated[float, Figure("m"), Field(exclude=True), Source("decision 0013")] = 0.002
+    """Least distance of hand and peg from plate and rack during a move, m; a move that starts or ends nearer may come as near."""
 
     settle: Annotated[float, Figure("s", Tempo.WAIT), Field(exclude=True)] = 0.3
     """Time to settle at the end of a move, s."""

@@ -16,12 +16,12 @@ If the hand does not open, it never retracts from a peg that the hole holds.
 """
 
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 import numpy as np
 from pydantic import Field
 
-from drivers.config_model import Figure, Quantity
+from drivers.config_model import Figure, Quantity, Source
 from drivers.frames import UP
 from drivers.parts import Point
 from drivers.quantities import SwitchState, Vector
@@ -38,21 +38,20 @@ CLEAR = 0.005
 
 
 class RecoverParams(SkillParams):
-    """Parameters of the recovery.
+    """Parameters of the recovery."""
 
-    Source: chosen, not measured.
-    """
+    SOURCE: ClassVar[str] = "chosen, not measured"
 
     transfer: Annotated[Transfer, Figure(""), Field(exclude=True)] = Transfer()
     """Motion of the hand to the bin."""
     height: Annotated[float, Field(gt=0.0, le=0.3), Quantity("m")]
     """Distance to rise first, m."""
-    bin: Annotated[Point, Quantity("m")]
-    """Position above the reject bin for releasing the peg, m, base frame. Source: set for each cell."""
+    bin: Annotated[Point, Quantity("m"), Source("set for each cell")]
+    """Position above the reject bin for releasing the peg, m, base frame."""
     opening: Annotated[float, Field(gt=0.0, le=0.08), Quantity("m")]
     """Distance between the pads that releases the peg, m."""
-    first: bool = False
-    """True if a start with a peg in the hand first removes the peg; otherwise such a start is refused. Source: decision 0021."""
+    first: Annotated[bool, Source("decision 0021")] = False
+    """True if a start with a peg in the hand first removes the peg; otherwise such a start is refused."""
     pull: Annotated[PullOut, Figure(""), Field(exclude=True)] = PullOut()
     """Motion that pulls a jammed peg out of the hole."""
 

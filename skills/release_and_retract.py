@@ -1,7 +1,7 @@
 """Release a seated peg: open the hand, retract, check that the peg stayed."""
 
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 from pydantic import Field
 
@@ -18,10 +18,9 @@ ANSWER_TIME = 1.0
 
 
 class ReleaseAndRetractParams(SkillParams):
-    """Parameters of releasing the peg.
+    """Parameters of releasing the peg."""
 
-    Source: chosen, not measured.
-    """
+    SOURCE: ClassVar[str] = "chosen, not measured"
 
     transfer: Annotated[Transfer, Figure(""), Field(exclude=True)] = Transfer()
     """Motion of the hand while it retracts."""

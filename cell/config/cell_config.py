@@ -1,6 +1,6 @@
 """CellConfig: the union of every part's config model, the checks across sections, and typed access to its values."""
 
-from typing import TYPE_CHECKING, Annotated, Any, Self, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self, TypeVar
 
 from pydantic import Field, create_model, field_validator, model_validator
 
@@ -23,7 +23,7 @@ from cell.config.files import ARMS, arm_file
 from cell.config.margins import Place
 from drivers.arm.franka_config import FrankaArmConfig
 from drivers.arm.model import ArmModel, read_arm
-from drivers.config_model import ConfigModel, FilePath, Quantity
+from drivers.config_model import ConfigModel, FilePath, Quantity, Source
 from drivers.errors import ConfigError
 from drivers.gripper.franka_config import FrankaGripperConfig
 from drivers.parts import HandShape, Hole, Job, Peg, Rack, require_fit
@@ -71,13 +71,12 @@ RECIPE_SECTIONS = frozenset({"preset", "peg", "hole", "rack", "corner", *(skill.
 
 
 class JournalConfig(ConfigModel):
-    """[journal]: folder of the records of runs, and limits of their age and size.
+    """[journal]: folder of the records of runs, and limits of their age and size."""
 
-    Source: chosen, not measured.
-    """
+    SOURCE: ClassVar[str] = "chosen, not measured"
 
-    folder: str = ""
-    """Folder of the records of runs; empty is the user's own data folder. Source: set for each cell."""
+    folder: Annotated[str, Source("set for each cell")] = ""
+    """Folder of the records of runs; empty is the user's own data folder."""
     days: Annotated[int, Field(ge=0, le=36500)] = 0
     """Age after which runs, their samples and events are deleted, days; 0 keeps all."""
     bytes: Annotated[int, Field(ge=0)] = 0
@@ -87,27 +86,25 @@ class JournalConfig(ConfigModel):
 
 
 class PageConfig(ConfigModel):
-    """[page]: the page for browsers, and the metrics.
+    """[page]: the page for browsers, and the metrics."""
 
-    Source: set for each cell.
-    """
+    SOURCE: ClassVar[str] = "set for each cell"
 
     names: tuple[Annotated[str, Field(pattern=r"^[A-Za-z0-9.-]{1,253}$")], ...] = ()
     """Names of the cell for browsers, in addition to its addresses and the computer's name, as in "cell-7.plant.example"."""
 
 
 class CalibrationConfig(ConfigModel):
-    """Section [calibration]: files of measured values.
+    """Section [calibration]: files of measured values."""
 
-    Source: measured by `cell calibrate`.
-    """
+    SOURCE: ClassVar[str] = "measured by `cell calibrate`"
 
     skin: FilePath | None = None
     """File of the skin's measured gains and point spread, written by `cell calibrate skin`."""
     arm: FilePath | None = None
     """File of the measured friction and gravity remainder of the arm's joints, written by `cell calibrate arm`; the start of learning."""
-    longest_age: Annotated[float, Field(gt=0.0, le=3.2e8), Quantity("s")] = 31536000.0
-    """Age above which a file of measured values is refused, s; the default is 365 days. Source: chosen, not measured."""
+    longest_age: Annotated[float, Field(gt=0.0, le=3.2e8), Quantity("s"), Source("chosen, not measured")] = 31536000.0
+    """Age above which a file of measured values is refused, s; the default is 365 days."""
 
 
 def _catalogued() -> type[ConfigModel]:
@@ -139,21 +136,20 @@ else:
 class CellConfig(Catalogued):
     """Config of one cell."""
 
-    preset: str = ""
-    """Name of a file of `presets/` to lay over this one; empty is none. Source: set for each cell."""
-    world: str = ""
-    """Name of a file of `worlds/`, another simulated world or scene, to lay over this one, below the preset; empty is none.
-    Source: set for each cell."""
-    scan_rate: Annotated[float, Field(ge=10.0, le=1000.0), Quantity("Hz")]
-    """Rate of the scan, Hz; a skill senses and decides once per scan. Source: chosen, not measured."""
-    retries: Annotated[int, Field(ge=0, le=10)]
-    """Number of new searches by `insert_peg` if the peg is not in the hole. Source: docs/tried/insertion.md."""
-    speed_scale: Annotated[float, Field(ge=0.05, le=20.0), Quantity("ratio")] = 1.0
-    """Factor on every speed of the method, and divisor of its waiting times, ratio; the arm's limits cap the speeds. Source: set for each cell."""
-    scan: ScanLimits = ScanLimits()
-    """Limits of late scans. Source: decision 0015."""
-    wrench: WrenchConfig = WrenchConfig()
-    """Plausibility limits of the arm's estimated external wrench. Source: docs/tried/search.md."""
+    preset: Annotated[str, Source("set for each cell")] = ""
+    """Name of a file of `presets/` to lay over this one; empty is none."""
+    world: Annotated[str, Source("set for each cell")] = ""
+    """Name of a file of `worlds/`, another simulated world or scene, to lay over this one, below the preset; empty is none."""
+    scan_rate: Annotated[float, Field(ge=10.0, le=1000.0), Quantity("Hz"), Source("chosen, not measured")]
+    """Rate of the scan, Hz; a skill senses and decides once per scan."""
+    retries: Annotated[int, Field(ge=0, le=10), Source("docs/tried/insertion.md")]
+    """Number of new searches by `insert_peg` if the peg is not in the hole."""
+    speed_scale: Annotated[float, Field(ge=0.05, le=20.0), Quantity("ratio"), Source("set for each cell")] = 1.0
+    """Factor on every speed of the method, and divisor of its waiting times, ratio; the arm's limits cap the speeds."""
+    scan: Annotated[ScanLimits, Source("decision 0015")] = ScanLimits()
+    """Limits of late scans."""
+    wrench: Annotated[WrenchConfig, Source("docs/tried/search.md")] = WrenchConfig()
+    """Plausibility limits of the arm's estimated external wrench."""
     limits: Limits
     """Limits of force and workspace; beyond them a skill ends at once."""
     peg: Peg

@@ -1,16 +1,14 @@
 """Every key of the config: its meaning, unit, range, default, source and reader; pure.
 
-The models are the only source: the docstring of a key is its meaning, and `Quantity` in its annotation gives the unit. For a pure number, a word
-replaces the unit: "fraction", "ratio", "count".
-The last sentence gives the source of the figure, as in "Source: docs/tried/search.md; measured by `cell trials`.". If a
-key has none, the source in the docstring of its section or of its model applies.
+The models are the only source: the docstring of a key is its meaning, `Quantity` in its annotation gives the unit, and `Source` the source of its
+figure. For a pure number, a word replaces the unit: "fraction", "ratio", "count". If a key has no source, that of its section or of its class applies.
 """
 
 import inspect
 import json
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, get_args
 
@@ -21,13 +19,10 @@ from cell.config.cell_config import RECIPE_SECTIONS, CellConfig
 from cell.config.errors import allowed
 from cell.config.load import LoadedConfig
 from cell.config.parameters import PARAMETERS
-from drivers.config_model import Quantity
+from drivers.config_model import Quantity, Source
 from skills.plan import figures
 
 _SENTENCE = re.compile(r"(?<!Sec\.)(?<!Eq\.)(?<!Fig\.)(?<=[.!?])\s+(?=[A-Z0-9`\"\[])")
-_SOURCE = re.compile(r"\s*\bSource: (.+)\.$")
-_CITED = re.compile(r"\[[a-z]+\](?:, (?:Sec|Eq|Table|Fig)\. (?:\(\d+\)|[^ ;:,.()]+))?")
-_ASSUMED = "assumed"
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,7 +34,7 @@ class Key:
     kind: str
     """Kind of the key's section, as in `skin.kind = "can"`; empty if the section has a single kind."""
     meaning: str
-    """The docstring without its source sentence."""
+    """The docstring."""
     unit: str
     """Unit, or the word that replaces it; empty for values that are not numbers."""
     allowed: str
@@ -162,25 +157,9 @@ def section_summary(name: str) -> str:
     return first_clause(found[0].get("description", "")) if found else ""
 
 
-def split_source(text: str) -> tuple[str, tuple[str, ...]]:
-    """Return a docstring without its last sentence "Source: ...", and the sources of a key.
-
-    If the docstring lacks that sentence, the sources are the references that it cites, or the word "assumed" in it.
-    """
-    stated = _SOURCE.search(text)
-    if stated:
-        return text[: stated.start()], tuple(stated.group(1).split("; "))
-    return text, tuple(dict.fromkeys((*_CITED.findall(text), *((_ASSUMED,) if _ASSUMED in text else ()))))
-
-
-def _stated(text: str) -> tuple[str, ...]:
-    """Return the sources in the last sentence of a docstring; none without such a sentence."""
-    return split_source(text)[1] if _SOURCE.search(text) else ()
-
-
-def _of_model(model: type[BaseModel], field: str) -> tuple[str, ...]:
-    """Return the sources that a key's class states for all of its keys."""
-    return _stated(" ".join(inspect.cleandoc(_owner(model, field).__doc__ or "").split()))
+def _source_of(field: FieldInfo) -> str:
+    """Return the source that a key or a section states; empty without one."""
+    return next((mark.text for mark in field.metadata if isinstance(mark, Source)), "")
 
 
 def first_clause(text: str) -> str:
@@ -188,27 +167,21 @@ def first_clause(text: str) -> str:
     return _SENTENCE.split(text)[0].rstrip(".").split(";")[0]
 
 
-def _keys_of(model: type[BaseModel], place: str, kind: str, source: tuple[str, ...] = ()) -> Iterator[Key]:
-    """Yield the keys of a model; `source` is that of its section and applies to keys without their own.
+def _keys_of(model: type[BaseModel], place: str, kind: str, source: str = "") -> Iterator[Key]:
+    """Yield the keys of a model; `source` is that of its section.
 
-    The source in a key's docstring has priority, then that of its section, then that of its model.
+    The source of a key has priority, then that of its section, then that of the class that declares it.
     """
     properties = _properties(model)
     for name, field in settable(model).items():
         inner = list(_models(field.annotation))
-        at = f"{place}{name}"
+        at, stated = f"{place}{name}", _source_of(field) or source
         if not inner:
-            key = _key(at, kind, field, properties[name], model)
-            yield replace(key, sources=key.sources or source or _of_model(model, name))
+            yield _key(at, kind, stated, field, properties[name], model)
         for each in inner:
             chosen = each.model_fields.get("kind")
             values = get_args(chosen.annotation) if chosen is not None and len(inner) > 1 else ()
-            yield from _keys_of(
-                each,
-                f"{at}.",
-                f'{at}.kind = "{values[0]}"' if values else kind,
-                _stated(properties[name].get("description", "")) or source,
-            )
+            yield from _keys_of(each, f"{at}.", f'{at}.kind = "{values[0]}"' if values else kind, stated)
 
 
 def settable(model: type[BaseModel]) -> dict[str, FieldInfo]:
@@ -235,8 +208,9 @@ def _models(annotation: Any) -> Iterator[type[BaseModel]]:
         yield from _models(part)
 
 
-def _key(name: str, kind: str, field: FieldInfo, schema: Mapping[str, Any], model: type[BaseModel]) -> Key:
-    meaning, sources = split_source(schema.get("description", ""))
+def _key(name: str, kind: str, source: str, field: FieldInfo, schema: Mapping[str, Any], model: type[BaseModel]) -> Key:
+    owner = _owner(model, name.rsplit(".", 1)[-1])
+    source = source or vars(owner).get("SOURCE", "")
     setters = ["a cell's file", "a preset", "--set"]
     if name.split(".")[0] in RECIPE_SECTIONS:
         setters.append("a recipe")
@@ -246,12 +220,12 @@ def _key(name: str, kind: str, field: FieldInfo, schema: Mapping[str, Any], mode
     return Key(
         name=name,
         kind=kind,
-        meaning=meaning,
+        meaning=schema.get("description", ""),
         unit=unit_of(field),
         allowed=allowed(schema),
         default=None if field.is_required() else toml(field.get_default(call_default_factory=True)),
-        sources=sources,
-        reader=_owner(model, name.rsplit(".", 1)[-1]).__module__,
+        sources=tuple(source.split("; ")) if source else (),
+        reader=owner.__module__,
         setters=tuple(setters),
         section=model.__name__,
     )

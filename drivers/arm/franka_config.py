@@ -1,6 +1,6 @@
 """Config of a Franka arm; pure, no I/O."""
 
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
 
@@ -9,10 +9,9 @@ from drivers.config_model import ConfigModel, Quantity
 
 
 class FrankaArmConfig(ConfigModel):
-    """[arm] of a Franka arm.
+    """[arm] of a Franka arm."""
 
-    Source: set for each cell.
-    """
+    SOURCE: ClassVar[str] = "set for each cell"
 
     kind: Literal["franka"]
     """A Franka arm behind the maker's control interface."""

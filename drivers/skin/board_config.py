@@ -1,10 +1,10 @@
 """Config of a skin board and of its wire; pure, no I/O."""
 
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
-from drivers.config_model import ConfigModel, Quantity
+from drivers.config_model import ConfigModel, Quantity, Source
 from drivers.quantities import FINGERS
 from drivers.skin.cyskin_wire import SkinWireConfig
 from drivers.skin.health import SkinHealthConfig
@@ -20,10 +20,9 @@ TEMPERATURE = 0
 
 
 class HubConfig(ConfigModel):
-    """A CySkin hub with the modules of both fingers.
+    """A CySkin hub with the modules of both fingers."""
 
-    Source: set for each cell.
-    """
+    SOURCE: ClassVar[str] = "set for each cell"
 
     kind: Literal["cyskin"] = "cyskin"
     """A CySkin hub."""
@@ -46,10 +45,9 @@ class HubConfig(ConfigModel):
 
 
 class IcubConfig(ConfigModel):
-    """An iCub skin board with the triangles of both fingers.
+    """An iCub skin board with the triangles of both fingers."""
 
-    Source: set for each cell.
-    """
+    SOURCE: ClassVar[str] = "set for each cell"
 
     kind: Literal["icub"]
     """An iCub skin board."""
@@ -62,22 +60,32 @@ class IcubConfig(ConfigModel):
         3,
     )
     """Numbers of the triangles, both of the left finger first."""
-    channels: tuple[Annotated[int, Field(ge=0, le=11)], ...] = (0, 1, 2, 3, 4, 5, 7, 8, 9, 11)
+    channels: Annotated[tuple[Annotated[int, Field(ge=0, le=11)], ...], Source("assumed")] = (
+        0,
+        1,
+        2,
+        3,
+        4,
+        5,
+        7,
+        8,
+        9,
+        11,
+    )
     """Number of the triangle's channel, of twelve, for each taxel, in the order of the layout; assumed, to be
     checked on a real board.
     """
 
 
 class BoardSkinConfig(ConfigModel):
-    """Keys of every skin board.
+    """Keys of every skin board."""
 
-    Source: chosen, not measured.
-    """
+    SOURCE: ClassVar[str] = "chosen, not measured"
 
-    rate: Annotated[float, Field(ge=1.0, le=100.0), Quantity("Hz")] = 10.0
-    """Scan rate that the board is set to, Hz; boards make 10 to 100. Source: [gibbons], Sec. VI."""
-    layout: Layout = "parallelogram"
-    """Arrangement of the two modules of a finger. Source: set for each cell."""
+    rate: Annotated[float, Field(ge=1.0, le=100.0), Quantity("Hz"), Source("[gibbons], Sec. VI")] = 10.0
+    """Scan rate that the board is set to, Hz; boards make 10 to 100."""
+    layout: Annotated[Layout, Source("set for each cell")] = "parallelogram"
+    """Arrangement of the two modules of a finger."""
     open_timeout: Annotated[float, Field(ge=0.1, le=60.0), Quantity("s")] = 3.0
     """Longest wait for the board's first scan, s."""
     health: SkinHealthConfig = SkinHealthConfig()
@@ -85,10 +93,9 @@ class BoardSkinConfig(ConfigModel):
 
 
 class HostSkinConfig(BoardSkinConfig):
-    """Section [skin] for a hub that the makers' host program reads and writes to a file.
+    """Section [skin] for a hub that the makers' host program reads and writes to a file."""
 
-    Source: set for each cell.
-    """
+    SOURCE: ClassVar[str] = "set for each cell"
 
     kind: Literal["host"]
     """Kind of the skin: the file of `cyskin_acquisition --buffer file`."""
@@ -99,20 +106,18 @@ class HostSkinConfig(BoardSkinConfig):
 
 
 class WiredSkinConfig(BoardSkinConfig):
-    """Keys of every skin board on a wire of this computer.
+    """Keys of every skin board on a wire of this computer."""
 
-    Source: set for each cell.
-    """
+    SOURCE: ClassVar[str] = "set for each cell"
 
     record: str = ""
     """File that records all traffic of the wire; an empty name records nothing."""
 
 
 class CanSkinConfig(WiredSkinConfig):
-    """Section [skin] for a board on a CAN bus.
+    """Section [skin] for a board on a CAN bus."""
 
-    Source: set for each cell.
-    """
+    SOURCE: ClassVar[str] = "set for each cell"
 
     kind: Literal["can"]
     """Kind of the skin: a board on a CAN bus."""
@@ -127,10 +132,9 @@ class CanSkinConfig(WiredSkinConfig):
 
 
 class SerialSkinConfig(WiredSkinConfig):
-    """Section [skin] for a board on a serial line.
+    """Section [skin] for a board on a serial line."""
 
-    Source: set for each cell.
-    """
+    SOURCE: ClassVar[str] = "set for each cell"
 
     kind: Literal["serial"]
     """Kind of the skin: a board on a serial line."""

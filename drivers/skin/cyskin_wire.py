@@ -10,12 +10,12 @@ import struct
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field, field_validator
 
-from drivers.config_model import ConfigModel
+from drivers.config_model import ConfigModel, Source
 from drivers.skin.health import Counts
 from drivers.transport.crc import Crc8
 from drivers.transport.wires import CanFrame
@@ -74,13 +74,12 @@ class WireError(ValueError):
 
 
 class SkinWireConfig(ConfigModel):
-    """Dialect of a hub's firmware; the default is that of the makers' library.
+    """Dialect of a hub's firmware; the default is that of the makers' library."""
 
-    Source: [cyskin].
-    """
+    SOURCE: ClassVar[str] = "[cyskin]"
 
-    hub: Annotated[int, Field(ge=1, le=0xFE)] = 1
-    """Number given to the hub, the low byte of its CAN ids. Source: set for each cell."""
+    hub: Annotated[int, Field(ge=1, le=0xFE), Source("set for each cell")] = 1
+    """Number given to the hub, the low byte of its CAN ids."""
     byte_order: Literal["little", "big"] = "big"
     """Byte order of all numbers."""
     crc: Crc8 = Crc8()

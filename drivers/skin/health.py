@@ -4,13 +4,13 @@ The functions accept arrays of any shape, so that a recording of another patch i
 """
 
 import math
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from drivers.config_model import ConfigModel, Figure, Quantity
+from drivers.config_model import ConfigModel, Figure, Quantity, Source
 from drivers.errors import SkinUntrustedError
 from drivers.quantities import FINGER_NAMES, FINGERS, Mask, TaxelFrame, Vector
 from drivers.skin.layout import Layout, layout_of, module_of
@@ -32,25 +32,22 @@ Warming raises all taxels alike, and drift scatters them to either side. Source:
 
 
 class SkinHealthConfig(ConfigModel):
-    """Conditions under which a taxel is not trusted.
+    """Conditions under which a taxel is not trusted."""
 
-    Source: chosen, not measured.
-    """
+    SOURCE: ClassVar[str] = "chosen, not measured"
 
     baseline_frames: Annotated[int, Field(ge=BASELINE_FRAMES, le=10_000)] = BASELINE_FRAMES
     """Number of frames without a load whose mean is the baseline."""
-    saturation: Annotated[int, Figure("counts"), Field(exclude=True)] = 42_900
-    """Reading at which the converter saturates, counts; the pressure is then at least this reading. Source: chosen just below
-    the error codes of [cyskin].
-    """
+    saturation: Annotated[
+        int, Figure("counts"), Field(exclude=True), Source("chosen just below the error codes of [cyskin]")
+    ] = 42_900
+    """Reading at which the converter saturates, counts; the pressure is then at least this reading."""
     stuck_frames: Annotated[int, Figure("count"), Field(exclude=True)] = 30
     """Number of equal readings in a row that mark a taxel as stuck, because noise changes a live taxel."""
     frozen_frames: Annotated[int, Figure("count"), Field(exclude=True)] = 5
     """Number of identical frames in a row that mark the board as frozen."""
-    drift_time: Annotated[float, Figure("s"), Field(exclude=True)] = 3.0
-    """Time constant with which the baseline follows the untouched skin, s; derived from the noise and drift of [cyskin].
-    Source: docs/tried/angle.md.
-    """
+    drift_time: Annotated[float, Figure("s"), Field(exclude=True), Source("docs/tried/angle.md")] = 3.0
+    """Time constant with which the baseline follows the untouched skin, s; derived from the noise and drift of [cyskin]."""
     touch: Annotated[float, Figure("standard deviations"), Field(exclude=True)] = 5.0
     """Height above the baseline at which a taxel counts as touched, standard deviations of its noise."""
     least_touch: Annotated[float, Field(gt=0.0, le=0.25), Quantity("fraction")] = 0.0025

@@ -1,16 +1,15 @@
 """A SuccessSwitch for a cell whose holes have no switch."""
 
-from typing import Literal
+from typing import ClassVar, Literal
 
 from drivers.config_model import ConfigModel
 from drivers.quantities import SwitchState
 
 
 class NoSwitchConfig(ConfigModel):
-    """Section [switch] for a cell without a switch.
+    """Section [switch] for a cell without a switch."""
 
-    Source: set for each cell.
-    """
+    SOURCE: ClassVar[str] = "set for each cell"
 
     kind: Literal["none"]
     """Kind of the switch: none; every hole of the cell then needs other evidence, see `hole.evidence`."""

@@ -1,6 +1,6 @@
 """Config of a switch board and of its line; pure, no I/O."""
 
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
 
@@ -8,10 +8,9 @@ from drivers.config_model import ConfigModel
 
 
 class SerialSwitchConfig(ConfigModel):
-    """Section [switch] for a board on a serial line.
+    """Section [switch] for a board on a serial line."""
 
-    Source: set for each cell.
-    """
+    SOURCE: ClassVar[str] = "set for each cell"
 
     kind: Literal["serial"]
     """Kind of the switch: a board on a serial line."""

@@ -2,7 +2,7 @@
 
 import binascii
 from functools import lru_cache
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 from pydantic import Field, field_validator
 
@@ -12,10 +12,9 @@ Byte = Annotated[int, Field(ge=0, le=0xFF)]
 
 
 class Crc8(ConfigModel):
-    """A CRC of 8 bits with the parameters of CRC catalogues; the default is that of a CySkin hub.
+    """A CRC of 8 bits with the parameters of CRC catalogues; the default is that of a CySkin hub."""
 
-    Source: [cyskin].
-    """
+    SOURCE: ClassVar[str] = "[cyskin]"
 
     polynomial: Byte = 0x07
     """Generator polynomial without its highest term."""

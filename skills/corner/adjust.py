@@ -7,12 +7,12 @@ shows when the peg is between the walls. From then on, the hole guides it like a
 
 import math
 from dataclasses import dataclass, field
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 import numpy as np
 from pydantic import Field, NonNegativeFloat, PositiveFloat
 
-from drivers.config_model import Figure, Quantity, Tempo
+from drivers.config_model import Figure, Quantity, Source, Tempo
 from drivers.frames import angle_between, end_point, rotation_about
 from drivers.quantities import ImpedanceSetpoint, InHandTip, Twist, Vector
 from skills.contract import Observation, Outcome, Reason, SkillContext, SkillParams, SkillResult
@@ -32,13 +32,12 @@ SINKS = 0.25
 
 
 class CornerAdjustParams(SkillParams):
-    """Parameters of bringing a peg with corners between the walls of its hole. The skill uses no tactile measurements.
+    """Parameters of bringing a peg with corners between the walls of its hole. The skill uses no tactile measurements."""
 
-    Source: chosen, not measured; reason in docs/tried/corners.md.
-    """
+    SOURCE: ClassVar[str] = "chosen, not measured; reason in docs/tried/corners.md"
 
-    gains: Gains
-    """Stiffness and damping ratio along x and y and in rotation. Source: chosen within the margin that `cell check` prints."""
+    gains: Annotated[Gains, Source("chosen within the margin that `cell check` prints")]
+    """Stiffness and damping ratio along x and y and in rotation."""
     push_stiffness: Annotated[PositiveFloat, Quantity("N/m")]
     """Stiffness along z, which makes the push, N/m."""
     push_damping_ratio: Annotated[float, Figure("multiple"), Field(exclude=True)] = 1.5
@@ -75,10 +74,8 @@ class CornerAdjustParams(SkillParams):
     """Depth gained at which the peg is between the walls, m; it exceeds the slip along the fingers."""
     timeout: Annotated[PositiveFloat, Quantity("s", Tempo.LIMIT)]
     """Longest time until the peg is between the walls, s; then the cell searches again and sweeps about another yaw."""
-    stands_for: Annotated[float, Figure("s", Tempo.WAIT), Field(exclude=True)] = 0.8
-    """Time without depth gain after which a guided peg counts as stuck, s; the next skill frees it with a new theta.
-    Source: docs/tried/corners.md.
-    """
+    stands_for: Annotated[float, Figure("s", Tempo.WAIT), Field(exclude=True), Source("docs/tried/corners.md")] = 0.8
+    """Time without depth gain after which a guided peg counts as stuck, s; the next skill frees it with a new theta."""
 
 
 @dataclass(frozen=True, slots=True)

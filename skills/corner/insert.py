@@ -7,12 +7,12 @@ the plate's normal and pushes the corner towards the hole's corner until the tip
 
 import math
 from dataclasses import dataclass, replace
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 import numpy as np
 from pydantic import Field, NonNegativeFloat, PositiveFloat
 
-from drivers.config_model import Figure, Quantity, Tempo
+from drivers.config_model import Figure, Quantity, Source, Tempo
 from drivers.frames import angle_between, rotation_about
 from drivers.quantities import ImpedanceSetpoint, Twist, Vector
 from skills.contract import Observation, Outcome, Reason, SkillContext, SkillParams, SkillResult
@@ -23,18 +23,17 @@ from skills.seating.decision import is_seated
 
 
 class CornerInsertParams(SkillParams):
-    """Parameters of raising and turning the peg.
+    """Parameters of raising and turning the peg."""
 
-    Source: chosen, not measured; reason in docs/tried/corners.md.
-    """
+    SOURCE: ClassVar[str] = "chosen, not measured; reason in docs/tried/corners.md"
 
-    gains: Gains
-    """Stiffness and damping ratio along x and y and in rotation. Source: chosen within the margin that `cell check` prints."""
+    gains: Annotated[Gains, Source("chosen within the margin that `cell check` prints")]
+    """Stiffness and damping ratio along x and y and in rotation."""
     push_stiffness: Annotated[PositiveFloat, Quantity("N/m")]
     """Stiffness along z, which makes the push, N/m."""
-    push_back: Annotated[float, Field(gt=0.0, le=1.0), Quantity("fraction")]
+    push_back: Annotated[float, Field(gt=0.0, le=1.0), Quantity("fraction"), Source("docs/tried/corners.md")]
     """Share of the push while the peg is raised, fraction. Under the full push, the peg turns in the hand. Under too small a push,
-    the lead lifts the corner over the edge. Source: docs/tried/corners.md.
+    the lead lifts the corner over the edge.
     """
     push_offset: Annotated[float, Figure("m"), Field(exclude=True)] = 0.01
     """Depth of the tip's setpoint below the tip, m."""
@@ -42,13 +41,13 @@ class CornerInsertParams(SkillParams):
     """Lead of the tip's setpoint over the tip, along the closing axis and across it, m; it keeps the corner in the
     hole's corner. A push across the closing axis turns the peg in the hand.
     """
-    tilt: Annotated[float, Field(gt=0.0, lt=0.4), Quantity("rad")]
-    """Tilt to which the peg is raised, rad. Source: docs/tried/corners.md."""
-    follow_rate: Annotated[float, Figure("1/s"), Field(exclude=True)] = 2.0
+    tilt: Annotated[float, Field(gt=0.0, lt=0.4), Quantity("rad"), Source("docs/tried/corners.md")]
+    """Tilt to which the peg is raised, rad."""
+    follow_rate: Annotated[float, Figure("1/s"), Field(exclude=True), Source("docs/tried/search.md")] = 2.0
     """Rate at which the hand follows a rotation of the peg in the hand, 1/s; if walls hold the tip and the hand follows at once, the peg
-    only turns further in the pads. Source: docs/tried/search.md.
+    only turns further in the pads.
     """
-    integral_gain: Annotated[float, Figure("N·m/(rad·s)"), Field(exclude=True)] = 5.0
+    integral_gain: Annotated[float, Figure("N·m/(rad·s)"), Field(exclude=True), Source("[gibbons], Eq. (6)")] = 5.0
     """Integral gain on orientation, N·m/(rad·s); K_I of [gibbons], Eq. (6)."""
     integral_limit: Annotated[float, Figure("N·m"), Field(exclude=True)] = 3.0
     """Saturation of the integral, N·m."""
@@ -56,13 +55,13 @@ class CornerInsertParams(SkillParams):
     """Time to settle after the setpoint is raised, s."""
     raise_rate: Annotated[PositiveFloat, Quantity("rad/s", Tempo.SPEED)]
     """Rate at which the setpoint of the axis is raised, rad/s."""
-    raise_stop: Annotated[NonNegativeFloat, Quantity("s", Tempo.WAIT)] = 0.3
+    raise_stop: Annotated[NonNegativeFloat, Quantity("s", Tempo.WAIT), Source("docs/tried/corners.md")] = 0.3
     """Stopping time of the setpoint of the raised axis, s; if it stops at once, the hand's inertia moves the corner back along the
-    closing axis by 2 mm. Source: docs/tried/corners.md.
+    closing axis by 2 mm.
     """
-    press: Annotated[NonNegativeFloat, Quantity("m")] = 0.003
+    press: Annotated[NonNegativeFloat, Quantity("m"), Source("docs/tried/corners.md")] = 0.003
     """Lead of the tip's setpoint over the tip along the closing axis once the peg is raised, m; it must overcome the friction of joints and
-    plate. The pads are perpendicular to it. Source: docs/tried/corners.md.
+    plate. The pads are perpendicular to it.
     """
     turn_rate: Annotated[PositiveFloat, Quantity("rad/s", Tempo.SPEED)]
     """Rate of the yaw sweep's setpoint about the normal, rad/s; slow enough for the peg to sink while its yaw matches
@@ -92,9 +91,9 @@ class CornerInsertParams(SkillParams):
     """Increase of the yaw sweep's amplitude from one swing to the next, rad; small yaws of the hole are the likeliest
     and are tried first.
     """
-    felt: Annotated[PositiveFloat, Quantity("rad")]
+    felt: Annotated[PositiveFloat, Quantity("rad"), Source("docs/tried/corners.md")]
     """Lag of the hand behind its setpoint about the normal at which walls hold the peg, rad; many times the lag caused
-    by the joints' friction. Source: docs/tried/corners.md.
+    by the joints' friction.
     """
     sunk: Annotated[PositiveFloat, Quantity("m")]
     """Depth gained at which the peg has dropped in without contact with a wall, m."""

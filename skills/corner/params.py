@@ -1,21 +1,20 @@
 """Parameters of a peg with corners, which searches with a corner and is turned until it drops into the hole."""
 
 import math
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 from pydantic import Field, PositiveFloat
 
-from drivers.config_model import ConfigModel, Quantity
+from drivers.config_model import ConfigModel, Quantity, Source
 from skills.corner.adjust import CornerAdjustParams
 from skills.corner.insert import CornerInsertParams
 from skills.search.params import SpraySearchParams
 
 
 class CornerParams(ConfigModel):
-    """Parameters of a peg with corners; keys not given here come from the sections of the round peg's skills.
+    """Parameters of a peg with corners; keys not given here come from the sections of the round peg's skills."""
 
-    Source: chosen, not measured; reason in docs/tried/corners.md.
-    """
+    SOURCE: ClassVar[str] = "chosen, not measured; reason in docs/tried/corners.md"
 
     tilt: Annotated[float, Field(gt=0.0, lt=1.4), Quantity("rad")]
     """Tilt of the peg in the search, rad; the closing axis is not in the plane of the tilt, so an error of theta changes
@@ -25,16 +24,14 @@ class CornerParams(ConfigModel):
     """Peak speed of the tip along the path, m/s; after a drop the corner hits the hole's wall at this speed."""
     pitch: Annotated[float, Field(gt=0.0, le=2.0), Quantity("multiple")]
     """Largest distance between neighbouring passes, multiple of the hole's shorter side."""
-    dip_threshold: Annotated[PositiveFloat, Quantity("m")]
+    dip_threshold: Annotated[PositiveFloat, Quantity("m"), Source("docs/tried/corners.md")]
     """Dip threshold: depth of the corner below the surface estimate that is evidence of an edge, m; larger than a round
-    peg's because an error of theta changes the measured height. Source: docs/tried/corners.md.
+    peg's because an error of theta changes the measured height.
     """
-    lag: Annotated[PositiveFloat, Quantity("m")]
-    """Lag of the corner behind its setpoint along a pass that is also evidence of an edge, m. Source: docs/tried/corners.md."""
-    fall: Annotated[PositiveFloat, Quantity("m")]
-    """Depth below the surface at which the resting corner is in the hole, m; it allows for the error of theta. Source:
-    docs/tried/corners.md.
-    """
+    lag: Annotated[PositiveFloat, Quantity("m"), Source("docs/tried/corners.md")]
+    """Lag of the corner behind its setpoint along a pass that is also evidence of an edge, m."""
+    fall: Annotated[PositiveFloat, Quantity("m"), Source("docs/tried/corners.md")]
+    """Depth below the surface at which the resting corner is in the hole, m; it allows for the error of theta."""
     blend: Annotated[float, Field(gt=0.0, le=1.0), Quantity("fraction")]
     """Weight of a new frame in the running estimate of theta, fraction; it replaces `smoothing.blend` because an error
     of theta changes the measured height.

@@ -1,6 +1,6 @@
 """Limits of force and place that end a skill at once."""
 
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 from pydantic import Field
 
@@ -9,10 +9,9 @@ from drivers.parts import Point
 
 
 class Limits(ConfigModel):
-    """Limits that end a skill at once; no defaults.
+    """Limits that end a skill at once; no defaults."""
 
-    Source: set for each cell.
-    """
+    SOURCE: ClassVar[str] = "set for each cell"
 
     force: Annotated[float, Field(gt=0.0, le=500.0), Quantity("N")]
     """Largest estimated external force at the TCP, N."""

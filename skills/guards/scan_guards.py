@@ -8,7 +8,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from drivers.config_model import ConfigModel, Quantity
+from drivers.config_model import ConfigModel, Quantity, Source
 from drivers.errors import NotFiniteError, ScanOverrunError, SkinUntrustedError
 from drivers.frames import end_point
 from drivers.parts import Fraction
@@ -35,10 +35,10 @@ RESUME_TIME = 1.0
 class ScanLimits(ConfigModel):
     """[scan]: limits on the lateness of scans; below them a late scan only slows the path."""
 
-    late: Annotated[Fraction, Quantity("fraction")] = 0.8
-    """Largest share of the last 100 scans that may take longer than two periods, fraction; a larger share is a fault. Source: decision 0015."""
-    longest: Annotated[float, Field(gt=0.0, le=1.0), Quantity("s")] = 0.2
-    """Longest time from one scan to the next, s; if it is exceeded, the arm is halted and the run ends with a fault. Source: decision 0015."""
+    late: Annotated[Fraction, Quantity("fraction"), Source("decision 0015")] = 0.8
+    """Largest share of the last 100 scans that may take longer than two periods, fraction; a larger share is a fault."""
+    longest: Annotated[float, Field(gt=0.0, le=1.0), Quantity("s"), Source("decision 0015")] = 0.2
+    """Longest time from one scan to the next, s; if it is exceeded, the arm is halted and the run ends with a fault."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,7 +15,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from drivers.config_model import ConfigModel, Figure, Quantity
+from drivers.config_model import ConfigModel, Figure, Quantity, Source
 from drivers.errors import WrenchOffsetError, WrenchReversedError
 from drivers.quantities import ArmState, Vector, Wrench
 
@@ -32,12 +32,10 @@ STILL = 2.0
 class WrenchConfig(ConfigModel):
     """[wrench]: limits on the offset and noise of the arm's estimated external wrench."""
 
-    offset: Annotated[float, Field(gt=0.0, le=60.0), Quantity("N")] = 35.0
-    """Largest force that the arm may report in free air, N; a larger force is contact or a wrong payload, and not an offset.
-    Source: docs/tried/search.md.
-    """
-    noise: Annotated[float, Figure("N"), Field(exclude=True)] = 5.0
-    """Largest standard deviation of a component of the force in free air, N. Source: docs/tried/search.md."""
+    offset: Annotated[float, Field(gt=0.0, le=60.0), Quantity("N"), Source("docs/tried/search.md")] = 35.0
+    """Largest force that the arm may report in free air, N; a larger force is contact or a wrong payload, and not an offset."""
+    noise: Annotated[float, Figure("N"), Field(exclude=True), Source("docs/tried/search.md")] = 5.0
+    """Largest standard deviation of a component of the force in free air, N."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -2,12 +2,12 @@
 
 import math
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 import numpy as np
 from pydantic import Field, NonNegativeFloat, PositiveFloat
 
-from drivers.config_model import Figure, Quantity, Tempo
+from drivers.config_model import Figure, Quantity, Source, Tempo
 from drivers.frames import angle_between, cross, rotation_about
 from drivers.quantities import ImpedanceSetpoint, Twist, Vector
 from skills.contract import Outcome, Reason, SkillContext, SkillParams, SkillResult
@@ -19,47 +19,48 @@ from skills.tactile.estimators import EstimatorName
 
 
 class TactileInsertParams(SkillParams):
-    """How to align the peg with the plate's normal.
+    """How to align the peg with the plate's normal."""
 
-    Source: chosen, not measured.
-    """
+    SOURCE: ClassVar[str] = "chosen, not measured"
 
-    gains: Gains
-    """Stiffness and damping ratio along x and y and in rotation. Source: chosen within the margin that `cell check` prints."""
-    integral_gain: Annotated[NonNegativeFloat, Quantity("N·m/(rad·s)")]
-    """Integral gain on orientation, N·m/(rad·s); K_I of [gibbons], Eq. (6). Source: chosen, not measured; method of [gibbons], Eq. (6)."""
+    gains: Annotated[Gains, Source("chosen within the margin that `cell check` prints")]
+    """Stiffness and damping ratio along x and y and in rotation."""
+    integral_gain: Annotated[
+        NonNegativeFloat, Quantity("N·m/(rad·s)"), Source("chosen, not measured; method of [gibbons], Eq. (6)")
+    ]
+    """Integral gain on orientation, N·m/(rad·s); K_I of [gibbons], Eq. (6)."""
     integral_limit: Annotated[NonNegativeFloat, Quantity("N·m")]
     """Saturation of the integral, N·m."""
-    push_offset: Annotated[NonNegativeFloat, Quantity("m")]
-    """Depth of the tip's setpoint below the surface, m; 0.01 in [gibbons]. Source: [gibbons], Sec. V."""
-    push_stiffness: Annotated[tuple[PositiveFloat, PositiveFloat], Quantity("N/m")]
-    """Least and largest stiffness along z, N/m; K_min and K_max of [gibbons], Eq. (7). Source: chosen, not measured;
-    method of [gibbons], Eq. (7).
-    """
+    push_offset: Annotated[NonNegativeFloat, Quantity("m"), Source("[gibbons], Sec. V")]
+    """Depth of the tip's setpoint below the surface, m; 0.01 in [gibbons]."""
+    push_stiffness: Annotated[
+        tuple[PositiveFloat, PositiveFloat],
+        Quantity("N/m"),
+        Source("chosen, not measured; method of [gibbons], Eq. (7)"),
+    ]
+    """Least and largest stiffness along z, N/m; K_min and K_max of [gibbons], Eq. (7)."""
     turn_rate: Annotated[PositiveFloat, Quantity("rad/s", Tempo.SPEED)]
     """Rate at which the setpoint of the axis goes from where the peg is to upright, rad/s."""
-    turn_run_up: Annotated[NonNegativeFloat, Quantity("s", Tempo.WAIT)]
-    """Time in which the setpoint of the axis gets to its rate, s; the hole's wall bears what sets the arm in motion.
-    Source: chosen, not measured; reason in docs/tried/insertion.md.
-    """
-    follow_rate: Annotated[float, Figure("1/s"), Field(exclude=True)] = 2.0
-    """Rate at which the hand turns after a peg that has turned in it, 1/s. Source: docs/tried/search.md."""
-    aligned: Annotated[float, Field(gt=0.0, lt=0.8), Quantity("rad")]
+    turn_run_up: Annotated[
+        NonNegativeFloat, Quantity("s", Tempo.WAIT), Source("chosen, not measured; reason in docs/tried/insertion.md")
+    ]
+    """Time in which the setpoint of the axis gets to its rate, s; the hole's wall bears what sets the arm in motion."""
+    follow_rate: Annotated[float, Figure("1/s"), Field(exclude=True), Source("docs/tried/search.md")] = 2.0
+    """Rate at which the hand turns after a peg that has turned in it, 1/s."""
+    aligned: Annotated[float, Field(gt=0.0, lt=0.8), Quantity("rad"), Source("docs/tried/insertion.md")]
     """Tilt phi below which the adjustment takes over, rad; 15 degrees in [gibbons]. It also takes over when the setpoint is
-    upright: a hand that turned on would wind the peg up in soft pads. Source: docs/tried/insertion.md.
+    upright: a hand that turned on would wind the peg up in soft pads.
     """
-    compliance_rate: Annotated[PositiveFloat, Quantity("1/s")]
-    """Rate at which the tip's setpoint along x and y gives way to where the hole keeps the tip, 1/s. Source: docs/tried/insertion.md."""
-    forward: Annotated[PositiveFloat, Quantity("m")]
-    """Distance of the tip's setpoint ahead of the tip, towards the side that the peg leans to, m; raising then cannot lift
-    the peg out. Source: chosen, not measured; reason in docs/tried/insertion.md.
-    """
+    compliance_rate: Annotated[PositiveFloat, Quantity("1/s"), Source("docs/tried/insertion.md")]
+    """Rate at which the tip's setpoint along x and y gives way to where the hole keeps the tip, 1/s."""
+    forward: Annotated[PositiveFloat, Quantity("m"), Source("chosen, not measured; reason in docs/tried/insertion.md")]
+    """Distance of the tip's setpoint ahead of the tip, towards the side that the peg leans to, m; raising then cannot lift the peg out."""
     timeout: Annotated[PositiveFloat, Quantity("s", Tempo.LIMIT)]
     """Longest insertion, s."""
     lost_height: Annotated[PositiveFloat, Quantity("m")]
     """Height of the tip above the surface at which it is out of the hole, m."""
-    estimator: EstimatorName = "image"
-    """Estimator that turns taxels into the pose of the peg, in every skill. Source: measured by `cell study tactile`."""
+    estimator: Annotated[EstimatorName, Source("measured by `cell study tactile`")] = "image"
+    """Estimator that turns taxels into the pose of the peg, in every skill."""
 
 
 @dataclass(frozen=True, slots=True)

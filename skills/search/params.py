@@ -1,11 +1,11 @@
 """Parameters of the search for the hole."""
 
 import math
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field, NonNegativeFloat, PositiveFloat
 
-from drivers.config_model import Figure, Quantity, Tempo
+from drivers.config_model import Figure, Quantity, Source, Tempo
 from skills.contract import SkillParams
 from skills.motion import DampedGains, Transfer
 from skills.pull_out import PullOut
@@ -17,90 +17,101 @@ FREE_GAP = 1.5e-3
 
 
 class SpraySearchParams(SkillParams):
-    """Parameters of the search for the hole.
+    """Parameters of the search for the hole."""
 
-    Source: chosen, not measured.
-    """
+    SOURCE: ClassVar[str] = "chosen, not measured"
 
     transfer: Annotated[Transfer, Figure(""), Field(exclude=True)] = Transfer()
     """How the hand goes to the first point and down to the surface."""
-    gains: DampedGains
-    """Stiffness and damping ratio along the path and in rotation. Source: chosen within the margin that `cell check` prints."""
+    gains: Annotated[DampedGains, Source("chosen within the margin that `cell check` prints")]
+    """Stiffness and damping ratio along the path and in rotation."""
     push_stiffness: Annotated[PositiveFloat, Quantity("N/m")]
     """Stiffness along z, which makes the push, N/m."""
-    push_back: Annotated[float, Field(gt=0.0, le=1.0), Quantity("fraction")]
-    """Push-back: share of the push that is kept at every slip of the peg in the hand, fraction; friction at the tip turns
-    the peg there. Source: chosen, not measured; reason in docs/tried/search.md.
-    """
-    least_push: Annotated[float, Field(gt=0.0, le=1.0), Quantity("fraction")]
-    """Smallest share of the push that is left after slips, fraction. Source: chosen, not measured; reason in docs/tried/search.md."""
-    push_offset: Annotated[PositiveFloat, Quantity("m")]
-    """Depth of the tip's setpoint below the surface, m; 0.01 in [gibbons]. Source: [gibbons], Sec. IV."""
-    tilt: Annotated[float, Field(ge=0.0, lt=1.4), Quantity("rad")]
-    """Tilt of the peg from the vertical, rad; 45 degrees in [gibbons]. Source: [gibbons], Sec. IV."""
-    tilt_azimuth: Annotated[float, Field(ge=-math.pi, le=math.pi), Quantity("rad")]
+    push_back: Annotated[
+        float,
+        Field(gt=0.0, le=1.0),
+        Quantity("fraction"),
+        Source("chosen, not measured; reason in docs/tried/search.md"),
+    ]
+    """Push-back: share of the push that is kept at every slip of the peg in the hand, fraction; friction at the tip turns the peg there."""
+    least_push: Annotated[
+        float,
+        Field(gt=0.0, le=1.0),
+        Quantity("fraction"),
+        Source("chosen, not measured; reason in docs/tried/search.md"),
+    ]
+    """Smallest share of the push that is left after slips, fraction."""
+    push_offset: Annotated[PositiveFloat, Quantity("m"), Source("[gibbons], Sec. IV")]
+    """Depth of the tip's setpoint below the surface, m; 0.01 in [gibbons]."""
+    tilt: Annotated[float, Field(ge=0.0, lt=1.4), Quantity("rad"), Source("[gibbons], Sec. IV")]
+    """Tilt of the peg from the vertical, rad; 45 degrees in [gibbons]."""
+    tilt_azimuth: Annotated[float, Field(ge=-math.pi, le=math.pi), Quantity("rad"), Source("set for each cell")]
     """Tilt azimuth: direction in which the peg's upper end stands off the vertical, rad; from the base frame's x axis
     towards y. For a peg with corners it is the azimuth of the hand's closing axis, and a multiple of the peg's
-    symmetry. Source: set for each cell.
+    symmetry.
     """
-    turned: Annotated[float, Figure("rad"), Field(exclude=True)] = 0.35
+    turned: Annotated[float, Figure("rad"), Field(exclude=True), Source("docs/tried/search.md")] = 0.35
     """Turn of the peg in the hand at which it is lifted off and the hand turns after it, rad. In the air the pads hold it; on the plate they would
-    let it turn on. With 0.35 a peg that leaned by 45 degrees leans by 48. Source: docs/tried/search.md.
+    let it turn on. With 0.35 a peg that leaned by 45 degrees leans by 48.
     """
-    fast_axis: Literal["x", "y"]
-    """Axis of the base frame that is swept fast; a peg with corners is always swept along its hand's closing axis. Source: set for each cell."""
-    speed: Annotated[float, Field(gt=0.0, le=0.5), Quantity("m/s", Tempo.SPEED)]
-    """Peak speed of the tip, m/s. Source: measured by `cell study frontier`."""
-    run_up: Annotated[PositiveFloat, Quantity("s", Tempo.WAIT)]
-    """Time in which the tip reaches its speed, s; the edge digs in where it slides off at once. Source: chosen, not
-    measured; reason in docs/tried/search.md.
-    """
-    pitch: Annotated[float, Field(gt=0.0, le=2.0), Quantity("multiple")]
-    """Largest distance between neighbouring passes, multiple of the hole's diameter or shorter side. Source: measured by `cell trials`."""
-    margin: Annotated[
-        tuple[Annotated[float, Field(ge=0.0, le=0.01)], Annotated[float, Field(ge=0.0, le=0.01)]], Quantity("m")
+    fast_axis: Annotated[Literal["x", "y"], Source("set for each cell")]
+    """Axis of the base frame that is swept fast; a peg with corners is always swept along its hand's closing axis."""
+    speed: Annotated[
+        float, Field(gt=0.0, le=0.5), Quantity("m/s", Tempo.SPEED), Source("measured by `cell study frontier`")
     ]
-    """Reach of the passes beyond the area, along its fast axis and across it, m. Source: docs/tried/search.md."""
+    """Peak speed of the tip, m/s."""
+    run_up: Annotated[
+        PositiveFloat, Quantity("s", Tempo.WAIT), Source("chosen, not measured; reason in docs/tried/search.md")
+    ]
+    """Time in which the tip reaches its speed, s; the edge digs in where it slides off at once."""
+    pitch: Annotated[float, Field(gt=0.0, le=2.0), Quantity("multiple"), Source("measured by `cell trials`")]
+    """Largest distance between neighbouring passes, multiple of the hole's diameter or shorter side."""
+    margin: Annotated[
+        tuple[Annotated[float, Field(ge=0.0, le=0.01)], Annotated[float, Field(ge=0.0, le=0.01)]],
+        Quantity("m"),
+        Source("docs/tried/search.md"),
+    ]
+    """Reach of the passes beyond the area, along its fast axis and across it, m."""
     height: Annotated[float, Field(gt=0.0, le=0.1), Quantity("m")]
     """Height above the surface at the end of the free-space approach, m."""
     descent: Annotated[float, Field(gt=0.0, le=0.5), Quantity("m/s", Tempo.SPEED)]
     """Speed at which the setpoint comes down to the surface, m/s; the blow at touch-down grows with it."""
-    length_bound: Annotated[float, Figure("m"), Field(exclude=True)] = 0.006
-    """Largest correction of the peg's length in the hand by the first touch-down, m. Source: docs/tried/search.md."""
+    length_bound: Annotated[float, Figure("m"), Field(exclude=True), Source("docs/tried/search.md")] = 0.006
+    """Largest correction of the peg's length in the hand by the first touch-down, m."""
     touch_down: Annotated[float, Field(gt=TOUCHED_TIME), Quantity("s", Tempo.LIMIT)]
     """Longest time to come down to the surface, s; the path begins as soon as the plate bears the push."""
     trim_rate: Annotated[PositiveFloat, Quantity("1/s")]
-    """Rate at which the setpoint across the lanes is moved against the tip's error there, 1/s; it takes out what joint
-    friction holds the arm off. Source: docs/tried/search.md.
-    """
+    """Rate at which the setpoint across the lanes is moved against the tip's error there, 1/s, which joint friction causes."""
     trim_limit: Annotated[NonNegativeFloat, Quantity("m")]
-    """Largest move of the setpoint across the lanes, m. Source: chosen, not measured; reason in docs/tried/search.md."""
-    dip_threshold: Annotated[PositiveFloat, Quantity("m")]
+    """Largest move of the setpoint across the lanes, m."""
+    dip_threshold: Annotated[
+        PositiveFloat, Quantity("m"), Source("set by hand, its rate of false evidence measured by `cell study events`")
+    ]
     """Dip threshold: depth of the tip below the surface estimate that is evidence of an edge, m; the exact fall at 45
-    degrees is 2.4 mm. A round peg of 5 mm or less has 0.025 of its thickness at most. Source: set by hand, its rate of false evidence measured by `cell study events`.
+    degrees is 2.4 mm. A round peg of 5 mm or less has 0.025 of its thickness at most.
     """
-    lag: Annotated[float | None, Figure("m"), Field(exclude=True)] = None
+    lag: Annotated[float | None, Figure("m"), Field(exclude=True), Source("docs/tried/corners.md")] = None
     """Lag of the tip behind its setpoint along a pass that is evidence of an edge as well, m; times the stiffness it bounds the force on a wall
-    that holds the tip. None leaves it out. Source: docs/tried/corners.md.
+    that holds the tip. None leaves it out.
     """
-    fall: Annotated[PositiveFloat, Quantity("m")]
+    fall: Annotated[PositiveFloat, Quantity("m"), Source("chosen, not measured; reason in docs/tried/search.md")]
     """Depth below the surface at which the resting tip is in the hole, m. For a round peg of 5 mm or less it is less in
-    proportion to 8 mm. Source: chosen, not measured; reason in docs/tried/search.md.
+    proportion to 8 mm.
     """
-    rest: Annotated[PositiveFloat, Quantity("s", Tempo.WAIT)]
-    """Time for which the hand rests before the tip's depth is judged, by a frame of its end, s. Source: chosen, not
-    measured; reason in docs/tried/search.md.
-    """
-    probe_radius: Annotated[PositiveFloat, Quantity("m")]
-    """Radius of the spiral that probes the place of the evidence where the resting tip is not deep enough, m. Source:
-    chosen, not measured; reason in docs/tried/search.md.
-    """
-    probe_speed: Annotated[PositiveFloat, Quantity("m/s", Tempo.SPEED)]
-    """Speed of the tip along the probing spiral, m/s. Source: chosen, not measured."""
-    probe_pitch: Annotated[PositiveFloat, Quantity("m")]
-    """Distance between the turns of the probing spiral, m. Source: chosen, not measured."""
-    timeout: Annotated[PositiveFloat, Quantity("s", Tempo.LIMIT)]
-    """Longest search, s; 100 in [gibbons]. Source: [gibbons], Sec. VI."""
+    rest: Annotated[
+        PositiveFloat, Quantity("s", Tempo.WAIT), Source("chosen, not measured; reason in docs/tried/search.md")
+    ]
+    """Time for which the hand rests before the tip's depth is judged, by a frame of its end, s."""
+    probe_radius: Annotated[
+        PositiveFloat, Quantity("m"), Source("chosen, not measured; reason in docs/tried/search.md")
+    ]
+    """Radius of the spiral that probes the place of the evidence where the resting tip is not deep enough, m."""
+    probe_speed: Annotated[PositiveFloat, Quantity("m/s", Tempo.SPEED), Source("chosen, not measured")]
+    """Speed of the tip along the probing spiral, m/s."""
+    probe_pitch: Annotated[PositiveFloat, Quantity("m"), Source("chosen, not measured")]
+    """Distance between the turns of the probing spiral, m."""
+    timeout: Annotated[PositiveFloat, Quantity("s", Tempo.LIMIT), Source("[gibbons], Sec. VI")]
+    """Longest search, s; 100 in [gibbons]."""
 
     return_time: Annotated[float, Figure("s", Tempo.WAIT), Field(exclude=True)] = 0.4
     """Time in which the tip comes back to its course after a rest or a probe, s."""

@@ -6,11 +6,11 @@ s_n is the scatter of a single part in it. x and y are independent.
 
 import math
 from dataclasses import dataclass, replace
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 from pydantic import Field
 
-from drivers.config_model import ConfigModel, Figure, Quantity
+from drivers.config_model import ConfigModel, Figure, Quantity, Source
 from drivers.parts import HolePrior
 from skills.search.tour import Point
 
@@ -23,15 +23,14 @@ MEMORY = 20
 
 
 class LearningConfig(ConfigModel):
-    """[learning]: estimates that a served cell keeps from part to part.
+    """[learning]: estimates that a served cell keeps from part to part."""
 
-    Source: chosen, not measured; reason in decision 0025.
-    """
+    SOURCE: ClassVar[str] = "chosen, not measured; reason in decision 0025"
 
-    place: bool = True
-    """True if the cell learns the position of the hole for each recipe and searches there first. Source: decision 0025."""
-    scatter: Annotated[float, Figure("m"), Field(exclude=True)] = 0.001
-    """Initial standard deviation of the hole's position between parts of one fixture, m. Source: assumed."""
+    place: Annotated[bool, Source("decision 0025")] = True
+    """True if the cell learns the position of the hole for each recipe and searches there first."""
+    scatter: Annotated[float, Figure("m"), Field(exclude=True), Source("assumed")] = 0.001
+    """Initial standard deviation of the hole's position between parts of one fixture, m."""
     drift: Annotated[float, Figure("m"), Field(exclude=True)] = 0.0001
     """Standard deviation of the fixture's motion from one part to the next, m."""
     gate: Annotated[float, Figure("standard deviations"), Field(exclude=True)] = 4.0

@@ -2,11 +2,11 @@
 
 import math
 from dataclasses import replace
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 from pydantic import Field
 
-from drivers.config_model import ConfigModel, Quantity
+from drivers.config_model import ConfigModel, Quantity, Source
 from skills.tactile.pose import NO_PEG, PegPose
 from skills.tactile.twist import GripTwist
 
@@ -15,20 +15,19 @@ FURTHEST = 2.0
 
 
 class Smoothing(ConfigModel):
-    """How theta is carried from frame to frame; unfiltered noise of theta would move the tip at the skin's rate.
+    """How theta is carried from frame to frame; unfiltered noise of theta would move the tip at the skin's rate."""
 
-    Source: chosen, not measured.
-    """
+    SOURCE: ClassVar[str] = "chosen, not measured"
 
-    blend: Annotated[float, Field(gt=0.0, le=1.0), Quantity("fraction")] = 1.0
+    blend: Annotated[float, Field(gt=0.0, le=1.0), Quantity("fraction"), Source("[gibbons]")] = 1.0
     """Weight of a new frame in the running estimate, fraction; 1 takes each frame whole, as [gibbons] does."""
-    jump: Annotated[float, Field(gt=0.0), Quantity("rad")] = 0.15
+    jump: Annotated[float, Field(gt=0.0), Quantity("rad"), Source("docs/tried/angle.md")] = 0.15
     """Difference of a frame from the running estimate, rad, beyond which it counts once the next one differs to the same side. No held
-    peg turns so far between two frames; more than pi/2 takes each frame at once, as [gibbons] does. Source: docs/tried/angle.md.
+    peg turns so far between two frames; more than pi/2 takes each frame at once, as [gibbons] does.
     """
-    softest: Annotated[float, Field(ge=0.0, le=10.0), Quantity("rad/(N·m)")] = 1.9
+    softest: Annotated[float, Field(ge=0.0, le=10.0), Quantity("rad/(N·m)"), Source("assumed")] = 1.9
     """Twist of the peg in the softest pads by a moment about the closing axis, rad/(N·m); 0 holds theta between frames, as
-    [gibbons] does. Two pads of shear stiffness k and length l twist by 12/(k l²), here 5 kN/m and 36 mm. Source: assumed.
+    [gibbons] does. Two pads of shear stiffness k and length l twist by 12/(k l²), here 5 kN/m and 36 mm.
     """
 
     def take(self, held: PegPose, new: PegPose) -> PegPose:

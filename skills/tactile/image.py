@@ -1,7 +1,7 @@
 """Theta and offset from the tactile image of [gibbons], Sec. III: one image of both fingers, and its ellipse."""
 
 import math
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 import numpy as np
 from pydantic import Field
@@ -19,10 +19,9 @@ LATTICE_ERROR: dict[Layout, float] = {"parallelogram": 3.2e-6, "base_to_base": 4
 
 
 class ImageParams(ConfigModel):
-    """Parameters of the tactile image and of its ellipse.
+    """Parameters of the tactile image and of its ellipse."""
 
-    Source: chosen on simulated pads, its effect measured by `cell study tactile`.
-    """
+    SOURCE: ClassVar[str] = "chosen on simulated pads, its effect measured by `cell study tactile`"
 
     pixel: Annotated[float, Figure("m"), Field(exclude=True)] = 1e-3
     """Side of a pixel, m."""

@@ -6,22 +6,21 @@ exactly for every angle and offset. The estimate is the mean and spread of the r
 """
 
 import math
-from typing import Annotated, NamedTuple
+from typing import Annotated, ClassVar, NamedTuple
 
 import numpy as np
 from pydantic import Field
 
-from drivers.config_model import ConfigModel, Figure
+from drivers.config_model import ConfigModel, Figure, Source
 from drivers.quantities import Mask, TaxelFrame, Vector
 from skills.tactile.pose import PegPose
 from skills.tactile.templates import TemplateParams, Templates
 
 
 class RobustParams(ConfigModel):
-    """Model of an expected frame, prior of its faults, and limits beyond which a frame shows no peg.
+    """Model of an expected frame, prior of its faults, and limits beyond which a frame shows no peg."""
 
-    Source: chosen on simulated pads, its effect measured by `cell study tactile`.
-    """
+    SOURCE: ClassVar[str] = "chosen on simulated pads, its effect measured by `cell study tactile`"
 
     templates: TemplateParams = TemplateParams()
     """Model of the pad, from the maker's data."""
@@ -59,8 +58,8 @@ class RobustParams(ConfigModel):
     """Residual at which a reading is left out as an outlier, standard deviations."""
     most_outliers: Annotated[int, Figure("count"), Field(exclude=True)] = 4
     """Largest number of readings to leave out."""
-    reach_spread: Annotated[float, Figure("m"), Field(exclude=True)] = 1e-3
-    """Standard deviation of the peg's reach out of the hand, about its stated length, m. Source: docs/tried/angle.md."""
+    reach_spread: Annotated[float, Figure("m"), Field(exclude=True), Source("docs/tried/angle.md")] = 1e-3
+    """Standard deviation of the peg's reach out of the hand, about its stated length, m."""
 
 
 class Found(NamedTuple):

@@ -11,13 +11,13 @@ import os
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Annotated, Self
+from typing import Annotated, ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from drivers.config_model import ConfigModel, Figure
+from drivers.config_model import ConfigModel, Figure, Source
 from drivers.parts import Peg
 from drivers.quantities import FINGERS, Vector
 from drivers.skin.layout import Layout, finger_positions, pad_size
@@ -27,14 +27,13 @@ MOST_THREADS = 8
 
 
 class TemplateParams(ConfigModel):
-    """The pad by its maker's data; the simulated pad can differ.
+    """The pad by its maker's data; the simulated pad can differ."""
 
-    Source: chosen on simulated pads, its effect measured by `cell study tactile`.
-    """
+    SOURCE: ClassVar[str] = "chosen on simulated pads, its effect measured by `cell study tactile`"
 
-    blur: Annotated[float, Figure("m"), Field(exclude=True)] = 1.2e-3
+    blur: Annotated[float, Figure("m"), Field(exclude=True), Source("assumed")] = 1.2e-3
     """Standard deviation of the point spread of 1 mm of elastomer, m; assumed, about the thickness."""
-    taxel_diameter: Annotated[float, Figure("m"), Field(exclude=True)] = 4e-3
+    taxel_diameter: Annotated[float, Figure("m"), Field(exclude=True), Source("assumed")] = 4e-3
     """Diameter of the sensitive disc of one taxel, m; assumed, about half the pitch."""
     indentation: Annotated[float, Figure("m"), Field(exclude=True)] = 8.5e-4
     """Depth of the groove under a usual grip, m; half the groove is then 2.6 mm wide under a diameter of 8 mm."""
@@ -42,8 +41,8 @@ class TemplateParams(ConfigModel):
     """Angle between neighbouring templates, rad."""
     offset_step: Annotated[float, Figure("m"), Field(exclude=True)] = 2.5e-4
     """Offset between neighbouring templates, m."""
-    offset_reach: Annotated[float, Figure("m"), Field(exclude=True)] = 1e-2
-    """Largest distance of the peg's axis from the finger centre, m; beyond it the print of 8 mm leaves the pad. Source: docs/tried/angle.md."""
+    offset_reach: Annotated[float, Figure("m"), Field(exclude=True), Source("docs/tried/angle.md")] = 1e-2
+    """Largest distance of the peg's axis from the finger centre, m; beyond it the print of 8 mm leaves the pad."""
 
     def broader(self, factor: float) -> Self:
         """Return the pad with prints broader by `factor`, in both point spread and groove."""

@@ -8,7 +8,7 @@ import pytest
 
 from cell.commands.cli import main
 from cell.config.files import DEFAULT, SHIPPED
-from cell.config.keys import find, in_force, keys, planned, section_summary, split_source, toml
+from cell.config.keys import find, in_force, keys, planned, section_summary, toml
 from cell.config.load import load
 from cell.config.text import as_toml, commented, file_schema
 from drivers.errors import ConfigError
@@ -34,16 +34,6 @@ def test_every_key_says_what_it_means_and_in_which_unit():
 def test_the_shipped_cell_is_commented_with_what_its_keys_mean():
     text = DEFAULT.read_text(encoding="utf-8")
     assert text == commented(text), "cell config comment config/sim.toml writes the comments anew"
-
-
-def test_the_last_sentence_of_a_docstring_may_state_the_source():
-    assert split_source("Speed, m/s; slow. Source: docs/tried/search.md; [gibbons], Sec. IV.") == (
-        "Speed, m/s; slow.",
-        ("docs/tried/search.md", "[gibbons], Sec. IV"),
-    )
-    assert split_source("Speed, m/s; as in [gibbons], Eq. (7).")[1] == ("[gibbons], Eq. (7)",)
-    assert split_source("Speed, m/s; assumed.")[1] == ("assumed",)
-    assert split_source("Speed, m/s.") == ("Speed, m/s.", ())
 
 
 @pytest.mark.parametrize(
