@@ -20,8 +20,8 @@ CREEP = 10.0
 gains fifty times `jammed`, and a wedged peg creeps. Source: docs/tried/adjustment.md.
 """
 SWEPT_BEYOND = 0.015
-"""Angle of a tilt sweep beyond the lean that the hole allows, rad; it equals about the error of the hand caused by joint friction. Source: decision
-0105.
+"""Angle of a tilt sweep beyond the lean that the hole allows, rad; it equals about the error of the hand caused by joint friction. Source:
+docs/tried/adjustment.md.
 """
 MOST_SWEPT = 0.06
 """Largest angle of a tilt sweep, rad; a wider sweep turns pegs out of their holes. Source: docs/tried/adjustment.md."""
