@@ -19,7 +19,7 @@ REST_SCANS = 5
 """Number of successive scans below `REST_SPEED` after which the arm is at rest; a single scan can be a turning point of an oscillation."""
 BRAKE_SPEED = 0.03
 """Speed of the fastest joint above which the arm is halted again at every scan, rad/s; a slower arm stops at the held position without
-swinging back. Source: decision 0009.
+swinging back. Source: decision 0014.
 """
 BRAKE_TIME = 0.1
 """Longest time of repeated halts, s: five time constants of an arm with the assumed inertia. If the arm is still fast then, an external
