@@ -28,8 +28,9 @@ TAKE, SHARE, RELEASE = (struct.pack(">BHH", 6, 5, wish) for wish in (Lease.TAKE,
 STOP_ON = bytes.fromhex("05 0001 FF00")
 
 
-def start(**settings):
-    bridge = Bridge(PlcConfig(modbus=ModbusConfig(port=0, **settings)), {FIRST_PROGRAM: "insert_peg"})
+def start(life_timeout=1.0, **settings):
+    config = PlcConfig(life_timeout=life_timeout, modbus=ModbusConfig(port=0, **settings))
+    bridge = Bridge(config, {FIRST_PROGRAM: "insert_peg"})
     bridge.start()
     return bridge
 
@@ -244,10 +245,12 @@ def test_peer_notices_a_closed_cell(bridge):
             peer.wait_for_result(PATIENCE)
 
 
-def test_peer_gives_up_after_its_time(bridge):
+def test_peer_gives_up_after_its_time():
     times = iter(range(100))
-    peer = Peer(*bridge.address, wait=lambda period: None, now=lambda: float(next(times)))
-    with contextlib.closing(peer):
+    with (
+        contextlib.closing(start(life_timeout=60.0)) as bridge,
+        contextlib.closing(Peer(*bridge.address, wait=lambda period: None, now=lambda: float(next(times)))) as peer,
+    ):
         peer.connect()
         peer.trigger(FIRST_PROGRAM)
         with pytest.raises(CellSilentError, match="no result of command"):
