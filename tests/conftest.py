@@ -36,9 +36,8 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_auto_num_workers() -> int:
-    """Run three workers on two cores: while a test waits for another process, its core would idle."""
-    cores = len(os.sched_getaffinity(0))
-    return cores + cores // 2
+    """Run at least three workers: while a test waits for another process, its core would idle."""
+    return max(len(os.sched_getaffinity(0)), 3)
 
 
 @pytest.hookimpl(wrapper=True)
