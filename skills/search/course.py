@@ -86,7 +86,7 @@ def make_course(
     azimuth = part.azimuth(params.tilt_azimuth)
     ahead = leading(part.reach, params.tilt, params.fall)
     middle = np.array(hole.centre[:2]) - ahead * np.array([math.cos(azimuth), math.sin(azimuth)])
-    height = params.height if is_length_known else params.first_height(part.reach)
+    height = params.first_height(part.reach, is_length_known)
     lowest = part.lowest(np.array([*middle, 0.0]), axis, closing)[:2]
     # A hole that was taken for a decoy is tried again once the rest of the area has been covered.
     decoys = Decoys(belief.decoys, lowest, whole.cover, path.cover or whole.cover)

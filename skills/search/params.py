@@ -13,7 +13,7 @@ from skills.pull_out import PullOut
 TOUCHED_TIME = 0.1
 """Time for which the plate has to bear the push before it counts as touched, s; the blow at touch-down is shorter. Source: chosen, not measured."""
 FREE_GAP = 1.5e-3
-"""Gap that a peg of the largest length leaves above the plate before its first touch-down, m: heights that err, a hand that lags. Source: chosen, not measured."""
+"""Gap that a peg of the largest length leaves above the plate before it comes down, m: heights that err, a hand that lags. Source: chosen, not measured."""
 
 
 class SpraySearchParams(SkillParams):
@@ -118,12 +118,12 @@ class SpraySearchParams(SkillParams):
     pull: Annotated[PullOut, Figure(""), Field(exclude=True)] = PullOut()
     """Motion that pulls the peg out of the hole before another attempt."""
 
-    def first_height(self, reach: float) -> float:
-        """Return the height above the stated surface from which a peg comes down that has not touched the plate since its grasp,
-        m: one that stands `length_bound` further out of the hand touches nothing before.
+    def first_height(self, reach: float, is_length_known: bool = False) -> float:
+        """Return the height above the stated surface from which the tip comes down, m; all of a leaning peg is free there.
 
         Args:
             reach: Largest distance of a point of the peg's end from its axis, m.
+            is_length_known: True if the peg has touched the plate since its grasp; before, it may reach further by `length_bound`.
         """
-        lowest = self.length_bound * math.cos(self.tilt) + reach * math.sin(self.tilt)
-        return max(self.height, lowest + FREE_GAP)
+        further = 0.0 if is_length_known else self.length_bound * math.cos(self.tilt)
+        return max(self.height, reach * math.sin(self.tilt) + further + FREE_GAP)

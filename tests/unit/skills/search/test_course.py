@@ -12,6 +12,7 @@ from skills.paths import TURN_TIME
 from skills.search.belief import Belief
 from skills.search.course import ANYWHERE, OUTSIDE, leading, make_course
 from skills.search.decoys import BLIND, SHALLOW, THROUGH, Decoy, decoy_at
+from skills.search.params import FREE_GAP
 from skills.search.tour import GATE, Left, Likely
 from skills.seating.decision import CLOSED_TOLERANCE
 
@@ -104,11 +105,15 @@ def test_the_peg_is_held_as_it_shall_lean_with_its_edge_on_the_path(azimuth):
     np.testing.assert_allclose(course.first[:2], course.middle + course.path.at(0.0)[0])
 
 
-@pytest.mark.parametrize("is_known", [True, False])
-def test_the_course_begins_at_the_height_that_what_is_known_of_the_length_asks_for(is_known):
-    course = course_of(is_length_known=is_known)
-    height = PARAMS.height if is_known else PARAMS.first_height(CELL.peg.part.reach)
-    assert (course.height, course.first[2] - CELL.hole.centre[2]) == pytest.approx((height, height))
+@pytest.mark.parametrize(("is_known", "further"), [(True, 0.0), (False, PARAMS.length_bound * math.cos(PARAMS.tilt))])
+@pytest.mark.parametrize("diameter", [0.004, 0.008, 0.03])
+def test_all_of_a_leaning_peg_is_free_where_the_course_begins(diameter, is_known, further):
+    peg, hole = (each.model_copy(update={"diameter": diameter}) for each in (CELL.peg, CELL.hole))
+    job = CELL.job().model_copy(update={"peg": peg, "hole": hole})
+    course = make_course(PARAMS, job, np.random.default_rng(0), ANYWHERE, is_known)
+    lowest = peg.part.lowest(course.first, course.axis, course.closing)
+    assert lowest[2] - hole.centre[2] >= FREE_GAP + further - 1e-9
+    assert course.height == pytest.approx(course.first[2] - hole.centre[2])
 
 
 @pytest.mark.parametrize("belief", [ANYWHERE, likely(deviation=8e-3)], ids=["unknown", "known badly"])
