@@ -11,7 +11,7 @@ from rich.table import Table
 
 from cell.commands.arguments import Parser, add_config, add_shared, load_config, natural, require_recipe
 from cell.commands.terminal import GOOD, say, show
-from cell.config.files import presets
+from cell.config.files import has_file, presets
 from cell.config.keys import Key, Setting, find, in_force, keys, planned, toml
 from cell.config.load import LoadedConfig, load
 from cell.config.nearest import did_you_mean
@@ -186,7 +186,7 @@ def _named(args: argparse.Namespace, word: str) -> LoadedConfig:
     """
     if word in presets(args.config):
         return load(args.config, preset=word, sets=args.set)
-    if not Path(word).is_file():
+    if not has_file(Path(word)):
         known = ", ".join(presets(args.config))
         raise ConfigError(
             f"config diff {word}: no such file and no such preset; a file, or {known} allowed"

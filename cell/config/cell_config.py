@@ -19,7 +19,7 @@ from cell.config.checks import (
     require_workspace,
     require_workspace_in_reach,
 )
-from cell.config.files import ARMS, arm_file
+from cell.config.files import ARMS, arm_file, has_file
 from cell.config.margins import Place
 from drivers.arm.franka_config import FrankaArmConfig
 from drivers.arm.model import ArmModel, read_arm
@@ -221,7 +221,7 @@ class CellConfig(Catalogued):
     @model_validator(mode="after")
     def _has_arm(self) -> Self:
         file = arm_file(self.arm.model)
-        if not file.is_file():
+        if not has_file(file):
             known = ", ".join(f'"{path.stem}"' for path in sorted(ARMS.glob("*.toml")))
             raise ValueError(
                 f'arm.model = "{self.arm.model}": no such arm; {known} or a file of figures, *.toml, allowed'

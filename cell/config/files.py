@@ -57,6 +57,14 @@ def arm_file(model: str) -> Path:
     return Path(model) if model.endswith(".toml") else ARMS / f"{model}.toml"
 
 
+def has_file(path: Path) -> bool:
+    """Return True if a file exists; a name that no file can have is no error."""
+    try:
+        return path.is_file()
+    except OSError:
+        return False
+
+
 def presets(path: Path | None = None, kind: str = "preset") -> dict[str, Path]:
     """Return the files of presets or worlds available to a cell's file, by name: those beside it, then the shipped ones."""
     folders = [SHIPPED / f"{kind}s", (path or DEFAULT).parent / f"{kind}s"]

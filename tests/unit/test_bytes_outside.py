@@ -46,6 +46,7 @@ from tests.unit.cell.page.test_outside import changed
 from tests.unit.plc_bridge.modbus.test_pdu import FakeStation
 
 INPUTS, FILES = inputs(20_000), inputs(100)
+pytestmark = pytest.mark.timeout(max(600, FILES // 25))
 READ = bytes.fromhex("01 03 0000 000A")
 WIRE = SkinWireConfig()
 SCAN = Message(0xF1, bytes([0, 0, *range(24)]))

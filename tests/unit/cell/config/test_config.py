@@ -47,6 +47,7 @@ WRONG = [
     ("contact.friction=[0.1, 3]", ["contact.friction", "[0.1, 3]", "0 to 2"]),
     ("arm.model=ur5", ["--set", 'arm.model = "ur5": no such arm; "fr3", "fr3v2", "panda" or a file']),
     ("arm.model=none.toml", ["arm.model", "none.toml", "no such arm"]),
+    (f"arm.model={300 * 'x'}", ["arm.model", "xxx", "no such arm"]),
     ("sim.timestep=0.0007", ["sim", "0.0007", "does not divide"]),
     ("gibberish", ["gibberish", "KEY=VALUE"]),
     ("hole.centre=[1.2, 0.0, 0.1]", ["hole.centre = (1.2, 0.0, 0.1)", "Franka Emika Panda, does not reach it"]),
