@@ -84,7 +84,7 @@ ACTS: Mapping[str, Function] = {
     "less_grip": lambda after, before, excess: after.grip_share < before.grip_share,
     "swinging": lambda swing, *_: swing.rate > 0.15,
     "beside_middle": lambda sweep, params, *_: params.centre != 0.0,
-    "held": lambda felt, *_: felt.is_held,
+    "held": lambda felt, sweep, *_: sweep._lag > sweep._params.lag,
     "outside": lambda result, watch, elapsed: elapsed > watch.inside,
 }
 """Signs by name."""

@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from cell.config.load import load
-from cell.lab.ablation.measure import ACTED, effect
+from cell.lab.ablation.measure import ACTED, effect, watched
 from cell.lab.ablation.rules import RULES, SCENES
 from cell.lab.ablation.switch import watching, without
 from cell.lab.trials import TrialRow
@@ -22,6 +22,12 @@ BEFORE = Push(PARAMS.push_stiffness, 0.0)
 def test_a_rule_names_what_exists(name):
     with watching([RULES[name]]), without([RULES[name]]):
         load(sets=RULES[name].keys)
+
+
+@pytest.mark.parametrize("scene", ["corners", "latch", "decoys"])
+def test_a_whole_trial_is_watched_by_every_rule_of_its_scene(scene):
+    config = load(sets=[*SCENES[scene], "sim.pace=max"]).cell
+    assert watched(scene, config, 1).more[ACTED]
 
 
 @pytest.mark.parametrize("name", SCENES)
