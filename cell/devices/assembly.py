@@ -182,10 +182,7 @@ def _calibration(path: Path, layout: Layout) -> SkinCalibration:
 
 def make_tracker(config: CellConfig) -> Tracker:
     """Return the tracker that filters theta from frame to frame."""
-    smoothing = config.smoothing
-    if (corner := config.plan().corner) is not None:
-        smoothing = smoothing.model_copy(update={"blend": corner.blend})
-    return Blend(smoothing)
+    return Blend(config.smoothing)
 
 
 def make_perception(config: CellConfig) -> Perception:

@@ -32,10 +32,6 @@ class CornerParams(ConfigModel):
     """Lag of the corner behind its setpoint along a pass that is also evidence of an edge, m."""
     fall: Annotated[PositiveFloat, Quantity("m"), Source("docs/tried/corners.md")]
     """Depth below the surface at which the resting corner is in the hole, m; it allows for the error of theta."""
-    blend: Annotated[float, Field(gt=0.0, le=1.0), Quantity("fraction")]
-    """Weight of a new frame in the running estimate of theta, fraction; it replaces `smoothing.blend` because an error
-    of theta changes the measured height.
-    """
     retries: Annotated[int, Field(ge=0, le=20)]
     """Number of further searches of `insert_peg` for a peg with corners; each attempt sweeps the yaw about another
     middle.

@@ -1,4 +1,4 @@
-"""Theta from frame to frame as a weighted mean, twisted in between by the moment on the peg."""
+"""Theta from frame to frame, twisted in between by the moment on the peg."""
 
 import math
 from dataclasses import replace
@@ -15,12 +15,10 @@ FURTHEST = 2.0
 
 
 class Smoothing(ConfigModel):
-    """How theta is carried from frame to frame; unfiltered noise of theta would move the tip at the skin's rate."""
+    """How theta is carried from frame to frame."""
 
     SOURCE: ClassVar[str] = "chosen, not measured"
 
-    blend: Annotated[float, Field(gt=0.0, le=1.0), Quantity("fraction"), Source("[gibbons]")] = 1.0
-    """Weight of a new frame in the running estimate, fraction; 1 takes each frame whole, as [gibbons] does."""
     jump: Annotated[float, Field(gt=0.0), Quantity("rad"), Source("docs/tried/angle.md")] = 0.15
     """Difference of a frame from the running estimate, rad, beyond which it counts once the next one differs to the same side. No held
     peg turns so far between two frames; more than pi/2 takes each frame at once, as [gibbons] does.
@@ -41,8 +39,7 @@ class Smoothing(ConfigModel):
         step = _step(held, new)
         if abs(held.theta + step) > FURTHEST:
             return new
-        theta = held.theta + (step if abs(step) > self.jump else self.blend * step)
-        return PegPose(theta, new.offset, new.sigma, new.residual, True, new.stamp)
+        return PegPose(held.theta + step, new.offset, new.sigma, new.residual, True, new.stamp)
 
     def jump_of(self, held: PegPose, new: PegPose) -> float:
         """Return by how much a new healthy frame leaves the running estimate, rad; 0 where that is no jump."""
@@ -56,7 +53,7 @@ def _step(held: PegPose, new: PegPose) -> float:
 
 
 class Blend:
-    """Blends frames as `Smoothing` says, and twists theta between them; a frame alone makes no jump of theta."""
+    """Takes frames as `Smoothing` says, and twists theta between them; a frame alone makes no jump of theta."""
 
     def __init__(self, smoothing: Smoothing) -> None:
         """Start without any estimate."""
