@@ -48,7 +48,7 @@ class Quantity:
 
 @dataclass(frozen=True, slots=True)
 class Source:
-    """Mark of a key, or of a section for its keys without their own: source of the figure; `SOURCE` is that of a whole class."""
+    """Source of a key's figure. On a section it serves the keys that have none; `SOURCE` of a class serves the rest."""
 
     text: str
     """References, pages, commands, or "assumed", separated by semicolons."""

@@ -12,7 +12,7 @@ from typing import Annotated, Self
 import numpy as np
 from pydantic import AfterValidator, Field, ValidationInfo, model_validator
 
-from drivers.config_model import ConfigModel, Source, beside_config
+from drivers.config_model import ConfigModel, beside_config
 from drivers.figures_file import read_figures
 from drivers.parts import HandShape
 from drivers.quantities import Vector
@@ -123,7 +123,7 @@ class Joints(ConfigModel):
     """Coefficient of each joint's viscous friction, N·m·s/rad, if one is published."""
     offset: Frictions
     """Standard deviation of the residual of the arm's gravity compensation, N·m."""
-    rotor_inertia: Annotated[Rotors, Source("assumed")]
+    rotor_inertia: Rotors
     """Rotor inertia at each joint, kg·m², published or assumed."""
 
     @model_validator(mode="after")

@@ -16,7 +16,7 @@ import numpy as np
 from pydantic import Field, NonNegativeFloat, ValidationError, model_validator
 
 from drivers.arm.model import JOINTS
-from drivers.config_model import ConfigModel, Source
+from drivers.config_model import ConfigModel
 from drivers.errors import ConfigError
 from drivers.figures_file import read_toml
 from drivers.parts import Fraction
@@ -114,7 +114,7 @@ class ErrorModel(ConfigModel):
     """Meaning of the error in words."""
     unit: Annotated[str, Field(min_length=1)]
     """Unit of the drawn value."""
-    basis: Annotated[Literal["measured", "published", "assumed"], Source("assumed")]
+    basis: Literal["measured", "published", "assumed"]
     """Basis of the figure; `assumed` if the source supports only its order of magnitude."""
     source: Annotated[str, Field(min_length=10)]
     """Source of the figure."""
