@@ -4,18 +4,13 @@ import argparse
 import gc
 import logging
 import sys
-from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
-from pathlib import Path
+from contextlib import ExitStack
 from typing import TYPE_CHECKING
 
 from cell.commands.arguments import add_cell, listening, load_proven, open_journal
 from cell.commands.terminal import GOOD, say
 
 if TYPE_CHECKING:
-    from cell.config.load import LoadedConfig
-    from cell.run.live import Live
-    from plc_bridge.bridge import Bridge
     from plc_bridge.config import PlcConfig
 
 logger = logging.getLogger(__name__)
@@ -76,7 +71,14 @@ def _serve(args: argparse.Namespace) -> None:
         if bridge.opcua_address is not None:
             say(f"OPC UA on opc.tcp://{bridge.opcua_address[0]}:{bridge.opcua_address[1]}/")
         if args.page is not None:
-            servers.enter_context(_page(args.page, bridge, live, loaded, journal.folder, tuple(cell.cables)))
+            from cell.page.server import PageServer
+            from cell.page.token import FILE
+
+            cables = tuple(cell.cables)
+            page = servers.enter_context(PageServer(args.page, bridge, live, loaded, journal.folder, cables))
+            # A terminal shows the token, a log only its file.
+            token = f"#token={page.token}" if sys.stdout.isatty() else f" token in {journal.folder / FILE}"
+            say(f"page on {page.url}{token}")
         if args.metrics is not None:
             from cell.page.server import MetricsServer
 
@@ -95,21 +97,3 @@ def _warn(plc: "PlcConfig", args: argparse.Namespace) -> None:
     for name, days in key_days(plc.tls).items():
         verdict = key_verdict(days)
         logger.log(logging.INFO if verdict.startswith(OK) else logging.WARNING, "%s: %s", name, verdict)
-
-
-@contextmanager
-def _page(
-    address: tuple[str, int],
-    bridge: "Bridge",
-    live: "Live",
-    loaded: "LoadedConfig",
-    folder: Path,
-    cables: tuple[str, ...],
-) -> Iterator[None]:
-    """Serve the page in the `with` block; print the token on a terminal, but only its file in a log."""
-    from cell.page.server import PageServer
-    from cell.page.token import FILE
-
-    with PageServer(address, bridge, live, loaded, folder, cables) as page:
-        say(f"page on {page.url}" + (f"#token={page.token}" if sys.stdout.isatty() else f" token in {folder / FILE}"))
-        yield

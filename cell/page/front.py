@@ -5,7 +5,9 @@ import logging
 import socket as sockets
 import ssl
 import threading
-from collections.abc import Collection
+from collections.abc import Callable, Collection
+from concurrent.futures import Future
+from functools import partial
 from typing import Any, Self
 
 from tornado.httpserver import HTTPServer
@@ -112,14 +114,13 @@ class HttpServer:
     """
 
     routes: Front
+    """Routes of the server; a subclass sets them before `start`."""
 
     def __init__(self, what: str, address: tuple[str, int]) -> None:
         self._what, self._asked, self._sparse = what, address, SparseFilter()
         self._context: ssl.SSLContext | None = None
         self._socket: sockets.socket | None = None
         self._thread: threading.Thread | None = None
-        self._loop: asyncio.AbstractEventLoop | None = None
-        self._is_over: asyncio.Event | None = None
 
     @property
     def url(self) -> str:
@@ -153,13 +154,12 @@ class HttpServer:
         self._socket.setblocking(False)
         # inherited by each connection; the kernel acknowledges, so a browser that gets no processor time keeps its page
         self._socket.setsockopt(sockets.IPPROTO_TCP, sockets.TCP_USER_TIMEOUT, round(1e3 * IDLE))
-        self.routes = self.made()
         for name in LOGGERS:
             logging.getLogger(name).addFilter(self._sparse)
-        ready = threading.Event()
+        ready = Future[Callable[[], object]]()
         self._thread = threading.Thread(target=lambda: asyncio.run(self._serve(ready)), name=THREAD, daemon=True)
         self._thread.start()
-        ready.wait()
+        self._end = ready.result()
 
     def close(self) -> None:
         """Close every connection and stop listening."""
@@ -167,9 +167,7 @@ class HttpServer:
             logging.getLogger(name).removeFilter(self._sparse)
         if self._thread is None:
             return
-        assert self._loop is not None
-        assert self._is_over is not None
-        self._loop.call_soon_threadsafe(self._is_over.set)
+        self._end()
         self._thread.join()
         self._thread = None
 
@@ -181,10 +179,6 @@ class HttpServer:
     def __exit__(self, *_: object) -> None:
         """Close."""
         self.close()
-
-    def made(self) -> Front:
-        """Return the routes."""
-        raise NotImplementedError
 
     def context(self) -> ssl.SSLContext | None:
         """Return the TLS context; None to serve without TLS.
@@ -198,14 +192,15 @@ class HttpServer:
         """Run the server's periodic work until `is_over` is set."""
         await is_over.wait()
 
-    async def _serve(self, ready: threading.Event) -> None:
-        self._loop, self._is_over = asyncio.get_running_loop(), asyncio.Event()
+    async def _serve(self, ready: Future[Callable[[], object]]) -> None:
+        """Serve until the function that `ready` receives is called, from any thread."""
+        is_over = asyncio.Event()
         assert self._socket is not None
         server = HTTPServer(self.routes, max_body_size=MOST, idle_connection_timeout=IDLE, ssl_options=self._context)
         server.add_socket(self._socket)
-        ready.set()
+        ready.set_result(partial(asyncio.get_running_loop().call_soon_threadsafe, is_over.set))
         try:
-            await self.work(self._is_over)
+            await self.work(is_over)
         finally:
             server.stop()
             await server.close_all_connections()

@@ -64,8 +64,7 @@ class PageServer(HttpServer):
         cables: Sequence[str] = (),
     ) -> None:
         super().__init__("--page", address)
-        self._bridge, self._live, self._loaded, self._folder = bridge, live, loaded, folder
-        self._cables = tuple(cables)
+        self._bridge, self._live, self._loaded, self._folder, self._cables = bridge, live, loaded, folder, cables
         self.token = ""
         """Token that a page must send before it may move the cell."""
 
@@ -77,6 +76,7 @@ class PageServer(HttpServer):
             ConfigError: The file of the token cannot be read or written.
         """
         self.token = page_token(self._folder)
+        self.routes = self._made()
         super().start()
         self._bridge.opened(SPECTATOR, SPECTATOR)
 
@@ -85,7 +85,7 @@ class PageServer(HttpServer):
         super().close()
         self._bridge.closed(SPECTATOR)
 
-    def made(self) -> Front:
+    def _made(self) -> Front:
         """Return the routes."""
         records, build = Records(self._folder), _build()
         self._hub = PageHub(self._bridge, self._live, self._loaded, records, build, self._cables)
@@ -135,11 +135,7 @@ class MetricsServer(HttpServer):
     def __init__(self, address: tuple[str, int], bridge: Bridge, config: CellConfig) -> None:
         """Keep the address, and the bridge and the config of the cell."""
         super().__init__("--metrics", address)
-        self._collector, self._names = CellCollector(bridge, config.plc.tls), config.page.names
-
-    def made(self) -> Front:
-        """Return the one route."""
-        return Front([("/metrics", Metrics)], self._names, collector=self._collector)
+        self.routes = Front([("/metrics", Metrics)], config.page.names, collector=CellCollector(bridge, config.plc.tls))
 
 
 class Metrics(Guarded):
