@@ -8,7 +8,7 @@ from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
 from cell.commands.arguments import add_period, add_records, period_of, positive, read_journal, require_fault
-from cell.commands.terminal import GOOD, show
+from cell.commands.terminal import show
 from cell.records.wall_clock import headed, local
 
 
@@ -37,5 +37,4 @@ def run(args: argparse.Namespace) -> int:
         lasted = "" if alarm.duration is None else f"{alarm.duration:.1f}"
         text = alarm.text if len(alarm.text) <= room else f"{alarm.text[: room - 1]}…"
         table.add_row(local(alarm.time)[:19], what, alarm.state, lasted, str(alarm.run or ""), text)
-    show(args, table, [asdict(alarm) for alarm in alarms])
-    return GOOD
+    return show(args, table, [asdict(alarm) for alarm in alarms])

@@ -23,7 +23,7 @@ from cell.commands.arguments import (
     positive,
     proven_file,
 )
-from cell.commands.terminal import GOOD, ask, complain, counting, show
+from cell.commands.terminal import ask, complain, counting, filled, show
 from cell.config.cell_config import CellConfig
 from drivers.arm.calibration import ArmCalibration
 from drivers.errors import ConfigError, NotCalibratedError
@@ -81,8 +81,7 @@ def _places(args: argparse.Namespace, config: CellConfig, today: date, path: Pat
     if not config.is_simulated:
         keep(proven_file(args), found.corrected(config), {"places": f"{pegs} pegs, see {path.name}"}, today)
     data = {**asdict(found), "date": today.isoformat(), "file": str(path), "write": found.sections}
-    show(args, _places_table(found, config, path), data)
-    return GOOD
+    return show(args, _places_table(found, config, path), data)
 
 
 DEVICES = {"skin": _skin, "arm": _arm, "places": _places}
@@ -93,19 +92,19 @@ def _written(args: argparse.Namespace, found: SkinCalibration | ArmCalibration, 
     """Write the file of a device, and show its table with the lines that name it in the cell's file."""
     found.write(path)
     named = f'for the cell\'s file:\n\n[calibration]\n{args.device} = "{path.resolve()}"\n'
-    show(args, Group(table, named), {**found.model_dump(mode="json"), "file": str(path)})
-    return GOOD
+    return show(args, Group(table, named), {**found.model_dump(mode="json"), "file": str(path)})
 
 
 def _skin_table(found: SkinCalibration, path: Path) -> Table:
-    table = Table("skin", "value", title=f"written: {path}")
     gains = np.array([found.left, found.right])
-    table.add_row("gains, smallest to largest", f"{gains.min():.3f} to {gains.max():.3f}")
-    table.add_row("gains, standard deviation", f"{gains.std():.3f}")
-    table.add_row("taxels that could not be measured", str(sum(map(len, found.unmeasured))))
-    table.add_row("point spread (mm)", f"{found.point_spread * 1e3:.2f}")
-    table.add_row("not explained", f"{found.residual:.1%}")
-    return table
+    rows = (
+        ("gains, smallest to largest", f"{gains.min():.3f} to {gains.max():.3f}"),
+        ("gains, standard deviation", f"{gains.std():.3f}"),
+        ("taxels that could not be measured", str(sum(map(len, found.unmeasured)))),
+        ("point spread (mm)", f"{found.point_spread * 1e3:.2f}"),
+        ("not explained", f"{found.residual:.1%}"),
+    )
+    return filled(("skin", "value"), rows, title=f"written: {path}")
 
 
 def _arm_table(found: ArmCalibration, config: CellConfig, path: Path) -> Table:

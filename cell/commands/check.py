@@ -7,13 +7,11 @@ from dataclasses import asdict
 from datetime import date, datetime
 from pathlib import Path
 
-from rich.table import Table
-
 from cell.calibrate.commissioning import Walk, WatchedLine, record
 from cell.calibrate.proofs import prove_switch, prove_wrench
 from cell.calibrate.proven import commissioning, in_force, keep, read
 from cell.commands.arguments import add_cell, devices, file_path, load_config, open_journal, proven_file
-from cell.commands.terminal import FAULT, GOOD, NOT_GOOD, ask, complain, say, show
+from cell.commands.terminal import FAULT, GOOD, NOT_GOOD, ask, complain, filled, say, show
 from cell.commands.warm_up import warm_up
 from cell.config.load import LoadedConfig
 from cell.config.parameters import PARAMETERS
@@ -108,11 +106,9 @@ def _report(args: argparse.Namespace, found: list[tuple[str, str]]) -> int:
         (name, text if text.startswith(OK) else f"{text}; docs/first-day.md, step {STEPS.get(name, LAST_STEP)}")
         for name, text in found
     ]
-    table = Table("device", "found")
-    for name, text in found:
-        table.add_row(name, text)
-    show(args, table, [{"device": name, "found": text} for name, text in found])
-    return GOOD if all(text.startswith(OK) for _, text in found) else FAULT
+    data = [{"device": name, "found": text} for name, text in found]
+    status = GOOD if all(text.startswith(OK) for _, text in found) else FAULT
+    return show(args, filled(("device", "found"), found), data, status)
 
 
 def _computer(loaded: LoadedConfig) -> list[tuple[str, str]]:
@@ -165,13 +161,11 @@ def _loop(args: argparse.Namespace, loaded: LoadedConfig) -> int:
     """Hold the arm still and print the times of its 1 kHz loop; return GOOD if it keeps its time."""
     figures = loop_figures(loaded.cell, 60.0 * args.minutes, args.stop)
     told = loop_verdict(figures)
-    table = Table(
-        "time (ms)", "p50", "p99", "p99.9", "largest", title=f"{figures.cycles} cycles, {figures.missed} missed: {told}"
-    )
-    for name, times in (("between two states", figures.spacing), ("from state to torques", figures.busy)):
-        table.add_row(name, *(f"{1e3 * value:.3f}" for value in asdict(times).values()))
-    show(args, table, {**asdict(figures), "found": told})
-    return GOOD if told.startswith(OK) else FAULT
+    title = f"{figures.cycles} cycles, {figures.missed} missed: {told}"
+    measured = (("between two states", figures.spacing), ("from state to torques", figures.busy))
+    rows = [(name, *(f"{1e3 * value:.3f}" for value in asdict(times).values())) for name, times in measured]
+    table = filled(("time (ms)", "p50", "p99", "p99.9", "largest"), rows, title=title)
+    return show(args, table, {**asdict(figures), "found": told}, GOOD if told.startswith(OK) else FAULT)
 
 
 def _network(plc: PlcConfig) -> list[tuple[str, str]]:
@@ -203,8 +197,7 @@ def _commission(args: argparse.Namespace, loaded: LoadedConfig) -> int:
     text = json.dumps(found, indent=2)
     if args.out is not None:
         args.out.write_text(text + "\n", encoding="utf-8")
-    show(args, _sheet(found), found)
-    return GOOD if found["passed"] else NOT_GOOD
+    return show(args, _sheet(found), found, GOOD if found["passed"] else NOT_GOOD)
 
 
 def _sheet(found: dict[str, object]) -> str:

@@ -7,7 +7,7 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 
 from cell.commands.arguments import add_query, add_records, period_of, positive, query_of, read_journal
-from cell.commands.terminal import GOOD, show
+from cell.commands.terminal import show
 from cell.report.comparison import compared, compared_periods
 from cell.report.facts import facts_of
 from drivers.errors import ConfigError
@@ -33,8 +33,7 @@ def run(args: argparse.Namespace) -> int:
     data = {
         title: [dict(zip(("what", "first", "second"), row, strict=True)) for row in lines] for title, lines in found
     }
-    show(args, _picture(found, heads), {"compared": heads, **data})
-    return GOOD
+    return show(args, _picture(found, heads), {"compared": heads, **data})
 
 
 def _runs(args: argparse.Namespace) -> tuple[tuple[str, str], list[tuple[str, list[tuple[str, str, str]]]]]:

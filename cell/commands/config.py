@@ -7,10 +7,9 @@ from pathlib import Path
 from typing import Any
 
 from rich.console import Group, RenderableType
-from rich.table import Table
 
 from cell.commands.arguments import Parser, add_config, add_shared, load_config, natural, require_recipe
-from cell.commands.terminal import GOOD, say, show
+from cell.commands.terminal import GOOD, filled, say, show
 from cell.config.files import has_file, presets
 from cell.config.keys import Key, Setting, find, in_force, keys, planned, toml
 from cell.config.load import LoadedConfig, load
@@ -61,11 +60,8 @@ def _explain(args: argparse.Namespace) -> int:
     if not found:
         raise ConfigError(f"config explain {args.key}: no such key{_meant(args.key)}")
     told = [_told(key, settings.get(key)) for key in found]
-    if found[0].name == args.key:
-        show(args, Group(*(_card(each) for each in told)), told)
-    else:
-        show(args, _list(found, settings), told)
-    return GOOD
+    is_one = found[0].name == args.key
+    return show(args, Group(*map(_card, told)) if is_one else _list(found, settings), told)
 
 
 def _meant(word: str) -> str:
@@ -92,9 +88,8 @@ def _told(key: Key, setting: Setting | None) -> dict[str, Any]:
 
 
 def _card(told: dict[str, Any]) -> RenderableType:
-    card = Table(show_header=False, title=f"{told['key']}{' where ' + told['kind'] if told['kind'] else ''}")
     is_used = told["in_force"] is not None
-    for name, text in (
+    rows = (
         ("meaning", told["meaning"]),
         ("unit", told["unit"] or "none"),
         ("allowed", told["allowed"]),
@@ -103,18 +98,16 @@ def _card(told: dict[str, Any]) -> RenderableType:
         ("source", "; ".join(told["source"]) or "chosen"),
         ("read by", told["read_by"]),
         ("set by", ", ".join(told["set_by"])),
-    ):
-        card.add_row(name, text)
-    return card
+    )
+    return filled((), rows, show_header=False, title=f"{told['key']}{' where ' + told['kind'] if told['kind'] else ''}")
 
 
 def _list(found: list[Key], settings: dict[Key, Setting]) -> RenderableType:
-    table = Table("key", "in force", "meaning")
     # Keys of other kinds of a device are left out; if the cell lacks a section, all of it is shown.
-    for key in [key for key in found if key in settings] or found:
-        value = toml(settings[key].value) if key in settings else "not in this cell"
-        table.add_row(key.name, value, key.summary)
-    return table
+    shown = [key for key in found if key in settings] or found
+    values = {key: toml(setting.value) for key, setting in settings.items()}
+    rows = [(key.name, values.get(key, "not in this cell"), key.summary) for key in shown]
+    return filled(("key", "in force", "meaning"), rows)
 
 
 def _show(args: argparse.Namespace) -> int:
@@ -171,11 +164,9 @@ def _diff(args: argparse.Namespace) -> int:
         for name, unit in units.items()
         if values[0].get(name) != values[1].get(name)
     ]
-    table = Table("key", args.first, args.second, "unit")
-    for row in told:
-        table.add_row(row["key"], row["first"] or "-", row["second"] or "-", row["unit"])
-    show(args, table if told else "no key differs", told)
-    return GOOD
+    rows = [(row["key"], row["first"] or "-", row["second"] or "-", row["unit"]) for row in told]
+    table = filled(("key", args.first, args.second, "unit"), rows)
+    return show(args, table if told else "no key differs", told)
 
 
 def _named(args: argparse.Namespace, word: str) -> LoadedConfig:
@@ -209,5 +200,4 @@ def _comment(args: argparse.Namespace) -> int:
     except OSError as error:
         raise ConfigError(f"{args.file}: cannot be written: {error.strerror}") from None
     lines = sum(one != other for one, other in zip(before.splitlines(), after.splitlines(), strict=True))
-    show(args, f"{args.file}: {lines} lines changed", {"file": str(args.file), "lines": lines})
-    return GOOD
+    return show(args, f"{args.file}: {lines} lines changed", {"file": str(args.file), "lines": lines})

@@ -3,9 +3,7 @@
 import argparse
 from dataclasses import asdict
 
-from rich.table import Table
-
-from cell.commands.terminal import GOOD, show
+from cell.commands.terminal import filled, show
 from cell.config.nearest import did_you_mean
 from drivers.errors import FAULTS, ConfigError, FaultCode
 
@@ -17,13 +15,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Show the faults."""
-    codes = list(FAULTS) if args.code is None else [_found(args.code)]
-    table = Table("code", "name", "meaning", "cause", "what to do before the reset", show_lines=True)
-    for code in codes:
-        text = FAULTS[code]
-        table.add_row(str(code.value), code.name, text.meaning, text.cause, text.remedy)
-    show(args, table, [{"code": code.value, "name": code.name, **asdict(FAULTS[code])} for code in codes])
-    return GOOD
+    faults = FAULTS if args.code is None else {(code := _found(args.code)): FAULTS[code]}
+    head = ("code", "name", "meaning", "cause", "what to do before the reset")
+    rows = [(str(code.value), code.name, text.meaning, text.cause, text.remedy) for code, text in faults.items()]
+    data = [{"code": code.value, "name": code.name, **asdict(text)} for code, text in faults.items()]
+    return show(args, filled(head, rows, show_lines=True), data)
 
 
 def _found(text: str) -> FaultCode:

@@ -14,7 +14,7 @@ from cell.commands.arguments import (
     require_known,
     require_recipe,
 )
-from cell.commands.terminal import GOOD, show
+from cell.commands.terminal import filled, show
 from cell.config.load import LoadedConfig
 from cell.records import wall_clock
 from cell.run.learning import forget, read_learned, unusable
@@ -42,11 +42,9 @@ def run(args: argparse.Namespace) -> int:
     if args.action == "forget":
         forgotten = forget(folder, args.recipe)
         told = f"forgotten: recipe {', '.join(map(str, forgotten))}" if forgotten else "nothing was learnt"
-        show(args, told, {"forgotten": forgotten})
-        return GOOD
+        return show(args, told, {"forgotten": forgotten})
     rows = _rows(args.recipe, loaded, folder)
-    show(args, _table(rows) if rows else "nothing was learnt", rows)
-    return GOOD
+    return show(args, _table(rows) if rows else "nothing was learnt", rows)
 
 
 def _rows(recipe: int | None, loaded: LoadedConfig, folder: Path) -> list[dict[str, object]]:
@@ -75,9 +73,8 @@ def _rows(recipe: int | None, loaded: LoadedConfig, folder: Path) -> list[dict[s
 
 
 def _table(rows: list[dict[str, object]]) -> Table:
-    table = Table("recipe", "x, y (mm)", "deviation (mm)", "parts", "age (h)", "use")
-    for row in rows:
-        table.add_row(
+    shown = [
+        (
             str(row["recipe"]),
             _millimetres(row["mean"]),
             _millimetres(row["deviation"]),
@@ -85,7 +82,9 @@ def _table(rows: list[dict[str, object]]) -> Table:
             f"{float(str(row['age'])) / 3600:.1f}",
             str(row["use"]),
         )
-    return table
+        for row in rows
+    ]
+    return filled(("recipe", "x, y (mm)", "deviation (mm)", "parts", "age (h)", "use"), shown)
 
 
 def _millimetres(pair: object) -> str:

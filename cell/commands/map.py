@@ -40,8 +40,7 @@ def run(args: argparse.Namespace) -> int:
     registers = table(PROGRAMS, PARAMETERS, WORDS)
     form = "json" if args.json else args.format
     if form is None and sys.stdout.isatty():
-        show(args, _picture(registers), None)
-        return GOOD
+        return show(args, _picture(registers), None)
     say(_text(form or "md", registers).rstrip("\n"))
     return GOOD
 

@@ -159,8 +159,7 @@ def _told(args: argparse.Namespace, loaded: "LoadedConfig", supervisor: "Supervi
     if refusal is not Refusal.NONE:
         return complain(f"refused: {refusal.name}: {REFUSED.get(refusal, 'not possible here')}; {where}")
     if row is None and args.name in TOLD:
-        show(args, where, {"peg": where})
-        return GOOD
+        return show(args, where, {"peg": where})
     if row is None:
         fault = supervisor.report.fault
         return complain(f"fault {fault}: nothing was run", FAULT) if fault else NOT_GOOD

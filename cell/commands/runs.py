@@ -58,8 +58,7 @@ def run(args: argparse.Namespace) -> int:
         if not shown:
             require_program(query)
         if not args.export:
-            show(args, _blocks(shown), [plain(row) for row in shown] if args.json else [])
-            return GOOD
+            return show(args, _blocks(shown), [plain(row) for row in shown] if args.json else [])
         folder = out_folder(args.out)
         if not args.json:  # show the runs first, because the export takes time
             show(args, _blocks(shown[:LAST]), [])

@@ -9,7 +9,7 @@ from cell.calibrate import taught
 from cell.calibrate.hand_motion import moved_by_keys
 from cell.calibrate.keys import keys
 from cell.commands.arguments import add_calibration_folder, add_config, calibration_folder, load_config
-from cell.commands.terminal import GOOD, complain, say, show
+from cell.commands.terminal import complain, say, show
 from cell.config.load import load
 from cell.devices.assembly import assemble, opened
 from drivers.frames import end_point
@@ -54,9 +54,5 @@ def run(args: argparse.Namespace) -> int:
     path = (args.out or calibration_folder(args)) / f"taught_{today.isoformat()}.toml"
     text = taught.sections(found)
     taught.write(path, text, today, config.arm_unit())
-    show(
-        args,
-        f"written: {path}\nfor the cell's file, then `cell calibrate places`:\n\n{text}",
-        {"file": str(path), "write": text},
-    )
-    return GOOD
+    told = f"written: {path}\nfor the cell's file, then `cell calibrate places`:\n\n{text}"
+    return show(args, told, {"file": str(path), "write": text})

@@ -4,14 +4,15 @@ import argparse
 import json
 import select
 import sys
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, TextIO
+from typing import TYPE_CHECKING, Any, TextIO
 
 if TYPE_CHECKING:
     from rich.console import Console, RenderableType
     from rich.progress import Progress
+    from rich.table import Table
 
 GOOD, NOT_GOOD, WRONG_USE, FAULT = 0, 1, 2, 3
 """Exit status: success, no success, wrong use, fault."""
@@ -21,13 +22,13 @@ PIPE_WIDTH = 200
 """Width of tables in a pipe, characters; at a terminal's width they would lose content."""
 
 
-def show(args: argparse.Namespace, picture: "RenderableType", data: object) -> None:
+def show(args: argparse.Namespace, picture: "RenderableType", data: object, status: int = GOOD) -> int:
     """Print a result at once: `picture` for people, each part of a group in turn, or with --json `data` for programs.
 
-    With --sql, the queries are already printed.
+    With --sql, the queries are already printed. Return the exit status of the command.
     """
     if getattr(args, "sql", False):
-        return
+        return status
     if args.json:
         print(json.dumps(data, indent=2))
     else:
@@ -39,6 +40,17 @@ def show(args: argparse.Namespace, picture: "RenderableType", data: object) -> N
             terminal.print(_folded(part), soft_wrap=isinstance(part, str))
             sys.stdout.flush()
     sys.stdout.flush()  # the next part may take time
+    return status
+
+
+def filled(head: Sequence[str], rows: Iterable[Sequence[str | None]], **options: Any) -> "Table":
+    """Return a table with these rows; `options` are those of `rich.table.Table`."""
+    from rich.table import Table
+
+    table = Table(*head, **options)
+    for row in rows:
+        table.add_row(*row)
+    return table
 
 
 def _folded(part: "RenderableType") -> "RenderableType":

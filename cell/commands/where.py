@@ -4,10 +4,9 @@ import argparse
 import math
 
 from rich.console import Group
-from rich.table import Table
 
 from cell.commands.arguments import add_config, load_config
-from cell.commands.terminal import GOOD, show
+from cell.commands.terminal import filled, show
 from cell.devices.assembly import assemble, opened
 from drivers.frames import end_point, quaternion
 
@@ -32,17 +31,16 @@ def run(args: argparse.Namespace) -> int:
         "tip": tip.tolist(),
         "force": state.wrench.force.tolist(),
     }
-    table = Table("joint", "rad", "degrees", "least", "largest", title=config.arm_unit())
-    for number, (q, low, high) in enumerate(zip(state.q, joints.q_min, joints.q_max, strict=True), 1):
-        table.add_row(str(number), f"{q:.4f}", f"{math.degrees(q):.1f}", f"{low:g}", f"{high:g}")
-    rows = (
+    angles = [
+        (str(number), f"{q:.4f}", f"{math.degrees(q):.1f}", f"{low:g}", f"{high:g}")
+        for number, (q, low, high) in enumerate(zip(state.q, joints.q_min, joints.q_max, strict=True), 1)
+    ]
+    table = filled(("joint", "rad", "degrees", "least", "largest"), angles, title=config.arm_unit())
+    values = (
         ("finger centre (m)", "position"),
         ("its quaternion, w x y z", "quaternion"),
         ("end of a straight peg (m)", "tip"),
+        ("force on the hand (N)", "force"),
     )
-    pose = Table("tool", "base frame")
-    for name, key in (*rows, ("force on the hand (N)", "force")):
-        pose.add_row(name, "  ".join(f"{value:.4f}" for value in data[key]))
-
-    show(args, Group(table, pose), data)
-    return GOOD
+    rows = [(name, "  ".join(f"{value:.4f}" for value in data[key])) for name, key in values]
+    return show(args, Group(table, filled(("tool", "base frame"), rows)), data)
