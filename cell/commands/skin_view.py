@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from threading import Event
 from typing import Any
@@ -15,7 +15,6 @@ from rich.text import Text
 from cell.config.cell_config import CellConfig
 from cell.devices.assembly import SkinLine, assemble, opened, played_skin
 from drivers.errors import CellError, ConfigError
-from drivers.protocols import Clock
 from drivers.quantities import FINGER_NAMES, FINGERS, Mask, TaxelFrame, Vector
 from drivers.scene_facts import BRIGHT, NOISE, felt, touch_colours
 from drivers.skin.figures import SkinFigures
@@ -47,7 +46,13 @@ def watch(config: CellConfig, seconds: float, show: Show, stop: Event) -> None:
         CellError: A device cannot be opened, or the skin has timed out.
     """
     with opened(assemble(config), "skin") as cell:
-        _watch(SkinLine(cell.skin, cell.clock, cell.skin_figures), 1.0 / config.scan_rate, seconds, show, stop)
+        felt, period = SkinLine(cell.skin, cell.clock, cell.skin_figures), 1.0 / config.scan_rate
+        end, shown = felt.clock.now() + seconds, -1
+        while True:
+            shown = _show_new(felt, shown, show)
+            if stop.is_set() or felt.clock.now() >= end:
+                return
+            felt.clock.wait_until(felt.clock.now() + period)
 
 
 def play(config: CellConfig, path: Path, seconds: float, show: Show, stop: Event, at_pace: bool) -> None:
@@ -65,9 +70,36 @@ def play(config: CellConfig, path: Path, seconds: float, show: Show, stop: Event
         ConfigError: The file is not a recording, or its wire differs from `skin.kind`.
         CellError: The recording contains no frame of the skin.
     """
-    felt = played_skin(config, path, _PlayClock())
-    felt = replace(felt, clock=_Paced(felt.clock)) if at_pace else felt
-    _play(felt, 1.0 / config.scan_rate, seconds, show, stop)
+    felt, period = played_skin(config, path, _PlayClock()), 1.0 / config.scan_rate
+    shown, reason = -1, "nothing in it"
+    try:
+        felt.skin.open()
+        end = felt.clock.now() + seconds
+        while felt.clock.now() <= end and not stop.is_set():
+            try:
+                shown = _show_new(felt, shown, show)
+            except CellError as error:
+                reason = str(error)
+                if felt.figures is None:  # a text has ended; a wire can recover
+                    break
+            before = felt.clock.now()
+            felt.clock.wait_until(before + period)
+            if at_pace:  # the clock of a recording runs as fast as it is read
+                time.sleep(max(felt.clock.now() - before, 0.0))
+    except TrafficEndedError:
+        pass
+    finally:
+        felt.skin.close()
+    if shown < 0:
+        raise ConfigError(f"recording: no frame: {reason}")
+
+
+def _show_new(felt: SkinLine, shown: int, show: Show) -> int:
+    """Read the skin, show its frame unless it has the sequence number `shown`, and return the frame's number."""
+    frame = felt.skin.read()
+    if frame.sequence != shown:
+        show(SeenFrame(frame, None if felt.figures is None else felt.figures()))
+    return frame.sequence
 
 
 def as_data(seen: SeenFrame) -> dict[str, Any]:
@@ -114,64 +146,6 @@ class _PlayClock:
 
     def wait_until(self, stamp: float) -> None:
         self._time = max(stamp, self._time)
-
-
-class _Paced:
-    """The clock of a recording, which runs as fast as it is read, slowed down to the pace of the recording."""
-
-    def __init__(self, clock: Clock) -> None:
-        self._clock = clock
-
-    def now(self) -> float:
-        return self._clock.now()
-
-    def wait_until(self, stamp: float) -> None:
-        before = self._clock.now()
-        self._clock.wait_until(stamp)
-        time.sleep(max(self._clock.now() - before, 0.0))
-
-
-def _watch(felt: SkinLine, period: float, seconds: float, show: Show, stop: Event) -> None:
-    end = felt.clock.now() + seconds
-    shown = -1
-    while True:
-        frame = felt.skin.read()
-        if frame.sequence != shown:
-            shown = frame.sequence
-            show(_seen(felt, frame))
-        if stop.is_set() or felt.clock.now() >= end:
-            return
-        felt.clock.wait_until(felt.clock.now() + period)
-
-
-def _play(felt: SkinLine, period: float, seconds: float, show: Show, stop: Event) -> None:
-    """Show every frame of a skin, and continue after timeouts."""
-    shown = -1
-    reason = "nothing in it"
-    try:
-        felt.skin.open()
-        end = felt.clock.now() + seconds
-        while felt.clock.now() <= end and not stop.is_set():
-            try:
-                frame = felt.skin.read()
-                if frame.sequence != shown:
-                    shown = frame.sequence
-                    show(_seen(felt, frame))
-            except CellError as error:
-                reason = str(error)
-                if felt.figures is None:  # a text has ended; a wire can recover
-                    break
-            felt.clock.wait_until(felt.clock.now() + period)
-    except TrafficEndedError:
-        pass
-    finally:
-        felt.skin.close()
-    if shown < 0:
-        raise ConfigError(f"recording: no frame: {reason}")
-
-
-def _seen(felt: SkinLine, frame: TaxelFrame) -> SeenFrame:
-    return SeenFrame(frame, None if felt.figures is None else felt.figures())
 
 
 def _finite(value: float) -> float | None:
