@@ -7,23 +7,21 @@ from shutil import get_terminal_size
 from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
-from cell.commands.arguments import add_period, add_records, period_of, positive, read_journal, require_fault
+from cell.commands.arguments import add_period, add_records, period_of, positive, read_journal
 from cell.commands.terminal import show
 from cell.records.wall_clock import headed, local
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the folder of the records, the period, and the code."""
+    """Add the folder of the records, the period and code, and the number of alarms."""
     last = 20  # Default number of shown alarms.
     add_records(parser)
     add_period(parser)
     parser.add_argument("--last", type=positive, default=last, metavar="N", help=f"only the N newest; default {last}")
-    parser.add_argument("--fault", type=positive, metavar="CODE", help="number of a fault, as in 2004")
 
 
 def run(args: argparse.Namespace) -> int:
     """Show one line per alarm, newest first."""
-    require_fault(args.fault)
     with read_journal(args) as journal:
         alarms = journal.alarms(args.last, *period_of(args), args.fault)
     came = headed("came", (alarm.time for alarm in alarms))

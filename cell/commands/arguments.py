@@ -171,9 +171,10 @@ def read_journal(args: argparse.Namespace) -> "Journal":
 
 
 def add_period(parser: argparse.ArgumentParser) -> None:
-    """Add --since and --until."""
+    """Add --since, --until and --fault."""
     parser.add_argument("--since", default="", metavar="WHEN", help="30m, 12h, 7d, 4w back, or a date in local time")
     parser.add_argument("--until", default="", metavar="WHEN", help="end of the period, in the same forms")
+    parser.add_argument("--fault", type=fault_code, metavar="CODE", help="number of a fault, as in 2004")
 
 
 def period_of(args: argparse.Namespace, names: tuple[str, str] = ("--since", "--until")) -> tuple[str, str]:
@@ -195,7 +196,6 @@ def add_query(parser: argparse.ArgumentParser) -> None:
     """Add the options that select runs."""
     add_period(parser)
     parser.add_argument("--outcome", metavar="WORD", help="success, failure, aborted, fault, lost or running")
-    parser.add_argument("--fault", type=positive, metavar="CODE", help="number of a fault, as in 2004")
     parser.add_argument("--part", metavar="SERIAL", help="serial number of the part")
     parser.add_argument("--program", metavar="NAME", help="name of the program or skill")
     parser.add_argument("--recipe", type=natural, metavar="N", help="number of the part's recipe")
@@ -209,18 +209,17 @@ def query_of(args: argparse.Namespace) -> RunQuery:
     """
     if args.outcome is not None:
         require_known("--outcome", args.outcome, OUTCOMES)
-    require_fault(args.fault)
     return RunQuery(*period_of(args), args.outcome, args.fault, args.part, args.program, args.recipe)
 
 
-def require_fault(code: int | None) -> None:
-    """Require that a fault code exists, if one is given.
+def fault_code(text: str) -> int:
+    """Return the code of a fault.
 
     Raises:
         ConfigError: It does not exist.
     """
-    if code is not None:
-        require_known("--fault", str(code), [str(int(known)) for known in FaultCode if known])
+    require_known("--fault", text, [str(int(known)) for known in FaultCode if known])
+    return int(text)
 
 
 def require_recipe(number: int, loaded: "LoadedConfig") -> None:
