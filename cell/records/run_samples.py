@@ -37,7 +37,6 @@ class RunSamples:
         """Keep the folder, and the required free space of the disk, bytes."""
         self._folder, self._least_free = folder, least_free
         self._runs: dict[int, _OpenRun] = {}
-        self._claimed: set[int] = set()
         self.trouble = ""
         """Reason why samples are not written; empty without trouble."""
 
@@ -56,10 +55,9 @@ class RunSamples:
         while True:
             number += 1
             try:
-                self._make(number)
+                os.close(os.open(samples_path(self._folder, number), os.O_CREAT | os.O_EXCL | os.O_RDWR, OWNER_ONLY))
             except FileExistsError:
                 continue
-            self._claimed.add(number)
             return number
 
     def give_back(self, number: int) -> None:
@@ -72,8 +70,6 @@ class RunSamples:
         run = self._runs[row.run] = _OpenRun(row)
         path = samples_path(self._folder, row.run)
         try:
-            if row.run not in self._claimed:
-                self._make(row.run)
             if self._is_too_full():
                 raise JournalError(f"{path}: not written: the disk is all but full")
             run.file = SampleFile(path, facts, beginning_text(row))
@@ -105,7 +101,6 @@ class RunSamples:
         row = replace(row, samples=run.written)
         _close(run)
         del self._runs[row.run]
-        self._claimed.discard(row.run)
         if not run.lost:
             self.trouble = ""
         return row
@@ -120,10 +115,6 @@ class RunSamples:
         """Close the files of all open runs."""
         for run in self._runs.values():
             _close(run)
-
-    def _make(self, number: int) -> None:
-        path = samples_path(self._folder, number)
-        os.close(os.open(path, os.O_CREAT | os.O_EXCL | os.O_RDWR, OWNER_ONLY))
 
     def _give_up(self, run: _OpenRun, error: Exception) -> None:
         """Stop recording samples of a run."""
