@@ -22,17 +22,17 @@ from skills.catalogue import CATALOGUE
 
 FRAME = "base"
 """Frame of positions, axes and forces: the robot's base."""
-_UNITS = {"stamp": "s", "theta": "rad", "theta_stamp": "s", "width": "m", "stage": "", "switch": "", "frame": ""}
-_PREFIXES = {
+_UNITS = {
+    **dict.fromkeys(("stamp", "theta_stamp"), "s"),
+    **dict.fromkeys(("true_peg_q", "true_hole_q"), ""),
+    **dict.fromkeys(("true_", "tip_", "tcp_", "setpoint_", "width"), "m"),
     "joint_velocity_": "rad/s",
     "joint_torque_": "N·m",
-    "joint_": "rad",
-    "tip_": "m",
-    "tcp_": "m",
-    "setpoint_": "m",
-    "axis_": "",
+    **dict.fromkeys(("joint_", "theta"), "rad"),
     "force_": "N",
+    "taxel_": "counts",
 }
+"""Unit by the beginning of a column's name, of which the first that fits counts; other columns have no unit."""
 _NOTES = {
     "stamp": "cell's clock",
     "stage": "number of the skill; the file's own metadata names them",
@@ -48,13 +48,7 @@ _NOTES = {
 
 def unit_of(column: str) -> str:
     """Return the unit of a column of samples; empty for numbers without one."""
-    if column in _UNITS:
-        return _UNITS[column]
-    if column.startswith("true_"):
-        return "" if "_q" in column else "m"
-    if column.startswith("taxel_"):
-        return "counts"
-    return next(unit for prefix, unit in _PREFIXES.items() if column.startswith(prefix))
+    return next((unit for beginning, unit in _UNITS.items() if column.startswith(beginning)), "")
 
 
 def write_samples_parquet(row: RunRow, samples: dict[str, Vector], path: Path) -> None:
