@@ -55,20 +55,6 @@ LOCK = "writer.lock"
 _HOLDER = re.compile(r"(\d+) ([\d:.T+-]+)\n", re.ASCII)
 
 
-class _Period:
-    """A repeated time; the first one begins now."""
-
-    def __init__(self, length: float) -> None:
-        self._length, self._end = length, time.monotonic() + length
-
-    def is_over(self, now: float) -> bool:
-        """Return True if the time is over at the monotonic time `now`, s; the next one begins then."""
-        if now < self._end:
-            return False
-        self._end = now + self._length
-        return True
-
-
 class JournalWriter:
     """The writing side of a journal; every method except `open`, `close` and `flush` returns at once."""
 
@@ -231,13 +217,16 @@ class JournalWriter:
         self._delete_old()
 
     def _write_until_closed(self) -> None:
-        disk, upkeep, retry = _Period(DISK_PERIOD), _Period(UPKEEP_PERIOD), 0.0
+        began, retry = time.monotonic(), 0.0
+        disk, upkeep = began + DISK_PERIOD, began + UPKEEP_PERIOD
         while True:
             now = time.monotonic()
-            if disk.is_over(now):
+            if now >= disk:
                 self._look_at_disk()
-            if upkeep.is_over(now):
+                disk = now + DISK_PERIOD
+            if now >= upkeep:
                 self._delete_old()
+                upkeep = now + UPKEEP_PERIOD
             self._claim()
             if now >= retry and not self._write_rows():
                 retry = time.monotonic() + (RETRY_AFTER if not self._is_closing else RETRY_AFTER / 10.0)
