@@ -123,18 +123,18 @@ class Index:
         Raises:
             JournalError: The index cannot be written.
         """
-        self.execute("BEGIN IMMEDIATE", [])
+        self.execute("BEGIN IMMEDIATE")
         try:
             yield
-            self.execute("COMMIT", [])
+            self.execute("COMMIT")
         except BaseException:  # even an interrupt must not leave half a transaction; it is raised again
             with suppress(sqlite3.Error):
                 self._connection.execute("ROLLBACK")
             raise
 
-    def rows(self, row: type[Row], where: str = "", values: list[object] | None = None) -> list[Row]:
+    def rows(self, row: type[Row], where: str = "", values: Sequence[object] = ()) -> list[Row]:
         """Return the rows of a table that `where` selects; `values` replace its question marks."""
-        found = self.execute(f"SELECT {', '.join(names(row))} FROM {TABLES[row]} {where}", values or [])
+        found = self.execute(f"SELECT {', '.join(names(row))} FROM {TABLES[row]} {where}", values)
         return [row(*each) for each in found]
 
     def put(self, row: Any, *, is_numbered_here: bool = False, how: str = "INSERT", then: str = "") -> bool:
@@ -195,7 +195,7 @@ class Index:
         for stage in stages:
             self.put(stage, how="INSERT OR REPLACE")
 
-    def execute(self, statement: str, values: list[object] | dict[str, object]) -> list[tuple[Any, ...]]:
+    def execute(self, statement: str, values: Sequence[object] | dict[str, object] = ()) -> list[tuple[Any, ...]]:
         """Execute one statement and return the rows that it selects.
 
         Raises:

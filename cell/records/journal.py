@@ -18,9 +18,6 @@ if TYPE_CHECKING:
     from cell.config.cell_config import JournalConfig
     from cell.records.writer import JournalWriter
 
-MOST = 2**62
-"""Number that exceeds the number of runs in any journal."""
-
 
 def default_folder() -> Path:
     """Return the folder of the journal, in the user's data folder."""
@@ -139,7 +136,7 @@ class Journal:
 
     def last_run(self) -> int:
         """Return the number of the newest run; 0 if none is on record."""
-        return int(self._reading().execute("SELECT coalesce(max(run), 0) FROM runs", [])[0][0])
+        return int(self._reading().execute("SELECT coalesce(max(run), 0) FROM runs")[0][0])
 
     def outcomes(self, query: RunQuery) -> dict[str, int]:
         """Return the number of runs of each outcome, among the runs that a query selects."""
@@ -151,14 +148,14 @@ class Journal:
         """Return the stages of a run, in the order of their tries."""
         return self._reading().rows(StageRow, "WHERE run = ? ORDER BY place", [run])
 
-    def select(self, query: RunQuery, last: int = MOST) -> list[RunRow]:
-        """Return the newest `last` runs that a query selects, newest first."""
+    def select(self, query: RunQuery, last: int = -1) -> list[RunRow]:
+        """Return the newest `last` runs that a query selects, newest first; a negative number returns all."""
         where, values = query.where()
         return self._reading().rows(RunRow, f"WHERE {where} ORDER BY run DESC LIMIT ?", [*values, last])
 
     def ask(self, statement: str, values: Sequence[object] = ()) -> list[tuple[Any, ...]]:
         """Execute an SQL statement on the index, which is read only, and return the rows that it selects."""
-        return self._reading().execute(statement, list(values))
+        return self._reading().execute(statement, values)
 
     def alarms(self, last: int, since: str = "", until: str = "", code: int | None = None) -> list[Alarm]:
         """Return the newest `last` alarms that came in a period, ISO 8601 UTC, newest first; with `code`, of one fault only."""

@@ -31,19 +31,12 @@ class RunQuery:
 
     def where(self) -> tuple[str, list[object]]:
         """Return an SQL condition on the table `runs` and the values of its question marks."""
-        wanted = {
-            "outcome": self.outcome,
-            "fault": self.fault,
-            "serial": self.serial,
-            "program": self.program,
-            "recipe": self.recipe,
-        }
-        given = {name: value for name, value in wanted.items() if value is not None}
-        ends = (
-            {"started < ?": self.until} if self.until else {}
-        )  # a second limit makes SQLite sort all runs for the last ones
-        text = " AND ".join(["started >= ?", *ends, *(f"{name} = ?" for name in given)])
-        return text, [self.since, *ends.values(), *given.values()]
+        times = {"started >= ?": self.since}
+        if self.until:  # an empty second limit would make SQLite sort all runs for the last ones
+            times["started < ?"] = self.until
+        names = ("outcome", "fault", "serial", "program", "recipe")
+        given = {f"{name} = ?": value for name in names if (value := getattr(self, name)) is not None}
+        return " AND ".join([*times, *given]), [*times.values(), *given.values()]
 
 
 def moment(text: str, now: datetime, option: str = "--since") -> str:

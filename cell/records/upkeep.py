@@ -33,7 +33,7 @@ def sampled_runs(folder: Path) -> dict[int, Path]:
 
 def next_number(index: Index, folder: Path) -> int:
     """Return the lowest unused run number."""
-    given = index.execute("SELECT coalesce(max(seq), 0) FROM sqlite_sequence WHERE name = 'runs'", [])[0][0]
+    given = index.execute("SELECT coalesce(max(seq), 0) FROM sqlite_sequence WHERE name = 'runs'")[0][0]
     return 1 + max(int(given), *sampled_runs(folder), 0)
 
 
@@ -45,7 +45,7 @@ def opened_to_write(folder: Path) -> Index:
     """
     try:
         index = Index(folder, is_read_only=False)
-        ((state,),) = index.execute("PRAGMA quick_check(1)", [])
+        ((state,),) = index.execute("PRAGMA quick_check(1)")
         if state == "ok":
             return index
         index.close()
@@ -87,7 +87,7 @@ def close_lost_runs(index: Index, folder: Path, under_way: Collection[int] = ())
     Runs `under_way` in this program stay unchanged.
     """
     lost = [row for row in index.rows(RunRow, "WHERE outcome = 'running'") if row.run not in under_way]
-    known = {int(run) for (run,) in index.execute("SELECT run FROM runs", [])} | set(under_way)
+    known = {int(run) for (run,) in index.execute("SELECT run FROM runs")} | set(under_way)
     unlisted = {run: path for run, path in sampled_runs(folder).items() if run not in known}
     with index.at_once():
         for row in lost:
@@ -130,7 +130,7 @@ def warn_of_clock(index: Index, folder: Path, keep: JournalConfig) -> None:
 def _newest(index: Index) -> datetime | None:
     """Return the start time of the run with the highest number; None if no run has a valid one."""
     where = "WHERE outcome != 'running' AND started != '' ORDER BY run DESC LIMIT 1"
-    for (started,) in index.execute(f"SELECT started FROM runs {where}", []):
+    for (started,) in index.execute(f"SELECT started FROM runs {where}"):
         with suppress(ValueError):
             found = datetime.fromisoformat(started)
             return found if found.tzinfo else found.replace(tzinfo=UTC)
@@ -158,7 +158,7 @@ def _delete_aged(index: Index, folder: Path, days: int) -> None:
         index.execute(f"DELETE FROM stages WHERE run IN (SELECT run FROM runs WHERE {where})", last)
         index.execute(f"DELETE FROM runs WHERE {where}", last)
         index.execute("DELETE FROM events WHERE event <= ?", [_last_aged(index, "events", "event", "time", days)])
-        index.execute("DELETE FROM configs WHERE config_hash NOT IN (SELECT config_hash FROM runs)", [])
+        index.execute("DELETE FROM configs WHERE config_hash NOT IN (SELECT config_hash FROM runs)")
     files = sampled_runs(folder)
     for run in old:
         files.get(run, folder / "none").unlink(missing_ok=True)
@@ -168,7 +168,7 @@ def _delete_beyond_size(index: Index, folder: Path, most: int) -> None:
     """Delete the oldest samples until their total size is at most `most`, bytes."""
     files = sampled_runs(folder)
     sizes = {run: path.stat().st_size for run, path in files.items()}
-    open_runs = {int(run) for (run,) in index.execute("SELECT run FROM runs WHERE outcome = 'running'", [])}
+    open_runs = {int(run) for (run,) in index.execute("SELECT run FROM runs WHERE outcome = 'running'")}
     excess = sum(sizes.values()) - most
     for run in sorted(sizes.keys() - open_runs):
         if excess <= 0:
@@ -229,26 +229,20 @@ def _lost(row: RunRow, path: Path) -> RunRow:
         ended = datetime.fromtimestamp(path.stat().st_mtime, UTC).isoformat(timespec="milliseconds")
     except (JournalError, OSError, OverflowError, ValueError):
         samples, ended = {"stamp": np.empty(0)}, row.started
-    count = int(samples["stamp"].size)
-    if not count:
-        return replace(
-            row,
-            outcome=LOST,
-            ended=ended,
-            message="its end was not recorded, as where the program is killed or the disk full; no samples",
-        )
-    seconds = float(samples["stamp"][-1] - samples["stamp"][0])
+    stamps = samples["stamp"]
+    kept = f"samples of {stamps[-1] - stamps[0]:.2f} s are on record" if stamps.size else "no samples"
+    message = f"its end was not recorded, as where the program is killed or the disk full; {kept}"
+    row = replace(row, outcome=LOST, ended=ended, message=message)
+    if not stamps.size:
+        return row
     with np.errstate(over="ignore", invalid="ignore"):
         force = np.hypot(np.hypot(samples["force_x"], samples["force_y"]), samples["force_z"])
     return replace(
         row,
         started=row.started or ended,
-        outcome=LOST,
-        ended=ended,
-        message=f"its end was not recorded, as where the program is killed or the disk full; samples of {seconds:.2f} s are on record",
         stage=CATALOGUE.stages.get(samples["stage"][-1], ""),
         peak_force=float(np.max(force)),
-        samples=count,
+        samples=stamps.size,
     )
 
 
