@@ -16,14 +16,9 @@ from drivers.errors import ConfigError
 PICTURE = ".png"
 """Suffix of a single picture."""
 
-Done = Callable[[int, int], None]
-"""Function called after each picture with the number of pictures done and of all."""
-IsEnded = Callable[[], bool]
-"""Function that returns True if the film is to end early."""
-
 
 def write_film(
-    run: RecordedRun, path: Path, at: float | None, done: Done, is_ended: IsEnded = lambda: False
+    run: RecordedRun, path: Path, at: float | None, done: Callable[[int, int], None], is_ended: Callable[[], bool]
 ) -> tuple[int, int]:
     """Write a run in the format of the file's suffix; return the number of pictures in the file, and of all.
 
@@ -31,7 +26,7 @@ def write_film(
         run: The run.
         path: `*.mp4` or `*.webp` for a film in real time, `*.png` for one picture.
         at: Time of the one picture since the first scan, s; None for the last scan.
-        done: Function called after each drawn picture.
+        done: Function called after each drawn picture, with the number of pictures done and of all.
         is_ended: Function that returns True to end the film early: the pictures so far are written; without any, no file.
 
     Raises:
@@ -49,7 +44,7 @@ def write_film(
     with filmed(run, is_fine=film_format is None) as film:
 
         def draw(number: int) -> Image:
-            image = film.frame(times[number])
+            image = film(times[number])
             done(number + 1, len(times))
             return image
 
