@@ -10,6 +10,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any, TypeVar
 
+from cell.records.kept_file import OWNER_ONLY
 from cell.records.schema import (
     LOST,
     TABLES,
@@ -29,8 +30,8 @@ logger = logging.getLogger(__name__)
 Row = TypeVar("Row", RunRow, StageRow, EventRow, ConfigRow)
 
 INDEX = "runs.sqlite"
-OWNER_ONLY, OWNERS_FOLDER = 0o600, 0o700
-"""Permissions of the journal's files and of a folder created for them."""
+OWNERS_FOLDER = 0o700
+"""Permissions of a folder created for the journal."""
 SET_ASIDE = "set-aside.jsonl"
 """Name of the file of rows that the index cannot store, one JSON object per line."""
 
@@ -137,12 +138,11 @@ class Index:
         found = self.execute(f"SELECT {', '.join(names(row))} FROM {TABLES[row]} {where}", values)
         return [row(*each) for each in found]
 
-    def put(self, row: Any, *, is_numbered_here: bool = False, how: str = "INSERT", then: str = "") -> bool:
-        """Write a row. If the index refuses its content, set the row aside in a file.
+    def put(self, row: Any, *, how: str = "INSERT", then: str = "") -> bool:
+        """Write a row; the index numbers an event. If the index refuses the row's content, set the row aside in a file.
 
         Args:
             row: The row.
-            is_numbered_here: True if the index assigns the number in the first column.
             how: Beginning of the statement.
             then: End of the statement.
 
@@ -152,7 +152,7 @@ class Index:
         Raises:
             JournalError: The index cannot be written.
         """
-        columns = names(type(row))[is_numbered_here:]
+        columns = names(type(row))[isinstance(row, EventRow) :]
         marks = ", ".join("?" * len(columns))
         try:
             self.execute(

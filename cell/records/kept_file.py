@@ -11,7 +11,7 @@ from drivers.figures_file import replace_text
 logger = logging.getLogger(__name__)
 
 OWNER_ONLY = 0o600
-"""Permissions of the file."""
+"""Permissions of every file of the records."""
 
 
 class KeptFile:

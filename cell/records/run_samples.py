@@ -3,11 +3,13 @@
 import logging
 import os
 import shutil
+from collections.abc import Collection
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from cell.records.index import OWNER_ONLY, samples_path
+from cell.records.index import samples_path
+from cell.records.kept_file import OWNER_ONLY
 from cell.records.sample_blocks import SampleBlock
 from cell.records.samples import SampleFile
 from cell.records.schema import RunRow, StageRow
@@ -22,12 +24,11 @@ logger = logging.getLogger(__name__)
 class _OpenRun:
     """The samples of one open run."""
 
-    row: RunRow
     file: SampleFile | None = None
     written: int = 0
     """Number of scans on the disk."""
-    lost: int = 0
-    """Number of scans that were not written."""
+    is_whole: bool = True
+    """True if no scan was lost."""
 
 
 class RunSamples:
@@ -41,9 +42,9 @@ class RunSamples:
         """Reason why samples are not written; empty without trouble."""
 
     @property
-    def rows(self) -> list[RunRow]:
-        """Rows of the open runs, as at their start."""
-        return [run.row for run in self._runs.values()]
+    def under_way(self) -> Collection[int]:
+        """Numbers of the open runs."""
+        return self._runs.keys()
 
     def claim(self, after: int) -> int:
         """Return the next free number above `after`; the file of its samples reserves it against other programs.
@@ -67,20 +68,19 @@ class RunSamples:
 
     def begin(self, row: RunRow, facts: SceneFacts | None) -> None:
         """Start the file of a run."""
-        run = self._runs[row.run] = _OpenRun(row)
+        run = self._runs[row.run] = _OpenRun()
         path = samples_path(self._folder, row.run)
         try:
             if self._is_too_full():
                 raise JournalError(f"{path}: not written: the disk is all but full")
             run.file = SampleFile(path, facts, beginning_text(row))
         except (JournalError, OSError) as error:
-            self._give_up(run, error)
+            self._give_up(row.run, error)
 
     def write(self, number: int, block: SampleBlock, ending: str = "") -> None:
         """Write a block of a run; `ending` is the text of the run's end, for the last block."""
         run = self._runs[number]
         if run.file is None:
-            run.lost += block.used
             return
         try:
             if self._is_too_full() and not ending:
@@ -90,8 +90,7 @@ class RunSamples:
             run.file.write(block, ending)
             run.written += block.used
         except JournalError as error:
-            run.lost += block.used
-            self._give_up(run, error)
+            self._give_up(number, error)
 
     def finish(self, row: RunRow, stages: list[StageRow], block: SampleBlock) -> RunRow:
         """Write the last block of a run, close its file, and return its row with the number of samples on the disk."""
@@ -101,27 +100,27 @@ class RunSamples:
         row = replace(row, samples=run.written)
         _close(run)
         del self._runs[row.run]
-        if not run.lost:
+        if run.is_whole:
             self.trouble = ""
         return row
 
-    def lose(self, number: int, scans: int) -> None:
-        """Count scans of a run that are dropped because the disk is too slow."""
+    def lose(self, number: int) -> None:
+        """Register that scans of a run are dropped because the disk is too slow."""
         self.trouble = f"run {number}: the disk takes samples too slowly; some are lost"
         if number in self._runs:
-            self._runs[number].lost += scans
+            self._runs[number].is_whole = False
 
     def close(self) -> None:
         """Close the files of all open runs."""
         for run in self._runs.values():
             _close(run)
 
-    def _give_up(self, run: _OpenRun, error: Exception) -> None:
+    def _give_up(self, number: int, error: Exception) -> None:
         """Stop recording samples of a run."""
+        run = self._runs[number]
         _close(run)
-        run.file = None
-        self.trouble = f"run {run.row.run}: no further samples: {error}"
-        run.lost += 1
+        run.file, run.is_whole = None, False
+        self.trouble = f"run {number}: no further samples: {error}"
         logger.error("%s", self.trouble)
 
     def _is_too_full(self) -> bool:

@@ -76,7 +76,7 @@ def made_again(folder: Path, why: str) -> Index:
         for run, path in sorted(runs.items()):
             _restore(index, run, path)
         text = f"{why}; kept as {aside.name}; {len(runs)} runs restored from their samples"
-        index.put(event("index_damaged", text), is_numbered_here=True)
+        index.put(event("index_damaged", text))
     logger.warning("%s: damaged: %s", folder / INDEX, text)
     return index
 
@@ -123,7 +123,7 @@ def warn_of_clock(index: Index, folder: Path, keep: JournalConfig) -> None:
         f"computer's clock {(wall_clock.now() - newest) / timedelta(days=1):.1f} days ahead of the newest run, at most {keep.days} (journal.days)"
         " believed: that time ages no record; set the clock if it is wrong"
     )
-    index.put(event("clock_ahead", text), is_numbered_here=True)
+    index.put(event("clock_ahead", text))
     logger.warning("%s: %s", folder / INDEX, text)
 
 
@@ -197,7 +197,7 @@ def _restore(index: Index, run: int, path: Path, row: RunRow = UNKNOWN_RUN) -> N
     ended, stages = _as_recorded(run, path, row)
     index.put_ended(ended, stages)
     if ended.outcome == LOST:
-        index.put(event("run_lost", ended.message, run), is_numbered_here=True)
+        index.put(event("run_lost", ended.message, run))
         logger.warning("run %d: %s", run, ended.message)
 
 

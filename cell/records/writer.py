@@ -20,7 +20,8 @@ from pathlib import Path
 from threading import Condition, Thread
 
 from cell.config.cell_config import JournalConfig
-from cell.records.index import OWNER_ONLY, OWNERS_FOLDER, DamagedIndexError, Index, require_own
+from cell.records.index import OWNERS_FOLDER, DamagedIndexError, Index, require_own
+from cell.records.kept_file import OWNER_ONLY
 from cell.records.run_samples import RunSamples
 from cell.records.sample_blocks import SampleBlock
 from cell.records.schema import ConfigRow, EventRow, RunRow, StageRow
@@ -62,8 +63,8 @@ class JournalWriter:
         """Keep the folder, and the limits of its records."""
         self._folder, self._keep = folder, keep
         self._rows: deque[Callable[[Index], object]] = deque()
-        self._blocks: deque[tuple[Callable[[], None], int]] = deque()
-        """Waiting actions on samples, each with its number of scans."""
+        self._blocks: deque[Callable[[], None]] = deque()
+        """Waiting actions on samples."""
         self._changed = Condition()
         self._thread: Thread | None = None
         self._opening: Future[None] = Future()
@@ -122,20 +123,20 @@ class JournalWriter:
             row = replace(row, run=self._ready or self._last + 1)
             self._last, self._ready = row.run, 0
         self._add_row(lambda index: index.put(row, how="INSERT OR IGNORE"))
-        self._add_block(lambda: self._samples.begin(row, facts), 0)
+        self._add_block(lambda: self._samples.begin(row, facts))
         return row
 
     def write(self, run: int, block: SampleBlock) -> None:
         """Write a block of the samples of a run."""
-        self._add_block(lambda: self._samples.write(run, block), block.used, run)
+        self._add_block(lambda: self._samples.write(run, block), droppable_of=run)
 
     def finish(self, row: RunRow, stages: Sequence[StageRow] = (), rest: SampleBlock | None = None) -> None:
         """Write the end of a run and its stages, with its last samples."""
-        self._add_block(lambda: self._finish(row, list(stages), rest or SampleBlock()), 0)
+        self._add_block(lambda: self._finish(row, list(stages), rest or SampleBlock()))
 
     def note(self, row: EventRow) -> None:
         """Write an event; the index numbers it."""
-        self._add_row(lambda index: index.put(row, is_numbered_here=True))
+        self._add_row(lambda index: index.put(row))
 
     def keep_config(self, row: ConfigRow) -> None:
         """Record a whole config, once."""
@@ -149,12 +150,13 @@ class JournalWriter:
             self._rows.append(job)
             self._changed.notify_all()
 
-    def _add_block(self, job: Callable[[], None], scans: int, run: int = 0) -> None:
+    def _add_block(self, job: Callable[[], None], droppable_of: int | None = None) -> None:
+        """Queue an action on samples; if too many wait, one that only writes samples of a run is dropped."""
         with self._changed:
-            if scans and len(self._blocks) >= MOST_BLOCKS:
-                self._samples.lose(run, scans)
+            if droppable_of is not None and len(self._blocks) >= MOST_BLOCKS:
+                self._samples.lose(droppable_of)
                 return
-            self._blocks.append((job, scans))
+            self._blocks.append(job)
             self._changed.notify_all()
 
     def _work(self) -> None:
@@ -291,7 +293,7 @@ class JournalWriter:
             self._index = None
         if self._index is None:
             self._index = opened_to_write(self._folder)
-            close_lost_runs(self._index, self._folder, {row.run for row in self._samples.rows})
+            close_lost_runs(self._index, self._folder, self._samples.under_way)
         return self._index
 
     def _put_aside(self, why: str) -> None:
@@ -314,7 +316,7 @@ class JournalWriter:
             with self._changed:
                 if not self._blocks:
                     return
-                job, _ = self._blocks.popleft()
+                job = self._blocks.popleft()
             job()
 
     def _finish(self, row: RunRow, stages: list[StageRow], block: SampleBlock) -> None:

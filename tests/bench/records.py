@@ -196,7 +196,7 @@ def _put(index: Index, made: Made, run: int, started: datetime, rng: np.random.G
         [replace(stage, run=run, began=stretch * stage.began, ended=stretch * stage.ended) for stage in made.stages],
     )
     for event in made.events:
-        index.put(replace(event, run=run, time=started.isoformat(timespec="milliseconds")), is_numbered_here=True)
+        index.put(replace(event, run=run, time=started.isoformat(timespec="milliseconds")))
 
 
 def _asked(arguments: Sequence[str]) -> tuple[float, float, float]:

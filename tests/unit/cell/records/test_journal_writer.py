@@ -212,7 +212,7 @@ def test_events_age_as_runs_do(tmp_path, monkeypatch):
     with closing(Index(tmp_path, is_read_only=False)) as index:
         for days in (40, 20, 1, -3650):
             time = (now - timedelta(days=days)).isoformat()
-            index.put(EventRow(0, time, 0.0, EventKind.WARNING, f"{days}"), is_numbered_here=True)
+            index.put(EventRow(0, time, 0.0, EventKind.WARNING, f"{days}"))
         clock_ahead_by(monkeypatch, 3651)
         delete_old(index, tmp_path, JournalConfig(days=30))
         assert [row.name for row in index.rows(EventRow)] == ["20", "1", "-3650"]
@@ -428,7 +428,7 @@ def test_a_torn_index_that_cannot_be_put_aside_is_told(tmp_path, turned):
 
 
 def test_an_error_inside_the_writer_is_told_and_its_files_are_closed(tmp_path, turned):
-    turned.after(5.0, lambda: turned.writer._add_block(lambda: 1 // 0, 0))
+    turned.after(5.0, lambda: turned.writer._add_block(lambda: 1 // 0))
     assert turned.work(50.0) < 50.0
     assert turned.writer.trouble == "the journal's writer ended: ZeroDivisionError: integer division or modulo by zero"
     assert not list(tmp_path.glob("*.arrows"))

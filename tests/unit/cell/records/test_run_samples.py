@@ -48,7 +48,7 @@ def test_a_run_whose_file_was_deleted_goes_on_without_samples(samples, tmp_path)
 
 def test_trouble_is_over_once_a_run_is_whole(samples):
     samples.begin(ROW, None)
-    samples.lose(1, 100)
+    samples.lose(1)
     samples.finish(ROW, [], BLOCK)
     assert "some are lost" in samples.trouble
     samples.begin(replace(ROW, run=2), None)
