@@ -10,7 +10,7 @@ from pathlib import Path
 from cell.calibrate.commissioning import Walk, WatchedLine, record
 from cell.calibrate.proofs import prove_switch, prove_wrench
 from cell.calibrate.proven import commissioning, in_force, keep, read
-from cell.commands.arguments import add_cell, devices, file_path, load_config, open_journal, proven_file
+from cell.commands.arguments import add_cell, devices, file_path, load_config, open_journal, out_folder, proven_file
 from cell.commands.terminal import FAULT, GOOD, NOT_GOOD, ask, complain, filled, say, show
 from cell.commands.warm_up import warm_up
 from cell.config.load import LoadedConfig
@@ -78,6 +78,8 @@ def _loaded(args: argparse.Namespace) -> LoadedConfig:
         raise ConfigError("--name, --out: only with --plc HOST")
     if args.only and (args.plc or needs_arm):
         raise ConfigError("--only: not together with --plc, --prove or --loop, which need the whole cell")
+    if args.out is not None:
+        out_folder(args.out.parent)  # made now, so that no record of a whole commissioning is lost
     loaded = load_config(args)
     if loaded.cell.is_simulated and needs_arm:
         raise ConfigError('--prove, --loop: arm.kind = "sim": only for a physical cell')

@@ -166,6 +166,7 @@ def test_a_question_about_what_does_not_exist_is_wrong_use(words, tmp_path, caps
         ["show", "1", "--export", "FILE"],
         ["calibrate", "skin", "--out", "FILE"],
         ["check", "--plc", "line 3", "--out", "FOLDER"],
+        ["check", "--plc", "line 3", "--out", "/proc/none/record.json"],
         ["film", "1", "--out", "FOLDER"],
         ["report", "--out", "FOLDER"],
         ["skin", "--record", "FOLDER"],
