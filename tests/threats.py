@@ -105,7 +105,7 @@ a port is open to everybody unseen
  cell.run.exposure.exposures
  tests/unit/cell/run/test_exposure.py::test_each_open_port_is_named_with_what_it_lets_everybody_do
 a newer dependency behaves in another way
- cell.records.versions.installed
+ cell.records.provenance.installed
  tests/unit/docs/test_dependencies.py::test_every_dependency_has_an_upper_bound_and_its_pin_is_within
 a value that fits in no register
  plc_bridge.protocol.images.Block.pack

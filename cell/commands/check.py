@@ -18,7 +18,7 @@ from cell.config.parameters import PARAMETERS
 from cell.devices.assembly import assemble, check, loop_figures, opened
 from cell.devices.checks import OK, loop_verdict
 from cell.devices.computer import computer
-from cell.records.versions import PROGRAM, installed
+from cell.records.provenance import PROGRAM, installed
 from cell.run.exposure import exposures, key_days, key_verdict
 from cell.run.line import PROGRAMS
 from cell.run.supervisor import Supervisor

@@ -170,9 +170,9 @@ class _Version(argparse.Action):
     """Print the versions and end the program."""
 
     def __call__(self, parser: argparse.ArgumentParser, *_: Any) -> None:
-        from cell.records.versions import told
+        from cell.records.provenance import version_text
 
-        say(told())
+        say(version_text())
         parser.exit()
 
 

@@ -10,7 +10,7 @@ from cell.page import telling
 from cell.page.records import Records
 from cell.page.scene import scene
 from cell.page.traces import NAMES, POINTS, Traces, touch
-from cell.records.versions import PROGRAM, installed
+from cell.records.provenance import PROGRAM, installed
 from cell.run.live import CablePull, Live
 from cell.run.record import scene_facts
 from plc_bridge.bridge import Bridge

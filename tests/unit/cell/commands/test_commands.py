@@ -13,8 +13,8 @@ from cell.commands.cli import COMMANDS, GOOD, WRONG_USE, load_command, main
 from cell.config.nearest import did_you_mean
 from cell.lab.commands.study import STUDIES
 from cell.records.journal import Journal
+from cell.records.provenance import PINS, licence, packages
 from cell.records.schema import EventKind, EventRow, RunRow
-from cell.records.versions import PINS, licence, packages
 from drivers import compiled
 from drivers.errors import FaultCode
 
