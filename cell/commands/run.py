@@ -153,7 +153,7 @@ def _run_here(args: argparse.Namespace) -> int:
     return _told(args, loaded, supervisor, line.refusal)
 
 
-def _told(args: argparse.Namespace, loaded: "LoadedConfig", supervisor: "Supervisor", refusal: "Refusal") -> int:
+def _told(args: argparse.Namespace, loaded: LoadedConfig, supervisor: "Supervisor", refusal: Refusal) -> int:
     """Print how the run ended and where the peg is, and return the exit status."""
     row, where = supervisor.last, words.peg(supervisor.part, loaded.cell.is_simulated)
     if refusal is not Refusal.NONE:
@@ -174,7 +174,7 @@ def _told(args: argparse.Namespace, loaded: "LoadedConfig", supervisor: "Supervi
 class _Shown:
     """Shows progress on a separate thread, so that a blocked terminal does not delay the scan."""
 
-    def __init__(self, bars: "Progress", bar: "TaskID") -> None:
+    def __init__(self, bars: Progress, bar: TaskID) -> None:
         self._bars, self._bar = bars, bar
         self.progress = 0
         self._end = Event()

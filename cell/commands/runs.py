@@ -66,20 +66,13 @@ def run(args: argparse.Namespace) -> int:
     return GOOD
 
 
-def _export(args: argparse.Namespace, journal: Journal, rows: Sequence[RunRow], folder: Path) -> None:
-    files = _exported(args, journal, rows, folder)
-    if args.json:
-        show(args, "", {"runs": [plain(row) for row in rows], "files": [str(path) for path in files]})
-    written(args, files[:3])
-
-
 def _blocks(rows: Sequence[RunRow]) -> Group:
     """Return tables of `BLOCK` runs each, so that the first lines appear before all rows are formatted."""
     return Group(*(_table(rows[first : first + BLOCK]) for first in range(0, max(len(rows), 1), BLOCK)))
 
 
-def _exported(args: argparse.Namespace, journal: Journal, rows: Sequence[RunRow], folder: Path) -> list[Path]:
-    """Write the runs as one table, and the samples of each run as one file, if it has any."""
+def _export(args: argparse.Namespace, journal: Journal, rows: Sequence[RunRow], folder: Path) -> None:
+    """Write the runs as one table, and the samples of each run as one file, if it has any; name the files."""
     from cell.records import sample_export as to
     from cell.records.samples import export_csv, read_samples, torn
 
@@ -110,7 +103,9 @@ def _exported(args: argparse.Namespace, journal: Journal, rows: Sequence[RunRow]
             else:
                 to.write_mcap(row, samples, path)
             files.append(path)
-    return files
+    if args.json:
+        show(args, "", {"runs": [plain(row) for row in rows], "files": [str(path) for path in files]})
+    written(args, files[:3])
 
 
 def _table(rows: Sequence[RunRow]) -> Table:

@@ -2,7 +2,6 @@
 
 import argparse
 from dataclasses import asdict
-from pathlib import Path
 
 from rich.console import Group
 
@@ -10,7 +9,7 @@ from cell.commands import words
 from cell.commands.arguments import add_records, folder_path, out_folder, positive, read_journal
 from cell.commands.terminal import GOOD, complain, show, written
 from cell.records.samples import export_csv, read_samples, torn
-from cell.records.schema import EventKind, RunRow, plain
+from cell.records.schema import EventKind, plain
 from drivers.errors import JournalError
 
 
@@ -29,8 +28,7 @@ def run(args: argparse.Namespace) -> int:
     recorded = journal.samples_path(row.run)
     folder = out_folder(args.export) if args.export else journal.folder
     picture, table = (folder / f"run-{row.run:06d}.{kind}" for kind in ("png", "csv"))
-    tables = [table] if args.export else []
-    files = [picture, *tables] if recorded.exists() else []
+    files = [picture, *([table] if args.export else [])] if recorded.exists() else []
     show(
         args,
         Group(words.run(row, stages), words.events(events)),
@@ -41,16 +39,6 @@ def run(args: argparse.Namespace) -> int:
             "files": [str(path) for path in files],
         },
     )
-    faults = {str(event.code): event.stamp for event in events if event.kind == EventKind.FAULT}
-    _draw(row, recorded, picture, tables, faults)
-    written(args, files)
-    return GOOD
-
-
-def _draw(row: RunRow, recorded: Path, picture: Path, tables: list[Path], faults: dict[str, float]) -> None:
-    """Draw a run, unless its picture is up to date, and write its samples to tables."""
-    # Imported late: the text must not wait for samples and charts.
-
     samples = read_samples(recorded)
     if not samples["stamp"].size:
         raise JournalError(f"{recorded}: torn: no whole block of samples can be read")
@@ -60,6 +48,9 @@ def _draw(row: RunRow, recorded: Path, picture: Path, tables: list[Path], faults
     if not picture.exists() or picture.stat().st_mtime < recorded.stat().st_mtime:
         from cell.film.plots import plot_run
 
+        faults = {str(event.code): event.stamp for event in events if event.kind == EventKind.FAULT}
         plot_run(row, samples, picture, faults)
-    for table in tables:
+    if args.export:
         export_csv(samples, table)
+    written(args, files)
+    return GOOD
