@@ -11,7 +11,7 @@ from pathlib import Path
 from textwrap import TextWrapper
 from typing import TYPE_CHECKING
 
-from cell.config.files import SHIPPED
+from cell.config.files import ARMS, SHIPPED
 
 if TYPE_CHECKING:
     from cell.config.cell_config import CellConfig
@@ -48,11 +48,9 @@ def config_hash(config: "CellConfig") -> str:
 
 def _code_hash() -> str:
     root = Path(__file__).parent.parent.parent
+    files = [file for package in OWN for file in sorted((root / package).rglob("*.py"))]
     digest = hashlib.sha256()
-    for package in OWN:
-        for file in sorted((root / package).rglob("*.py")):
-            digest.update(file.read_bytes())
-    for file in sorted((root / "config" / "arms").glob("*.toml")):
+    for file in (*files, *sorted(ARMS.glob("*.toml"))):
         digest.update(file.read_bytes())
     return digest.hexdigest()[:16]
 

@@ -13,7 +13,7 @@ from cell.commands.cli import COMMANDS, GOOD, WRONG_USE, load_command, main
 from cell.config.nearest import did_you_mean
 from cell.lab.commands.study import STUDIES
 from cell.records.journal import Journal
-from cell.records.provenance import PINS, licence, packages
+from cell.records.provenance import PINS, licence, packages, versions
 from cell.records.schema import EventKind, EventRow, RunRow
 from drivers import compiled
 from drivers.errors import FaultCode
@@ -134,6 +134,12 @@ def test_every_package_of_the_program_says_under_which_licence_it_is():
     assert licences["rich"] == "MIT License"  # a classifier
     assert licences["shtab"] == "MPL-2.0"  # a text alone
     assert licence("nobody-wrote-this") == "not installed"
+
+
+def test_the_fingerprint_of_the_program_covers_the_arm_files_where_they_are_installed(tmp_path, monkeypatch):
+    before = versions.__wrapped__()["code"]
+    monkeypatch.setattr("cell.records.provenance.ARMS", tmp_path)
+    assert versions.__wrapped__()["code"] != before
 
 
 def test_every_package_of_the_program_is_pinned():
