@@ -1,13 +1,12 @@
 """`cell run`: run one skill, program or control, in this process or on a served cell."""
 
 import argparse
-from collections.abc import Callable, Iterable
-from contextlib import ExitStack
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from threading import Event, Thread
 from typing import TYPE_CHECKING
 
 from rich.console import Group
-from rich.progress import Progress, TaskID
 
 from cell.commands import words
 from cell.commands.arguments import (
@@ -135,15 +134,12 @@ def _run_here(args: argparse.Namespace) -> int:
     command = Command(1, code, args.recipe, args.serial, source="terminal")
     with (
         open_journal(args, loaded.cell.journal) as journal,
-        ExitStack() as stack,
         opened(assemble(warm_up(loaded))) as cell,
+        _progress_shown(args.name) as shown,
     ):
-        bars = stack.enter_context(progress())
-        shown = _Shown(bars, bars.add_task(args.name, total=100))
-        stack.callback(shown.end)
 
         def watch(report: Report) -> None:
-            shown.progress = report.progress
+            shown[0] = report.progress
             if report.sequence == command.sequence and report.result is not Result.NONE:
                 args.stop.set()
 
@@ -171,22 +167,22 @@ def _told(args: argparse.Namespace, loaded: LoadedConfig, supervisor: "Superviso
     return GOOD if row.outcome == Outcome.SUCCESS else NOT_GOOD
 
 
-class _Shown:
-    """Shows progress on a separate thread, so that a blocked terminal does not delay the scan."""
+@contextmanager
+def _progress_shown(name: str) -> Iterator[list[int]]:
+    """Yield a list with the progress, %, which a separate thread shows, so that a blocked terminal does not delay the scan."""
+    shown, end = [0], Event()
+    with progress() as bars:
+        bar = bars.add_task(name, total=100)
 
-    def __init__(self, bars: Progress, bar: TaskID) -> None:
-        self._bars, self._bar = bars, bar
-        self.progress = 0
-        self._end = Event()
-        self._thread = Thread(target=self._show, name="progress", daemon=True)
-        self._thread.start()
+        def show_on() -> None:
+            # Period of the progress display, s.
+            while not end.wait(0.1):
+                bars.update(bar, completed=shown[0])
 
-    def end(self) -> None:
-        """Stop the display."""
-        self._end.set()
-        self._thread.join(1.0)
-
-    def _show(self) -> None:
-        # Period of the progress display, s.
-        while not self._end.wait(0.1):
-            self._bars.update(self._bar, completed=self.progress)
+        thread = Thread(target=show_on, name="progress", daemon=True)
+        thread.start()
+        try:
+            yield shown
+        finally:
+            end.set()
+            thread.join(1.0)
