@@ -49,10 +49,9 @@ class Parser(argparse.ArgumentParser):
             raise ConfigError(f"{word}: no such option of {self.prog}{did_you_mean(word, known)}")
 
     def _check_value(self, action: argparse.Action, value: Any) -> None:
-        if action.choices is not None and value not in action.choices:
-            known = [str(choice) for choice in action.choices]
-            what = action.metavar if isinstance(action.metavar, str) else "/".join(action.option_strings)
-            raise ConfigError(f"{what} {value}: {', '.join(known)} allowed{did_you_mean(str(value), known)}")
+        if action.choices is not None:
+            what = "/".join(action.option_strings) or str(action.metavar)
+            require_known(what, value, action.choices)
 
 
 def add_shared(parser: argparse.ArgumentParser) -> None:
@@ -195,7 +194,7 @@ def period_of(args: argparse.Namespace, names: tuple[str, str] = ("--since", "--
 def add_query(parser: argparse.ArgumentParser) -> None:
     """Add the options that select runs."""
     add_period(parser)
-    parser.add_argument("--outcome", metavar="WORD", help="success, failure, aborted, fault, lost or running")
+    parser.add_argument("--outcome", choices=OUTCOMES, metavar="WORD", help=f"{', '.join(OUTCOMES)}")
     parser.add_argument("--part", metavar="SERIAL", help="serial number of the part")
     parser.add_argument("--program", metavar="NAME", help="name of the program or skill")
     parser.add_argument("--recipe", type=natural, metavar="N", help="number of the part's recipe")
@@ -205,10 +204,8 @@ def query_of(args: argparse.Namespace) -> RunQuery:
     """Return the selection of runs from the options.
 
     Raises:
-        ConfigError: A time or a word in it is wrong.
+        ConfigError: A time in it is wrong.
     """
-    if args.outcome is not None:
-        require_known("--outcome", args.outcome, OUTCOMES)
     return RunQuery(*period_of(args), args.outcome, args.fault, args.part, args.program, args.recipe)
 
 
