@@ -118,27 +118,21 @@ def _show(args: argparse.Namespace) -> int:
     if args.in_force:
         return _show_plan(args, loaded)
     settings = [each for each in in_force(loaded, args.recipe) if _is_in(each.key.name, args.section)]
-    if args.json:
-        data = [
-            {"key": each.key.name, "value": toml(each.value), "unit": each.key.unit, "from": each.origin}
-            for each in settings
-        ]
-        say(json.dumps(data, indent=2))
-    else:
-        say(as_toml(replace(each, origin=_short(each.origin)) for each in settings))
-    return GOOD
+    data = [
+        {"key": each.key.name, "value": toml(each.value), "unit": each.key.unit, "from": each.origin}
+        for each in settings
+    ]
+    return show(args, as_toml(replace(each, origin=_short(each.origin)) for each in settings), data)
 
 
 def _show_plan(args: argparse.Namespace, loaded: LoadedConfig) -> int:
     found = [each for each in planned(loaded, args.recipe, args.attempt) if _is_in(each.name, args.section)]
-    if args.json:
-        say(json.dumps([asdict(each) for each in found], indent=2))
-        return GOOD
+    lines = []
     for each in found:
         why = f"changed by {', '.join(each.reasons)}" if each.reasons else ""
         notes = (each.unit, _short(each.origin), why, "CAPPED" if each.is_capped else "")
-        say(f"{each.name} = {toml(each.value)}  # {', '.join(filter(None, notes))}")
-    return GOOD
+        lines.append(f"{each.name} = {toml(each.value)}  # {', '.join(filter(None, notes))}")
+    return show(args, "\n".join(lines), [asdict(each) for each in found])
 
 
 def _is_in(name: str, section: str) -> bool:
