@@ -165,22 +165,19 @@ def _places_table(found: MeasuredPlaces, config: CellConfig, path: Path) -> Grou
     def within(value: float) -> str:
         return f"± {value * 1e3:.2f}"
 
-    table = Table(
-        "place",
-        "off by",
-        "95 %",
-        title=f"{found.unit}; written: {path}",
-        caption="mm, beside what the config says, as this arm sees it",
+    rack = zip("xy", found.rack, found.rack_interval, strict=True)
+    rows = (
+        ("plate, height in the middle", mm(found.height - config.hole.centre[2]), within(found.height_interval)),
+        ("plate, tilt (degrees)", f"{math.degrees(found.tilt):.2f}", ""),
+        ("plate, uneven (rms)", f"{found.uneven * 1e3:.2f}", ""),
+        *((f"rack, along {axis}", mm(off), within(interval)) for axis, off, interval in rack),
+        *(
+            (f"peg {n}, further out of the hand than the mean", mm(longer), "")
+            for n, longer in enumerate(found.pegs, 1)
+        ),
     )
-    table.add_row(
-        "plate, height in the middle", mm(found.height - config.hole.centre[2]), within(found.height_interval)
-    )
-    table.add_row("plate, tilt (degrees)", f"{math.degrees(found.tilt):.2f}", "")
-    table.add_row("plate, uneven (rms)", f"{found.uneven * 1e3:.2f}", "")
-    for axis, off, interval in zip("xy", found.rack, found.rack_interval, strict=True):
-        table.add_row(f"rack, along {axis}", mm(off), within(interval))
-    for number, longer in enumerate(found.pegs, 1):
-        table.add_row(f"peg {number}, further out of the hand than the mean", mm(longer), "")
+    title, caption = f"{found.unit}; written: {path}", "mm, beside what the config says, as this arm sees it"
+    table = filled(("place", "off by", "95 %"), rows, title=title, caption=caption)
     told = (
         f"for the cell's file:\n\n{found.sections}"
         if found.sections
