@@ -353,21 +353,13 @@ class Refused:
 
 
 def test_the_free_space_is_looked_at_at_the_start_and_every_few_seconds(tmp_path, monkeypatch):
-    free = [2000]
+    free = [1000]
     monkeypatch.setattr(journal_writer.shutil, "disk_usage", lambda folder: SimpleNamespace(free=free[0]))
     turned, told = Turned(monkeypatch, tmp_path, least_free=1000), []
     turned.after(500.0, lambda: (told.append(turned.writer.is_disk_low), free.__setitem__(0, 999)))
     turned.after(500.0 + 3.0 * DISK_PERIOD, lambda: told.append(turned.writer.is_disk_low))
     turned.work(600.0)
     assert told == [False, True]
-
-
-@pytest.mark.parametrize(("free", "is_low"), [(1000, False), (999, True)])
-def test_a_disk_with_less_than_is_asked_for_is_low_from_the_start(tmp_path, monkeypatch, free, is_low):
-    monkeypatch.setattr(journal_writer.shutil, "disk_usage", lambda folder: SimpleNamespace(free=free))
-    turned = Turned(monkeypatch, tmp_path, least_free=1000)
-    turned.work(0.0)
-    assert turned.writer.is_disk_low is is_low
 
 
 def test_what_is_beyond_the_limits_is_deleted_at_the_start_and_once_an_hour(tmp_path, monkeypatch):

@@ -26,18 +26,6 @@ def test_a_number_is_claimed_by_the_file_of_its_samples(samples, tmp_path):
     assert samples.claim(after=0) == 3
 
 
-def test_a_number_that_was_not_used_is_given_back(samples):
-    samples.give_back(samples.claim(after=0))
-    assert samples.claim(after=0) == 1
-
-
-def test_the_row_of_a_run_counts_what_is_on_the_disk(samples):
-    samples.begin(ROW, None)
-    samples.write(1, BLOCK)
-    assert samples.finish(ROW, [], BLOCK).samples == 4
-    assert samples.trouble == ""
-
-
 def test_a_run_whose_file_was_deleted_goes_on_without_samples(samples, tmp_path):
     samples.begin(ROW, None)
     samples_path(tmp_path, 1).unlink()
