@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import asdict
+from itertools import accumulate
 
 from prometheus_client import CONTENT_TYPE_LATEST, CollectorRegistry, generate_latest
 from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, HistogramMetricFamily, Metric
@@ -43,7 +44,9 @@ class CellCollector(Collector):
             yield kind(f"cell_{name}", self._said[f"diagnostics_{name}"], value=value)
         said = "time that the Modbus TCP servers spent on requests"
         yield CounterMetricFamily("cell_modbus_seconds", said, value=figures.served)
-        yield from _products(figures)
+        yield CounterMetricFamily("cell_insertions", "insertions that have ended", value=figures.tags.processed)
+        said = "insertions that did not end in success"
+        yield CounterMetricFamily("cell_insertions_defective", said, value=figures.tags.defective)
         yield from _states(figures)
         yield from _scans(figures)
         keys = GaugeMetricFamily(
@@ -53,12 +56,6 @@ class CellCollector(Collector):
             for name, days in key_days(self._tls).items():
                 keys.add_metric([name], days)
         yield keys
-
-
-def _products(figures: Figures) -> Iterator[Metric]:
-    yield CounterMetricFamily("cell_insertions", "insertions that have ended", value=figures.tags.processed)
-    said = "insertions that did not end in success"
-    yield CounterMetricFamily("cell_insertions_defective", said, value=figures.tags.defective)
 
 
 def _states(figures: Figures) -> Iterator[Metric]:
@@ -72,10 +69,8 @@ def _states(figures: Figures) -> Iterator[Metric]:
 
 
 def _scans(figures: Figures) -> Iterator[Metric]:
-    buckets, below = [], 0
-    for bound, count in zip((*BOUNDS, float("inf")), figures.intervals.counts, strict=True):
-        below += count
-        buckets.append((str(bound) if bound != float("inf") else "+Inf", float(below)))
+    bounds, below = (*map(str, BOUNDS), "+Inf"), map(float, accumulate(figures.intervals.counts))
+    buckets = list(zip(bounds, below, strict=True))
     said = "time from one scan to the next"
     yield HistogramMetricFamily("cell_scan_interval_seconds", said, buckets=buckets, sum_value=figures.intervals.total)
     longest = "longest time from one scan to the next since the start"
