@@ -3,6 +3,7 @@
 import json
 from collections import deque
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from cell.config.load import LoadedConfig
@@ -73,7 +74,8 @@ class PageHub:
         self._ticks += 1
         looks = self._live.take()
         added = self.traces.add(looks)
-        report = telling.still(self._bridge.report_for(SPECTATOR))
+        # Without its life counter, so that equal contents compare equal.
+        report = replace(self._bridge.report_for(SPECTATOR), life=0, life_tail=0)
         unplugged = self._live.unplugged
         if report != self._report or unplugged != self._unplugged:
             self._unplugged = unplugged

@@ -1,7 +1,7 @@
 """The state of the cell in words for the page: activity, fault, next step; pure."""
 
 from collections.abc import Sequence
-from dataclasses import asdict, replace
+from dataclasses import asdict
 
 from cell.peg.ending import explained
 from cell.peg.part_state import REMEDIES, Action, ActionWords, PartState
@@ -83,11 +83,6 @@ def permitted(state: State, unplugged: Sequence[str] = ()) -> list[str]:
     ]
     starts = ["start"] if state in (State.IDLE, State.COMPLETE) and not unplugged else []
     return [*starts, *asked, *(BY_PERSON if state in WAITING else ())]
-
-
-def still(image: Report) -> Report:
-    """Return a report without its life counter, so that equal contents compare equal."""
-    return replace(image, life=0, life_tail=0)
 
 
 def told(image: Report, message: str, evidence: str, unplugged: Sequence[str] = ()) -> dict[str, object]:
