@@ -7,10 +7,9 @@ from dataclasses import asdict, replace
 
 from rich.box import SIMPLE_HEAD
 from rich.console import Group
-from rich.table import Table
 
 from cell.commands.arguments import add_query, add_records, file_path, query_of, read_journal, require_program
-from cell.commands.terminal import GOOD, show, written
+from cell.commands.terminal import GOOD, filled, show, written
 from cell.report.facts import Facts, facts_of
 from cell.report.queries import SHIFTS
 from cell.report.words import require_kind, tables
@@ -57,11 +56,10 @@ def _report(args: argparse.Namespace) -> int:
         require_program(query)
     shown = []
     for title, head, rows in tables(facts):
-        table = Table(*head, title=title, title_justify="left", box=SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
+        dense = {"box": SIMPLE_HEAD, "pad_edge": False, "padding": (0, 1, 0, 0)}
+        table = filled(head, rows, title=title, title_justify="left", **dense)
         # The start of a shift stays on one line.
         table.columns[0].min_width = len("12-31 22:00")
-        for row in rows:
-            table.add_row(*row)
         shown.append(table)
     show(args, Group(*shown), _data(facts) if args.json else None)
     if args.out is not None:
