@@ -23,7 +23,7 @@ from cell.lab.rate_test import RateTest, Verdict
 from cell.lab.report import StudyReport, reported
 from cell.lab.rows import average, average_error, quantile, successes, write_rows
 from cell.lab.tables import TURNS, VARIANTS, Columns, table
-from cell.lab.trials import MakeProbe, Program, TrialRow, insert_peg, no_probe, run_trials
+from cell.lab.trials import MakeProbe, Probe, Program, TrialRow, insert_peg, run_trials
 from cell.records.provenance import versions
 from cell.records.statistics import wilson
 from drivers.errors import CellError
@@ -46,7 +46,7 @@ class Variant:
     """Preset that replaces the config's own; None keeps the config's."""
     sets: tuple[str, ...] = ()
     """Single keys, `KEY=VALUE`, on top of the preset."""
-    probe: MakeProbe = no_probe
+    probe: MakeProbe = Probe
     """Function that prepares each trial and returns its probe."""
     program: Program = insert_peg
     """Program of its trials."""
@@ -120,7 +120,7 @@ def chosen(study: str, is_quick: bool, families: Sequence[str] = (), option: str
         ConfigError: A family is unknown.
     """
     data = section(study)
-    probe, common = resolve_name(data.get("probe", "cell.lab.trials:no_probe")), data.get("common", ())
+    probe, common = resolve_name(data.get("probe", "cell.lab.trials:Probe")), data.get("common", ())
     found = {
         each["family"]: Variant(
             each["family"], preset=each.get("preset"), sets=(*common, *each.get("sets", ())), probe=probe

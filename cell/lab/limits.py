@@ -18,7 +18,7 @@ from cell.lab.compare import chosen, compared, config_of, section
 from cell.lab.report import StudyReport, reported
 from cell.lab.rows import quantile, successes
 from cell.lab.tables import Columns, table
-from cell.lab.trials import TrialRow
+from cell.lab.trials import Probe, TrialRow
 from drivers.frames import angle_between
 from drivers.quantities import ImpedanceSetpoint, Vector
 from sim.world.metering import OVER_FORCE
@@ -40,12 +40,13 @@ COVER, TURN, DOWN, DAMPED, WALLS = (
 """Phases: a bound for each; the last two add the law's damping, and walls that wait until the hand is upright."""
 
 
-class Phases:
+class Phases(Probe):
     """Observes the phases of a trial in the simulation's truth."""
 
     def __init__(self, cell: Cell, ctx: SkillContext) -> None:
         """Begin without observations."""
-        self._cell, self._ctx, self._world = cell, ctx, world_of(cell)
+        super().__init__(cell, ctx)
+        self._world = world_of(cell)
         self._stage, self._began = "", 0.0
         self._mass = math.nan
         """Effective mass of the hand along the normal at the peg's lowest point in the search, kg."""

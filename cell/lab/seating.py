@@ -19,7 +19,7 @@ from cell.lab.compare import chosen, compared, config_of, section
 from cell.lab.report import StudyReport, reported
 from cell.lab.rows import average, known, quantile
 from cell.lab.tables import Columns, share, table
-from cell.lab.trials import TrialRow
+from cell.lab.trials import Probe, TrialRow
 from cell.peg.ending import Ending
 from cell.peg.part_state import PartState
 from cell.peg.success import LastLook, SeatingProof, evidence_for, judged
@@ -43,14 +43,15 @@ SHOWN = 6
 """Largest number of curves of one case in the picture."""
 
 
-class Seating:
+class Seating(Probe):
     """Observes one trial as the gate does, and stores the result of the last curve of force against height."""
 
     def __init__(self, cell: Cell, ctx: SkillContext) -> None:
         """Begin with the evidence of the job."""
         assert cell.truth is not None
         assert ctx.job.hole.latch is not None
-        self._cell, self._ctx, self._latch = cell, ctx, ctx.job.hole.latch
+        super().__init__(cell, ctx)
+        self._latch = ctx.job.hole.latch
         self._proof = evidence_for(ctx.job.hole)
         self._curve, self._shown = Force(), Force()
         self._said: Signature | None = None

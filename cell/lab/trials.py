@@ -12,7 +12,7 @@ from functools import partial
 from itertools import filterfalse, takewhile
 from operator import attrgetter
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol, TextIO
+from typing import TYPE_CHECKING, Any, TextIO
 
 from cell.config.cell_config import CellConfig
 from cell.devices.assembly import Cell, assemble, opened
@@ -21,7 +21,7 @@ from cell.lab.rows import known, successes, write_rows
 from cell.lab.workers import on_cluster, on_processes
 from cell.peg.ending import Ending, ending_of
 from cell.peg.part_state import PartState
-from cell.peg.success import LastLook, Proof, SeatingProof, evidence_for, judged
+from cell.peg.success import LastLook, SeatingProof, evidence_for, judged
 from cell.records.provenance import config_hash, versions
 from cell.records.statistics import spread, wilson
 from cell.run.record import StageClock
@@ -38,37 +38,22 @@ if TYPE_CHECKING:
     from sim.world.truth import Truth
 
 
-class Probe(Protocol):
-    """Measures more of a trial than every row has."""
+class Probe:
+    """Observes one trial and adds columns to its row; this one adds none."""
+
+    def __init__(self, cell: Cell, ctx: SkillContext) -> None:
+        """Observe a trial that is about to begin; parts of its context may be replaced."""
+        self._cell, self._ctx = cell, ctx
 
     def record(self, seen: Observation, setpoint: ImpedanceSetpoint | None) -> None:
-        """Add one scan."""
+        """Observe one scan."""
 
     def columns(self, records: Sequence[StageRecord]) -> dict[str, str]:
         """Return further columns of the row, by name, from the stages of the ended trial."""
-
-
-MakeProbe = Callable[[Cell, SkillContext], Probe]
-"""Function of a module that prepares a trial and returns its probe; it may replace parts of the context."""
-
-
-@dataclass(frozen=True, slots=True)
-class NoProbe:
-    """Measures nothing more."""
-
-    def record(self, seen: Observation, setpoint: ImpedanceSetpoint | None) -> None:
-        """Add nothing."""
-
-    def columns(self, records: Sequence[StageRecord]) -> dict[str, str]:
-        """Return no column."""
         return {}
 
 
-def no_probe(cell: Cell, ctx: SkillContext) -> Probe:
-    """Return the probe of a trial whose row has all columns of interest."""
-    return NoProbe()
-
-
+MakeProbe = Callable[[Cell, SkillContext], Probe]
 Program = Callable[[Cell, SkillContext], list[StageRecord]]
 """Function of a module that inserts a peg in an opened cell; a study can replace the cell's own program."""
 
@@ -152,11 +137,11 @@ class Watcher:
     ctx: SkillContext
     probe: Probe
     """Measures more in the same scans."""
+    proof: SeatingProof
+    """Evidence of the trial so far, of the kind required for the job's hole."""
     clock: StageClock = field(default_factory=StageClock)
     ending: "Truth | None" = None
     """True state at the end of the insertion, before the removal of any part."""
-    proof: SeatingProof = field(default_factory=Proof)
-    """Evidence of the trial so far, of the kind required for the job's hole."""
     found_error: float | None = None
     """Distance of the peg's end from the hole's axis in the first scan after the last search, m; None before."""
     count: int = 0
@@ -164,10 +149,6 @@ class Watcher:
     """Sum of squared errors of theta, rad²."""
     tip: float = 0.0
     """Sum of squared errors of the tip, m²."""
-
-    def __post_init__(self) -> None:
-        """Begin with the evidence of the job."""
-        self.proof = evidence_for(self.ctx.job.hole)
 
     def record(self, seen: Observation, setpoint: ImpedanceSetpoint | None) -> None:
         """Add one scan."""
@@ -206,7 +187,7 @@ class Watcher:
         return math.sqrt(total / self.count) if self.count else None
 
 
-def run_trial(config: CellConfig, seed: int, probe: MakeProbe = no_probe, program: Program = insert_peg) -> TrialRow:
+def run_trial(config: CellConfig, seed: int, probe: MakeProbe = Probe, program: Program = insert_peg) -> TrialRow:
     """Run a program once on a fresh cell of this seed, without sockets and without waiting for the wall clock."""
     wall = time.perf_counter()
     with opened(assemble(seeded(config, seed))) as cell:
@@ -238,7 +219,7 @@ def _insert(watcher: Watcher, program: Program) -> tuple[list[StageRecord], Endi
 def trial_in(
     cell: Cell,
     seed: int,
-    probe: MakeProbe = no_probe,
+    probe: MakeProbe = Probe,
     program: Program = insert_peg,
 ) -> TrialRow:
     """Run a program once in an opened cell.
@@ -248,7 +229,7 @@ def trial_in(
     wall = time.perf_counter()
     assert cell.truth is not None
     ctx, began = cell.context(seed), cell.clock.now()
-    watcher = Watcher(cell, ctx, probe(cell, ctx))
+    watcher = Watcher(cell, ctx, probe(cell, ctx), evidence_for(ctx.job.hole))
     ctx.callbacks = replace(ctx.callbacks, ended=watcher.clock.end, record=watcher.record)
     records, ending, outcome, reason = _insert(watcher, program)
     truth = watcher.ending or cell.truth()
@@ -301,7 +282,7 @@ def run_trials(
     done: Callable[[TrialRow], None],
     scheduler: str | None = None,
     is_enough: Callable[[Sequence[TrialRow]], bool] | None = None,
-    probe: MakeProbe = no_probe,
+    probe: MakeProbe = Probe,
     program: Program = insert_peg,
     run: Callable[..., TrialRow] = run_trial,
 ) -> list[TrialRow]:

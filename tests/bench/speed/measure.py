@@ -22,7 +22,7 @@ from tempfile import TemporaryDirectory
 from cell.config.cell_config import CellConfig
 from cell.config.load import LoadedConfig
 from cell.devices.assembly import assemble, opened
-from cell.lab.trials import NoProbe, run_trial, seeded, trial_in
+from cell.lab.trials import Probe, run_trial, seeded, trial_in
 from drivers.quantities import ImpedanceSetpoint
 from skills.contract import Observation
 from tests.bench.speed.reference import bare_second
@@ -61,7 +61,7 @@ def stored() -> tuple[dict[str, Stored], dict[str, Stored]]:
 
 
 @dataclass(frozen=True, slots=True)
-class Each(NoProbe):
+class Each(Probe):
     """Calls a function in every scan."""
 
     note: Callable[[], None]
