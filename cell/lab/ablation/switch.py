@@ -5,9 +5,9 @@ from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
-from importlib import import_module
-from inspect import getattr_static
+from pkgutil import resolve_name
 from typing import Any
+from unittest.mock import patch
 
 Function = Callable[..., Any]
 
@@ -20,7 +20,7 @@ class Rule:
     says: str
     """What the rule does, in one sentence."""
     target: str = ""
-    """Function that carries the rule, `module:qualified.name`; empty for a rule of the config."""
+    """Function that carries the rule, `module.qualified.name`; empty for a rule of the config."""
     off: Function | None = None
     """Replacement of the target; its first argument is the original function. None leaves the target as it is."""
     acts: Function | None = None
@@ -28,7 +28,7 @@ class Rule:
     always: bool = False
     """True if the rule acts in every trial."""
     values: Mapping[str, Any] = field(default_factory=dict)
-    """Values of attributes, by `module:qualified.name`, instead of the target's replacement or with it."""
+    """Values of attributes, by `module.qualified.name`, instead of the target's replacement or with it."""
     keys: Sequence[str] = ()
     """Keys of the config, `KEY=VALUE`, without the rule."""
     scenes: Sequence[str] = ()
@@ -44,30 +44,9 @@ class Watch:
     """Time in each rule's target, s."""
 
 
-def _owner(target: str) -> tuple[Any, str]:
-    """Return the object that has the attribute of a target, and the attribute's name."""
-    module, path = target.split(":")
-    owner: Any = import_module(module)
-    *outer, name = path.split(".")
-    for each in outer:
-        owner = getattr(owner, each)
-    return owner, name
-
-
-@contextmanager
-def _set(target: str, value: Any) -> Iterator[None]:
-    owner, name = _owner(target)
-    before = getattr_static(owner, name)
-    setattr(owner, name, value)
-    try:
-        yield
-    finally:
-        setattr(owner, name, before)
-
-
 def _wrapped(rule: Rule, make: Callable[..., Function], *given: Any) -> Any:
     """Return the attribute that replaces the rule's target: a function, or a property if the target is one."""
-    real = getattr_static(*_owner(rule.target))
+    real = resolve_name(rule.target)
     if isinstance(real, property):
         return property(make(*given, real.fget))
     return make(*given, real)
@@ -107,7 +86,7 @@ def watching(rules: Sequence[Rule]) -> Iterator[Watch]:
     with ExitStack() as stack:
         for rule in rules:
             if rule.target:
-                stack.enter_context(_set(rule.target, _wrapped(rule, _watched, rule, watch)))
+                stack.enter_context(patch(rule.target, _wrapped(rule, _watched, rule, watch)))
         yield watch
 
 
@@ -117,7 +96,7 @@ def without(rules: Sequence[Rule]) -> Iterator[None]:
     with ExitStack() as stack:
         for rule in rules:
             for target, value in rule.values.items():
-                stack.enter_context(_set(target, value))
+                stack.enter_context(patch(target, value))
             if rule.off is not None:
-                stack.enter_context(_set(rule.target, _wrapped(rule, _replaced, rule.off)))
+                stack.enter_context(patch(rule.target, _wrapped(rule, _replaced, rule.off)))
         yield
