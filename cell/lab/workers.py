@@ -15,6 +15,7 @@ from itertools import islice
 from multiprocessing import connection
 from queue import Empty, SimpleQueue
 from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
+from unittest.mock import patch
 
 from cell.lab.arguments import advancing
 from cell.records.provenance import versions
@@ -103,7 +104,7 @@ class Pool(ProcessPoolExecutor):
 
     def submit(self, fn: Callable[P, Row], /, *args: P.args, **kwargs: P.kwargs) -> "ProcessFuture[Row]":
         """Submit a task, and start one more process if all are busy and the limit allows it."""
-        with _one_thread_each(), _deaf_children():
+        with patch.dict(os.environ, dict.fromkeys(THREADS, "1")), _deaf_children():
             return super().submit(fn, *args, **kwargs)
 
     def leave(self) -> None:
@@ -237,18 +238,3 @@ def _on_worker(task: Callable[[int], Row], wanted: dict[str, str], seed: int) ->
 
 def _first_line(error: Exception) -> str:
     return (str(error) or type(error).__name__).splitlines()[0]
-
-
-@contextmanager
-def _one_thread_each() -> Iterator[None]:
-    """Make child processes use one thread each."""
-    before = {name: os.environ.get(name) for name in THREADS}
-    os.environ.update(dict.fromkeys(THREADS, "1"))
-    try:
-        yield
-    finally:
-        for name, value in before.items():
-            if value is None:
-                del os.environ[name]
-            else:
-                os.environ[name] = value
