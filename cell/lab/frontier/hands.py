@@ -11,8 +11,8 @@ import numpy as np
 
 from cell.devices.assembly import Cell, make_tracker
 from cell.lab.trials import Program, insert_peg
-from drivers.protocols import Skin
 from drivers.quantities import TaxelFrame
+from sim.boards.faulty import FaultyDevice
 from skills.catalogue import GRASP
 from skills.contract import SkillContext
 from skills.flow import StageRecord
@@ -32,12 +32,14 @@ class Given:
         return self._given(measured) if measured.healthy else measured
 
 
+def _give(cell: Cell, ctx: SkillContext, given: Callable[[PegPose], PegPose]) -> None:
+    """Let the hand take the pose of a held peg for another one than the measured."""
+    ctx.perception = replace(ctx.perception, tracker=Given(make_tracker(cell.config), given))
+
+
 def take_for_straight(cell: Cell, ctx: SkillContext) -> None:
     """Let the hand take theta for 0."""
-    ctx.perception = replace(
-        ctx.perception,
-        tracker=Given(make_tracker(cell.config), lambda measured: replace(measured, theta=0.0, offset=0.0)),
-    )
+    _give(cell, ctx, lambda measured: replace(measured, theta=0.0, offset=0.0))
 
 
 def insert_with_frozen_theta(cell: Cell, ctx: SkillContext) -> list[StageRecord]:
@@ -49,7 +51,7 @@ def insert_with_frozen_theta(cell: Cell, ctx: SkillContext) -> list[StageRecord]
             held[:] = [measured]
         return replace(held[0], stamp=measured.stamp)
 
-    ctx.perception = replace(ctx.perception, tracker=Given(make_tracker(cell.config), given))
+    _give(cell, ctx, given)
     return insert_peg(cell, ctx)
 
 
@@ -62,49 +64,28 @@ def insert_with_exact_theta(cell: Cell, ctx: SkillContext) -> list[StageRecord]:
         theta, _ = pivot()
         return measured if math.isnan(theta) else replace(measured, theta=theta)
 
-    ctx.perception = replace(ctx.perception, tracker=Given(make_tracker(cell.config), given))
+    _give(cell, ctx, given)
     return insert_peg(cell, ctx)
 
 
 def with_biased_theta(program: Program, bias: float, cell: Cell, ctx: SkillContext) -> list[StageRecord]:
     """Run a program whose measured theta is wrong by a constant, rad."""
-
-    def given(measured: PegPose) -> PegPose:
-        return replace(measured, theta=measured.theta + bias)
-
-    ctx.perception = replace(ctx.perception, tracker=Given(make_tracker(cell.config), given))
+    _give(cell, ctx, lambda measured: replace(measured, theta=measured.theta + bias))
     return program(cell, ctx)
 
 
 def with_lost_frames(program: Program, arriving: float, cell: Cell, ctx: SkillContext) -> list[StageRecord]:
-    """Run a program whose skin delivers only a share of its frames, drawn from the trial's seed."""
-    ctx.devices = replace(ctx.devices, skin=Losing(ctx.devices.skin, arriving, cell.config.first_seed))
+    """Run a program whose skin delivers only a share of its frames, drawn from the trial's seed; a reader sees the last one that arrived."""
+    rng = np.random.default_rng([cell.config.first_seed, 7])
+    newest, shown = -math.inf, list[TaxelFrame]()
+
+    def arrived(frame: TaxelFrame) -> TaxelFrame:
+        nonlocal newest
+        if frame.stamp > newest:
+            newest = frame.stamp
+            if not shown or rng.uniform() < arriving:
+                shown[:] = [frame]
+        return shown[0]
+
+    ctx.devices = replace(ctx.devices, skin=FaultyDevice(ctx.devices.skin, arrived))
     return program(cell, ctx)
-
-
-class Losing:
-    """A skin that loses frames at random: a reader sees the last one that arrived."""
-
-    def __init__(self, skin: Skin, arriving: float, seed: int) -> None:
-        """Begin with no frame."""
-        self._skin, self._arriving, self._rng = skin, arriving, np.random.default_rng([seed, 7])
-        self._newest: TaxelFrame | None = None
-        self._shown: TaxelFrame | None = None
-
-    def open(self) -> None:
-        """Open the skin."""
-        self._skin.open()
-
-    def close(self) -> None:
-        """Close the skin."""
-        self._skin.close()
-
-    def read(self) -> TaxelFrame:
-        """Return the newest frame that was not lost."""
-        frame = self._skin.read()
-        if self._newest is None or frame.stamp > self._newest.stamp:
-            self._newest = frame
-            if self._shown is None or self._rng.uniform() < self._arriving:
-                self._shown = frame
-        assert self._shown is not None
-        return self._shown
