@@ -19,7 +19,7 @@ from cell.commands.arguments import out_folder, require_known
 from cell.config.cell_config import CellConfig
 from cell.config.load import load
 from cell.lab.arguments import advancing, load_simulated, seeds_of
-from cell.lab.rate_test import RateTest, Verdict
+from cell.lab.rate_test import RateTest
 from cell.lab.report import StudyReport, reported
 from cell.lab.rows import average, average_error, quantile, successes, write_rows
 from cell.lab.tables import TURNS, VARIANTS, Columns, table
@@ -153,9 +153,6 @@ def compared(
     folder = out_folder(args.out)
     lines, found = list[VariantLine](), list[list[TrialRow]]()
 
-    def verdict(rows: Sequence[TrialRow]) -> Verdict:
-        return Verdict.OPEN if test is None else test.verdict(len(rows) - len(successes(rows)), len(rows))
-
     with advancing("trials", len(tried) * len(seeds)) as done:
         for variant in tried:
             rows, trouble = list[TrialRow](), ""
@@ -167,7 +164,7 @@ def compared(
                     folder / variant.folder,
                     lambda row: done(1),
                     getattr(args, "scheduler", None),
-                    lambda rows: len(rows) == len(seeds) or verdict(rows) is not Verdict.OPEN,
+                    None if test is None else test.is_answered,
                     variant.probe,
                     variant.program,
                 )
@@ -177,7 +174,7 @@ def compared(
                 logger.exception("%s", variant.folder)
                 trouble = " ".join(f"{type(error).__name__}: {error}".split())
             done(len(seeds) - len(rows))
-            lines.append(_line(variant, rows, trouble, verdict(rows) if test is not None and rows else ""))
+            lines.append(_line(variant, rows, trouble, test.of(rows) if test is not None and rows else ""))
             found.append(rows)
             write_rows(lines, folder / table)
     return Compared(lines, found, _title(lines, seeds), folder)

@@ -1,8 +1,11 @@
 """Sequential test of a share of lost trials; pure."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
+
+from cell.lab.rows import Ended, successes
 
 
 class Verdict(StrEnum):
@@ -41,3 +44,11 @@ class RateTest:
         if abs(ratio) < bound:
             return Verdict.OPEN
         return Verdict.BAD if ratio > 0.0 else Verdict.GOOD
+
+    def of(self, rows: Sequence[Ended]) -> Verdict:
+        """Return the answer of trials."""
+        return self.verdict(len(rows) - len(successes(rows)), len(rows))
+
+    def is_answered(self, rows: Sequence[Ended]) -> bool:
+        """Return True if trials are enough for an answer."""
+        return self.of(rows) is not Verdict.OPEN

@@ -8,7 +8,7 @@ import argparse
 import json
 import math
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping
 from functools import partial
 from itertools import product
 from pathlib import Path
@@ -26,7 +26,7 @@ from cell.lab.rate_test import RateTest, Verdict
 from cell.lab.report import StudyReport, reported
 from cell.lab.rows import successes, write_rows
 from cell.lab.tables import Columns, table
-from cell.lab.trials import Program, TrialRow, run_trials
+from cell.lab.trials import Program, run_trials
 from drivers.config_model import ConfigModel
 from drivers.errors import ConfigError
 from drivers.quantities import Vector
@@ -105,23 +105,18 @@ def _told(figures: Vector) -> str:
     return f"{values[0]:.3g}" if len(values) == 1 else f"{values[0]:.3g}..{values[-1]:.3g}"
 
 
-def next_level(held: Mapping[int, bool], count: int) -> int | None:
-    """Return the number of the level to test next: the hardest first, then by bisection; None if the boundary is known.
+def boundary(holds: Callable[[int], bool], count: int) -> tuple[int, int]:
+    """Return the numbers of the last level that holds and the first that fails; -1 and `count` if there is none.
 
     Args:
-        held: Answer by number of the level, from honest to hardest.
+        holds: Function that tests the level of a number, from honest to hardest: the hardest first, then by bisection.
         count: Number of levels.
     """
-    last, first = boundary(held, count)
-    if first == count:
-        return count - 1 if last < count - 1 else None
-    return (last + first) // 2 if first - last > 1 else None
-
-
-def boundary(held: Mapping[int, bool], count: int) -> tuple[int, int]:
-    """Return the numbers of the last level that holds and the first that fails; -1 and `count` if there is none."""
-    first = min((number for number, holds in held.items() if not holds), default=count)
-    return max((number for number, holds in held.items() if holds and number < first), default=-1), first
+    last, first, number = -1, count, count - 1
+    while first - last > 1:
+        last, first = (number, first) if holds(number) else (last, number)
+        number = (last + first) // 2
+    return last, first
 
 
 SWEPT = {
@@ -147,10 +142,8 @@ class Levels:
 
     def margin(self, share: float) -> ErrorMargin:
         """Return the levels between which success falls to a share; run the trials of the levels in question."""
-        levels, held = self._swept.levels, dict[int, bool]()
-        while (number := next_level(held, len(levels))) is not None:
-            held[number] = self._holds(number, share)
-        last, first = boundary(held, len(levels))
+        levels = self._swept.levels
+        last, first = boundary(lambda number: self._holds(number, share), len(levels))
         holds = levels[last] if last >= 0 else math.nan
         seen = {number: self._counts[number] for number in (last, first) if number in self._counts}
         return ErrorMargin(
@@ -173,9 +166,6 @@ class Levels:
         level, test = self._swept.levels[number], TESTS[share]
         space = self._method.space(SCENE, self._args.config, self._args.set)
 
-        def verdict(rows: Sequence[TrialRow]) -> Verdict:
-            return test.verdict(len(rows) - len(successes(rows)), len(rows))
-
         try:
             rows = run_trials(
                 space.config((*space.sets(self._figures), *self._swept.sets(level, self._errors))),
@@ -183,15 +173,15 @@ class Levels:
                 self._args.workers,
                 self._folder / f"{level:g}",
                 lambda row: None,
-                is_enough=lambda rows: verdict(rows) is not Verdict.OPEN,
+                is_enough=test.is_answered,
                 program=self._swept.made(self._method.made(self._figures), level),
             )
         except ConfigError:  # the config, or an error drawn for a trial, is beyond the limits of cell or stand-in
             self._counts[number] = "refused"
             return False
-        good = len(successes(rows))
+        good, verdict = len(successes(rows)), test.of(rows)
         self._counts[number] = f"{good}/{len(rows)}"
-        return verdict(rows) is Verdict.GOOD or (verdict(rows) is Verdict.OPEN and good >= share * len(rows))
+        return good >= share * len(rows) if verdict is Verdict.OPEN else verdict is Verdict.GOOD
 
 
 def run(args: argparse.Namespace) -> StudyReport:

@@ -5,7 +5,7 @@ import pytest
 
 from cell.config.files import ERRORS_FILE, SHIPPED
 from cell.config.load import load
-from cell.lab.margins.study import SWEPT, boundary, next_level, size_of, wider
+from cell.lab.margins.study import SWEPT, boundary, size_of, wider
 from sim.config import RealityConfig
 from sim.world.reality import read
 
@@ -15,10 +15,13 @@ ERRORS = REALITY.errors
 
 def found(first_failing, count):
     """Return the boundary that bisection finds, and the number of levels it tests."""
-    held = {}
-    while (number := next_level(held, count)) is not None:
-        held[number] = number < first_failing
-    return boundary(held, count), len(held)
+    tested = []
+
+    def holds(number):
+        tested.append(number)
+        return number < first_failing
+
+    return boundary(holds, count), len(tested)
 
 
 @pytest.mark.parametrize("first_failing", range(10))
