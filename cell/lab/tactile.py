@@ -35,7 +35,7 @@ from sim.hand.pads import PadLoad, Pads
 from sim.hand.skin import Taxels
 from skills.catalogue import INSERT
 from skills.tactile.estimators import ESTIMATORS
-from skills.tactile.pose import Estimator, PegPose
+from skills.tactile.pose import Estimator
 
 LOOKS = ((GREY, "s"), (BLUE, "^"), (PURPLE, "o"), (GREEN, "v"))
 """Colours and markers of the estimators, in their order."""
@@ -88,8 +88,6 @@ ON_LAYER = CONDITIONS[:4]
 class Read:
     """Result of one frame and one estimator."""
 
-    theta: float
-    """True angle, rad."""
     error: float
     """Estimated angle minus the true one, folded to half a turn, rad."""
     sigma: float
@@ -126,12 +124,13 @@ def study(config: CellConfig, is_quick: bool, done: Callable[[int], None]) -> li
         is_quick: True for a twentieth of the frames.
         done: Called with 1 after every kind of frames.
     """
-    skin, count = simulated_skin(config), QUICK_FRAMES if is_quick else FRAMES
+    count = QUICK_FRAMES if is_quick else FRAMES
     lines: list[TactileLine] = []
     for layout in LAYOUTS:
-        estimators = {name: make_estimator(_with(config, layout, name)) for name in ESTIMATORS}
+        config = config.model_copy(update={"skin": config.skin.model_copy(update={"layout": layout})})
+        estimators = {name: make_estimator(config.with_params(INSERT, estimator=name)) for name in ESTIMATORS}
         for model, condition in kinds():
-            frames = list(made(skin, layout, model, condition, count, config))
+            frames = list(made(config, model, condition, count))
             for name, estimator in estimators.items():
                 copy(estimator).estimate(frames[0][1])
                 reads = reads_of(estimator, frames, condition.forgets)
@@ -156,19 +155,17 @@ def kinds() -> list[tuple[Model, Condition]]:
     return [*(("springs", condition) for condition in CONDITIONS), *(("layer", condition) for condition in ON_LAYER)]
 
 
-def _with(config: CellConfig, layout: Layout, name: str) -> CellConfig:
-    skin = config.skin.model_copy(update={"layout": layout})
-    return config.with_params(INSERT, estimator=name).model_copy(update={"skin": skin})
+def made(config: CellConfig, model: Model, condition: Condition, count: int) -> Iterator[tuple[float, TaxelFrame]]:
+    """Yield true angle, rad, and frame of each grasp, always the same ones.
 
-
-def made(
-    skin: SimSkinConfig, layout: Layout, model: Model, condition: Condition, count: int, config: CellConfig
-) -> Iterator[tuple[float, TaxelFrame]]:
-    """Yield true angle, rad, and frame of each grasp, always the same ones."""
+    Raises:
+        ConfigError: The skin is not simulated.
+    """
+    skin = simulated_skin(config)
+    layout = skin.layout
     rng = np.random.default_rng(np.random.SeedSequence([list(LAYOUTS).index(layout), *condition.name.encode()]))
     skin = skin.model_copy(
         update={
-            "layout": layout,
             "noise": min(condition.noise * skin.noise, 0.2),
             "sensitivity": condition.sensitivity * skin.sensitivity,
         }
@@ -232,14 +229,6 @@ def depths_of(peg: Peg, layout: Layout) -> tuple[float, float]:
     return low * GRIP / load, high * GRIP / load
 
 
-def read(estimate: Callable[[TaxelFrame], PegPose], theta: float, frame: TaxelFrame) -> Read:
-    """Return an estimator's result for a frame of a peg held at `theta`, rad."""
-    started = time.perf_counter()
-    pose = estimate(frame)
-    spent = time.perf_counter() - started
-    return Read(theta, (pose.theta - theta + math.pi / 2) % math.pi - math.pi / 2, pose.sigma, pose.healthy, spent)
-
-
 def reads_of(estimator: Estimator, frames: Sequence[tuple[float, TaxelFrame]], forgets: bool) -> list[Read]:
     """Return an estimator's results for frames, each given with the peg's true angle, rad.
 
@@ -248,8 +237,15 @@ def reads_of(estimator: Estimator, frames: Sequence[tuple[float, TaxelFrame]], f
         frames: True angles, rad, and frames.
         forgets: True if every frame is the estimator's first.
     """
-    reader = copy(estimator)
-    return [read((copy(estimator) if forgets else reader).estimate, theta, frame) for theta, frame in frames]
+    reader, reads = copy(estimator), []
+    for theta, frame in frames:
+        reader = copy(estimator) if forgets else reader
+        started = time.perf_counter()
+        pose = reader.estimate(frame)
+        spent = time.perf_counter() - started
+        error = (pose.theta - theta + math.pi / 2) % math.pi - math.pi / 2
+        reads.append(Read(error, pose.sigma, pose.healthy, spent))
+    return reads
 
 
 def summed(layout: str, model: str, condition: str, estimator: str, reads: Sequence[Read]) -> TactileLine:

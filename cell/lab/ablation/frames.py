@@ -7,7 +7,7 @@ from cell.config.load import load
 from cell.devices.assembly import make_estimator
 from cell.lab.ablation.rules import RULES, SCENES
 from cell.lab.ablation.switch import Rule, without
-from cell.lab.tactile import CONDITIONS, Condition, Model, TactileLine, kinds, made, reads_of, simulated_skin, summed
+from cell.lab.tactile import CONDITIONS, Condition, Model, TactileLine, kinds, made, reads_of, summed
 from drivers.quantities import TaxelFrame
 
 NOMINAL = CONDITIONS[0]
@@ -42,8 +42,7 @@ def _frames(count: int) -> Iterator[tuple[str, list[tuple[float, TaxelFrame]]]]:
 
 
 def _made(scene: str, model: Model, condition: Condition, count: int) -> list[tuple[float, TaxelFrame]]:
-    config = load(sets=SCENES[scene]).cell
-    return list(made(simulated_skin(config), config.skin.layout, model, condition, count, config))
+    return list(made(load(sets=SCENES[scene]).cell, model, condition, count))
 
 
 def _spoilt(frame: TaxelFrame, number: int) -> TaxelFrame:

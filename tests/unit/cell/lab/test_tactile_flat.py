@@ -7,7 +7,7 @@ import pytest
 
 from cell.config.load import load
 from cell.lab.elastic_layer import layer_pads
-from cell.lab.tactile import CONDITIONS, DEPTHS, GRIP, depths_of, made, simulated_skin
+from cell.lab.tactile import CONDITIONS, DEPTHS, GRIP, depths_of, made
 from drivers.part.rectangular import Rectangular
 from drivers.part.round import Round
 
@@ -38,7 +38,7 @@ def test_the_print_of_a_face_is_as_broad_as_the_face_and_not_as_the_part_is_thic
         cell = load(
             sets=("peg.shape=rectangular", f"peg.sides=[0.008, {sides}]", f"hole.sides=[0.0081, {sides + 1e-4}]")
         ).cell
-        frames = list(made(simulated_skin(cell), LAYOUT, model, CONDITIONS[0], 12, cell))
+        frames = list(made(cell, model, CONDITIONS[0], 12))
         breadths.append(
             np.mean([(np.maximum(frame.values, 0.0) > 0.3 * frame.values.max()).sum() for _, frame in frames])
         )
