@@ -11,7 +11,7 @@ import math
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import cycle
+from itertools import cycle, product
 from typing import Any
 
 import numpy as np
@@ -176,72 +176,49 @@ def size(part: Part) -> str:
 def measure_rung(rung: Rung, azimuths: Sequence[float], peg: Part, hole: Part) -> RungRow:
     """Measure one rung on a peg and its hole; if the model cannot work, the row gives the reason."""
     try:
-        return _measure_rung(rung, azimuths, peg, hole)
+        with native.quiet():
+            return _measure_rung(rung, azimuths, peg, hole)
     except Exception as error:  # any failure of a model is a row of the ladder, not the end of the study
         return RungRow(rung.name, rung.family, rung.timestep, f"{type(error).__name__}: {error}")
 
 
 def _measure_rung(rung: Rung, azimuths: Sequence[float], peg: Part, hole: Part) -> RungRow:
-    pushes = _push_in(rung, azimuths, peg, hole)
-    errors = {degrees: max(push.error for push in pushes if push.degrees == degrees) for degrees in (*SHALLOW, *STEEP)}
-    penetration = max(push.penetration for push in pushes)
+    pushes: list[tuple[int, float, rig.Pushed]] = []  # tilt, degrees; relative error of the depth; result
+    spent = 0.0  # core time of the pushes without meters, s
+    for degrees, azimuth in product((*SHALLOW, *STEEP), azimuths):
+        tilt = math.radians(degrees)
+        place = (peg, tilt, azimuth, PUSH, SECONDS)
+        pushed = rig.push(rig.tilted_peg(peg, hole, tilt, azimuth, 0.0, rung.timestep, rung.model), *place)
+        bare = rig.tilted_peg(peg, hole, tilt, azimuth, 0.0, rung.timestep, rung.model, is_judged=False)
+        started = time.thread_time()
+        rig.push(bare, *place)
+        spent += time.thread_time() - started
+        error = abs(pushed.depth / exact_depth(peg, hole, rig.attitude(tilt, azimuth)) - 1.0)
+        pushes.append((degrees, error if math.isfinite(error) else math.inf, pushed))
+    penetration = max(pushed.penetration for _, _, pushed in pushes)
     return RungRow(
         name=rung.name,
         family=rung.family,
         timestep=rung.timestep,
-        real_time=len(pushes) * SECONDS / sum(push.spent for push in pushes),
-        shallow_error=max(errors[degrees] for degrees in SHALLOW),
-        steep_error=max(errors[degrees] for degrees in STEEP),
+        real_time=len(pushes) * SECONDS / spent,
+        shallow_error=max(error for degrees, error, _ in pushes if degrees in SHALLOW),
+        steep_error=max(error for degrees, error, _ in pushes if degrees in STEEP),
         penetration=penetration,
         is_void=penetration > min(VOID_PENETRATION, VOID_SHARE * peg.clearance(hole)),
-        rests=all(push.rests for push in pushes),
+        rests=all(pushed.speed < AT_REST for _, _, pushed in pushes),
         drag=_seams(rung, peg, hole),
         keeps_out=_keeps_out(rung, hole),
     )
 
 
-@dataclass(frozen=True, slots=True)
-class _Push:
-    """One push of the ladder."""
-
-    degrees: int
-    error: float
-    """Relative error of the depth; infinite if the state is no longer finite."""
-    penetration: float
-    """Deepest penetration that lasted longer than 2 ms, m."""
-    rests: bool
-    spent: float
-    """Core time of the push without meters, s."""
-
-
-def _push_in(rung: Rung, azimuths: Sequence[float], peg: Part, hole: Part) -> list[_Push]:
-    """Push the peg in at every tilt and azimuth."""
-    made = []
-    with native.quiet():
-        for degrees in (*SHALLOW, *STEEP):
-            tilt = math.radians(degrees)
-            for azimuth in azimuths:
-                place = (peg, tilt, azimuth, PUSH, SECONDS)
-                pushed = rig.push(rig.tilted_peg(peg, hole, tilt, azimuth, 0.0, rung.timestep, rung.model), *place)
-                bare = rig.tilted_peg(peg, hole, tilt, azimuth, 0.0, rung.timestep, rung.model, is_judged=False)
-                started = time.thread_time()
-                rig.push(bare, *place)
-                spent = time.thread_time() - started
-                error = abs(pushed.depth / exact_depth(peg, hole, rig.attitude(tilt, azimuth)) - 1.0)
-                error = error if math.isfinite(error) else math.inf
-                made.append(_Push(degrees, error, pushed.penetration, bool(pushed.speed < AT_REST), spent))
-    return made
-
-
 def _seams(rung: Rung, peg: Part, hole: Part) -> float:
     """Return the largest peak-to-peak lateral force over solid plate, N."""
     seams, tilt = 0.0, math.pi / 4
-    with native.quiet():
-        for direction in (0.4, 1.9):
-            over = rig.tilted_peg(peg, hole, tilt, 0.0, 0.0, rung.timestep, rung.model, is_judged=False)
-            # Distance between a dragged peg's edge path and the hole's rim, m.
-            swing = rig.drag(over, peg, tilt, direction, hole.reach + 2.45e-3)
-            seams = max(seams, swing if math.isfinite(swing) else math.inf)
+    for direction in (0.4, 1.9):
+        over = rig.tilted_peg(peg, hole, tilt, 0.0, 0.0, rung.timestep, rung.model, is_judged=False)
+        # Distance between a dragged peg's edge path and the hole's rim, m.
+        swing = rig.drag(over, peg, tilt, direction, hole.reach + 2.45e-3)
+        seams = max(seams, swing if math.isfinite(swing) else math.inf)
     return seams
 
 
@@ -249,13 +226,12 @@ def _keeps_out(rung: Rung, hole: Part) -> bool:
     """Return True if a peg thicker than the hole goes no deeper than its tilt allows."""
     # Excess of the too thick peg over the hole on every side, m.
     thick, azimuth = hole.grown(1e-5), 0.3
-    with native.quiet():
-        for degrees in (1, 5):
-            tilt = math.radians(degrees)
-            over = rig.tilted_peg(thick, hole, tilt, azimuth, 0.2, rung.timestep, rung.model)
-            depth = rig.push(over, thick, tilt, azimuth, PUSH, SECONDS).depth
-            if not depth <= 1.01 * exact_depth(thick, hole, rig.attitude(tilt, azimuth)) + VOID_PENETRATION:
-                return False
+    for degrees in (1, 5):
+        tilt = math.radians(degrees)
+        over = rig.tilted_peg(thick, hole, tilt, azimuth, 0.2, rung.timestep, rung.model)
+        depth = rig.push(over, thick, tilt, azimuth, PUSH, SECONDS).depth
+        if not depth <= 1.01 * exact_depth(thick, hole, rig.attitude(tilt, azimuth)) + VOID_PENETRATION:
+            return False
     return True
 
 
