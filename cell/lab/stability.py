@@ -9,11 +9,12 @@ only theta is as old as the frame, with the configured smoothing, and x_p, v and
 
 import argparse
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace
 from functools import partial
-from itertools import product
+from itertools import groupby, product
+from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
@@ -127,25 +128,10 @@ Theory = Mapping[tuple[str, float, int], float]
 """First unstable gain, N/m or N·m/rad, by kind, period and delay, for the arm's own inertia at the pose of the map."""
 
 
-@dataclass(frozen=True, slots=True)
-class Shipped:
-    """One gain of the config, and its distance from the theoretical boundary."""
-
-    skill: str
-    kind: str
-    period: float
-    """Period of the skin's frames, s."""
-    gain: float
-    limit: float
-    """First unstable gain, with unchanged damping ratio and the error as old as a frame used at once."""
-    margin: float
-    """Limit divided by gain."""
-
-
-def shipped_margins(config: CellConfig) -> list[Shipped]:
-    """Return the margins of every gain in the loop through the skin."""
+def shipped_margins(config: CellConfig) -> list[dict[str, Any]]:
+    """Return a row for every gain in the loop through the skin: skill, period of the frames, s, and its `Margin`."""
     return [
-        Shipped(key.removesuffix(".gains"), found.kind, 1.0 / config.skin.rate, found.gain, found.limit, found.factor)
+        {"skill": key.removesuffix(".gains"), "period": 1.0 / config.skin.rate, **asdict(found), "margin": found.factor}
         for key, gains in config.steered().items()
         for found in margins(gains, config.skin.rate, config.place())
     ]
@@ -404,44 +390,40 @@ def caught(traces: Sequence[StepTrace]) -> dict[str, int]:
     }
 
 
-def panels(kind: str, traces: Sequence[StepTrace], theory: Theory, shipped: Sequence[Shipped]) -> list[Panel]:
-    """Return the map of translation or of rotation: delays side by side, the observer off above and on below."""
-    groups: dict[tuple[bool, int], list[StepTrace]] = {}
-    for trace in traces:
-        if trace.case.kind == kind:
-            groups.setdefault((trace.case.observer, trace.case.delay), []).append(trace)
-    return [_panel(groups[group], theory, shipped) for group in sorted(groups)]
-
-
 def _row(trace: StepTrace, theory: Theory) -> dict[str, Any]:
     facts = asdict(trace)
     return {**facts.pop("case"), "theory": limit_of(trace.case, theory), **facts}
 
 
-def _drawn(kind: str, drawn: Sequence[Panel], cases: int, folder: Path) -> Path:
-    title = f"Stability in {kind} on the whole simulated arm, {cases} cases, one run a point"
-    return draw_panels(drawn, title, folder / f"stability_{kind}.png", len(drawn) // 2, legend=3)
+def draw(
+    kind: str, traces: Sequence[StepTrace], theory: Theory, shipped: Sequence[Mapping[str, Any]], folder: Path
+) -> Path:
+    """Draw the map of translation or of rotation: delays side by side, the observer off above and on below; return the file."""
+    of_kind = (trace for trace in traces if trace.case.kind == kind)
+    groups = groupby(of_kind, key=lambda trace: (trace.case.observer, trace.case.delay))
+    panels = [_panel(list(group), theory, shipped) for _, group in groups]
+    title = f"Stability in {kind} on the whole simulated arm, {len(traces)} cases, one run a point"
+    return draw_panels(panels, title, folder / f"stability_{kind}.png", len(panels) // 2, legend=3)
 
 
-def _panel(traces: Sequence[StepTrace], theory: Theory, shipped: Sequence[Shipped]) -> Panel:
+def _panel(traces: Sequence[StepTrace], theory: Theory, shipped: Sequence[Mapping[str, Any]]) -> Panel:
     """Return the map of cases with common kind, observer and delay."""
     case = traces[0].case
     periods = sorted({trace.case.period for trace in traces})
-    curves = [_points(_places(filter(is_so, traces)), *look, is_hollow=True) for look, is_so in MARKS.items()]
+    curves = [
+        _points([(trace.case.period, trace.case.gain) for trace in filter(is_so, traces)], *look, is_hollow=True)
+        for look, is_so in MARKS.items()
+    ]
     if not case.observer:
         line = [(period, theory[case.kind, period, case.delay]) for period in periods]
         curves.append(_points(line, "boundary of theory, the arm's own inertia", GREEN, "-", 1.5))
     if case.delay == 0:
-        own = [(each.period, each.gain) for each in shipped if each.kind == case.kind]
+        own = [(each["period"], each["gain"]) for each in shipped if each["kind"] == case.kind]
         curves.append(_points(own, "shipped gains", INK, "*", 3.0))
     ticks = [1e3 * period for period in periods]
     labels = "period of the skin (ms)", f"gain in {case.kind} ({UNITS[case.kind]})"
     title = f"{NAMES[case.observer]}\nframes used {case.delay} periods late"
     return Panel(title, *labels, curves, "xy", ticks, x_limits=(ticks[0] / 1.4, ticks[-1] * 1.4))
-
-
-def _places(traces: Iterable[StepTrace]) -> list[tuple[float, float]]:
-    return [(trace.case.period, trace.case.gain) for trace in traces]
 
 
 def _points(
@@ -473,15 +455,15 @@ def run(args: argparse.Namespace) -> StudyReport:
     theory, shipped = boundaries(config.params(INSERT).gains, inertia, grid), shipped_margins(config)
     arm, guard = compare(traces, theory), caught(traces)
     rows = [_row(trace, theory) for trace in traces]
-    charts = [_drawn(kind, panels(kind, traces, theory, shipped), len(traces), folder) for kind in HELD]
+    charts = [draw(kind, traces, theory, shipped, folder) for kind in HELD]
     columns: Columns = {
-        "value": lambda line: f"{line.gain:g} {UNITS[line.kind]}",
-        "unstable from": lambda line: f"{line.limit:.4g} {UNITS[line.kind]}",
-        "margin": lambda line: f"{line.margin:.2f} times",
+        "value": lambda line: f"{line['gain']:g} {UNITS[line['kind']]}",
+        "unstable from": lambda line: f"{line['limit']:.4g} {UNITS[line['kind']]}",
+        "margin": lambda line: f"{line['margin']:.2f} times",
     }
     shown = table(
         "Gains that the skin steers, against the boundary of theory",
-        {"skill": lambda line: line.skill, "gain": lambda line: line.kind},
+        {"skill": itemgetter("skill"), "gain": itemgetter("kind")},
         columns,
         shipped,
         f"margin needed {MARGIN:g}; n = {len(traces)}. Observer off: {arm['stable_below']} stable below the boundary"
