@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
 from pathlib import Path
 
 from cell.lab.charts import INK, Curve, Panel, draw_panels
@@ -104,10 +103,13 @@ def _curves(
     without a success has its count in the legend.
     """
     of = sorted((line for line in _of(lines, method, scene) if _scale(line)), key=_scale)
-    joined = [line for line in of if success(line) > 50.0]
-    apart = [line for line in of if 0.0 < success(line) <= 50.0]
-    yield replace(_curve(joined, method, value, has_bars=value is success), label=_label(method, of))
-    yield replace(_curve(apart, method, value), style="o", is_hollow=True)
+    for is_joined in (True, False):
+        shown = [line for line in of if line.successes and (success(line) > 50.0) is is_joined]
+        has_bars = is_joined and value is success
+        low, high = ([100.0 * getattr(line, end) for line in shown if has_bars] for end in ("low", "high"))
+        at = [line.mean for line in shown], [value(line) for line in shown]
+        look = METHODS[method].colour, _label(method, of) if is_joined else "", "o-" if is_joined else "o"
+        yield Curve(*at, *look, low=low, high=high, is_hollow=not is_joined)
 
 
 def _label(method: str, of: Sequence[VariantLine]) -> str:
@@ -115,14 +117,6 @@ def _label(method: str, of: Sequence[VariantLine]) -> str:
     if not of:
         return ""
     return method if any(line.successes for line in of) else f"{method}: 0 of {sum(line.trials for line in of)}"
-
-
-def _curve(
-    lines: Sequence[VariantLine], method: str, value: Callable[[VariantLine], float], has_bars: bool = False
-) -> Curve:
-    low, high = ([100.0 * getattr(line, end) for line in lines if has_bars] for end in ("low", "high"))
-    times, values = [line.mean for line in lines], [value(line) for line in lines]
-    return Curve(times, values, METHODS[method].colour, "", "o-", low=low, high=high)
 
 
 def _marks(lines: Sequence[VariantLine], method: str, scene: str) -> Iterator[Curve]:
