@@ -46,8 +46,8 @@ OUT_AND_QUICK: Options = {
 
 
 def seeded(meaning: str) -> Options:
-    """Return the options --seed and --trials; `meaning` describes the trials and gives their default number."""
-    return {**SEED, "--trials": {"type": positive, "metavar": "N", "help": meaning}}
+    """Return the options --seed, --trials and --workers; `meaning` describes the trials and gives their default number."""
+    return {**SEED, "--trials": {"type": positive, "metavar": "N", "help": meaning}, **WORKERS}
 
 
 def several(option: str, meaning: str) -> Options:

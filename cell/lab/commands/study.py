@@ -16,7 +16,6 @@ STUDIES = {
             **seeded("most trials of a point, a test ends them where the answer is clear; default 40, with --quick 1"),
             **METHOD,
             **several("--scene", "a scene"),
-            **WORKERS,
             "--scheduler": SCHEDULER,
         },
     ),
@@ -53,7 +52,6 @@ STUDIES = {
                 "help": "only the rules of the angle, on N frames of each kind",
             },
             **seeded("of each scene with all rules; default 40, with --quick 1"),
-            **WORKERS,
         },
         has_cell=False,
     ),
@@ -62,21 +60,19 @@ STUDIES = {
         "what each model of the stand-in changes: the same trials with one of them in a simpler form",
         {
             **seeded("trials of each variant; default 60, with --quick 1"),
-            **WORKERS,
             **several("--only", "a group of variants"),
         },
     ),
     "seating": Plan(
         "cell.lab.seating",
         "holes without a switch: seated parts that are missed, and others taken for seated, by force against depth",
-        {**seeded("trials of each case; default 20, with --quick 1"), **WORKERS, **several("--case", "a case")},
+        {**seeded("trials of each case; default 20, with --quick 1"), **several("--case", "a case")},
     ),
     "margins": Plan(
         "cell.lab.margins.study",
         "how large each error may be: the levels at which a method loses a tenth and half of its pegs, by bisection",
         {
             **seeded("trials of each level at most; default 24, with --quick 6"),
-            **WORKERS,
             **METHOD,
             **several("--error", "an error"),
         },
@@ -91,14 +87,13 @@ STUDIES = {
         "time by number of the part on a cell that learns where the hole is, beside one that does not and one told wrongly",
         {
             **seeded("series in each mode; default 10, with --quick 1"),
-            **WORKERS,
             "--parts": {"type": positive, "metavar": "N", "help": "parts of one fixture; default 20, with --quick 3"},
         },
     ),
     "events": Plan(
         "cell.lab.events",
         "hole events, false and true: how often a search stops without a hole, how soon where there is one",
-        {**seeded("searches without a hole; default 1000, with --quick 4"), **WORKERS},
+        seeded("searches without a hole; default 1000, with --quick 4"),
     ),
     "tactile": Plan(
         "cell.lab.tactile",
@@ -109,13 +104,13 @@ STUDIES = {
     ),
     "limits": Plan(
         "cell.lab.limits",
-        "what limits each phase: the bound by formula beside what trials of the default and of fast reach",
-        {**seeded("of each preset; default 24, with --quick 1"), **WORKERS},
+        "what limits each phase: the bound by formula beside what trials reach",
+        seeded("trials; default 24, with --quick 1"),
     ),
     "paper": Plan(
         "cell.lab.paper",
         "the published method under honest errors, beside the published table",
-        {**seeded("trials, on seeds 500 after --seed; default 40 as in [gibbons], with --quick 1"), **WORKERS},
+        seeded("trials, on seeds 500 after --seed; default 40 as in [gibbons], with --quick 1"),
     ),
 }
 """Studies by name. An installed program lacks `faults`, which attacks cells."""
