@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
-from cell.lab.published import PUBLISHED_ATTEMPTS, PUBLISHED_SUCCESSES, PUBLISHED_TOTAL, StageLine
+from cell.lab.published import PUBLISHED_TOTAL, StageLine
 from cell.records.statistics import wilson
 
 CHART = "speed_accuracy.png"
@@ -169,18 +169,21 @@ def draw_speed_accuracy(line: StageLine, path: Path) -> Path:
         path: File to write.
     """
     curves = []
-    time = math.nan if line.time is None else line.time
-    for name, colour, style, good, of, mean in (
-        ("[gibbons], Table I", INK, "s", PUBLISHED_SUCCESSES, PUBLISHED_ATTEMPTS, PUBLISHED_TOTAL),
-        ("this cell, simulated", BLUE, "o", line.successes, line.attempts, time),
+    for name, colour, style, each in (
+        ("[gibbons], Table I", INK, "s", PUBLISHED_TOTAL),
+        ("this cell, simulated", BLUE, "o", line),
     ):
-        low, high = wilson(good, of)
-        label = f"{name}: {good}/{of}, " + (f"{mean:.1f} s" if math.isfinite(mean) else "no time")
-        rate = 100.0 * good / max(of, 1)
-        curves.append(Curve([mean], [rate], colour, label, style, low=[100.0 * low], high=[100.0 * high]))
+        low, high = wilson(each.successes, each.attempts)
+        label = f"{name}: {each.successes}/{each.attempts}, " + (
+            "no time" if each.time is None else f"{each.time:.1f} s"
+        )
+        time, rate = math.nan if each.time is None else each.time, 100.0 * each.successes / max(each.attempts, 1)
+        curves.append(Curve([time], [rate], colour, label, style, low=[100.0 * low], high=[100.0 * high]))
     labels = (
         "mean total time of successes: search + insertion + adjustment (s)",
         "success rate (%), Wilson 95 % interval",
     )
-    panel = Panel("", *labels, curves, x_limits=(0.0, 1.15 * np.nanmax([PUBLISHED_TOTAL, time])), y_limits=(0.0, 104.0))
+    panel = Panel(
+        "", *labels, curves, x_limits=(0.0, 1.15 * max(PUBLISHED_TOTAL.time, line.time or 0.0)), y_limits=(0.0, 104.0)
+    )
     return draw_panels([panel], "Speed against accuracy", path)

@@ -8,7 +8,7 @@ from cell.records.statistics import mean
 
 @dataclass(frozen=True, slots=True)
 class PublishedStage:
-    """One row of [gibbons], Table I."""
+    """One row of [gibbons], Table I, or all of them together."""
 
     name: str
     label: str
@@ -23,7 +23,7 @@ PUBLISHED: tuple[PublishedStage, ...] = (
     PublishedStage("tactile_insert", "insertion", 38, 39, 24.1),
     PublishedStage("spiral_adjust", "adjustment", 38, 38, 10.1),
 )
-PUBLISHED_SUCCESSES, PUBLISHED_ATTEMPTS, PUBLISHED_TOTAL = 38, 40, 54.1
+PUBLISHED_TOTAL = PublishedStage("total", "total", 38, 40, 54.1)
 
 
 @dataclass(frozen=True, slots=True)

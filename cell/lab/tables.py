@@ -8,19 +8,12 @@ from typing import Any
 from rich.table import Table
 from rich.text import Text
 
-from cell.lab.published import PUBLISHED, PUBLISHED_ATTEMPTS, PUBLISHED_SUCCESSES, PUBLISHED_TOTAL, StageLine
+from cell.lab.published import PUBLISHED, PUBLISHED_TOTAL, StageLine
 from cell.lab.rows import successes
 from cell.lab.trials import LOADS, TrialRow, load
 from cell.records.statistics import mean, wilson
 from sim.world.metering import JERK_BANDWIDTH, OVER_FORCE
 
-LOADED = (
-    ("largest contact force (N)", 1),
-    ("time above 20 N (s)", 2),
-    ("largest jerk in free space (m/s³)", 0),
-    ("largest jerk elsewhere (m/s³)", 0),
-)
-"""Name and decimals of each of `LOADS`."""
 PHASES = {
     "grasp": "grasp_time",
     "search": "search_time",
@@ -93,13 +86,11 @@ def plain(title: str, lines: Sequence[Any]) -> Table:
 
 def stages(lines: Sequence[StageLine], cycles: Sequence[float]) -> Table:
     """Return this cell's stage table beside [gibbons], Table I, and below it the mean of the successful runs' cycle times, s."""
-    published = [(p.label, p.successes, p.attempts, p.time) for p in PUBLISHED]
-    published.append(("total", PUBLISHED_SUCCESSES, PUBLISHED_ATTEMPTS, PUBLISHED_TOTAL))
     rows = []
-    for line, (label, good, attempts, time) in zip(lines, published, strict=True):
+    for line, theirs in zip(lines, (*PUBLISHED, PUBLISHED_TOTAL), strict=True):
         low, high = wilson(line.successes, line.attempts)
         own = f"{line.successes}/{line.attempts}", f"{100 * low:.1f} to {100 * high:.1f} %", _seconds(line.time)
-        rows.append((label, *own, f"{good}/{attempts}", f"{time:.1f}"))
+        rows.append((theirs.label, *own, f"{theirs.successes}/{theirs.attempts}", f"{theirs.time:.1f}"))
     rows.append(("cycle", "", "", _seconds(mean(cycles)), "", "-"))
     caption = "means of the successes; stages as [gibbons] counts them, cycle from command to answer"
     heads = "stage", "success", "Wilson 95 %", "time (s)", "published", "their time (s)"
@@ -128,7 +119,7 @@ def loads(rows: Sequence[TrialRow]) -> Table:
     """Return contact force and jerk of the hand over all trials."""
     within, keys = sum(row.peak_contact_force <= OVER_FORCE for row in rows), ("median", "p95", "largest")
     found = []
-    for name, (label, digits) in zip(LOADS, LOADED, strict=True):
+    for name, (label, digits) in LOADS.items():
         values = load(rows, name)
         found.append((label, *(f"{values[key]:.{digits}f}" if values else "-" for key in keys)))
     caption = f"{within} of {len(rows)} trials within {OVER_FORCE:g} N; jerk behind a low-pass of {JERK_BANDWIDTH:g} Hz"

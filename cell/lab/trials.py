@@ -67,8 +67,13 @@ WATCHED = frozenset({"spray_search", "tactile_insert"})
 """Stages in which the estimate in use is compared with the truth."""
 VOID = "void"
 """Outcome of a trial with penetration of bodies, instead of an `Outcome`."""
-LOADS = ("peak_contact_force", "time_over_20N", "jerk_free", "jerk_contact")
-"""Columns of the loads of a trial: force and jerk."""
+LOADS = {
+    "peak_contact_force": ("largest contact force (N)", 1),
+    "time_over_20N": ("time above 20 N (s)", 2),
+    "jerk_free": ("largest jerk in free space (m/s³)", 0),
+    "jerk_contact": ("largest jerk elsewhere (m/s³)", 0),
+}
+"""Name in words and decimals of each load of a trial, by its column."""
 TABLE, PARTIAL, SUMMARY = "trials.csv", "trials.partial.jsonl", "summary.json"
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from cell.lab.charts import INK, Curve, Panel, draw_panels
 from cell.lab.compare import VariantLine
 from cell.lab.frontier.methods import LONGEST, METHODS, SCENES, family
-from cell.lab.published import PUBLISHED_ATTEMPTS, PUBLISHED_SUCCESSES, PUBLISHED_TOTAL
+from cell.lab.published import PUBLISHED_TOTAL
 from cell.lab.tables import Columns
 from cell.records.statistics import wilson
 
@@ -78,8 +78,8 @@ def _panel(
     if is_success:
         curves += [mark for method in METHODS for mark in _marks(lines, method, scene)]
         if scene == next(iter(SCENES)):
-            low, high = (100.0 * end for end in wilson(PUBLISHED_SUCCESSES, PUBLISHED_ATTEMPTS))
-            at = [PUBLISHED_TOTAL], [100.0 * PUBLISHED_SUCCESSES / PUBLISHED_ATTEMPTS]
+            low, high = (100.0 * end for end in wilson(PUBLISHED_TOTAL.successes, PUBLISHED_TOTAL.attempts))
+            at = [PUBLISHED_TOTAL.time], [100.0 * PUBLISHED_TOTAL.successes / PUBLISHED_TOTAL.attempts]
             curves.append(Curve(*at, INK, "", "s", low=[low], high=[high], text="[gibbons], 40 real"))
     return Panel(
         scene,
