@@ -5,8 +5,8 @@ from dataclasses import replace
 import pytest
 
 from cell.config.load import load
-from cell.lab.ablation.measure import ACTED, effect, watched
 from cell.lab.ablation.rules import RULES, SCENES
+from cell.lab.ablation.study import ACTED, effect, watched
 from cell.lab.ablation.switch import watching, without
 from cell.lab.trials import TrialRow
 from skills.catalogue import SEARCH
