@@ -112,18 +112,14 @@ def advancing(name: str, total: int | None, completed: int = 0) -> Iterator[Call
         yield partial(bars.advance, bars.add_task(name, total=total, completed=completed))
 
 
-def load_simulated(args: argparse.Namespace, what: str, pace: str | None = "max") -> "LoadedConfig":
-    """Return the config given by --config and --set.
-
-    Args:
-        args: Parsed options.
-        what: Command that needs the config.
-        pace: Pace of the simulated cell if --set states none; None keeps the file's.
+def load_simulated(args: argparse.Namespace) -> "LoadedConfig":
+    """Return the config given by --config and --set, at full speed if --set states no pace.
 
     Raises:
         ConfigError: The config is invalid, or the cell is not simulated.
     """
-    loaded = load_config(args, default_pace=pace)
+    loaded = load_config(args, default_pace="max")
     if not loaded.cell.is_simulated:
+        what = f"study {args.name}" if args.command == "study" else args.command
         raise ConfigError(f'{what}: arm.kind = "{loaded.cell.arm.kind}": runs on simulated cells alone; "sim" allowed')
     return loaded

@@ -16,7 +16,6 @@ from typing import Any
 import numpy as np
 
 from cell.commands.arguments import out_folder, require_known
-from cell.config.cell_config import CellConfig
 from cell.config.load import load
 from cell.lab.arguments import advancing, load_simulated, seeds_of
 from cell.lab.rate_test import RateTest
@@ -246,14 +245,9 @@ def _times(rows: Sequence[TrialRow]) -> Mapping[int, float]:
     return {row.seed: row.total_time or math.nan for row in successes(rows)}
 
 
-def config_of(args: argparse.Namespace) -> CellConfig:
-    """Return the simulated cell of --config and --set."""
-    return load_simulated(args, f"study {args.name}").cell
-
-
 def run(args: argparse.Namespace) -> StudyReport:
     """Run the variants of the stand-in, and write their table."""
-    config_of(args)
+    load_simulated(args)
     tried = chosen(args.name, args.quick, args.only)
     found = compared(args, tried, seeds_of(args, section(args.name)["trials"]), f"{args.name}.csv")
     shown = table(found.title, NAMES, {**beside_first(found), **VARIANTS, **TURNS}, found.lines)

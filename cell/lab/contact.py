@@ -19,8 +19,8 @@ import numpy as np
 from cell.commands.arguments import out_folder
 from cell.film.drawing import COLOURS
 from cell.lab import contact_rig as rig
+from cell.lab.arguments import load_simulated
 from cell.lab.charts import BLUE, GREEN, GREY, INK, RED, Curve, Panel, draw_panels
-from cell.lab.compare import config_of
 from cell.lab.hole_models import HoleModel
 from cell.lab.report import StudyReport, reported
 from cell.lab.section import exact_depth
@@ -312,7 +312,7 @@ LAWS = (
 
 def run(args: argparse.Namespace) -> StudyReport:
     """Measure every rung and the map, write the tables, draw the charts."""
-    config, folder = config_of(args), out_folder(args.out)
+    config, folder = load_simulated(args).cell, out_folder(args.out)
     peg, hole = config.peg.part, config.hole.part
     parts = f"{size(peg)} in {size(hole)}"
     # Azimuths of the tilt, rad.

@@ -17,8 +17,7 @@ import numpy as np
 from cell.commands.arguments import out_folder
 from cell.config.cell_config import CellConfig
 from cell.devices.assembly import Cell, assemble, opened
-from cell.lab.arguments import seeds_of
-from cell.lab.compare import config_of
+from cell.lab.arguments import load_simulated, seeds_of
 from cell.lab.report import StudyReport, reported
 from cell.lab.rows import known, quantile
 from cell.lab.tables import Columns, share, table
@@ -241,7 +240,7 @@ def line_of(rows: Sequence[HoleEventRow]) -> EventLine:
 
 def run(args: argparse.Namespace) -> StudyReport:
     """Search with and without a hole, and write the table."""
-    config, folder = config_of(args), out_folder(args.out)
+    config, folder = load_simulated(args).cell, out_folder(args.out)
     if args.quick:
         # Timeout of a search with --quick, s.
         config = config.with_params(SEARCH, timeout=min(config.params(SEARCH).timeout, 8.0))

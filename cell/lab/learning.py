@@ -13,9 +13,8 @@ from cell.commands.arguments import out_folder
 from cell.config.cell_config import CellConfig
 from cell.devices.assembly import assemble, choices, make_perception, opened
 from cell.film.drawing import COLOURS
-from cell.lab.arguments import seeds_of
+from cell.lab.arguments import load_simulated, seeds_of
 from cell.lab.charts import Curve, Panel, draw_panels
-from cell.lab.compare import config_of
 from cell.lab.report import StudyReport, reported
 from cell.lab.rows import average, average_error, successes
 from cell.lab.tables import SUCCESSES, Columns, table
@@ -206,7 +205,7 @@ def panels(rows: Sequence[PartRow], parts: int) -> list[Panel]:
 
 def run(args: argparse.Namespace) -> StudyReport:
     """Run every series, write the table, draw the chart."""
-    config, folder = config_of(args), out_folder(args.out)
+    config, folder = load_simulated(args).cell, out_folder(args.out)
     parts, seeds = args.parts or (3 if args.quick else 20), seeds_of(args, 10)
     jobs = [(config, parts, mode, seed) for mode in Mode for seed in seeds]
     rows = [row for series in each_of(run_series, jobs, args.workers, "series") for row in series]

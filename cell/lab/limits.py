@@ -11,10 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from cell.devices.assembly import Cell
-from cell.lab.arguments import seeds_of
+from cell.lab.arguments import load_simulated, seeds_of
 from cell.lab.bounds import Dip, Down, Upright, critical_damping, mobility, turn_time, turning_force
 from cell.lab.charts import BLUE, RED, Curve, Panel, draw_panels
-from cell.lab.compare import chosen, compared, config_of, section
+from cell.lab.compare import chosen, compared, section
 from cell.lab.report import StudyReport, reported
 from cell.lab.rows import quantile, successes
 from cell.lab.tables import Columns, table
@@ -235,7 +235,7 @@ def panel(lines: Sequence[LimitsLine]) -> Panel:
 
 def run(args: argparse.Namespace) -> StudyReport:
     """Run the variants, write bound and result of each phase, draw the chart."""
-    config_of(args)
+    load_simulated(args)
     found = compared(args, chosen(args.name, args.quick), seeds_of(args, section(args.name)["trials"]))
     lines = [each for line, rows in zip(found.lines, found.rows, strict=True) for each in lines_of(line.family, rows)]
     columns: Columns = {

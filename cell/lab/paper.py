@@ -6,9 +6,9 @@ the fit. The method's own figures are in the preset `paper`, those of the labora
 
 import argparse
 
-from cell.lab.arguments import seeds_of
+from cell.lab.arguments import load_simulated, seeds_of
 from cell.lab.charts import draw_speed_accuracy
-from cell.lab.compare import Variant, compared, config_of
+from cell.lab.compare import Variant, compared
 from cell.lab.published import PUBLISHED, Tried, stage_table
 from cell.lab.report import StudyReport, reported
 from cell.lab.tables import stages
@@ -38,7 +38,7 @@ def tried(row: TrialRow) -> Tried:
 def run(args: argparse.Namespace) -> StudyReport:
     """Run the method, write its stages beside Table I, and draw success against time."""
     other_half = 500  # Offset from --seed to the first seed; the seeds before it were those of the fit.
-    config_of(args)
+    load_simulated(args)
     seeds = seeds_of(args, 40)
     seeds = range(seeds.start + other_half, seeds.stop + other_half)
     kept = Variant("judge", "kept", "paper", (*ONE_ARM, *(f"{key}={value:g}" for key, value in LABORATORY.items())))

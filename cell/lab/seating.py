@@ -13,9 +13,9 @@ import numpy as np
 
 from cell.devices.assembly import Cell
 from cell.film.drawing import COLOURS
-from cell.lab.arguments import seeds_of
+from cell.lab.arguments import load_simulated, seeds_of
 from cell.lab.charts import INK, Curve, Panel, draw_panels
-from cell.lab.compare import chosen, compared, config_of, section
+from cell.lab.compare import chosen, compared, section
 from cell.lab.report import StudyReport, reported
 from cell.lab.rows import average, known, quantile
 from cell.lab.tables import Columns, share, table
@@ -184,7 +184,7 @@ def panel(cases: Mapping[str, Sequence[TrialRow]]) -> Panel:
 
 def run(args: argparse.Namespace) -> StudyReport:
     """Run every case, write the tables, draw the picture."""
-    config_of(args)
+    load_simulated(args)
     tried = chosen(args.name, args.quick, args.case, "--case")
     found = compared(args, tried, seeds_of(args, section(args.name)["trials"]))
     cases = {line.family: rows for line, rows in zip(found.lines, found.rows, strict=True)}

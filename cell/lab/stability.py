@@ -25,8 +25,8 @@ from cell.config.cell_config import CellConfig
 from cell.config.margins import HELD, MARGIN, loop_at, margins
 from cell.config.sampled_loop import largest_factor
 from cell.devices.assembly import Cell, assemble, opened
+from cell.lab.arguments import load_simulated
 from cell.lab.charts import BLUE, GREEN, INK, RED, Curve, Panel, draw_panels
-from cell.lab.compare import config_of
 from cell.lab.report import StudyReport, reported
 from cell.lab.tables import Columns, table
 from cell.lab.workers import each_of
@@ -450,7 +450,7 @@ MARKS: Mapping[tuple[str, str, str, float], Callable[[StepTrace], bool]] = {
 
 def run(args: argparse.Namespace) -> StudyReport:
     """Measure the map, compare it with theory, write every case, draw the charts."""
-    config, folder, grid = config_of(args), out_folder(args.out), QUICK if args.quick else WHOLE
+    config, folder, grid = load_simulated(args).cell, out_folder(args.out), QUICK if args.quick else WHOLE
     traces, inertia = measure(config, grid, args.workers)
     theory, shipped = boundaries(config.params(INSERT).gains, inertia, grid), shipped_margins(config)
     arm, guard = compare(traces, theory), caught(traces)

@@ -297,7 +297,7 @@ def panels(lines: Sequence[TactileLine]) -> list[Panel]:
 
 def run(args: argparse.Namespace) -> StudyReport:
     """Estimate frames of every kind, write the table, draw the chart."""
-    config, folder = load_simulated(args, "study tactile", pace=None).cell, out_folder(args.out)
+    config, folder = load_simulated(args).cell, out_folder(args.out)
     with advancing("frames", len(LAYOUTS) * len(kinds())) as done:
         lines = study(config, args.quick, done)
     names: Columns = {

@@ -38,7 +38,7 @@ def run(args: argparse.Namespace) -> int:
     from cell.lab.tables import stages
     from skills.contract import Outcome
 
-    loaded = load_simulated(args, "demo")
+    loaded = load_simulated(args)
     folder = out_folder(args.out)
     with open_journal(args, loaded.cell.journal) as journal, working() as bars:
         bar = bars.add_task("insertions", total=args.trials)

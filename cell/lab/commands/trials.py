@@ -30,7 +30,7 @@ def run(args: argparse.Namespace) -> int:
     from cell.lab.tables import loads, outcomes, phases, stages
     from cell.lab.trials import SUMMARY, TABLE, run_trials
 
-    config = load_simulated(args, "trials").cell
+    config = load_simulated(args).cell
     seeds, workers = range(args.seed, args.seed + args.trials), args.workers or os.cpu_count() or 1
     with advancing("trials", args.trials) as done:
         rows = run_trials(config, seeds, workers, args.out, lambda row: done(1), args.scheduler)

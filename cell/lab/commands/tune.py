@@ -50,7 +50,7 @@ def run(args: argparse.Namespace) -> int:
     from cell.records.provenance import versions
 
     wishes = wishes_of(args.want)
-    load_simulated(args, "tune")
+    load_simulated(args)
     space = _space(args)
     folder, seeds = out_folder(args.out), range(args.seed, args.seed + args.trials)
     with advancing("settings", args.candidates * len(seeds)) as done:

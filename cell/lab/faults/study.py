@@ -26,7 +26,7 @@ def run(args: argparse.Namespace) -> StudyReport:
 
     def make(number: int) -> LoadedConfig:
         args.set = [*asked, f"sim.seed={args.seed + number}"]
-        return load_simulated(args, "study faults")
+        return load_simulated(args)
 
     def arguments(number: int) -> list[str]:
         config = [] if args.config is None else ["--config", str(args.config)]
@@ -68,7 +68,7 @@ def _soak(args: argparse.Namespace) -> StudyReport:
     piece = rows[-1].piece + 1 if rows else 1
     args.set = [*KEYS, f"sim.seed={args.seed + piece}", *args.set]
     with advancing("groups of commands", None, len(rows)) as done:
-        for group in soak.soak(load_simulated(args, "study faults"), piece, args.soak, args.seed):
+        for group in soak.soak(load_simulated(args), piece, args.soak, args.seed):
             rows.append(group)
             write_rows(rows, folder / soak.TABLE)  # an interrupted call keeps its groups
             done(1)

@@ -162,7 +162,7 @@ def run(args: argparse.Namespace) -> StudyReport:
     Raises:
         ConfigError: A method or a scene is unknown.
     """
-    load_simulated(args, "study frontier")
+    load_simulated(args)
     tried = variants(args.method or tuple(METHODS), args.scene or tuple(SCENES), QUICK if args.quick else SCALES)
     found = compared(args, tried, seeds_of(args, 40), TABLE, TEST)
     shown = table(found.title, {"curve": lambda line: line.family}, POINTS, found.lines)

@@ -241,7 +241,7 @@ def run(args: argparse.Namespace) -> StudyReport:
     Raises:
         ConfigError: A method or an error is unknown.
     """
-    load_simulated(args, "study margins")
+    load_simulated(args)
     for name in args.error:
         require_known("--error", name, SWEPT)
     methods = args.method or [*METHODS]
