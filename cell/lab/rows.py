@@ -2,13 +2,14 @@
 
 import csv
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import asdict, fields, is_dataclass
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict, is_dataclass
 from pathlib import Path
 from typing import Any, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
+from pydantic import TypeAdapter
 
 from cell.records.statistics import Z95
 from skills.contract import Outcome
@@ -24,8 +25,6 @@ class Ended(Protocol):
 
 Row = TypeVar("Row")
 Outcomes = TypeVar("Outcomes", bound=Ended)
-READERS: Mapping[Any, Callable[[str], Any]] = {int: int, float: float, str: str, bool: "True".__eq__}
-"""Function that parses a CSV cell of each type."""
 
 
 def write_rows(rows: Iterable[Any], path: Path) -> Path:
@@ -41,13 +40,10 @@ def write_rows(rows: Iterable[Any], path: Path) -> Path:
 
 def kept_rows(kind: type[Row], path: Path) -> list[Row]:
     """Return the rows of one dataclass that an interrupted call has written; none if the file is missing or has another table."""
-    types: dict[str, Any] = {field.name: field.type for field in fields(kind)}  # type: ignore[arg-type]
     try:
         with path.open(newline="", encoding="utf-8") as file:
-            return [
-                kind(**{name: READERS[of](row[name]) for name, of in types.items()}) for row in csv.DictReader(file)
-            ]
-    except (OSError, KeyError, TypeError, ValueError):
+            return TypeAdapter(list[kind]).validate_python(list(csv.DictReader(file)))  # type: ignore[valid-type]
+    except (OSError, ValueError):
         return []
 
 
