@@ -37,8 +37,8 @@ class Dip:
 
     @property
     def time(self) -> float:
-        """Time of the drop from rest, s."""
-        return fall_time(self.depth, self.push, self.mass)
+        """Time of the drop from rest, sqrt(2 h m/F), s."""
+        return math.sqrt(2.0 * self.depth * self.mass / self.push)
 
     def band(self, speed: float) -> float:
         """Return the width across the lanes of the capture band of a peg that slides at `speed`, m/s, m; 0 if there is
@@ -84,11 +84,6 @@ class Cover:
     speed: float
     """Speed along the lanes, m/s."""
     lanes: int
-
-
-def fall_time(depth: float, push: float, mass: float) -> float:
-    """Return the time in which a push, N, moves a mass, kg, by a depth, m, from rest: sqrt(2 h m/F), s."""
-    return math.sqrt(2.0 * depth * mass / push)
 
 
 def half_width(depth: float, peg: float, tilt: float) -> float:

@@ -20,7 +20,7 @@ from cell.config.load import load
 from cell.lab.arguments import advancing, load_simulated, seeds_of
 from cell.lab.rate_test import RateTest
 from cell.lab.report import StudyReport, reported
-from cell.lab.rows import average, average_error, quantile, successes, write_rows
+from cell.lab.rows import average, average_error, known, quantile, successes, write_rows
 from cell.lab.tables import TURNS, VARIANTS, Columns, table
 from cell.lab.trials import MakeProbe, Probe, Program, TrialRow, insert_peg, run_trials
 from cell.records.provenance import versions
@@ -190,8 +190,8 @@ def _title(lines: Sequence[VariantLine], seeds: range) -> str:
 
 def _line(variant: Variant, rows: Sequence[TrialRow], trouble: str, verdict: str) -> VariantLine:
     good = successes(rows)
-    totals, forces = _column(good, "total_time"), _column(rows, "peak_contact_force")
-    turns = _column(rows, "max_in_hand_rotation")
+    totals, forces = known(row.total_time for row in good), [row.peak_contact_force for row in rows]
+    turns = [row.max_in_hand_rotation for row in rows]
     low, high = wilson(len(good), len(rows))
     endings = Counter(
         " ".join(f"{row.outcome} {row.stage} {row.reason}".split()) for row in rows if row.outcome != Outcome.SUCCESS
@@ -211,19 +211,14 @@ def _line(variant: Variant, rows: Sequence[TrialRow], trouble: str, verdict: str
         p95=quantile(totals, 0.95),
         force_median=quantile(forces, 0.5),
         within=int(np.count_nonzero(np.array(forces) <= OVER_FORCE)),
-        theta=quantile(_column(rows, "theta_rmse"), 0.5),
-        tip=quantile(_column(rows, "tip_rmse"), 0.5),
+        theta=quantile(known(row.theta_rmse for row in rows), 0.5),
+        tip=quantile(known(row.tip_rmse for row in rows), 0.5),
         turn_median=quantile(turns, 0.5),
         turn_p95=quantile(turns, 0.95),
         endings=", ".join(f"{count} x {text}" for text, count in endings.most_common()),
         error=trouble,
         verdict=verdict,
     )
-
-
-def _column(rows: Sequence[TrialRow], name: str) -> list[Any]:
-    """Return the values of one field, without those of stages that were not reached."""
-    return [value for row in rows if (value := getattr(row, name)) is not None]
 
 
 def beside_first(found: Compared) -> Columns:

@@ -137,12 +137,6 @@ def shipped_margins(config: CellConfig) -> list[dict[str, Any]]:
     ]
 
 
-def gains_of(base: Gains, kind: str, gain: float) -> tuple[Vector, Vector]:
-    """Return stiffness and damping ratios, each shape (6,), with one gain set."""
-    set_to = base.model_copy(update={kind: gain})
-    return set_to.stiffness(), set_to.damping_ratios()
-
-
 def boundaries(base: Gains, inertia: Vector, grid: Grid) -> Theory:
     """Return the theoretical boundary for every period and delay, with the damping ratio of the insertion's gains."""
     return {
@@ -217,7 +211,8 @@ class PegRig:
         seen = ctx.observe()
         goal = _stepped(case.kind, seen.tip, seen.axis, step)
         truth = _stepped(case.kind, *end_point(world.tcp(), theta, self.length), step)
-        stiffness, ratios = gains_of(self.base, case.kind, case.gain)
+        gains = self.base.model_copy(update={case.kind: case.gain})
+        stiffness, ratios = gains.stiffness(), gains.damping_ratios()
         plain = ImpedanceSetpoint(ctx.new_id(), *goal, stiffness, ratios, math.inf, ctx.in_hand(), self.roll)
         guard = PassivityGuard(ctx.limits.force)
         begin, away = world.now(), [0.0]
