@@ -8,9 +8,8 @@ to measure the result of the judgement at rest.
 import argparse
 import math
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
-from functools import partial
-from typing import Any
 
 import numpy as np
 
@@ -24,13 +23,15 @@ from cell.lab.tables import Columns, share, table
 from cell.lab.workers import each_of
 from drivers.errors import CellError
 from drivers.frames import end_point
-from drivers.quantities import ImpedanceSetpoint, Vector
+from drivers.quantities import Vector
 from skills.catalogue import GRASP, SEARCH
-from skills.contract import Observation, Outcome, Request, SkillContext
-from skills.flow import run_stage
+from skills.contract import Observation, Outcome, Request, SkillContext, SkillResult
+from skills.flow import Step, run_stage
 from skills.search import spray_search
 from skills.search.feel import EdgeEvidence
+from skills.search.params import SpraySearchParams
 from skills.search.spray_search import SpraySearchResult
+from skills.search.surface import SurfaceEstimate
 
 WINDOW = 1.0
 """Time after the start of a drop in which an event is its detection, s."""
@@ -61,52 +62,49 @@ class HoleEventRow:
         return self.fell and math.isnan(self.falsely)
 
 
-class _Watch:
-    """Records the detector's events of a search, and the drop in the truth."""
+class _Watch(EdgeEvidence):
+    """Evidence that is recorded and not reported to the search, and the drop in the truth."""
 
-    def __init__(self, cell: Cell, has_hole: bool) -> None:
-        self.seen: Observation | None = None
+    def __init__(self, cell: Cell, has_hole: bool, params: SpraySearchParams, ctx: SkillContext) -> None:
+        super().__init__(params, SurfaceEstimate(), ctx.schedule.period)
         self.is_done, self.has_fallen, self.began_in_hole = False, False, False
         self.slid = 0.0
         self.falsely = self.delay = math.nan
         self._cell, self._has_hole = cell, has_hole
+        self._now = 0.0
         self._start: float | None = None
         self._over: float | None = None
         self._deepest = 0.0
 
-    def record(self, seen: Observation, setpoint: ImpedanceSetpoint | None) -> None:
-        self.seen = seen
-
     def poll(self) -> Request:
         return Request.STOP if self.is_done else Request.RUN
 
-    def slide(self) -> None:
+    def learn(self, edge: Vector) -> None:
         """Record the start of sliding."""
         if self._start is None:
-            assert self.seen is not None
-            self._start = self.seen.stamp
+            self._start = self._now
+        super().learn(edge)
 
-    def note(self, is_edge: bool) -> None:
-        """Record whether there is evidence of an edge in this scan; the first call of a scan."""
-        assert self.seen is not None
-        if self._start is None:
-            return
-        now = self.seen.stamp
-        if self._has_hole:
-            self._compare(self._start)
-        if self._over is None:
-            self.slid = now - self._start
-            if is_edge and math.isnan(self.falsely):
-                self.falsely = self.slid
-        elif is_edge and math.isnan(self.delay):
-            self.delay = now - self._over
+    def update(self, seen: Observation, edge: Vector, is_likely: bool = False) -> tuple[float, bool]:
+        """Record whether there is evidence of an edge; the first call of a scan."""
+        _, is_edge = super().update(seen, edge, is_likely)
+        self._now = seen.stamp
+        if self._start is not None:
+            if self._has_hole:
+                self._compare(seen, self._start)
+            if self._over is None:
+                self.slid = self._now - self._start
+                if is_edge and math.isnan(self.falsely):
+                    self.falsely = self.slid
+            elif is_edge and math.isnan(self.delay):
+                self.delay = self._now - self._over
+        return 0.0, False
 
-    def _compare(self, start: float) -> None:
+    def _compare(self, seen: Observation, start: float) -> None:
         """Check in the truth for a drop."""
-        assert self.seen is not None
-        truth, now = self._cell.truth(), self.seen.stamp  # type: ignore[misc]
-        _, axis = end_point(self.seen.arm.tcp, truth.theta, self._cell.config.peg.length)
-        edge = self._cell.config.peg.part.lowest(np.array(truth.tip), axis, self.seen.arm.tcp.rotation[:, 2])
+        truth, now = self._cell.truth(), seen.stamp  # type: ignore[misc]
+        _, axis = end_point(seen.arm.tcp, truth.theta, self._cell.config.peg.length)
+        edge = self._cell.config.peg.part.lowest(np.array(truth.tip), axis, seen.arm.tcp.rotation[:, 2])
         depth = truth.depth + truth.tip[2] - edge[2]
         # Depth of the peg's lowest point below the plate from which it is over the hole, m; the plate's contacts
         # yield by a hundredth of it.
@@ -123,35 +121,14 @@ class _Watch:
             self._over = None
 
 
-class _Unheeded(EdgeEvidence):
-    """Evidence that is reported to the watch and not to the search."""
-
-    def __init__(self, watch: _Watch, *arguments: Any) -> None:
-        super().__init__(*arguments)
-        self._watch = watch
-
-    def update(self, seen: Observation, edge: Vector, is_likely: bool = False) -> tuple[float, bool]:
-        _, is_edge = super().update(seen, edge, is_likely)
-        self._watch.note(is_edge)
-        return 0.0, False
-
-    def learn(self, edge: Vector) -> None:
-        self._watch.slide()
-        super().learn(edge)
-
-
 def watch(config: CellConfig, has_hole: bool, seed: int) -> HoleEventRow:
     """Let the search of this seed slide without a stop, and again with stops if an event was false."""
     cell = _cell(config, has_hole, seed)
     params = cell.config.params(SEARCH)
-    seer = _Watch(cell, has_hole)
     with opened(cell):
-        _search(
-            cell,
-            cell.context(seed),
-            lambda ctx: spray_search.run(params, ctx, make_evidence=partial(_Unheeded, seer)),
-            seer,
-        )
+        ctx = cell.context(seed)
+        seer = _Watch(cell, has_hole, params, ctx)
+        _search(cell, ctx, lambda ctx: spray_search.run(params, ctx, make_evidence=lambda *given: seer), seer.poll)
     fell = seer.has_fallen and not seer.began_in_hole
     late = fell and math.isnan(seer.falsely)
     row = HoleEventRow(
@@ -168,29 +145,22 @@ def watch(config: CellConfig, has_hole: bool, seed: int) -> HoleEventRow:
 def _judged(config: CellConfig, row: HoleEventRow) -> HoleEventRow:
     """Return the row with the result of a search of the same plate that obeys its detector."""
     cell = _cell(config, False, row.seed)
-    kept: list[SpraySearchResult] = []
-
-    def run(ctx: SkillContext) -> SpraySearchResult:
-        kept.append(spray_search.run(cell.config.params(SEARCH), ctx))
-        return kept[-1]
-
     with opened(cell):
-        _search(cell, cell.context(row.seed), run)
-    return replace(row, rests=kept[-1].rests, found=kept[-1].outcome is Outcome.SUCCESS) if kept else row
+        ctx = cell.context(row.seed)
+        found = _search(cell, ctx, lambda ctx: spray_search.run(cell.config.params(SEARCH), ctx), ctx.callbacks.poll)
+    if not isinstance(found, SpraySearchResult):
+        return row
+    return replace(row, rests=found.rests, found=found.outcome is Outcome.SUCCESS)
 
 
-def _search(
-    cell: Cell, ctx: SkillContext, run: Callable[[SkillContext], SpraySearchResult], seer: _Watch | None = None
-) -> None:
-    """Grasp and search; a fault ends the search."""
+def _search(cell: Cell, ctx: SkillContext, run: Step, poll: Callable[[], Request]) -> SkillResult | None:
+    """Grasp and search, and return the result; None after a failed grasp or a fault."""
     records = GRASP.run(cell.config.skill_set(), ctx)
-    if seer is not None:
-        ctx.callbacks = replace(ctx.callbacks, record=seer.record, poll=seer.poll)
-    try:
+    ctx.callbacks = replace(ctx.callbacks, poll=poll)
+    with suppress(CellError):
         if records[-1].result.outcome is Outcome.SUCCESS:
-            run_stage("spray_search", run, ctx)
-    except CellError:
-        return
+            return run_stage("spray_search", run, ctx).result
+    return None
 
 
 def _cell(config: CellConfig, has_hole: bool, seed: int) -> Cell:
