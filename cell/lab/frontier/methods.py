@@ -2,11 +2,11 @@
 
 import tomllib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from functools import partial
+from itertools import product
 from pathlib import Path
 from pkgutil import resolve_name
-from typing import Any
 
 from cell.commands.arguments import require_known
 from cell.devices.assembly import Cell
@@ -14,6 +14,7 @@ from cell.lab.compare import Variant
 from cell.lab.rate_test import RateTest
 from cell.lab.trials import Program
 from cell.lab.tune.measure import SECTIONS, Ranges, Space
+from drivers.config_model import ConfigModel
 from skills.contract import Request, SkillContext
 from skills.flow import StageRecord
 
@@ -26,8 +27,7 @@ TEST = RateTest(good=0.05, bad=0.25, least=6)
 """Test that ends the trials of a point: clearly above 90 % or clearly below it."""
 
 
-@dataclass(frozen=True, slots=True)
-class Method:
+class Method(ConfigModel):
     """One method: a program and its parameters."""
 
     colour: str
@@ -35,9 +35,9 @@ class Method:
     """Figures that `cell tune` changes."""
     program: str = "cell.lab.trials:insert_peg"
     preset: str | None = None
-    tuned: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    tuned: Mapping[str, Mapping[str, float]] = {}
     """Figures by scene; a scene without its own takes those of the first scene."""
-    points: Mapping[str, str] = field(default_factory=dict)
+    points: Mapping[str, str] = {}
     """Presets to mark, at the method's own speed, by the name on the chart."""
 
     def made(self, figures: Mapping[str, float]) -> Program:
@@ -54,28 +54,19 @@ class Method:
         return self.tuned.get(scene) or self.tuned.get(next(iter(SCENES))) or {}
 
 
-@dataclass(frozen=True, slots=True)
-class Scene:
+class Scene(ConfigModel):
     """One scene, a column of a chart."""
 
+    name: str
     chart: str = "frontier"
     """Name of the chart."""
     sets: Sequence[str] = ()
     """Keys of the config."""
 
 
-def _read() -> tuple[dict[str, Method], dict[str, Scene]]:
-    data: dict[str, Any] = tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))
-    methods = {
-        name: Method(
-            **{**each, "ranges": {figure: (float(low), float(high)) for figure, (low, high) in each["ranges"].items()}}
-        )
-        for name, each in data["method"].items()
-    }
-    return methods, {each.pop("name"): Scene(**each) for each in data["scene"]}
-
-
-METHODS, SCENES = _read()
+_DATA = tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))
+METHODS = {name: Method.model_validate(each) for name, each in _DATA["method"].items()}
+SCENES = {scene.name: scene for scene in map(Scene.model_validate, _DATA["scene"])}
 
 
 def timed(program: Program, cell: Cell, ctx: SkillContext) -> list[StageRecord]:
@@ -105,23 +96,18 @@ def variants(methods: Sequence[str], scenes: Sequence[str], scales: Sequence[flo
         ConfigError: A method or a scene does not exist.
     """
     require_methods(methods, scenes)
-    pairs = [(method, scene) for scene in scenes for method in methods]
-    settings = {
-        (method, scene): METHODS[method].space(scene).sets(METHODS[method].figures(scene)) for method, scene in pairs
-    }
-    found = [
-        Variant(
-            family(method, scene),
-            f"{scale:g}",
-            METHODS[method].preset,
-            (*SCENES[scene].sets, *settings[method, scene], f"speed_scale={scale:g}"),
-            program=METHODS[method].made(METHODS[method].figures(scene)),
-        )
+    curves = []
+    for scene, name in product(scenes, methods):
+        method, own = METHODS[name], SCENES[scene].sets
+        figures = method.figures(scene)
+        tuned = (*own, *method.space(scene).sets(figures))
+        curves.append((family(name, scene), method, own, tuned, method.made(figures)))
+    return [
+        Variant(curve, f"{scale:g}", method.preset, (*tuned, f"speed_scale={scale:g}"), program=program)
         for scale in scales
-        for method, scene in pairs
-    ]
-    return found + [
-        Variant(family(method, scene), name, preset, tuple(SCENES[scene].sets), program=METHODS[method].made({}))
-        for method, scene in pairs
-        for name, preset in METHODS[method].points.items()
+        for curve, method, _, tuned, program in curves
+    ] + [
+        Variant(curve, name, preset, tuple(own), program=method.made({}))
+        for curve, method, own, _, _ in curves
+        for name, preset in method.points.items()
     ]
