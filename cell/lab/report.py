@@ -1,8 +1,8 @@
-"""Outcome of a study: tables for people, the same data for programs, and files."""
+"""Outcome of a study: a table for people, the same data for programs, and files."""
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field, is_dataclass
+from dataclasses import asdict, dataclass, is_dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,12 +14,13 @@ if TYPE_CHECKING:
 class StudyReport:
     """The result of a study."""
 
-    tables: "Sequence[RenderableType]"
+    shown: "RenderableType"
+    """Table for people."""
     result: object
     """Result as data for JSON."""
-    written: list[Path] = field(default_factory=list)
-    """Tables, figures and charts."""
-    is_good: bool = True
+    written: Sequence[Path]
+    """Tables and charts."""
+    is_good: bool
     """False if an ending occurred that must never occur."""
 
 
@@ -44,7 +45,7 @@ def reported(
     from cell.lab.rows import write_rows
 
     written = [write_rows(rows, folder / name) for name, rows in tables.items()]
-    return StudyReport([shown], finite(facts), [*written, *pictures], is_good)
+    return StudyReport(shown, finite(facts), [*written, *pictures], is_good)
 
 
 def finite(value: Any) -> Any:

@@ -128,9 +128,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Run the study; NOT_GOOD if it found an ending that must never occur, otherwise GOOD."""
-    from rich.console import Group
-
     report = STUDIES[args.name].run(args)
-    show(args, Group(*report.tables), report.result)
+    show(args, report.shown, report.result)
     written(args, report.written)
     return GOOD if report.is_good else NOT_GOOD
