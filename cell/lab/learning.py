@@ -11,7 +11,7 @@ import numpy as np
 
 from cell.commands.arguments import out_folder
 from cell.config.cell_config import CellConfig
-from cell.devices.assembly import assemble, choices, make_perception, opened
+from cell.devices.assembly import Cell, assemble, choices, make_perception, opened
 from cell.film.drawing import COLOURS
 from cell.lab.arguments import load_simulated, seeds_of
 from cell.lab.charts import Curve, Panel, draw_panels
@@ -25,7 +25,7 @@ from drivers.errors import CellError
 from drivers.parts import HolePrior
 from sim.config import FixtureConfig
 from skills.catalogue import CATALOGUE
-from skills.contract import Outcome
+from skills.contract import Outcome, SkillContext
 
 MOVES = 0.0005
 """Standard deviation of the hole's position between parts if the config names no fixture, m."""
@@ -76,10 +76,25 @@ def run_series(config: CellConfig, parts: int, mode: Mode, seed: int) -> list[Pa
     rows: list[PartRow] = []
     with tempfile.TemporaryDirectory() as folder:
         learning = Learning(Path(folder), config.learning.model_copy(update={"place": mode is Mode.LEARNS}))
-        for number, count in enumerate((parts, parts // EXCHANGED)):
-            placed = _placed(config, mode, SERIES * seed + SERIES // 2 * number)
-            for row in _run_parts(placed, mode, learning, seed, len(rows), count, is_exchanged=number > 0):
-                rows.append(row)
+        for count, first in ((parts, SERIES * seed), (parts // EXCHANGED, SERIES * seed + SERIES // 2)):
+            placed = _placed(config, mode, first)
+            cell = assemble(placed)
+            with opened(cell):
+                ctx = cell.context(first)
+                for number in range(count):
+                    outcome, times = _run_part(placed, cell, ctx, learning, number)
+                    rows.append(
+                        PartRow(
+                            mode=mode,
+                            seed=seed,
+                            part=len(rows) + 1,
+                            is_exchanged=len(rows) >= parts,
+                            is_expected=ctx.job.hole.prior is not None,
+                            outcome=outcome,
+                            search_time=times["spray_search"],
+                            total_time=sum(times.values()),
+                        )
+                    )
         learning.flush()
     return rows
 
@@ -103,45 +118,27 @@ def _placed(config: CellConfig, mode: Mode, first: int) -> CellConfig:
     return config.model_copy(update={"hole": config.hole.model_copy(update={"prior": prior})})
 
 
-def _run_parts(
-    config: CellConfig, mode: Mode, learning: Learning, series: int, before: int, count: int, *, is_exchanged: bool
-) -> list[PartRow]:
-    """Return `count` parts on one cell, numbered after those `before`."""
+def _run_part(
+    config: CellConfig, cell: Cell, ctx: SkillContext, learning: Learning, number: int
+) -> tuple[str, dict[str, float]]:
+    """Insert the part of a number, from 0, on a cell, and learn from it; return outcome and time of each counted stage, s."""
     assert config.sim is not None
-    cell, rows = assemble(config), []
-    with opened(cell):
-        ctx = cell.context(config.sim.seed)
-        for number in range(count):
-            seed = config.sim.seed + number
-            ctx.job = learning.prepared(config.job(slot=number % config.rack.slots), 0)
-            ctx.rng, ctx.perception = choices(seed), make_perception(config)
-            ctx.stage, ctx.lead.held = "", None
-            cell.clear()
-            cell.restock(ctx.job, seed)
-            outcome, times = Outcome.FAULT, dict.fromkeys(CATALOGUE.counted, 0.0)
-            try:
-                records = CATALOGUE["insert_peg"].run(config.skill_set(), ctx)
-            except CellError:
-                cell.arm.reset()
-            else:
-                outcome = ending_of(records, None, "").outcome
-                learning.take(config.job(), 0, records)
-                for record in records:
-                    if record.name in times:
-                        times[record.name] += record.result.elapsed
-            rows.append(
-                PartRow(
-                    mode=mode,
-                    seed=series,
-                    part=before + number + 1,
-                    is_exchanged=is_exchanged,
-                    is_expected=ctx.job.hole.prior is not None,
-                    outcome=outcome,
-                    search_time=times["spray_search"],
-                    total_time=sum(times.values()),
-                )
-            )
-    return rows
+    seed, times = config.sim.seed + number, dict.fromkeys(CATALOGUE.counted, 0.0)
+    ctx.job = learning.prepared(config.job(slot=number % config.rack.slots), 0)
+    ctx.rng, ctx.perception = choices(seed), make_perception(config)
+    ctx.stage, ctx.lead.held = "", None
+    cell.clear()
+    cell.restock(ctx.job, seed)
+    try:
+        records = CATALOGUE["insert_peg"].run(config.skill_set(), ctx)
+    except CellError:
+        cell.arm.reset()
+        return Outcome.FAULT, times
+    learning.take(config.job(), 0, records)
+    for record in records:
+        if record.name in times:
+            times[record.name] += record.result.elapsed
+    return ending_of(records, None, "").outcome, times
 
 
 @dataclass(frozen=True, slots=True)
