@@ -5,7 +5,6 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -80,13 +79,7 @@ def has_acted(rule: str, row: TrialRow) -> bool:
 
 
 def measure(
-    scene: str,
-    seeds: Sequence[int],
-    most: int,
-    only: Sequence[str],
-    workers: int,
-    folder: Path,
-    done: Callable[[TrialRow], None],
+    args: argparse.Namespace, scene: str, only: Sequence[str], done: Callable[[TrialRow], None]
 ) -> list[Effect]:
     """Run a scene with all rules, then without each of its rules on the seeds on which that rule acted; return the effects.
 
@@ -94,25 +87,22 @@ def measure(
     the same call takes them up.
 
     Args:
+        args: Options of the study.
         scene: Name of the scene.
-        seeds: Seeds of the trials.
-        most: Largest number of seeds, from the first on, for a rule that acts in every trial.
         only: Names of the rules to judge; none means all.
-        workers: Number of processes.
-        folder: Folder of the trials.
         done: Called with each trial.
     """
 
     def rows_of(name: str, keys: Sequence[str], of: Sequence[int], run: Any) -> Rows:
         config = load(sets=("sim.pace=max", *SCENES[scene], *keys)).cell
-        rows = run_trials(config, of, workers, folder / f"{scene} {name}".replace(" ", "-"), done, run=run)
-        return {row.seed: row for row in rows}
+        folder = out_folder(args.out) / f"{scene} {name}".replace(" ", "-")
+        return {row.seed: row for row in run_trials(config, of, args.workers, folder, done, run=run)}
 
-    whole, found = rows_of("all rules", (), seeds, partial(watched, scene)), []
+    whole, found = rows_of("all rules", (), seeds_of(args, 40), partial(watched, scene)), []
     for rule in rules_of(scene):
         if not only or rule.name in only:
             acted = [seed for seed, row in whole.items() if has_acted(rule.name, row)]
-            acted = acted[:most] if rule.always else acted
+            acted = acted[: args.most] if rule.always else acted
             without_it = rows_of(rule.name, rule.keys, acted, partial(deprived, rule.name)) if acted else {}
             found += effect(rule.name, scene, whole, without_it)
     return found
@@ -175,10 +165,10 @@ def run(args: argparse.Namespace) -> StudyReport:
         shown = plain("Error of theta on single frames, degrees", lines)
         return reported(shown, folder, {"frames.csv": lines}, lines=lines)
     scenes = args.scene or (["honest"] if args.quick else [*SCENES])
-    rules, seeds = args.rule or (["push-back"] if args.quick else ()), seeds_of(args, 40)
+    rules = args.rule or (["push-back"] if args.quick else ())
     found = list[Effect]()
     with advancing("trials", None) as done:
         for scene in scenes:
-            found += measure(scene, seeds, args.most, rules, args.workers, folder, lambda row: done(1))
+            found += measure(args, scene, rules, lambda row: done(1))
     shown = plain("Effect of each rule: without it, minus with it", found)
     return reported(shown, folder, {"ablation.csv": found}, effects=found)
