@@ -35,7 +35,7 @@ from drivers.arm.inertia import tip_inertia
 from drivers.arm.model import JOINTS
 from drivers.errors import CellError, SimulationUnstableError
 from drivers.frames import angle_between, end_point, rotation_about, rotation_by
-from drivers.quantities import ImpedanceSetpoint, InHandTip, Vector
+from drivers.quantities import ImpedanceSetpoint, Vector
 from sim.world.physics import World
 from sim.world.situation import PegSituation
 from skills import grasp_from_rack
@@ -213,7 +213,8 @@ class PegRig:
         truth = _stepped(case.kind, *end_point(world.tcp(), theta, self.length), step)
         gains = self.base.model_copy(update={case.kind: case.gain})
         stiffness, ratios = gains.stiffness(), gains.damping_ratios()
-        plain = ImpedanceSetpoint(ctx.new_id(), *goal, stiffness, ratios, math.inf, ctx.in_hand(), self.roll)
+        in_hand = ctx.in_hand()
+        plain = ImpedanceSetpoint(ctx.new_id(), *goal, stiffness, ratios, math.inf, in_hand, self.roll)
         guard = PassivityGuard(ctx.limits.force)
         begin, away = world.now(), [0.0]
         verdicts: dict[PassivityVerdict, float] = {}
@@ -224,7 +225,8 @@ class PegRig:
             seen = ctx.observe()
             if seen.is_new_frame or not frames:
                 frames.append(seen)
-                commanded = _with_frame(case, plain, frames)
+                peg = _used(case, frames).peg
+                commanded = replace(plain, in_hand=replace(in_hand, theta=peg.theta, stamp=peg.stamp))
             elif case.updates_theta:
                 commanded = replace(plain, in_hand=ctx.in_hand())
             ctx.devices.arm.follow(commanded)
@@ -294,13 +296,6 @@ class PegRig:
 def _used(case: GridCase, frames: Sequence[Observation]) -> Observation:
     """Return the frame in use when the newest one arrives; it is an older one if frames are late."""
     return frames[max(len(frames) - 1 - case.delay, 0)]
-
-
-def _with_frame(case: GridCase, plain: ImpedanceSetpoint, frames: Sequence[Observation]) -> ImpedanceSetpoint:
-    """Return the setpoint with theta from the frame in use."""
-    used = _used(case, frames)
-    assert plain.in_hand is not None
-    return replace(plain, in_hand=InHandTip(used.peg.theta, plain.in_hand.length, used.peg.stamp))
 
 
 def _turn(seen: Observation, plain: ImpedanceSetpoint) -> Vector:
