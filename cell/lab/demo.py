@@ -3,6 +3,8 @@
 import json
 import threading
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -18,7 +20,6 @@ from cell.records.samples import read_samples
 from cell.records.schema import RunRow
 from cell.run.line import PROGRAMS
 from cell.run.supervisor import Supervisor
-from drivers.errors import CellError
 from plc_bridge.bridge import Bridge
 from plc_bridge.peer import Peer
 from plc_bridge.protocol.messages import Control, PartPlace, Report, Result
@@ -73,42 +74,31 @@ def run_demo(
     # compilation during the first insertion can halt peer and cell together for over a second: silence shows nothing
     bridge = Bridge(loaded.cell.plc.model_copy(update={"life_timeout": LONGEST}), PROGRAMS, PARAMETERS)
     reports: list[Report] = []
-    errors: list[CellError] = []
     with opened(assemble(loaded.cell)) as cell:
         supervisor = Supervisor(cell, loaded, bridge, journal, stop)
         supervisor.scan()  # the first scan compiles, and a PLC in the same process would get no answers meanwhile
         bridge.start()
-        has_ended = threading.Event()
 
         def ask() -> None:
             try:
                 _be_plc(*bridge.address, trials, reports, watch)
-            except CellError as error:
-                errors.append(error)
             finally:
-                has_ended.set()
                 supervisor.quit()
 
         first = journal.last_run() + 1
-        peer = threading.Thread(target=ask, name="plc")
-        try:
-            peer.start()
+        with ThreadPoolExecutor(1, "plc") as pool, closing(bridge):
+            asked = pool.submit(ask)
             supervisor.serve()
-            was_interrupted = not has_ended.is_set()
-        finally:
-            bridge.close()
-            peer.join()
-    if errors and not was_interrupted:
-        raise errors[0]
+    if not stop.is_set():  # the peer of a stopped demo has lost its cell
+        asked.result()
     rows = [row for row in reversed(journal.runs(trials)) if row.run >= first and row.program == "insert_peg"]
     return DemoResult(reports, rows)
 
 
 def _be_plc(host: str, port: int, trials: int, reports: list[Report], watch: Callable[[int, Report], None]) -> None:
     """Request one insertion after the other, as a PLC does, and reset the cell after a fault or a stop."""
-    peer = Peer(host, port)
-    peer.connect()
-    try:
+    with closing(Peer(host, port)) as peer:
+        peer.connect()
         peer.take()
         for number in range(trials):
             if PartPlace(peer.read_report().part) in UNRESOLVED:
@@ -124,8 +114,6 @@ def _be_plc(host: str, port: int, trials: int, reports: list[Report], watch: Cal
             if report.result in (Result.FAULT, Result.ABORTED):
                 peer.run(Control.RESET, timeout=LONGEST)
         peer.release()
-    finally:
-        peer.close()
 
 
 def draw_demo(result: DemoResult, journal: Journal, folder: Path) -> list[Path]:
