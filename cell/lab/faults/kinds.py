@@ -1,20 +1,35 @@
-"""Kinds of faults of the devices, and the table of all kinds."""
+"""Kinds of faults of devices, PLCs and skills, and the table of all kinds."""
 
+import threading
+import time
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
+from types import ModuleType
+
+import numpy as np
 
 from cell.lab.faults import devices
-from cell.lab.faults.bench import FaultBench
+from cell.lab.faults.bench import LIFE_TIMEOUT, FaultBench
+from cell.lab.faults.cases import INSERT
 from cell.lab.faults.computer_kinds import COMPUTER_KINDS
 from cell.lab.faults.contract import FaultKind, Undo, changed
 from cell.lab.faults.ends import PROGRAM_KINDS
-from cell.lab.faults.plc_kinds import PLC_KINDS
-from cell.lab.faults.skill_kinds import SKILL_KINDS
-from drivers.quantities import SwitchState
+from drivers.errors import CellError
+from drivers.frames import UP
+from drivers.quantities import ImpedanceSetpoint, SwitchState, Vector
+from plc_bridge.peer import CellSilentError, Peer
+from plc_bridge.protocol.messages import Control
 from sim.boards.faulty import Change
 from sim.config import WireFaults
 from skills.catalogue import GRASP
+from skills.contract import Outcome, Reason, SkillContext, SkillResult
+from skills.insert import spiral_adjust, tactile_insert
+from skills.insert.spiral_adjust import SpiralAdjustResult
+from skills.insert.tactile_insert import TactileInsertResult
+from skills.search import spray_search
+from skills.search.spray_search import SpraySearchResult
 
 PLAUSIBLE = "each of its readings is one that a sound device can give; only the effect shows the fault"
 LOSSY = "enough frames arrive until several in a row are lost"
@@ -105,6 +120,115 @@ DEVICE_KINDS: tuple[FaultKind, ...] = (
     FaultKind("hand: too strong", partial(_grips, STRONG)),
 )
 """All kinds of faults of the devices."""
+
+LASTING = 0.5
+"""Duration of torn blocks and foreign connections, s of wall time."""
+SILENT = "its life counter stands still for plc.life_timeout before anybody can know"
+
+
+def _silent(act: Callable[[FaultBench], None], bench: FaultBench) -> None:
+    bench.plc_act = lambda: act(bench)
+    # Simulated time runs faster than the wall clock of the silence, so it stands still until the timeout.
+    time.sleep(LIFE_TIMEOUT)
+
+
+def _killed(bench: FaultBench) -> None:
+    bench.is_plc_lost = True
+    bench.peer.close()
+    raise CellSilentError("the PLC was switched off")
+
+
+def _frozen(bench: FaultBench) -> None:
+    bench.is_plc_lost = True
+    raise CellSilentError("the PLC's program stands still")  # and its connection stays open until it returns
+
+
+def _torn(bench: FaultBench) -> Undo:
+    return changed(bench.peer, "torn_until", time.monotonic() + LASTING)
+
+
+def _second(bench: FaultBench) -> Undo:
+    thread = threading.Thread(target=_command, args=(bench,), daemon=True)
+    thread.start()
+    return thread.join
+
+
+def _command(bench: FaultBench) -> None:
+    """Let another PLC request the lease, and every command that only the holder may request."""
+    peer, until = Peer(*bench.bridge.address), time.monotonic() + LASTING
+    with suppress(CellError):
+        peer.connect()
+        peer.take()
+        while time.monotonic() < until:
+            for code in (INSERT, Control.HOLD, Control.RESET, Control.CLEARED):
+                peer.trigger(code)
+    peer.close()
+
+
+PLC_KINDS: tuple[FaultKind, ...] = (
+    FaultKind("plc: killed", partial(_silent, _killed), silences_plc=True, slow=SILENT),
+    FaultKind("plc: frozen", partial(_silent, _frozen), silences_plc=True, slow=SILENT),
+    FaultKind("plc: blocks torn", _torn, is_harmless=True),
+    FaultKind("plc: two at once", _second, is_harmless=True),
+)
+"""All kinds of PLC faults."""
+
+BLOCKED = 0.5
+"""Time without a scan in a skill, s."""
+FAR, DEEP, DRIFT = 0.5, 0.09, 0.002
+"""Errors of a setpoint: sideways at once, downward at once, and downward increasing with each scan, m."""
+DONE = (Outcome.SUCCESS, Reason.NONE, 0.0)
+Wrong = Callable[[ImpedanceSetpoint], ImpedanceSetpoint]
+
+
+def _raises(bench: FaultBench) -> None:
+    raise ValueError("a skill that nobody tested")
+
+
+def _blocks(bench: FaultBench) -> None:
+    bench.cell.clock.wait_until(bench.cell.clock.now() + BLOCKED)
+
+
+def _asks(make: Callable[[], Wrong], bench: FaultBench) -> Undo:
+    wrong, follow = make(), SkillContext.follow
+    return changed(SkillContext, "follow", lambda ctx, setpoint: follow(ctx, wrong(setpoint)))
+
+
+def _shifted(way: Vector) -> Wrong:
+    return lambda setpoint: replace(setpoint, tip=setpoint.tip + way)
+
+
+def _drifting() -> Wrong:
+    scans: list[int] = []
+
+    def wrong(setpoint: ImpedanceSetpoint) -> ImpedanceSetpoint:
+        scans.append(0)
+        return replace(setpoint, tip=setpoint.tip - DRIFT * len(scans) * UP)
+
+    return wrong
+
+
+def _lies(bench: FaultBench) -> Undo:
+    """Let every later skill, up to the last, report success without doing anything."""
+    said: tuple[tuple[ModuleType, SkillResult], ...] = (
+        (spray_search, SpraySearchResult(*DONE, (0.5, 0.0, 0.1), (0.5, 0.0), 0, None)),
+        (tactile_insert, TactileInsertResult(*DONE, 0.0, 0.0)),
+        (spiral_adjust, SpiralAdjustResult(*DONE, 0.0, 0.02)),
+    )
+    undo = [changed(module, "run", lambda *given, result=result, **named: result) for module, result in said]
+    return lambda: [each() for each in undo]
+
+
+SKILL_KINDS: tuple[FaultKind, ...] = (
+    FaultKind("skill: raises", _raises),
+    FaultKind("skill: blocks", _blocks),
+    FaultKind("skill: asks for no number", partial(_asks, lambda: _shifted(np.full(3, np.nan)))),
+    FaultKind("skill: asks for far away", partial(_asks, lambda: _shifted(np.array([FAR, 0.0, 0.0])))),
+    FaultKind("skill: presses", partial(_asks, lambda: _shifted(-DEEP * UP))),
+    FaultKind("skill: drifts downward", partial(_asks, _drifting)),
+    FaultKind("skill: lies", _lies, slow="what it says is judged when the run ends"),
+)
+"""All kinds of skill faults."""
 
 KINDS: tuple[FaultKind, ...] = (
     *(replace(kind, slow=SLOW.get(kind.name, kind.slow)) for kind in DEVICE_KINDS),
