@@ -45,6 +45,7 @@ def run(args: argparse.Namespace) -> int:
     away = 1_000_000  # Distance between the seeds for the choice of settings and the seeds for judging the best one.
     from cell.lab.report import finite
     from cell.lab.tables import table
+    from cell.lab.trials import run_trials
     from cell.lab.tune import measure
     from cell.lab.tune.wish import wishes_of
     from cell.records.provenance import versions
@@ -57,7 +58,8 @@ def run(args: argparse.Namespace) -> int:
         tried = measure.tune(space, wishes, seeds, args.candidates, args.workers, folder, done)
     best, fresh = tried[0], range(args.seed + away, args.seed + away + args.judge)
     with advancing("judging", args.judge) as done:
-        rows = measure.judge(space, best, fresh, args.workers, folder / "judged", lambda row: done(1))
+        config, program = space.config(best.sets), space.program(best.figures)
+        rows = run_trials(config, fresh, args.workers, folder / "judged", lambda row: done(1), program=program)
     evidence = [{"wish": wish.text, "found": wish.found(rows), "holds": wish.holds(rows)} for wish in wishes]
     is_good, recipe = all(each["holds"] for each in evidence), folder / "recipe.toml"
     figures = ", ".join(f"{name} = {value:.4g}" for name, value in best.figures.items())

@@ -140,7 +140,10 @@ def tune(
     Raises:
         ConfigError: The optimiser is not installed.
     """
-    optuna = _optimiser()
+    try:
+        import optuna
+    except ImportError:
+        raise ConfigError("tune: Optuna is not installed; pip install 'tactile-insertion-cell[tune]'") from None
     optuna.logging.set_verbosity(optuna.logging.WARNING)
     warnings.filterwarnings("ignore", category=optuna.exceptions.ExperimentalWarning)  # its version is pinned
     study = optuna.create_study(
@@ -180,13 +183,6 @@ def tune(
     return sorted(found, key=lambda each: (each.is_left, each.cost))
 
 
-def judge(
-    space: Space, best: Candidate, seeds: Sequence[int], workers: int, folder: Path, done: Callable[[TrialRow], None]
-) -> list[TrialRow]:
-    """Return the trials of a setting on seeds that the choice did not use."""
-    return run_trials(space.config(best.sets), seeds, workers, folder, done, program=space.program(best.figures))
-
-
 def toml(sets: Sets) -> str:
     """Return keys as the lines of a recipe."""
     return "".join(f"{key} = {value}\n" for key, value in (text.split("=", 1) for text in sets))
@@ -206,14 +202,6 @@ class _Left:
         # other is better.
         is_hopeless = len(rows) >= 4 and all(row.outcome != Outcome.SUCCESS for row in rows)
         return len(rows) == self._told and (is_hopeless or self._asked.should_prune())
-
-
-def _optimiser() -> Any:
-    try:
-        import optuna
-    except ImportError:
-        raise ConfigError("tune: Optuna is not installed; pip install 'tactile-insertion-cell[tune]'") from None
-    return optuna
 
 
 def _numbers(tree: Mapping[str, Any], at: str = "") -> Iterator[tuple[str, Vector]]:
