@@ -122,7 +122,7 @@ def chosen(study: str, is_quick: bool, families: Sequence[str] = (), option: str
     probe, common = resolve_name(data.get("probe", "cell.lab.trials:Probe")), data.get("common", ())
     found = {
         each["family"]: Variant(
-            each["family"], preset=each.get("preset"), sets=(*common, *each.get("sets", ())), probe=probe
+            each["family"], each.get("name", ""), each.get("preset"), (*common, *each.get("sets", ())), probe
         )
         for each in data["variant"]
     }

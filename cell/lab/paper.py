@@ -1,14 +1,14 @@
 """The published method under honest errors, in a laboratory that reproduces its figures, judged as in [gibbons].
 
 What [gibbons] does not print was fitted once, on other seeds than those that judge it; docs/tried/paper.md describes
-the fit. The method's own figures are in the preset `paper`, those of the laboratory are here.
+the fit. The method's own figures are in the preset `paper`, those of the laboratory in variants.toml.
 """
 
 import argparse
 
 from cell.lab.arguments import load_simulated, seeds_of
 from cell.lab.charts import draw_speed_accuracy
-from cell.lab.compare import Variant, compared
+from cell.lab.compare import chosen, compared, section
 from cell.lab.published import PUBLISHED, Tried, stage_table
 from cell.lab.report import StudyReport, reported
 from cell.lab.tables import stages
@@ -18,13 +18,6 @@ SEARCH = PUBLISHED[0].name
 NEAR = 8.1e-3
 """Largest distance of the peg's end from the hole's axis for a correct detection, m; the edge in the hole leads the end
 by up to 4 mm."""
-ONE_ARM = ("world=v1", "reality.scale=1", 'reality.without=["arm.sigmoid_friction"]', "sim.fixture.mean=[0.5,0.0]")
-"""Honest errors on a fixed board and an arm with dry joint friction: the authors had one arm with one friction law.
-With a hand as soft as theirs, alignment takes 2 to 4 s with joints of the smooth law and 12 to 25 s with dry ones; 24.1
-s are published. The figures come from the first version of the world. The board stayed in place, and starts were drawn
-from the area around the hole, [x_h - D, x_h + D], so the hole is at the centre."""
-LABORATORY: dict[str, float] = {"grip.friction": 0.756, "contact.friction": 0.11, "skin.noise": 0.000874}
-"""Pads, plate and skin that reproduce the published experiment."""
 
 
 def tried(row: TrialRow) -> Tried:
@@ -39,10 +32,9 @@ def run(args: argparse.Namespace) -> StudyReport:
     """Run the method, write its stages beside Table I, and draw success against time."""
     other_half = 500  # Offset from --seed to the first seed; the seeds before it were those of the fit.
     load_simulated(args)
-    seeds = seeds_of(args, 40)
+    seeds = seeds_of(args, section(args.name)["trials"])
     seeds = range(seeds.start + other_half, seeds.stop + other_half)
-    kept = Variant("judge", "kept", "paper", (*ONE_ARM, *(f"{key}={value:g}" for key, value in LABORATORY.items())))
-    found = compared(args, [kept], seeds)
+    found = compared(args, chosen(args.name, args.quick), seeds)
     trials = [tried(row) for row in found.rows[0]]
     lines = stage_table(trials)
     shown = stages(lines, [sum(each.times.values()) for each in trials if each.succeeded])

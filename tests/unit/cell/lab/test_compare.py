@@ -16,7 +16,7 @@ from drivers.errors import ConfigError
 from tests.studies import rows_of
 
 
-@pytest.mark.parametrize("study", ["modelling", "seating", "limits"])
+@pytest.mark.parametrize("study", ["modelling", "seating", "limits", "paper"])
 def test_every_variant_is_a_config(study):
     variants = chosen(study, is_quick=False)
     for variant in variants:
