@@ -206,21 +206,6 @@ def seeded(config: CellConfig, seed: int) -> CellConfig:
     return config.model_copy(update={"sim": config.sim.model_copy(update={"seed": seed, "pace": "max"})})
 
 
-def _insert(watcher: Watcher, program: Program) -> tuple[list[StageRecord], Ending, Outcome, str]:
-    """Run a program; return its stages, its ending, outcome and reason.
-
-    A fault is a failure with the fault's name.
-    """
-    records: list[StageRecord] = []
-    try:
-        records = program(watcher.cell, watcher.ctx)
-        ending = watcher.judged(ending_of(records, None, watcher.ctx.stage), records)
-    except CellError as error:
-        ending = ending_of(records, error, watcher.ctx.stage)
-        return records, ending, Outcome.FAILURE, FaultCode(error.code).name.lower()
-    return records, ending, ending.outcome, ending.word
-
-
 def trial_in(
     cell: Cell,
     seed: int,
@@ -236,7 +221,14 @@ def trial_in(
     ctx, began = cell.context(seed), cell.clock.now()
     watcher = Watcher(cell, ctx, probe(cell, ctx), evidence_for(ctx.job.hole))
     ctx.callbacks = replace(ctx.callbacks, ended=watcher.clock.end, record=watcher.record)
-    records, ending, outcome, reason = _insert(watcher, program)
+    records: list[StageRecord] = []
+    try:
+        records = program(cell, ctx)
+        ending = watcher.judged(ending_of(records, None, ctx.stage), records)
+        outcome, reason = ending.outcome, ending.word
+    except CellError as error:
+        ending = ending_of(records, error, ctx.stage)
+        outcome, reason = Outcome.FAILURE, FaultCode(error.code).name.lower()
     truth = watcher.ending or cell.truth()
     sim_time = cell.clock.now()
     watcher.clock.leave(sim_time)
