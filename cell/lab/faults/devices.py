@@ -5,6 +5,7 @@ from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
+from itertools import count
 from typing import Any
 
 import numpy as np
@@ -50,7 +51,7 @@ def behind(number: int) -> Change:
 
 def counted(edit: Callable[[Any, int], Any]) -> Change:
     """Change each reading by its number since the fault."""
-    numbers = iter(range(10**9))
+    numbers = count()
     return lambda reading: edit(reading, next(numbers))
 
 
@@ -227,5 +228,5 @@ LOST: Mapping[str, tuple[str, Callable[[], Callable[[str], bool]]]] = {
 
 def _some(arrives: Callable[[int], bool]) -> Callable[[str], bool]:
     """Lose setpoints by their number since the fault."""
-    numbers = iter(range(10**9))
+    numbers = count()
     return lambda command: command != "follow" or arrives(next(numbers))
