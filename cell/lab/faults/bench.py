@@ -28,6 +28,7 @@ from plc_bridge.protocol.messages import Report
 from sim.boards.board_links import EmulatedCan
 from sim.boards.faulty import FaultyDevice
 from sim.boards.switch_board import EmulatedSwitchBoard
+from sim.world.truth import Truth
 from skills.catalogue import CATALOGUE, RECOVER
 from skills.guards.rest import REST_SPEED
 
@@ -139,6 +140,12 @@ class FaultBench:
     _before: int = 0
     """Number of the run before the run with the fault."""
 
+    @property
+    def truth(self) -> Truth:
+        """True state of the cell."""
+        assert self.cell.truth is not None
+        return self.cell.truth()
+
     def run(self, code: int) -> Report:
         """Trigger a command and return its result or refusal; if the PLC is lost meanwhile, its later reading.
 
@@ -223,11 +230,10 @@ class FaultBench:
         is_over = report.stage == RECOVER.stage or self.supervisor.state not in GOING_ON
         if seen.detected is None and (report.fault or is_over):
             seen.detected = now
-        truth = self.cell.truth
-        assert truth is not None
-        if (real := truth()).joint_speed > REST_SPEED:
+        truth = self.truth
+        if truth.joint_speed > REST_SPEED:
             seen.moved = now
-        seen.contact_force = max(seen.contact_force, real.peak_contact_force)
+        seen.contact_force = max(seen.contact_force, truth.peak_contact_force)
         with suppress(CellError):
             arm = self.arm.device.read()
             seen.peak_force = max(seen.peak_force, float(np.linalg.norm(arm.wrench.force)))

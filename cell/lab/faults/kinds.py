@@ -82,10 +82,8 @@ def _lost(what: str, make: Callable[[], Callable[[str], bool]], bench: FaultBenc
 
 def _early(lead: float, bench: FaultBench) -> Undo:
     """Close the switch at this distance before the peg is seated, m."""
-    truth = bench.cell.truth
-    assert truth is not None
     depth = bench.cell.config.hole.depth - lead
-    return _told("switch", lambda: lambda state: SwitchState.CLOSED if truth().depth >= depth else state, bench)
+    return _told("switch", lambda: lambda state: SwitchState.CLOSED if bench.truth.depth >= depth else state, bench)
 
 
 def _grips(force: float, bench: FaultBench) -> Undo:

@@ -95,7 +95,7 @@ def _case(tested: FaultBench, kind: FaultKind, stage: str, moment: float) -> Fau
             tested.thread.join()
         outcome = _outcome(tested, report)
         part = _reported_part(tested, report, outcome)
-        truth, is_gripping = _truth(tested), tested.gripper.device.read().is_gripping
+        truth, is_gripping = tested.truth, tested.gripper.device.read().is_gripping
         record = kind.is_record_apart and _is_on_record(tested, report, outcome, kind)
     finally:
         seen, tested.seen, tested.stage = tested.seen, Sighting(), 0
@@ -154,12 +154,6 @@ def _outcome(tested: FaultBench, report: Report) -> str:
     if tested.is_plc_lost and tested.supervisor.last is not None:
         return tested.supervisor.last.outcome
     return word(report)
-
-
-def _truth(tested: FaultBench) -> Truth:
-    truth = tested.cell.truth
-    assert truth is not None
-    return truth()
 
 
 def _is_true(place: PartPlace, truth: Truth, is_gripping: bool) -> bool:
