@@ -1,7 +1,7 @@
 """Tables of the laboratory; nothing is printed here."""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import fields
 from typing import Any
 
@@ -48,40 +48,46 @@ TURNS: Columns = {
 }
 
 
+def listed(title: str, heads: Sequence[str], rows: Iterable[Sequence[str]], caption: str = "", names: int = 1) -> Table:
+    """Return texts as a table.
+
+    Args:
+        title: Title of the table.
+        heads: Heads of the columns.
+        rows: Texts of each row.
+        caption: Text below.
+        names: Number of columns on the left that name the row; with several, the first leaves out a text equal to that
+            above it.
+    """
+    shown, before = Table(title=title, caption=caption), ""
+    for number, head in enumerate(heads):
+        shown.add_column(head, justify="left" if number < names or head == ENDINGS else "right")
+    for first, *others in rows:
+        shown.add_row(Text("" if first == before and names > 1 else first), *map(Text, others))
+        before = first
+    return shown
+
+
 def table(title: str, names: Columns, columns: Columns, rows: Sequence[Any], caption: str = "") -> Table:
     """Return a table of rows.
 
     Args:
         title: Title of the table.
-        names: Columns on the left that name the row; a text equal to that above it is left out in the first of them.
+        names: Columns on the left that name the row.
         columns: Columns of figures.
         rows: Rows, one line each.
         caption: Text below.
     """
-    shown, before = Table(title=title, caption=caption), ""
-    for name in names:
-        shown.add_column(name)
-    for name in columns:
-        shown.add_column(name, justify="left" if name == ENDINGS else "right")
-    for row in rows:
-        first, *others = (text(row) for text in names.values())
-        shown.add_row(
-            Text("" if first == before and others else first),
-            *map(Text, others),
-            *(Text(text(row)) for text in columns.values()),
-        )
-        before = first
-    return shown
+    texts = (*names.values(), *columns.values())
+    return listed(title, [*names, *columns], ([text(row) for text in texts] for row in rows), caption, len(names))
 
 
 def plain(title: str, lines: Sequence[Any]) -> Table:
     """Return the lines of one dataclass unchanged, SI units."""
-
-    def cell(name: str) -> Callable[[Any], str]:
-        return lambda line: f"{value:.4g}" if isinstance(value := getattr(line, name), float) else str(value)
-
-    first, *others = (field.name for field in fields(lines[0]))
-    return table(title, {first: cell(first)}, {name: cell(name) for name in others}, lines)
+    names = [field.name for field in fields(lines[0])]
+    values = ([getattr(line, name) for name in names] for line in lines)
+    rows = ([f"{value:.4g}" if isinstance(value, float) else str(value) for value in row] for row in values)
+    return listed(title, names, rows)
 
 
 def stages(lines: Sequence[StageLine], cycles: Sequence[float]) -> Table:
@@ -94,7 +100,7 @@ def stages(lines: Sequence[StageLine], cycles: Sequence[float]) -> Table:
     rows.append(("cycle", "", "", _seconds(mean(cycles)), "", "-"))
     caption = "means of the successes; stages as [gibbons] counts them, cycle from command to answer"
     heads = "stage", "success", "Wilson 95 %", "time (s)", "published", "their time (s)"
-    return _listed("Stages, beside [gibbons], Table I", heads, rows, caption)
+    return listed("Stages, beside [gibbons], Table I", heads, rows, caption)
 
 
 def phases(rows: Sequence[TrialRow]) -> Table:
@@ -105,14 +111,14 @@ def phases(rows: Sequence[TrialRow]) -> Table:
     times |= {"transfers and release": cycle - sum(times.values()), "cycle": cycle}
     found = [(label, f"{time:.1f}", f"{100 * time / cycle:.0f}") for label, time in times.items()]
     caption = "means of the successes; transfers end where a skill begins"
-    return _listed("Where the time goes", ("part of the cycle", "time (s)", "%"), found, caption)
+    return listed("Where the time goes", ("part of the cycle", "time (s)", "%"), found, caption)
 
 
 def outcomes(rows: Sequence[TrialRow]) -> Table:
     """Return the number of trials with each ending."""
     kinds = [(row.outcome, row.stage, row.reason) for row in rows]
     found = [(*kind, str(kinds.count(kind))) for kind in sorted(set(kinds))]
-    return _listed("", ("outcome", "stage", "reason", "trials"), found, "")
+    return listed("", ("outcome", "stage", "reason", "trials"), found)
 
 
 def loads(rows: Sequence[TrialRow]) -> Table:
@@ -123,18 +129,8 @@ def loads(rows: Sequence[TrialRow]) -> Table:
         values = load(rows, name)
         found.append((label, *(f"{values[key]:.{digits}f}" if values else "-" for key in keys)))
     caption = f"{within} of {len(rows)} trials within {OVER_FORCE:g} N; jerk behind a low-pass of {JERK_BANDWIDTH:g} Hz"
-    return _listed("Force and jerk", ("of a trial", *keys), found, caption)
+    return listed("Force and jerk", ("of a trial", *keys), found, caption)
 
 
 def _seconds(time: float | None) -> str:
     return "-" if time is None else f"{time:.1f}"
-
-
-def _listed(title: str, heads: Sequence[str], rows: Sequence[Sequence[str]], caption: str) -> Table:
-    """Return texts under their heads as a table."""
-
-    def cell(number: int) -> Callable[[Sequence[str]], str]:
-        return lambda row: row[number]
-
-    columns = {head: cell(number) for number, head in enumerate(heads)}
-    return table(title, {heads[0]: columns.pop(heads[0])}, columns, rows, caption)

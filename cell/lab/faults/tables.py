@@ -10,7 +10,7 @@ from rich.table import Table
 from cell.lab.faults.bench import REST_LIMIT
 from cell.lab.faults.cases import FaultCase
 from cell.lab.faults.kinds import KINDS
-from cell.lab.tables import table
+from cell.lab.tables import listed
 
 REST_AFTER_LIMIT, FORCE_SHARE = 1.0, 1.2
 """Longest time to rest after the fault, s, and largest share of the force limit."""
@@ -68,13 +68,8 @@ def _line(kind: str, rows: Sequence[FaultCase], force_limit: float) -> dict[str,
 
 def shown(found: Sequence[Mapping[str, Any]]) -> Table:
     """Return lines as a table."""
-
-    def cell(name: str) -> Callable[[Mapping[str, Any]], str]:
-        return lambda line: _text(line[name])
-
-    columns = {name: cell(name) for name in found[0]}
     caption = "largest times in s from fault to report, from report to rest, from fault to rest; farthest way of the hand later than 0.3 s after the report, mm; largest force at the tool by the arm and of the plates on the peg in truth, N; p99 of the PLC's cycles during a fault from outside, ms; the last nine columns count cases and should be 0, except that the place of a peg at the hole is unknown while the arm does not measure"
-    return table("Faults by kind", {"kind": columns.pop("kind")}, columns, found, caption)
+    return listed("Faults by kind", list(found[0]), (list(map(_text, line.values())) for line in found), caption)
 
 
 def _text(value: object) -> str:
