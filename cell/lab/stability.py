@@ -65,18 +65,14 @@ class Grid:
     """Periods of the frames, s; multiples of the scan's."""
     delays: tuple[int, ...]
     """Ages of a frame at its first use, in frames."""
-    gains: dict[str, tuple[float, ...]]
+    gains: Mapping[str, Sequence[float]]
     """Gains of translation, N/m, and of rotation, N·m/rad."""
-
-
-def _geometric(low: float, high: float, count: int) -> tuple[float, ...]:
-    return tuple(float(x) for x in np.geomspace(low, high, count))
 
 
 WHOLE = Grid(
     (0.02, 0.05, 0.1, 0.2),
     (0, 1, 2),
-    {"translation": _geometric(100.0, 51200.0, 10), "rotation": _geometric(5.0, 2560.0, 10)},
+    {"translation": np.geomspace(100.0, 51200.0, 10).tolist(), "rotation": np.geomspace(5.0, 2560.0, 10).tolist()},
 )
 UNITS = {"translation": "N/m", "rotation": "N·m/rad"}
 QUICK = Grid((0.05, 0.1), (0, 1), {"translation": (400.0, 2500.0, 20e3), "rotation": (10.0, 300.0, 1000.0)})
@@ -95,11 +91,6 @@ class GridCase:
     """Age of a frame at its first use, in frames."""
     gain: float
     """Varied gain, N/m or N·m/rad."""
-
-    @property
-    def updates_theta(self) -> bool:
-        """True if theta is new at every scan, which an observer can provide if frames are used at once."""
-        return self.observer and self.delay == 0
 
     @property
     def step(self) -> Vector:
@@ -227,7 +218,7 @@ class PegRig:
                 frames.append(seen)
                 peg = _used(case, frames).peg
                 commanded = replace(plain, in_hand=replace(in_hand, theta=peg.theta, stamp=peg.stamp))
-            elif case.updates_theta:
+            elif case.observer and case.delay == 0:  # an observer has a new theta at every scan
                 commanded = replace(plain, in_hand=ctx.in_hand())
             ctx.devices.arm.follow(commanded)
             away.append(_distance(case.kind, end_point(seen.arm.tcp, theta, self.length), truth))
