@@ -139,17 +139,6 @@ def study(config: CellConfig, is_quick: bool, done: Callable[[int], None]) -> li
     return lines
 
 
-def simulated_skin(config: CellConfig) -> SimSkinConfig:
-    """Return the skin of the study.
-
-    Raises:
-        ConfigError: The skin is not simulated.
-    """
-    if not isinstance(config.skin, SimSkinConfig):
-        raise ConfigError(f'study tactile: skin.kind = "{config.skin.kind}": its pegs are simulated; "sim" allowed')
-    return config.skin
-
-
 def kinds() -> list[tuple[Model, Condition]]:
     """Return the kinds of frames for each layout."""
     return [*(("springs", condition) for condition in CONDITIONS), *(("layer", condition) for condition in ON_LAYER)]
@@ -161,8 +150,9 @@ def made(config: CellConfig, model: Model, condition: Condition, count: int) -> 
     Raises:
         ConfigError: The skin is not simulated.
     """
-    skin = simulated_skin(config)
-    layout = skin.layout
+    if not isinstance(config.skin, SimSkinConfig):
+        raise ConfigError(f'study tactile: skin.kind = "{config.skin.kind}": its pegs are simulated; "sim" allowed')
+    skin, layout = config.skin, config.skin.layout
     rng = np.random.default_rng(np.random.SeedSequence([list(LAYOUTS).index(layout), *condition.name.encode()]))
     skin = skin.model_copy(
         update={
