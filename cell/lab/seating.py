@@ -11,6 +11,7 @@ from itertools import takewhile
 
 import numpy as np
 
+from cell.config.load import load
 from cell.devices.assembly import Cell
 from cell.film.drawing import COLOURS
 from cell.lab.arguments import load_simulated, seeds_of
@@ -37,8 +38,6 @@ from skills.seating.signature import StrokeCurve as Force
 
 SEATED = "seated"
 """Case in which a part on the bottom is seated; in all others the latch is worn out or the bottom is another one."""
-LATCH = Latch(kind="detent", force=5.0, height=0.003)
-"""Stated latch of all cases, as in variants.toml; the default push overcomes its force."""
 SHOWN = 6
 """Largest number of curves of one case in the picture."""
 
@@ -168,18 +167,19 @@ def _column(rows: Sequence[TrialRow], name: str) -> Vector:
 
 
 def panel(cases: Mapping[str, Sequence[TrialRow]]) -> Panel:
-    """Return the curves of the first trials of every case."""
-    curves = []
+    """Return the curves of the first trials of every case, beside the latch that variants.toml states for all of them."""
+    curves, latch = [], load(sets=section("seating")["common"]).cell.hole.latch
+    assert latch is not None
     for number, (case, rows) in enumerate(reversed(list(cases.items()))):
         shown = [row for row in rows if row.more.get("heights")][:SHOWN]
         for place, row in enumerate(shown):
             x, y = (np.array(row.more[name].split(), dtype=float) for name in ("heights", "forces"))
             colour = COLOURS[-1] if case == SEATED else COLOURS[1 + number]
             curves.append(Curve(1e3 * x, y, colour, "" if place else case, size=1.6 if case == SEATED else 0.8))
-    above = np.linspace(0.0, 1.5 * LATCH.height, 200)
-    curves.append(Curve(1e3 * above, resistance(above, LATCH), INK, "latch as stated", "--"))
+    above = np.linspace(0.0, 1.5 * latch.height, 200)
+    curves.append(Curve(1e3 * above, resistance(above, latch), INK, "latch as stated", "--"))
     x_label, y_label = "height of the hand above where the peg rests (mm)", "reported force on the hand along z (N)"
-    return Panel(f"detent, {LATCH.force:g} N over {1e3 * LATCH.height:g} mm", x_label, y_label, curves)
+    return Panel(f"detent, {latch.force:g} N over {1e3 * latch.height:g} mm", x_label, y_label, curves)
 
 
 def run(args: argparse.Namespace) -> StudyReport:
