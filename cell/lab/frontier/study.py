@@ -50,28 +50,16 @@ POINTS: Columns = {
 
 
 def draw(lines: Sequence[VariantLine], conditions: str, folder: Path) -> list[Path]:
-    """Draw the charts of the scenes that have lines into `folder`, each with its errors, and return their files."""
+    """Draw the charts of the scenes that have lines into `folder`, success and errors against time; return their files."""
     shown = {name: scene.chart for name, scene in SCENES.items() if any(_of(lines, each, name) for each in METHODS)}
-    return [
-        path
-        for chart in dict.fromkeys(shown.values())
-        for path in _pair(lines, [name for name in shown if shown[name] == chart], conditions, folder / chart)
-    ]
-
-
-def _pair(lines: Sequence[VariantLine], scenes: Sequence[str], conditions: str, stem: Path) -> list[Path]:
-    """Draw success, and errors, of some scenes against time, and return both files."""
-    errors = "Errors and force: medians over all trials of a point"
-    return [
-        draw_panels(
-            [_panel(lines, scene, name, value, rows is SUCCESS) for name, value in rows for scene in scenes],
-            f"{title}\n{conditions}",
-            stem.with_name(f"{stem.name}{suffix}.png"),
-            across=len(scenes),
-            legend=3 * len(scenes),
-        )
-        for rows, title, suffix in ((SUCCESS, finding(lines, scenes), ""), (ERRORS, errors, "_errors"))
-    ]
+    errors, files = "Errors and force: medians over all trials of a point", list[Path]()
+    for chart in dict.fromkeys(shown.values()):
+        scenes = [name for name in shown if shown[name] == chart]
+        for rows, title, suffix in ((SUCCESS, finding(lines, scenes), ""), (ERRORS, errors, "_errors")):
+            panels = [_panel(lines, scene, name, value, rows is SUCCESS) for name, value in rows for scene in scenes]
+            path, titled = folder / f"{chart}{suffix}.png", f"{title}\n{conditions}"
+            files.append(draw_panels(panels, titled, path, across=len(scenes), legend=3 * len(scenes)))
+    return files
 
 
 def _panel(
