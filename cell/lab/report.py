@@ -1,10 +1,11 @@
 """Outcome of a study: a table for people, the same data for programs, and files."""
 
-import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, is_dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+from pydantic_core import to_jsonable_python
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -40,20 +41,9 @@ def reported(
         tables: Rows of each CSV file, dataclasses or mappings, by the name of the file.
         pictures: Charts that are already written.
         is_good: False if an ending occurred that must never occur.
-        facts: Result for programs, by name; dataclasses become mappings.
+        facts: Result for programs, by name; dataclasses become mappings, NaN and infinities null.
     """
     from cell.lab.rows import write_rows
 
     written = [write_rows(rows, folder / name) for name, rows in tables.items()]
-    return StudyReport(shown, finite(facts), [*written, *pictures], is_good)
-
-
-def finite(value: Any) -> Any:
-    """Return data for JSON: mappings in place of dataclasses, and null in place of NaN and infinities."""
-    if is_dataclass(value) and not isinstance(value, type):
-        value = asdict(value)
-    if isinstance(value, dict):
-        return {key: finite(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [finite(item) for item in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
+    return StudyReport(shown, to_jsonable_python(facts, inf_nan_mode="null"), [*written, *pictures], is_good)

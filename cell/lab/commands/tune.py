@@ -43,7 +43,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Search, judge, write the recipe; NOT_GOOD with the result reached if the wish is not fulfilled."""
     away = 1_000_000  # Distance between the seeds for the choice of settings and the seeds for judging the best one.
-    from cell.lab.report import finite
+    from pydantic_core import to_jsonable_python
+
     from cell.lab.tables import table
     from cell.lab.trials import run_trials
     from cell.lab.tune import measure
@@ -78,7 +79,7 @@ def run(args: argparse.Namespace) -> int:
         f"sections: 0 careful, 1 the cell's own. {figures}",
     )
     facts = {"fulfilled": is_good, "judged": evidence, "best": best, "tried": tried, "file": str(recipe)}
-    show(args, shown, finite(facts))
+    show(args, shown, to_jsonable_python(facts, inf_nan_mode="null"))
     written(args, [recipe])
     if is_good:
         return GOOD
