@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from drivers.errors import ArmReflexError, ArmSilentError, ArmStoppedError, CellError, GripperSilentError
+from drivers.frames import UP, rotation_about
 from drivers.quantities import Pose, SwitchState, Wrench
 from drivers.skin.health import Counts
 from sim.boards.faulty import Change, kept
@@ -94,8 +95,7 @@ def at_random() -> Change:
 
 def turned(pose: Pose) -> Pose:
     """Turn an orientation by 0.2 rad about the vertical."""
-    c, s = math.cos(0.2), math.sin(0.2)
-    return replace(pose, rotation=np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]) @ pose.rotation)
+    return replace(pose, rotation=rotation_about(UP, 0.2) @ pose.rotation)
 
 
 def _put(index: Any, value: float) -> Change:
