@@ -46,7 +46,9 @@ class Phases(Probe):
     def __init__(self, cell: Cell, ctx: SkillContext) -> None:
         """Begin without observations."""
         super().__init__(cell, ctx)
-        self._world = world_of(cell)
+        world = getattr(cell.truth, "__self__", None)
+        assert isinstance(world, World)
+        self._world = world
         self._stage, self._began = "", 0.0
         self._mass = math.nan
         """Effective mass of the hand along the normal at the peg's lowest point in the search, kg."""
@@ -158,13 +160,6 @@ class Phases(Probe):
         rate = (later[2] - start[2]) / max(later[0] - start[0], 1e-6)
         moment = float(self._about @ self._inertia[3:, 3:] @ self._about)
         return Upright(start[2], rate, stiffness, moment)
-
-
-def world_of(cell: Cell) -> World:
-    """Return the simulated world with a cell's true state."""
-    world = getattr(cell.truth, "__self__", None)
-    assert isinstance(world, World)
-    return world
 
 
 @dataclass(frozen=True, slots=True)
