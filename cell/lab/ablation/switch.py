@@ -17,8 +17,6 @@ class Rule:
     """One rule of the method, and its simplest replacement."""
 
     name: str
-    says: str
-    """What the rule does, in one sentence."""
     target: str = ""
     """Function that carries the rule, `module.qualified.name`; empty for a rule of the config."""
     off: Function | None = None
