@@ -6,8 +6,9 @@ from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from typing import Any
 
-from pydantic import BaseModel, ValidationError
+from pydantic import ValidationError
 
+from cell.config.cell_config import CellConfig
 from cell.config.nearest import did_you_mean
 
 Place = tuple[str, ...]
@@ -16,17 +17,15 @@ _KEY = re.compile(r"[a-z_]+(?:\.[a-z_]+)+")
 
 def explain(
     error: ValidationError,
-    model: type[BaseModel],
     tree: Mapping[str, Any],
     source: Mapping[Place, str],
     file: str,
-    order: Sequence[str] = (),
+    order: Sequence[str],
 ) -> str:
     """Return one line about the first fault of a config: file, key, the value found, and the permitted values.
 
     Args:
         error: Pydantic's report.
-        model: The model of the config.
         tree: The config as given.
         source: Origin of each key.
         file: File to name for a missing key.
@@ -36,7 +35,7 @@ def explain(
     errors = error.errors(include_url=False)
     # A misspelt key is also reported as missing under its right name.
     first = next((each for each in errors if each["type"] == "extra_forbidden"), errors[0])
-    place, schema = _walk(first["loc"], _schema(model), tree)
+    place, schema = _walk(first["loc"], tree)
     key = ".".join(place)
     origin = _origin(place, source, file)
     kind, found = first["type"], first.get("input")
@@ -45,9 +44,9 @@ def explain(
     if kind == "union_tag_invalid":
         return f"{source.get((*place, 'kind'), origin)}: {key}.kind = {first['ctx']['tag']!r}: {_tags(schema)} allowed"
     if kind == "missing":
-        return f"{_beginner(place[:-1], source, order, file)}: {key}: missing; {allowed(schema, _schema(model))} needed"
+        return f"{_beginner(place[:-1], source, order, file)}: {key}: missing; {allowed(schema)} needed"
     if kind == "extra_forbidden":
-        return f"{origin}: {key}: unknown key; {_known(place, schema, _schema(model))}"
+        return f"{origin}: {key}: unknown key; {_known(place, schema)}"
     if kind == "value_error":
         text = first["msg"].removeprefix("Value error, ")
         within = (*place, *text.split(" = ")[0].split("."))
@@ -55,7 +54,7 @@ def explain(
             return f"{_blamed(text, source, order, file)}: {text}"
         # The message of a check within a section can name its key.
         return f"{source[within]}: {key}.{text}" if within in source else f"{origin}: {key}: {text}"
-    return f"{origin}: {key} = {found!r}: {allowed(schema, _schema(model))} allowed{_hint(found, schema)}"
+    return f"{origin}: {key} = {found!r}: {allowed(schema)} allowed{_hint(found, schema)}"
 
 
 def _origin(place: Place, source: Mapping[Place, str], file: str) -> str:
@@ -67,15 +66,16 @@ def _tags(schema: Mapping[str, Any]) -> str:
     return ", ".join(f'"{tag}"' for tag in schema["discriminator"]["mapping"])
 
 
-@lru_cache(maxsize=4)
-def _schema(model: type[BaseModel]) -> Mapping[str, Any]:
-    return model.model_json_schema()
+@lru_cache(maxsize=1)
+def _schema() -> Mapping[str, Any]:
+    """Return the JSON schema of the whole config, with the definitions that the schema of a key may reference."""
+    return CellConfig.model_json_schema()
 
 
 def _beginner(section: Place, source: Mapping[Place, str], order: Sequence[str], file: str) -> str:
     """Return the origin of a section if a preset, a recipe or an option stated it first, else the cell's file."""
     begun = {name for place, name in source.items() if section and place[: len(section)] == section}
-    later = order[order.index(file) + 1 :] if file in order else ()
+    later = order[order.index(file) + 1 :]
     return min(begun, key=order.index) if begun and begun <= set(later) else file
 
 
@@ -87,82 +87,74 @@ def _blamed(text: str, source: Mapping[Place, str], order: Sequence[str], file: 
     named = [place for word in _KEY.findall(text) if (place := tuple(word.split("."))) in source]
     if not named:
         return file
-    ranks = {name: rank for rank, name in enumerate(order)}
-    worst = max(named, key=lambda place: ranks.get(source[place], -1))
-    if ranks.get(source[worst], -1) == ranks.get(source[named[0]], -1):
-        worst = named[0]
+    # Of several keys from the latest origin, `max` returns the first one in the text.
+    worst = max(named, key=lambda place: order.index(source[place]))
     is_first = text.startswith(".".join(worst))
     return source[worst] if is_first else f"{source[worst]}: {'.'.join(worst)}"
 
 
-def _known(place: Place, schema: Mapping[str, Any], root: Mapping[str, Any]) -> str:
+def _known(place: Place, schema: Mapping[str, Any]) -> str:
     """Return the keys of a section, and a suggestion, which can be a key of another section."""
-    names = sorted(name for variant in _variants(schema, root) for name in variant.get("properties", {}))
+    names = sorted(name for variant in _variants(schema) for name in variant.get("properties", {}))
     section = ".".join(place[:-1])
     near = did_you_mean(place[-1], names)
     if near and section:
         near = near.replace("mean ", f"mean {section}.")
-    return f"{', '.join(names) or 'none'} allowed{near or _elsewhere(place, root)}"
+    return f"{', '.join(names) or 'none'} allowed{near or _elsewhere(place)}"
 
 
-def _elsewhere(place: Place, root: Mapping[str, Any]) -> str:
+def _elsewhere(place: Place) -> str:
     """Return the keys of this name in other sections as a suggestion; empty if there is none."""
     found = [
         f"{section}.{place[-1]}"
-        for section, each in root["properties"].items()
+        for section, each in _schema()["properties"].items()
         if (section, place[-1]) != place
-        if any(place[-1] in variant.get("properties", {}) for variant in _variants(each, root))
+        if any(place[-1] in variant.get("properties", {}) for variant in _variants(each))
     ]
     return f"; did you mean {' or '.join(found)}?" if found else ""
 
 
-def _variants(schema: Mapping[str, Any], root: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+def _variants(schema: Mapping[str, Any]) -> list[Mapping[str, Any]]:
     """Return the permitted sections of a key, one for each kind."""
-    return [_follow(branch, root) for branch in schema.get("anyOf", schema.get("oneOf", [schema]))]
+    return [_follow(branch) for branch in schema.get("anyOf", schema.get("oneOf", [schema]))]
 
 
 _BOUNDS = {"minimum": ">=", "exclusiveMinimum": ">", "maximum": "<=", "exclusiveMaximum": "<"}
 _WORDS = {"number": "a number", "integer": "an integer", "string": "a text", "boolean": "true or false"}
-_NO_DEFINITIONS: Mapping[str, Any] = {}
 _FORMATS = {"ipv4network": "a network or address", "ipv6network": "a network or address", "path": "a file"}
 
 
-def allowed(schema: Mapping[str, Any], root: Mapping[str, Any] = _NO_DEFINITIONS) -> str:
-    """Return the values permitted by a JSON schema, in words; never empty.
-
-    Args:
-        schema: Schema of one key.
-        root: The whole schema with the definitions, which the key's schema may reference.
-    """
-    schema = _follow(schema, root)
+def allowed(schema: Mapping[str, Any]) -> str:
+    """Return the values permitted by the JSON schema of one key, in words; never empty."""
+    schema = _follow(schema)
     if "const" in schema or "enum" in schema:
         return ", ".join(json.dumps(value) for value in schema.get("enum", [schema.get("const")]))
     either = schema.get("anyOf", schema.get("oneOf", ()))
-    branches = [allowed(branch, root) for branch in either if branch.get("type") != "null"]
+    branches = [allowed(branch) for branch in either if branch.get("type") != "null"]
     if branches:
         return " or ".join(dict.fromkeys(branches))
     if schema.get("type") == "object":
-        return _allowed_table(schema, root)
+        return _allowed_table(schema)
     if schema.get("type") == "array":
-        return _allowed_list(schema, root)
+        return _allowed_list(schema)
     if schema.get("format") in _FORMATS:
         return _FORMATS[schema["format"]]
     return _allowed_number(_WORDS.get(schema.get("type", ""), "another value"), schema)
 
 
-def _allowed_table(schema: Mapping[str, Any], root: Mapping[str, Any]) -> str:
+def _allowed_table(schema: Mapping[str, Any]) -> str:
     if "properties" in schema:
         needed = schema.get("required", ())
         names = [f"{name} (needed)" if name in needed else name for name in schema["properties"]]
         return f"a section with {', '.join(names)}"
     others = schema.get("additionalProperties", {})
-    return f"a table, each value {allowed(others if isinstance(others, Mapping) else {}, root)}"
+    return f"a table, each value {allowed(others if isinstance(others, Mapping) else {})}"
 
 
-def _allowed_list(schema: Mapping[str, Any], root: Mapping[str, Any]) -> str:
-    inner = [allowed(each, root) for each in schema.get("prefixItems", ())]
+def _allowed_list(schema: Mapping[str, Any]) -> str:
+    inner = [allowed(each) for each in schema.get("prefixItems", ())]
     if not inner:
-        return f"a list, each {allowed(schema.get('items', {}), root)}"
+        return f"a list, each {allowed(schema.get('items', {}))}"
     return f"{len(inner)} values, each {inner[0]}" if len(set(inner)) == 1 else f"a list of {', '.join(inner)}"
 
 
@@ -184,25 +176,25 @@ def _hint(found: Any, schema: Mapping[str, Any]) -> str:
     return ""
 
 
-def _walk(loc: tuple[int | str, ...], root: Mapping[str, Any], tree: Any) -> tuple[Place, Mapping[str, Any]]:
+def _walk(loc: tuple[int | str, ...], tree: Any) -> tuple[Place, Mapping[str, Any]]:
     """Return the key at `loc`, without pydantic's names of union branches, and its schema.
 
     If the key is unknown, return the schema of its section.
     """
-    schema, place, value = _follow(root, root), [], tree
+    schema, place, value = _schema(), [], tree
     for step in loc:
         if isinstance(step, int):
-            schema = _item(schema, step, root)
+            schema = _item(schema, step)
             place.append(str(step))
             continue
         variant = schema.get("discriminator", {}).get("mapping", {}).get(step)
         if variant is not None:
-            schema = _follow({"$ref": variant}, root)
+            schema = _follow({"$ref": variant})
             continue
-        sections = _variants(schema, root)
+        sections = _variants(schema)
         known = next((s["properties"] for s in sections if step in s.get("properties", {})), None)
         if known is not None:
-            schema = _follow(known[step], root)
+            schema = _follow(known[step])
         elif not (isinstance(value, Mapping) and step in value):
             continue
         place.append(step)
@@ -210,17 +202,17 @@ def _walk(loc: tuple[int | str, ...], root: Mapping[str, Any], tree: Any) -> tup
     return tuple(place), schema
 
 
-def _item(schema: Mapping[str, Any], number: int, root: Mapping[str, Any]) -> Mapping[str, Any]:
+def _item(schema: Mapping[str, Any], number: int) -> Mapping[str, Any]:
     """Return the schema of an item of a list, or of the list if all of its items have the same."""
     for branch in schema.get("anyOf", [schema]):
         items = branch.get("prefixItems", ())
         if number < len(items):
-            return _follow(items[number], root)
+            return _follow(items[number])
     return schema
 
 
-def _follow(schema: Mapping[str, Any], root: Mapping[str, Any]) -> Mapping[str, Any]:
+def _follow(schema: Mapping[str, Any]) -> Mapping[str, Any]:
     if "$ref" in schema:
-        found: Mapping[str, Any] = root["$defs"][schema["$ref"].rsplit("/", 1)[1]]
+        found: Mapping[str, Any] = _schema()["$defs"][schema["$ref"].rsplit("/", 1)[1]]
         return found
     return schema

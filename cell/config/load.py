@@ -127,4 +127,4 @@ def _validated(
     try:
         return CellConfig.model_validate(merged, context={"folder": folder})
     except ValidationError as error:
-        raise ConfigError(explain(error, CellConfig, merged, source, file, order)) from None
+        raise ConfigError(explain(error, merged, source, file, order)) from None
