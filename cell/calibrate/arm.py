@@ -27,7 +27,7 @@ from skills.catalogue import GRASP
 from skills.contract import Interrupted, Observation, SkillContext
 from skills.grasp_from_rack import ACROSS_RACK
 from skills.guards.clearance import Attitude, require_clear
-from skills.motion import VALIDITY, Goal, Transfer, move
+from skills.motion import VALIDITY, Goal, move
 from skills.pace import at_pace
 
 REACH = 0.2
@@ -56,15 +56,6 @@ class JointSweep:
     """Duration of the motion of all joints, s."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Sample:
-    """One scan of a motion: time since its start, s, joint velocities, rad/s, and torques beyond the model, N·m."""
-
-    elapsed: float
-    dq: Vector
-    torque: Vector
-
-
 def calibrate_arm(
     config: CellConfig, today: date, done: Callable[[int, int], None], sweep: JointSweep = JointSweep()
 ) -> ArmCalibration:
@@ -80,15 +71,17 @@ def calibrate_arm(
         NotCalibratedError: The arm had contact, a joint did not move, or the figures are impossible for an arm.
         CellError: A device cannot be opened, times out, is stopped, or does not follow its setpoint.
     """
-    arm = config.arm_model()
+    arm, passes = config.arm_model(), []
     with opened(assemble(_alone(config))) as cell:
         ctx = cell.context(0)
         ctx.stage = "calibrate arm"
         try:
             _require_empty(ctx)
-            start = _go_to_middle(config, ctx)
-            passes = _to_and_fro(arm, start, config, ctx, sweep, done)
-            together = _all_together(arm, start, config, ctx, sweep.together)
+            motion = JointMotion(config, ctx, _go_to_middle(config, ctx))
+            for joint in range(JOINTS):
+                done(joint, JOINTS + 1)
+                passes.append(motion.to_and_fro(joint, sweep))
+            together = motion.all_together(sweep.together)
             done(JOINTS + 1, JOINTS + 1)
         except Interrupted as interruption:
             raise NotCalibratedError(
@@ -98,8 +91,9 @@ def calibrate_arm(
         finally:
             with suppress(CellError):
                 ctx.lead.rest.wait(ctx.devices.clock, ctx.schedule.period)
-    fits = [fit([each for each in passes if each.joint == joint], sweep.speeds) for joint in range(JOINTS)]
-    found = _calibration(fits, together, sweep.speeds, arm, config.arm_unit(), today)
+    found = _calibration(
+        [fit(each, sweep.speeds) for each in passes], together, sweep.speeds, arm, config.arm_unit(), today
+    )
     if (why := implausible(found, arm)) is not None:
         raise NotCalibratedError(f"calibrate arm: {why}: see what the arm touches, its payload and its brakes")
     return found
@@ -139,160 +133,136 @@ def _go_to_middle(config: CellConfig, ctx: SkillContext) -> Vector:
     return ctx.observe().arm.q
 
 
-def _to_and_fro(
-    arm: ArmModel,
-    start: Vector,
-    config: CellConfig,
-    ctx: SkillContext,
-    sweep: JointSweep,
-    done: Callable[[int, int], None],
-) -> list[Pass]:
-    """Move each joint in turn to and fro at every speed, and return the means of the passes."""
-    passes = []
-    for joint in range(JOINTS):
-        done(joint, JOINTS + 1)
-        reach = _reach(arm, start, joint, config)
+class JointMotion:
+    """Motions of single joints and of all of them from one posture."""
+
+    def __init__(self, config: CellConfig, ctx: SkillContext, start: Vector) -> None:
+        """Keep the cell; `start` are the joint positions before and after each motion, shape (7,), rad."""
+        self._ctx, self._start, self._limits = ctx, start, config.limits
+        self._transfer, self._joints = config.params(GRASP).transfer, config.arm_model().joints
+        self._figures = impedance.figures(config.arm_model())
+
+    def to_and_fro(self, joint: int, sweep: JointSweep) -> list[Pass]:
+        """Move a joint to and fro at every speed, and return the means of the passes."""
+        passes, reach = [], self._reach(joint)
         for speed in sweep.speeds:
             half = min(reach, 0.5 * speed * (sweep.even + RUN_UP + SETTLED))
-            ends = start.copy(), start.copy()
+            ends = self._start.copy(), self._start.copy()
             ends[0][joint] -= half
             ends[1][joint] += half
-            _seen(arm, start, ends[0], speed, config, ctx)
-            for number in range(2 * sweep.repeats):
-                passes.append(_pass(arm, ends[number % 2], ends[1 - number % 2], joint, speed, config, ctx))
-            _seen(arm, ends[0], start, speed, config, ctx)
-    return passes
+            self._even_part(self._start, ends[0], speed)
+            passes += [self._pass(ends[k % 2], ends[1 - k % 2], joint, speed) for k in range(2 * sweep.repeats)]
+            self._even_part(ends[0], self._start, speed)
+        return passes
 
+    def all_together(self, duration: float) -> list[Observation]:
+        """Move all joints together for `duration`, s, and return the scans."""
+        # Angular rates, rad/s; they differ, so that every combination of directions occurs.
+        rates = np.array((1.0, 1.3, 1.7, 1.1, 1.9, 1.5, 2.1))
 
-def _pass(
-    arm: ArmModel, at: Vector, to: Vector, joint: int, speed: float, config: CellConfig, ctx: SkillContext
-) -> Pass:
-    """Move a joint in one pass, and return the mean of the constant-speed part.
+        def path(time: float) -> tuple[Vector, Vector]:
+            # The amplitude grows and decays, so that the motion starts and ends at rest.
+            swing = 0.07  # Amplitude of each joint in the motion of all joints, rad.
+            grown = swing * math.sin(math.pi * time / duration) ** 2
+            growth = swing * math.pi / duration * math.sin(2.0 * math.pi * time / duration)
+            turned = rates * time
+            return self._start + grown * np.sin(turned), growth * np.sin(turned) + grown * rates * np.cos(turned)
 
-    Raises:
-        NotCalibratedError: The joint was slower than `AWAKE` of its commanded speed.
-    """
-    seen = _seen(arm, at, to, speed, config, ctx)
-    sense = math.copysign(1.0, float(to[joint] - at[joint]))
-    rate = float(np.mean([each.dq[joint] for each in seen]))
-    if not sense * rate >= AWAKE * speed:
-        raise NotCalibratedError(
-            f"calibrate arm: joint {joint + 1} went at {sense * rate:.3f} rad/s where {speed:g} was asked for; {AWAKE * speed:g}"
-            " needed: it is held by something, or rubs too much for the gains of grasp.transfer"
-        )
-    drift = float(np.polyfit([each.elapsed for each in seen], [each.dq[joint] for each in seen], 1)[0])
-    return Pass(joint, sense * speed, rate, float(np.mean([each.torque[joint] for each in seen])), drift)
+        return list(self._follow(path, duration))
 
+    def _pass(self, at: Vector, to: Vector, joint: int, speed: float) -> Pass:
+        """Move a joint in one pass, and return the mean of the constant-speed part.
 
-def _seen(arm: ArmModel, at: Vector, to: Vector, speed: float, config: CellConfig, ctx: SkillContext) -> list[Sample]:
-    """Move the joints straight between two positions, and return the samples of the constant-speed part."""
-    way = to - at
-    duration = float(np.abs(way).max()) / speed + RUN_UP
-
-    def path(time: float) -> tuple[Vector, Vector]:
-        share, rate = _even(time, duration)
-        return at + share * way, rate * way
-
-    return [
-        Sample(seen.elapsed, seen.arm.dq, _unexplained(seen))
-        for seen in _follow(arm, path, duration, config.params(GRASP).transfer, ctx)
-        if RUN_UP + SETTLED <= seen.elapsed <= duration - RUN_UP
-    ]
-
-
-def _all_together(arm: ArmModel, start: Vector, config: CellConfig, ctx: SkillContext, duration: float) -> list[Sample]:
-    """Move all joints together, and return the samples."""
-    # Angular rates, rad/s; they differ, so that every combination of directions occurs.
-    rates = np.array((1.0, 1.3, 1.7, 1.1, 1.9, 1.5, 2.1))
-
-    def path(time: float) -> tuple[Vector, Vector]:
-        # The amplitude grows and decays, so that the motion starts and ends at rest.
-        swing = 0.07  # Amplitude of each joint in the motion of all joints, rad.
-        grown = swing * math.sin(math.pi * time / duration) ** 2
-        growth = swing * math.pi / duration * math.sin(2.0 * math.pi * time / duration)
-        turned = rates * time
-        return start + grown * np.sin(turned), growth * np.sin(turned) + grown * rates * np.cos(turned)
-
-    return [
-        Sample(seen.elapsed, seen.arm.dq, _unexplained(seen))
-        for seen in _follow(arm, path, duration, config.params(GRASP).transfer, ctx)
-    ]
-
-
-def _follow(
-    arm: ArmModel,
-    path: Callable[[float], tuple[Vector, Vector]],
-    duration: float,
-    transfer: Transfer,
-    ctx: SkillContext,
-) -> Iterator[Observation]:
-    """Move the joints along a path, and yield every scan.
-
-    Args:
-        arm: Figures of the arm.
-        path: Function that returns joint positions, rad, and velocities, rad/s, shape (7,) each, at a time, s.
-        duration: Time of the path, s.
-        transfer: Gains, and the distance from plate and rack.
-        ctx: Context of the motion.
-    """
-    figures = impedance.figures(arm)
-    places = [_hand(figures, path(time)[0])[0] for time in np.linspace(0.0, duration, 25)]
-    way = [Attitude(place.position, -place.rotation[:, 0], place.rotation[:, 2]) for place in places]
-    require_clear(way, ctx.job, None, transfer.clearance)
-    identity, stiffness, damping = ctx.new_id(), transfer.gains.stiffness(), transfer.gains.damping_ratios()
-    for seen in ctx.scan(10.0 * duration):
-        if seen.elapsed >= duration:
-            return
-        q, dq = path(seen.elapsed)
-        hand, J = _hand(figures, q)
-        twist = J @ dq
-        ctx.follow(
-            ImpedanceSetpoint(
-                id=identity,
-                tip=hand.position,
-                axis=-hand.rotation[:, 0],
-                roll=hand.rotation[:, 2],
-                stiffness=stiffness,
-                damping_ratio=damping,
-                valid_until=seen.stamp + VALIDITY,
-                # The null space is damped against the base, so that its goal must lead.
-                # Lead of the commanded posture before the path, s; it compensates the lag of the null space.
-                posture=q + (impedance.NULL_DAMPING / impedance.NULL_STIFFNESS) * dq,
-                is_free=True,
-                twist=Twist(twist[:3], twist[3:]),
+        Raises:
+            NotCalibratedError: The joint was slower than `AWAKE` of its commanded speed.
+        """
+        scans = self._even_part(at, to, speed)
+        sense = math.copysign(1.0, float(to[joint] - at[joint]))
+        rate = float(np.mean([seen.arm.dq[joint] for seen in scans]))
+        if not sense * rate >= AWAKE * speed:
+            raise NotCalibratedError(
+                f"calibrate arm: joint {joint + 1} went at {sense * rate:.3f} rad/s where {speed:g} was asked for; {AWAKE * speed:g}"
+                " needed: it is held by something, or rubs too much for the gains of grasp.transfer"
             )
+        drift = float(np.polyfit([seen.elapsed for seen in scans], [seen.arm.dq[joint] for seen in scans], 1)[0])
+        return Pass(sense * speed, rate, float(np.mean([_unexplained(seen)[joint] for seen in scans])), drift)
+
+    def _even_part(self, at: Vector, to: Vector, speed: float) -> list[Observation]:
+        """Move the joints straight between two positions, and return the scans of the constant-speed part."""
+        way = to - at
+        duration = float(np.abs(way).max()) / speed + RUN_UP
+
+        def path(time: float) -> tuple[Vector, Vector]:
+            share, rate = _even(time, duration)
+            return at + share * way, rate * way
+
+        scans = self._follow(path, duration)
+        return [seen for seen in scans if RUN_UP + SETTLED <= seen.elapsed <= duration - RUN_UP]
+
+    def _follow(self, path: Callable[[float], tuple[Vector, Vector]], duration: float) -> Iterator[Observation]:
+        """Move the joints along a path, and yield every scan.
+
+        Args:
+            path: Function that returns joint positions, rad, and velocities, rad/s, shape (7,) each, at a time, s.
+            duration: Time of the path, s.
+        """
+        ctx, transfer = self._ctx, self._transfer
+        places = [self._hand(path(time)[0])[0] for time in np.linspace(0.0, duration, 25)]
+        way = [Attitude(place.position, -place.rotation[:, 0], place.rotation[:, 2]) for place in places]
+        require_clear(way, ctx.job, None, transfer.clearance)
+        identity, stiffness, damping = ctx.new_id(), transfer.gains.stiffness(), transfer.gains.damping_ratios()
+        for seen in ctx.scan(10.0 * duration):
+            if seen.elapsed >= duration:
+                return
+            q, dq = path(seen.elapsed)
+            hand, J = self._hand(q)
+            twist = J @ dq
+            ctx.follow(
+                ImpedanceSetpoint(
+                    id=identity,
+                    tip=hand.position,
+                    axis=-hand.rotation[:, 0],
+                    roll=hand.rotation[:, 2],
+                    stiffness=stiffness,
+                    damping_ratio=damping,
+                    valid_until=seen.stamp + VALIDITY,
+                    # The null space is damped against the base, so that its goal must lead.
+                    # Lead of the commanded posture before the path, s; it compensates the lag of the null space.
+                    posture=q + (impedance.NULL_DAMPING / impedance.NULL_STIFFNESS) * dq,
+                    is_free=True,
+                    twist=Twist(twist[:3], twist[3:]),
+                )
+            )
+            yield seen
+
+    def _hand(self, q: Vector) -> tuple[Pose, Vector]:
+        """Return T_base_tcp and its Jacobian, shape (6, 7), base frame, at joint positions, rad."""
+        position, rotation, axes, origins = impedance.forward(self._figures, q)
+        return Pose(position, rotation), jacobian(position, axes, origins)
+
+    def _reach(self, joint: int) -> float:
+        """Return the largest displacement of a joint to both sides, within its range and with the hand in the workspace, rad.
+
+        Raises:
+            ConfigError: The displacement is too small for a calibration.
+        """
+        least_reach = 0.5  # Least permitted displacement in a small workspace, as a fraction of `REACH`.
+        limits, joints = self._limits, self._joints
+        low, high = np.array(limits.low) + INSIDE, np.array(limits.high) - INSIDE
+        for share in np.linspace(1.0, least_reach, 6):
+            reach, is_inside = REACH * float(share), True
+            for sense in (-1.0, 1.0):
+                q = self._start.copy()
+                q[joint] += sense * reach
+                is_inside &= joints.q_min[joint] + INSIDE <= q[joint] <= joints.q_max[joint] - INSIDE
+                place = self._hand(q)[0].position
+                is_inside &= bool(np.all(place >= low) and np.all(place <= high))
+            if is_inside:
+                return reach
+        raise ConfigError(
+            f"calibrate arm: joint {joint + 1} cannot move by {least_reach * REACH:.3f} rad to both sides within limits.low ="
+            f" {list(limits.low)} and limits.high = {list(limits.high)}: a wider workspace needed"
         )
-        yield seen
-
-
-def _hand(figures: Vector, q: Vector) -> tuple[Pose, Vector]:
-    """Return T_base_tcp and its Jacobian, shape (6, 7), base frame; `figures` are those of `drivers.impedance`."""
-    position, rotation, axes, origins = impedance.forward(figures, q)
-    return Pose(position, rotation), jacobian(position, axes, origins)
-
-
-def _reach(arm: ArmModel, start: Vector, joint: int, config: CellConfig) -> float:
-    """Return the largest displacement of a joint to both sides, within its range and with the hand in the workspace, rad.
-
-    Raises:
-        ConfigError: The displacement is too small for a calibration.
-    """
-    least_reach = 0.5  # Least permitted displacement in a small workspace, as a fraction of `REACH`.
-    low, high = np.array(config.limits.low) + INSIDE, np.array(config.limits.high) - INSIDE
-    for share in np.linspace(1.0, least_reach, 6):
-        reach, is_inside = REACH * float(share), True
-        for sense in (-1.0, 1.0):
-            q = start.copy()
-            q[joint] += sense * reach
-            is_inside &= arm.joints.q_min[joint] + INSIDE <= q[joint] <= arm.joints.q_max[joint] - INSIDE
-            place = _hand(impedance.figures(arm), q)[0].position
-            is_inside &= bool(np.all(place >= low) and np.all(place <= high))
-        if is_inside:
-            return reach
-    raise ConfigError(
-        f"calibrate arm: joint {joint + 1} cannot move by {least_reach * REACH:.3f} rad to both sides within limits.low ="
-        f" {list(config.limits.low)} and limits.high = {list(config.limits.high)}: a wider workspace needed"
-    )
 
 
 def _even(time: float, duration: float) -> tuple[float, float]:
@@ -316,7 +286,7 @@ def _unexplained(seen: Observation) -> Vector:
 
 def _calibration(
     fits: Sequence[JointFit],
-    together: Sequence[Sample],
+    together: Sequence[Observation],
     speeds: tuple[float, ...],
     arm: ArmModel,
     unit: str,
@@ -337,7 +307,7 @@ def _calibration(
         smooth=measured([each.smooth for each in fits]),
         unexplained=(0.0,) * JOINTS,
     )
-    dq, torque = np.array([s.dq for s in together]), np.array([s.torque for s in together])
+    dq, torque = np.array([seen.arm.dq for seen in together]), np.array([_unexplained(seen) for seen in together])
     # Joint velocity above which the torque is compared with the figures, rad/s.
     left = np.where(np.abs(dq) > 0.03, torque - found.predicted(dq), np.nan)
     rms = np.sqrt(np.nanmean(left**2, axis=0))

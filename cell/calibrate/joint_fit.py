@@ -18,8 +18,6 @@ ROTOR = 0.3
 class Pass:
     """Mean of one pass of one joint at constant speed."""
 
-    joint: int
-    """Number of the joint, from 0."""
     speed: float
     """Commanded velocity, rad/s, with the sign of its direction."""
     rate: float

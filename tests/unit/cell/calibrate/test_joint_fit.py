@@ -15,7 +15,7 @@ def passes(law, offset, noise=0.0, seed=0):
     """Return two passes at each speed in either sense of a joint with this law of friction."""
     rng = np.random.default_rng(seed)
     return [
-        Pass(0, sense * speed, sense * speed, sense * law(speed) + offset + rng.normal(0.0, noise))
+        Pass(sense * speed, sense * speed, sense * law(speed) + offset + rng.normal(0.0, noise))
         for speed in SPEEDS
         for sense in (-1.0, 1.0, -1.0, 1.0)
     ]
