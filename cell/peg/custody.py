@@ -69,9 +69,7 @@ class Custody:
 
     def end(self, seen: PegEvidence, places: Places) -> bool:
         """Update the state from the reading after a run; return True if the peg's place has changed."""
-        is_new = self._become(after_run(self.part, seen, places))
-        self.keep(is_lasting=True)
-        return is_new
+        return self._become(after_run(self.part, seen, places))
 
     def refusal(self, switch: SwitchState, rack: Rack, recovers_first: bool) -> Refusal:
         """Return why no fresh peg can be taken now, or NONE."""
@@ -93,7 +91,6 @@ class Custody:
     def seat(self, evidence: str, by: PartEvidence) -> None:
         """Register that the released peg is seated, by evidence of the run."""
         self._become(proven(self.part, evidence, by))
-        self.keep(is_lasting=True)
 
     def clear(self) -> None:
         """Register that a person has removed the peg; the devices count again from the next reading."""

@@ -16,9 +16,12 @@ from enum import StrEnum
 
 import numpy as np
 
-from drivers.parts import Hole, Job, Point
+from cell.config.cell_config import CellConfig
+from drivers.parts import Hole, Point
 from drivers.quantities import WIDTH_TOLERANCE, ArmState, GripperState, SwitchState, Vector
 from plc_bridge.protocol.messages import PartEvidence, PartPlace, Refusal
+from skills.catalogue import GRASP, RECOVER
+from skills.insert.grip import grip_of
 from skills.seating.decision import CLOSED_TOLERANCE, depth_of
 
 IN_HOLE_DEPTH = 0.004
@@ -43,14 +46,9 @@ IN_THE_HOLE = (PartPlace.IN_HOLE, PartPlace.SEATED)
 class PegEvidence:
     """Evidence of the peg from one reading of the devices."""
 
-    width: float
-    """Distance between the pads, m."""
-    is_gripping: bool
-    is_moving: bool
+    hand: GripperState
     tip: tuple[float, float, float]
     """Position of the end of a peg in the hand, m, base frame; from arm and skin."""
-    theta: float
-    """In-hand angle, rad; from the skin."""
     switch: SwitchState
     is_felt: bool | None = None
     """True if the skin measures a peg; None without a trusted frame."""
@@ -93,22 +91,17 @@ class Places:
     slots: tuple[Point, ...]
     """Middle of each slot on the rack's surface, m, base frame."""
     bin: Point
-    bears: float = math.inf
+    bears: float
     """Axial force below which the peg does not slide between the pads, N."""
 
 
-def places_of(job: Job, bin_at: Point, bears: float = math.inf) -> Places:
-    """Return the places of a job.
-
-    Args:
-        job: The part, its hole and its rack.
-        bin_at: Position above the reject bin, m, base frame.
-        bears: Axial force below which the peg does not slide between the pads, N.
-    """
-    rack = job.rack
+def places_of(config: CellConfig) -> Places:
+    """Return the places of the part of a config."""
+    rack = config.rack
     x, y, z = rack.first
     slots = tuple((x, y + rack.pitch * number, z) for number in range(rack.slots))
-    return Places(job.peg.part.thickness, job.hole, slots, bin_at, bears)
+    bears = grip_of(config.params(GRASP)).bears
+    return Places(config.peg.part.thickness, config.hole, slots, config.params(RECOVER).bin, bears)
 
 
 def evidence_of(
@@ -116,7 +109,6 @@ def evidence_of(
     hand: GripperState,
     switch: SwitchState,
     tip: Vector,
-    theta: float,
     is_felt: bool | None,
     is_inserting: bool = False,
 ) -> PegEvidence:
@@ -127,7 +119,6 @@ def evidence_of(
         hand: State of the hand.
         switch: State of the switch under the hole.
         tip: Position of the end of a peg in the hand, shape (3,), m, base frame.
-        theta: In-hand angle, rad.
         is_felt: True if the skin measures a peg; None without a trusted frame.
         is_inserting: True in a stage after the search.
     """
@@ -135,9 +126,7 @@ def evidence_of(
     x, y, z = (float(value) for value in where)
     along = arm.tcp.position - where
     push = float(arm.wrench.force @ along) / math.hypot(*along) if along.any() else 0.0
-    return PegEvidence(
-        hand.width, hand.is_gripping, hand.is_moving, (x, y, z), theta, switch, is_felt, is_inserting, push
-    )
+    return PegEvidence(hand, (x, y, z), switch, is_felt, is_inserting, push)
 
 
 def at_start(kept: PartState | None, seen: PegEvidence, places: Places) -> PartState:
@@ -183,14 +172,14 @@ def _after(before: PartState, seen: PegEvidence, places: Places, is_running: boo
     if _is_between(seen, places):
         return _gripped(before, seen, places)
     if before.is_held:
-        if seen.is_moving:
+        if seen.hand.is_moving:
             return before
         if _is_slack(seen, places):
             return replace(
                 before,
                 place=PartPlace.UNKNOWN,
                 is_held=False,
-                evidence=f"the hand does not grip, {_mm(seen.width)} open at a peg of {_mm(places.thickness)}",
+                evidence=f"the hand does not grip, {_mm(seen.hand.width)} open at a peg of {_mm(places.thickness)}",
             )
         return _let_go(before, seen, places, is_running)
     if before.place is PartPlace.ON_PLATE and seen.switch is SwitchState.CLOSED:
@@ -212,7 +201,7 @@ def by_hand_alone(
     If the arm times out, a closing hand still closes on its peg. An opening hand releases the peg at the arm's last pose. A held peg
     whose end was at the hole may have entered it since then.
     """
-    seen = PegEvidence(hand.width, hand.is_gripping, hand.is_moving, before.tip, 0.0, switch)
+    seen = PegEvidence(hand, before.tip, switch)
     if not _is_between(seen, places):
         return after(before, seen, places, is_running)
     if before.is_held:
@@ -250,26 +239,25 @@ def after_run(before: PartState, seen: PegEvidence, places: Places) -> PartState
 
 def _shown(part: PartState, seen: PegEvidence, places: Places) -> PartState:
     """Return a state with the evidence bits and the width of the reading that decided it."""
-    is_known = seen.is_felt is not None
     signs = {
         PartEvidence.HAND_HOLDS: _is_between(seen, places),
         PartEvidence.HAND_EMPTY: not _is_between(seen, places) and not _is_slack(seen, places),
-        PartEvidence.SKIN_TOUCHED: is_known and seen.is_felt,
-        PartEvidence.SKIN_FREE: is_known and not seen.is_felt,
+        PartEvidence.SKIN_TOUCHED: seen.is_felt is True,
+        PartEvidence.SKIN_FREE: seen.is_felt is False,
         PartEvidence.TIP_IN_HOLE: part.depth > 0.0,
         PartEvidence.SWITCH_CLOSED: seen.switch is SwitchState.CLOSED,
         PartEvidence.SWITCH_OPEN: seen.switch is SwitchState.OPEN,
     }
     basis = PartEvidence(sum(sign for sign, is_so in signs.items() if is_so))
-    return replace(part, basis=basis, width=seen.width)
+    return replace(part, basis=basis, width=seen.hand.width)
 
 
 def _is_between(seen: PegEvidence, places: Places) -> bool:
-    return seen.is_gripping and abs(seen.width - places.thickness) <= WIDTH_TOLERANCE
+    return seen.hand.is_gripping and abs(seen.hand.width - places.thickness) <= WIDTH_TOLERANCE
 
 
 def _is_slack(seen: PegEvidence, places: Places) -> bool:
-    return not seen.is_gripping and abs(seen.width - places.thickness) <= WIDTH_TOLERANCE
+    return not seen.hand.is_gripping and abs(seen.hand.width - places.thickness) <= WIDTH_TOLERANCE
 
 
 def _may_be_same(before: PartState, places: Places) -> bool:
@@ -289,7 +277,7 @@ def _slid(before: PartState, seen: PegEvidence, places: Places) -> float:
 def _held(seen: PegEvidence, places: Places, slid: float) -> PartState:
     """Return the state of a peg between the pads; `slid` is the largest distance the fingers may have slid along it, m."""
     depth = depth_of(np.array(seen.tip), places.hole)
-    hand = f"hand grips {_mm(seen.width)}"
+    hand = f"hand grips {_mm(seen.hand.width)}"
     is_over = _is_over_hole(seen.tip, places.hole)
     is_seated = is_over and seen.switch is SwitchState.CLOSED and abs(depth - places.hole.depth) <= CLOSED_TOLERANCE
     if not is_seated and (depth - slid < IN_HOLE_DEPTH or not is_over):
@@ -302,7 +290,7 @@ def _held(seen: PegEvidence, places: Places, slid: float) -> PartState:
 
 def _let_go(before: PartState, seen: PegEvidence, places: Places, is_running: bool) -> PartState:
     """Return the state of a peg that the hand has released since the last scan."""
-    hand = f"hand {_mm(seen.width)} open"
+    hand = f"hand {_mm(seen.hand.width)} open"
     if before.place in IN_THE_HOLE:
         # A switch that was closed already while the peg was held too far above the bottom proves nothing.
         is_high = before.depth < places.hole.depth - CLOSED_TOLERANCE
@@ -331,7 +319,7 @@ def _fallen(before: PartState, places: Places, is_running: bool) -> tuple[PartPl
 
 
 def _left_alone(before: PartState, seen: PegEvidence, places: Places) -> PartState:
-    """Return the state of a free peg while the cell waits: if the switch opens, a person has removed the seated peg.
+    """Return the state of a free peg while the cell waits, `before` itself if nothing changed: if the switch opens, a person has removed the seated peg.
 
     If the switch timed out during the run and is open at its next valid reading, it may have been open since then.
     """
@@ -339,11 +327,11 @@ def _left_alone(before: PartState, seen: PegEvidence, places: Places) -> PartSta
         return before
     is_doubted = bool(before.basis) and not before.basis & PartEvidence.SWITCH_CLOSED
     if seen.switch is SwitchState.OPEN and is_doubted:
-        return _shown(replace(before, place=PartPlace.UNKNOWN, evidence=CAME_ALONG), seen, places)
+        return replace(before, place=PartPlace.UNKNOWN, evidence=CAME_ALONG)
     if seen.switch is SwitchState.OPEN:
         return PartState(PartPlace.RACK, "the seated peg was taken away: the switch is open")
     if seen.switch is SwitchState.CLOSED and is_doubted:
-        return _shown(replace(before, evidence="let go, and the switch is closed again"), seen, places)
+        return replace(before, evidence="let go, and the switch is closed again")
     return before
 
 

@@ -11,7 +11,7 @@ from cell.config.cell_config import CellConfig
 from cell.devices.assembly import Cell
 from cell.peg.custody import Custody
 from cell.peg.ending import Ending
-from cell.peg.part_state import UNRESOLVED, PartState, PegEvidence, Places, described, evidence_of, places_of, told
+from cell.peg.part_state import UNRESOLVED, PartState, PegEvidence, described, evidence_of, places_of, told
 from cell.peg.success import LastLook, SeatingProof, evidence_for, judged
 from drivers.errors import CellError, SwitchDisagreesError, SwitchUnknownError
 from drivers.frames import end_point
@@ -22,7 +22,6 @@ from skills.contract import Observation, Outcome, SkillContext, is_trusted
 from skills.entry import Claim, Entry
 from skills.flow import StageRecord
 from skills.guards.scan_guards import require_finite_skin
-from skills.insert.grip import grip_of
 from skills.seating.decision import depth_of
 
 logger = logging.getLogger(__name__)
@@ -44,7 +43,7 @@ class PartWatch:
         """Keep the opened cell and its skill context; read the peg's recorded state from the journal's folder."""
         self._cell, self._context, self.commissioning = cell, context, cell.commissioning
         self._custody = Custody(folder, cell.config.arm.kind)
-        self._places = _places(cell.config)
+        self._places = places_of(cell.config)
         self._proof: SeatingProof = evidence_for(cell.config.hole)
         self._is_running = self._has_looked = self._was_open = False
         self._needs_switch = False
@@ -59,7 +58,7 @@ class PartWatch:
 
     def begin(self, config: CellConfig, claim: Claim) -> None:
         """Start tracking a run with this config; `claim` is the meaning of its success."""
-        self._places, self._is_running = _places(config), True
+        self._places, self._is_running = places_of(config), True
         self._was_open, self.proof = False, ""
         self._needs_switch = claim in PROVEN_BY_SWITCH and config.hole.evidence == "switch"
         self._unknown_since = None
@@ -76,7 +75,7 @@ class PartWatch:
         self._felt_at, self._frame = max(self._felt_at, seen.peg.stamp), seen.frame.sequence
         is_felt = seen.frame.stamp - self._felt_at <= FELT_WITHIN
         is_inserting = self._context.stage in (INSERT.name, ADJUST.name)
-        evidence = evidence_of(seen.arm, seen.gripper, seen.switch, seen.tip, seen.peg.theta, is_felt, is_inserting)
+        evidence = evidence_of(seen.arm, seen.gripper, seen.switch, seen.tip, is_felt, is_inserting)
         self._tell(self._custody.see(evidence, self._places, self._is_running))
         if not self._is_running:
             return
@@ -243,7 +242,7 @@ class PartWatch:
     def _evidence(self, arm: ArmState, hand: GripperState, switch: SwitchState) -> PegEvidence:
         in_hand = self._context.in_hand()
         tip, _ = end_point(arm.tcp, in_hand.theta, in_hand.length)
-        return evidence_of(arm, hand, switch, tip, in_hand.theta, self._is_felt())
+        return evidence_of(arm, hand, switch, tip, self._is_felt())
 
     def _is_felt(self) -> bool | None:
         """Return True if the skin measures a peg, for readings outside the scan; None without a trusted frame."""
@@ -269,7 +268,3 @@ class PartWatch:
             # During a run the remedy is left out, because the run handles the peg itself.
             logger.log(level, "%s", (described if self._is_running else told)(self._custody.part))
         self._has_looked = True
-
-
-def _places(config: CellConfig) -> Places:
-    return places_of(config.job(), config.params(RECOVER).bin, grip_of(config.params(GRASP)).bears)

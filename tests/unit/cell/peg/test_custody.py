@@ -14,7 +14,7 @@ from cell.peg.part_state import PartState, PegEvidence, places_of
 from cell.records.index import Index
 from cell.records.journal import INDEX, Journal
 from cell.records.schema import LOST, RunRow
-from drivers.quantities import SwitchState
+from drivers.quantities import GripperState, SwitchState
 from plc_bridge.protocol.messages import PartEvidence, PartPlace, Refusal
 from tests.trouble import full_disk, until
 
@@ -31,18 +31,18 @@ class Keeper(Custody):
         self.places = places
 
     def holds(self, is_running=True, **changes):
-        look = PegEvidence(self.places.thickness, True, False, (0.45, 0.0, 0.3), 0.1, OPEN)
+        look = PegEvidence(GripperState(self.places.thickness, True, False), (0.45, 0.0, 0.3), OPEN)
         self.see(replace(look, **changes), self.places, is_running)
         return self
 
     def is_empty(self, is_running=False):
-        self.see(PegEvidence(0.04, False, False, (0.45, 0.0, 0.3), 0.0, OPEN), self.places, is_running)
+        self.see(PegEvidence(GripperState(0.04, False, False), (0.45, 0.0, 0.3), OPEN), self.places, is_running)
         return self
 
 
 @pytest.fixture
 def places(loaded):
-    return places_of(loaded.cell.job(), loaded.cell.recover.bin)
+    return places_of(loaded.cell)
 
 
 @pytest.fixture
@@ -77,7 +77,7 @@ def test_the_next_program_knows_how_far_the_hand_has_slid_down_the_peg(program, 
     first.places = replace(places, bears=12.5)
     for depth in (0.0, 0.006):
         first.holds(tip=(x, y, z - depth), push=20.0)
-    first.end(PegEvidence(places.thickness, True, False, (x, y, z - 0.006), 0.1, OPEN, push=20.0), first.places)
+    first.keep()
     assert first.flush()
     second = program()
     second.places = first.places

@@ -54,7 +54,7 @@ class Peg:
         """Return what a look finds, with the end of the peg where it was unless given."""
         if width is None:
             width = self.places.thickness if gripping else 0.04
-        return PegEvidence(width, gripping, moving, tip or self.state.tip, 0.0, switch, felt, inserts)
+        return PegEvidence(GripperState(width, gripping, moving), tip or self.state.tip, switch, felt, inserts)
 
     def look(self, tip=None, *, is_running=True, push=0.0, **how):
         """Take a look, and return what is known then."""
@@ -85,7 +85,7 @@ class Peg:
 
 @pytest.fixture
 def peg(loaded):
-    return Peg(places_of(loaded.cell.job(), loaded.cell.recover.bin))
+    return Peg(replace(places_of(loaded.cell), bears=math.inf))
 
 
 @pytest.fixture
@@ -521,6 +521,6 @@ def test_evidence_has_the_push_along_the_peg_and_an_end(rig):
     arm = replace(rig.arm.read(), wrench=Wrench(np.array([5.0, -3.0, 9.0]), np.zeros(3)))
     leaning = arm.tcp.position - 0.05 * np.array([0.6, 0.0, 0.8])
     for tip, push, where in ((leaning, 0.6 * 5.0 + 0.8 * 9.0, leaning), (np.full(3, math.nan), 0.0, arm.tcp.position)):
-        found = evidence_of(arm, rig.gripper.read(), OPEN, tip, 0.0, True)
+        found = evidence_of(arm, rig.gripper.read(), OPEN, tip, True)
         assert found.push == pytest.approx(push)
         assert found.tip == pytest.approx(tuple(where))
