@@ -15,7 +15,6 @@ from cell.run.brake import Brake, fault_of
 from cell.run.desk import Desk
 from cell.run.learning import Learning, hole_found
 from cell.run.live import Look
-from cell.run.progress import Progress, progress_of
 from cell.run.record import RunRecord
 from cell.run.states import Event, State
 from drivers.errors import CellError
@@ -23,7 +22,7 @@ from drivers.quantities import ImpedanceSetpoint
 from plc_bridge.protocol.messages import Command, Result
 from skills.catalogue import CATALOGUE, RECOVER
 from skills.contract import Callbacks, Observation, Outcome, Request, SkillContext
-from skills.entry import Claim, Entry
+from skills.entry import Claim, Entry, Program
 from skills.flow import StageRecord
 from skills.guards.scan_guards import RESUME_TIME
 
@@ -67,7 +66,6 @@ class Execution:
         self._seed, self._stocked = self._first_seed, 0
         self.learning = Learning(journal.folder, cell.config.learning)
         self._arm = ArmWatch(cell.arm_calibration, cell.config.arm_model())
-        self._done = Progress(())
         self._run: RunRecord | None = None
         self.last: RunRow | None = None
         """Journal row of the last run that ended; None before the first."""
@@ -85,7 +83,7 @@ class Execution:
         Returns:
             First fault of the run, which the caller must report; None if there is none.
         """
-        self._brake.request, self._done = Request.RUN, progress_of(entry)
+        self._brake.request = Request.RUN
         records: list[StageRecord] = []
         taken, claim = self._cell.clock.now(), entry.claim
 
@@ -134,7 +132,7 @@ class Execution:
     def _open(self, command: Command, entry: Entry, config: CellConfig, taken: float) -> None:
         """Open the run's record and set up the context for this config."""
         seed = self._first_seed + self._stocked if entry.starts_empty else self._seed
-        self._run = RunRecord(self._journal, command, entry.name, config, taken, seed)
+        self._run = RunRecord(self._journal, command, entry, config, taken, seed)
         self._desk.events.run = self._run.row.run
         self._desk.report = replace(self._desk.report, run=self._run.row.run)
         self._part.begin(config, entry.claim)
@@ -238,8 +236,10 @@ class Execution:
         return self._brake.request
 
     def _progress(self, fraction: float) -> None:
-        percent = self._done.update(self._context.stage, fraction)
-        if percent != self._desk.report.progress:
+        run = self._run
+        assert run is not None
+        percent = progress_of(run.entry, self._context.stage, fraction)
+        if percent > self._desk.report.progress:
             self._desk.report = replace(self._desk.report, progress=percent)
 
     def _stage_ended(self, stage: str, elapsed: float) -> None:
@@ -260,3 +260,14 @@ class Execution:
         elif self._desk.state is State.UNHOLDING and seen.stamp - self._brake.resumed >= RESUME_TIME:
             self._desk.enter(Event.FINISHED)
             self._brake.request = Request.RUN
+
+
+def progress_of(entry: Entry, stage: str, fraction: float) -> int:
+    """Return the completed share of a run, percent, after a completed fraction of a stage, 0 to 1.
+
+    All stages of a run without failure have equal weight; another stage, for example recovery, returns 0.
+    """
+    stages = entry.stages if isinstance(entry, Program) else (entry.name,)
+    if stage not in stages:
+        return 0
+    return int(100.0 * (stages.index(stage) + min(max(fraction, 0.0), 1.0)) / len(stages))

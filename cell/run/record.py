@@ -20,6 +20,7 @@ from drivers.scene_facts import SceneFacts, Sight
 from plc_bridge.protocol.messages import Command
 from skills.catalogue import CATALOGUE
 from skills.contract import Observation
+from skills.entry import Entry
 from skills.flow import StageRecord
 
 
@@ -62,14 +63,14 @@ class RunRecord:
     """The record of the present run."""
 
     def __init__(
-        self, journal: Journal, command: Command, program: str, config: CellConfig, now: float, seed: int
+        self, journal: Journal, command: Command, entry: Entry, config: CellConfig, now: float, seed: int
     ) -> None:
         """Record the start of the run before anything moves; the journal's own thread writes it.
 
         Args:
             journal: The opened journal.
             command: The command that started the run.
-            program: Name of the program.
+            entry: The program or the skill.
             config: Config of the run, its parameters included.
             now: Time of the command on the cell's clock, s.
             seed: Seed of the simulated world's draws and of the skills' choices in this run.
@@ -78,14 +79,14 @@ class RunRecord:
             JournalError: The journal is not open.
         """
         self._records = journal.writer
-        self.clock = StageClock()
+        self.entry, self.clock = entry, StageClock()
         self._trace, self._scans = RunTrace(now, config.job().hole), 0
         text = config_text(config)
         self.row = self._records.begin(
             RunRow(
                 run=0,
                 started=now_text(),
-                program=program,
+                program=entry.name,
                 recipe=command.recipe,
                 serial=command.serial,
                 source=command.source,

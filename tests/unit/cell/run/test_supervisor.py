@@ -394,15 +394,16 @@ def test_a_cable_that_an_onlooker_pulls_is_out_until_it_is_plugged_in_and_both_a
     assert noted == [("skin unplugged", "page", 1), ("skin plugged in", "page", 0)]
 
 
-def test_progress_of_a_skill_is_that_of_the_run(rig, program):
+def test_progress_of_a_skill_is_that_of_the_run_and_never_falls(rig, program):
     runs_on(rig, program)
     context = []
     call = program._run
     program._run = lambda ctx: (context.append(ctx), call(ctx))[1]
-    rig.at(0.4, lambda: context[0].callbacks.progress(0.5))
+    for fraction in (0.5, 0.2):
+        rig.at(0.4, lambda fraction=fraction: context[0].callbacks.progress(fraction))
     told = read(rig, 0.6)
     rig.command(CODE)
-    assert 0 < told[0].progress < 100
+    assert told[0].progress == 50
 
 
 # A line whose every word is read, and a wall clock that the test turns.
