@@ -3,6 +3,7 @@
 import logging
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 
 from cell.config.cell_config import CellConfig
 from cell.devices.assembly import Cell, choices, make_perception
@@ -45,7 +46,7 @@ class Execution:
         beat: Callable[[], None],
         meanwhile: Callable[[], None],
     ) -> None:
-        """Keep the parts of the cell that a program needs, and register the callbacks of the skill context.
+        """Keep the parts of the cell that a program needs.
 
         Args:
             cell: The opened cell.
@@ -61,7 +62,6 @@ class Execution:
         self._cell, self._context, self._journal = cell, context, journal
         self._desk, self._part, self._brake = desk, part, brake
         self._watch, self._beat, self._meanwhile = watch, beat, meanwhile
-        context.callbacks = Callbacks(self._poll, self._progress, self._stage_ended, self._record)
         self._first_seed = cell.config.first_seed
         self._seed, self._stocked = self._first_seed, 0
         self.learning = Learning(journal.folder, cell.config.learning)
@@ -132,12 +132,18 @@ class Execution:
     def _open(self, command: Command, entry: Entry, config: CellConfig, taken: float) -> None:
         """Open the run's record and set up the context for this config."""
         seed = self._first_seed + self._stocked if entry.starts_empty else self._seed
-        self._run = RunRecord(self._journal, command, entry, config, taken, seed)
-        self._desk.events.run = self._run.row.run
-        self._desk.report = replace(self._desk.report, run=self._run.row.run)
+        self._run = run = RunRecord(self._journal, command, entry, config, taken, seed)
+        self._desk.events.run = run.row.run
+        self._desk.report = replace(self._desk.report, run=run.row.run)
         self._part.begin(config, entry.claim)
         self._arm.begin()
         ctx = self._context
+        ctx.callbacks = Callbacks(
+            poll=partial(self._poll, run),
+            progress=partial(self._progress, run),
+            ended=partial(self._stage_ended, run),
+            record=partial(self._record, run),
+        )
         ctx.job = config.job(slot=ctx.job.slot)
         ctx.limits, ctx.stage, ctx.lead.held = config.limits, "", None
         # The recipe can change the peg, and the preset can change the method.
@@ -225,9 +231,7 @@ class Execution:
 
     # Callbacks of the skill context, one call per scan or stage.
 
-    def _poll(self) -> Request:
-        run = self._run
-        assert run is not None
+    def _poll(self, run: RunRecord) -> Request:
         self._beat()
         if run.clock.enter(self._context.stage, self._cell.clock.now()):
             self._desk.tell_times(run.clock)
@@ -235,22 +239,16 @@ class Execution:
         self._desk.publish()
         return self._brake.request
 
-    def _progress(self, fraction: float) -> None:
-        run = self._run
-        assert run is not None
+    def _progress(self, run: RunRecord, fraction: float) -> None:
         percent = progress_of(run.entry, self._context.stage, fraction)
         if percent > self._desk.report.progress:
             self._desk.report = replace(self._desk.report, progress=percent)
 
-    def _stage_ended(self, stage: str, elapsed: float) -> None:
-        run = self._run
-        assert run is not None
+    def _stage_ended(self, run: RunRecord, stage: str, elapsed: float) -> None:
         run.clock.end(stage, elapsed)
         self._desk.tell_times(run.clock)
 
-    def _record(self, seen: Observation, setpoint: ImpedanceSetpoint | None) -> None:
-        run = self._run
-        assert run is not None
+    def _record(self, run: RunRecord, seen: Observation, setpoint: ImpedanceSetpoint | None) -> None:
         self._part.see(seen)
         self._arm.see(seen, setpoint)
         run.add(seen, setpoint, self._cell.sight() if self._cell.sight is not None else None)
