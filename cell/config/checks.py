@@ -8,7 +8,7 @@ import math
 from collections.abc import Mapping
 
 from cell.config.margins import MARGIN, Place, too_high
-from cell.config.torque_path import is_hold_steady, is_steady, largest, largest_hold
+from cell.config.torque_path import is_steady, largest
 from drivers.arm.model import ArmModel
 from drivers.parts import Hole, Latch, Peg, Rack
 from skills.grasp_from_rack import GraspFromRackParams
@@ -201,7 +201,7 @@ def require_steady(followed: Mapping[str, Gains], place: Place) -> None:
             raise ValueError(
                 f"{name}: swings from {largest(gains, place):.2f} times these torques {late}: lower damping_ratio or the stiffness"
             )
-    if not is_hold_steady(place):
+    if not is_steady(None, place):
         raise ValueError(
-            f"arm: once halted, swings from {largest_hold(place):.2f} times its torques {late}: torque_path of the arm's file"
+            f"arm: once halted, swings from {largest(None, place):.2f} times its torques {late}: torque_path of the arm's file"
         )

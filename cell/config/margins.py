@@ -57,9 +57,7 @@ class Place:
 
     def largest_push(self) -> float:
         """Return the largest vertical force of the arm with the peg upright, N; the place must be within reach."""
-        upright = _joints(self, 0.0)
-        assert upright is not None
-        return largest_push(self.arm, upright, self.length)
+        return largest_push(self.arm, self.postures()[1], self.length)
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,11 +7,11 @@ eigenvalues are inside the unit circle. Joint friction, which stabilizes, is lef
 
 A holding arm has another law, -M (r² q + 2 r dq), in which M is its modelled inertia. Its modes are those of M relative
 to the true inertia, and each mode is one loop. With M at most c times the true inertia in every direction, the arm is
-stable if a single joint is stable with c times its torques. `largest_hold` returns the stable factor on these torques, for
-the largest modelled and the least true inertia.
+stable if a single joint is stable with c times its torques. Its factors are those for the largest modelled and the least
+true inertia.
 """
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable
 from functools import lru_cache
 
 import numpy as np
@@ -30,76 +30,44 @@ MOST = 20.0
 
 
 @lru_cache(maxsize=64)
-def is_steady(gains: Gains, place: Place, factor: float = MARGIN) -> bool:
-    """Return True if the loop is stable with `factor` times the torques of these gains, peg tilted and upright."""
+def is_steady(gains: Gains | None, place: Place, factor: float = MARGIN) -> bool:
+    """Return True if the loop is stable with `factor` times its torques, peg tilted and upright; without gains, the arm holds."""
     return _holds(_cycles(gains, place), factor)
 
 
 @lru_cache(maxsize=64)
-def largest(gains: Gains, place: Place) -> float:
-    """Return the factor on all torques of these gains at which the arm becomes unstable; `MOST` if there is none."""
-    return _largest(_cycles(gains, place))
-
-
-@lru_cache(maxsize=64)
-def is_hold_steady(place: Place) -> bool:
-    """Return True if a holding arm is stable with `MARGIN` times its torques, peg tilted and upright."""
-    return _holds(_hold_cycles(place), MARGIN)
-
-
-@lru_cache(maxsize=64)
-def largest_hold(place: Place) -> float:
-    """Return the factor on the torques of a holding arm at which it becomes unstable; `MOST` if there is none."""
-    return _largest(_hold_cycles(place))
-
-
-def _hold_cycles(place: Place) -> list[tuple[Vector, Vector]]:
-    return _parts(place, lambda q, factor: one_held_cycle(place.arm, q, factor))
-
-
-def _cycles(gains: Gains, place: Place) -> list[tuple[Vector, Vector]]:
-    return _parts(place, lambda q, factor: one_cycle(place.arm, q, place.length, gains, factor))
-
-
-def _parts(place: Place, cycle: Callable[[Vector, float], Vector]) -> list[tuple[Vector, Vector]]:
-    """Return, for each posture, the matrix of one cycle without torques, and the matrix that the torques add."""
-    idle = [cycle(q, 0.0) for q in place.postures()]
-    return [(without, cycle(q, 1.0) - without) for q, without in zip(place.postures(), idle, strict=True)]
-
-
-def _largest(cycles: Sequence[tuple[Vector, Vector]]) -> float:
+def largest(gains: Gains | None, place: Place) -> float:
+    """Return the factor on all torques at which the arm becomes unstable; `MOST` if there is none. Without gains, it holds."""
+    cycles = _cycles(gains, place)
     return first_unstable(lambda factor: _holds(cycles, factor), MOST)
+
+
+def _cycles(gains: Gains | None, place: Place) -> list[tuple[Vector, Vector]]:
+    """Return, for each posture, the matrix of one cycle without torques, and the matrix that the torques add."""
+    idle, whole = (
+        [one_cycle(place.arm, q, place.length, gains, factor) for q in place.postures()] for factor in (0.0, 1.0)
+    )
+    return [(without, acting - without) for without, acting in zip(idle, whole, strict=True)]
 
 
 def _holds(cycles: Iterable[tuple[Vector, Vector]], factor: float) -> bool:
     return all(radius(idle + factor * added) < 1.0 for idle, added in cycles)
 
 
-def one_cycle(arm: ArmModel, q: Vector, length: float, gains: Gains, factor: float) -> Vector:
+def one_cycle(arm: ArmModel, q: Vector, length: float, gains: Gains | None, factor: float) -> Vector:
     """Return the transition matrix of positions, velocities, acting torques and delayed torques over one control cycle.
 
     Args:
         arm: The arm, with its torque path.
         q: Joint positions, shape (7,), rad.
         length: Distance from the finger centre to the controlled point, m.
-        gains: Stiffness and damping ratio.
+        gains: Stiffness and damping ratio; None for a holding arm with the largest modelled inertia.
         factor: Factor on the commanded torques.
 
     Returns:
         Matrix of shape (7 (3 + delay), 7 (3 + delay)), the delay in cycles, at least 1.
     """
-    return _one_cycle(arm, q, factor * _law(arm, q, length, gains))
-
-
-def one_held_cycle(arm: ArmModel, q: Vector, factor: float) -> Vector:
-    """Return the same matrix for a holding arm with the largest modelled inertia; see `one_cycle`."""
-    counted = joint_inertia(arm, q) + np.diag(np.array(arm.joints.rotor_inertia) + impedance.most_learnt(arm))
-    rate = impedance.HOLD_RATE
-    return _one_cycle(arm, q, factor * np.hstack([rate**2 * counted, 2.0 * rate * counted]))
-
-
-def _one_cycle(arm: ArmModel, q: Vector, law: Vector) -> Vector:
-    """Return the matrix of one control cycle with the law tau = -`law` (q, dq), `law` of shape (7, 14)."""
+    law = factor * (_hold_law(arm, q) if gains is None else _law(arm, q, length, gains))
     n, path = JOINTS, arm.torque_path
     delay = max(round(path.transport / arm.control_period), 1)
     rotors = path.rotor_share * np.diag(arm.joints.rotor_inertia)
@@ -117,6 +85,13 @@ def _one_cycle(arm: ArmModel, q: Vector, law: Vector) -> Vector:
     for k in range(1, delay):
         step[(3 + k) * n : (4 + k) * n, (2 + k) * n : (3 + k) * n] = np.eye(n)
     return step
+
+
+def _hold_law(arm: ArmModel, q: Vector) -> Vector:
+    """Return L of the law tau = -L (q, dq) of a holding arm, shape (7, 14)."""
+    counted = joint_inertia(arm, q) + np.diag(np.array(arm.joints.rotor_inertia) + impedance.most_learnt(arm))
+    rate = impedance.HOLD_RATE
+    return np.hstack([rate**2 * counted, 2.0 * rate * counted])
 
 
 def _law(arm: ArmModel, q: Vector, length: float, gains: Gains) -> Vector:

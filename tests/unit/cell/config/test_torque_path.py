@@ -9,7 +9,7 @@ from cell.config.checks import require_steady
 from cell.config.load import load
 from cell.config.margins import MARGIN
 from cell.config.sampled_loop import radius
-from cell.config.torque_path import is_hold_steady, is_steady, largest, largest_hold, one_cycle, one_held_cycle
+from cell.config.torque_path import is_steady, largest, one_cycle
 from drivers.arm.inertia import joint_inertia
 from drivers.impedance import ROTOR_RANGE, most_learnt
 from skills.catalogue import GRASP
@@ -35,7 +35,7 @@ def swing(arm, damping_ratio, factor=1.0):
 
 def held_swing(arm, factor=1.0):
     """Return how fast a swing of an arm that holds still grows in one control cycle."""
-    return radius(one_held_cycle(arm, np.array(arm.home), factor))
+    return radius(one_cycle(arm, np.array(arm.home), 0.0, None, factor))
 
 
 @pytest.mark.parametrize(("damping_ratio", "share", "swings"), [(1.0, 0.0, False), (5.0, 0.0, True), (5.0, 2.0, False)])
@@ -53,7 +53,7 @@ def test_a_halted_arm_swings_in_theory_where_it_does_in_the_whole_physics(times,
 
 @pytest.mark.parametrize("model", ["panda", "fr3"])
 def test_the_hold_of_every_shipped_arm_bears_its_path(model):
-    assert largest_hold(load(sets=[f"arm.model={model}"]).cell.place()) > MARGIN
+    assert largest(None, load(sets=[f"arm.model={model}"]).cell.place()) > MARGIN
 
 
 @pytest.mark.parametrize("model", ["panda", "fr3"])
@@ -75,7 +75,7 @@ def test_a_hold_counts_on_no_more_than_so_many_times_the_least_inertia(model):
 def test_an_arm_whose_torques_come_too_late_for_its_hold_is_refused_in_one_line():
     place = CELL.place()
     late = replace(place, arm=arm_with(transport=0.01, cutoff=20.0))
-    assert is_hold_steady(place)
+    assert is_steady(None, place)
     with pytest.raises(ValueError, match=r"^arm: once halted, swings from 0\.\d+ times its torques [^\n]* 10 ms late"):
         require_steady({}, late)
 
