@@ -1,7 +1,7 @@
 """Config files as text: a whole config as TOML, comments with each key's meaning, and the JSON schema of a file; pure."""
 
 import tomllib
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Set
 from typing import Any
 
 from cell.config.cell_config import CellConfig
@@ -24,12 +24,12 @@ def as_toml(settings: Iterable[Setting]) -> str:
 
 def commented(text: str) -> str:
     """Return a config file with the first clause of each key's meaning as a comment; lines that are only comment stay."""
-    return "\n".join(_commented(text.splitlines())) + "\n"
+    return "".join(f"{line}\n" for line in _commented(text))
 
 
-def _commented(lines: Iterable[str]) -> Iterator[str]:
-    section, kinds = "", _kinds(lines := list(lines))
-    for line in lines:
+def _commented(text: str) -> Iterator[str]:
+    section, kinds = "", _kinds(tomllib.loads(text))
+    for line in text.splitlines():
         bare = line.strip()
         if bare.startswith("[") and bare.rstrip("]") != bare:
             section = bare.strip("[]")
@@ -42,31 +42,17 @@ def _commented(lines: Iterable[str]) -> Iterator[str]:
         yield f"{code}  # {told}" if told else line
 
 
-def _meaning(name: str, kinds: Mapping[str, str]) -> str:
+def _meaning(name: str, kinds: Set[str]) -> str:
     """Return the short meaning of a key, for its section's kind in this file; for a whole table, that of the section."""
     found = [key for key in find(name) if key.name == name]
-    chosen = [key for key in found if not key.kind or _is_kind(key.kind, kinds)]
+    chosen = [key for key in found if not key.kind or key.kind in kinds]
     return (chosen or found)[0].summary if found else section_summary(name)
 
 
-def _is_kind(kind: str, kinds: Mapping[str, str]) -> bool:
-    name, _, value = kind.partition(" = ")
-    return kinds.get(name) == value.strip('"')
-
-
-def _kinds(lines: Iterable[str]) -> dict[str, str]:
-    """Return the kind of every section of a file."""
-    found: dict[str, str] = {}
-
-    def look(tree: Mapping[str, Any], place: str) -> None:
-        for name, value in tree.items():
-            if isinstance(value, Mapping):
-                look(value, f"{place}{name}.")
-            elif name == "kind":
-                found[f"{place}kind"] = value
-
-    look(tomllib.loads("\n".join(lines)), "")
-    return found
+def _kinds(tree: Mapping[str, Any], place: str = "") -> set[str]:
+    """Return the kind of every section of a file, as in `skin.kind = "can"`."""
+    found = {f'{place}kind = "{tree["kind"]}"'} if "kind" in tree else set()
+    return found.union(*(_kinds(each, f"{place}{name}.") for name, each in tree.items() if isinstance(each, Mapping)))
 
 
 def _without_comment(line: str) -> str:
