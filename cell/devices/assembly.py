@@ -121,9 +121,10 @@ class Cell:
     cables: Mapping[str, Pluggable] = field(default_factory=dict)
     """Simulated devices, by name, with cables that can be unplugged in a rehearsal; empty on hardware."""
 
-    def devices(self) -> tuple[tuple[str, Device], ...]:
-        """Return the devices by name, in opening order."""
-        return (("arm", self.arm), ("gripper", self.gripper), ("skin", self.skin), ("switch", self.switch))
+    def devices(self, only: Sequence[str] = ()) -> list[tuple[str, Arm | Gripper | Skin | SuccessSwitch]]:
+        """Return the devices by name, in opening order: all, or those named."""
+        every = (("arm", self.arm), ("gripper", self.gripper), ("skin", self.skin), ("switch", self.switch))
+        return [(name, device) for name, device in every if not only or name in only]
 
     def context(self, seed: int) -> SkillContext:
         """Return a skill's context; `seed` is the seed of the skills' random choices."""
@@ -470,9 +471,7 @@ def opened(cell: Cell, *only: str) -> Iterator[Cell]:
         CellError: A device cannot be opened; those opened before it are closed again.
     """
     with _powered(cell) as stack:
-        for name, device in cell.devices():
-            if only and name not in only:
-                continue
+        for name, device in cell.devices(only):
             stack.callback(device.close)
             device.open()
             if name == "arm":
@@ -524,19 +523,11 @@ def _franka_facts(cell: Cell, arm: FrankaArm) -> list[tuple[str, str]]:
 
 
 def _check_devices(cell: Cell, only: Sequence[str]) -> list[tuple[str, str]]:
-    readers: dict[str, Callable[[], object]] = {
-        "arm": cell.arm.read,
-        "gripper": cell.gripper.read,
-        "skin": cell.skin.read,
-        "switch": cell.switch.read,
-    }
     found = []
-    for name, device in cell.devices():
-        if only and name not in only:
-            continue
+    for name, device in cell.devices(only):
         try:
             device.open()
-            told = verdict(readers[name](), cell.config.skin.layout)
+            told = verdict(device.read(), cell.config.skin.layout)
             if isinstance(device, FrankaArm):
                 found += _franka_facts(cell, device)
             else:
