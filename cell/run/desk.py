@@ -6,14 +6,14 @@ from typing import Protocol
 
 from cell.peg.part_watch import PartWatch
 from cell.records.journal import Journal
-from cell.run.event_log import EventLog, warnings_of
+from cell.run.event_log import EventLog
 from cell.run.live import Live, Look
 from cell.run.record import StageClock
 from cell.run.states import Event, State, after
 from cell.run.watchdog import LateScans
 from drivers.errors import CellError
 from drivers.protocols import Clock
-from plc_bridge.protocol.messages import Command, Control, Refusal, Report, Result
+from plc_bridge.protocol.messages import Command, Control, Refusal, Report, Result, Warnings
 from skills.catalogue import CATALOGUE
 
 logger = logging.getLogger(__name__)
@@ -92,8 +92,14 @@ class Desk:
         """Update the fields that change at every scan, and publish the report on the line."""
         self.tell_part()
         before = self.report
-        is_late, is_in_commissioning = self._late.is_warned, bool(self._part.commissioning)
-        warnings = warnings_of(self._journal, is_late, bool(self.misfit), is_in_commissioning)
+        is_warned = {
+            Warnings.NOT_RECORDED: self._journal.trouble,
+            Warnings.DISK_LOW: self._journal.is_disk_low,
+            Warnings.SCAN_OVERRUNS: self._late.is_warned,
+            Warnings.ARM_CALIBRATION: self.misfit,
+            Warnings.COMMISSIONING: self._part.commissioning,
+        }
+        warnings = sum(bit for bit, is_so in is_warned.items() if is_so)
         if (before.state, before.warnings, before.overruns) != (self.state, warnings, self._late.count):
             self.events.warned(before.warnings, warnings, self.misfit)
             self.report = replace(before, state=self.state, warnings=warnings, overruns=self._late.count)

@@ -79,17 +79,6 @@ WARNINGS = {
 """Name of each warning."""
 
 
-def warnings_of(journal: Journal, is_late: bool, is_misfit: bool, is_in_commissioning: bool) -> int:
-    """Return the warnings about records, late scans, the arm's calibration and commissioning, as a sum of `Warnings`."""
-    return (
-        (Warnings.NOT_RECORDED if journal.trouble else 0)
-        + (Warnings.DISK_LOW if journal.is_disk_low else 0)
-        + (Warnings.SCAN_OVERRUNS if is_late else 0)
-        + (Warnings.ARM_CALIBRATION if is_misfit else 0)
-        + (Warnings.COMMISSIONING if is_in_commissioning else 0)
-    )
-
-
 def name_of(code: int) -> str:
     """Return the name of a command code, in lower case; the number if the code is unknown."""
     if code in CATALOGUE.by_code:
