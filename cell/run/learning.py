@@ -7,9 +7,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from datetime import datetime
 from pathlib import Path
-from queue import Empty, SimpleQueue
 from threading import Thread
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
 from pydantic import AwareDatetime, Field, ValidationError
 
@@ -68,6 +67,15 @@ class LearnedFile(ConfigModel):
     places: dict[Annotated[str, Field(pattern=r"^\d{1,5}$")], LearnedPlace] = Field(default_factory=dict)
     """Learnt place by number of the recipe."""
 
+    def without(self, recipe: int) -> Self:
+        """Return the content without the place of a recipe."""
+        kept = {number: place for number, place in self.places.items() if int(number) != recipe}
+        return self.model_copy(update={"places": kept})
+
+    def text(self) -> str:
+        """Return the file as text."""
+        return self.model_dump_json(indent=2) + "\n"
+
 
 def read_learned(folder: Path) -> LearnedFile:
     """Return the content of the file in a folder; empty without a file.
@@ -77,27 +85,15 @@ def read_learned(folder: Path) -> LearnedFile:
     """
     path = folder / FILE
     try:
-        return LearnedFile.model_validate_json(path.read_text(encoding="utf-8"))
+        return LearnedFile.model_validate_json(path.read_bytes())
     except FileNotFoundError:
         return LearnedFile()
     except OSError as error:
         raise ConfigError(f"{path}: cannot be read: {error.strerror}") from None
-    except (ValidationError, UnicodeDecodeError) as error:
-        raise ConfigError(f"{path}: {_first(error)}; `cell learned forget` begins anew") from None
-
-
-def write_learned(folder: Path, learned: LearnedFile) -> None:
-    """Write the file whole or not at all.
-
-    Raises:
-        ConfigError: The file cannot be written.
-    """
-    path = folder / FILE
-    try:
-        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-        replace_text(path, _text(learned), mode=OWNER_ONLY)
-    except OSError as error:
-        raise ConfigError(f"{path}: cannot be written: {error.strerror}") from None
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        where = f"{'.'.join(map(str, first['loc']))}: " if first["loc"] else ""
+        raise ConfigError(f"{path}: {where}{first['msg']}; `cell learned forget` begins anew") from None
 
 
 def forget(folder: Path, recipe: int | None = None) -> list[int]:
@@ -108,20 +104,20 @@ def forget(folder: Path, recipe: int | None = None) -> list[int]:
     """
     path = folder / FILE
     if recipe is None:
-        try:
-            known = [int(number) for number in read_learned(folder).places]
-        except ConfigError:
-            known = []
+        known = _tried(folder)
         try:
             path.unlink(missing_ok=True)
         except OSError as error:
             raise ConfigError(f"{path}: cannot be removed: {error.strerror}") from None
-        return known
+        return [int(number) for number in known.places] if isinstance(known, LearnedFile) else []
     learned = read_learned(folder)
-    kept = {number: place for number, place in learned.places.items() if int(number) != recipe}
-    if len(kept) == len(learned.places):
+    kept = learned.without(recipe)
+    if kept == learned:
         return []
-    write_learned(folder, learned.model_copy(update={"places": kept}))
+    try:
+        replace_text(path, kept.text(), mode=OWNER_ONLY)
+    except OSError as error:
+        raise ConfigError(f"{path}: cannot be written: {error.strerror}") from None
     return [recipe]
 
 
@@ -147,42 +143,34 @@ class Learning:
         """Wait up to `timeout`, s, until the learnt places are on the disk; return True if they are."""
         return self._kept.flush(timeout)
 
-    def _known(self) -> LearnedFile:
-        """Return the content of the file, or the newest content if it is not yet written.
+    def _known(self) -> LearnedFile | None:
+        """Return the content of the file, read by a separate thread; None if it cannot be used, which is logged.
 
-        Raises:
-            ConfigError: The file cannot be read, or holds impossible values; one line.
-        """
-        return self._read() if self._kept.flush(0.0) else self._newest
-
-    def _read(self) -> LearnedFile:
-        """Return the content of the file, read by a separate thread; if the disk times out, return the last known content.
-
-        Raises:
-            ConfigError: The file cannot be read, or holds impossible values; one line.
+        If the newest content is not yet written, or the disk times out, return the last known content.
         """
         # Longest wait for the file to be read at the start or end of a run, s; the arm is at rest then.
         longest_read = 0.2
-        answers: SimpleQueue[LearnedFile | ConfigError] = SimpleQueue()
-        try:
-            if self._reader is not None and self._reader.is_alive():
-                raise Empty  # the last read has not finished yet
-            self._reader = Thread(target=lambda: answers.put(_tried(self._folder)), name="learned", daemon=True)
+        if not self._kept.flush(0.0):
+            return self._newest
+        answers: list[LearnedFile | ConfigError] = []
+        if self._reader is None or not self._reader.is_alive():  # else the last read has not finished yet
+            self._reader = Thread(target=lambda: answers.append(_tried(self._folder)), name="learned", daemon=True)
             self._reader.start()
-            answer = answers.get(timeout=longest_read)
-        except Empty:
+            self._reader.join(longest_read)
+        if not answers:
             logger.warning("%s: no answer within %g s: what was known last holds", self._folder / FILE, longest_read)
             return self._newest
-        if isinstance(answer, ConfigError):
-            raise answer
-        self._newest = answer
-        return answer
+        if isinstance(answers[0], ConfigError):
+            logger.warning("%s", answers[0])
+            return None
+        self._newest = answers[0]
+        return self._newest
 
     def prepared(self, job: Job, recipe: int) -> Job:
         """Return a job with the learnt place of its hole as prior; before any part is learnt, the configured prior is used."""
         if not self._learning.place:
             return job
-        estimate = self._estimate(job, recipe)
+        estimate = self._estimate(self._known(), job, recipe)
         if estimate is None:
             return job
         hole = job.hole.model_copy(update={"prior": estimate.prior(self._learning)})
@@ -196,10 +184,11 @@ class Learning:
             recipe: Number of the recipe.
             records: Stages of the run.
         """
-        hole = hole_of_seated(records)
-        if not self._learning.place or hole is None:
+        searches = _searches(records)
+        hole = searches[-1].seated if searches else None
+        if not self._learning.place or hole is None or (learned := self._known()) is None:
             return
-        known = self._estimate(job, recipe)
+        known = self._estimate(learned, job, recipe)
         estimate = first_estimate(hole, self._learning) if known is None else known.after(hole, self._learning)
         if estimate.stray is not None:
             logger.warning(
@@ -209,33 +198,18 @@ class Learning:
                 estimate.parts,
             )
         place = LearnedPlace(job=digest(job), **asdict(estimate), updated=self._now())
-        try:
-            learned = self._known()
-        except ConfigError as error:
-            logger.warning("%s", error)
-            return
         self._newest = learned.model_copy(update={"places": {**learned.places, str(recipe): place}})
-        self._kept.put(_text(self._newest), is_lasting=True)
+        self._kept.put(self._newest.text(), is_lasting=True)
 
     def forget(self, recipe: int) -> None:
         """Forget a recipe at once, and queue the file for writing; if the file cannot be read, forget all recipes."""
-        try:
-            places = self._known().places
-        except ConfigError as error:
-            logger.warning("%s", error)
-            places = {}
-        kept = {number: place for number, place in places.items() if int(number) != recipe}
-        self._newest = LearnedFile(places=kept)
-        self._kept.put(_text(self._newest), is_lasting=True)
+        self._newest = (self._known() or LearnedFile()).without(recipe)
+        self._kept.put(self._newest.text(), is_lasting=True)
 
-    def _estimate(self, job: Job, recipe: int) -> PlaceEstimate | None:
+    def _estimate(self, learned: LearnedFile | None, job: Job, recipe: int) -> PlaceEstimate | None:
         """Return the learnt place of the hole, else the configured one; None without both."""
         configured = from_prior(job.hole.prior, self._learning) if job.hole.prior is not None else None
-        try:
-            place = self._known().places.get(str(recipe))
-        except ConfigError as error:
-            logger.warning("%s", error)
-            return configured
+        place = learned.places.get(str(recipe)) if learned is not None else None
         if place is None:
             return configured
         if (why := unusable(place, job, self._learning, self._now())) is not None:
@@ -275,25 +249,10 @@ def digest(job: Job) -> str:
 
 def hole_found(records: Sequence[StageRecord]) -> Place | None:
     """Return the hole found by a run, shape (2,), m, base frame: from the seated peg, else from the last edge contact."""
-    searches = [record.result for record in records if isinstance(record.result, SpraySearchResult)]
-    return next((search.seated or search.edge for search in reversed(searches) if search.edge is not None), None)
+    return next(
+        (search.seated or search.edge for search in reversed(_searches(records)) if search.edge is not None), None
+    )
 
 
-def hole_of_seated(records: Sequence[StageRecord]) -> Place | None:
-    """Return the hole's place from the seated peg, shape (2,), m, base frame; None if no peg was seated."""
-    searches = [record.result for record in records if isinstance(record.result, SpraySearchResult)]
-    return searches[-1].seated if searches else None
-
-
-def _text(learned: LearnedFile) -> str:
-    """Return the file as text."""
-    return learned.model_dump_json(indent=2) + "\n"
-
-
-def _first(error: ValidationError | UnicodeDecodeError) -> str:
-    """Return the first error as one line."""
-    if isinstance(error, UnicodeDecodeError):
-        return "no text"
-    first = error.errors(include_url=False)[0]
-    where = ".".join(str(part) for part in first["loc"])
-    return f"{where}: {first['msg']}" if where else str(first["msg"])
+def _searches(records: Sequence[StageRecord]) -> list[SpraySearchResult]:
+    return [record.result for record in records if isinstance(record.result, SpraySearchResult)]
