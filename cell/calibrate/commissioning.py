@@ -7,6 +7,7 @@ no step relies on a confirmation by a technician.
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from threading import Event
 
 from cell.run.states import State
@@ -18,6 +19,8 @@ from skills.catalogue import CATALOGUE
 
 MOTION = CATALOGUE["recover"].code
 """Command code of a motion that needs no part."""
+STOPPED = (State.STOPPED, State.ABORTED)
+"""States of a cell that has stopped."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,16 +99,17 @@ class Walk:
 
     def steps(self) -> Sequence[Step]:
         """Return every step in order."""
+        reset = partial(_answered, (Control.RESET,), (State.IDLE,))
         return (
             Step("connection", f"let the PLC at {self.host} connect and write its command block", _connected),
             Step("life counter", "let the PLC cycle as in production", self._life),
-            Step("stop", "stop the cell from the PLC", _stopped),
-            Step("reset", "reset the cell from the PLC", _reset),
+            Step("stop", "stop the cell from the PLC", partial(_answered, (Control.STOP, Control.ABORT), STOPPED)),
+            Step("reset", "reset the cell from the PLC", reset),
             Step("lease", "let the PLC take the lease (command_lease 1)", self._lease),
             Step("motion", f"with no part in the hand, start code {MOTION} from the PLC", _moved),
             Step("result", "let the PLC acknowledge the result", _acknowledged),
             Step("loss", f"start code {MOTION} again, HOLD it, then switch the PLC off or pull its cable", _lost),
-            Step("return", "switch the PLC on again and reset the cell from it", _reset),
+            Step("return", "switch the PLC on again and reset the cell from it", reset),
         )
 
     @property
@@ -170,22 +174,15 @@ def _connected(memory: Memory, now: CellSighting) -> str | None:
     return f"{now.plc.source}, map {now.plc.version >> 8}.{now.plc.version & 0xFF}"
 
 
-def _stopped(memory: Memory, now: CellSighting) -> str | None:
-    if now.command is not None and now.command.code in (Control.STOP, Control.ABORT):
+def _answered(controls: Sequence[Control], states: Sequence[State], memory: Memory, now: CellSighting) -> str | None:
+    """Return the delay from one of the controls to one of the states; None before that."""
+    if now.command is not None and now.command.code in controls:
         memory.first("command", now)
-    if "command" not in memory.at or now.report.state not in (State.STOPPED, State.ABORTED):
+    if "command" not in memory.at or now.report.state not in states:
         return None
     return (
         f"{State(now.report.state).name} {1000 * (now.time - memory.at['command']):.1f} ms after the scan that saw it"
     )
-
-
-def _reset(memory: Memory, now: CellSighting) -> str | None:
-    if now.command is not None and now.command.code == Control.RESET:
-        memory.first("command", now)
-    if "command" not in memory.at or now.report.state != State.IDLE:
-        return None
-    return f"IDLE {1000 * (now.time - memory.at['command']):.1f} ms after the scan that saw it"
 
 
 def _moved(memory: Memory, now: CellSighting) -> str | None:
@@ -208,8 +205,6 @@ def _begin(memory: Memory, now: CellSighting) -> None:
 
 
 def _acknowledged(memory: Memory, now: CellSighting) -> str | None:
-    if now.command is not None and now.command.code == Control.ACKNOWLEDGE:
-        memory.first("command", now)
     if now.report.state == State.IDLE:
         return f"{1000 * (now.time - memory.began.time):.0f} ms after the result"
     return None
@@ -221,7 +216,7 @@ def _lost(memory: Memory, now: CellSighting) -> str | None:
         memory.at["heard"] = now.time - now.plc.silence
     if now.command is not None and now.command.code == Control.LOST:
         memory.first("lost", now)
-    if "lost" not in memory.at or now.report.state not in (State.STOPPED, State.ABORTED):
+    if "lost" not in memory.at or now.report.state not in STOPPED:
         return None
     silence = now.time - memory.at.get("heard", memory.began.time)
     return f"{State(now.report.state).name} {1000 * silence:.0f} ms after the last sign of life"
