@@ -234,10 +234,8 @@ class Supervisor:
                 )
         elif command.code == Control.ACKNOWLEDGE:
             self._desk.leave_complete()
-        elif command.code == Control.FORGET:
-            self._forget(command)
-        elif command.code in (Control.CLEARED, Control.REFILLED):
-            self._note_from_a_person(command)
+        elif command.code in (Control.CLEARED, Control.REFILLED, Control.FORGET):
+            self._note(command)
         elif command.code in _EVENT:
             self._control(command, _EVENT[Control(command.code)])
         else:
@@ -258,26 +256,20 @@ class Supervisor:
             self._obey(command, step)
         self._desk.accept(command)
 
-    def _forget(self, command: Command) -> None:
-        """Forget the learnt hole place of the command's recipe; refuse during a run."""
+    def _note(self, command: Command) -> None:
+        """Register that the peg was removed or the rack filled, or forget a recipe's learnt place; refuse during a run."""
         if self._execution.is_running:
             self._desk.refuse(command, Refusal.BUSY)
-        elif command.recipe not in self._loaded.recipes:
+        elif command.code == Control.FORGET and command.recipe not in self._loaded.recipes:
             self._desk.refuse(command, Refusal.UNKNOWN_RECIPE)
         else:
-            self._execution.learning.forget(command.recipe)
+            if command.code == Control.FORGET:
+                self._execution.learning.forget(command.recipe)
+            elif command.code == Control.CLEARED:
+                self._part.clear()
+            else:
+                self._part.refill()
             self._desk.accept(command)
-
-    def _note_from_a_person(self, command: Command) -> None:
-        """Register that a person or the line has removed the peg or filled the rack; refuse during a run."""
-        if self._execution.is_running:
-            self._desk.refuse(command, Refusal.BUSY)
-            return
-        if command.code == Control.CLEARED:
-            self._part.clear()
-        else:
-            self._part.refill()
-        self._desk.accept(command)
 
     def _obey(self, command: Command, event: Event) -> None:
         """Do the work of a control, in the state that it entered."""
