@@ -7,7 +7,7 @@ from typing import Protocol
 from cell.peg.part_watch import PartWatch
 from cell.records.journal import Journal
 from cell.run.event_log import EventLog
-from cell.run.live import Live, Look
+from cell.run.live import Live
 from cell.run.record import StageClock
 from cell.run.states import Event, State, after
 from cell.run.watchdog import LateScans
@@ -47,7 +47,7 @@ class Desk:
     ) -> None:
         """Start in IDLE; every report includes the peg's place, faults of the records, and late scans."""
         self._line, self._live, self._journal, self._part, self._late = line, live, journal, part, late
-        self.poll, self.accept = line.poll, line.accept
+        self.poll, self.accept, self.show = line.poll, line.accept, live.show
         self.events = EventLog(journal, clock.now)
         self.misfit = ""
         """Disagreement of the last run's joint torques with the arm's calibration, one line; empty if they agree."""
@@ -125,10 +125,6 @@ class Desk:
     def _say(self, error: CellError) -> None:
         logger.error("fault %d: %s", error.code, error)
         self._live.fault = str(error)
-
-    def show(self, look: Look) -> None:
-        """Publish one scan to the viewers."""
-        self._live.show(look)
 
     def refuse(self, command: Command, refusal: Refusal) -> None:
         """Refuse a command with a reason."""

@@ -53,10 +53,7 @@ class Live:
 
     def take(self) -> list[Look]:
         """Return the looks since the last call, oldest first."""
-        looks = []
-        while self._looks:
-            looks.append(self._looks.popleft())
-        return looks
+        return [self._looks.popleft() for _ in range(len(self._looks))]
 
     def pull(self, pull: CablePull) -> None:
         """Queue a cable request for the next scan."""
