@@ -35,7 +35,7 @@ def explain(
     errors = error.errors(include_url=False)
     # A misspelt key is also reported as missing under its right name.
     first = next((each for each in errors if each["type"] == "extra_forbidden"), errors[0])
-    place, schema = _walk(first["loc"], tree)
+    place, schema = schema_at(first["loc"], tree)
     key = ".".join(place)
     origin = _origin(place, source, file)
     kind, found = first["type"], first.get("input")
@@ -116,7 +116,7 @@ def _elsewhere(place: Place) -> str:
 
 def _variants(schema: Mapping[str, Any]) -> list[Mapping[str, Any]]:
     """Return the permitted sections of a key, one for each kind."""
-    return [_follow(branch) for branch in schema.get("anyOf", schema.get("oneOf", [schema]))]
+    return [follow(branch) for branch in schema.get("anyOf", schema.get("oneOf", [schema]))]
 
 
 _BOUNDS = {"minimum": ">=", "exclusiveMinimum": ">", "maximum": "<=", "exclusiveMaximum": "<"}
@@ -126,7 +126,7 @@ _FORMATS = {"ipv4network": "a network or address", "ipv6network": "a network or 
 
 def allowed(schema: Mapping[str, Any]) -> str:
     """Return the values permitted by the JSON schema of one key, in words; never empty."""
-    schema = _follow(schema)
+    schema = follow(schema)
     if "const" in schema or "enum" in schema:
         return ", ".join(json.dumps(value) for value in schema.get("enum", [schema.get("const")]))
     either = schema.get("anyOf", schema.get("oneOf", ()))
@@ -176,7 +176,7 @@ def _hint(found: Any, schema: Mapping[str, Any]) -> str:
     return ""
 
 
-def _walk(loc: tuple[int | str, ...], tree: Any) -> tuple[Place, Mapping[str, Any]]:
+def schema_at(loc: tuple[int | str, ...], tree: Any) -> tuple[Place, Mapping[str, Any]]:
     """Return the key at `loc`, without pydantic's names of union branches, and its schema.
 
     If the key is unknown, return the schema of its section.
@@ -189,12 +189,12 @@ def _walk(loc: tuple[int | str, ...], tree: Any) -> tuple[Place, Mapping[str, An
             continue
         variant = schema.get("discriminator", {}).get("mapping", {}).get(step)
         if variant is not None:
-            schema = _follow({"$ref": variant})
+            schema = follow({"$ref": variant})
             continue
         sections = _variants(schema)
         known = next((s["properties"] for s in sections if step in s.get("properties", {})), None)
         if known is not None:
-            schema = _follow(known[step])
+            schema = follow(known[step])
         elif not (isinstance(value, Mapping) and step in value):
             continue
         place.append(step)
@@ -207,12 +207,12 @@ def _item(schema: Mapping[str, Any], number: int) -> Mapping[str, Any]:
     for branch in schema.get("anyOf", [schema]):
         items = branch.get("prefixItems", ())
         if number < len(items):
-            return _follow(items[number])
+            return follow(items[number])
     return schema
 
 
-def _follow(schema: Mapping[str, Any]) -> Mapping[str, Any]:
+def follow(schema: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Return a schema with its reference resolved; what stands beside the reference has priority."""
     if "$ref" in schema:
-        found: Mapping[str, Any] = _schema()["$defs"][schema["$ref"].rsplit("/", 1)[1]]
-        return found
+        return {**_schema()["$defs"][schema["$ref"].rsplit("/", 1)[1]], **schema}
     return schema

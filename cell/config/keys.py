@@ -16,7 +16,7 @@ from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
 from cell.config.cell_config import RECIPE_SECTIONS, CellConfig
-from cell.config.errors import allowed
+from cell.config.errors import allowed, follow, schema_at
 from cell.config.load import LoadedConfig
 from cell.config.parameters import PARAMETERS
 from drivers.config_model import Quantity, Source
@@ -144,17 +144,8 @@ def _leaves(model: BaseModel, place: str) -> Iterator[tuple[str, str, Any]]:
 
 def section_summary(name: str) -> str:
     """Return the first clause of a section's docstring; empty without a docstring."""
-    models: list[type[BaseModel]] = [CellConfig]
-    *above, last = name.split(".")
-    for step in above:
-        models = [
-            inner
-            for each in models
-            if step in each.model_fields
-            for inner in _models(each.model_fields[step].annotation)
-        ]
-    found = [_properties(each)[last] for each in models if last in each.model_fields]
-    return first_clause(found[0].get("description", "")) if found else ""
+    place, schema = schema_at(tuple(name.split(".")), {})
+    return first_clause(schema.get("description", "")) if ".".join(place) == name else ""
 
 
 def _source_of(field: FieldInfo) -> str:
@@ -172,7 +163,7 @@ def _keys_of(model: type[BaseModel], place: str, kind: str, source: str = "") ->
 
     The source of a key has priority, then that of its section, then that of the class that declares it.
     """
-    properties = _properties(model)
+    properties = model.model_json_schema().get("properties", {})
     for name, field in settable(model).items():
         inner = list(_models(field.annotation))
         at, stated = f"{place}{name}", _source_of(field) or source
@@ -187,16 +178,6 @@ def _keys_of(model: type[BaseModel], place: str, kind: str, source: str = "") ->
 def settable(model: type[BaseModel]) -> dict[str, FieldInfo]:
     """Return the fields of a model that are keys; the others are figures that no config sets."""
     return {name: field for name, field in model.model_fields.items() if not field.exclude}
-
-
-def _properties(model: type[BaseModel]) -> Mapping[str, Any]:
-    """Return the JSON schema of each key of a model, references resolved."""
-    schema = model.model_json_schema()
-    found: dict[str, Any] = {}
-    for name, each in schema.get("properties", {}).items():
-        target = schema["$defs"][each["$ref"].rsplit("/", 1)[1]] if "$ref" in each else {}
-        found[name] = {**target, **each}
-    return found
 
 
 def _models(annotation: Any) -> Iterator[type[BaseModel]]:
@@ -220,7 +201,7 @@ def _key(name: str, kind: str, source: str, field: FieldInfo, schema: Mapping[st
     return Key(
         name=name,
         kind=kind,
-        meaning=schema.get("description", ""),
+        meaning=follow(schema).get("description", ""),
         unit=unit_of(field),
         allowed=allowed(schema),
         default=None if field.is_required() else toml(field.get_default(call_default_factory=True)),
