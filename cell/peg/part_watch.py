@@ -12,7 +12,7 @@ from cell.devices.assembly import Cell
 from cell.peg.custody import Custody
 from cell.peg.ending import Ending
 from cell.peg.part_state import UNRESOLVED, PartState, PegEvidence, described, evidence_of, places_of, told
-from cell.peg.success import LastLook, SeatingProof, evidence_for, judged
+from cell.peg.success import LastLook, Proof, SeatingProof, evidence_for, judged
 from drivers.errors import CellError, SwitchDisagreesError, SwitchUnknownError
 from drivers.frames import end_point
 from drivers.quantities import ArmState, GripperState, SwitchState
@@ -45,8 +45,7 @@ class PartWatch:
         self._custody = Custody(folder, cell.config.arm.kind)
         self._places = places_of(cell.config)
         self._proof: SeatingProof = evidence_for(cell.config.hole)
-        self._is_running = self._has_looked = self._was_open = False
-        self._needs_switch = False
+        self._is_running = self._has_looked = self._needs_switch = False
         self.proof = ""
         """Evidence that proved the last run's success, in words; empty without success or if no proof was required."""
         self._unknown_since: float | None = None
@@ -58,8 +57,7 @@ class PartWatch:
 
     def begin(self, config: CellConfig, claim: Claim) -> None:
         """Start tracking a run with this config; `claim` is the meaning of its success."""
-        self._places, self._is_running = places_of(config), True
-        self._was_open, self.proof = False, ""
+        self._places, self._is_running, self.proof = places_of(config), True, ""
         self._needs_switch = claim in PROVEN_BY_SWITCH and config.hole.evidence == "switch"
         self._unknown_since = None
         self._proof, self._hole, self._peak_force = evidence_for(config.hole), (0.0, 0.0), 0.0
@@ -81,7 +79,6 @@ class PartWatch:
             return
         self._require_switch(seen)
         self._require_plausible(seen)
-        self._was_open = self._was_open or seen.switch is SwitchState.OPEN
         self._proof = self._proof.after(seen, self._context.lead.held)
         self._peak_force = max(self._peak_force, math.hypot(*seen.arm.wrench.force))
         part = self._custody.part
@@ -101,8 +98,9 @@ class PartWatch:
         """Require that an open switch does not close before the peg can be on it."""
         # Stages in which no peg can be on the switch: the hole is empty at the start, and the search ends when the
         # peg dips into it.
-        is_early = self._needs_switch and self._context.stage in (GRASP.name, SEARCH.name) and self._was_open
-        if not is_early or seen.switch is not SwitchState.CLOSED:
+        is_early = self._needs_switch and self._context.stage in (GRASP.name, SEARCH.name)
+        was_open = isinstance(self._proof, Proof) and self._proof.was_open
+        if not is_early or not was_open or seen.switch is not SwitchState.CLOSED:
             return
         hole = self._context.job.hole
         depth = depth_of(seen.tip, hole)
