@@ -164,11 +164,7 @@ class PartWatch:
         if self._custody.part.place is PartPlace.SEATED and not self._custody.part.is_held:
             self._cell.exchange()
         self.look()
-        try:
-            switch = self._cell.switch.read()
-        except CellError:
-            switch = SwitchState.UNKNOWN
-        found = self._custody.refusal(switch, config.rack, config.params(RECOVER).first)
+        found = self._custody.refusal(self._switch, config.rack, config.params(RECOVER).first)
         if found is not Refusal.NONE:
             logger.warning("%s refused, %s: %s", entry.name, found.name, told(self._custody.part))
         return found
@@ -230,12 +226,12 @@ class PartWatch:
 
     def _see_hand(self) -> None:
         """Read hand and switch if the arm or the switch times out; if the hand times out too, change nothing."""
-        switch = SwitchState.UNKNOWN
+        self._switch = SwitchState.UNKNOWN
         with suppress(CellError):
-            switch = self._cell.switch.read()
+            self._switch = self._cell.switch.read()
         with suppress(Exception):
             hand = self._context.read_hand()
-            self._tell(self._custody.see_hand(hand, switch, self._places, self._is_running))
+            self._tell(self._custody.see_hand(hand, self._switch, self._places, self._is_running))
 
     def _evidence(self, arm: ArmState, hand: GripperState, switch: SwitchState) -> PegEvidence:
         in_hand = self._context.in_hand()

@@ -8,7 +8,7 @@ import pytest
 from cell.peg.part_watch import EARLY_SHARE, LONGEST_UNKNOWN, PROVEN_BY_SWITCH, PartWatch
 from drivers.errors import ArmSilentError, CellError, SkinSilentError, SwitchDisagreesError, SwitchUnknownError
 from drivers.quantities import SwitchState
-from plc_bridge.protocol.messages import PartEvidence, PartPlace, Report
+from plc_bridge.protocol.messages import PartEvidence, PartPlace, Refusal, Report
 from skills.entry import Claim
 
 HOLE = (0.5, 0.01)
@@ -136,6 +136,13 @@ def test_a_hand_that_closes_on_a_peg_after_the_arm_has_fallen_silent_holds_it(ri
     rig.gripper.release(0.04)
     silent.look()
     assert silent.part.is_held
+
+
+def test_the_switch_says_what_is_in_the_way_of_a_start_while_the_arm_is_silent(rig, silent):
+    silent.end()
+    rig.switch.state = SwitchState.CLOSED
+    silent.look()
+    assert silent.filled(Report()).obstacle is Refusal.HOLE_OCCUPIED
 
 
 def test_a_run_that_ends_by_a_silent_arm_keeps_what_its_hand_has_taken_since(rig, silent, tmp_path):
