@@ -36,8 +36,14 @@ def layers(path: Path) -> list[tuple[str, dict[str, Any]]]:
     if "base" in below:
         raise ConfigError(f"{path}: base = {name!r}: has a base of its own; a file without one allowed")
     for section, key in NOT_INHERITED:
-        below.get(section, {}).pop(key, None)
+        table_of(below, section).pop(key, None)
     return [(str(base), below), (str(path), tree)]
+
+
+def table_of(tree: dict[str, Any], name: str) -> dict[str, Any]:
+    """Return a section of a config; an empty table if it is missing, or is no table, which the model then refuses."""
+    found = tree.get(name)
+    return found if isinstance(found, dict) else {}
 
 
 def recipe_files(path: Path) -> Iterator[tuple[int, Path]]:
@@ -78,7 +84,7 @@ def find_preset(path: Path, name: Any, kind: str = "preset") -> Path:
         ConfigError: The file does not exist.
     """
     known = presets(path, kind)
-    if name not in known:
+    if name not in list(known):  # any value of a file, which may not be hashable
         allowed = ", ".join(f'"{k}"' for k in sorted(known)) or "none"
         raise ConfigError(f"{kind} = {name!r}: no such file in {kind}s/; {allowed} allowed")
     return known[name]

@@ -9,7 +9,7 @@ from pydantic import ValidationError
 
 from cell.config.cell_config import RECIPE_SECTIONS, SIMULATED, CellConfig
 from cell.config.errors import explain
-from cell.config.files import DEFAULT, find_preset, layers, recipe_files
+from cell.config.files import DEFAULT, find_preset, layers, recipe_files, table_of
 from cell.config.layers import SET, SIMULATE, Origins, lay_layer, nested, parse_set
 from drivers.errors import ConfigError
 from drivers.figures_file import read_toml
@@ -116,9 +116,9 @@ def _read_recipe(path: Path) -> dict[str, Any]:
 
 def _simulate(merged: dict[str, Any], name: str) -> None:
     """Make a device simulated: keys that a simulated one has too stay; a calibration belongs to the real device."""
-    stated = {key: value for key, value in merged[name].items() if key in SIMULATED[name].model_fields}
+    stated = {key: value for key, value in table_of(merged, name).items() if key in SIMULATED[name].model_fields}
     merged[name] = {**stated, "kind": "sim"}
-    merged.get("calibration", {}).pop(name, None)
+    table_of(merged, "calibration").pop(name, None)
 
 
 def _validated(

@@ -206,6 +206,23 @@ def test_a_wrong_kind_of_device_is_told_in_one_line(wrong, told, tmp_path):
     assert all(word in line for word in told), line
 
 
+def test_a_simulated_device_needs_no_section(tmp_path):
+    path = tmp_path / "cell.toml"
+    path.write_text(re.sub(r'\[switch\]\nkind = "sim".*\n', "", DEFAULT.read_text()))
+    assert load(path, simulate=["switch"]).cell.switch.kind == "sim"
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [("calibration = 3", "calibration = 3: a section with"), ("preset = [1]", "preset = [1]: no such")],
+)
+def test_a_value_in_the_place_of_a_section_or_a_name_is_told_in_one_line(text, told, tmp_path):
+    path = tmp_path / "cell.toml"
+    path.write_text(f"{text}\n{DEFAULT.read_text()}")
+    with pytest.raises(ConfigError, match=rf"\A[^\n]*{re.escape(told)}[^\n]*\Z"):
+        load(path, simulate=["skin"])
+
+
 def test_gains_beyond_the_sampled_loops_margin_are_refused_with_the_figure():
     with pytest.raises(ConfigError) as refused:
         load(sets=["insert.gains.translation=20000"])
