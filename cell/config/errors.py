@@ -2,64 +2,47 @@
 
 import json
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from functools import lru_cache
 from typing import Any
 
 from pydantic import ValidationError
 
 from cell.config.cell_config import CellConfig
+from cell.config.layers import Layers, Place
 from cell.config.nearest import did_you_mean
 
-Place = tuple[str, ...]
 _KEY = re.compile(r"[a-z_]+(?:\.[a-z_]+)+")
 
 
-def explain(
-    error: ValidationError,
-    tree: Mapping[str, Any],
-    source: Mapping[Place, str],
-    file: str,
-    order: Sequence[str],
-) -> str:
+def explain(error: ValidationError, given: Layers) -> str:
     """Return one line about the first fault of a config: file, key, the value found, and the permitted values.
 
-    Args:
-        error: Pydantic's report.
-        tree: The config as given.
-        source: Origin of each key.
-        file: File to name for a missing key.
-        order: Origins of keys, each laid over those before it. If two keys conflict, the error names the one from the
-            later origin.
+    If two keys conflict, it names the one from the later layer.
     """
     errors = error.errors(include_url=False)
     # A misspelt key is also reported as missing under its right name.
     first = next((each for each in errors if each["type"] == "extra_forbidden"), errors[0])
-    place, schema = schema_at(first["loc"], tree)
+    place, schema = schema_at(first["loc"], given.tree)
     key = ".".join(place)
-    origin = _origin(place, source, file)
+    origin = given.origin(place)
     kind, found = first["type"], first.get("input")
     if kind == "union_tag_not_found":
         return f"{origin}: {key}.kind: missing; {_tags(schema)} needed"
     if kind == "union_tag_invalid":
-        return f"{source.get((*place, 'kind'), origin)}: {key}.kind = {first['ctx']['tag']!r}: {_tags(schema)} allowed"
+        return f"{given.origin((*place, 'kind'))}: {key}.kind = {first['ctx']['tag']!r}: {_tags(schema)} allowed"
     if kind == "missing":
-        return f"{_beginner(place[:-1], source, order, file)}: {key}: missing; {allowed(schema)} needed"
+        return f"{_beginner(place[:-1], given)}: {key}: missing; {allowed(schema)} needed"
     if kind == "extra_forbidden":
         return f"{origin}: {key}: unknown key; {_known(place, schema)}"
     if kind == "value_error":
         text = first["msg"].removeprefix("Value error, ")
         within = (*place, *text.split(" = ")[0].split("."))
         if not key:
-            return f"{_blamed(text, source, order, file)}: {text}"
+            return f"{_blamed(text, given)}: {text}"
         # The message of a check within a section can name its key.
-        return f"{source[within]}: {key}.{text}" if within in source else f"{origin}: {key}: {text}"
+        return f"{given.origins[within]}: {key}.{text}" if within in given.origins else f"{origin}: {key}: {text}"
     return f"{origin}: {key} = {found!r}: {allowed(schema)} allowed{_hint(found, schema)}"
-
-
-def _origin(place: Place, source: Mapping[Place, str], file: str) -> str:
-    """Return the origin of a key, else of the innermost of its sections that has one, else the cell's file."""
-    return next((source[place[:n]] for n in range(len(place), 0, -1) if place[:n] in source), file)
 
 
 def _tags(schema: Mapping[str, Any]) -> str:
@@ -72,25 +55,25 @@ def _schema() -> Mapping[str, Any]:
     return CellConfig.model_json_schema()
 
 
-def _beginner(section: Place, source: Mapping[Place, str], order: Sequence[str], file: str) -> str:
+def _beginner(section: Place, given: Layers) -> str:
     """Return the origin of a section if a preset, a recipe or an option stated it first, else the cell's file."""
-    begun = {name for place, name in source.items() if section and place[: len(section)] == section}
-    later = order[order.index(file) + 1 :]
-    return min(begun, key=order.index) if begun and begun <= set(later) else file
+    begun = {name for place, name in given.origins.items() if section and place[: len(section)] == section}
+    later = given.order[given.order.index(given.file) + 1 :]
+    return min(begun, key=later.index) if begun and begun <= set(later) else given.file
 
 
-def _blamed(text: str, source: Mapping[Place, str], order: Sequence[str], file: str) -> str:
+def _blamed(text: str, given: Layers) -> str:
     """Return the origin of the key that caused a fault across sections, else the cell's file; the text names the keys.
 
     If this key is not the first one in the text, return its name too.
     """
-    named = [place for word in _KEY.findall(text) if (place := tuple(word.split("."))) in source]
+    named = [place for word in _KEY.findall(text) if (place := tuple(word.split("."))) in given.origins]
     if not named:
-        return file
-    # Of several keys from the latest origin, `max` returns the first one in the text.
-    worst = max(named, key=lambda place: order.index(source[place]))
+        return given.file
+    # Of several keys from the latest layer, `max` returns the first one in the text.
+    worst = max(named, key=lambda place: given.order.index(given.origins[place]))
     is_first = text.startswith(".".join(worst))
-    return source[worst] if is_first else f"{source[worst]}: {'.'.join(worst)}"
+    return given.origins[worst] if is_first else f"{given.origins[worst]}: {'.'.join(worst)}"
 
 
 def _known(place: Place, schema: Mapping[str, Any]) -> str:

@@ -3,18 +3,55 @@
 import re
 import tomllib
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
 from typing import Any
 
 from drivers.errors import ConfigError
 from drivers.part.shapes import follow_shape
 
-Origins = Mapping[tuple[str, ...], str]
+Place = tuple[str, ...]
+"""Path of a key: the names of its sections, and its own."""
+Origins = Mapping[Place, str]
 """Origin of each value, a file, `--set` or `parameter`, by the path of its key."""
 SET, SIMULATE = "--set", "--simulate"
 """Origins of the single keys and of the simulated devices of a command line."""
 
 
-def parse_set(text: str) -> tuple[tuple[str, ...], Any]:
+@dataclass(slots=True)
+class Layers:
+    """A config merged from layers."""
+
+    file: str
+    """The cell's file, to name if no layer states a key."""
+    tree: dict[str, Any] = field(default_factory=dict)
+    """The merged tables."""
+    origins: dict[Place, str] = field(default_factory=dict)
+    """Origin of each value."""
+    order: list[str] = field(default_factory=list)
+    """Names of the layers, each laid over those before it."""
+
+    def lay(self, above: Mapping[str, Any], name: str) -> None:
+        """Lay a layer over those below; a size kept from below takes the key of the new peg shape.
+
+        Raises:
+            ConfigError: A size cannot become one of the new shape.
+        """
+        self.order.append(name)
+        _lay_over(self.tree, above, name, self.origins)
+        try:
+            renamed = follow_shape(self.tree, above)
+        except ValueError as error:
+            raise ConfigError(f"{name}: {error}") from None
+        for section, old, new in renamed:
+            self.origins[section, new] = self.origins.pop((section, old), name)
+
+    def origin(self, place: Place) -> str:
+        """Return the origin of a key, else of the innermost of its sections that has one, else the cell's file."""
+        above = (place[:n] for n in range(len(place), 0, -1))
+        return next((self.origins[each] for each in above if each in self.origins), self.file)
+
+
+def parse_set(text: str) -> tuple[Place, Any]:
     """Return path and value of `KEY.SUBKEY=VALUE`.
 
     Raises:
@@ -30,41 +67,26 @@ def parse_set(text: str) -> tuple[tuple[str, ...], Any]:
         return path, literal.strip()
 
 
-def nested(values: Iterable[tuple[tuple[str, ...], Any]]) -> dict[str, Any]:
+def nested(values: Iterable[tuple[Place, Any]]) -> dict[str, Any]:
     """Return nested tables that hold each value at its path; of several values at one path, the last one."""
     tables: dict[str, Any] = {}
     for place, value in values:
         for name in reversed(place):
             value = {name: value}
-        lay_over(tables, value, "", {})
+        _lay_over(tables, value, "", {})
     return tables
 
 
-def lay_layer(below: dict[str, Any], above: Mapping[str, Any], name: str, source: dict[tuple[str, ...], str]) -> None:
-    """Merge a whole layer into those below; a size kept from below takes the key of the new peg shape."""
-    lay_over(below, above, name, source)
-    try:
-        renamed = follow_shape(below, above)
-    except ValueError as error:
-        raise ConfigError(f"{name}: {error}") from None
-    for section, old, new in renamed:
-        source[section, new] = source.pop((section, old), name)
-
-
-def lay_over(
-    below: dict[str, Any],
-    above: Mapping[str, Any],
-    name: str,
-    source: dict[tuple[str, ...], str],
-    at: tuple[str, ...] = (),
+def _lay_over(
+    below: dict[str, Any], above: Mapping[str, Any], name: str, origins: dict[Place, str], at: Place = ()
 ) -> None:
     """Merge `above` into `below`, tables key by key, other values whole, and store the origin of each key."""
     for key, value in above.items():
         place = (*at, key)
         if isinstance(value, Mapping) and (key not in below or isinstance(below[key], dict)):
             below[key] = dict(below.get(key, {}))
-            source.setdefault(place, name)
-            lay_over(below[key], value, name, source, place)
+            origins.setdefault(place, name)
+            _lay_over(below[key], value, name, origins, place)
         else:
             below[key] = value
-            source[place] = name
+            origins[place] = name

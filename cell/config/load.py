@@ -1,6 +1,6 @@
 """Loading of a cell: layers of base, file, world, preset, recipe and single keys, with the origin of each value."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -10,7 +10,7 @@ from pydantic import ValidationError
 from cell.config.cell_config import RECIPE_SECTIONS, SIMULATED, CellConfig
 from cell.config.errors import explain
 from cell.config.files import DEFAULT, find_preset, layers, recipe_files, table_of
-from cell.config.layers import SET, SIMULATE, Origins, lay_layer, nested, parse_set
+from cell.config.layers import SET, SIMULATE, Layers, Origins, Place, nested, parse_set
 from drivers.errors import ConfigError
 from drivers.figures_file import read_toml
 
@@ -49,11 +49,10 @@ def load(
     keys = [parse_set(text) for text in sets]
     if preset is not None:
         keys.append((("preset",), preset))
-    merged = {0: _merge(path, below, None, keys, simulate)}
-    for number, file in recipe_files(path):
-        merged[number] = _merge(path, below, file, keys, simulate)
-    recipes = {number: cell for number, (cell, _) in merged.items()}
-    return LoadedConfig(recipes[0], recipes, {number: origins for number, (_, origins) in merged.items()})
+    files = {0: None, **dict(recipe_files(path))}
+    merged = {number: _merged(path, below, file, keys, simulate) for number, file in files.items()}
+    recipes = {number: _validated(each, path.parent) for number, each in merged.items()}
+    return LoadedConfig(recipes[0], recipes, {number: each.origins for number, each in merged.items()})
 
 
 def with_parameters(config: CellConfig, parameters: Iterable[tuple[str, Any]]) -> CellConfig:
@@ -65,45 +64,41 @@ def with_parameters(config: CellConfig, parameters: Iterable[tuple[str, Any]]) -
     parameters = list(parameters)
     if not parameters:
         return config
-    merged = config.model_dump()
-    source: dict[tuple[str, ...], str] = {}
+    merged = Layers("parameter", config.model_dump())
     for name, _ in parameters:
         if name.split(".")[0] not in RECIPE_SECTIONS - {"preset"}:
             raise ConfigError(
                 f"parameter {name}: not for a command; keys of {', '.join(sorted(RECIPE_SECTIONS))} allowed"
             )
-    layer = nested((tuple(name.split(".")), value) for name, value in parameters)
-    lay_layer(merged, layer, "parameter", source)
-    return _validated(merged, source, "parameter", ["parameter"])
+    merged.lay(nested((tuple(name.split(".")), value) for name, value in parameters), "parameter")
+    return _validated(merged)
 
 
-def _merge(
+def _merged(
     path: Path,
     below: list[tuple[str, dict[str, Any]]],
     recipe: Path | None,
-    keys: list[tuple[tuple[str, ...], Any]],
+    keys: list[tuple[Place, Any]],
     simulate: Iterable[str],
-) -> tuple[CellConfig, Origins]:
-    merged: dict[str, Any] = {}
-    source: dict[tuple[str, ...], str] = {}
-    part = {} if recipe is None else _read_recipe(recipe)
-    order = [name for name, _ in below]
+) -> Layers:
+    """Return the layers of a cell, or of one of its recipes."""
+    merged, part = Layers(str(path)), {} if recipe is None else _read_recipe(recipe)
     for name, tree in below:
-        lay_layer(merged, tree, name, source)
-    stated = {**merged, **part, **{keyed[0]: value for keyed, value in keys if len(keyed) == 1}}
+        merged.lay(tree, name)
+    stated = {**merged.tree, **part, **{keyed[0]: value for keyed, value in keys if len(keyed) == 1}}
     named = {kind: stated.get(kind, "") for kind in ("world", "preset")}
     for kind, name in named.items():
         if name != "":
             file = find_preset(path, name, kind)
-            lay_layer(merged, read_toml(file), str(file), source)
-            order.append(str(file))
-    lay_layer(merged, part, str(recipe), source)
-    merged |= named
+            merged.lay(read_toml(file), str(file))
+    merged.lay(part, str(recipe))
+    merged.tree |= named
+    merged.order.append(SIMULATE)
     for name in simulate:
-        _simulate(merged, name)
-        source[name, "kind"] = SIMULATE
-    lay_layer(merged, nested(keys), SET, source)
-    return _validated(merged, source, str(path), [*order, str(recipe), SIMULATE, SET], path.parent), source
+        _simulate(merged.tree, name)
+        merged.origins[name, "kind"] = SIMULATE
+    merged.lay(nested(keys), SET)
+    return merged
 
 
 def _read_recipe(path: Path) -> dict[str, Any]:
@@ -121,10 +116,8 @@ def _simulate(merged: dict[str, Any], name: str) -> None:
     table_of(merged, "calibration").pop(name, None)
 
 
-def _validated(
-    merged: dict[str, Any], source: Origins, file: str, order: Sequence[str], folder: Path | None = None
-) -> CellConfig:
+def _validated(merged: Layers, folder: Path | None = None) -> CellConfig:
     try:
-        return CellConfig.model_validate(merged, context={"folder": folder})
+        return CellConfig.model_validate(merged.tree, context={"folder": folder})
     except ValidationError as error:
-        raise ConfigError(explain(error, merged, source, file, order)) from None
+        raise ConfigError(explain(error, merged)) from None
