@@ -50,8 +50,6 @@ class JointSweep:
     """Speeds of the passes, rad/s: as in slow corrections, in a search, and in a transfer."""
     even: float = 1.2
     """Time of the constant-speed part of a pass, s, if the joint's range permits it."""
-    repeats: int = 2
-    """Number of passes at each speed in each direction, at least 2."""
     together: float = 12.0
     """Duration of the motion of all joints, s."""
 
@@ -151,7 +149,8 @@ class JointMotion:
             ends[0][joint] -= half
             ends[1][joint] += half
             self._even_part(self._start, ends[0], speed)
-            passes += [self._pass(ends[k % 2], ends[1 - k % 2], joint, speed) for k in range(2 * sweep.repeats)]
+            # Two passes in each direction: the fit takes their scatter for the interval.
+            passes += [self._pass(ends[k % 2], ends[1 - k % 2], joint, speed) for k in range(4)]
             self._even_part(ends[0], self._start, speed)
         return passes
 

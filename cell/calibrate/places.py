@@ -111,9 +111,7 @@ class MeasuredPlaces:
         write_whole(path, head + self.sections, "places")
 
 
-def calibrate_places(
-    config: CellConfig, today: date, done: Callable[[int, int], None], pegs: int = PEGS
-) -> MeasuredPlaces:
+def calibrate_places(config: CellConfig, today: date, done: Callable[[int, int], None], pegs: int) -> MeasuredPlaces:
     """Take pegs from the rack, touch the plate with each, bring the arm to rest, and return the measured places.
 
     Args:
@@ -132,7 +130,7 @@ def calibrate_places(
         return measured_places(cell, today, done, pegs)
 
 
-def measured_places(cell: Cell, today: date, done: Callable[[int, int], None], pegs: int = PEGS) -> MeasuredPlaces:
+def measured_places(cell: Cell, today: date, done: Callable[[int, int], None], pegs: int) -> MeasuredPlaces:
     """Do the work of `calibrate_places` with an open cell."""
     config, ctx = cell.config, cell.context(0)
     ctx.limits = config.limits.model_copy(update={"force": min(config.limits.force, MOST_FORCE)})

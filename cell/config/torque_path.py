@@ -30,9 +30,9 @@ MOST = 20.0
 
 
 @lru_cache(maxsize=64)
-def is_steady(gains: Gains | None, place: Place, factor: float = MARGIN) -> bool:
-    """Return True if the loop is stable with `factor` times its torques, peg tilted and upright; without gains, the arm holds."""
-    return _holds(_cycles(gains, place), factor)
+def is_steady(gains: Gains | None, place: Place) -> bool:
+    """Return True if the loop is stable with `MARGIN` times its torques, peg tilted and upright; without gains, the arm holds."""
+    return _holds(_cycles(gains, place), MARGIN)
 
 
 @lru_cache(maxsize=64)

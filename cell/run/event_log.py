@@ -40,7 +40,7 @@ class EventLog:
         """Record a fault."""
         self._note(EventKind.FAULT, error.code.name, error.code, text=str(error))
 
-    def warned(self, before: int, now: int, misfit: str = "") -> None:
+    def warned(self, before: int, now: int, misfit: str) -> None:
         """Record new and cleared warnings; `before` and `now` are sums of `Warnings`, `misfit` is the text of the arm's warning."""
         texts = {Warnings.NOT_RECORDED: self._journal.trouble, Warnings.ARM_CALIBRATION: misfit}
         for bit, name in WARNINGS.items():

@@ -138,10 +138,9 @@ class Learning:
         self._kept = KeptFile(folder / FILE, "what was learnt")
         self._reader: Thread | None = None
 
-    # Longest wait for the file to be written, s.
-    def flush(self, timeout: float = 1.0) -> bool:
-        """Wait up to `timeout`, s, until the learnt places are on the disk; return True if they are."""
-        return self._kept.flush(timeout)
+    def flush(self) -> bool:
+        """Wait up to a second until the learnt places are on the disk; return True if they are."""
+        return self._kept.flush(1.0)
 
     def _known(self) -> LearnedFile | None:
         """Return the content of the file, read by a separate thread; None if it cannot be used, which is logged.
