@@ -235,19 +235,11 @@ class CellConfig(Catalogued):
         return self
 
     @model_validator(mode="after")
-    def _has_world(self) -> Self:
-        simulated = self._simulated()
-        for name in ("contact", "grip", "sim"):
-            if simulated and getattr(self, name) is None:
-                raise ValueError(f'[{name}]: missing; needed because {simulated[0]}.kind = "sim"')
-        return self
-
-    def _simulated(self) -> list[str]:
-        return [name for name in SIMULATED if getattr(self, name).kind == "sim"]
-
-    @model_validator(mode="after")
     def _suits_its_arm(self) -> Self:
-        simulated = self._simulated()
+        simulated = [name for name in SIMULATED if getattr(self, name).kind == "sim"]
+        missing = [name for name in ("contact", "grip", "sim") if getattr(self, name) is None]
+        if simulated and missing:
+            raise ValueError(f'[{missing[0]}]: missing; needed because {simulated[0]}.kind = "sim"')
         if not simulated and self.is_skin_emulated():
             raise ValueError(f'skin.kind = "{self.skin.kind}": its board is "{EMULATED}", which needs a simulated arm')
         if not simulated and isinstance(self.switch, SerialSwitchConfig) and self.switch.port == EMULATED:

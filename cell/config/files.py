@@ -77,7 +77,7 @@ def presets(path: Path | None = None, kind: str = "preset") -> dict[str, Path]:
     return {file.stem: file for place in folders for file in sorted(place.glob("*.toml"))}
 
 
-def find_preset(path: Path, name: Any, kind: str = "preset") -> Path:
+def find_preset(path: Path, name: Any, kind: str) -> Path:
     """Return the file of a preset or a world by its name.
 
     Raises:
