@@ -67,15 +67,6 @@ class LateScans:
             )
 
 
-def older(age: float, passed: float, *, is_simulated: bool) -> float:
-    """Return the age of the last scan, s, after `passed` seconds between two checks.
-
-    If the watchdog wakes late, it was starved together with the scan. A simulated arm stood still during that time, so
-    that only the watchdog's own period counts. A real arm moved on, so that all of it counts.
-    """
-    return age + (min(passed, 2.0 * LOOK_PERIOD) if is_simulated else passed)
-
-
 class ScanWatchdog:
     """Supervises the scan from a separate thread."""
 
@@ -144,8 +135,10 @@ class ScanWatchdog:
         age, beats, before = 0.0, -1, time.monotonic()
         while not self._end.wait(LOOK_PERIOD):
             now = time.monotonic()
-            age = older(age, now - before, is_simulated=self._is_simulated)
-            before = now
+            passed, before = now - before, now
+            # If the watchdog wakes late, it was starved together with the scan. A simulated arm stood still during that
+            # time, so that only the watchdog's own period counts. A real arm moved on, so that all of it counts.
+            age += min(passed, 2.0 * LOOK_PERIOD) if self._is_simulated else passed
             if beats != self._beats:
                 age, beats = 0.0, self._beats
                 continue

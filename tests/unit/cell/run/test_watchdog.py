@@ -3,7 +3,7 @@ import threading
 import pytest
 
 from cell.run import watchdog
-from cell.run.watchdog import GIVEN_UP, HANG, LOOK_PERIOD, WARNED, WINDOW, LateScans, ScanWatchdog, older
+from cell.run.watchdog import GIVEN_UP, HANG, LOOK_PERIOD, WARNED, WINDOW, LateScans, ScanWatchdog
 from drivers.errors import ScanOverrunError
 from skills.guards.scan_guards import ScanLimits
 
@@ -44,11 +44,6 @@ def test_more_than_a_few_late_scans_of_the_window_are_warned_of(number, is_warne
 def test_late_scans_are_forgotten_with_the_window_and_stay_counted():
     late = scanned(LateScans(PERIOD, LIMITS), [0.03] * 10 + [0.01] * WINDOW)
     assert (late.is_warned, late.count) == (False, 10)
-
-
-def test_a_starved_watchdog_counts_only_what_it_saw_against_a_simulated_scan():
-    assert older(0.1, 5.0, is_simulated=True) == pytest.approx(0.1 + 2 * LOOK_PERIOD)
-    assert older(0.1, 5.0, is_simulated=False) == pytest.approx(5.1)
 
 
 def test_late_scans_that_ended_a_run_do_not_end_the_next():
