@@ -50,12 +50,13 @@ def recipe_files(path: Path) -> Iterator[tuple[int, Path]]:
     """Yield number and file of each recipe beside a cell's file.
 
     Raises:
-        ConfigError: The name of a file is not a number.
+        ConfigError: The name of a file is not a number that a PLC can request.
     """
     for file in sorted((path.parent / "recipes").glob("*.toml")):
-        if not file.stem.isdigit() or int(file.stem) == 0:
+        number = int(file.stem) if file.stem.isascii() and file.stem.isdigit() else 0
+        if not 1 <= number <= 65535:
             raise ConfigError(f"{file}: recipes are named by their number; 01.toml to 65535.toml allowed")
-        yield int(file.stem), file
+        yield number, file
 
 
 def arm_file(model: str) -> Path:

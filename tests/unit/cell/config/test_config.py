@@ -176,6 +176,19 @@ def test_a_recipe_cannot_touch_the_hardware(tmp_path):
     assert "arm: not for a recipe" in line_about(path=cell)
 
 
+@pytest.mark.parametrize(
+    ("name", "is_good"), [("1", True), ("65535", True), ("65536", False), ("0", False), ("²", False)]
+)
+def test_a_recipe_is_named_by_a_number_that_a_plc_can_request(name, is_good, tmp_path):
+    (tmp_path / "cell.toml").write_text(DEFAULT.read_text())
+    (tmp_path / "recipes").mkdir()
+    (tmp_path / "recipes" / f"{name}.toml").touch()
+    if is_good:
+        assert int(name) in load(tmp_path / "cell.toml").recipes
+    else:
+        assert "recipes are named by their number; 01.toml to 65535.toml" in line_about(path=tmp_path / "cell.toml")
+
+
 def test_certificates_are_looked_for_beside_the_config_file(tmp_path):
     file = tmp_path / "cell.toml"
     tls = '\n[plc.tls]\ncertificate = "cell.pem"\nkey = "/keys/cell.key"\nauthority = "ca/root.pem"\n'
