@@ -56,7 +56,7 @@ class Bridge(Mailbox):
         now: Callable[[], float] = time.monotonic,
         opcua: tuple[str, int] | None = None,
     ) -> None:
-        super().__init__(config, programs, parameters, now)
+        super().__init__(dict(programs), tuple(parameters), config.life_timeout, config.lease_timeout, now)
         self._server = ModbusServer(config.modbus, self)
         self._servers: list[ModbusServer | RtuServer | CanopenServer | OpcUaServer] = [self._server]
         self._secure: SecureModbusServer | None = None
@@ -123,7 +123,7 @@ class Bridge(Mailbox):
         counts = self.diagnostics
         served = self._server.worked + (self._secure.worked if self._secure is not None else 0.0)
         with self._lock:
-            return Figures(counts, deepcopy(self._handshake.orders.tags), deepcopy(self._intervals), served)
+            return Figures(counts, deepcopy(self._orders.tags), deepcopy(self._intervals), served)
 
     @property
     def diagnostics(self) -> Diagnostics:

@@ -21,12 +21,14 @@ Stops
 """
 
 import logging
+import math
 import time
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import count
 
 from plc_bridge.protocol.images import CommandImage
+from plc_bridge.protocol.intervals import Intervals
 from plc_bridge.protocol.lease import CellLease
 from plc_bridge.protocol.links import Link, Order
 from plc_bridge.protocol.messages import Command, Control, Diagnostics, Inputs, Refusal, Report, Result
@@ -48,7 +50,7 @@ _OF_A_RUN = ("stage", "reason", "progress", "run", "stage_times", "total_time", 
 class Handshake:
     """Takes commands from any number of links, passes on at most one run at a time, and returns to each link its own answer.
 
-    The scan thread calls `poll`, and `accept`, `refuse` and `publish` of `orders`.
+    The scan thread calls `poll` and `publish` once a scan, and accepts or refuses a command before the next `poll`.
 
     Args:
         programs: Name of each program and skill by its command code, from 100 on.
@@ -56,7 +58,6 @@ class Handshake:
         life_timeout: Longest time without a change of the life counter of a run's link, s; the run then counts as lost. If
             a link never wrote its life counter, any request is a sign of life.
         lease_timeout: Silence after which the lease is free again, s.
-        log: Logger of refusals and of the lease's holders.
         now: Monotonic time, s.
     """
 
@@ -64,24 +65,51 @@ class Handshake:
     parameters: Sequence[Parameter] = ()
     life_timeout: float = 1.0
     lease_timeout: float = 5.0
-    log: PeerLog = field(default_factory=lambda: PeerLog(logger))
     now: Callable[[], float] = time.monotonic
-    orders: Orders = field(init=False)
-    _events: "count[int]" = field(default_factory=count)
-    """Number of links opened and closed so far."""
+    log: PeerLog = field(init=False)
     _lease: CellLease = field(init=False)
+    _orders: Orders = field(init=False)
     _links: dict[str, Link] = field(init=False)
+    _events: "count[int]" = field(init=False, default_factory=count)
+    """Number of links opened and closed so far."""
+    _intervals: Intervals = field(init=False, default_factory=Intervals)
+    _life: int = field(init=False, default=0)
+    _published: float = field(init=False, default=-math.inf)
+    """Time of the last report, s."""
 
     def __post_init__(self) -> None:
+        self.log = PeerLog(logger, self.now)
         self._lease = CellLease(self.lease_timeout, self.log)
-        self.orders = Orders(self._lease, self.log, self.programs, self.parameters)
-        self._links = self.orders.links
+        self._orders = Orders(self._lease, self.log, self.programs, self.parameters)
+        self._links = self._orders.links
+
+    # Calls of the scan thread.
+
+    def poll(self) -> Command | None:
+        """Return the next command for the scan thread, each once, stops first and the rest in order of arrival."""
+        self._expire()
+        return self._orders.next()
+
+    def accept(self, command: Command) -> None:
+        """Record that the scan thread carries out `command`, its last one: a program begins, or a control is done."""
+        self._orders.accept(command)
+
+    def refuse(self, command: Command, refusal: Refusal) -> None:
+        """Record that the scan thread refuses `command`, its last one."""
+        self._orders.refuse(command, refusal)
+
+    def publish(self, report: Report) -> None:
+        """Publish `report` to all readers; a result in it ends the command whose sequence number it echoes."""
+        self._life, self._published = (self._life + 1) % 0x10000, self.now()
+        self._orders.publish(report)
+        self._orders.tags.record(report, self._published)
+        self._intervals.note(self._published)
 
     # Links.
 
-    def opened(self, source: str, host: str, is_local: bool = False) -> None:
-        """Begin a link; a local link is never silent."""
-        self._links[source] = Link(source, host, LinkWatchdog(self.now()), is_local, next(self._events))
+    def opened(self, source: str, host: str) -> None:
+        """Begin a link."""
+        self._links[source] = Link(source, host, LinkWatchdog(self.now()), next(self._events))
 
     def closed(self, source: str) -> None:
         """End a link; its lease and its run stay until its host returns or the time-outs pass."""
@@ -97,7 +125,7 @@ class Handshake:
 
     def lost(self, source: str) -> None:
         """Treat `source` as lost, regardless of its life counter: its run stops, and its next number is adopted."""
-        link, run = self._links[source], self.orders.run
+        link, run = self._links[source], self._orders.run
         link.forget()
         self._lease.lose(link)
         if run is not None and run.link is link and run.is_watched:
@@ -122,7 +150,7 @@ class Handshake:
         link.has_spoken = True
         before, link.image = link.image or CommandImage(), image
         if not link.watchdog.see(image.life, image.life_tail, now):
-            self.orders.take_torn(link, image)
+            self._orders.take_torn(link, image)
             return
         if by is not None:
             link.turn_to(by)
@@ -135,48 +163,48 @@ class Handshake:
         if image.acknowledge != before.acknowledge:
             self._acknowledge(link, image.acknowledge)
         if is_numbered:
-            self.orders.take_number(link, image, now, before.code)
+            self._orders.take_number(link, image, now, before.code)
 
     def switched(self, source: str, coils: Mapping[str, bool], by: Hashable = None) -> None:
         """Take the coils that `source` has just written: execute, stop, reset; `by` names the connection if the link is shared."""
         link = self._links[source]
         now = link.watchdog.heard = self._expire()
-        self.orders.take_coils(link, coils, by, now)
+        self._orders.take_coils(link, coils, by, now)
 
     def submit(self, source: str, image: CommandImage) -> Refusal:
         """Submit an order of a local user under the next number of `source`; return its refusal, or NONE."""
         now, link = self._expire(), self._links[source]
         link.has_spoken, link.image = True, image
-        return self.orders.command(link, link.numbers.count_up(), image, now).refusal
+        return self._orders.command(link, link.numbers.count_up(), image, now).refusal
 
     def control(self, source: str, code: int) -> Order:
         """Take a control of `source` without a number; its order holds the answer, and no result in view changes."""
         self._expire()
-        return self.orders.control(self._links[source], code)
+        return self._orders.control(self._links[source], code)
 
     def acknowledge(self, source: str, sequence: int) -> None:
         """Take an acknowledgement of `source` that is an event, not a register."""
         self._acknowledge(self._links[source], sequence)
 
     def take(self, source: str) -> bool:
-        """Give `source` the lease if it is free; return True if it holds the lease now."""
-        return self._lease.take(self._links[source])
+        """Open the link of a user of this process, as "terminal", if the lease is free for it; return True if it was."""
+        self.opened(source, source)
+        is_taken = self._lease.take(self._links[source])
+        if not is_taken:
+            self.closed(source)
+        return is_taken
 
     def release(self, source: str) -> None:
-        """Free the lease if `source` holds it; during its run, free it at the end of the run."""
+        """Return the lease of a user of this process, and close its link; its run keeps the lease to its end."""
         self._lease.release(self._links[source])
+        self.closed(source)
 
-    def poll(self) -> Command | None:
-        """Return the next command for the scan thread, each once, stops first and the rest in order of arrival."""
-        self._expire()
-        return self.orders.next()
-
-    # Reads of links.
+    # Reads.
 
     @property
-    def counts(self) -> Diagnostics:
+    def diagnostics(self) -> Diagnostics:
         """Counts of errors since the start."""
-        return self.orders.counts
+        return replace(self._orders.counts, stops_held=self._orders.stops_held)
 
     @property
     def holder(self) -> str:
@@ -189,12 +217,34 @@ class Handshake:
         holder, runner = self._lease.holder, self._lease.runner
         return frozenset(link.source for link in (holder, runner) if link is not None)
 
-    def answer(self, source: str, life: int = 0) -> Report:
-        """Return the report that `source` reads, with the life counter of the cell; it is composed only here.
+    @property
+    def is_scanned(self) -> bool:
+        """True if the newest report is recent."""
+        # Age of the last report up to which the cell counts as scanned, s; ten periods of the slowest scan.
+        return self.now() - self._published < 1.0
+
+    @property
+    def run(self) -> int:
+        """Journal number of the run under way, else of the last one, for any link."""
+        return self._orders.report.run
+
+    @property
+    def obstacle(self) -> Refusal:
+        """Refusal that a program with a fresh peg would get now, from the state of peg, hole and rack."""
+        return self._orders.report.obstacle
+
+    def ended(self) -> list[Order]:
+        """Return the programs that have ended since the last call; for one reader."""
+        orders = list(self._orders.ended)
+        self._orders.ended.clear()
+        return orders
+
+    def report_for(self, source: str) -> Report:
+        """Return the report that `source` reads; it is composed only here.
 
         Before a link's first command this is the run of any link.
         """
-        link, orders = self._links[source], self.orders
+        link, orders = self._links[source], self._orders
         shown, answered = link.in_view, link.answered
         if not link.has_spoken:
             shown, answered = orders.run or orders.seen, orders.latest
@@ -202,11 +252,11 @@ class Handshake:
         return replace(
             orders.report,
             **{name: getattr(shown.report, name) for name in _OF_A_RUN},
-            life=life,
-            life_tail=life,
+            life=self._life,
+            life_tail=self._life,
             version=VERSION,
-            lease=orders.lease.state_for(link),
-            holder=orders.lease.name,
+            lease=self._lease.state_for(link),
+            holder=self._lease.name,
             sequence=shown.sequence,
             result=shown.told_to(link),
             code=shown.command.code,
@@ -218,7 +268,7 @@ class Handshake:
 
     def inputs(self, source: str) -> Inputs:
         """Return the discrete inputs of `source`, for the last request of its coils, or for its last number."""
-        link, orders = self._links[source], self.orders
+        link, orders = self._links[source], self._orders
         order = link.executed or link.in_view
         if order is None or not order.is_shown:
             order = link.resetting or _NO_ORDER
@@ -229,7 +279,7 @@ class Handshake:
             done=order.is_program and result is Result.SUCCESS,
             error=result in (Result.FAILURE, Result.FAULT, Result.REFUSED),
             command_aborted=result is Result.ABORTED,
-            ready=is_waiting and orders.run is None and not orders.stops_held and orders.lease.is_open_to(link),
+            ready=is_waiting and orders.run is None and not orders.stops_held and self._lease.is_open_to(link),
         )
 
     def sight(self, host: str) -> PlcSight | None:
@@ -249,7 +299,7 @@ class Handshake:
 
     def _acknowledge(self, link: Link, sequence: int) -> None:
         if link.shown is not None and link.shown.sequence == sequence:
-            self.orders.end(link.shown)
+            self._orders.end(link.shown)
 
     def _resume(self, link: Link, image: CommandImage) -> None:
         """Let a link continue the run of a closed link of its host.
@@ -257,14 +307,14 @@ class Handshake:
         The link must write the run's own number, or the last number of the earlier link, for example after a hold.
         """
         link.has_resumed = False
-        for order in filter(None, (self.orders.run, self.orders.seen)):
+        for order in filter(None, (self._orders.run, self._orders.seen)):
             earlier = _continued(link, order, image)
             if earlier is None:
                 continue
             if image.code != Control.NONE and image.sequence == order.sequence:
                 order.is_acknowledged = False  # the request is repeated, so the PLC has not read the answer
             self._lease.resume(earlier, link)
-            if order is self.orders.run:
+            if order is self._orders.run:
                 link.watchdog.follow(earlier.watchdog)
                 self._lease.runner = link
             link.resume(order)
@@ -272,23 +322,23 @@ class Handshake:
 
     def _expire(self) -> float:
         """Apply the time-outs: lost runs, silent holders, permanently torn blocks; return the time, s."""
-        now, run = self.now(), self.orders.run
+        now, run = self.now(), self._orders.run
         link = run.link if run is not None and run.is_watched else None
         if run is not None and link is not None and link.watchdog.is_silent(now, self.life_timeout):
             self._lose(run, link, f"no sign of life for {self.life_timeout:g} s")
         self._lease.expire(now)
         for each in self._links.values():
             if each.watchdog.is_torn(now, self.life_timeout):
-                self.orders.refuse_torn(each)
+                self._orders.refuse_torn(each)
         return now
 
     def _lose(self, run: Order, link: Link, why: str) -> None:
         self.log.warning(link.host, "%s is lost: %s", link.source, why)
-        self.counts.lost += 1
+        self._orders.counts.lost += 1
         run.is_lost = True
         link.forget()
         self._lease.lose(link)
-        self.orders.stop(Order(Command(run.sequence, Control.LOST, source=link.source), is_decided=True))
+        self._orders.stop(Order(Command(run.sequence, Control.LOST, source=link.source), is_decided=True))
 
 
 def _continued(link: Link, order: Order, image: CommandImage) -> Link | None:
@@ -296,11 +346,7 @@ def _continued(link: Link, order: Order, image: CommandImage) -> Link | None:
     earlier = order.link
     if earlier is None or not (link.follows(earlier) and earlier.gave(order)):
         return None
-    return earlier if order.repeats(image) or _goes_on(image, earlier) else None
-
-
-def _goes_on(image: CommandImage, earlier: Link) -> bool:
-    """Return True if a block has the last number of an earlier link, and repeats its command or has none."""
     stood = earlier.image
     is_known = stood is not None and image.sequence == earlier.numbers.last == stood.sequence
-    return is_known and stood is not None and image.asked in (None, stood.asked)
+    goes_on = is_known and stood is not None and image.asked in (None, stood.asked)
+    return earlier if order.repeats(image) or goes_on else None

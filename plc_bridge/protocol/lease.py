@@ -14,14 +14,11 @@
 Only the holder may start, reset, clear, hold or unhold. Every link may stop and abort, even with a first number.
 """
 
-import logging
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 from plc_bridge.protocol.links import Link
 from plc_bridge.protocol.messages import LeaseState
 from plc_bridge.protocol.peer_log import PeerLog
-
-logger = logging.getLogger(__name__)
 
 
 @dataclass(slots=True)
@@ -29,12 +26,12 @@ class CellLease:
     """The one lease of the cell.
 
     Args:
-        timeout: Silence of the holder after which the lease is free again, s; a local user is never silent.
+        timeout: Silence of the holder after which the lease is free again, s.
         log: Logger of changes of the holder.
     """
 
     timeout: float
-    log: PeerLog = field(default_factory=lambda: PeerLog(logger))
+    log: PeerLog
     holder: Link | None = None
     runner: Link | None = None
     """Link whose run is under way; its lease passes only to a link that resumes that run."""
@@ -94,7 +91,7 @@ class CellLease:
     def expire(self, now: float) -> None:
         """Free the lease if its holder has been silent for too long; a run has its own watchdog."""
         holder = self.holder
-        if holder is None or holder.is_local or holder is self.runner:
+        if holder is None or holder is self.runner:
             return
         if now - holder.watchdog.heard > self.timeout:
             self._free(holder, f"loses the lease: silent for {self.timeout:g} s")

@@ -54,7 +54,7 @@ class Order:
     @property
     def is_watched(self) -> bool:
         """True if it is a run that stops when its link falls silent."""
-        return self.link is not None and not self.is_lost and not self.link.is_local
+        return self.link is not None and not self.is_lost
 
     @property
     def shown_result(self) -> Result:
@@ -87,7 +87,6 @@ class Link:
     host: str
     """Host of the link: one address and one role of TLS, one line, one node. A link can resume one of the same host."""
     watchdog: LinkWatchdog
-    is_local: bool = False
     opened: int = 0
     """Number of link events (openings and closings) before this link opened; it replaces a time."""
     closed: int | None = None

@@ -3,7 +3,6 @@
 An order is decided once it was refused or carried out or, if it is a program, begun; its result comes with its end.
 """
 
-import logging
 from collections import deque
 from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -29,8 +28,6 @@ from plc_bridge.protocol.peer_log import PeerLog
 from plc_bridge.protocol.registers import VERSION_MAJOR, Parameter
 from plc_bridge.protocol.sequence_numbers import NumberMeaning
 
-logger = logging.getLogger(__name__)
-
 CONTROLS = frozenset(control.value for control in Control if control < FIRST_PROGRAM) - {Control.START.value}
 STOPS = frozenset({Control.STOP.value, Control.ABORT.value})
 """Controls that every link may give, and that precede all other commands."""
@@ -50,7 +47,7 @@ class Orders:
     """
 
     lease: CellLease
-    log: PeerLog = field(default_factory=lambda: PeerLog(logger))
+    log: PeerLog
     programs: Mapping[int, str] = field(default_factory=dict)
     parameters: Sequence[Parameter] = ()
     links: dict[str, Link] = field(default_factory=dict)

@@ -10,7 +10,6 @@ from plc_bridge.protocol.registers import Lease
 
 TIMEOUT, PROGRAM = 5.0, 100
 LINKS = ("10.0.0.1:49152", "Operator@10.0.0.2:40000", "rtu:ttyS0", "node 1")
-TERMINAL = "terminal"
 WORDS = "ask ask start start start write read release stop finish wait wait reconnect"
 ACTIONS = st.tuples(
     st.sampled_from([*WORDS.split(), "terminal_takes", "terminal_starts", "terminal_releases"]),
@@ -29,7 +28,7 @@ class Cell:
         self.images = {}
         self.sources = {}
         self.connections = 0
-        self.is_at_terminal = False
+        self.terminal = ""
         for host in LINKS:
             self.open(host)
 
@@ -66,7 +65,7 @@ class Cell:
             self.holder = ""
 
     def expire(self):
-        if self.holder not in ("", TERMINAL) and not self.is_runner and self.now - self.heard[self.holder] > TIMEOUT:
+        if self.holder and not self.is_runner and self.now - self.heard[self.holder] > TIMEOUT:
             self.holder = ""
 
     def ask(self, host, _):
@@ -93,7 +92,7 @@ class Cell:
     def start(self, host, _):
         self.images[host] = (self.images[host][0] + 1, self.images[host][1])
         self.send(host, PROGRAM)
-        answer = self.handshake.answer(self.sources[host])
+        answer = self.handshake.report_for(self.sources[host])
         if not self.is_open_to(host):
             assert answer.refusal is Refusal.NOT_HOLDER
             assert answer.holder == self.holder
@@ -103,7 +102,7 @@ class Cell:
             assert self.handshake.inputs(self.sources[host]).busy
             self.holder = self.sources[host]
             self.poll()
-            answer = self.handshake.answer(self.sources[host])
+            answer = self.handshake.report_for(self.sources[host])
             assert (answer.answered, answer.refusal) == (self.images[host][0], Refusal.NONE)
         self.poll()
 
@@ -128,28 +127,38 @@ class Cell:
         self.open(host)
 
     def terminal_takes(self, _, __):
-        if not self.is_at_terminal:
-            self.handshake.opened(TERMINAL, TERMINAL, is_local=True)
-            self.is_at_terminal = self.handshake.take(TERMINAL)
-            assert self.is_at_terminal == (not self.holder)
-            self.holder = self.holder or TERMINAL
+        if not self.terminal:
+            self.connections += 1
+            name = f"terminal#{self.connections}"
+            assert self.handshake.take(name) == (not self.holder)
+            if not self.holder:
+                self.holder = self.terminal = name
+                self.heard[name] = self.now
 
     def terminal_starts(self, _, __):
-        if self.is_at_terminal:
-            refusal = self.handshake.submit(TERMINAL, CommandImage(code=PROGRAM))
-            assert (refusal is Refusal.NONE) == (self.running is None)
+        if self.terminal:
+            self.heard[self.terminal] = self.now
+            self.handshake.heard(self.terminal)
+            self.expire()
+            refusal = self.handshake.submit(self.terminal, CommandImage(code=PROGRAM))
+            if self.holder not in ("", self.terminal):
+                assert refusal is Refusal.NOT_HOLDER
+            else:
+                assert refusal is (Refusal.NONE if self.running is None else Refusal.BUSY)
+                self.holder = self.holder if self.running else self.terminal
             self.poll()
 
     def terminal_releases(self, _, __):
-        if self.is_at_terminal:
-            self.handshake.release(TERMINAL)
-            self.is_at_terminal = False
-            self.is_given_back = self.is_runner
-            self.holder = self.holder if self.is_runner else ""
+        if self.terminal:
+            self.handshake.release(self.terminal)
+            if self.holder == self.terminal:
+                self.is_given_back = self.is_runner
+                self.holder = self.holder if self.is_runner else ""
+            self.terminal = ""
 
     def end(self, result):
         if self.running is not None:
-            self.handshake.orders.publish(Report(sequence=self.running.sequence, result=result))
+            self.handshake.publish(Report(sequence=self.running.sequence, result=result))
             self.holder = "" if self.is_given_back and self.is_runner else self.holder
             self.running, self.is_given_back = None, False
 
@@ -161,15 +170,15 @@ class Cell:
                 assert command.source == self.holder, "somebody started who did not hold the lease"
                 event(f"started by {command.source.partition(':')[0]}")
                 self.running = command
-                self.handshake.orders.accept(command)
-                self.handshake.orders.publish(Report(sequence=command.sequence, state=6))
+                self.handshake.accept(command)
+                self.handshake.publish(Report(sequence=command.sequence, state=6))
 
     def check(self):
         assert self.handshake.holder == self.holder
         for host, source in self.sources.items():
             expected = LeaseState.FREE if self.is_open_to(host) else LeaseState.TAKEN
             expected = LeaseState.YOURS if self.holder == source else expected
-            assert self.handshake.answer(source).lease is expected
+            assert self.handshake.report_for(source).lease is expected
 
 
 @settings(max_examples=150)

@@ -31,14 +31,12 @@ SPEED = Parameter("search.speed", "m/s", 1e-4, 0.001, 0.1, "how fast the search 
 class Line:
     """A handshake, the time, and the last command block of each client."""
 
-    def __init__(self, *sources: str, local: str = "") -> None:
+    def __init__(self, *sources: str) -> None:
         self.handshake = Handshake({INSERT: "insert_peg", GRASP: "grasp"}, (SPEED,), 1.0, 5.0, now=lambda: self.now)
         self.now = 0.0
         self.images: dict[str, CommandImage] = {}
         for source in sources or ("plc",):
             self.connect(source)
-        if local:
-            self.handshake.opened(local, local, is_local=True)
 
     def connect(self, source, host=None):
         self.handshake.opened(source, host or source)
@@ -60,19 +58,19 @@ class Line:
 
     def answer(self, source="plc"):
         """Return the report that a client reads, and whether it is busy."""
-        image, inputs = self.handshake.answer(source), self.handshake.inputs(source)
+        image, inputs = self.handshake.report_for(source), self.handshake.inputs(source)
         return SimpleNamespace(**asdict(image), is_busy=inputs.busy)
 
     def poll(self):
         """Take the next command and accept it."""
         command = self.handshake.poll()
         if command is not None:
-            self.handshake.orders.accept(command)
+            self.handshake.accept(command)
         return command
 
     def refuse(self, refusal):
         """Take the next command and refuse it."""
-        self.handshake.orders.refuse(self.handshake.poll(), refusal)
+        self.handshake.refuse(self.handshake.poll(), refusal)
 
     def ask(self, sequence=2, source="plc", code=INSERT, **changes):
         """Write an empty number, and a command under the next."""
@@ -83,10 +81,10 @@ class Line:
         """Bring a command to the scan thread."""
         self.ask(sequence, source, **changes)
         assert self.poll() is not None
-        self.handshake.orders.publish(Report(sequence=sequence, state=6))
+        self.handshake.publish(Report(sequence=sequence, state=6))
 
     def end(self, sequence=2, result=Result.SUCCESS, **facts):
-        self.handshake.orders.publish(Report(sequence=sequence, state=17, result=result, **facts))
+        self.handshake.publish(Report(sequence=sequence, state=17, result=result, **facts))
 
     def ended(self, source="plc", recipe=0, life=0, **facts):
         """Let a run succeed, and return the line."""
@@ -132,7 +130,7 @@ def test_result_and_its_details_give_way_to_the_next_command():
 
 def test_report_of_the_run_before_does_not_end_the_next_of_the_same_number():
     line = Line("a", "b").ended(source="a")
-    line.handshake.release("a")
+    line.write("a", lease=Lease.RELEASE)
     line.ask(source="b")
     line.end()
     assert line.answer("b").is_busy
@@ -162,7 +160,7 @@ def test_commands_beyond_their_limits_are_refused_with_the_detail(line, changes,
     answer = line.ask(**changes)
     assert (answer.sequence, answer.refusal, answer.refusal_detail) == (2, refusal, detail)
     assert (answer.result is Result.REFUSED, line.poll() is None) == (refusal is not Refusal.NONE,) * 2
-    assert line.handshake.counts.refusals == (refusal is not Refusal.NONE)
+    assert line.handshake.diagnostics.refusals == (refusal is not Refusal.NONE)
 
 
 def test_torn_block_counts_once_it_is_whole_and_is_refused_after_the_timeout():
@@ -214,8 +212,8 @@ def test_a_link_reads_any_run_before_its_first_write_and_its_own_after():
 def test_a_link_that_takes_the_lease_and_asks_for_nothing_loses_it(line):
     line.now = 3.0
     line.connect("panel")
-    assert line.handshake.take("panel")
-    assert not line.handshake.take("plc")
+    assert line.write("panel", is_numbered=False, lease=Lease.TAKE).lease is LeaseState.YOURS
+    assert line.write(is_numbered=False, lease=Lease.TAKE).lease is LeaseState.TAKEN
     for now, holder in ((8.0, "panel"), (8.1, "")):
         line.now = now
         line.poll()
@@ -225,9 +223,9 @@ def test_a_link_that_takes_the_lease_and_asks_for_nothing_loses_it(line):
 def test_ready_is_true_if_a_start_of_this_link_would_be_taken():
     line = Line("a", "b")
     ready = lambda: tuple(line.handshake.inputs(source).ready for source in "ab")  # noqa: E731
-    line.handshake.orders.publish(Report(state=4, obstacle=Refusal.PART_UNRESOLVED))
+    line.handshake.publish(Report(state=4, obstacle=Refusal.PART_UNRESOLVED))
     assert ready() == (False, False)
-    line.handshake.orders.publish(Report(state=4))
+    line.handshake.publish(Report(state=4))
     assert ready() == (True, True)
     line.write("a", lease=Lease.TAKE)
     assert ready() == (True, False)
@@ -238,30 +236,22 @@ def test_ready_is_true_if_a_start_of_this_link_would_be_taken():
     assert ready() == (False, False)
 
 
-# A user at the cell, who gives orders and is never silent.
+# A user of the page, whose orders have no numbers of their own.
 
 
-def test_local_user_is_never_silent():
-    line = Line(local="terminal")
-    line.handshake.take("terminal")
-    line.now = 0.5
-    assert line.handshake.submit("terminal", CommandImage(code=INSERT)) is Refusal.NONE
-    line.now = 0.75
-    assert line.handshake.sight("terminal").silence == 0.25
-    line.now = 1000.0
-    assert line.poll() == Command(1, INSERT, source="terminal")
-    assert line.handshake.holder == "terminal"
-
-
-def test_local_user_reads_any_run_before_the_first_order_and_its_own_after():
-    line = Line("plc", local="terminal")
+def test_a_user_reads_any_run_before_the_first_order_and_the_own_after():
+    line = Line("plc", "page")
     line.run(7)
-    assert line.answer("terminal").sequence == 7
-    assert line.handshake.submit("terminal", CommandImage(code=GRASP)) is Refusal.NOT_HOLDER
-    assert (line.answer("terminal").sequence, line.answer("terminal").refusal) == (1, Refusal.NOT_HOLDER)
+    assert line.answer("page").sequence == 7
+    assert line.handshake.submit("page", CommandImage(code=GRASP)) is Refusal.NOT_HOLDER
+    assert (line.answer("page").sequence, line.answer("page").refusal) == (1, Refusal.NOT_HOLDER)
     line.now = 2.0
-    line.handshake.submit("terminal", CommandImage(code=INSERT))
-    assert line.handshake.counts.lost == 1
+    line.handshake.submit("page", CommandImage(code=INSERT))
+    assert line.handshake.diagnostics.lost == 1
+    line.poll()
+    line.end(7, Result.FAULT)
+    assert line.handshake.submit("page", CommandImage(code=INSERT)) is Refusal.NONE
+    assert line.poll() == Command(3, INSERT, source="page")
 
 
 # Stops and other controls.
@@ -329,11 +319,11 @@ def test_a_control_refused_behind_the_next_command_does_not_answer_for_it():
     line.write(sequence=3, code=Control.UNHOLD)
     control = line.handshake.poll()
     line.write(sequence=4, code=INSERT)
-    line.handshake.orders.refuse(control, Refusal.NOT_READY)
+    line.handshake.refuse(control, Refusal.NOT_READY)
     assert line.answer().answered == 3
     line.poll()
     assert line.answer().answered == 4
-    assert line.handshake.counts.refusals == 1
+    assert line.handshake.diagnostics.refusals == 1
 
 
 # Signs of life.

@@ -1,7 +1,12 @@
+import logging
+
 from plc_bridge.protocol.lease import CellLease
 from plc_bridge.protocol.links import Order
 from plc_bridge.protocol.messages import Command, Control, Result
 from plc_bridge.protocol.orders import Orders
+from plc_bridge.protocol.peer_log import PeerLog
+
+LOG = PeerLog(logging.getLogger("test"))
 
 
 def order(sequence, code):
@@ -9,7 +14,7 @@ def order(sequence, code):
 
 
 def queue(*waiting):
-    made = Orders(CellLease(5.0))
+    made = Orders(CellLease(5.0, LOG), LOG)
     for each in waiting:
         made.add(each)
     return made
