@@ -163,19 +163,19 @@ class Handshake:
         if image.acknowledge != before.acknowledge:
             self._acknowledge(link, image.acknowledge)
         if is_numbered:
-            self._orders.take_number(link, image, now, before.code)
+            self._orders.take_number(link, image, before.code)
 
     def switched(self, source: str, coils: Mapping[str, bool], by: Hashable = None) -> None:
         """Take the coils that `source` has just written: execute, stop, reset; `by` names the connection if the link is shared."""
         link = self._links[source]
-        now = link.watchdog.heard = self._expire()
-        self._orders.take_coils(link, coils, by, now)
+        link.watchdog.heard = self._expire()
+        self._orders.take_coils(link, coils, by)
 
     def submit(self, source: str, image: CommandImage) -> Refusal:
         """Submit an order of a local user under the next number of `source`; return its refusal, or NONE."""
-        now, link = self._expire(), self._links[source]
-        link.has_spoken, link.image = True, image
-        return self._orders.command(link, link.numbers.count_up(), image, now).refusal
+        link = self._links[source]
+        link.watchdog.heard, link.has_spoken, link.image = self._expire(), True, image
+        return self._orders.command(link, link.numbers.count_up(), image).refusal
 
     def control(self, source: str, code: int) -> Order:
         """Take a control of `source` without a number; its order holds the answer, and no result in view changes."""

@@ -170,7 +170,7 @@ class Orders:
 
     # Numbers of links.
 
-    def take_number(self, link: Link, image: CommandImage, now: float, code_before: int) -> None:
+    def take_number(self, link: Link, image: CommandImage, code_before: int) -> None:
         """Process the number of a whole block; `code_before` is the code of the previous write."""
         numbers = link.numbers
         verdict = numbers.see(image.sequence, image.asked, image.life)
@@ -185,17 +185,17 @@ class Orders:
         elif verdict is NumberMeaning.SAME:
             self._take_same(link, image, code_before)
         elif verdict in (NumberMeaning.FIRST, NumberMeaning.NEW):
-            self._take_new(link, image, now, verdict is NumberMeaning.FIRST)
+            self._take_new(link, image, verdict is NumberMeaning.FIRST)
 
-    def _take_new(self, link: Link, image: CommandImage, now: float, is_first: bool) -> None:
+    def _take_new(self, link: Link, image: CommandImage, is_first: bool) -> None:
         """Process a number ahead of the last one; the first one of a count is adopted."""
         link.executed = link.resetting = None
         if is_first and image.code not in STOPS:
             self._adopt(link, image)
         elif image.code == Control.NONE:
-            self._empty(link, image)
+            self.decide(_order(link, image.sequence, image))  # a number without a command
         else:
-            self.command(link, image.sequence, image, now)
+            self.command(link, image.sequence, image)
 
     def _take_same(self, link: Link, image: CommandImage, code_before: int) -> None:
         """Process a repeated number: only a stop is obeyed; a number first written without a command cannot be used again."""
@@ -229,13 +229,9 @@ class Orders:
         if link.has_resumed or (shown is not None and shown.is_program and shown.repeats(image)):
             link.was_lost = False
         elif image.code == Control.NONE:
-            self._empty(link, image)
+            self.decide(_order(link, image.sequence, image))  # a number without a command
         else:
             self._refuse_new(link, image, image.sequence, Refusal.ADOPTED)
-
-    def _empty(self, link: Link, image: CommandImage) -> None:
-        """Answer a number without a command."""
-        self.decide(_order(link, image.sequence, image))
 
     def _refuse_new(self, link: Link, image: CommandImage, sequence: int, refusal: Refusal) -> Order:
         """Answer a number with a refusal."""
@@ -260,7 +256,7 @@ class Orders:
         """Number of connections that hold their stop coil at 1."""
         return sum(len(link.stops) for link in self.links.values())
 
-    def take_coils(self, link: Link, coils: Mapping[str, bool], by: Hashable, now: float) -> None:
+    def take_coils(self, link: Link, coils: Mapping[str, bool], by: Hashable) -> None:
         """Process the coils that a connection of a link has just written."""
         if coils.get("stop") is False:
             link.stops.discard(by)
@@ -269,12 +265,12 @@ class Orders:
             self._stop_for(link, CommandImage(code=Control.STOP))
         image = link.image or CommandImage()
         link.has_spoken |= bool(coils.keys() & {"execute", "reset"})
-        link.executed = self._take_edge(link, "execute", coils, link.executed, image, now)
+        link.executed = self._take_edge(link, "execute", coils, link.executed, image)
         image = replace(image, code=Control.RESET)
-        link.resetting = self._take_edge(link, "reset", coils, link.resetting, image, now)
+        link.resetting = self._take_edge(link, "reset", coils, link.resetting, image)
 
     def _take_edge(
-        self, link: Link, coil: str, coils: Mapping[str, bool], before: Order | None, image: CommandImage, now: float
+        self, link: Link, coil: str, coils: Mapping[str, bool], before: Order | None, image: CommandImage
     ) -> Order | None:
         """Return the request made by a write of a coil; otherwise `before`, the request of an earlier write.
 
@@ -287,7 +283,7 @@ class Orders:
         if coils[coil] and was is None:
             return self._refuse_new(link, image, link.numbers.count_up(), Refusal.ADOPTED)
         if coils[coil] and not was:
-            return self.command(link, link.numbers.count_up(), image, now)
+            return self.command(link, link.numbers.count_up(), image)
         if not coils[coil] and before is not None and before.is_read:
             self.end(before)
         return before
@@ -299,51 +295,43 @@ class Orders:
         image = CommandImage(code=code)
         if code in STOPS:
             return self._stop_for(link, image)
-        order, refusal = Order(_command(link, UNNUMBERED, image)), self._why_not(link, image)
-        if refusal is not Refusal.NONE:
-            self.turn_down(order, refusal)
-            return order
-        self.lease.take(link)
-        self.add(order)
+        order = Order(_command(link, UNNUMBERED, image))
+        self._pass_on(order, link, self._why_not(link, image))
         return order
 
-    def command(self, link: Link, sequence: int, image: CommandImage, now: float) -> Order:
+    def command(self, link: Link, sequence: int, image: CommandImage) -> Order:
         """Answer a new number, or pass its command on to the scan thread."""
         if image.code in STOPS:
             return self._stop_for(link, image, sequence)
-        refusal, (parameters, detail) = self._why_not(link, image), self._parameters_of(image)
-        if refusal is not Refusal.NONE:
-            detail = 0
-        elif detail:
-            refusal = Refusal.PARAMETER
-        order = _order(link, sequence, image, parameters, detail)
-        if refusal is not Refusal.NONE:
-            self.turn_down(order, refusal)
-            return order
-        self.lease.take(link)
-        self.add(order)
-        if order.is_program:
-            link.watchdog.revive(now)
+        parameters, detail = self._parameters_of(image)
+        refusal = self._why_not(link, image) or (Refusal.PARAMETER if detail else Refusal.NONE)
+        order = _order(link, sequence, image, parameters, detail if refusal is Refusal.PARAMETER else 0)
+        self._pass_on(order, link, refusal)
+        if order.is_under_way and order.is_program:
+            link.watchdog.revive()
         return order
 
-    def _why_not(self, link: Link, image: CommandImage) -> Refusal:
-        refusal = self._refuse_code(image)
+    def _pass_on(self, order: Order, link: Link, refusal: Refusal) -> None:
+        """Refuse an order, or append it; an order takes a free lease."""
         if refusal is not Refusal.NONE:
-            return refusal
+            self.turn_down(order, refusal)
+            return
+        self.lease.take(link)
+        self.add(order)
+
+    def _why_not(self, link: Link, image: CommandImage) -> Refusal:
+        """Return the refusal of a command, apart from its parameters, or NONE."""
+        is_program = image.code not in CONTROLS
+        if image.version and image.version >> 8 != VERSION_MAJOR:
+            return Refusal.VERSION
+        if is_program and image.code not in self.programs:
+            return Refusal.UNKNOWN_CODE
         if image.code != Control.HOLD and self.stops_held:
             return Refusal.STOP_HELD
         if not self.lease.is_open_to(link):
             return Refusal.NOT_HOLDER
-        if (self.run is not None and image.code not in CONTROLS) or len(self._waiting) >= MOST_WAITING:
+        if (self.run is not None and is_program) or len(self._waiting) >= MOST_WAITING:
             return Refusal.BUSY
-        return Refusal.NONE
-
-    def _refuse_code(self, image: CommandImage) -> Refusal:
-        """Return the refusal of a command block that is independent of its sender, or NONE."""
-        if image.version and image.version >> 8 != VERSION_MAJOR:
-            return Refusal.VERSION
-        if image.code not in CONTROLS and image.code not in self.programs:
-            return Refusal.UNKNOWN_CODE
         return Refusal.NONE
 
     def _parameters_of(self, image: CommandImage) -> tuple[tuple[tuple[str, float], ...], int]:

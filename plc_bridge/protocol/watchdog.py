@@ -73,9 +73,9 @@ class LinkWatchdog:
         """Return True if the block has been torn for longer than `timeout`, s."""
         return self.torn_since is not None and now - self.torn_since > timeout
 
-    def revive(self, now: float) -> None:
-        """Begin the watch over a run."""
-        self.life_stamp = self.heard = now
+    def revive(self) -> None:
+        """Begin the watch over a run, which the last request has started."""
+        self.life_stamp = self.heard
 
     def follow(self, earlier: "LinkWatchdog") -> None:
         """Continue the watch of a closed link of the same host."""
