@@ -196,6 +196,8 @@ class Entry:
     scale: float = 1.0
     words: int = 0
     """Number of words of a string; 0 for the size of the type."""
+    limits: tuple[int | None, int | None] = (None, None)
+    """Least and greatest raw integer; None for those of the type."""
     names: tuple[str, ...] = ()
     """Names of the registers of a field with several values; in the meaning, braces stand for the last part of each name."""
 

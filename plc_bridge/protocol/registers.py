@@ -11,7 +11,7 @@ disturb another's. The report and the diagnostics are input registers. PLCs with
 registers at the same address plus `MIRROR`.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import IntEnum
 from typing import Literal
@@ -20,6 +20,7 @@ from plc_bridge.protocol.messages import (
     FIRST_PROGRAM,
     Control,
     Diagnostics,
+    Entry,
     Inputs,
     Kind,
     Report,
@@ -123,86 +124,57 @@ def _codes(programs: Mapping[int, str]) -> str:
     return listed({**named, **programs})
 
 
-class _Layout:
-    """Places registers one after the other."""
-
-    def __init__(self, table: Table, start: int, access: Literal["r", "rw"], prefix: str, index: int) -> None:
-        self._table: Table = table
-        self._index = index
-        self._next = start
-        self._access: Literal["r", "rw"] = access
-        self._prefix = prefix
-        self.registers: list[Register] = []
-
-    def add(
-        self,
-        name: str,
-        kind: Kind,
-        meaning: str,
-        unit: str = "",
-        scale: float = 1.0,
-        words: int = 0,
-        limits: tuple[int | None, int | None] = (None, None),
-    ) -> None:
-        """Append one entry; `words` is needed for strings only, `limits` are raw."""
-        words = words or (2 if kind in ("u32", "i32") else 1)
-        name = self._prefix + name
-        objects = sum(register.index != 0 for register in self.registers)
-        place = (0, 0) if name.endswith("life_tail") else (self._index, objects + 1)
-        pdo = _PDO_OF.get(name, "")
-        entry = Register(
-            name, self._table, self._next, words, kind, scale, unit, self._access, *limits, *place, pdo, meaning
+def _placed(table: Table, start: int, prefix: str, index: int, entries: Iterable[tuple[str, Entry]]) -> list[Register]:
+    """Return registers one after the other from `start`; all but the tails of life counters are sub-indices of `index`."""
+    registers: list[Register] = []
+    access: Literal["r", "rw"] = "rw" if table in ("holding", "coil") else "r"
+    for short, each in entries:
+        name, words = prefix + short, each.words or (2 if each.kind in ("u32", "i32") else 1)
+        place = (0, 0) if short == "life_tail" else (index, sum(r.index != 0 for r in registers) + 1)
+        kind = each.kind, each.scale, each.unit
+        found = Register(
+            name, table, start, words, *kind, access, *each.limits, *place, _PDO_OF.get(name, ""), each.meaning
         )
-        self.registers.append(entry)
-        self._next += words
-
-    def of(self, block: type) -> list[Register]:
-        """Append the entries of a block of values, and return all registers."""
-        for _, name, each in entries_of(block):
-            self.add(name, each.kind, each.meaning, each.unit, each.scale, each.words)
-        return self.registers
+        registers.append(found)
+        start += words
+    return registers
 
 
-def _command_block(programs: Mapping[int, str], parameters: Sequence[Parameter]) -> list[Register]:
-    block = _Layout("holding", 0, "rw", "command_", 0x2000)
-    block.add("life", "u16", "head life counter: change it in every cycle; a run stops when it stands still")
-    block.add("sequence", "u16", "count up by one to send a command; the first number after connecting is not run")
-    block.add("code", "u16", f"what to do: {_codes(programs)}")
-    block.add("recipe", "u16", "number of the recipe that a program shall use; 0 is the default")
-    block.add("acknowledge", "u16", "write report_sequence here once its result has been read")
-    block.add(
-        "lease",
-        "u16",
+def _of(block: type) -> Iterator[tuple[str, Entry]]:
+    return ((name, each) for _, name, each in entries_of(block))
+
+
+def _command_block(programs: Mapping[int, str], parameters: Sequence[Parameter]) -> Iterator[tuple[str, Entry]]:
+    yield "life", Entry("u16", "head life counter: change it in every cycle; a run stops when it stands still")
+    yield "sequence", Entry("u16", "count up by one to send a command; the first number after connecting is not run")
+    yield "code", Entry("u16", f"what to do: {_codes(programs)}")
+    yield "recipe", Entry("u16", "number of the recipe that a program shall use; 0 is the default")
+    yield "acknowledge", Entry("u16", "write report_sequence here once its result has been read")
+    wishes = (
         "0 no wish (a start takes a free lease), 1 take it whenever it is free, "
-        "2 the same for all connections of this host together, 3 release",
-        limits=(Lease.NONE, Lease.RELEASE),
+        "2 the same for all connections of this host together, 3 release"
     )
-    block.add("version", "u16", "256 * major + minor that the PLC was written for; another major is refused; 0 unsaid")
-    block.add(
-        "parameter_mask",
-        "u16",
-        "bit n - 1 set: parameter n is given; those not given keep their defaults",
-        limits=(0, (1 << len(parameters)) - 1),
-    )
-    block.add("serial", "string", "serial number of the part, ASCII, zero-padded; goes into the run's record", words=16)
-    for number in range(1, PARAMETERS + 1):
-        if number <= len(parameters):
-            spec = parameters[number - 1]
-            meaning = f"{spec.name}: {spec.meaning}; {spec.low:g} to {spec.high:g} {spec.unit}".rstrip()
-            limits = (round(spec.low / spec.scale), round(spec.high / spec.scale))
-            block.add(f"parameter_{number}", "i32", meaning, spec.unit, spec.scale, limits=limits)
-        else:
-            block.add(f"parameter_{number}", "i32", "reserved; leave its mask bit 0", limits=(0, 0))
-    block.add("life_tail", "u16", "equal to command_life when the block is whole; always 0 skips this check")
-    return block.registers
+    yield "lease", Entry("u16", wishes, limits=(Lease.NONE, Lease.RELEASE))
+    major = "256 * major + minor that the PLC was written for; another major is refused; 0 unsaid"
+    yield "version", Entry("u16", major)
+    mask = "bit n - 1 set: parameter n is given; those not given keep their defaults"
+    yield "parameter_mask", Entry("u16", mask, limits=(0, (1 << len(parameters)) - 1))
+    serial = "serial number of the part, ASCII, zero-padded; goes into the run's record"
+    yield "serial", Entry("string", serial, words=16)
+    for number, spec in enumerate(parameters, 1):
+        meaning = f"{spec.name}: {spec.meaning}; {spec.low:g} to {spec.high:g} {spec.unit}".rstrip()
+        limits = (round(spec.low / spec.scale), round(spec.high / spec.scale))
+        yield f"parameter_{number}", Entry("i32", meaning, spec.unit, spec.scale, limits=limits)
+    for number in range(len(parameters) + 1, PARAMETERS + 1):
+        yield f"parameter_{number}", Entry("i32", "reserved; leave its mask bit 0", limits=(0, 0))
+    yield "life_tail", Entry("u16", "equal to command_life when the block is whole; always 0 skips this check")
 
 
-def _bits() -> list[Register]:
-    coils = _Layout("coil", 0, "rw", "", 0x2003)
-    coils.add("execute", "bool", "0 to 1 runs command_code as the next sequence number; 1 to 0 acknowledges its result")
-    coils.add("stop", "bool", "1 stops the cell, whoever holds the lease")
-    coils.add("reset", "bool", "0 to 1 resets the cell after a stop or a fault")
-    return [*coils.registers, *_Layout("discrete", 0, "r", "", 0x2004).of(Inputs)]
+_COILS = {
+    "execute": Entry("bool", "0 to 1 runs command_code as the next sequence number; 1 to 0 acknowledges its result"),
+    "stop": Entry("bool", "1 stops the cell, whoever holds the lease"),
+    "reset": Entry("bool", "0 to 1 resets the cell after a stop or a fault"),
+}
 
 
 def table(
@@ -218,15 +190,16 @@ def table(
         words: Meaning of the numbers in a register, by its name, if the cell defines it.
     """
     registers = [
-        *_command_block(programs or {}, parameters),
-        *_Layout("input", 0, "r", "report_", 0x2001).of(Report),
-        *_Layout("input", 100, "r", "diagnostics_", 0x2002).of(Diagnostics),
-        *_Layout("input", 200, "r", "packml_", 0x2005).of(PackTags),
-        *_bits(),
+        *_placed("holding", 0, "command_", 0x2000, _command_block(programs or {}, parameters)),
+        *_placed("input", 0, "report_", 0x2001, _of(Report)),
+        *_placed("input", 100, "diagnostics_", 0x2002, _of(Diagnostics)),
+        *_placed("input", 200, "packml_", 0x2005, _of(PackTags)),
+        *_placed("coil", 0, "", 0x2003, _COILS.items()),
+        *_placed("discrete", 0, "", 0x2004, _of(Inputs)),
     ]
     said = words or {}
     return tuple(replace(r, meaning=f"{r.meaning}: {listed(said[r.name])}") if r.name in said else r for r in registers)
 
 
-COILS = {register.name: register.address for register in _bits() if register.table == "coil"}
-DISCRETE_INPUTS = {register.name: register.address for register in _bits() if register.table == "discrete"}
+COILS = {register.name: register.address for register in table() if register.table == "coil"}
+DISCRETE_INPUTS = {register.name: register.address for register in table() if register.table == "discrete"}
