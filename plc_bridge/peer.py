@@ -1,8 +1,7 @@
-"""The PLC's side of the map on any bus, and over Modbus TCP: for demos, the terminal and tests of the line."""
+"""The PLC's side of the map over Modbus TCP: for demos, the terminal and tests of the line."""
 
 import logging
 import time
-from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
@@ -12,13 +11,7 @@ from pymodbus.exceptions import ModbusException
 from pymodbus.pdu import ModbusPDU
 
 from drivers.errors import CellError, FaultCode
-from plc_bridge.protocol.images import (
-    COMMAND,
-    DIAGNOSTICS,
-    REPORT,
-    CommandImage,
-    command_words,
-)
+from plc_bridge.protocol.images import COMMAND, DIAGNOSTICS, REPORT, CommandImage, command_words
 from plc_bridge.protocol.messages import Diagnostics, LeaseState, Report, Result
 from plc_bridge.protocol.registers import COILS, VERSION, Lease
 
@@ -29,53 +22,36 @@ class CellSilentError(CellError, code=FaultCode.PLC_LOST):
     """The cell cannot be reached, or does not answer in time."""
 
 
-class PlcPeer(ABC):
-    """A PLC that commands the cell over any bus; not for use by several threads.
+class Peer:
+    """A PLC that commands the cell, on Modbus TCP; not for use by several threads.
 
     Every method that waits also advances the life counter, so that the cell does not count the run as lost. Between calls
     the caller must keep the connection alive with `cycle`.
 
     Args:
-        where: Name of the cell's place, for messages.
-        period: Time between two cycles while waiting, s.
+        host: Address of the cell.
+        port: Port of the cell.
+        timeout: Longest wait for one answer, s.
         wait: Waits this number of seconds.
         now: Monotonic time, s.
     """
 
     def __init__(
         self,
-        where: str,
-        period: float = 0.02,
+        host: str,
+        port: int,
+        *,
+        timeout: float = 3.0,
         wait: Callable[[float], None] = time.sleep,
         now: Callable[[], float] = time.monotonic,
     ) -> None:
-        self._where = where
-        self._period, self._wait, self._now = period, wait, now
+        self._where = f"{host}:{port}"
+        # Time between two cycles while waiting, s.
+        self._period, self._wait, self._now = 0.02, wait, now
         self._image = CommandImage(version=VERSION)
-
-    @abstractmethod
-    def close(self) -> None:
-        """Disconnect; may be called again."""
-
-    @abstractmethod
-    def read_report(self) -> Report:
-        """Return the report; writes nothing."""
-
-    @abstractmethod
-    def read_diagnostics(self) -> Diagnostics:
-        """Return the cell's counts; writes nothing."""
-
-    @abstractmethod
-    def stop(self) -> None:
-        """Stop the cell, independent of the lease."""
-
-    @abstractmethod
-    def _open(self) -> None:
-        """Connect."""
-
-    @abstractmethod
-    def _write(self, image: CommandImage) -> None:
-        """Write the command block."""
+        self._client: Any = ModbusTcpClient(  # some of its methods carry no types
+            host, port=port, timeout=timeout, retries=0
+        )
 
     def connect(self) -> Report:
         """Connect as a new client, whose number is far from that of any run, and return the report.
@@ -213,31 +189,7 @@ class PlcPeer(ABC):
         self.acknowledge()
         return report
 
-
-class Peer(PlcPeer):
-    """A PLC on Modbus TCP.
-
-    Args:
-        host: Address of the cell.
-        port: Port of the cell.
-        timeout: Longest wait for one answer, s.
-        wait: Waits this number of seconds.
-        now: Monotonic time, s.
-    """
-
-    def __init__(
-        self,
-        host: str,
-        port: int,
-        *,
-        timeout: float = 3.0,
-        wait: Callable[[float], None] = time.sleep,
-        now: Callable[[], float] = time.monotonic,
-    ) -> None:
-        super().__init__(f"{host}:{port}", wait=wait, now=now)
-        self._client: Any = ModbusTcpClient(  # some of its methods carry no types
-            host, port=port, timeout=timeout, retries=0
-        )
+    # What another bus does in another way.
 
     def close(self) -> None:
         """Disconnect; may be called again."""

@@ -14,7 +14,7 @@ from plc_bridge.canopen.heartbeat import HeartbeatProducer
 from plc_bridge.canopen.node import NmtState
 from plc_bridge.canopen.objects import RPDO_BASES, bytes_of, dictionary
 from plc_bridge.config import CanConfig
-from plc_bridge.peer import CellSilentError, PlcPeer
+from plc_bridge.peer import CellSilentError, Peer
 from plc_bridge.protocol.images import REPORT, CommandImage, Value, command_words
 from plc_bridge.protocol.messages import Diagnostics, Report
 from plc_bridge.protocol.registers import RPDOS, Register, table
@@ -71,8 +71,8 @@ class _Wire(canopen.Network):
             return  # the waiting caller times out
 
 
-class CanPeer(PlcPeer):
-    """A PLC on CAN, which is also the NMT master.
+class CanPeer(Peer):
+    """A PLC on CAN, which is also the NMT master: a peer that connects, reads and writes in another way.
 
     Args:
         config: Config of the cell: the bus, the cell's node-ID and the PLC's, which this node uses.
@@ -91,7 +91,8 @@ class CanPeer(PlcPeer):
         wait: Callable[[float], None] = time.sleep,
         now: Callable[[], float] = time.monotonic,
     ) -> None:
-        super().__init__(f"CANopen node {config.node_id} on {config.interface} {config.channel}", period, wait, now)
+        super().__init__(config.channel, 0, wait=wait, now=now)
+        self._where, self._period = f"CANopen node {config.node_id} on {config.interface} {config.channel}", period
         self._config, self._timeout = config, timeout
         self._places = {register.name: register for register in table()}
         self._bus = CanBus(config.interface, config.channel, config.bitrate)

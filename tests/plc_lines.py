@@ -12,7 +12,7 @@ from pymodbus.client import ModbusSerialClient, ModbusTlsClient
 
 from plc_bridge.bridge import Bridge
 from plc_bridge.config import CanConfig, ModbusConfig, PlcConfig, RtuConfig
-from plc_bridge.peer import Peer, PlcPeer
+from plc_bridge.peer import Peer
 from tests.can_peer import CanPeer
 from tests.certificates import Authority, utf8
 from tests.hubs import Cable
@@ -27,7 +27,7 @@ class PlcLine:
 
     plc: PlcConfig
     """What the cell must listen on; patient, so that a busy computer loses no run."""
-    connect: Callable[[Bridge], PlcPeer]
+    connect: Callable[[Bridge], Peer]
     """Return a peer that is not connected yet."""
     source: str
     """How the run's record begins to name who asked."""
