@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping, Sequence
 from canopen import ObjectDictionary, SdoAbortedError
 from canopen.objectdictionary import ODVariable, datatypes
 
-from plc_bridge.canopen.objects import bytes_of, size_of, words_of
+from plc_bridge.canopen.objects import bytes_of, size_of, variables, words_of
 from plc_bridge.protocol.registers import Register
 from plc_bridge.protocol.station import LinkStation
 
@@ -30,7 +30,7 @@ class Values:
         station: Callable[[], LinkStation],
         changed: Callable[[int, int], None],
     ) -> None:
-        self._dictionary = dictionary
+        self._variables = {(v.index, v.subindex): v for v in variables(dictionary)}
         self._registers: Mapping[tuple[int, int], Register] = {(r.index, r.subindex): r for r in registers if r.index}
         self._station, self._changed = station, changed
         self._own: dict[tuple[int, int], int] = {}
@@ -99,17 +99,10 @@ class Values:
             self._changed(index, subindex)
 
     def _find(self, index: int, subindex: int) -> ODVariable:
-        found = self._dictionary.get(index)
+        found = self._variables.get((index, subindex))
         if found is None:
-            raise SdoAbortedError(_NO_OBJECT)
-        if isinstance(found, ODVariable):
-            if subindex:
-                raise SdoAbortedError(_NO_SUBINDEX)
-            return found
-        if subindex not in found.subindices:
-            raise SdoAbortedError(_NO_SUBINDEX)
-        member: ODVariable = found.subindices[subindex]
-        return member
+            raise SdoAbortedError(_NO_SUBINDEX if (index, 0) in self._variables else _NO_OBJECT)
+        return found
 
 
 def _read(station: LinkStation, register: Register) -> bytes:

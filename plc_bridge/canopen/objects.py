@@ -3,7 +3,7 @@
 Every application object is a register; the dictionary adds the objects that CiA 301 requires of every node.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 
 from canopen import ObjectDictionary
 from canopen.objectdictionary import ODArray, ODRecord, ODVariable, datatypes
@@ -101,6 +101,12 @@ def dictionary(registers: Sequence[Register], node_id: int = 0) -> ObjectDiction
     ):
         made.add_object(found)
     return made
+
+
+def variables(objects: ObjectDictionary) -> Iterator[ODVariable]:
+    """Yield every object or sub-object that has a value."""
+    for found in objects.values():
+        yield from [found] if isinstance(found, ODVariable) else found.subindices.values()
 
 
 def _variable(

@@ -63,19 +63,12 @@ def length_of(request: bytes) -> int:
 
 def _check_length(request: bytes) -> None:
     size, least = len(request), length_of(request)
-    is_longer_echo = request[0] == DIAGNOSTICS and size > least and size % 2 == 1
-    if size != least and not is_longer_echo:
-        raise ValueError(size)
+    _require(size == least or (request[0] == DIAGNOSTICS and size > least and size % 2 == 1))  # an echo may be longer
 
 
-def _check_count(count: int, most: int) -> None:
-    if not 1 <= count <= most:
-        raise ValueError(count)
-
-
-def _check_size(size: int, needed: int) -> None:
-    if size != needed:
-        raise ValueError(size)
+def _require(is_permitted: bool) -> None:
+    if not is_permitted:
+        raise ValueError
 
 
 def _words(data: bytes) -> Sequence[int]:
@@ -88,7 +81,7 @@ def _with_words(function: int, words: Sequence[int]) -> bytes:
 
 def _read_bits(request: bytes, station: LinkStation) -> bytes:
     function, address, count = _HEAD.unpack(request)
-    _check_count(count, MOST_BITS_READ)
+    _require(1 <= count <= MOST_BITS_READ)
     bits = station.read_bits(function, address, count)
     data = sum(bit << place for place, bit in enumerate(bits)).to_bytes((count + 7) // 8, "little")
     return bytes([function, len(data)]) + data
@@ -96,14 +89,13 @@ def _read_bits(request: bytes, station: LinkStation) -> bytes:
 
 def _read_words(request: bytes, station: LinkStation) -> bytes:
     function, address, count = _HEAD.unpack(request)
-    _check_count(count, MOST_WORDS_READ)
+    _require(1 <= count <= MOST_WORDS_READ)
     return _with_words(function, station.read_words(function, address, count))
 
 
 def _write_bit(request: bytes, station: LinkStation) -> bytes:
     _, address, value = _HEAD.unpack(request)
-    if value not in (COIL_ON, COIL_OFF):
-        raise ValueError(value)
+    _require(value in (COIL_ON, COIL_OFF))
     station.write_bits(address, [value == COIL_ON])
     return request
 
@@ -116,8 +108,8 @@ def _write_word(request: bytes, station: LinkStation) -> bytes:
 
 def _write_bits(request: bytes, station: LinkStation) -> bytes:
     _, address, count, size = struct.unpack_from(">BHHB", request)
-    _check_count(count, MOST_BITS_WRITTEN)
-    _check_size(size, (count + 7) // 8)
+    _require(1 <= count <= MOST_BITS_WRITTEN)
+    _require(size == (count + 7) // 8)
     data = int.from_bytes(request[6:], "little")
     station.write_bits(address, [bool(data >> place & 1) for place in range(count)])
     return request[:5]
@@ -125,8 +117,8 @@ def _write_bits(request: bytes, station: LinkStation) -> bytes:
 
 def _write_words(request: bytes, station: LinkStation) -> bytes:
     _, address, count, size = struct.unpack_from(">BHHB", request)
-    _check_count(count, MOST_WORDS_WRITTEN)
-    _check_size(size, 2 * count)
+    _require(1 <= count <= MOST_WORDS_WRITTEN)
+    _require(size == 2 * count)
     station.write_words(address, _words(request[6:]))
     return request[:5]
 
@@ -139,9 +131,9 @@ def _mask_word(request: bytes, station: LinkStation) -> bytes:
 
 def _exchange(request: bytes, station: LinkStation) -> bytes:
     function, source, wanted, address, count, size = struct.unpack_from(">BHHHHB", request)
-    _check_count(wanted, MOST_WORDS_READ)
-    _check_count(count, MOST_WORDS_EXCHANGED)
-    _check_size(size, 2 * count)
+    _require(1 <= wanted <= MOST_WORDS_READ)
+    _require(1 <= count <= MOST_WORDS_EXCHANGED)
+    _require(size == 2 * count)
     station.read_words(3, source, wanted)  # an address error must come before the write
     station.write_words(address, _words(request[10:]))
     return _with_words(function, station.read_words(3, source, wanted))

@@ -4,12 +4,11 @@ import configparser
 
 import canopen
 import pytest
-from canopen.objectdictionary import ODVariable
 from dcf.device import Device
 from dcf.lint import lint
 from dcf.parse import parse_file
 
-from plc_bridge.canopen.objects import dictionary
+from plc_bridge.canopen.objects import dictionary, variables
 from plc_bridge.exports.eds import as_eds
 from plc_bridge.protocol.registers import RPDOS, TPDOS, VERSION_MAJOR, VERSION_MINOR, table
 from tests.canopen_rig import NODE, REGISTERS
@@ -28,12 +27,6 @@ def sheet(path):
     sheet.optionxform = str
     sheet.read(path, encoding="ascii")
     return sheet
-
-
-def variables(objects):
-    for index in objects:
-        found = objects[index]
-        yield from [found] if isinstance(found, ODVariable) else found.subindices.values()
 
 
 def test_canopen_loads_the_very_dictionary_of_the_node(path):
