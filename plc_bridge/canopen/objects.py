@@ -27,7 +27,6 @@ _BLOCKS = {
 _U8, _U16, _U32, _TEXT = datatypes.UNSIGNED8, datatypes.UNSIGNED16, datatypes.UNSIGNED32, datatypes.VISIBLE_STRING
 _TYPES = {
     "u16": _U16,
-    "i16": datatypes.INTEGER16,
     "u32": _U32,
     "i32": datatypes.INTEGER32,
     "string": _TEXT,

@@ -33,7 +33,7 @@ BEGIN
 END_DATA_BLOCK
 """
 """The data block for the Modbus client."""
-_TYPES = {"u16": "UInt", "u32": "UDInt", "i16": "Int", "i32": "DInt"}
+_TYPES = {"u16": "UInt", "u32": "UDInt", "i32": "DInt"}
 _UDTS = {COMMAND: "UDT_CellCommand", REPORT: "UDT_CellReport", NAMES: "UDT_CellNames", "TON": "TON_TIME"}
 _GROUPED = {"parameter": PARAMETERS, "stage_time": STAGES}
 """Numbered registers that are one array, and their number."""

@@ -324,7 +324,7 @@ class Handshake:
         """Apply the time-outs: lost runs, silent holders, permanently torn blocks; return the time, s."""
         now, run = self.now(), self._orders.run
         link = run.link if run is not None and run.is_watched else None
-        if run is not None and link is not None and link.watchdog.is_silent(now, self.life_timeout):
+        if run is not None and link is not None and link.watchdog.silence(now) > self.life_timeout:
             self._lose(run, link, f"no sign of life for {self.life_timeout:g} s")
         self._lease.expire(now)
         for each in self._links.values():

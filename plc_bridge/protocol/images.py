@@ -11,6 +11,12 @@ from plc_bridge.protocol.registers import PARAMETERS, Register, table
 
 Value = int | float | str
 T = TypeVar("T")
+_NUMBERS = {
+    "u16": ("H", 0, 0xFFFF),
+    "u32": ("I", 0, 0xFFFF_FFFF),
+    "i32": ("i", -0x8000_0000, 0x7FFF_FFFF),
+}
+"""Code in `struct`, least and greatest number of each type."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,29 +47,31 @@ class Block:
         self.registers = tuple(registers)
         self.start = registers[0].address
         self.words = sum(register.words for register in registers)
-        self._bytes = struct.Struct(">" + "".join(_code(register) for register in registers))
+        codes = (f"{2 * r.words}s" if r.type == "string" else _NUMBERS[r.type][0] for r in registers)
+        self._bytes = struct.Struct(">" + "".join(codes))
         self._words = struct.Struct(f">{self.words}H")
-        self._fields = [(r.name, r.type, r.scale, 2 * r.words, *_range(r)) for r in registers]
+        # Every report passes here: attributes of a register would cost as much as the packing.
+        self._fields = [(r.name, r.scale, _NUMBERS.get(r.type), 2 * r.words) for r in registers]
 
     def pack(self, values: Mapping[str, Value]) -> list[int]:
         """Return the words; values beyond a register's range are clipped, missing ones are 0."""
         raw: list[int | bytes] = []
-        for name, kind, scale, size, low, high in self._fields:
+        for name, scale, number, size in self._fields:
             value = values.get(name, 0)
-            if kind == "string":
+            if number is None:
                 raw.append(str(value or "").encode("ascii", "replace")[:size])
             else:
                 assert not isinstance(value, str)
                 count = value if scale == 1.0 else value / scale
-                raw.append(round(max(low, min(high, count))))
+                raw.append(round(max(number[1], min(number[2], count))))
         return list(self._words.unpack(self._bytes.pack(*raw)))
 
     def unpack(self, words: Sequence[int]) -> dict[str, Value]:
         """Return the value of each register, raw integers if the scale is 1."""
         raw = self._bytes.unpack(self._words.pack(*words))
         values: dict[str, Value] = {}
-        for (name, kind, scale, *_), value in zip(self._fields, raw, strict=True):
-            if kind == "string":
+        for (name, scale, number, _), value in zip(self._fields, raw, strict=True):
+            if number is None:
                 values[name] = value.rstrip(b"\0").decode("latin-1")
             else:
                 values[name] = value if scale == 1.0 else value * scale
@@ -96,17 +104,6 @@ class ValueBlock(Block, Generic[T]):
     def read(self, words: Sequence[int]) -> T:
         """Return the value in these words."""
         return self.value_of(self.unpack(words))
-
-
-def _code(register: Register) -> str:
-    if register.type == "string":
-        return f"{2 * register.words}s"
-    return {"u16": "H", "i16": "h", "u32": "I", "i32": "i"}[register.type]
-
-
-def _range(register: Register) -> tuple[int, int]:
-    bits = 16 * register.words
-    return (-(1 << bits - 1), (1 << bits - 1) - 1) if register.type.startswith("i") else (0, (1 << bits) - 1)
 
 
 COMMAND = Block([register for register in table() if register.table == "holding"])

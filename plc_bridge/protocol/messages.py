@@ -183,7 +183,7 @@ AFTER_A_LOSS = 1
 """Detail of the refusal ADOPTED if the number is the first one after the PLC was lost."""
 SERIAL_NUMBER = 100
 """Detail of the refusal PARAMETER if the serial number is invalid."""
-Kind = Literal["u16", "u32", "i16", "i32", "string", "bool"]
+Kind = Literal["u16", "u32", "i32", "string", "bool"]
 
 
 @dataclass(frozen=True, slots=True)

@@ -61,10 +61,6 @@ class LinkWatchdog:
         self.torn_since = None
         return True
 
-    def is_silent(self, now: float, timeout: float) -> bool:
-        """Return True if the last sign of life is older than `timeout`, s."""
-        return self.silence(now) > timeout
-
     def silence(self, now: float) -> float:
         """Return the time since the last sign of life, s."""
         return now - (self.life_stamp if self.uses_life else self.heard)
