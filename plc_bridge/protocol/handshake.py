@@ -269,9 +269,9 @@ class Handshake:
     def inputs(self, source: str) -> Inputs:
         """Return the discrete inputs of `source`, for the last request of its coils, or for its last number."""
         link, orders = self._links[source], self._orders
-        order = link.executed or link.in_view
+        order = link.requests.get("execute", link.in_view)
         if order is None or not order.is_shown:
-            order = link.resetting or _NO_ORDER
+            order = link.requests.get("reset", _NO_ORDER)
         result = order.told_to(link)
         is_waiting = orders.report.state in (IDLE, COMPLETE) and orders.report.obstacle is Refusal.NONE
         return Inputs(

@@ -109,10 +109,8 @@ class Link:
     """Order whose result the link reads; None before its first order."""
     aside: Order | None = None
     """Answer to a number that does not count, until the next one that counts, or until the last one is repeated."""
-    executed: Order | None = None
-    """Last request by the link's coil `execute`; None once the link has sent a sequence number."""
-    resetting: Order | None = None
-    """Last request by the link's coil `reset`; None once the link has sent a sequence number."""
+    requests: dict[str, Order] = field(default_factory=dict)
+    """Last request by each of these coils since the link sent a sequence number."""
     was_lost: bool = False
     """True if the link counts as lost and has adopted no number since."""
     torn_stop: int | None = None

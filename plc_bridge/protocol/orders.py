@@ -175,7 +175,8 @@ class Orders:
         numbers = link.numbers
         verdict = numbers.see(image.sequence, image.asked, image.life)
         if verdict is NumberMeaning.ANEW:
-            link.was_lost, link.executed, link.resetting = False, None, None
+            link.was_lost = False
+            link.requests.clear()
             link.aside = Order(_command(link, image.sequence, image), is_decided=True)
         if numbers.is_anew and not numbers.is_in_doubt:
             numbers.is_anew = False
@@ -189,7 +190,7 @@ class Orders:
 
     def _take_new(self, link: Link, image: CommandImage, is_first: bool) -> None:
         """Process a number ahead of the last one; the first one of a count is adopted."""
-        link.executed = link.resetting = None
+        link.requests.clear()
         if is_first and image.code not in STOPS:
             self._adopt(link, image)
         elif image.code == Control.NONE:
@@ -265,28 +266,23 @@ class Orders:
             self._stop_for(link, CommandImage(code=Control.STOP))
         image = link.image or CommandImage()
         link.has_spoken |= bool(coils.keys() & {"execute", "reset"})
-        link.executed = self._take_edge(link, "execute", coils, link.executed, image)
-        image = replace(image, code=Control.RESET)
-        link.resetting = self._take_edge(link, "reset", coils, link.resetting, image)
+        for coil, code in (("execute", image.code), ("reset", Control.RESET)):
+            if coil in coils:
+                self._take_level(link, coil, coils[coil], replace(image, code=code))
 
-    def _take_edge(
-        self, link: Link, coil: str, coils: Mapping[str, bool], before: Order | None, image: CommandImage
-    ) -> Order | None:
-        """Return the request made by a write of a coil; otherwise `before`, the request of an earlier write.
+    def _take_level(self, link: Link, coil: str, level: bool, image: CommandImage) -> None:
+        """Process a written coil: its rising edge is a request, its fall acknowledges the result if that was read.
 
         If a coil is 1 in the first write after its link opened or was lost, its rising edge was not seen. Its command may
         have run before the loss, so it is not run again.
         """
-        if coil not in coils:
-            return before
-        was, link.coils[coil] = link.coils.get(coil), coils[coil]
-        if coils[coil] and was is None:
-            return self._refuse_new(link, image, link.numbers.count_up(), Refusal.ADOPTED)
-        if coils[coil] and not was:
-            return self.command(link, link.numbers.count_up(), image)
-        if not coils[coil] and before is not None and before.is_read:
-            self.end(before)
-        return before
+        was, link.coils[coil] = link.coils.get(coil), level
+        if level and was is None:
+            link.requests[coil] = self._refuse_new(link, image, link.numbers.count_up(), Refusal.ADOPTED)
+        elif level and not was:
+            link.requests[coil] = self.command(link, link.numbers.count_up(), image)
+        elif not level and coil in link.requests and link.requests[coil].is_read:
+            self.end(link.requests[coil])
 
     # Commands.
 
