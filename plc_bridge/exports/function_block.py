@@ -3,7 +3,7 @@
 Structured Text, PLCopen XML and Siemens SCL are three output formats, each in its own module.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from plc_bridge.exports.function_block_body import (
@@ -62,15 +62,23 @@ class FunctionBlock:
     arrays: tuple[ArrayType, ...]
     names: Mapping[str, int]
     """Members of the type `T_CellNames`, each with its number as initial value."""
-    inputs: tuple[Variable, ...]
-    outputs: tuple[Variable, ...]
-    locals: tuple[Variable, ...]
-    registers: Mapping[str, Mapping[str, Register]]
-    """Entries of the blocks "Command" and "Report" by their short names."""
+    variables: Mapping[str, tuple[Variable, ...]]
+    """Variables by the keyword of their section."""
+    command: Mapping[str, Register]
+    """Registers of the command by their short names."""
+    report: Mapping[str, Register]
+    """Registers of the report by their short names."""
 
     def body(self, language: Language) -> str:
         """Return the statements of one cycle in a language."""
-        return body([each.name for each in (*self.inputs, *self.outputs, *self.locals)], language)
+        return body([each.name for section in self.variables.values() for each in section], language)
+
+    def sections(self, declaration: Callable[[Variable], str]) -> Iterator[str]:
+        """Yield the lines of all sections of variables, with the declarations of a language."""
+        for keyword, variables in self.variables.items():
+            yield keyword
+            yield from (f"    {declaration(each)}" for each in variables)
+            yield "END_VAR"
 
 
 def function_block(registers: Sequence[Register], names: Mapping[str, int]) -> FunctionBlock:
@@ -80,8 +88,7 @@ def function_block(registers: Sequence[Register], names: Mapping[str, int]) -> F
         registers: The whole map.
         names: Names of its numbers, see `plc_names`.
     """
-    blocks = {"Command": _block(registers, "command_"), "Report": _block(registers, "report_")}
-    command, report = blocks["Command"], blocks["Report"]
+    command, report = _block(registers, "command_"), _block(registers, "report_")
     return FunctionBlock(
         about=_about(command, report),
         arrays=(
@@ -92,15 +99,18 @@ def function_block(registers: Sequence[Register], names: Mapping[str, int]) -> F
             ArrayType(STAGE_TIMES, 1, STAGES, "TIME"),
         ),
         names=names,
-        inputs=_inputs(command),
-        outputs=_outputs(report),
-        locals=(
-            *(Variable(name, "UINT") for name in (*_COUNTERS, *DECODED.values())),
-            *(Variable(name, "BOOL") for name in _BOOLS),
-            Variable("Silence", "TON"),
-            Variable("Index", "INT"),
-        ),
-        registers=blocks,
+        variables={
+            "VAR_INPUT": _inputs(command),
+            "VAR_OUTPUT": _outputs(report),
+            "VAR": (
+                *(Variable(name, "UINT") for name in (*_COUNTERS, *DECODED.values())),
+                *(Variable(name, "BOOL") for name in _BOOLS),
+                Variable("Silence", "TON"),
+                Variable("Index", "INT"),
+            ),
+        },
+        command=command,
+        report=report,
     )
 
 

@@ -53,7 +53,7 @@ def _data_types(parent: ET.Element, block: FunctionBlock) -> None:
 def _pou(parent: ET.Element, block: FunctionBlock) -> None:
     pou = ET.SubElement(parent, "pou", {"name": NAME, "pouType": "functionBlock"})
     interface = ET.SubElement(pou, "interface")
-    for kind, variables in (("inputVars", block.inputs), ("outputVars", block.outputs), ("localVars", block.locals)):
+    for kind, variables in zip(("inputVars", "outputVars", "localVars"), block.variables.values(), strict=True):
         section = ET.SubElement(interface, kind)
         for variable in variables:
             _variable(section, variable, block)

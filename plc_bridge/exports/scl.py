@@ -6,18 +6,7 @@ therefore fills `UDT_CellReport` directly, and the program contains no addresses
 
 from collections.abc import Iterator, Mapping, Sequence
 
-from plc_bridge.exports.function_block import (
-    COMMAND,
-    NAME,
-    NAMES,
-    PARAMETER,
-    REPORT,
-    SERIAL,
-    STAGE_TIMES,
-    FunctionBlock,
-    Variable,
-    function_block,
-)
+from plc_bridge.exports.function_block import COMMAND, NAME, NAMES, REPORT, FunctionBlock, Variable, function_block
 from plc_bridge.exports.function_block_body import Language
 from plc_bridge.protocol.registers import PARAMETERS, STAGES, Register
 
@@ -34,7 +23,8 @@ END_DATA_BLOCK
 """
 """The data block for the Modbus client."""
 _TYPES = {"u16": "UInt", "u32": "UDInt", "i32": "DInt"}
-_UDTS = {COMMAND: "UDT_CellCommand", REPORT: "UDT_CellReport", NAMES: "UDT_CellNames", "TON": "TON_TIME"}
+_UDTS = {COMMAND: '"UDT_CellCommand"', REPORT: '"UDT_CellReport"', NAMES: '"UDT_CellNames"', "TON": "TON_TIME"}
+"""Types that SCL has instead of those of the block."""
 _GROUPED = {"parameter": PARAMETERS, "stage_time": STAGES}
 """Numbered registers that are one array, and their number."""
 
@@ -43,8 +33,8 @@ def as_scl(registers: Sequence[Register], names: Mapping[str, int]) -> str:
     """Return the data types, the function block, and a data block for the Modbus client, for this map."""
     block = function_block(registers, names)
     lines = [
-        *_udt("UDT_CellCommand", _members(block.registers["Command"])),
-        *_udt("UDT_CellReport", _members(block.registers["Report"])),
+        *_udt("UDT_CellCommand", _members(block.command)),
+        *_udt("UDT_CellReport", _members(block.report)),
         *_udt("UDT_CellNames", (f"{name} : UInt := {number};" for name, number in names.items())),
         *_block(block),
         *_DATA.splitlines(),
@@ -52,7 +42,7 @@ def as_scl(registers: Sequence[Register], names: Mapping[str, int]) -> str:
     return "\r\n".join(lines) + "\r\n"
 
 
-def _udt(name: str, members: "Iterator[str]") -> Iterator[str]:
+def _udt(name: str, members: Iterator[str]) -> Iterator[str]:
     yield f'TYPE "{name}"'
     yield "VERSION : 0.1"
     yield "    STRUCT"
@@ -81,13 +71,10 @@ def _block(block: FunctionBlock) -> Iterator[str]:
     yield "VERSION : 0.1"
     for line in block.about.splitlines():
         yield f"// {line}"
-    for kind, variables in (("VAR_INPUT", block.inputs), ("VAR_OUTPUT", block.outputs), ("VAR", block.locals)):
-        yield kind
-        for variable in variables:
-            yield f"    {_declaration(variable, block)}"
-        yield "END_VAR"
+    arrays = {each.name: f"Array[{each.low}..{each.high}] of {each.of}" for each in block.arrays}
+    yield from block.sections(lambda variable: _declaration(variable, arrays | _UDTS))
     yield "BEGIN"
-    command, report = block.registers["Command"], block.registers["Report"]
+    command, report = block.command, block.report
     members = {name: f"#Report.{name}" for name in report}
     language = Language(
         sign="#",
@@ -110,12 +97,7 @@ def _block(block: FunctionBlock) -> Iterator[str]:
     yield ""
 
 
-def _declaration(variable: Variable, block: FunctionBlock) -> str:
-    arrays = {each.name: f"Array[{each.low}..{each.high}] of {each.of}" for each in block.arrays}
-    kind = variable.type
-    if kind in (SERIAL, PARAMETER, STAGE_TIMES):
-        kind = arrays[kind]
-    elif kind in _UDTS:
-        kind = _UDTS[kind] if kind == "TON" else f'"{_UDTS[kind]}"'
+def _declaration(variable: Variable, types: Mapping[str, str]) -> str:
     first = f" := {variable.initial}" if variable.initial else ""
-    return f"{variable.name} : {kind}{first};" + (f" // {variable.meaning}" if variable.meaning else "")
+    meaning = f" // {variable.meaning}" if variable.meaning else ""
+    return f"{variable.name} : {types.get(variable.type, variable.type)}{first};{meaning}"

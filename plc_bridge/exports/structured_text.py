@@ -10,7 +10,8 @@ from plc_bridge.protocol.registers import PARAMETERS, Register
 def as_structured_text(registers: Sequence[Register], names: Mapping[str, int]) -> str:
     """Return the named types and the function block `FB_InsertionCell` for this map."""
     block = function_block(registers, names)
-    return "\n".join([*_types(block), "", *_head(block), "", body_of(block), "END_FUNCTION_BLOCK", ""])
+    head = [f"(* {block.about} *)", f"FUNCTION_BLOCK {NAME}", *block.sections(_declaration)]
+    return "\n".join([*_types(block), "", *head, "", body_of(block), "END_FUNCTION_BLOCK", ""])
 
 
 def _types(block: FunctionBlock) -> Iterator[str]:
@@ -27,17 +28,7 @@ def _types(block: FunctionBlock) -> Iterator[str]:
     yield "END_TYPE"
 
 
-def _head(block: FunctionBlock) -> Iterator[str]:
-    yield f"(* {block.about} *)"
-    yield f"FUNCTION_BLOCK {NAME}"
-    for kind, variables in (("VAR_INPUT", block.inputs), ("VAR_OUTPUT", block.outputs), ("VAR", block.locals)):
-        yield kind
-        for variable in variables:
-            yield f"    {declaration(variable)}"
-        yield "END_VAR"
-
-
-def declaration(variable: Variable) -> str:
+def _declaration(variable: Variable) -> str:
     """Return a variable's declaration, followed by its meaning."""
     first = f" := {variable.initial}" if variable.initial else ""
     said = variable.meaning.replace("*)", "* )")
@@ -46,7 +37,7 @@ def declaration(variable: Variable) -> str:
 
 def body_of(block: FunctionBlock) -> str:
     """Return the body of the block, which the XML contains, too."""
-    command, report = block.registers["Command"], block.registers["Report"]
+    command, report = block.command, block.report
     first, times = command["parameter_1"].address, f"{report['stage_time_1'].address} + 2 * (Index - 1)"
     high, low = "SerialNumber[2 * Index]", "SerialNumber[2 * Index + 1]"
     words = {name: f"Report[{entry.address}]" for name, entry in report.items()}
