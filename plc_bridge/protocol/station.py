@@ -33,33 +33,24 @@ class LinkWords:
     """True if its sequence register has been written."""
 
 
+@dataclass(slots=True, eq=False)
 class LinkStation:
-    """One client's view of the map.
+    """One client's view of the map."""
 
-    Args:
-        mailbox: The bridge.
-        link: The words of the client's link; replaced when connections share one link.
-        counts: Counts of refusals.
-        rights: Rights of the client's role; "command" includes the stop coil.
-        warn: Logs errors of the client.
-        share: Called when the client requests one link for all connections of its host.
-    """
-
-    def __init__(
-        self,
-        mailbox: Mailbox,
-        link: LinkWords,
-        counts: Diagnostics,
-        rights: frozenset[Right] = ALL_RIGHTS,
-        warn: Callable[..., None] = logger.warning,
-        share: Callable[[], None] | None = None,
-    ) -> None:
-        self.link = link
-        self.holds_stop = False
-        """True if its stop coil is 1; each connection has its own."""
-        self._mailbox, self._counts, self._rights = mailbox, counts, rights
-        self._warn, self._share = warn, share
-        self._told: set[str | int] = set()
+    mailbox: Mailbox
+    link: LinkWords
+    """Words of the client's link; replaced when connections share one link."""
+    counts: Diagnostics
+    """Counts of refusals."""
+    rights: frozenset[Right] = ALL_RIGHTS
+    """Rights of the client's role; "command" includes the stop coil."""
+    warn: Callable[..., None] = logger.warning
+    """Logs errors of the client."""
+    share: Callable[[], None] | None = None
+    """Called when the client requests one link for all connections of its host."""
+    holds_stop: bool = field(init=False, default=False)
+    """True if its stop coil is 1; each connection has its own."""
+    _told: set[str | int] = field(init=False, default_factory=set)
 
     def read_words(self, function: int, address: int, count: int) -> list[int]:
         """Return holding registers (3) or input registers (4)."""
@@ -68,15 +59,15 @@ class LinkStation:
             return _slice(self.link.words, address, count)
         start = address - (MIRROR if function == 3 else 0)
         if start < DIAGNOSTICS.start:
-            return _slice(self._mailbox.report_words(self.link.source), start, count)
+            return _slice(self.mailbox.report_words(self.link.source), start, count)
         if start < PACKML.start:
-            return _slice(self._mailbox.diagnostics_words(), start - DIAGNOSTICS.start, count)
-        return _slice(self._mailbox.packml_words(), start - PACKML.start, count)
+            return _slice(self.mailbox.diagnostics_words(), start - DIAGNOSTICS.start, count)
+        return _slice(self.mailbox.packml_words(), start - PACKML.start, count)
 
     def read_bits(self, function: int, address: int, count: int) -> list[bool]:
         """Return coils (1) or discrete inputs (2)."""
         self._demand("read")
-        bits = list(self.link.coils) if function == 1 else self._mailbox.discrete_inputs(self.link.source)
+        bits = list(self.link.coils) if function == 1 else self.mailbox.discrete_inputs(self.link.source)
         if function == 1:
             bits[COILS["stop"]] = self.holds_stop
         return _slice(bits, address, count)
@@ -94,33 +85,33 @@ class LinkStation:
             why = f"{_LEASE.name} = {wish}: {Lease.NONE} to {Lease.RELEASE} allowed"
             self._say_once(why, why)
             raise ValueError(wish)
-        if wish == Lease.TAKE_FOR_HOST and self._share is not None:
-            self._share()  # first: the words go into the block that all connections of the host have together
+        if wish == Lease.TAKE_FOR_HOST and self.share is not None:
+            self.share()  # first: the words go into the block that all connections of the host have together
         self.link.words[address : address + len(words)] = words
         is_number = address <= _SEQUENCE < address + len(words)
         self.link.is_numbered |= is_number
         by = self if is_number else None
-        self._mailbox.wrote(self.link.source, command_image(self.link.words), self.link.is_numbered, by)
+        self.mailbox.wrote(self.link.source, command_image(self.link.words), self.link.is_numbered, by)
 
     def write_bits(self, address: int, bits: Sequence[bool]) -> None:
         """Write coils."""
         is_stop_alone = address == COILS["stop"] and len(bits) == 1
-        self._demand("stop" if is_stop_alone and "command" not in self._rights else "command")
+        self._demand("stop" if is_stop_alone and "command" not in self.rights else "command")
         _slice(self.link.coils, address, len(bits))
         self.link.coils[address : address + len(bits)] = bits
         written = {name: bits[place - address] for name, place in COILS.items() if 0 <= place - address < len(bits)}
         self.holds_stop = written.get("stop", self.holds_stop)
-        self._mailbox.switched(self.link.source, written, self)
+        self.mailbox.switched(self.link.source, written, self)
 
     def leave(self) -> None:
         """Leave the link; its stop is released."""
-        self._mailbox.left(self.link.source, self)
+        self.mailbox.left(self.link.source, self)
 
     def move(self, link: LinkWords) -> None:
         """Move to a shared link; a held stop moves with it."""
         self.link = link
         if self.holds_stop:
-            self._mailbox.switched(link.source, {"stop": True}, self)
+            self.mailbox.switched(link.source, {"stop": True}, self)
 
     def mask_word(self, address: int, kept: int, added: int) -> None:
         """Write one register of the command block through two masks.
@@ -135,7 +126,7 @@ class LinkStation:
     def is_running(self) -> bool:
         """Return True if the cell scans."""
         self._demand("read")
-        return self._mailbox.is_scanned
+        return self.mailbox.is_scanned
 
     def refused(self, function: int, exception: int) -> None:
         """Log an exception, once for each of its codes."""
@@ -144,15 +135,15 @@ class LinkStation:
     def _say_once(self, key: str | int, why: str) -> None:
         if key not in self._told:
             self._told.add(key)
-            self._warn("%s: refused: %s", self.link.source, why)
+            self.warn("%s: refused: %s", self.link.source, why)
 
     def _demand(self, right: Right) -> None:
-        if right in self._rights:
+        if right in self.rights:
             return
-        self._counts.unauthorised += 1
+        self.counts.unauthorised += 1
         if right not in self._told:
             self._told.update((right, int(ExcCodes.ILLEGAL_FUNCTION)))
-            self._warn("%s: refused: its role may not %s", self.link.source, right)
+            self.warn("%s: refused: its role may not %s", self.link.source, right)
         raise PermissionError(right)
 
 
