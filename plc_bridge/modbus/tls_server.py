@@ -2,7 +2,6 @@
 
 import asyncio
 import ssl
-from collections import deque
 
 from plc_bridge.config import TlsConfig
 from plc_bridge.modbus.connection import Connection
@@ -36,9 +35,8 @@ class SecureModbusServer(ModbusServer):
         super().__init__(config, mailbox)
         self._tls = config
         self._context: ssl.SSLContext
-        self._waiting: deque[Connection] = deque()
+        self._pace: asyncio.Lock
         self._handshakes: dict[Connection, asyncio.Task[None]] = {}
-        self._is_opening = False
 
     def start(self) -> None:
         """Read the certificates, bind, then serve in a separate thread.
@@ -46,7 +44,7 @@ class SecureModbusServer(ModbusServer):
         Raises:
             DeviceNotOpenedError: A certificate or key cannot be used, or the port cannot be opened.
         """
-        self._context = server_context(self._tls)
+        self._context, self._pace = server_context(self._tls), asyncio.Lock()
         super().start()
 
     def receive(self) -> asyncio.Protocol:
@@ -54,26 +52,10 @@ class SecureModbusServer(ModbusServer):
         return _Door(self)
 
     def knock(self, transport: asyncio.Transport) -> None:
-        """Count a client as a connection, and queue it for its handshake."""
+        """Count a client as a connection, and begin its handshake in its turn."""
         connection = Connection(self)
-        if not connection.arrive(transport) or not self.reserve(connection):
-            return
-        self._waiting.append(connection)
-        if not self._is_opening:
-            self._is_opening = True
-            self._open_next()
-
-    def _open_next(self) -> None:
-        """Begin the handshake of the next client that is still connected."""
-        while self._waiting:
-            connection = self._waiting.popleft()
-            if connection in self._guests:
-                self._handshakes[connection] = self.loop.create_task(self._shake_hands(connection))
-                # Least time between the beginnings of two handshakes, s; each blocks the open connections for
-                # milliseconds.
-                self.loop.call_later(0.01, self._open_next)
-                return
-        self._is_opening = False
+        if connection.arrive(transport) and self.reserve(connection):
+            self._handshakes[connection] = self.loop.create_task(self._shake_hands(connection))
 
     def leave(self, connection: Connection) -> None:
         """Remove a connection that has ended, during its handshake or afterwards."""
@@ -85,12 +67,14 @@ class SecureModbusServer(ModbusServer):
     def abort_all(self) -> int:
         """Abort every handshake and every connection; return the number of those that have not ended yet."""
         left = super().abort_all()
-        for connection in [*self._handshakes, *self._waiting]:
+        for connection in list(self._handshakes):
             self.leave(connection)
-        self._waiting.clear()
         return left
 
     async def _shake_hands(self, connection: Connection) -> None:
+        await self._pace.acquire()
+        # Least time between the beginnings of two handshakes, s; each blocks the open connections for milliseconds.
+        self.loop.call_later(0.01, self._pace.release)
         # the protocol needs the role, which the handshake provides; TLS needs a protocol before
         # Longest TLS handshake, s.
         timeout = min(10.0, self._tls.idle_timeout)

@@ -94,8 +94,10 @@ class OpcUaServer:
                 f"OPC UA server: {host} port {port} is {why}: state another --opcua HOST:PORT"
             ) from error
         self._mailbox.opened(SPECTATOR, SPECTATOR)
-        self._thread = threading.Thread(target=self._serve, name="opcua", daemon=True)
         self._stop = asyncio.Event()
+        self._thread = threading.Thread(
+            target=self._loop.run_until_complete, args=(self._show(),), name="opcua", daemon=True
+        )
         self._thread.start()
         logger.info("--opcua: listening on %s port %d", *self.address)
 
@@ -125,9 +127,6 @@ class OpcUaServer:
         server.set_security_policy(policies)
         await self._unit.build()
         await self._commands.bind(self._services.isession.add_method_callback)
-
-    def _serve(self) -> None:
-        self._loop.run_until_complete(self._show())
 
     async def _show(self) -> None:
         """Show values and send events until the server is closed."""
