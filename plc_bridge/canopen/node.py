@@ -90,7 +90,9 @@ class CanopenNode:
         }
         self._stop_id = RPDO_BASES[len(RPDOS) - 1] + self._id
         self._fault = by_name["report_fault"]
-        self._values = Values(dictionary(registers, self._id), registers, self._linked, self._changed)
+        self._station = LinkStation(mailbox, LinkWords(self.source), self.counts)
+        self._anybody = LinkStation(mailbox, LinkWords(ANYBODY), self.counts)
+        self._values = Values(dictionary(registers, self._id), registers, lambda: self._station, self._changed)
         self._reports = Reports(registers, self._id, self._values)
         self._sdo = SdoServer(self._values)
         self._producer = HeartbeatProducer(config.heartbeat)
@@ -98,23 +100,18 @@ class CanopenNode:
         self._emergency = Emergency()
         self._told: set[int] = set()
         self._log = PeerLog(logger)
-        self._station: LinkStation | None = None
-        self._anybody: LinkStation | None = None
 
     # Calls from outside.
 
     def boot(self) -> None:
         """Start the node: open the links, send the boot-up message, and wait in pre-operational for the NMT master."""
         self._mailbox.opened(ANYBODY, ANYBODY)
-        self._anybody = LinkStation(self._mailbox, LinkWords(ANYBODY), self.counts)
         self._reset()
 
     def shut(self) -> None:
         """End the links."""
-        if self._anybody is not None:
-            self._mailbox.closed(ANYBODY)
-            self._anybody = None
-        self._end_link()
+        self._mailbox.closed(ANYBODY)
+        self._mailbox.closed(self.source)
 
     def recover(self) -> None:
         """Continue after a loss of the bus: send everything again."""
@@ -268,9 +265,8 @@ class CanopenNode:
             return
         self.counts.requests += 1
         if is_stop:
-            if self._anybody is not None:
-                self._anybody.write_bits(registers[0].address, [bool(data[0])])
-                self._anybody.write_bits(registers[0].address, [False])  # no sender releases the stop with a 0
+            self._anybody.write_bits(registers[0].address, [bool(data[0])])
+            self._anybody.write_bits(registers[0].address, [False])  # no sender releases the stop with a 0
             return
         words = []
         for register in registers:
@@ -278,7 +274,7 @@ class CanopenNode:
             data = data[size_of(register) :]
         self._mailbox.heard(self.source)
         try:
-            self._linked().write_words(registers[0].address, words)
+            self._station.write_words(registers[0].address, words)
         except ValueError:  # the station has logged the reason
             self.counts.exceptions += 1
             self._shout(self._emergency.message(PDO_NOT_PROCESSED))
@@ -305,18 +301,9 @@ class CanopenNode:
     # The PLC's link.
 
     def _begin_link(self, node: int) -> None:
-        self._end_link()
+        self._mailbox.closed(self.source)
         self._told.clear()
         self.source = f"node {node}"
         self._mailbox.opened(self.source, self.source)
         self._station = LinkStation(self._mailbox, LinkWords(self.source), self.counts)
         self._reports.repeat()
-
-    def _end_link(self) -> None:
-        if self._station is not None:
-            self._mailbox.closed(self.source)
-            self._station = None
-
-    def _linked(self) -> LinkStation:
-        assert self._station is not None  # from boot to shut
-        return self._station
