@@ -135,13 +135,9 @@ class ModbusServer:
 
     def _kept(self) -> set[Connection]:
         """Return the connections that are never closed for others: the last active one of each link with the lease or a run."""
-        links = self.mailbox.kept
-        kept: dict[str, Connection] = {}
-        for connection in self._connections.values():
-            source = connection.station.link.source if connection.station is not None else ""
-            if source in links and (connection.heard or 0.0) >= (kept[source].heard or 0.0 if source in kept else 0.0):
-                kept[source] = connection
-        return set(kept.values())
+        linked = sorted(self._connections.values(), key=lambda each: each.heard or 0.0)
+        newest = {each.station.link.source: each for each in linked if each.station is not None}
+        return {newest[source] for source in self.mailbox.kept if source in newest}
 
     def admit(self, connection: Connection) -> bool:
         """Give a connection its place and its link, or reject it."""

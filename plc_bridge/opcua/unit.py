@@ -168,11 +168,9 @@ class Unit:
     async def _show_states(self, state: int) -> None:
         for machine, active in active_states(state).items():
             path, named = f"{PATHS[machine]}.CurrentState", STATES.get(active or 0)
-            text = ua.LocalizedText(named.name) if named else None
-            number = ua.Variant(active, ua.VariantType.UInt32) if named else None
-            await self._set(path, text)
+            await self._set(path, ua.LocalizedText(named.name) if named else None)
             await self._set(f"{path}.Id", self.nodes.standard(named.number) if named else None)
-            await self._set(f"{path}.Number", number)
+            await self._set(f"{path}.Number", active, ua.VariantType.UInt32)
 
     async def _raise(self, fault: int, is_active: bool) -> None:
         """Send the condition of a fault; a reset acknowledges and ends it."""
@@ -197,12 +195,10 @@ class Unit:
         if path in self._values and self._values[path] == value:
             return
         self._values[path] = value
-        variant = (
-            value if isinstance(value, ua.Variant) else ua.Variant(value, kind) if value is not None else ua.Variant()
-        )
-        data = ua.DataValue(variant, SourceTimestamp=datetime.now(UTC))
-        if value is None:
-            data = ua.DataValue(variant, ua.StatusCode(ua.StatusCodes.BadStateNotActive), datetime.now(UTC))
+        is_there = value is not None
+        variant = ua.Variant(value, kind) if is_there else ua.Variant()
+        status = ua.StatusCodes.Good if is_there else ua.StatusCodes.BadStateNotActive
+        data = ua.DataValue(variant, ua.StatusCode(status), datetime.now(UTC))
         await self._server.iserver.write_attribute_value(self.place(path), data)
 
 
