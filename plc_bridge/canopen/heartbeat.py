@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 @dataclass(slots=True)
 class HeartbeatProducer:
-    """Determines when the node's own heartbeat is due."""
+    """Determines when the node's own heartbeat is due; the first one is due at once."""
 
     period: float
     """Period of object 0x1017, s; 0 disables the heartbeat."""
@@ -19,10 +19,6 @@ class HeartbeatProducer:
         in_step = self._due + self.period
         self._due = in_step if in_step > now else now + self.period
         return True
-
-    def restart(self, period: float) -> None:
-        """Set a new period; the next heartbeat is due at once."""
-        self.period, self._due = period, 0.0
 
 
 @dataclass(slots=True)
@@ -48,7 +44,3 @@ class HeartbeatConsumer:
             return False
         self._heard = math.inf
         return True
-
-    def watch(self, node: int, timeout: float) -> None:
-        """Watch another node, or with another time; the watch begins again."""
-        self.node, self.timeout, self._heard = node, timeout, math.inf

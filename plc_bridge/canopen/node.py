@@ -164,12 +164,12 @@ class CanopenNode:
         self._values.put(PRODUCER, 0, round(1000 * config.heartbeat))
         self._values.put(CONSUMER, 1, config.plc_node << 16 | round(1000 * config.plc_timeout))
         self._sdo.reset()
-        self._consumer.watch(config.plc_node, config.plc_timeout)
+        self._consumer = HeartbeatConsumer(config.plc_node, config.plc_timeout)
         self._emergency = Emergency()
         self._begin_link(config.plc_node)
         self._send(CanFrame(_HEARTBEAT + self._id, bytes([NmtState.INITIALISING])))
         self.state = NmtState.PRE_OPERATIONAL
-        self._producer.restart(config.heartbeat)
+        self._producer = HeartbeatProducer(config.heartbeat)
 
     def _enter(self, state: NmtState) -> None:
         if state is self.state:
@@ -181,7 +181,7 @@ class CanopenNode:
         self._reports.repeat()
         if state is NmtState.STOPPED:
             self._sdo.reset()
-        self._producer.restart(self._producer.period)
+        self._producer = HeartbeatProducer(self._producer.period)
 
     def _hear(self, data: bytes, now: float) -> None:
         if len(data) != 1:
@@ -246,12 +246,12 @@ class CanopenNode:
     def _changed(self, index: int, subindex: int) -> None:
         value = self._values.get(index, subindex)
         if index == PRODUCER:
-            self._producer.restart(value / 1000)
+            self._producer = HeartbeatProducer(value / 1000)
         elif index == CONSUMER:
             node = value >> 16
             if node and node != self._consumer.node:
                 self._begin_link(node)
-            self._consumer.watch(node, (value & 0xFFFF) / 1000)
+            self._consumer = HeartbeatConsumer(node, (value & 0xFFFF) / 1000)
 
     # PDO and EMCY.
 

@@ -4,7 +4,7 @@ import re
 from collections.abc import Mapping
 
 from drivers.errors import FaultCode
-from plc_bridge.protocol.messages import FIRST_PROGRAM, Control, LeaseState, PartEvidence, PartPlace, Refusal, Result
+from plc_bridge.protocol.messages import CONTROLS, LeaseState, PartEvidence, PartPlace, Refusal, Result
 from plc_bridge.protocol.registers import Lease
 
 
@@ -15,8 +15,7 @@ def plc_names(programs: Mapping[int, str], words: Mapping[str, Mapping[int, str]
         programs: Name of each program and skill by its command code.
         words: Meaning of the numbers in a register, by its name, if the cell defines it.
     """
-    names = {_name("CODE", control.name): control.value for control in Control if control < FIRST_PROGRAM}
-    del names["CODE_START"]  # a program's own code starts it
+    names = {_name("CODE", control.name): control.value for control in sorted(CONTROLS)}
     names.update({_name("CODE", program): code for code, program in programs.items()})
     for kind, members in (
         ("RESULT", Result),

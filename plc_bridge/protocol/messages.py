@@ -138,12 +138,14 @@ class PartEvidence(IntFlag):
     """The place comes from the record of the previous program; the sensors do not contradict it."""
 
 
-PACKML = frozenset(control for control in Control if Control.NONE < control <= Control.CLEAR)
-"""Controls that also exist in PackML and that change the state."""
-UNNUMBERED = -1
-"""Sequence of a stop without a number: from a coil or from the stop object of CAN."""
 FIRST_PROGRAM = 100
 """Lowest command code of a program or a skill."""
+PACKML = frozenset(control for control in Control if Control.NONE < control <= Control.CLEAR)
+"""Controls that also exist in PackML and that change the state."""
+CONTROLS = frozenset(control for control in Control if control < FIRST_PROGRAM) - {Control.START}
+"""Controls that a PLC can command."""
+UNNUMBERED = -1
+"""Sequence of a stop without a number: from a coil or from the stop object of CAN."""
 
 
 class LeaseState(IntEnum):

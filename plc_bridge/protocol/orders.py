@@ -12,6 +12,7 @@ from plc_bridge.protocol.lease import CellLease
 from plc_bridge.protocol.links import Link, Order
 from plc_bridge.protocol.messages import (
     AFTER_A_LOSS,
+    CONTROLS,
     FIRST_PROGRAM,
     REMEDIES,
     SERIAL_NUMBER,
@@ -28,7 +29,6 @@ from plc_bridge.protocol.peer_log import PeerLog
 from plc_bridge.protocol.registers import VERSION_MAJOR, Parameter
 from plc_bridge.protocol.sequence_numbers import NumberMeaning
 
-CONTROLS = frozenset(control.value for control in Control if control < FIRST_PROGRAM) - {Control.START.value}
 STOPS = frozenset({Control.STOP.value, Control.ABORT.value})
 """Controls that every link may give, and that precede all other commands."""
 MOST_WAITING = 8

@@ -17,8 +17,7 @@ from enum import IntEnum
 from typing import Literal
 
 from plc_bridge.protocol.messages import (
-    FIRST_PROGRAM,
-    Control,
+    CONTROLS,
     Diagnostics,
     Entry,
     Inputs,
@@ -118,12 +117,6 @@ class Parameter:
     meaning: str
 
 
-def _codes(programs: Mapping[int, str]) -> str:
-    named = {control.value: control.name for control in Control if control < FIRST_PROGRAM}
-    del named[Control.START]  # a program's own code starts it
-    return listed({**named, **programs})
-
-
 def _placed(table: Table, start: int, prefix: str, index: int, entries: Iterable[tuple[str, Entry]]) -> list[Register]:
     """Return registers one after the other from `start`; all but the tails of life counters are sub-indices of `index`."""
     registers: list[Register] = []
@@ -147,7 +140,8 @@ def _of(block: type) -> Iterator[tuple[str, Entry]]:
 def _command_block(programs: Mapping[int, str], parameters: Sequence[Parameter]) -> Iterator[tuple[str, Entry]]:
     yield "life", Entry("u16", "head life counter: change it in every cycle; a run stops when it stands still")
     yield "sequence", Entry("u16", "count up by one to send a command; the first number after connecting is not run")
-    yield "code", Entry("u16", f"what to do: {_codes(programs)}")
+    codes = {control.value: control.name for control in CONTROLS}
+    yield "code", Entry("u16", f"what to do: {listed({**codes, **programs})}")
     yield "recipe", Entry("u16", "number of the recipe that a program shall use; 0 is the default")
     yield "acknowledge", Entry("u16", "write report_sequence here once its result has been read")
     wishes = (
