@@ -122,9 +122,7 @@ class Nodes:
         self, node: ua.NodeId, name: str, parent: ua.NodeId, arguments: Sequence[Sequence[ua.Argument]] = ((), ())
     ) -> None:
         """Add a method; `arguments` are those in and those out."""
-        await self.add(
-            node, ua.QualifiedName(name, node.NamespaceIndex), parent, ua.MethodAttributes(UserExecutable=True)
-        )
+        await self.add(node, name, parent, ua.MethodAttributes(UserExecutable=True))
         for which, each in zip(("InputArguments", "OutputArguments"), arguments, strict=True):
             if each:
                 place, value = ua.NodeId(f"{node.Identifier}.{which}", node.NamespaceIndex), ua.Variant(list(each))
