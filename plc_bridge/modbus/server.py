@@ -40,8 +40,7 @@ class ModbusServer:
         self._socket: socket.socket | None = None
         self._thread: threading.Thread | None = None
         self._guests: set[Connection] = set()
-        self._connections: dict[str, Connection] = {}
-        """Connections with a link, by their source."""
+        """Connections that have a place; those that are admitted have a station, too."""
         self._shared: dict[str, LinkWords] = {}
 
     @property
@@ -135,7 +134,7 @@ class ModbusServer:
 
     def _kept(self) -> set[Connection]:
         """Return the connections that are never closed for others: the last active one of each link with the lease or a run."""
-        linked = sorted(self._connections.values(), key=lambda each: each.heard or 0.0)
+        linked = sorted(self._guests, key=lambda each: (each.heard or 0.0, each.arrived))
         newest = {each.station.link.source: each for each in linked if each.station is not None}
         return {newest[source] for source in self.mailbox.kept if source in newest}
 
@@ -143,31 +142,25 @@ class ModbusServer:
         """Give a connection its place and its link, or reject it."""
         if connection not in self._guests and not self.reserve(connection):
             return False
-        shared = self._shared_of(connection.host)
-        if shared is None:
+        link = self._shared_of(connection.host)
+        if link is None:
             link = LinkWords(connection.source)
             self.mailbox.opened(connection.source, connection.host)
-        else:
-            link = shared
-            shared.users += 1
         warn, share = partial(self.log.warning, connection.address), partial(self.share, connection)
         connection.station = LinkStation(self.mailbox, link, self.counts, connection.rights, warn, share)
-        self._connections[connection.source] = connection
         self.counts.accepted += 1
-        self.counts.connections = len(self._connections)
+        self.counts.connections += 1
         return True
 
     def leave(self, connection: Connection) -> None:
         """Remove a connection that has ended."""
+        is_guest = connection in self._guests
         self._guests.discard(connection)
-        if connection.station is None or self._connections.get(connection.source) is not connection:
+        if not is_guest or connection.station is None:
             return
-        del self._connections[connection.source]
-        self.counts.connections = len(self._connections)
-        link = connection.station.link
-        link.users -= 1
+        self.counts.connections -= 1
         connection.station.leave()
-        if link.source == connection.source:
+        if connection.station.link.source == connection.source:
             self.mailbox.closed(connection.source)
         else:
             self._shared_of(connection.host)
@@ -181,15 +174,15 @@ class ModbusServer:
         self.mailbox.closed(link.source)
         shared = self._shared_of(host)
         if shared is None:
-            shared = self._shared[host] = LinkWords(host, list(link.words), users=0, is_numbered=link.is_numbered)
+            shared = self._shared[host] = LinkWords(host, list(link.words), is_numbered=link.is_numbered)
             self.mailbox.opened(host, host)
-        shared.users += 1
         connection.station.move(shared)
 
     def _shared_of(self, host: str) -> LinkWords | None:
         """Return the shared link of `host`; it ends with its lease when no connection is left."""
         shared = self._shared.get(host)
-        if shared is not None and shared.users == 0 and self.mailbox.holder != host:
+        is_used = any(each.station is not None and each.station.link is shared for each in self._guests)
+        if shared is not None and not is_used and self.mailbox.holder != host:
             del self._shared[host]
             self.mailbox.closed(host)
             return None

@@ -23,12 +23,11 @@ _SEQUENCE = next(register.address for register in COMMAND.registers if register.
 
 @dataclass(slots=True)
 class LinkWords:
-    """The words of one link, and the number of connections that use them."""
+    """The words of one link."""
 
     source: str
     words: list[int] = field(default_factory=lambda: [0] * COMMAND.words)
     coils: list[bool] = field(default_factory=lambda: [False] * len(COILS))
-    users: int = 1
     is_numbered: bool = False
     """True if its sequence register has been written."""
 
