@@ -12,21 +12,15 @@ tilt would flicker.
 
 import math
 
-import mujoco
-
 from drivers.compiled import njit
 from sim.contact.hole_edges import collide_edge
 from sim.contact.peg_rims import End, collide_plane, collide_rim
-from sim.contact.table import ABOVE, NEAR, NONE, PLATE_TYPE, meeting, peg_chamfer, peg_end, plate_at, plate_of
+from sim.contact.table import ABOVE, NEAR, NONE, meeting, peg_chamfer, peg_end, plate_at, plate_of
 from sim.world import native
 
-PEG_TYPE = mujoco.mjtGeom.mjGEOM_CYLINDER
-"""Geom type of the peg; against `PLATE_TYPE` no other pair in the scene uses it."""
 
-
-@njit(cache=True, inline="always")
-def collide(model, data, geom_plate, geom_peg):  # type: ignore[no-untyped-def]
-    """Find every possible contact of the peg's end with the plate, and add it."""
+def collide(model, data, buffer, geom_plate, geom_peg, margin):  # type: ignore[no-untyped-def]
+    """Find every possible contact of the peg's end with the plate, and add it; see `sim.world.native.collide_by`."""
     plate = plate_at(plate_of(model, geom_plate))
     size = native.array(model + native.MODEL_GEOM_SIZE, (geom_peg + 1, 3))[geom_peg]
     r, half, mouth = size[0], size[1], plate.hole + plate.chamfer
@@ -37,7 +31,7 @@ def collide(model, data, geom_plate, geom_peg):  # type: ignore[no-untyped-def]
     # The cylinder about the chamfered end reaches at least as low as the end.
     lowest = c[2] - r * tilt
     if plate.mode == NONE or lowest > ABOVE:
-        return
+        return 0
     away = math.sqrt(c[0] * c[0] + c[1] * c[1] + c[2] * c[2])
     meet = meeting(model, data, geom_plate, geom_peg, g, max(r + chamfer, away + mouth))
     upper = end
@@ -50,6 +44,7 @@ def collide(model, data, geom_plate, geom_peg):  # type: ignore[no-untyped-def]
     collide_edge(meet, upper, chamfer, mouth, 0.0)
     if plate.chamfer > 0.0:
         collide_edge(meet, upper, chamfer, plate.hole, -plate.chamfer)
+    return 0
 
 
 @njit(cache=True)
@@ -59,13 +54,3 @@ def _collide_rim(meet, rim, is_beside):  # type: ignore[no-untyped-def]
         collide_plane(meet, rim)
     else:
         collide_rim(meet, rim)
-
-
-def _hook(model, data, buffer, geom_plate, geom_peg, margin):  # type: ignore[no-untyped-def]
-    collide(model, data, geom_plate, geom_peg)
-    return 0
-
-
-def install() -> None:
-    """Install the exact contacts in this process's collision table; repeated calls are harmless."""
-    native.collide_by(PLATE_TYPE, PEG_TYPE, _hook)

@@ -9,7 +9,6 @@ the end of their common line and only spreads the load.
 
 import math
 
-import mujoco
 import numpy as np
 
 from drivers.compiled import njit
@@ -19,7 +18,6 @@ from sim.contact.table import (
     NEAR,
     NONE,
     PENETRATION,
-    PLATE_TYPE,
     SAMPLE_BAND,
     SURFACE,
     meeting,
@@ -29,9 +27,6 @@ from sim.contact.table import (
     put,
 )
 from sim.world import native
-
-PEG_TYPE = mujoco.mjtGeom.mjGEOM_BOX
-"""Geom type of the peg; against `PLATE_TYPE` no other pair uses it. The plate's `hole` and `across` are half the hole's sides."""
 
 BEYOND = 1e-3
 """Extension of a rim edge beyond its ends, m. An edge of the peg that crosses the extension is over solid plate and
@@ -44,16 +39,18 @@ def _dot(a, b):  # type: ignore[no-untyped-def]
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-@njit(cache=True, inline="always")
-def collide(model, data, geom_plate, geom_peg):  # type: ignore[no-untyped-def]
-    """Find every possible contact of the peg's end with the plate, and add it."""
+def collide(model, data, buffer, geom_plate, geom_peg, margin):  # type: ignore[no-untyped-def]
+    """Find every possible contact of the peg's end with the plate, and add it; see `sim.world.native.collide_by`.
+
+    The plate's `hole` and `across` are half the hole's sides.
+    """
     plate = plate_at(plate_of(model, geom_plate))
     size = native.array(model + native.MODEL_GEOM_SIZE, (geom_peg + 1, 3))[geom_peg]
     half, depth = (plate.hole, plate.across), plate.depth
     e1, e2, v, c, g = peg_end(data, geom_plate, geom_peg, size[2])
     highest = size[0] * abs(e1[2]) + size[1] * abs(e2[2])
     if plate.mode == NONE or c[2] - highest > ABOVE:
-        return
+        return 0
     away = math.sqrt(_dot(c, c))
     lever = max(size[0] + size[1], away + math.hypot(half[0] + BEYOND, half[1] + BEYOND) + NEAR)
     meet = meeting(model, data, geom_plate, geom_peg, g, lever)
@@ -93,6 +90,7 @@ def collide(model, data, geom_plate, geom_peg):  # type: ignore[no-untyped-def]
         )
         _edges(meet, start, v, 2.0 * size[2], before, between)
         _edges(meet, start, round_end, length, between, down)
+    return 0
 
 
 @njit(cache=True, inline="always")
@@ -172,13 +170,3 @@ def _edges(meet, start, along, length, one, other):  # type: ignore[no-untyped-d
         p = (start[0] + u * along[0], start[1] + u * along[1], start[2] + u * along[2])
         band = FEATURE_BAND if inside >= 0.0 else SAMPLE_BAND
         put(meet, gap, p, n, PENETRATION, band)
-
-
-def _hook(model, data, buffer, geom_plate, geom_peg, margin):  # type: ignore[no-untyped-def]
-    collide(model, data, geom_plate, geom_peg)
-    return 0
-
-
-def install() -> None:
-    """Install these contacts in this process's collision table; repeated calls are harmless."""
-    native.collide_by(PLATE_TYPE, PEG_TYPE, _hook)

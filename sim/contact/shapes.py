@@ -2,33 +2,43 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import Any
+
+import mujoco
 
 from drivers.part.contract import Part
 from sim.contact import cylinder, rectangular
+from sim.contact.table import PLATE_TYPE
+from sim.world import native
 
 
 @dataclass(frozen=True, slots=True)
 class Solid:
     """Simulation of one kind of part."""
 
-    geom: str
+    name: str
     """MuJoCo's name of the peg's geom type."""
+    geom: mujoco.mjtGeom
+    """Geom type of the peg; no other pair of geoms in the scene has this type and that of a plate."""
     size: Callable[[Part], str]
     """Sizes of the geom across its axis, in MuJoCo's order."""
-    install: Callable[[], None]
-    """Installs the contacts with a plate in this process's collision table; repeated calls are harmless."""
+    collide: Callable[..., Any]
+    """Finds the contacts with a plate, see `sim.world.native.collide_by`."""
 
 
 SOLIDS: Mapping[str, Solid] = {
-    "round": Solid("cylinder", lambda part: f"{part.reach}", cylinder.install),
-    "rectangular": Solid("box", lambda part: f"{part.half[0]} {part.half[1]}", rectangular.install),
+    "round": Solid("cylinder", mujoco.mjtGeom.mjGEOM_CYLINDER, lambda part: f"{part.reach}", cylinder.collide),
+    "rectangular": Solid(
+        "box", mujoco.mjtGeom.mjGEOM_BOX, lambda part: f"{part.half[0]} {part.half[1]}", rectangular.collide
+    ),
 }
 """Simulation of each kind of part."""
 
 
 def install(part: Part) -> None:
     """Install the contacts of a kind of part in this process's collision table; repeated calls are harmless."""
-    SOLIDS[part.kind].install()
+    solid = SOLIDS[part.kind]
+    native.collide_by(PLATE_TYPE, solid.geom, solid.collide)
 
 
 def peg_geom(part: Part, half_length: float) -> str:
@@ -37,4 +47,4 @@ def peg_geom(part: Part, half_length: float) -> str:
     The chamfer is the first word of `geom_user`.
     """
     solid = SOLIDS[part.kind]
-    return f'type="{solid.geom}" size="{solid.size(part)} {half_length}" user="{part.chamfer!r}"'
+    return f'type="{solid.name}" size="{solid.size(part)} {half_length}" user="{part.chamfer!r}"'

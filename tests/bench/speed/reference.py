@@ -5,7 +5,8 @@ from pathlib import Path
 
 import mujoco
 
-from sim.contact import cylinder
+from drivers.part.round import Round
+from sim.contact import shapes
 
 STEPS = {("held", "far"): 751, ("held", "near"): 401, ("free", "free"): 187}
 """Steps of `mj_step` in a simulated second, by model and keyframe."""
@@ -15,7 +16,7 @@ FROM_EACH = 5
 
 def model(name: str) -> mujoco.MjModel:
     """Return a model: "held" is an arm with a peg in its hand, "free" a peg in the rack; contacts are those of the program."""
-    cylinder.install()
+    shapes.install(Round(0.008))
     return mujoco.MjModel.from_xml_string(Path(__file__).with_name(f"reference_{name}.xml").read_text(encoding="utf-8"))
 
 

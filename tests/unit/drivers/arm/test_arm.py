@@ -18,7 +18,7 @@ from drivers.errors import ConfigError
 from drivers.frames import UP
 from drivers.part.round import Round
 from sim.arm.arm_truth import ideal
-from sim.contact import cylinder
+from sim.contact import shapes
 from sim.contact.plate import Plate
 from sim.world import scene
 
@@ -124,7 +124,7 @@ def q(request, arm):
 
 
 def test_the_arms_inertia_is_that_of_the_physics(arm, q, loaded):
-    cylinder.install()
+    shapes.install(loaded.cell.peg.part)
     plate = Plate(np.zeros(3), np.eye(3), (0.004, 0.004), 0.02)
     model = scene.held_model(ideal(arm), loaded.cell.job(), plate, 0.1, 5e-4)
     data = mujoco.MjData(model)
