@@ -21,30 +21,11 @@ from sim.world import native
 
 PLATE_TYPE = mujoco.mjtGeom.mjGEOM_ELLIPSOID
 """A geom type that no other geom of the scene uses; the plate's ellipsoid is only its bounding volume."""
-PLATE = np.dtype(
-    [
-        ("hole", "f8"),
-        ("across", "f8"),
-        ("depth", "f8"),
-        ("friction", "f8"),
-        ("timestep", "f8"),
-        ("stiffness", "f8"),
-        ("damping", "f8"),
-        ("mode", "f8"),
-        ("rub", "f8"),
-        ("rub_damping", "f8"),
-        ("lift", "f8"),
-        ("middle_x", "f8"),
-        ("middle_y", "f8"),
-        ("half_x", "f8"),
-        ("half_y", "f8"),
-        ("chamfer", "f8"),
-        ("stick", "f8"),
-        ("stick_speed", "f8"),
-        ("ripple", "f8"),
-        ("ripple_length", "f8"),
-    ]
+_WORDS = (
+    *("hole", "across", "depth", "friction", "timestep", "stiffness", "damping", "mode", "rub", "rub_damping", "lift"),
+    *("middle_x", "middle_y", "half_x", "half_y", "chamfer", "stick", "stick_speed", "ripple", "ripple_length"),
 )
+PLATE = np.dtype([(name, "f8") for name in _WORDS])
 """Record in a plate's `geom_user`; `plate_user` fills it in."""
 PLATE_BYTES = PLATE.itemsize
 USER = PLATE_BYTES // 8

@@ -183,17 +183,8 @@ def compile_ahead() -> None:
     row, rows = np.zeros(1), np.zeros((1, 1))
     models, bodies = Models(0, 0, row), Bodies(0, row, row, row, row)
     watch = Watched(PegView(row, row, rows), row, 0, 0, 0.0, row, row, metering.HandView(row, row, row, row))
-    arguments = (
-        models,
-        bodies,
-        watch,
-        Drives(row, row, row, row, row, row, row, row),
-        row,
-        Beat(0.0, 0),
-        0,
-        0,
-        rows,
-    )
+    drives = Drives(row, row, row, row, row, row, row, row)
+    arguments = models, bodies, watch, drives, row, Beat(0.0, 0), 0, 0, rows
     advance.compile(tuple(map(typeof, arguments)))
 
 
