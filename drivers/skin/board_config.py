@@ -60,18 +60,7 @@ class IcubConfig(ConfigModel):
         3,
     )
     """Numbers of the triangles, both of the left finger first."""
-    channels: Annotated[tuple[Annotated[int, Field(ge=0, le=11)], ...], Source("assumed")] = (
-        0,
-        1,
-        2,
-        3,
-        4,
-        5,
-        7,
-        8,
-        9,
-        11,
-    )
+    channels: Annotated[tuple[Annotated[int, Field(ge=0, le=11)], ...], Source("assumed")] = (*range(6), 7, 8, 9, 11)
     """Number of the triangle's channel, of twelve, for each taxel, in the order of the layout; assumed, to be
     checked on a real board.
     """

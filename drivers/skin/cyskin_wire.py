@@ -36,7 +36,8 @@ CHANNELS = 12
 """Largest number of channels of a module."""
 _PART, _HUB = 0x700, 0xFF
 _FRAME_BYTES = 8
-_DETAILS, _DETAILS_IN_BOOT_LOADER = "BIBBHBB", "BI"
+_DETAILS, _DETAILS_IN_BOOT_LOADER = "BIBxHxx", "BI"
+"""Records of a module; group, control and speed of its details are not used."""
 
 
 class HubCommand(IntEnum):
@@ -113,11 +114,8 @@ class Module:
     """Number stored in the module by its maker (sui); a channel's uid is sui << 4 | name."""
     channels: int = 0
     """Number of channels of the module, including cut ones; 0 if the module is still in its boot loader."""
-    group: int = 0
     uncut: int = 0x0FFF
     """Mask with one bit for each channel, by name; 1 if the channel is not cut."""
-    control: int = 0
-    speed: int = 0
 
     @property
     def names(self) -> tuple[int, ...]:

@@ -7,7 +7,6 @@ period.
 
 import math
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -25,28 +24,20 @@ EVERYBODY = 0xFF
 UNSUPPORTED, INVALID = 0xE2, 0xE3
 
 
-@dataclass(frozen=True, slots=True)
-class HubModule:
-    """One module on the hub."""
-
-    sui: int
-    names: tuple[int, ...]
-    """Names of the enabled channels, in their order."""
-
-
 class EmulatedHub:
     """The hub behind its wire: messages in, messages out."""
 
     def __init__(self, config: HubConfig, measure: Callable[[], Counts]) -> None:
         """Build a hub with the modules of `config` and taxel readings from `measure`."""
         first_sui = 3500  # Own number (sui) of the first module of an emulated hub if the config names no modules.
-        self._names = config.channels
+        self._taxels = config.channels
+        self._channels = sorted((TEMPERATURE, *self._taxels))
         self.measure = measure
         self.replace_modules(config.modules or range(first_sui, first_sui + BOARD_MODULES))
 
     def replace_modules(self, suis: Sequence[int]) -> None:
         """Put modules with these own numbers (sui) on the hub and restart it; at most four, left finger first."""
-        self.modules = [HubModule(sui, tuple(sorted((TEMPERATURE, *self._names)))) for sui in suis]
+        self.suis = suis
         self.power(0.0)
 
     def power(self, at: float) -> None:
@@ -91,20 +82,19 @@ class EmulatedHub:
         return [sealed(0x13, bytes([command, UNSUPPORTED]))]
 
     def _asked(self, payload: bytes) -> list[int]:
-        known = range(len(self.modules))
+        known = range(len(self.suis))
         return list(known) if payload == bytes([EVERYBODY]) else [number for number in payload if number in known]
 
     def _structure(self) -> bytes:
-        counts = bytes(len(module.names) for module in self.modules)
-        started = b"" if self.are_modules_in_boot_loaders else bytes([0]) + counts
-        return bytes([len(self.modules)]) + started
+        modules = len(self.suis)
+        started = [] if self.are_modules_in_boot_loaders else [0, *[len(self._channels)] * modules]
+        return bytes([modules, *started])
 
     def _details(self, number: int) -> bytes:
-        module = self.modules[number]
-        record = bytes([number]) + module.sui.to_bytes(4, "big")
+        record = bytes([number]) + self.suis[number].to_bytes(4, "big")
         if self.are_modules_in_boot_loaders:
             return record
-        mask = sum(1 << name for name in module.names)
+        mask = sum(1 << name for name in self._channels)
         return record + bytes([12, 0]) + mask.to_bytes(2, "big") + bytes([0, 0])
 
     def scan(self) -> list[bytes]:
@@ -117,9 +107,9 @@ class EmulatedHub:
             return []
         taxels = iter(self.measure().ravel().tolist())
         channels: list[tuple[int, int, int]] = []
-        for number, module in enumerate(self.modules):
-            reading = dict(zip(self._names, taxels, strict=False)) | {TEMPERATURE: TEMPERATURE_COUNTS + number}
-            channels += [(number, place, reading[name]) for place, name in enumerate(module.names)]
+        for number in range(len(self.suis)):
+            reading = dict(zip(self._taxels, taxels, strict=False)) | {TEMPERATURE: TEMPERATURE_COUNTS + number}
+            channels += [(number, place, reading[name]) for place, name in enumerate(self._channels)]
         messages = []
         for at in range(0, len(channels), READINGS):
             part = channels[at : at + READINGS]

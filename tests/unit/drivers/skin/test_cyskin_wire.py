@@ -143,7 +143,7 @@ def test_flipped_bit_in_a_can_frame_is_never_another_message(message, following)
 
 
 def test_record_of_a_module_is_read_as_the_makers_library_reads_it():
-    assert decode_module(RECORD, WIRE) == Module(2, 0x11223344, 12, 0x50, 0x0FFE, 0xF0, 2)
+    assert decode_module(RECORD, WIRE) == Module(2, 0x11223344, 12, 0x0FFE)
     assert decode_module(RECORD[:5], WIRE) == Module(2, 0x11223344)
 
 
@@ -174,7 +174,7 @@ def parts_of(values):
     """Return the parts, first channel and readings, in which an emulated hub with four modules sends a scan."""
     hub = EmulatedHub(HubConfig(), lambda: np.reshape(values, (2, 20)))
     hub.are_modules_in_boot_loaders = False
-    channels = Channels([Module(number, module.sui, 12, uncut=0x07FF) for number, module in enumerate(hub.modules)])
+    channels = Channels([Module(number, sui, 12, uncut=0x07FF) for number, sui in enumerate(hub.suis)])
     return channels, [channels.decode(decode(data, WIRE).payload, WIRE) for data in hub.scan()]
 
 
