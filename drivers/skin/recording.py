@@ -1,6 +1,5 @@
 """A text recording of a CySkin patch, [cyskin], played as a Skin: four of its modules represent the two fingers."""
 
-from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -55,29 +54,21 @@ class Recording:
 class RecordedSkin:
     """Plays a recording once at the speed of the cell's clock, from the time of its opening."""
 
-    def __init__(self, path: Path, clock: Clock, modules: Sequence[int] = (), silent_after: float = 0.35) -> None:
-        """Take the recording's file and the modules to play.
-
-        Args:
-            path: File of the recording.
-            clock: The cell's clock.
-            modules: Own numbers of the modules to play, both of the left finger first; empty takes the most touched ones.
-            silent_after: Time without a frame after which the skin is silent, s.
-        """
-        self._path, self._clock, self._modules, self._limit = path, clock, tuple(modules), silent_after
+    def __init__(self, path: Path, clock: Clock) -> None:
+        """Take the recording's file and the cell's clock."""
+        self._path, self._clock = path, clock
         self._recording: Recording | None = None
-        self._start = 0.0
 
     def open(self) -> None:
         """Read the file.
 
         Raises:
-            ConfigError: The file is missing, has another form, or lacks these modules.
+            ConfigError: The file is missing, has another form, or has too few whole modules.
         """
         recording = Recording(self._path)
-        chosen = self._modules or recording.most_touched()
+        chosen = recording.most_touched()
         places = [np.flatnonzero(recording.module == sui)[:MODULE_TAXELS] for sui in chosen]
-        if len(places) != BOARD_MODULES or any(len(place) < MODULE_TAXELS for place in places):
+        if len(places) != BOARD_MODULES:
             raise ConfigError(f"{self._path}: {BOARD_MODULES} modules with {MODULE_TAXELS} taxels needed, not {chosen}")
         self._taxels = np.concatenate(places).reshape(FINGERS, -1)
         self._is_alive = recording.counts[:, self._taxels].any(axis=0)
@@ -94,8 +85,9 @@ class RecordedSkin:
         elapsed = self._clock.now() - self._start
         number = int(np.searchsorted(self._recording.times, elapsed + 1e-9, side="right")) - 1
         age = elapsed - self._recording.times[number]
-        if age > self._limit:
-            raise SkinSilentError(f"skin: no frame for {age:.3f} s > {self._limit:.3f} s limit: {self._path} has ended")
+        limit = 0.35  # Time without a frame after which the skin is silent, s.
+        if age > limit:
+            raise SkinSilentError(f"skin: no frame for {age:.3f} s > {limit:.3f} s limit: {self._path} has ended")
         counts = self._recording.counts[number][self._taxels]
         trusted = self._is_alive & (counts < ERROR_COUNT)
         stamp = self._start + float(self._recording.times[number])
