@@ -92,12 +92,6 @@ def pause(state: Vector) -> None:
     state[:PRIOR] = 0.0
 
 
-def figures_of(state: Vector) -> tuple[Vector, Vector]:
-    """Return the learnt figures of each joint and their standard deviations, each shape (7, 4)."""
-    covariance = state[COVARIANCE:WORDS].reshape(JOINTS, FIGURES, FIGURES)
-    return state[LEARNT:COVARIANCE].reshape(JOINTS, FIGURES).copy(), np.sqrt(np.einsum("ijj->ij", covariance))
-
-
 @njit(cache=True, inline="always")
 def observe(state: Vector, M: Vector, dq: Vector, period: float, is_free: bool) -> None:  # pragma: no cover
     """Update the observer by the torques commanded since the last update, and learn if the hand moves freely.

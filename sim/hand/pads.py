@@ -110,12 +110,6 @@ class Pressing:
     phi: float
     """Tilt of the peg towards the left pad, rad."""
 
-    def depth(self, finger: int, s: Vector) -> Vector:
-        """Return the depth of the peg in a finger's pad at `s`, m, not below 0; finger 0 is the left one."""
-        move = self.u + self.phi * s
-        depth: Vector = np.maximum(self.delta0 + (move if finger == 0 else -move), 0.0)
-        return depth
-
 
 class Pads:
     """Two pads over taxels."""
@@ -138,14 +132,6 @@ class Pads:
         )
         # The first contact of a process compiles code, which must not happen during a run with a PLC watchdog.
         self.pressure(TOUCH)
-
-    def line_load(self, depth: Vector) -> Vector:
-        """Return the load of a pad for a depth of the contact line, N/m."""
-        # k t (x^n + x² / (1 - x)), x = depth / t.
-        share = depth / self._config.thickness
-        answer = share**self._config.exponent + share**2 / (1.0 - share)
-        load: Vector = self._foundation * self._config.thickness * answer
-        return load
 
     def press(self, load: PadLoad) -> Pressing:
         """Return position and depth of the peg under `load`.

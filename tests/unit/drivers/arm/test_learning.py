@@ -29,6 +29,13 @@ def state():
     return begun
 
 
+def learnt(state):
+    """Return the learnt figures of each joint and their standard deviations, each shape (7, 4)."""
+    covariance = state[learning.COVARIANCE : learning.WORDS].reshape(JOINTS, learning.FIGURES, learning.FIGURES)
+    figures = state[learning.LEARNT : learning.COVARIANCE].reshape(JOINTS, learning.FIGURES).copy()
+    return figures, np.sqrt(np.einsum("ijj->ij", covariance))
+
+
 def moved(state, seconds, is_free=True, pushed=0.0, dry=DRY):
     """Swing every joint to and fro, as minimum-jerk moves of a second and a half do, against its friction."""
     for k in range(round(seconds / PERIOD)):
@@ -38,7 +45,7 @@ def moved(state, seconds, is_free=True, pushed=0.0, dry=DRY):
         friction = dry * np.tanh(dq / learning.DRY_RATE) + SMOOTH * np.tanh(dq / learning.SMOOTH_RATE)
         state[learning.COMMANDED : learning.COMMANDED + JOINTS] = M @ ddq + ROTOR * ddq + friction + OFFSET + pushed
         learning.observe(state, M, dq, PERIOD, is_free)
-    return learning.figures_of(state)
+    return learnt(state)
 
 
 def test_friction_offset_and_rotor_are_found_within_two_moves(state):
@@ -68,7 +75,7 @@ def rested(state, seconds, torque):
     for _ in range(round(seconds / PERIOD)):
         state[learning.COMMANDED : learning.COMMANDED + JOINTS] = torque
         learning.observe(state, M, np.zeros(JOINTS), PERIOD, True)
-    return learning.figures_of(state)
+    return learnt(state)
 
 
 def test_a_joint_at_rest_within_its_friction_teaches_nothing(state):
@@ -82,7 +89,7 @@ def test_a_joint_that_moved_one_way_and_sticks_before_it_moves_back_separates_fr
             OFFSET + DRY + SMOOTH * math.tanh(0.5 / learning.SMOOTH_RATE)
         )
         learning.observe(state, M, np.full(JOINTS, 0.5), PERIOD, True)
-    one_way = np.abs(learning.figures_of(state)[0][:, learning.OFFSET] - OFFSET)
+    one_way = np.abs(learnt(state)[0][:, learning.OFFSET] - OFFSET)
     figures, _ = rested(state, 1.0, OFFSET - DRY)
     error = np.abs(figures[:, learning.OFFSET] - OFFSET)
     assert one_way.max() > 0.4
@@ -116,7 +123,7 @@ def test_a_new_arm_is_left_alone_and_what_was_learnt_outlasts_a_restart_of_the_l
     assert learning.feed_forward(state, 3, 0.7) == 0.0
     before = moved(state, 3.0)
     learning.pause(state)
-    np.testing.assert_array_equal(learning.figures_of(state), before)
+    np.testing.assert_array_equal(learnt(state), before)
 
 
 def measured(value, interval=0.05):
