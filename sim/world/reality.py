@@ -329,17 +329,16 @@ def recorded(drawn: Drawn) -> dict[str, str]:
 
 
 def _errors(path: str, tree: Mapping[str, Any]) -> dict[str, AnyError]:
-    found = {f"{group}.{name}": table for group, tables in tree.items() for name, table in _tables(path, group, tables)}
-    for name in found:
-        if name not in KINDS:
-            raise ConfigError(f"{path}: {name}: no such error; {', '.join(KINDS)} allowed")
-    return {name: _error(path, name, table) for name, table in found.items()}
-
-
-def _tables(path: str, group: str, tables: Any) -> list[tuple[str, Any]]:
-    if not isinstance(tables, dict):
-        raise ConfigError(f"{path}: {group}: not a table; a table an error allowed, as [arm.gravity]")
-    return list(tables.items())
+    found = {}
+    for group, tables in tree.items():
+        if not isinstance(tables, dict):
+            raise ConfigError(f"{path}: {group}: not a table; a table an error allowed, as [arm.gravity]")
+        for key, table in tables.items():
+            name = f"{group}.{key}"
+            if name not in KINDS:
+                raise ConfigError(f"{path}: {name}: no such error; {', '.join(KINDS)} allowed")
+            found[name] = _error(path, name, table)
+    return found
 
 
 class _Holder(ConfigModel):
@@ -357,15 +356,11 @@ def _error(path: str, name: str, table: Any) -> AnyError:
         key = first["loc"][2] if len(first["loc"]) > 2 else "distribution"
         said = first["msg"].removeprefix("Value error, ")
         raise ConfigError(f"{path}: {name}.{key}: {said}; found {first['input']!r}".replace("\n", " ")[:400]) from None
-    return _one_each(path, name, model)
-
-
-def _one_each(path: str, name: str, error: AnyError) -> AnyError:
     kind = KINDS[name]
-    for key, figure in error.figures().items():
+    for key, figure in model.figures().items():
         if isinstance(figure, tuple) and kind.shape(USUAL_LAYOUT) != (len(figure),):
             raise ConfigError(f"{path}: {name}.{key}: {len(figure)} figures; one, or one for each {kind.each}, allowed")
-    return error
+    return model
 
 
 def _standard(rng: np.random.Generator, shape: tuple[int, ...]) -> Vector:
