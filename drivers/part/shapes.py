@@ -1,6 +1,6 @@
 """The shapes in a config, the key for the size of each, and the conversion of a size when the shape changes."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from functools import lru_cache
 from typing import Any, Literal
 
@@ -68,48 +68,34 @@ def follow_shape(merged: Mapping[str, Any], layer: Mapping[str, Any]) -> list[tu
     Raises:
         ValueError: The layer gives a size by the key of another shape, or the size below cannot be kept; one line.
     """
-    shape = merged.get("peg", {}).get("shape", "round") if isinstance(merged.get("peg"), Mapping) else None
+    peg = merged.get("peg")
+    shape = peg.get("shape", "round") if isinstance(peg, Mapping) else None
     if not isinstance(shape, str) or shape not in WORDS:
         return []
-    other = SIDES if WORDS[shape] == DIAMETER else DIAMETER
-    return [
-        (name, other, WORDS[shape])
-        # Sections of a config with a size.
-        for name in ("peg", "hole")
-        if isinstance(section := merged.get(name), dict) and _is_resized(name, section, layer.get(name), other, shape)
-    ]
+    word, renamed = WORDS[shape], []
+    other = SIDES if word == DIAMETER else DIAMETER
+    # Sections of a config with a size.
+    for name in ("peg", "hole"):
+        section, said = merged.get(name), layer.get(name)
+        if not isinstance(section, dict) or section.get(other) is None:
+            continue
+        found = section.pop(other)
+        new = [found, found] if word == SIDES else _side(found)
+        if isinstance(said, Mapping) and said.get(other) is not None:
+            allowed = word if new is None else f"{word} = {new}"
+            raise ValueError(f'{name}.{other} = {found}: not for peg.shape = "{shape}"; {name}.{allowed} allowed')
+        if section.get(word) is not None:
+            continue
+        if new is None:
+            raise ValueError(
+                f'{name}.{word}: missing; needed because peg.shape = "{shape}" and {name}.{other} was {found}'
+            )
+        section[word] = new
+        renamed.append((name, other, word))
+    return renamed
 
 
-def _is_resized(name: str, section: dict[str, Any], said: object, other: str, shape: Shape) -> bool:
-    """Give a section its size by the key of the shape if it has only the other one; return True if it did.
-
-    Raises:
-        ValueError: Neither size can be converted to the other; see `follow_shape`.
-    """
-    word, found = WORDS[shape], section.get(other)
-    if found is None:
-        return False
-    del section[other]
-    new = _RESIZED[word](found)
-    if isinstance(said, Mapping) and said.get(other) is not None:
-        allowed = word if new is None else f"{word} = {new}"
-        raise ValueError(f'{name}.{other} = {found}: not for peg.shape = "{shape}"; {name}.{allowed} allowed')
-    if section.get(word) is not None:
-        return False
-    if new is None:
-        raise ValueError(f'{name}.{word}: missing; needed because peg.shape = "{shape}" and {name}.{other} was {found}')
-    section[word] = new
-    return True
-
-
-def _as_sides(diameter: Any) -> list[Any]:
-    return [diameter, diameter]
-
-
-def _as_diameter(sides: Any) -> Any:
+def _side(sides: Any) -> Any:
     """Return the length of equal sides, m, or None for unequal ones."""
     is_pair = isinstance(sides, list | tuple) and len(sides) == 2 and sides[0] == sides[1]
     return sides[0] if is_pair else None
-
-
-_RESIZED: dict[str, Callable[[Any], Any]] = {DIAMETER: _as_diameter, SIDES: _as_sides}
