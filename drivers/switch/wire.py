@@ -23,8 +23,9 @@ TIME_RANGE = 2**21
 """Range of the board's time, ms; the time then restarts from 0."""
 _START = 0xD1
 _CRC_START = 0xFFFF
-_MEMORY, _PROGRAM, _WATCHDOG, _LOW_SUPPLY = 1, 2, 4, 8
-_NORMALLY_OPEN, _NORMALLY_CLOSED = 4, 8
+_CONTACTS = {"normally_open": 4, "normally_closed": 8}
+_HEALTH = {"is_memory_broken": 1, "is_program_broken": 2, "was_hung": 4, "was_starved": 8}
+"""Bits of bytes 2 and 3 by the fields of `SwitchReport`."""
 
 
 class Contacts(IntEnum):
@@ -61,14 +62,8 @@ class SwitchReport:
 
 def encode(report: SwitchReport) -> bytes:
     """Return a report as the bytes of its packet."""
-    contacts = report.contacts | _NORMALLY_OPEN * report.normally_open | _NORMALLY_CLOSED * report.normally_closed
-    health = (
-        _MEMORY * report.is_memory_broken
-        | _PROGRAM * report.is_program_broken
-        | _WATCHDOG * report.was_hung
-        | _LOW_SUPPLY * report.was_starved
-    )
-    head = bytes([_START, report.firmware, contacts, health, *_septets(report.time % TIME_RANGE)])
+    contacts, health = (sum(bit * getattr(report, name) for name, bit in bits.items()) for bits in (_CONTACTS, _HEALTH))
+    head = bytes([_START, report.firmware, report.contacts | contacts, health, *_septets(report.time % TIME_RANGE)])
     return head + bytes(_septets(crc_hqx(head, _CRC_START)))
 
 
@@ -78,18 +73,10 @@ def decode(packet: bytes) -> SwitchReport | None:
         return None
     if packet[7:] != bytes(_septets(crc_hqx(packet[:7], _CRC_START))):
         return None
-    contacts, health = packet[2], packet[3]
-    return SwitchReport(
-        firmware=packet[1],
-        contacts=Contacts(contacts & 3),
-        time=packet[4] | packet[5] << 7 | packet[6] << 14,
-        normally_open=bool(contacts & _NORMALLY_OPEN),
-        normally_closed=bool(contacts & _NORMALLY_CLOSED),
-        is_memory_broken=bool(health & _MEMORY),
-        is_program_broken=bool(health & _PROGRAM),
-        was_hung=bool(health & _WATCHDOG),
-        was_starved=bool(health & _LOW_SUPPLY),
-    )
+    contacts = {name: bool(packet[2] & bit) for name, bit in _CONTACTS.items()}
+    health = {name: bool(packet[3] & bit) for name, bit in _HEALTH.items()}
+    time = packet[4] | packet[5] << 7 | packet[6] << 14
+    return SwitchReport(packet[1], Contacts(packet[2] & 3), time, **contacts, **health)
 
 
 class Decoder:
