@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Generic, Literal, TextIO
+from typing import Any, Generic, Literal, TextIO
 
 from drivers.errors import CellError, ConfigError, FaultCode
 from drivers.protocols import Clock
@@ -115,9 +115,7 @@ class RecordedWire(Generic[Received, Sent]):
         """Return what the wire returns."""
         with self._recorder.watching():
             data = self._link.read(timeout)
-        if isinstance(data, CanFrame) and data.waited:
-            self._recorder.note("<", f"{_text(data)} {data.waited!r}")
-        elif data:
+        if data:
             self._recorder.note("<", _text(data))
         return data
 
@@ -133,15 +131,24 @@ def _text(data: object) -> str:
     if not isinstance(data, CanFrame):
         assert isinstance(data, bytes)
         return data.hex()
-    return f"{data.id:0{EXTENDED_DIGITS if data.is_extended else 3}X} {data.data.hex()}"
+    waited = f" {data.waited!r}" if data.waited else ""
+    return f"{data.id:0{EXTENDED_DIGITS if data.is_extended else 3}X} {data.data.hex()}{waited}"
+
+
+def _parsed(wire: str, text: str) -> Any:
+    """Return a frame of a CAN bus, or bytes of a serial line, from its text."""
+    if wire == "serial":
+        return bytes.fromhex(text)
+    number, data, waited, *_ = [*text.split(" "), "", ""]
+    return CanFrame(int(number, 16), bytes.fromhex(data), len(number) == EXTENDED_DIGITS, float(waited or 0.0))
 
 
 @dataclass(slots=True)
 class _Look:
     time: float
     failed: str = ""
-    came: list[str] = field(default_factory=list)
-    sent: list[str] = field(default_factory=list)
+    came: list[Any] = field(default_factory=list)
+    sent: list[Any] = field(default_factory=list)
 
 
 class TrafficPlayback:
@@ -158,8 +165,6 @@ class TrafficPlayback:
     def __init__(self, path: Path, character_time: float = 0.0) -> None:
         self.wire, self._looks = _read(path)
         self.character_time = character_time
-        self._place = 0
-        self._came: Iterator[str] = iter(())
         self.differing = 0
         """Number of messages that the driver sent and that the recording lacks."""
         self._begin(0)
@@ -185,6 +190,14 @@ class TrafficPlayback:
             raise TrafficEndedError("the recording is over")
         self._begin(self._place + 1)
 
+    def write(self, data: CanFrame | bytes) -> None:
+        """Compare a sent frame or bytes with those recorded in this poll."""
+        self._fail()
+        if data in self._sent:
+            self._sent.remove(data)
+        else:
+            self.differing += 1
+
     def _begin(self, place: int) -> None:
         self._place = place
         self._came, self._sent = iter(self._looks[place].came), list(self._looks[place].sent)
@@ -193,13 +206,6 @@ class TrafficPlayback:
         if self._looks[self._place].failed:
             raise LineLostError(self._looks[self._place].failed)
 
-    def _check(self, text: str) -> None:
-        self._fail()
-        if text in self._sent:
-            self._sent.remove(text)
-        else:
-            self.differing += 1
-
 
 class PlaybackCan(TrafficPlayback):
     """A recording of a CAN bus."""
@@ -207,15 +213,7 @@ class PlaybackCan(TrafficPlayback):
     def read(self, timeout: float) -> CanFrame | None:
         """Return the next frame received in this poll."""
         self._fail()
-        text = next(self._came, None)
-        if text is None:
-            return None
-        number, data, waited, *_ = [*text.split(" "), "", ""]
-        return CanFrame(int(number, 16), bytes.fromhex(data), len(number) == EXTENDED_DIGITS, float(waited or 0.0))
-
-    def write(self, frame: CanFrame) -> None:
-        """Compare a sent frame with the recorded ones."""
-        self._check(_text(frame).strip())
+        return next(self._came, None)
 
 
 class PlaybackLine(TrafficPlayback):
@@ -224,11 +222,7 @@ class PlaybackLine(TrafficPlayback):
     def read(self, timeout: float) -> bytes:
         """Return the bytes received in this poll."""
         self._fail()
-        return b"".join(map(bytes.fromhex, self._came))
-
-    def write(self, data: bytes) -> None:
-        """Compare sent bytes with the recorded ones."""
-        self._check(_text(data))
+        return b"".join(self._came)
 
 
 def is_traffic(path: Path) -> bool:
@@ -245,8 +239,8 @@ def _read(path: Path) -> tuple[str, list[_Look]]:
     looks: list[_Look] = []
     parse: dict[str, Callable[[str], object]] = {
         "@": lambda text: looks.append(_Look(float(text))),
-        "<": lambda text: looks[-1].came.append(_hexadecimal(text)),
-        ">": lambda text: looks[-1].sent.append(_hexadecimal(text)),
+        "<": lambda text: looks[-1].came.append(_parsed(wire, text)),
+        ">": lambda text: looks[-1].sent.append(_parsed(wire, text)),
         "!": lambda text: setattr(looks[-1], "failed", text),
     }
     for number, line in enumerate(lines, 2):
@@ -270,10 +264,3 @@ def _lines(path: Path) -> tuple[str, list[str]]:
     if first not in (f"{HEAD}can", f"{HEAD}serial"):
         raise ConfigError(f'{path}: no recorded traffic; a first line "{HEAD}can" or "{HEAD}serial" needed')
     return first.removeprefix(HEAD), lines
-
-
-def _hexadecimal(text: str) -> str:
-    _, data, waited, *_ = [*text.split(" "), "", ""] if " " in text else ["", text, ""]
-    bytes.fromhex(data)
-    float(waited or 0.0)
-    return text.strip()

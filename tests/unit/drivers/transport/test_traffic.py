@@ -103,6 +103,8 @@ def test_recording_that_was_cut_off_plays_up_to_there(tmp_path):
         ("# cell traffic 1 lin\n@ 1\n", "no recorded traffic"),
         ("# cell traffic 1 can\n", "no traffic in it"),
         ("# cell traffic 1 can\n@ 1.0\n< 101 zz\n@ 2.0\n", "line 3"),
+        ("# cell traffic 1 can\n@ 1.0\n< zz 00\n@ 2.0\n", "line 3"),
+        ("# cell traffic 1 serial\n@ 1.0\n< 101 00\n@ 2.0\n", "line 3"),
         ("# cell traffic 1 can\n< 101 00\n@ 2.0\n", "line 2"),
     ],
 )
