@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import Field
 
 from drivers.arm.learning import DRY_RATE, FIGURES, MOST_OFFSET, SMOOTH_RATE, doubts
-from drivers.arm.model import JOINTS, ArmModel, Frictions
+from drivers.arm.model import JOINTS, ArmModel, Friction, PerJoint
 from drivers.config_model import ConfigModel
 from drivers.errors import ConfigError
 from drivers.figures_file import read_figures, write_whole
@@ -16,7 +16,6 @@ from drivers.quantities import Vector
 
 Speed = Annotated[float, Field(gt=0.0, le=3.0)]
 Offset = Annotated[float, Field(ge=-50.0, le=50.0)]
-Offsets = tuple[Offset, Offset, Offset, Offset, Offset, Offset, Offset]
 
 MOST_UNSURE = 0.3
 """Largest half width of the interval of a friction or an offset, N·m. If it is exceeded, the measurement was disturbed."""
@@ -25,8 +24,8 @@ MOST_UNSURE = 0.3
 class Measured(ConfigModel):
     """One figure of each joint, with half the width of its 95 % interval; N·m."""
 
-    value: Offsets
-    interval: Frictions
+    value: PerJoint[Offset]
+    interval: PerJoint[Friction]
 
     def deviation(self) -> Vector:
         """Return the standard deviation of each joint's figure, shape (7,), N·m."""
@@ -51,7 +50,7 @@ class ArmCalibration(ConfigModel):
     """Level of the dry friction, fitted to the measured frictions."""
     smooth: Measured
     """Level of the velocity-dependent friction, fitted together with the dry friction."""
-    unexplained: Frictions
+    unexplained: PerJoint[Friction]
     """Root mean square of the torque that these figures leave unexplained while all joints move together, N·m."""
 
     def believed(self, arm: ArmModel) -> tuple[Vector, Vector]:

@@ -7,7 +7,7 @@ figures with their sources, as in `config/arms/`; `arm.model` of a cell's config
 import math
 from functools import lru_cache
 from pathlib import Path
-from typing import Annotated, Self
+from typing import Annotated, Self, TypeVar
 
 import numpy as np
 from pydantic import AfterValidator, Field, ValidationInfo, model_validator
@@ -28,24 +28,12 @@ def _file_beside_config(name: str, info: ValidationInfo) -> str:
 ArmName = Annotated[str, Field(min_length=1), AfterValidator(_file_beside_config)]
 """Name of an arm that ships with the program, or a file of figures, `*.toml`, relative to the folder of the config file."""
 
+T = TypeVar("T")
+PerJoint = tuple[T, T, T, T, T, T, T]
+"""One figure, or one body, for each joint."""
 Angle = Annotated[float, Field(ge=-2 * math.pi, le=2 * math.pi)]
 Distance = Annotated[float, Field(ge=-2.0, le=2.0)]
-Angles = tuple[Angle, Angle, Angle, Angle, Angle, Angle, Angle]
-Distances = tuple[Distance, Distance, Distance, Distance, Distance, Distance, Distance]
-Torque = Annotated[float, Field(gt=0.0, le=1000.0)]
-Torques = tuple[Torque, Torque, Torque, Torque, Torque, Torque, Torque]
-JointSpeed = Annotated[float, Field(gt=0.0, le=20.0)]
-JointSpeeds = tuple[JointSpeed, JointSpeed, JointSpeed, JointSpeed, JointSpeed, JointSpeed, JointSpeed]
-Rate = Annotated[float, Field(gt=0.0, le=1e5)]
-Rates = tuple[Rate, Rate, Rate, Rate, Rate, Rate, Rate]
 Friction = Annotated[float, Field(ge=0.0, le=50.0)]
-Frictions = tuple[Friction, Friction, Friction, Friction, Friction, Friction, Friction]
-Rotor = Annotated[float, Field(ge=0.0, le=2.0)]
-Rotors = tuple[Rotor, Rotor, Rotor, Rotor, Rotor, Rotor, Rotor]
-Slope = Annotated[float, Field(gt=0.0, le=1000.0)]
-Slopes = tuple[Slope, Slope, Slope, Slope, Slope, Slope, Slope]
-Shift = Annotated[float, Field(ge=-1.0, le=1.0)]
-Shifts = tuple[Shift, Shift, Shift, Shift, Shift, Shift, Shift]
 Moment = Annotated[float, Field(ge=-10.0, le=10.0)]
 
 
@@ -79,11 +67,11 @@ class Inertial(ConfigModel):
 class Kinematics(ConfigModel):
     """Modified Denavit-Hartenberg figures (Craig's convention), joints 1 to 7, and the flange behind them."""
 
-    a: Distances
+    a: PerJoint[Distance]
     """Length of the link before the joint, m."""
-    d: Distances
+    d: PerJoint[Distance]
     """Offset along the joint's axis, m."""
-    alpha: Angles
+    alpha: PerJoint[Angle]
     """Twist of the link before the joint, rad."""
     flange: Distance
     """Distance from the frame of the last joint to the flange, along z, m."""
@@ -94,36 +82,36 @@ class Kinematics(ConfigModel):
 class SmoothFriction(ConfigModel):
     """Friction without stiction, joints 1 to 7: span / (1 + exp(-slope (dq + shift))), less its value at rest."""
 
-    span: Frictions
+    span: PerJoint[Friction]
     """Full span of each joint's curve, N·m."""
-    slope: Slopes
+    slope: PerJoint[Annotated[float, Field(gt=0.0, le=1000.0)]]
     """Slope parameter of each joint's curve, s/rad."""
-    shift: Shifts
+    shift: PerJoint[Annotated[float, Field(ge=-1.0, le=1.0)]]
     """Offset of the velocity in each joint's curve, rad/s."""
 
 
 class Joints(ConfigModel):
     """Limits and friction, joints 1 to 7."""
 
-    q_min: Angles
+    q_min: PerJoint[Angle]
     """Lower end of the permitted positions, rad."""
-    q_max: Angles
+    q_max: PerJoint[Angle]
     """Upper end of the permitted positions, rad."""
-    speed: JointSpeeds
+    speed: PerJoint[Annotated[float, Field(gt=0.0, le=20.0)]]
     """Largest speed, rad/s; no posture moves faster."""
-    torque: Torques
+    torque: PerJoint[Annotated[float, Field(gt=0.0, le=1000.0)]]
     """Largest torque, N·m."""
-    torque_rate: Rates
+    torque_rate: PerJoint[Annotated[float, Field(gt=0.0, le=1e5)]]
     """Largest change of a commanded torque, N·m/s; above it the arm ends the motion with a reflex."""
-    friction: Frictions
+    friction: PerJoint[Friction]
     """Dry friction of the simulated joints, N·m."""
     smooth_friction: SmoothFriction | None = None
     """Smooth friction curve of the joints, if one is published."""
-    viscous_friction: Frictions | None = None
+    viscous_friction: PerJoint[Friction] | None = None
     """Coefficient of each joint's viscous friction, N·m·s/rad, if one is published."""
-    offset: Frictions
+    offset: PerJoint[Friction]
     """Standard deviation of the residual of the arm's gravity compensation, N·m."""
-    rotor_inertia: Rotors
+    rotor_inertia: PerJoint[Annotated[float, Field(ge=0.0, le=2.0)]]
     """Rotor inertia at each joint, kg·m², published or assumed."""
 
     @model_validator(mode="after")
@@ -176,13 +164,13 @@ class ArmModel(ConfigModel):
     """Largest stiffness of the tool, N/m; no setpoint is stiffer."""
     turn_stiffness: Annotated[float, Field(gt=0.0, le=1e4)]
     """Largest rotational stiffness of the tool, N·m/rad; no setpoint is stiffer."""
-    home: Angles
+    home: PerJoint[Angle]
     """Joint positions at which the simulation starts, rad."""
     kinematics: Kinematics
     joints: Joints
     torque_path: TorquePathModel = TorquePathModel()
     hand: Hand
-    link: tuple[Inertial, Inertial, Inertial, Inertial, Inertial, Inertial, Inertial]
+    link: PerJoint[Inertial]
     """Links 1 to 7, each in the frame of its joint."""
 
     def shoulder(self) -> Vector:
