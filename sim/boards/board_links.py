@@ -29,14 +29,13 @@ T = TypeVar("T")
 class _Link(Generic[T]):
     """A wire with a board at its end; the items that travel are CAN frames or bytes."""
 
-    def __init__(
-        self, board: Board[T], now: Callable[[], float], faults: WireFaults, seed: int, name: str = "emulated"
-    ) -> None:
+    port = "emulated"
+
+    def __init__(self, board: Board[T], now: Callable[[], float], faults: WireFaults, seed: int) -> None:
         self.faults = faults
         """Faults of the wire; callers may replace them at any time."""
         self.is_unplugged = False
         """True if the board has neither power nor connection, whatever `faults` contains."""
-        self.port = name
         self.board, self._now = board, now
         self._rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(FAULT_STREAM,)))
         self._to_board: deque[tuple[float, T]] = deque()

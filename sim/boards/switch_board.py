@@ -47,16 +47,16 @@ def _library() -> ctypes.CDLL:
 class Chip:
     """An ATmega328P that runs on demand."""
 
-    def __init__(self, firmware: Path = FIRMWARE) -> None:
+    def __init__(self) -> None:
         """Power up the chip.
 
         Raises:
-            DeviceNotOpenedError: There is no compiler, no libsimavr, or no such firmware.
+            DeviceNotOpenedError: There is no compiler, no libsimavr, or no firmware.
         """
         self._library = _library()
-        self._chip = ctypes.c_void_p(self._library.chip_new(bytes(firmware)))
+        self._chip = ctypes.c_void_p(self._library.chip_new(bytes(FIRMWARE)))
         if not self._chip:
-            raise DeviceNotOpenedError(f"emulated switch board: {firmware} is no program for this chip")
+            raise DeviceNotOpenedError(f"emulated switch board: {FIRMWARE} is no program for this chip")
         self.run(0, True, False)
 
     def stop(self) -> None:
@@ -99,11 +99,9 @@ class EmulatedSwitchBoard:
     The board reads the lever once in every step of the cell's clock, and the chip sees it in the next step.
     """
 
-    def __init__(
-        self, source: SwitchSource, firmware: Path = FIRMWARE, faults: WireFaults = SOUND, seed: int = 0
-    ) -> None:
+    def __init__(self, source: SwitchSource, faults: WireFaults = SOUND, seed: int = 0) -> None:
         """Store the board's properties; nothing runs yet."""
-        self._source, self._firmware = source, firmware
+        self._source = source
         self.faults = faults
         """Faults of the wire; callers may replace them at any time."""
         self.is_unplugged = False
@@ -124,7 +122,7 @@ class EmulatedSwitchBoard:
     def open(self) -> None:
         """Plug the board in, which powers it up; no effect if it is plugged in already."""
         if self._chip is None:
-            self._chip = Chip(self._firmware)
+            self._chip = Chip()
             self._start = self._source.now()
             self.is_pressed = self._source.is_switch_pressed()
             self.terminal.plug_in()

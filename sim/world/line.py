@@ -48,7 +48,7 @@ class SimLine:
     def exchange(self) -> None:
         """Remove the workpiece with the peg in its hole, as the line does after it has read the seated state."""
         if self._world.peg is PegSituation.FREE and self._world.truth().is_in_hole:
-            self._leave_slot()
+            self._emptied.add(self._slot)
             self._world.lose()
         self._let_pass()
 
@@ -64,7 +64,7 @@ class SimLine:
     def clear(self) -> None:
         """Remove a peg that is in the hand, in the hole or dropped, as a person does."""
         if not self._is_in_slot():
-            self._leave_slot()
+            self._emptied.add(self._slot)
             self._world.lose()
         self._let_pass()
 
@@ -78,9 +78,6 @@ class SimLine:
         """Advance the time of an exchange; the switch reports an empty hole meanwhile."""
         for _ in range(EXCHANGE_STEPS):
             self._clock.wait_until(self._clock.now() + EXCHANGE_TIME / EXCHANGE_STEPS)
-
-    def _leave_slot(self) -> None:
-        self._emptied.add(self._slot)
 
     def _is_in_slot(self) -> bool:
         if self._world.peg is not PegSituation.FREE:
