@@ -83,11 +83,12 @@ class FrankaArm:
             "law": self._law.tolist(),
             "period": self._arm.control_period,
         }
+        start_by = time.monotonic() + CONNECT_TIME
         handle = os.memfd_create("arm")
         try:
             os.ftruncate(handle, SIZE)
             self._link = LoopLink(handle)
-            self._link["start_by"][0] = time.monotonic() + CONNECT_TIME
+            self._link["start_by"][0] = start_by
             self._process = subprocess.Popen(
                 [sys.executable, "-P", "-m", "drivers.arm.loop", str(handle), json.dumps(options)],
                 stdin=subprocess.PIPE,
@@ -95,7 +96,8 @@ class FrankaArm:
             )
         finally:
             os.close(handle)
-        self._wait_while(LoopPhase.CONNECTING, CONNECT_TIME)
+        while self.phase is LoopPhase.CONNECTING and time.monotonic() < start_by and self._is_alive():
+            time.sleep(POLL_PERIOD)
         phase, where = self.phase, f"arm at {self._config.host}"
         if phase in (LoopPhase.CONNECTING, LoopPhase.LOST, LoopPhase.REFUSED):
             text = self._text() or "no answer"
@@ -240,8 +242,3 @@ class FrankaArm:
 
     def _text(self) -> str:
         return bytes(self._opened()["text"][0]).decode("ascii")
-
-    def _wait_while(self, phase: LoopPhase, longest: float) -> None:
-        end = time.monotonic() + longest
-        while self.phase is phase and time.monotonic() < end and self._is_alive():
-            time.sleep(POLL_PERIOD)
