@@ -122,26 +122,25 @@ class _HubBoard:
     """A hub on a wire."""
 
     def __init__(self, hub: EmulatedHub) -> None:
-        """Connect the hub."""
         self.hub = hub
+        self.power(0.0)
 
     @property
     def next_scan(self) -> float:
         """Time of the hub's next measurement, s."""
         return self.hub.next_scan
 
+    def power(self, at: float) -> None:
+        """Restart the hub."""
+        self.hub.power(at)
+
 
 class CanBoard(_HubBoard):
     """A hub on a CAN bus."""
 
-    def __init__(self, hub: EmulatedHub) -> None:
-        """Connect the hub."""
-        super().__init__(hub)
-        self._begun = b""
-
     def power(self, at: float) -> None:
         """Restart the hub."""
-        self.hub.power(at)
+        super().power(at)
         self._begun = b""
 
     def take(self, item: CanFrame, at: float) -> list[CanFrame]:
@@ -173,14 +172,9 @@ class CanBoard(_HubBoard):
 class SerialBoard(_HubBoard):
     """A hub on a serial line; there it has no boot loader."""
 
-    def __init__(self, hub: EmulatedHub) -> None:
-        """Connect the hub."""
-        super().__init__(hub)
-        self.power(0.0)
-
     def power(self, at: float) -> None:
         """Restart the hub."""
-        self.hub.power(at)
+        super().power(at)
         self.hub.is_in_boot_loader = False
         self._frames = Deframer(2 + 255 + 1)
 
