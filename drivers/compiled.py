@@ -126,7 +126,6 @@ class SourceLocator:
     """Locates the cache of a function of this project, with the interface of a locator of `numba.core.caching`."""
 
     def __init__(self, function: FunctionType, path: Path) -> None:
-        """Take a function and its file."""
         self._py_file = str(path)  # numba names it when it cannot keep a function
         self._line, self._digest = function.__code__.co_firstlineno, digest(path)
         self._folder = folder() / f"{path.stem}-{self._digest}"

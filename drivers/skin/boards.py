@@ -204,7 +204,6 @@ class CanSkin(BoardSkin):
     """A skin board on a CAN bus: a CySkin hub, or an iCub board."""
 
     def __init__(self, config: CanSkinConfig, bus: CanLink, clock: Clock) -> None:
-        """Describe the skin; `clock` is the cell's."""
         board = config.board
         port: SkinPort
         port = IcubOnCan(bus, board) if isinstance(board, IcubConfig) else HubOnCan(bus, board, 1.0 / config.rate)
@@ -215,7 +214,6 @@ class SerialSkin(BoardSkin):
     """A skin board on a serial line."""
 
     def __init__(self, config: SerialSkinConfig, line: ByteLink, clock: Clock) -> None:
-        """Describe the skin; `clock` is the cell's."""
         super().__init__(config, HubOnSerial(line, config.board, 1.0 / config.rate), clock)
 
 
@@ -223,5 +221,4 @@ class HostSkin(BoardSkin):
     """A skin board that the makers' host program reads."""
 
     def __init__(self, config: HostSkinConfig, clock: Clock) -> None:
-        """Describe the skin; `clock` is the cell's."""
         super().__init__(config, HostFile(config), clock)

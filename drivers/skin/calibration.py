@@ -70,7 +70,6 @@ class CalibratedSkin:
     """A skin with every reading divided by its taxel's gain."""
 
     def __init__(self, skin: Skin, calibration: SkinCalibration) -> None:
-        """Take a skin and its calibration."""
         self.skin = skin
         self._gains = np.array([calibration.left, calibration.right])
 

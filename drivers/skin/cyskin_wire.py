@@ -219,7 +219,6 @@ class Channels:
     """The channels of a hub's modules in the order of their readings, one module after the other."""
 
     def __init__(self, modules: Sequence[Module]) -> None:
-        """Take the modules of a hub."""
         ordered = sorted(modules, key=lambda module: module.number)
         self.modules = tuple(ordered)
         self.uid = tuple(module.sui << 4 | name for module in ordered for name in module.names)

@@ -20,7 +20,6 @@ class HostFile:
     """Follows the end of the file; it is port and link in one, because nothing is sent."""
 
     def __init__(self, config: HostSkinConfig) -> None:
-        """Describe the file."""
         self._config = config
         self._file: BinaryIO | None = None
         self.link = self

@@ -107,7 +107,6 @@ class IcubOnCan:
     """Empty text: triangles of such a board have no serial numbers, so an exchange is not detectable."""
 
     def __init__(self, link: CanLink, config: IcubConfig) -> None:
-        """Describe the board."""
         self.link, self._config = link, config
         self._row = {number: row for row, number in enumerate(config.triangles)}
         self._channels = np.array(config.channels)

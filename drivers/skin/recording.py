@@ -55,7 +55,6 @@ class RecordedSkin:
     """Plays a recording once at the speed of the cell's clock, from the time of its opening."""
 
     def __init__(self, path: Path, clock: Clock) -> None:
-        """Take the recording's file and the cell's clock."""
         self._path, self._clock = path, clock
         self._recording: Recording | None = None
 

@@ -83,7 +83,6 @@ class Decoder:
     """Finds packets in pieces of bytes of any size."""
 
     def __init__(self) -> None:
-        """Expect the start of a packet."""
         self._packet = bytearray()
         self.refused = 0
         """Number of bytes outside valid packets."""

@@ -95,7 +95,6 @@ class RecordedWire(Generic[Received, Sent]):
     """A CAN bus or a serial line with its traffic written to a file."""
 
     def __init__(self, link: Link[Received, Sent], recorder: Recorder) -> None:
-        """Take the wire and the recorder of its traffic."""
         self._link, self._recorder = link, recorder
         self.character_time: float = getattr(link, "character_time", 0.0)
         """Transfer time of one character on a serial line, s."""

@@ -30,7 +30,6 @@ class Fingers:
     """Taxels of both fingers, between the pads of the simulated hand."""
 
     def __init__(self, config: SimSkinConfig, source: PadSource, rng: np.random.Generator) -> None:
-        """Draw one skin."""
         self._source = source
         self._pads, self._shape = Pads(config.pad, config.layout), shape_of(config.layout)
         self.taxels = Taxels(config, rng)

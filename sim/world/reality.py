@@ -241,12 +241,12 @@ AnyError = Annotated[
 ]
 
 
+@dataclass(frozen=True, slots=True)
 class Reality:
     """Errors described by one file."""
 
-    def __init__(self, errors: Mapping[str, AnyError]) -> None:
-        """Store the errors by name."""
-        self.errors = dict(errors)
+    errors: Mapping[str, AnyError]
+    """The errors by their names."""
 
     def changed(self, tables: Mapping[str, Mapping[str, Any]]) -> "Reality":
         """Return these errors with the replacements from `reality.errors`.
@@ -254,7 +254,7 @@ class Reality:
         Raises:
             ConfigError: An error is unknown, without a source or out of bounds.
         """
-        return Reality(self.errors | _errors("reality.errors", tables))
+        return Reality({**self.errors, **_errors("reality.errors", tables)})
 
     def draw(self, seed: int, reality: RealityConfig, layout: Layout = USUAL_LAYOUT) -> Drawn:
         """Return the draw of the trial with this seed in a cell with this skin; the values are read-only.
