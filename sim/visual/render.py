@@ -2,6 +2,7 @@
 
 import os
 import sys
+from contextlib import ExitStack
 from typing import Any, Self
 
 import mujoco
@@ -23,14 +24,12 @@ class Camera:
     """Renders the scene off screen; it is a context manager for one thread."""
 
     def __init__(self, stage: Stage) -> None:
-        """Store the scene; `open` creates the OpenGL resources."""
-        self._stage = stage
-        self._gl: Any = None
-        self._context: Any = None
+        """Store the scene; entering creates the OpenGL resources."""
+        self._stage, self._open = stage, ExitStack()
         self._scene = mujoco.MjvScene(stage.model, maxgeom=1000 + MOST_TRAIL)
         self._option = mujoco.MjvOption()
 
-    def open(self) -> None:
+    def __enter__(self) -> Self:
         """Get an OpenGL context.
 
         Raises:
@@ -38,31 +37,20 @@ class Camera:
         """
         visual = self._stage.model.vis.global_
         try:
-            self._gl = _context_type()(visual.offwidth, visual.offheight)
-            self._gl.make_current()
+            gl = _context_type()(visual.offwidth, visual.offheight)
+            self._open.callback(gl.free)
+            gl.make_current()
             self._context = mujoco.MjrContext(self._stage.model, mujoco.mjtFontScale.mjFONTSCALE_150)
+            self._open.callback(self._context.free)
         except (ImportError, AttributeError, OSError, RuntimeError, mujoco.FatalError) as error:
-            self.close()
+            self._open.close()
             raise ConfigError(f"OpenGL: {error or type(error).__name__}; {ADVICE}".replace("\n", " ")) from None
         mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self._context)
-
-    def close(self) -> None:
-        """Release the OpenGL context; repeated calls are harmless."""
-        if self._context is not None:
-            self._context.free()
-            self._context = None
-        if self._gl is not None:
-            self._gl.free()
-            self._gl = None
-
-    def __enter__(self) -> Self:
-        """Open the camera."""
-        self.open()
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Close the camera."""
-        self.close()
+        """Release the OpenGL context."""
+        self._open.close()
 
     def cell(self, width: int, height: int, trail: Vector) -> Image:
         """Return a picture of the whole cell as posed, with the line through `trail`, shape (n, 3), m."""
