@@ -18,18 +18,15 @@ class PadConfig(ConfigModel):
     """
 
     stiffness: Annotated[float, Figure("N/m"), Field(exclude=True), Source("assumed")] = 10e3
-    """Stiffness of one pad at small depth, under a contact as long as the pad, N/m; assumed, studies vary it by 0.5 to
-    2."""
+    """Stiffness of one pad at small depth, under a contact as long as the pad, N/m; studies vary it by 0.5 to 2."""
     thickness: Annotated[float, Figure("m"), Field(exclude=True), Source("[gibbons], Sec. VI; assumed")] = 1.1e-3
-    """Depth at which the pad is fully compressed, m; 1 mm of elastomer ([gibbons], Sec. VI) and part of the cover
-    (assumed)."""
+    """Depth at which the pad is fully compressed, m: 1 mm of elastomer and, assumed, part of the cover."""
     exponent: Annotated[float, Field(ge=0.3, le=3.0), Quantity("number"), Source("set for each trial")] = 1.0
     """Exponent of force over depth at small depth, number; 1 is a bed of springs, 1.5 a Hertz contact, 0.5 the plateau of a foam."""
     blur: Annotated[float, Field(ge=1e-4, le=1e-2), Quantity("m"), Source("assumed")] = 1.2e-3
     """Standard deviation of the point spread through 1 mm of elastomer, m; assumed, close to the thickness."""
     taxel_diameter: Annotated[float, Figure("m"), Field(exclude=True), Source("[gibbons], Sec. VI; assumed")] = 4e-3
-    """Diameter of the round area that one taxel averages over, m; assumed, about half the pitch of [gibbons], Sec. VI.
-    """
+    """Diameter of the round area that one taxel averages over, m; about half the pitch of [gibbons], Sec. VI."""
 
 
 class SkinModel(ConfigModel):
@@ -160,8 +157,7 @@ class FixtureConfig(ConfigModel):
     """Mean position of the hole's centre over the parts, m, base frame. If none, it is drawn once per cell, uniformly
     over the area of the hole."""
     deviation: Annotated[float, Field(ge=0.0, le=0.02), Quantity("m")] = 0.0005
-    """Standard deviation of the hole's position between parts, along x and along y, m; every hole lies inside its
-    area."""
+    """Standard deviation of the hole's position between parts along x and y, m; every hole lies inside its area."""
 
 
 class DecoyKind(NamedTuple):
@@ -229,8 +225,7 @@ class SimConfig(ConfigModel):
     seed: Annotated[int, Field(ge=0), Source("set for each trial")] = 0
     """Seed of the first run; each further run of a session uses the next one."""
     fixture: FixtureConfig | None = None
-    """Fixture that holds the plate near one position. If none, the hole's position is drawn per part, uniformly over
-    its area."""
+    """Fixture that holds the plate near one position. If none, the hole is drawn per part, uniformly over its area."""
     plate: PlateConfig = PlateConfig()
     """True properties of the plate that differ from the stated ones."""
     model: ModelConfig = ModelConfig()
@@ -252,8 +247,7 @@ class RealityConfig(ConfigModel):
     file: FilePath | None = None
     """File with the distributions of the errors; none uses the `reality.toml` shipped with the program."""
     errors: dict[str, dict[str, dict[str, Any]]] = Field(default_factory=dict)
-    """Errors that replace those of the file, each in the file's form, such as `errors.arm.gravity`; none takes all from
-    the file."""
+    """Errors in place of the file's, each in its form, such as `errors.arm.gravity`; none takes all from the file."""
 
 
 class SimArmConfig(ConfigModel):

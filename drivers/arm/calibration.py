@@ -62,8 +62,7 @@ class ArmCalibration(ConfigModel):
         changed = 0.2  # Standard deviation of a joint's friction from day to day, fraction: grease warms up; assumed.
         likely, figures = doubts(arm), np.zeros((JOINTS, FIGURES))
         figures[:, 0], figures[:, 1], figures[:, 2] = self.dry.value, self.smooth.value, self.offset.value
-        # Change of an arm's likely offset in another posture, fraction; assumed, because only one posture is
-        # calibrated.
+        # Change of an arm's likely offset in another posture, fraction; assumed: one posture is calibrated.
         may_change = np.column_stack([changed * figures[:, 0], changed * figures[:, 1], 0.3 * likely[:, 2]])
         measured = np.column_stack([figure.deviation() for figure in (self.dry, self.smooth, self.offset)])
         deviations = likely.copy()
@@ -113,8 +112,7 @@ def read_arm_calibration(path: Path, arm: ArmModel, unit: str) -> ArmCalibration
 
 def implausible(found: ArmCalibration, arm: ArmModel) -> str | None:
     """Return the reason why a calibration is implausible for a sound arm; None if it is plausible."""
-    # Largest plausible friction or offset of a joint, fraction of its largest torque. Above it the joint is worn,
-    # braked or blocked.
+    # Largest plausible friction or offset, fraction of a joint's torque. Above it the joint is worn, braked or blocked.
     most = 0.25 * np.array(arm.joints.torque)
     named = [(f"friction at {v:g} rad/s", f, most) for v, f in zip(found.speeds, found.friction, strict=True)]
     for name, figure, bound in (*named, ("offset", found.offset, np.minimum(most, MOST_OFFSET))):

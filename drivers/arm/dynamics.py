@@ -162,9 +162,7 @@ def inertia_at(M: Vector, J: Vector) -> Vector:  # pragma: no cover
     """
     mobility = congruence(J, inverse(M))
     for k in range(mobility.shape[0]):
-        # An outstretched arm cannot move along every direction; the added mobility keeps its inertia finite there.
-        # Mobility added along every direction, 1/kg and 1/(kg·m²), so that the inertia of an outstretched arm stays
-        # finite.
+        # Mobility added along every direction, 1/kg and 1/(kg·m²): it keeps the inertia of an outstretched arm finite.
         mobility[k, k] += 1e-12
     L: Vector = inverse(mobility)
     return L

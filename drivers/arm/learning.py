@@ -147,8 +147,7 @@ def _learn(state: Vector, joint: int, explains: Vector, disturbance: float, peri
     spread, error = NOISE**2 / (period * BANDWIDTH), disturbance
     for k in range(FIGURES):
         first = state[PRIOR + FIGURES * joint + k] ** 2
-        # Time of free motion in which the variance of a learnt figure grows back to its first value, s; joints warm
-        # up.
+        # Time of free motion in which a learnt figure's variance grows back to its first value, s; joints warm up.
         P[k, k] = min(P[k, k] + first * period / 60.0, first)
         error -= explains[k] * known[k]
     for k in range(FIGURES):

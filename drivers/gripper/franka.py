@@ -152,8 +152,7 @@ class FrankaGripper:
         self._heard = time.monotonic()
         if word == "state":
             width, is_grasped = rest.split()
-            # Longest time from the end of a grasp until the hand's states show it, s of wall time; both arrive
-            # independently.
+            # Longest time from the end of a grasp to a state that shows it, s of wall time; both arrive independently.
             is_settled = is_grasped == "1" or not self._has_grasped or self._heard > self._done_at + 0.2
             self._lost, self._is_busy = "", self._is_busy and not (self._done_at < math.inf and is_settled)
             if not self._is_busy:

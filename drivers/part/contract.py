@@ -51,8 +51,7 @@ class Face:
             return np.where(np.abs(beside) <= self.width / 2, 0.0, np.inf)
         radius = self.width / 2
         sunk = radius - np.sqrt(np.maximum(radius**2 - beside**2, 0.0))
-        # Distance from a cylinder's axis up to which a pad follows its surface, fraction of the radius; the slope
-        # there is 64 degrees.
+        # Distance from a cylinder's axis up to which a pad follows it, fraction of the radius; the slope is 64 degrees.
         return np.where(np.abs(beside) < 0.9 * radius, sunk, np.inf)
 
     def strips(self, step: float) -> Vector:

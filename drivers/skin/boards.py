@@ -154,8 +154,7 @@ class BoardSkin:
     def _poll(self) -> list[RawScan]:
         """Send what is due, and return the received scans."""
         now = self._clock.now()
-        # Time without a poll after which a wire's full buffer may have lost scans, s, for example while a program
-        # starts.
+        # Time without a poll after which a full buffer may have lost scans, s, for example while a program starts.
         if now - self._polled > 1.0:
             # Without polls the wire's buffer overflows, which is not a silence of the board.
             self._listening_since = now

@@ -132,8 +132,7 @@ class SkinHealth:
 
     def _is_touched(self, values: Vector, trusted: Mask) -> bool:
         """Return True if one taxel, or all of them together, show a touch: a light grip raises no single taxel far above its noise."""
-        # Longest time of drift that is not taken for a touch, s; the drift of much longer times reaches the readings
-        # of a peg in the hand.
+        # Longest time of drift that is not taken for a touch, s; longer drift reaches the readings of a held peg.
         drift = self._walk * math.sqrt(min(self._behind, 600.0))  # after a grip, a quiet taxel is not where it was
         heights = values * self._config.touch / np.maximum(self._touch, drift)
         if (np.abs(heights) > self._config.touch).any():

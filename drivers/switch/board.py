@@ -43,8 +43,7 @@ class SerialSuccessSwitch:
         self._line.open()
         self._is_open = True
         self._forget()
-        # Longest time from opening the port, which resets the board, to the first report, s; the boot loader waits
-        # first.
+        # Longest time from opening the port, which resets the board, to the first report, s; its boot loader waits.
         end = self._clock.now() + 2.5
         while self.read() is SwitchState.UNKNOWN and self._clock.now() < end:
             # Time between two polls for the first report, s.

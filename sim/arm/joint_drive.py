@@ -24,8 +24,7 @@ IS_IDEAL, DELAY, AT = 0, 1, 2
 BLEND = 3
 """Index of the low-pass coefficients for a tick and for a long step, fraction."""
 LEFT_OVER, SPAN, SLOPE, SHIFT, AT_REST, VISCOUS = 5, 12, 19, 26, 33, 40
-"""Indices of seven words each: residual gravity torque; the smooth friction's curve and its value at rest; viscous
-friction."""
+"""Indices of seven words each: residual gravity torque; smooth friction's curve and value at rest; viscous friction."""
 ARRIVED, ACTING = 47, 54
 """Indices of seven words each: command after transport; torque after the low-pass, N·m."""
 RING = 61

@@ -88,8 +88,7 @@ def act(words: Vector, peg: PegView, mass_centre: Vector, load: Vector) -> None:
 @njit(cache=True, inline="always")
 def resistance(words: Vector, depth: float) -> float:  # pragma: no cover
     """Return the force on an end at a depth, m, N, positive out of the hole; moves the sticking depth of a press fit."""
-    # Stiffness of a press fit before it slides, N/m; assumed equal to the pads' shear stiffness, which the same steps
-    # resolve.
+    # Stiffness of a press fit before it slides, N/m; assumed equal to the pads' shear, which the same steps resolve.
     press_stiffness = 5e4
     # x = (depth - top) / height.
     way = (depth - words[TOP]) / words[HEIGHT]

@@ -131,8 +131,7 @@ def _edges(meet, start, along, length, one, other):  # type: ignore[no-untyped-d
     rounding = 1e-6  # Penetration below which a pair outside a cone is omitted, m.
     for k in range(4):
         sign = 1.0 if k < 2 else -1.0
-        # Direction t of the rim edge, the wall's normal into the bore, its distance from the axis, and half the edge's
-        # length.
+        # Direction t of the rim edge; wall's normal into the bore; its distance from the axis; half the edge's length.
         if k % 2 == 0:
             t, inward, away, reach = (0.0, 1.0, 0.0), (-sign, 0.0, 0.0), meet.hole, meet.across
         else:
@@ -143,8 +142,7 @@ def _edges(meet, start, along, length, one, other):  # type: ignore[no-untyped-d
             t[0] * along[1] - t[1] * along[0],
         )
         sine = math.sqrt(_dot(n, n))
-        # Sine of the angle below which two edges have no common normal; their ends and the perpendicular edges then
-        # represent them.
+        # Sine of the angle below which two edges have no common normal; their ends and perpendicular edges do instead.
         if sine < 1e-6:
             continue
         scale = 1.0 / sine if n[2] + _dot(n, inward) > 0.0 else -1.0 / sine

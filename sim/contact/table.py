@@ -36,8 +36,7 @@ metered penetration; nothing."""
 PENETRATION = 80
 """Index in `userdata` of the deepest penetration in the bore or at its rim since the last reset to 0, m."""
 SURFACE = 81
-"""Index in `userdata` of the deepest penetration of a plate's surface or a hole's floor since the last reset to 0,
-m."""
+"""Index in `userdata` of the deepest penetration of a surface or a hole's floor since the last reset to 0, m."""
 
 NEAR = 1e-3
 """Distance above which two features cannot meet in a step, m."""
@@ -45,8 +44,7 @@ FEATURE_BAND = 3e-4
 """Gap below which a feature becomes a contact at any approach speed, m. The pivot's friction can accelerate the light
 peg's tip to 0.25 m/s within a step of 0.5 ms. Only a contact that exists before the step can stop it."""
 SAMPLE_BAND = 2e-5
-"""Gap below which a sample becomes a contact at any approach speed, m; samples only spread the load of nearly conformal
-surfaces."""
+"""Gap below which a sample becomes a contact at any speed, m; samples only spread the load of conformal surfaces."""
 DEEPEST = 1e-3
 """Depth in the plate or in the wall of its bore beyond which a point makes no contact, m. Such a point came in from the
 plate's side, which is not modelled, or through the plate. The trial becomes void; a contact force at this depth would
@@ -59,11 +57,9 @@ IMPEDANCE = 0.9999
 """Constraint impedance of the contacts, the maximum of MuJoCo, fraction."""
 FRICTION_LAG = 4.0
 """Response time of friction to a change of the sliding speed, multiple of the normal force's response time to the
-approach. A larger value makes a sliding peg hover less (see `put`), and sink less where its speed changes within a
-step."""
+approach. A larger value makes a sliding peg hover less (see `put`), and sink less if its speed changes in a step."""
 SOLID = -1.0
-"""Half extent that marks a plate without a hole, m. It is negative, so that the plane is nearer than a wall to every
-point of the peg's end."""
+"""Half extent of a plate without a hole, m; negative, so that the plane is nearer to the peg's end than a wall."""
 FRICTION_FLOOR = 1e-5
 """Lower bound of a contact's friction, ratio; a contact with friction 0 vanishes in MuJoCo's elliptic cone."""
 
@@ -214,8 +210,7 @@ def meeting(model, data, geom_plate, geom_peg, g, lever):  # type: ignore[no-unt
         g: Vector from the plate's origin to the centre of the peg's end, m, base frame.
         lever: Largest distance of a contact point from the centre of the peg's end, m.
     """
-    # MuJoCo finds contacts before it computes velocities; without this call the velocities would be those of the last
-    # step.
+    # MuJoCo finds contacts before it computes velocities; without this call they would be those of the last step.
     native.update_velocities(model, data)
     body = carray(native.pointer(native.load(model + native.MODEL_GEOM_BODYID)), (geom_peg + 1,), np.int32)[geom_peg]
     root = carray(native.pointer(native.load(model + native.MODEL_BODY_ROOTID)), (body + 1,), np.int32)[body]

@@ -21,8 +21,7 @@ from sim.hand.pad_solver import CELL, lie, spread
 
 LINE_POINTS = 33
 LEVER_LIMIT = 0.9
-"""Limit on loads that would lift the peg off a pad or tilt it out, as a share of the largest load that the pads bear,
-fraction."""
+"""Limit on loads that would lift the peg off a pad or tilt it out, fraction of the largest load that the pads bear."""
 
 
 @dataclass(frozen=True, slots=True)

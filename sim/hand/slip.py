@@ -21,13 +21,11 @@ TURNING_INERTIA = MASS * 0.035**2 / 12
 
 
 FORCE, TORQUE, ALONG, BESIDE = 0, 1, 2, 3
-"""Largest force, N, and moment, N·m; centre of the contact along the peg, z from its tip to the finger, and beside it,
-m."""
+"""Largest force, N, and moment, N·m; centre of the contact along the peg, towards the finger, and beside it, m."""
 STIFFNESS, TURNING, DAMPING, TURN_DAMPING = 4, 5, 6, 7
 """Stiffness of the shear along the pads, N/m, and about the closing axis, N·m/rad; its damping, N·s/m and N·m·s/rad."""
 STUCK, APPLIED = 8, 11
-"""Three words each: rotation, position along and position beside at which the peg sticks, rad and m; forces of the last
-step, N·m and N."""
+"""Three words each: rotation and positions along and beside at which the peg sticks, rad and m; last forces, N·m, N."""
 START = 14
 """Two words: position along and beside at the grasp, m."""
 SLIP, CONTACT = 16, 17
@@ -66,8 +64,7 @@ def bear(words: Vector, qpos: Vector, first: int, grip_force: float) -> None:  #
         first: Index of the rotation, or -1 if no hand holds the peg.
         grip_force: Grip force of the hand, N.
     """
-    # Damping ratio of the peg on the pads' shear, ratio to critical; assumed: a soft rubber under a peg with
-    # friction.
+    # Damping ratio of the peg on the pads' shear, ratio to critical; assumed: soft rubber under a peg with friction.
     loss = 0.4
     if first < 0:
         return

@@ -125,8 +125,7 @@ def _lofted(rings: list[Vector], closed: bool) -> Mesh:
     if not closed:
         for i, is_first in ((0, True), (count - 1, False)):
             profile = [k * count + i for k in range(len(rings) - 1)]
-            # Order of the rings: bottom outside, top outside, mouth with its chamfer, floor, and the axis below it. The
-            # first ring sees all.
+            # Order of the rings: bottom and top outside, mouth with chamfer, floor, axis below. The first sees all.
             ends = [(profile[0], one, two) for one, two in pairwise(profile[1:])]
             faces += [end if is_first else end[::-1] for end in ends]
     used = np.array(faces, dtype=np.intp)

@@ -14,8 +14,7 @@ from sim.world.situation import PegSituation
 EXCHANGE_TIME = 0.05
 """Time in which the line exchanges a workpiece, s: long enough for the switch's board to detect it."""
 EXCHANGE_STEPS = 5
-"""Number of clock steps in that time. An emulated board reads its lever once in each step and reports it in the
-next."""
+"""Number of clock steps in that time. An emulated board reads its lever in each step and reports it in the next."""
 
 
 class SimLine:

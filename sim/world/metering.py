@@ -17,17 +17,14 @@ SUSTAINED, RING_AT, TURN_FROM, TURN_MAX = 7, 8, 9, 10
 """Indices of meters: deepest sustained penetration of a bore or its rim, m; index of its ring; reference hinge angle of
 the rotation, and largest rotation, rad."""
 OVER_TIME, SURFACE_SUSTAINED = 11, 12
-"""Indices of meters: time with a force on the held peg above `OVER_FORCE`, s; deepest sustained penetration of a
-surface or a floor, m."""
+"""Indices of meters: time with a force above `OVER_FORCE`, s; deepest sustained penetration of surface or floor, m."""
 JERK_FREE, JERK_CONTACT = 13, 14
-"""Indices of meters: largest jerk of the finger centre during commanded motion in free space, and at all other times,
-m/s³."""
+"""Indices of meters: largest jerk of the finger centre during commanded motion in free space, and otherwise, m/s³."""
 RING, SURFACE_RING = 20, 70
 """Indices of the rings with the newest ticks' penetrations, of bores and rims and of surfaces and floors."""
 
 VELOCITY, ACCELERATION = 112, 115
-"""Indices of the finger centre's velocity, m/s, and acceleration, m/s², base frame, after the low-pass of
-`JERK_BANDWIDTH`."""
+"""Indices of the finger centre's low-passed velocity, m/s, and acceleration, m/s², base frame; see `JERK_BANDWIDTH`."""
 
 JERK_BANDWIDTH = 10.0
 """Corner frequency of the second-order Butterworth low-pass of the jerk, as in [r79], Hz. With the default stiffness
@@ -68,8 +65,7 @@ def take(
 ) -> None:  # pragma: no cover
     """Update the meters with the net force, N, and torque, N·m, of a step of `elapsed`, s, and the held peg's rotation."""
     # First-order low-pass, implicit Euler: y <- y + h / (T + h) (f - y).
-    # Time constant of the force low-pass, s, a bandwidth of 32 Hz; single steps of a rigid contact carry no
-    # information.
+    # Time constant of the force's low-pass of 32 Hz, s; single steps of a rigid contact carry no information.
     blend = elapsed / (0.005 + elapsed)
     size = 0.0
     for i in range(3):

@@ -65,8 +65,7 @@ _PROBE = """<mujoco><size nuser_geom="8" nuserdata="8"/><worldbody><geom type="e
 <tendon><spatial name="string"><site site="here"/><site site="there"/></spatial></tendon>
 <actuator><general joint="hinge" dyntype="filter"/></actuator><sensor><jointpos joint="hinge"/></sensor>
 <equality><connect body1="ball" anchor="0 0 0"/></equality></mujoco>"""
-"""Model with one element of every kind, so that no array is empty; an empty array has its neighbour's address and would
-prove nothing."""
+"""Model with one element of every kind: an empty array would have its neighbour's address and prove nothing."""
 
 
 def library_path() -> Path:
@@ -201,8 +200,7 @@ def contact_force(data, contact):  # type: ignore[no-untyped-def]
 verify_layout()
 _timer = ctypes.c_void_p.in_dll(ctypes.CDLL(str(library_path())), "mjcb_time")
 _clock, _timer.value = _timer.value, None
-"""Wall clock that the Python package sets in MuJoCo. MuJoCo reads it some thirty times a step, and only profiling needs
-it."""
+"""Wall clock that the Python package sets in MuJoCo, which reads it thirty times a step; only profiling needs it."""
 
 
 @contextmanager

@@ -46,8 +46,7 @@ def held_model(arm: ArmTruth, job: Job, plate: Plate, friction: float, timestep:
     """Return the model of the arm with the peg on its hinge and slides, above one plate."""
     axis, hand = -job.peg.length / 2 + job.peg.overhang / 2, arm.model.hand
     # The peg's frame is that of `drivers.frames.peg_in_finger(0)`: x the closing axis, z from the tip to the finger.
-    # The hinge rotates about the finger centre. The slides move the peg in its own frame: first along it, then across
-    # it.
+    # The hinge rotates about the finger centre. The slides move the peg in its own frame, first along, then across it.
     peg = f"""<body name="{GRIP}" pos="0 0 {hand.finger_centre}" quat="0 {math.sqrt(0.5)} {math.sqrt(0.5)} 0">
       <inertial mass="1e-6" pos="0 0 0" diaginertia="1e-9 1e-9 1e-9"/>
       <joint name="pivot" type="hinge" axis="1 0 0" armature="{slip.TURNING_INERTIA}"/>

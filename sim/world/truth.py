@@ -6,8 +6,7 @@ from sim.world.situation import PegSituation
 
 VOID_PENETRATION = 10e-6
 VOID_SHARE = 0.2
-"""Penetration, as a share of the radial clearance, that makes a trial void if it lasts longer than 2 ms; 10 um do
-too."""
+"""Penetrations, m and as a share of the radial clearance, that make a trial void if they last longer than 2 ms."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,8 +42,7 @@ class Truth:
     jerk_contact: float
     """Largest jerk of the finger centre at all other times, m/s³, after the same low-pass."""
     plate_penetration: float
-    """Deepest penetration of a surface or a hole's floor that lasted longer than 2 ms, m; recorded only, no
-    criterion."""
+    """Deepest penetration of a surface or a hole's floor that lasted longer than 2 ms, m; no criterion."""
     joint_speed: float
     """Speed of the fastest joint, rad/s."""
 
