@@ -10,7 +10,7 @@ about x. In the finger frame the left one is therefore the mirror image of the r
 from functools import lru_cache
 from itertools import combinations
 from pathlib import Path
-from typing import Annotated, Self
+from typing import Annotated, Any, Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +21,7 @@ from drivers.config_model import ConfigModel, beside_config
 from drivers.figures_file import read_figures
 from drivers.quantities import FINGERS, Vector
 
+A = TypeVar("A", bound=NDArray[Any])
 PITCH = 7.5e-3
 """Distance between neighbouring taxels of the shipped layouts, m; [gibbons], Sec. VI."""
 ROW = PITCH * 0.75**0.5
@@ -120,26 +121,27 @@ def shape_of(layout: Layout) -> tuple[int, int]:
     return FINGERS, len(layout_of(layout).places)
 
 
+def fixed(array: A) -> A:
+    """Return an array after it was made read-only, so that callers can share it."""
+    array.flags.writeable = False
+    return array
+
+
 @lru_cache
 def module_of(layout: Layout) -> NDArray[np.intp]:
     """Return the module number of each taxel, counted over both fingers, left finger first, shape (2, n)."""
     fingers, taxels = shape_of(layout)
     modules = fingers * layout_of(layout).modules
-    number = np.repeat(np.arange(modules), fingers * taxels // modules).reshape(fingers, taxels)
-    number.flags.writeable = False
-    return number
+    return fixed(np.repeat(np.arange(modules), fingers * taxels // modules).reshape(fingers, taxels))
 
 
-def _exchanged(layout: Layout, *, left: bool, right: bool, fingers: bool) -> NDArray[np.intp]:
-    """Return the source taxel of each reading, shape (2 n,), after exchanges of a finger's modules and then of the fingers."""
+def _exchanged(layout: Layout, modules_of: tuple[int, ...], *, fingers: bool = False) -> NDArray[np.intp]:
+    """Return the source taxel of each reading, shape (2 n,), after exchanges of the modules of some fingers, then of the fingers."""
     shape = shape_of(layout)
     told = np.arange(shape[0] * shape[1]).reshape(shape)
-    for finger, is_exchanged in enumerate((left, right)):
-        if is_exchanged:
-            told[finger] = np.roll(told[finger], shape[1] // 2)
-    order: NDArray[np.intp] = told[::-1].ravel() if fingers else told.ravel()
-    order.flags.writeable = False
-    return order
+    for finger in modules_of:
+        told[finger] = np.roll(told[finger], shape[1] // 2)
+    return fixed(told[::-1].ravel() if fingers else told.ravel())
 
 
 @lru_cache
@@ -151,9 +153,9 @@ def module_exchanges(layout: Layout) -> dict[str, NDArray[np.intp]]:
     if layout_of(layout).modules != 2:
         return {}
     return {
-        "the two modules of the left finger": _exchanged(layout, left=True, right=False, fingers=False),
-        "the two modules of the right finger": _exchanged(layout, left=False, right=True, fingers=False),
-        "the two modules of each finger": _exchanged(layout, left=True, right=True, fingers=False),
+        "the two modules of the left finger": _exchanged(layout, (0,)),
+        "the two modules of the right finger": _exchanged(layout, (1,)),
+        "the two modules of each finger": _exchanged(layout, (0, 1)),
     }
 
 
@@ -163,27 +165,23 @@ def exchanges(layout: Layout) -> dict[str, NDArray[np.intp]]:
 
     If the fingers are exchanged, a print is mirrored; the print alone cannot show it.
     """
-    found = module_exchanges(layout) | {"the two fingers": _exchanged(layout, left=False, right=False, fingers=True)}
+    found = module_exchanges(layout) | {"the two fingers": _exchanged(layout, (), fingers=True)}
     if layout_of(layout).modules == 2:
-        found["the two fingers and the modules of each"] = _exchanged(layout, left=True, right=True, fingers=True)
+        found["the two fingers and the modules of each"] = _exchanged(layout, (0, 1), fingers=True)
     return found
 
 
 @lru_cache
 def positions(layout: Layout) -> Vector:
     """Return the places of the right finger's taxels, shape (n, 2), m, x and y of the finger frame."""
-    places = np.array(layout_of(layout).places)
-    places.flags.writeable = False
-    return places
+    return fixed(np.array(layout_of(layout).places))
 
 
 @lru_cache
 def finger_positions(layout: Layout) -> Vector:
     """Return the places of all taxels, left finger first, shape (2, n, 2), m, x and y of the finger frame."""
     right = positions(layout)
-    both = np.stack([right * [1.0, -1.0], right])
-    both.flags.writeable = False
-    return both
+    return fixed(np.stack([right * [1.0, -1.0], right]))
 
 
 @lru_cache
@@ -209,9 +207,7 @@ def triangles(layout: Layout) -> NDArray[np.intp]:
     above = np.einsum("tk,tpk->tp", normal, lifted[None] - lifted[a][:, None])
     above[np.arange(len(corner))[:, None], corner] = 0.0
     is_empty = (above >= -1e-12).all(axis=1)
-    chosen: NDArray[np.intp] = corner[is_empty]
-    chosen.flags.writeable = False
-    return chosen
+    return fixed(corner[is_empty])
 
 
 def pad_size(layout: Layout) -> tuple[float, float]:

@@ -21,7 +21,7 @@ from drivers.errors import ConfigError
 from drivers.figures_file import read_toml
 from drivers.parts import Fraction
 from drivers.quantities import Vector
-from drivers.skin.layout import Layout, module_of, shape_of
+from drivers.skin.layout import Layout, fixed, module_of, shape_of
 from sim.config import RealityConfig
 
 REALITY_STREAM = 4
@@ -92,15 +92,10 @@ Drawn = Mapping[str, Vector]
 """One trial's errors by name, each of the shape of its kind."""
 
 
-def _fixed(value: Vector) -> Vector:
-    value.setflags(write=False)
-    return value
-
-
 @lru_cache
 def as_believed(layout: Layout) -> Drawn:
     """Return the draw of a cell that agrees with the software's assumptions."""
-    return {name: _fixed(np.full(kind.shape(layout), kind.ideal)) for name, kind in KINDS.items()}
+    return {name: fixed(np.full(kind.shape(layout), kind.ideal)) for name, kind in KINDS.items()}
 
 
 AS_BELIEVED: Drawn = as_believed(USUAL_LAYOUT)
@@ -276,7 +271,7 @@ class Reality:
             if reality.scale > 0.0 and reality.alone in ("", name, KINDS[name].part_of) and name not in reality.without:
                 stream = np.random.SeedSequence(seed, spawn_key=(REALITY_STREAM, zlib.crc32(name.encode())))
                 shape = KINDS[name].shape(layout)
-                drawn[name] = _fixed(error.draw(np.random.default_rng(stream), reality.scale, shape))
+                drawn[name] = fixed(error.draw(np.random.default_rng(stream), reality.scale, shape))
         return drawn
 
 
