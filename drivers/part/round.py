@@ -19,6 +19,7 @@ class Round(Part):
     """A circle; `drivers.part.contract.Part` documents its members."""
 
     kind: ClassVar[str] = "round"
+    symmetry: ClassVar[float] = 0.0
     diameter: float
     """Diameter of the circle, m."""
     chamfer: float = 0.0
@@ -38,11 +39,6 @@ class Round(Part):
     def reach(self) -> float:
         """Radius, m."""
         return self.diameter / 2
-
-    @property
-    def symmetry(self) -> float:
-        """Zero, rad: every turn leaves the section unchanged."""
-        return 0.0
 
     @property
     def face(self) -> Face:
