@@ -54,7 +54,7 @@ class Peg(ConfigModel):
     @model_validator(mode="after")
     def _has_size(self) -> Self:
         # Least radius of a chamfered peg's end face, m; chosen, not measured.
-        most = part_of(self.shape, self.diameter, self.sides, self.chamfer).reach - 1e-3
+        most = self.part.reach - 1e-3
         if self.chamfer > 0.0 and self.chamfer >= most:
             raise ValueError(
                 f"peg.chamfer = {self.chamfer}: leaves too little of the end; less than {most:g}, the radius less 1 mm, allowed"

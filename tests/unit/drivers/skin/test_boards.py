@@ -13,8 +13,8 @@ from tests.cyskin_makers import SENT
 from tests.skins import WIRED, BoardRig, can_config, held_peg, serial_config
 
 STEADY = SkinHealthConfig().model_copy(update={"drift_time": 1e5})
-FULL_SCALE = LAYOUTS["parallelogram"].full_scale
 """A baseline that follows nothing."""
+FULL_SCALE = LAYOUTS["parallelogram"].full_scale
 
 
 @pytest.fixture(params=["can", "serial"])
