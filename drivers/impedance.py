@@ -229,8 +229,8 @@ def torque(
 ) -> Vector:  # pragma: no cover
     """Return the joint torques of one control step, within the arm's limits of torque and torque rate.
 
-    The arm's own controller adds the torques of gravity and friction. The law omits Coriolis torques: at 0.25 m/s, the largest
-    speed of a transfer, they are below 0.6 N·m, or 2 N at the tip, and made no path straighter.
+    The arm's own controller adds the torques of gravity and friction. The law omits Coriolis torques: at 0.5 m/s and 2 rad/s,
+    the largest speeds of a transfer, they are below 1.6 N·m, or 5 N at the tip.
 
     Args:
         arm: Figures of the arm, from `figures`.

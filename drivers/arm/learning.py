@@ -8,8 +8,9 @@ inertia that the model lacks:
 
 Recursive least squares estimate the four figures of each joint, starting from a prior mean and standard deviation. At
 rest, friction has any value up to dry. A joint at rest teaches only if its disturbance exceeds that bound: a joint that
-sticks separates friction from offset even if it has moved one way only. An implausibly large disturbance teaches nothing, so
-that an arm that is held back does not push ever harder.
+sticks separates friction from offset even if it has moved one way only. Fast motion teaches nothing: its viscous friction
+and Coriolis torques are not in the model. Nor does an implausibly large disturbance, so that an arm that is held back does
+not push ever harder.
 
 The law feeds the offset forward, and the friction along the commanded motion. A sign taken from the setpoint closes no
 feedback loop; one taken from a measured velocity would.
@@ -105,7 +106,11 @@ def observe(state: Vector, M: Vector, dq: Vector, period: float, is_free: bool) 
     """
     # Velocity below which a joint counts as at rest, rad/s: its dry friction may have any value up to its level.
     moving = 0.03
+    # Velocity at which smooth friction has its level, rad/s: viscous friction and Coriolis torques grow on.
+    fastest = 2.0 * SMOOTH_RATE
     share = period * BANDWIDTH / (1.0 + period * BANDWIDTH)
+    for i in range(JOINTS):
+        is_free = is_free and abs(dq[i]) <= fastest
     # p = M dq,  r = K (p - ∫ (tau + r) dt);  the disturbance is -r. All regressors pass a low-pass of the same bandwidth K.
     for i in range(JOINTS):
         momentum = 0.0

@@ -20,7 +20,7 @@ OVERRUN_WINDOW = 100
 """Number of scans in the count of overruns."""
 LONGEST_STEP = 3.0
 """Largest advance of a path in one scan, periods of the scan; if a scan is later, it slows the path. At the speed of a transfer the
-setpoint then jumps by 7.5 mm, which the arm follows with 11 N. Source: chosen, not measured.
+setpoint then jumps by 15 mm, which the arm follows with 22 N. Source: chosen, not measured.
 """
 FREE_SHARE = 5
 """Divisor of the number of a finger's taxels: at least this part of them is beside any peg."""
