@@ -78,8 +78,6 @@ def _loaded(args: argparse.Namespace) -> LoadedConfig:
         raise ConfigError("--name, --out: only with --plc HOST")
     if args.only and (args.plc or needs_arm):
         raise ConfigError("--only: not together with --plc, --prove or --loop, which need the whole cell")
-    if args.out is not None:
-        out_folder(args.out.parent)  # made now, so that no record of a whole commissioning is lost
     loaded = load_config(args)
     if loaded.cell.is_simulated and needs_arm:
         raise ConfigError('--prove, --loop: arm.kind = "sim": only for a physical cell')
@@ -182,6 +180,8 @@ def _commission(args: argparse.Namespace, loaded: LoadedConfig) -> int:
     """Serve the cell to the PLC and watch its commands until every step has passed or one has failed."""
     if why := in_force(loaded, proven_file(args))[1]:
         raise ConfigError(f"--plc: {why}")
+    if args.out is not None:
+        out_folder(args.out.parent)  # made now, so that no record of a whole commissioning is lost
     bridge = Bridge(loaded.cell.plc, PROGRAMS, PARAMETERS)
     # Longest time for one step of the commissioning, s.
     walk = Walk(args.plc, loaded.cell.plc.life_timeout, 300.0, complain if args.json else say)

@@ -3,7 +3,7 @@
 import argparse
 import csv
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from shutil import get_terminal_size
@@ -27,6 +27,7 @@ from cell.records.journal import Journal
 from cell.records.schema import RunRow, plain
 from cell.records.wall_clock import headed, local
 from drivers.errors import ConfigError, JournalError
+from drivers.quantities import Vector
 from skills.catalogue import CATALOGUE
 
 LAST, BLOCK = 20, 100
@@ -76,7 +77,12 @@ def _export(args: argparse.Namespace, journal: Journal, rows: Sequence[RunRow], 
     from cell.records import sample_export as to
     from cell.records.samples import export_csv, read_samples, torn
 
-    files = []
+    writers: dict[str, Callable[[RunRow, dict[str, Vector], Path], None]] = {
+        "csv": lambda row, samples, path: export_csv(samples, path),
+        "parquet": to.write_samples_parquet,
+        "mcap": to.write_mcap,
+    }
+    write, files = writers[args.export], []
     if args.export == "csv":
         files.append(folder / "runs.csv")
         with files[0].open("w", newline="", encoding="utf-8") as file:
@@ -95,14 +101,8 @@ def _export(args: argparse.Namespace, journal: Journal, rows: Sequence[RunRow], 
                 continue  # the run has no samples, or they have been deleted
             if lack := torn(recorded, samples, row.samples):
                 complain(f"warning: {lack}")
-            path = folder / f"run-{row.run:06d}.{args.export}"
-            if args.export == "csv":
-                export_csv(samples, path)
-            elif args.export == "parquet":
-                to.write_samples_parquet(row, samples, path)
-            else:
-                to.write_mcap(row, samples, path)
-            files.append(path)
+            files.append(folder / f"run-{row.run:06d}.{args.export}")
+            write(row, samples, files[-1])
     if args.json:
         show(args, "", {"runs": [plain(row) for row in rows], "files": [str(path) for path in files]})
     written(args, files[:3])

@@ -240,12 +240,17 @@ class CellConfig(Catalogued):
         missing = [name for name in ("contact", "grip", "sim") if getattr(self, name) is None]
         if simulated and missing:
             raise ValueError(f'[{missing[0]}]: missing; needed because {simulated[0]}.kind = "sim"')
-        if not simulated and self.is_skin_emulated():
-            raise ValueError(f'skin.kind = "{self.skin.kind}": its board is "{EMULATED}", which needs a simulated arm')
-        if not simulated and isinstance(self.switch, SerialSwitchConfig) and self.switch.port == EMULATED:
-            raise ValueError(f'switch.port = "{EMULATED}": needs a simulated cell; the name of a port allowed')
         if self.arm.kind == "franka" and simulated:
             raise ValueError(f'{simulated[0]}.kind = "sim": needs a simulated arm, and arm.kind = "franka" is none')
+        return self
+
+    @model_validator(mode="after")
+    def _suits_its_boards(self) -> Self:
+        is_simulated = any(getattr(self, name).kind == "sim" for name in SIMULATED)
+        if not is_simulated and self.is_skin_emulated():
+            raise ValueError(f'skin.kind = "{self.skin.kind}": its board is "{EMULATED}", which needs a simulated arm')
+        if not is_simulated and isinstance(self.switch, SerialSwitchConfig) and self.switch.port == EMULATED:
+            raise ValueError(f'switch.port = "{EMULATED}": needs a simulated cell; the name of a port allowed')
         if self.is_simulated and self.gripper.kind != "sim":
             raise ValueError(
                 f'gripper.kind = "{self.gripper.kind}": needs the real arm; "sim" allowed with a simulated one'

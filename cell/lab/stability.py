@@ -429,6 +429,14 @@ MARKS: Mapping[tuple[str, str, str, float], Callable[[StepTrace], bool]] = {
 """Label, colour, style and size of the marks of cases, and the cases that have them."""
 
 
+MARGINS: Columns = {
+    "value": lambda line: f"{line['gain']:g} {UNITS[line['kind']]}",
+    "unstable from": lambda line: f"{line['limit']:.4g} {UNITS[line['kind']]}",
+    "margin": lambda line: f"{line['margin']:.2f} times",
+}
+"""Columns of the table of gains that the skin steers."""
+
+
 def run(args: argparse.Namespace) -> StudyReport:
     """Measure the map, compare it with theory, write every case, draw the charts."""
     config, folder, grid = load_simulated(args).cell, out_folder(args.out), QUICK if args.quick else WHOLE
@@ -437,15 +445,10 @@ def run(args: argparse.Namespace) -> StudyReport:
     arm, guard = compare(traces, theory), caught(traces)
     rows = [_row(trace, theory) for trace in traces]
     charts = [draw(kind, traces, theory, shipped, folder) for kind in HELD]
-    columns: Columns = {
-        "value": lambda line: f"{line['gain']:g} {UNITS[line['kind']]}",
-        "unstable from": lambda line: f"{line['limit']:.4g} {UNITS[line['kind']]}",
-        "margin": lambda line: f"{line['margin']:.2f} times",
-    }
     shown = table(
         "Gains that the skin steers, against the boundary of theory",
         {"skill": itemgetter("skill"), "gain": itemgetter("kind")},
-        columns,
+        MARGINS,
         shipped,
         f"margin needed {MARGIN:g}; n = {len(traces)}. Observer off: {arm['stable_below']} stable below the boundary"
         f" and {arm['unstable_below']} not, {arm['unstable_above']} unstable above it and {arm['stable_above']} not."

@@ -206,6 +206,13 @@ def seeded(config: CellConfig, seed: int) -> CellConfig:
     return config.model_copy(update={"sim": config.sim.model_copy(update={"seed": seed, "pace": "max"})})
 
 
+def _start_of(records: Sequence[StageRecord]) -> tuple[float | None, float | None]:
+    """Return x and y where the first search began, m, base frame, or None without a search."""
+    begun = (record.result.start for record in records if isinstance(record.result, SpraySearchResult))
+    found = next(begun, None)
+    return (float(found[0]), float(found[1])) if found else (None, None)
+
+
 def trial_in(
     cell: Cell,
     seed: int,
@@ -233,8 +240,7 @@ def trial_in(
     sim_time = cell.clock.now()
     watcher.clock.leave(sim_time)
     times = watcher.clock.times
-    begun = (r.result.start for r in records if isinstance(r.result, SpraySearchResult))
-    start_x, start_y = map(float, found) if (found := next(begun, None)) else (None, None)
+    start_x, start_y = _start_of(records)
     stages = [times[name] for name in CATALOGUE.counted if name in times]
     return TrialRow(
         seed=seed,

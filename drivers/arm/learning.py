@@ -106,11 +106,8 @@ def observe(state: Vector, M: Vector, dq: Vector, period: float, is_free: bool) 
     """
     # Velocity below which a joint counts as at rest, rad/s: its dry friction may have any value up to its level.
     moving = 0.03
-    # Velocity at which smooth friction has its level, rad/s: viscous friction and Coriolis torques grow on.
-    fastest = 2.0 * SMOOTH_RATE
     share = period * BANDWIDTH / (1.0 + period * BANDWIDTH)
-    for i in range(JOINTS):
-        is_free = is_free and abs(dq[i]) <= fastest
+    is_free = _is_teaching(dq, is_free)
     # p = M dq,  r = K (p - ∫ (tau + r) dt);  the disturbance is -r. All regressors pass a low-pass of the same bandwidth K.
     for i in range(JOINTS):
         momentum = 0.0
@@ -138,6 +135,14 @@ def observe(state: Vector, M: Vector, dq: Vector, period: float, is_free: bool) 
             # |disturbance - offset - rotor ddq| <= dry at rest. If the figures say otherwise, friction is at its bound.
             _learn(state, i, np.array([math.copysign(1.0, slack), 0.0, 1.0, acceleration]), disturbance, period)
     state[COUNT], state[IS_BEGUN] = 0.0, 1.0
+
+
+@njit(cache=True, inline="always")
+def _is_teaching(dq: Vector, is_free: bool) -> bool:  # pragma: no cover
+    """Return True if the hand moves freely, no joint faster than smooth friction needs for its level; other torques grow on."""
+    for i in range(JOINTS):
+        is_free = is_free and abs(dq[i]) <= 2.0 * SMOOTH_RATE
+    return is_free
 
 
 @njit(cache=True, inline="always")

@@ -72,27 +72,42 @@ def follow_shape(merged: Mapping[str, Any], layer: Mapping[str, Any]) -> list[tu
     shape = peg.get("shape", "round") if isinstance(peg, Mapping) else None
     if not isinstance(shape, str) or shape not in WORDS:
         return []
-    word, renamed = WORDS[shape], []
+    word = WORDS[shape]
     other = SIDES if word == DIAMETER else DIAMETER
     # Sections of a config with a size.
-    for name in ("peg", "hole"):
-        section, said = merged.get(name), layer.get(name)
-        if not isinstance(section, dict) or section.get(other) is None:
-            continue
-        found = section.pop(other)
-        new = [found, found] if word == SIDES else _side(found)
-        if isinstance(said, Mapping) and said.get(other) is not None:
-            allowed = word if new is None else f"{word} = {new}"
-            raise ValueError(f'{name}.{other} = {found}: not for peg.shape = "{shape}"; {name}.{allowed} allowed')
-        if section.get(word) is not None:
-            continue
-        if new is None:
-            raise ValueError(
-                f'{name}.{word}: missing; needed because peg.shape = "{shape}" and {name}.{other} was {found}'
-            )
-        section[word] = new
-        renamed.append((name, other, word))
-    return renamed
+    return [
+        (name, other, word)
+        for name in ("peg", "hole")
+        if _rename(name, other, shape, merged.get(name), layer.get(name))
+    ]
+
+
+def _rename(name: str, other: str, shape: Shape, section: Any, said: Any) -> bool:
+    """Rename the size `other` of a section to the key of the peg's shape; return False if it has no size to rename.
+
+    Args:
+        name: Name of the section.
+        other: Key of the size of another shape.
+        shape: Shape of the peg.
+        section: The section with the layer in it; changed in place.
+        said: The section in the layer alone.
+
+    Raises:
+        ValueError: See `follow_shape`.
+    """
+    if not isinstance(section, dict) or section.get(other) is None:
+        return False
+    word, found = WORDS[shape], section.pop(other)
+    new = [found, found] if word == SIDES else _side(found)
+    if isinstance(said, Mapping) and said.get(other) is not None:
+        allowed = word if new is None else f"{word} = {new}"
+        raise ValueError(f'{name}.{other} = {found}: not for peg.shape = "{shape}"; {name}.{allowed} allowed')
+    if section.get(word) is not None:
+        return False
+    if new is None:
+        raise ValueError(f'{name}.{word}: missing; needed because peg.shape = "{shape}" and {name}.{other} was {found}')
+    section[word] = new
+    return True
 
 
 def _side(sides: Any) -> Any:

@@ -94,14 +94,23 @@ def _curves(
     A point with at most half inserted is hollow and not joined: the mean time of few successes says little. A method
     without a success has its count in the legend.
     """
-    of = sorted((line for line in _of(lines, method, scene) if _scale(line)), key=_scale)
-    for is_joined in (True, False):
-        shown = [line for line in of if line.successes and (success(line) > 50.0) is is_joined]
-        has_bars = is_joined and value is success
-        low, high = ([100.0 * getattr(line, end) for line in shown if has_bars] for end in ("low", "high"))
-        at = [line.mean for line in shown], [value(line) for line in shown]
-        look = METHODS[method].colour, _label(method, of) if is_joined else "", "o-" if is_joined else "o"
-        yield Curve(*at, *look, low=low, high=high, is_hollow=not is_joined)
+    of = _swept(lines, method, scene)
+    colour, inserted = METHODS[method].colour, [line for line in of if line.successes]
+    joined = [line for line in inserted if success(line) > 50.0]
+    bars = joined if value is success else []
+    low, high = ([100.0 * getattr(line, end) for line in bars] for end in ("low", "high"))
+    yield Curve(*_points(joined, value), colour, _label(method, of), "o-", low=low, high=high)
+    apart = [line for line in inserted if line not in joined]
+    yield Curve(*_points(apart, value), colour, "", "o", is_hollow=True)
+
+
+def _swept(lines: Sequence[VariantLine], method: str, scene: str) -> list[VariantLine]:
+    """Return the points of a method at every speed, without its presets, from slow to quick."""
+    return sorted((line for line in _of(lines, method, scene) if _scale(line)), key=_scale)
+
+
+def _points(lines: Sequence[VariantLine], value: Callable[[VariantLine], float]) -> tuple[list[float], list[float]]:
+    return [line.mean for line in lines], [value(line) for line in lines]
 
 
 def _label(method: str, of: Sequence[VariantLine]) -> str:
