@@ -14,12 +14,14 @@ from dataclasses import replace
 from functools import partial
 
 import pytest
+from distributed import LocalCluster
 
 from cell.commands.cli import FAULT, main
 from cell.config.load import load
 from cell.lab import workers
 from cell.lab.trials import PARTIAL, run_trial, run_trials
 from cell.lab.workers import Pool, _deaf_children, on_cluster, on_processes
+from cell.records.provenance import versions
 from drivers.errors import CellError
 
 SHORT = ["search.timeout=0.1"]
@@ -28,7 +30,7 @@ LOCAL = ("--host", "127.0.0.1", "--dashboard-address", "127.0.0.1:0")
 KILLED = """
 from cell.config.load import load
 from cell.lab.trials import run_trials
-run_trials(load(sets={sets}).cell, range(5, 100), 2, __import__("pathlib").Path({folder!r}), lambda row: print(row.seed, flush=True), {scheduler!r})
+run_trials(load(sets={sets}).cell, range(5, 100), 1, __import__("pathlib").Path({folder!r}), lambda row: print(row.seed, flush=True))
 """
 
 
@@ -39,14 +41,14 @@ def free_port() -> int:
 
 
 @contextmanager
-def running(*arguments, **environment):
+def running(*arguments):
     """Yield a Python process; it is killed at the end."""
     process = subprocess.Popen(
         [sys.executable, *arguments],
         stdout=subprocess.PIPE,
         stderr=subprocess.DEVNULL,
         text=True,
-        env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path), "OPENBLAS_NUM_THREADS": "1", **environment},
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path), workers.BLAS: "1"},
     )
     try:
         yield process
@@ -55,9 +57,9 @@ def running(*arguments, **environment):
         process.communicate()
 
 
-def worker(address: str, **environment: str):
+def worker(address: str):
     """Return a worker of one thread, without the nanny that would start it again."""
-    return running("-m", "distributed.cli.dask_worker", address, *LOCAL, "--nthreads", "1", "--no-nanny", **environment)
+    return running("-m", "distributed.cli.dask_worker", address, *LOCAL, "--nthreads", "1", "--no-nanny")
 
 
 @pytest.fixture(scope="module")
@@ -67,8 +69,8 @@ def config():
 
 @pytest.fixture(scope="module")
 def by_pool(config, tmp_path_factory):
-    """Return the rows of two processes, without their wall times."""
-    return timeless(run_trials(config, SEEDS, 2, tmp_path_factory.mktemp("pool"), lambda row: None))
+    """Return the rows of another process, without their wall times."""
+    return timeless(run_trials(config, SEEDS, 1, tmp_path_factory.mktemp("pool"), lambda row: None))
 
 
 def timeless(rows):
@@ -79,53 +81,54 @@ STUCK = partial(signal.sigtimedwait, {signal.SIGUSR1})
 """A task that waits for its seed's seconds."""
 
 
-def kill_a_call(config, folder, address=None):
-    """Kill a call that runs trials: it leaves no process, and the same call once more takes up what was finished as it is."""
-    with running("-c", KILLED.format(sets=SHORT, folder=str(folder), scheduler=address)) as call:
+def test_a_killed_call_loses_no_finished_trial_and_leaves_no_process(config, tmp_path):
+    """The same call once more takes up what was finished as it is."""
+    with running("-c", KILLED.format(sets=SHORT, folder=str(tmp_path))) as call:
         finished = [int(call.stdout.readline()) for _ in range(2)]
         call.kill()
-        # The workers of a pool hold the same pipe: its end is theirs.
+        # The worker holds the same pipe: its end is the worker's.
         while select.select([call.stdout], [], [], 30.0)[0] and call.stdout.readline():
             pass
         assert select.select([call.stdout], [], [], 0.0)[0]
-    kept = [json.loads(line) for line in (folder / PARTIAL).read_text().splitlines()[1:]]
-    rows = run_trials(config, sorted({*finished, 5}), 1, folder, lambda row: None, address)
+    kept = [json.loads(line) for line in (tmp_path / PARTIAL).read_text().splitlines()[1:]]
+    rows = run_trials(config, sorted({*finished, 5}), 1, tmp_path, lambda row: None)
     assert set(finished) <= {row["seed"] for row in kept}
     assert {row["wall_time"] for row in kept if row["seed"] in finished} <= {row.wall_time for row in rows}
 
 
-def test_a_killed_call_loses_no_finished_trial_and_leaves_no_process(config, tmp_path):
-    kill_a_call(config, tmp_path)
-
-
-def test_a_cluster_gives_the_same_rows_whatever_dies_and_refuses_workers_whose_rows_may_differ(
-    config, by_pool, tmp_path, monkeypatch
-):
+def test_a_cluster_gives_the_same_rows_and_runs_those_of_a_dead_worker_on_another(config, by_pool, tmp_path):
     port = free_port()
     address = f"tcp://127.0.0.1:{port}"
-    with running("-m", "distributed.cli.dask_scheduler", *LOCAL, "--port", str(port)) as scheduler:
+    start = ("-m", "distributed.cli.dask_scheduler", *LOCAL, "--port", str(port))
+    with running(*start) as scheduler, worker(address) as first:
+        assert timeless(run_trials(config, SEEDS, 1, tmp_path, lambda row: None, address)) == by_pool
+        rows = on_cluster(STUCK, [0, 1, 1], address)
+        next(rows)
+        first.kill()
+        with worker(address):
+            assert list(rows) == [None, None]
+            rows = on_cluster(STUCK, [0, 100_000], address, patience=10.0)
+            next(rows)
+            scheduler.kill()
+            with pytest.raises(CellError, match="lost; the same command takes up where it was"):
+                list(rows)
 
-        def refused(said, seeds=(0,), patience=30.0):
+
+def test_a_cluster_without_workers_or_with_one_whose_rows_may_differ_is_refused(monkeypatch):
+    """Scheduler and worker are threads of this process, which looks its versions up first and the worker then."""
+    told = iter([{"code": "another"}, versions()])
+    with LocalCluster(n_workers=0, processes=False, dashboard_address=None) as cluster:
+
+        def refused(said, patience=30.0):
             with pytest.raises(CellError, match=said):
-                list(on_cluster(STUCK, seeds, address, patience=patience))
+                list(on_cluster(STUCK, [0], cluster.scheduler_address, patience=patience))
 
-        refused(r"no worker for 0\.1 s; .*dask worker tcp://", patience=0.1)
-        with worker(address, OPENBLAS_NUM_THREADS="2"):
-            refused("OPENBLAS_NUM_THREADS = 2; 1 allowed")
-        with worker(address) as first:
-            with monkeypatch.context() as here:
-                here.setattr(workers, "versions", lambda: {"code": "another"})
-                refused(r"code .*; another, as where the trials were asked for, allowed")
-            kill_a_call(config, tmp_path, address)
-            with worker(address):
-                by_cluster = run_trials(config, SEEDS, 2, tmp_path / "all", lambda row: first.kill(), address)
-                assert first.wait() == -signal.SIGKILL
-                assert timeless(by_cluster) == by_pool
-                rows = on_cluster(STUCK, [0, 100_000], address, patience=10.0)
-                next(rows)
-                scheduler.kill()
-                with pytest.raises(CellError, match="lost; the same command takes up where it was"):
-                    list(rows)
+        refused(r"no worker for 0\.1 s; .*dask worker inproc://", patience=0.1)
+        cluster.scale(1)
+        monkeypatch.setenv(workers.BLAS, "2")
+        refused(f"{workers.BLAS} = 2; 1 allowed")
+        monkeypatch.setattr(workers, "versions", lambda: next(told))
+        refused(r"code .*; another, as where the trials were asked for, allowed")
 
 
 def test_an_address_where_nobody_schedules_is_told_in_one_line(capsys, monkeypatch, tmp_path):
@@ -138,7 +141,7 @@ def test_an_address_where_nobody_schedules_is_told_in_one_line(capsys, monkeypat
     assert f"scheduler {address}: no answer" in told.err
 
 
-def test_rows_do_not_depend_on_the_number_of_workers_and_every_seed_draws_its_own_hole_and_start(config, by_pool):
+def test_rows_do_not_depend_on_the_process_and_every_seed_draws_its_own_hole_and_start(config, by_pool):
     assert timeless(run_trial(config, seed) for seed in SEEDS) == by_pool
     assert len({(row.hole_x, row.hole_y) for row in by_pool}) == len(SEEDS)
     assert len({(row.start_x, row.start_y) for row in by_pool}) == len(SEEDS)
