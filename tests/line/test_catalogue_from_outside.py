@@ -1,11 +1,10 @@
-"""A skill and an estimator that somebody adds, each one file and one entry, at work from terminal and PLC."""
+"""Skills and an estimator that somebody adds, each one file and one entry, at work from terminal and PLC."""
 
 import json
 import os
 import shutil
 import subprocess
 from contextlib import ExitStack, closing
-from pathlib import Path
 
 import pytest
 
@@ -13,13 +12,14 @@ from plc_bridge.peer import Peer
 from plc_bridge.protocol.messages import STAGES, Result
 from skills.catalogue import CATALOGUE
 from tests.line.forked import forked
+from tests.pages import ROOT, blocks
 from tests.serving import process
 
-HERE = Path(__file__).resolve().parents[2]
 PACKAGES = ("cell", "config", "drivers", "plc_bridge", "sim", "skills")
-CODE, STAGE = max(CATALOGUE.by_code) + 1, max(CATALOGUE.stages) + 1
+EXTEND = {block.info: block.text for block in blocks() if block.page == ROOT / "docs" / "extend.md"}
+CODE, STAGE = max(CATALOGUE.by_code) + 2, max(CATALOGUE.stages) + 2
 OWN = max(99, *CATALOGUE.reasons) + 1
-"""Numbers that nothing in the catalogue has."""
+"""Numbers that nothing has in the catalogue with the skill of that page, which has the next ones."""
 PATIENCE = 60.0
 
 STIFF = "translation=500.0, rotation=4000.0"
@@ -113,12 +113,15 @@ def put(file, before, text):
 def build(folder):
     """Copy the program, its map with room for one more stage, and add to the copy what an engineer adds."""
     for package in PACKAGES:
-        shutil.copytree(HERE / package, folder / package)
+        shutil.copytree(ROOT / package, folder / package)
     table = folder / "plc_bridge" / "protocol" / "messages.py"
     put(table, f"\nSTAGES = {STAGES}\n", f"STAGES = {max(STAGE, STAGES)}\n")
     (folder / "skills" / "look.py").write_text(SKILL, encoding="utf-8")
-    put(folder / "skills" / "catalogue.py", "\nfrom skills import ", "look, ")
-    put(folder / "skills" / "catalogue.py", "\nCATALOGUE = Catalogue(\n", SKILL_ENTRY.format(code=CODE, stage=STAGE))
+    (folder / "skills" / "lift.py").write_text(EXTEND["python skills/lift.py"], encoding="utf-8")
+    catalogue = folder / "skills" / "catalogue.py"
+    put(catalogue, "\nfrom skills import ", "lift, look, ")
+    put(catalogue, "\nCATALOGUE = Catalogue(\n", "    LIFT,\n" + SKILL_ENTRY.format(code=CODE, stage=STAGE))
+    put(catalogue, "\n    claim=Claim.FREED,\n)\n", EXTEND["python skills/catalogue.py"])
     table = folder / "skills" / "tactile" / "estimators.py"
     (folder / "skills" / "tactile" / "fixed.py").write_text(ESTIMATOR, encoding="utf-8")
     put(table, "\nfrom drivers.skin.layout import Layout\n", "from skills.tactile import fixed\n")
@@ -149,6 +152,12 @@ def served(house, tmp_path):
     sets = [f"plc.life_timeout={PATIENCE}", "insert.estimator=fixed", "sim.pace=max"]
     with process(tmp_path, sets, cwd=house, env={**os.environ, "PYTHONPATH": str(house)}) as (_, (address,)):
         yield address
+
+
+def test_the_skill_of_the_page_runs_after_the_edits_that_it_names(cell, tmp_path):
+    (command,) = EXTEND["console after-the-edit"].splitlines()
+    done = told(cell, *command.split()[1:], "--json", "--journal", str(tmp_path))
+    assert (done.returncode, json.loads(done.stdout)["stage"]) == (0, "lift"), done.stderr
 
 
 def test_the_terminal_runs_them(cell, tmp_path):

@@ -1,7 +1,6 @@
 """The commands on the pages for people do what the pages state."""
 
 import os
-import shutil
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -16,9 +15,8 @@ from drivers.errors import ConfigError
 from sim.visual.render import Camera
 from sim.visual.scene import Stage
 from tests.line.forked import forked
-from tests.pages import PAGES, RENDERING, ROOT, Block, blocks
+from tests.pages import RENDERING, ROOT, blocks
 
-COPIED = ("cell", "config", "drivers", "plc_bridge", "sim", "skills", "pyproject.toml", "constraints.txt")
 PAGES_WITH_COMMANDS = sorted({block.page for block in blocks() if block.info in ("console", f"console {RENDERING}")})
 
 
@@ -59,35 +57,3 @@ def test_the_commands_of_a_page_succeed_one_after_the_other(page, tmp_path, cell
     for block in blocks():
         if block.page == page and block.info in kinds:
             run(block.text, tmp_path, cell)
-
-
-def piece(note: str) -> Block:
-    (found,) = [block for block in blocks() if block.info == f"python {note}"]
-    return found
-
-
-def replaced(path: Path, old: str, new: str) -> None:
-    text = path.read_text(encoding="utf-8")
-    assert text.count(old) == 1, f"{path.name}: {old!r} occurs {text.count(old)} times"
-    path.write_text(text.replace(old, new), encoding="utf-8")
-
-
-def test_the_skill_of_the_page_on_extending_runs_after_the_edits_that_it_names(tmp_path, tmp_path_factory):
-    assert ROOT / "docs" / "extend.md" in PAGES
-    for name in COPIED:
-        source = ROOT / name
-        (shutil.copytree if source.is_dir() else shutil.copy)(source, tmp_path / name)
-    module = tmp_path / "skills" / "lift.py"
-    assert not module.exists()
-    module.write_text(piece("skills/lift.py").text, encoding="utf-8")
-    catalogue = tmp_path / "skills" / "catalogue.py"
-    replaced(catalogue, "from skills import ", "from skills import lift, ")
-    replaced(
-        catalogue,
-        "CATALOGUE = Catalogue(\n",
-        f"{piece('skills/catalogue.py').text}\nCATALOGUE = Catalogue(\n    LIFT,\n",
-    )
-    (block,) = [block for block in blocks() if block.info == "console after-the-edit"]
-
-    with forked(tmp_path_factory.mktemp("bin"), tmp_path) as command:
-        run(block.text, tmp_path, command)
