@@ -10,7 +10,6 @@ import pytest
 
 from cell.config.load import load
 from cell.devices.assembly import assemble, make_estimator, opened
-from cell.lab.trials import run_trial
 from drivers.skin.board_config import BoardSkinConfig
 from drivers.skin.boards import BoardSkin
 from drivers.skin.layout import module_exchanges, shape_of
@@ -102,9 +101,3 @@ def test_a_port_of_one_module_inserts_a_peg_with_sensors_of_three_axes(magnetic)
         assert records[-1].result.outcome is Outcome.SUCCESS
         assert wired.truth().switch_closed
     assert port.refused() == 0
-
-
-@pytest.mark.parametrize("seed", [2, 3])
-def test_five_sensors_a_finger_insert_a_peg(magnetic, seed):
-    row = run_trial(magnetic, seed)
-    assert (row.outcome, row.switch_closed) == ("success", True)

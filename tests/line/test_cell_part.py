@@ -44,15 +44,6 @@ def test_a_start_recovers_first_where_the_config_says_so(tmp_path):
         assert times["recover"] > 1.0
 
 
-def test_a_slot_that_is_empty_although_the_cell_believes_it_full_is_a_missed_grasp(tmp_path):
-    with line(tmp_path, 'rack.refill="asked"', "rack.slots=1") as made:
-        made.command(GRASP)
-        made.command(RECOVER)
-        made.supervisor._part._custody.refill()  # reported as full while it is empty
-        report = made.command(GRASP)
-        assert (report.result, report.reason) == (Result.FAILURE, Reason.MISSED_GRASP)
-
-
 @pytest.mark.parametrize(
     ("state", "refusal"), [(SwitchState.CLOSED, Refusal.HOLE_OCCUPIED), (SwitchState.UNKNOWN, Refusal.SWITCH_UNKNOWN)]
 )

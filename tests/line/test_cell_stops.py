@@ -83,36 +83,6 @@ def test_an_error_in_the_supervisor_itself_is_a_fault_with_the_record_closed(wor
     ]
 
 
-def test_an_error_of_the_line_outside_a_run_ends_the_program_with_the_arm_at_rest(world):
-    loaded, cell, journal = world
-
-    def at(report):
-        if report.state in (State.COMPLETE, State.ABORTED):
-            raise RuntimeError("the line is broken")
-
-    with pytest.raises(RuntimeError, match="the line is broken"):
-        Supervisor(cell, loaded, Ended(at), journal).serve()
-    assert moving(cell) < REST_SPEED
-    assert journal.find(1).outcome == "success"
-
-
-def test_an_error_of_the_line_in_a_run_is_a_fault_on_record(world):
-    loaded, cell, journal = world
-    seen = []
-
-    def at(report):
-        seen.append(report)
-        if report.state == State.EXECUTE and len(seen) > 100 and report.fault == 0:
-            raise RuntimeError("the line is broken")
-        if report.result is Result.FAULT:
-            supervisor.quit()
-
-    supervisor = Supervisor(cell, loaded, Ended(at), journal)
-    supervisor.serve()
-    assert moving(cell) < REST_SPEED
-    assert (journal.find(1).outcome, journal.find(1).fault) == ("fault", FaultCode.SOFTWARE)
-
-
 def test_physics_that_diverge_end_the_program_with_the_run_on_record(world, tmp_path):
     loaded, cell, journal = world
     physics = cell.arm._world

@@ -1,24 +1,12 @@
-"""Whole insertions whose evidence is wrong, whose skills lie, or whose peg does not come out: none is called a success."""
+"""Whole insertions, and those whose hand does not open or whose peg does not come out: none of these is called a success."""
 
 import math
-from dataclasses import replace
 
 import pytest
 
 from cell.run.states import State
-from drivers.errors import FaultCode
-from drivers.quantities import SwitchState
 from plc_bridge.protocol.messages import Control, PartPlace, Refusal, Result
-from skills import catalogue
-from skills.catalogue import RELEASE
-from skills.contract import Outcome, Reason
-from skills.insert import spiral_adjust, tactile_insert
-from skills.insert.spiral_adjust import SpiralAdjustResult
-from skills.insert.tactile_insert import TactileInsertResult
-from skills.release_and_retract import ReleaseAndRetractResult
-from skills.search import spray_search
-from skills.search.spray_search import SpraySearchResult
-from tests.fakes import FakeSwitch
+from skills.contract import Reason
 from tests.simulated_line import INSERT, RECOVER, line
 
 ADJUST_STAGE = 4
@@ -106,37 +94,3 @@ def test_a_peg_that_does_not_come_out_is_no_success_and_told_as_what_it_is(tmp_p
         places = (PartPlace.IN_HOLE, PartPlace.SEATED) if in_hole else (PartPlace.ON_PLATE,)
         assert report.part in (*places, PartPlace.UNKNOWN)
         assert not made.cell.gripper.read().is_gripping
-
-
-@pytest.fixture
-def liars(monkeypatch):
-    """Let every skill after the grasp say that it is done, and do nothing."""
-    done = (Outcome.SUCCESS, Reason.NONE, 0.0)
-    for module, said in (
-        (spray_search, SpraySearchResult(*done, (0.5, 0.0, 0.1), (0.5, 0.0), 0, None)),
-        (tactile_insert, TactileInsertResult(*done, 0.0, 0.0)),
-        (spiral_adjust, SpiralAdjustResult(*done, 0.0, 0.02)),
-    ):
-        monkeypatch.setattr(module, "run", lambda *given, said=said, **named: said)
-    release = replace(RELEASE, perform=lambda params, ctx: ReleaseAndRetractResult(*done, True))
-    monkeypatch.setattr(catalogue, "RELEASE", release)
-
-
-@pytest.mark.usefixtures("liars")
-def test_skills_that_lie_make_no_success(tmp_path):
-    with line(tmp_path) as made:
-        report = made.command(INSERT)
-        assert (report.result, report.fault) == (Result.FAULT, FaultCode.SUCCESS_UNPROVEN)
-        assert report.part == PartPlace.IN_HAND
-
-
-@pytest.mark.usefixtures("liars")
-def test_skills_that_lie_make_no_success_with_a_switch_that_closes_for_nothing(tmp_path):
-    with line(tmp_path, switch=lambda cell: FakeSwitch()) as made:
-
-        def follow_the_hand():
-            made.cell.switch.state = SwitchState.CLOSED if made.cell.gripper.read().is_gripping else SwitchState.OPEN
-
-        made.clock.every.append(follow_the_hand)
-        report = made.command(INSERT)
-        assert (report.result, report.fault) == (Result.FAULT, FaultCode.SWITCH_DISAGREES)

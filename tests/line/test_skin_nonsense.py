@@ -7,7 +7,6 @@ import pytest
 
 from cell.config.load import load
 from cell.devices.assembly import assemble, opened
-from cell.lab.trials import run_trial
 from drivers.errors import SkinUntrustedError
 from skills.catalogue import CATALOGUE
 from skills.contract import LONGEST_BLIND
@@ -47,15 +46,3 @@ def test_nonsense_from_the_skin_stops_the_search_with_a_fault(kind):
             CATALOGUE["insert_peg"].run(config.skill_set(), ctx)
         assert ctx.stage == "spray_search"
         assert cell.clock.now() < began[0] + SPOILT_AFTER + LONGEST_BLIND + 0.2
-
-
-SEED = 4
-STIFF = 'reality.without=["grip.shear_stiffness"]'
-"""Pads that do not let the peg turn, which is not what these tests are about."""
-
-
-def test_an_insertion_through_the_board_ends_as_with_the_plain_stand_in():
-    """One seed of what `cell study wire` does with many."""
-    plain, wired = (run_trial(load(sets=[f"skin.kind={name}", STIFF]).cell, SEED) for name in ("sim", "can"))
-    assert (wired.outcome, wired.switch_closed) == (plain.outcome, plain.switch_closed) == ("success", True)
-    assert wired.depth == pytest.approx(plain.depth, abs=1e-4)
