@@ -138,8 +138,8 @@ def running(cell: Cell, loaded: LoadedConfig, folder: Path) -> Iterator[Line]:
 
 @contextmanager
 def line(folder: Path, *sets: str, seed: int = 1, **devices: Callable[[Cell], object]) -> Iterator[Line]:
-    """Yield a line; `devices` makes a device out of the one that the cell has, by name."""
-    loaded = load(sets=["sim.pace=max", "reality.scale=0.0", f"sim.seed={seed}", *sets])
+    """Yield a line whose hole is soon found; `devices` makes a device out of the one that the cell has, by name."""
+    loaded = load(sets=["sim.pace=max", "reality.scale=0.0", "hole.area=[0.01, 0.01]", f"sim.seed={seed}", *sets])
     with opened(assemble(loaded.cell)) as cell:
         made = replace(cell, **{name: make(cell) for name, make in devices.items()})
         with running(made, loaded, folder) as running_line:

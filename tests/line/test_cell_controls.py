@@ -19,7 +19,7 @@ from tests.simulated_line import INSERT, line
 
 LENGTHS = {
     "grasp_from_rack": 280,
-    "spray_search": 700,
+    "spray_search": 120,
     "tactile_insert": 80,
     "spiral_adjust": 100,
     "release_and_retract": 80,
