@@ -1,7 +1,6 @@
 """The same cell and the same PLC over every interface that a config can name; hubs of ours where the kernel has no CAN."""
 
 import socket
-import threading
 import time
 from contextlib import closing
 from types import SimpleNamespace
@@ -12,14 +11,12 @@ import pytest
 from drivers.errors import CellError
 from drivers.transport.can_bus import MOST_ERRORS, CanBus
 from drivers.transport.wires import CanFrame, CanLostError
-from plc_bridge.bridge import Bridge
 from plc_bridge.config import CanConfig, ModbusConfig, PlcConfig
-from plc_bridge.protocol.messages import Report, Result
+from plc_bridge.protocol.messages import Result
 from tests.can_peer import CanPeer
 from tests.hubs import SlcanHub, SocketcandHub
-from tests.scan_thread import take
+from tests.quick_cell import CODE, quick_cell
 
-PROGRAM = 100
 PATIENT = {"plc_timeout": 60.0}  # a busy computer makes a late PLC
 PATIENCE = 10.0  # s
 
@@ -65,53 +62,35 @@ def or_skip(config):
     return config
 
 
-class Cell:
-    """A bridge on CAN whose commands succeed at once."""
-
-    def __init__(self, config):
-        plc = PlcConfig(life_timeout=60.0, lease_timeout=60.0, modbus=ModbusConfig(port=0), can=config)
-        self.bridge = Bridge(plc, {PROGRAM: "insert_peg"})
-        self.bridge.start()
-        self._stop = threading.Event()
-        self._thread = threading.Thread(target=self._scan)
-        self._thread.start()
-
-    def _scan(self):
-        while not self._stop.wait(0.002):
-            command = take(self.bridge)
-            if command is not None and command.code == PROGRAM:
-                self.bridge.publish(
-                    Report(sequence=command.sequence, state=17, result=Result.SUCCESS, run=command.recipe)
-                )
-
-    def close(self):
-        self._stop.set()
-        self._thread.join()
-        self.bridge.close()
+def served(loaded, folder, config):
+    """Serve a cell on CAN whose program ends at once."""
+    return quick_cell(
+        loaded, PlcConfig(life_timeout=60.0, lease_timeout=60.0, modbus=ModbusConfig(port=0), can=config), folder
+    )
 
 
 @pytest.mark.parametrize("two_ends", ["virtual", "udp_multicast", "socketcand", "slcan", "socketcan"], indirect=True)
-def test_frames_with_29_bit_identifiers_and_commands_pass_over_every_interface(two_ends):
+def test_frames_with_29_bit_identifiers_and_commands_pass_over_every_interface(two_ends, loaded, tmp_path):
     here, there = two_ends
     with closing(opened(here)) as bus, closing(opened(there)) as other:
         for sent in (CanFrame(0x17FFFFFF, b"out", is_extended=True), CanFrame(0x5FF, b"on")):
             bus.write(sent)
             assert other.read(PATIENCE) == sent
-    with closing(Cell(here)), closing(CanPeer(there, period=0.002, timeout=PATIENCE)) as peer:
+    with served(loaded, tmp_path, here) as cell, closing(CanPeer(there, period=0.002, timeout=PATIENCE)) as peer:
         peer.connect()
-        runs = [peer.run(PROGRAM, recipe=n, serial=f"SN {n:030}", timeout=PATIENCE).run for n in range(1, 11)]
-    assert runs == list(range(1, 11))
+        runs = [peer.run(CODE, serial=f"SN {n:029}", timeout=PATIENCE).run for n in range(1, 11)]
+        assert [cell.record(run).serial for run in runs] == [f"SN {n:029}" for n in range(1, 11)]
 
 
-def test_a_socketcand_server_may_go_and_come_back():
+def test_a_socketcand_server_may_go_and_come_back(loaded, tmp_path):
     hub = SocketcandHub()
     config = CanConfig(interface="socketcand", channel=f"127.0.0.1:{hub.port}/can0", **PATIENT)
-    with closing(Cell(config)) as cell:
+    with served(loaded, tmp_path, config) as cell:
         hub.close()
         hub = SocketcandHub(hub.port)
         with closing(hub), closing(CanPeer(config, period=0.002, timeout=PATIENCE)) as peer:
             peer.connect()
-            assert peer.run(PROGRAM, timeout=PATIENCE).result == Result.SUCCESS
+            assert peer.run(CODE, timeout=PATIENCE).result == Result.SUCCESS
         assert cell.bridge.diagnostics.dropped >= 1
 
 

@@ -16,8 +16,8 @@ from drivers.errors import FAULTS
 from plc_bridge.peer import Peer
 from plc_bridge.protocol.messages import Diagnostics
 from tests.emulation import emulated_or_skip
-from tests.fakes import Rig
-from tests.serving import serving
+from tests.line.conftest import CALM
+from tests.quick_cell import quick_cell
 
 REAL = DEFAULT.parent / "cell_01.toml"
 """Config of a physical cell."""
@@ -146,72 +146,75 @@ def test_the_map_comes_in_each_form_and_says_what_every_number_means(capsys, for
 
 
 @pytest.fixture
-def served(rig: Rig):
-    """Yield HOST:PORT of a cell of fakes that is served until the test ends."""
-    rig.journal.close()  # the served cell writes this folder
-    with serving(rig.cell, rig.loaded, rig.folder) as (host, port):
-        yield f"{host}:{port}"
+def address(served):
+    """Return HOST:PORT of a cell of fakes that is served until the test ends."""
+    return "{}:{}".format(*served.bridge.address)
 
 
-def test_a_skill_runs_on_a_served_cell(served, capsys):
-    assert main(["run", "grasp_from_rack", "--connect", served, "--json", "--set", "grasp.force=12.5"]) == GOOD
+def test_a_skill_runs_on_a_served_cell(address, capsys):
+    assert main(["run", "grasp_from_rack", "--connect", address, "--json", "--set", "grasp.force=12.5"]) == GOOD
     assert json.loads(capsys.readouterr().out)["result"] == "success"
 
 
-def test_anybody_may_stop_a_served_cell_and_its_holder_reset_it(served, capsys):
-    assert main(["run", "stop", "--connect", served]) == GOOD
-    assert main(["run", "reset", "--connect", served]) == GOOD
+def test_anybody_may_stop_a_served_cell_and_its_holder_reset_it(address, capsys):
+    assert main(["run", "stop", "--connect", address]) == GOOD
+    assert main(["run", "reset", "--connect", address]) == GOOD
     capsys.readouterr()
-    main(["watch", "--once", "--json", "--connect", served])
+    main(["watch", "--once", "--json", "--connect", address])
     assert json.loads(capsys.readouterr().out)["state"] == "IDLE"
 
 
-def test_watch_shows_refusals_and_every_count(served, capsys):
-    assert main(["run", "unhold", "--connect", served]) == NOT_GOOD
+def test_watch_shows_refusals_and_every_count(address, capsys):
+    assert main(["run", "unhold", "--connect", address]) == NOT_GOOD
     capsys.readouterr()
-    main(["watch", "--once", "--json", "--connect", served])
+    main(["watch", "--once", "--json", "--connect", address])
     seen = json.loads(capsys.readouterr().out)
     assert (seen["refusal"], seen["diagnostics"]["refusals"]) == ("not_ready", 1)
     assert set(seen["diagnostics"]) == {column.name for column in fields(Diagnostics)}
-    main(["watch", "--once", "--connect", served])
+    main(["watch", "--once", "--connect", address])
     line = capsys.readouterr().out
     assert all(f"{name}=" in line for name in ("refusal", "refusals", "lost", "malformed", "unauthorised"))
 
 
-def test_watch_takes_over_nothing_from_a_plc_of_the_same_host(served, capsys):
-    host, port = served.split(":")
+def test_watch_takes_over_nothing_from_a_plc_of_the_same_host(address, capsys):
+    host, port = address.split(":")
     with closing(Peer(host, int(port))) as plc:
         plc.connect()
         assert plc.take()
         plc.trigger(99)
-    main(["watch", "--once", "--json", "--connect", served])
+    main(["watch", "--once", "--json", "--connect", address])
     holder = json.loads(capsys.readouterr().out)["holder"]
     with closing(Peer(host, int(port))) as plc:
         plc.look()
         assert plc.read_report().holder == holder != ""
 
 
-def test_the_journal_shows_a_run_with_its_picture_and_samples(rig, capsys, tmp_path):
-    rig.journal.close()
-    with serving(rig.cell, rig.loaded, rig.folder) as (host, port):
-        main(["run", "grasp_from_rack", "--connect", f"{host}:{port}"])
+def test_the_journal_shows_a_run_with_its_picture_and_samples(loaded, capsys, tmp_path):
+    folder = tmp_path / "journal"
+    with quick_cell(loaded, CALM, folder) as cell:
+        main(["run", "grasp_from_rack", "--connect", "{}:{}".format(*cell.bridge.address)])
     capsys.readouterr()
-    assert main(["runs", "--json", "--journal", str(rig.folder)]) == GOOD
+    assert main(["runs", "--json", "--journal", str(folder)]) == GOOD
     (row,) = json.loads(capsys.readouterr().out)
     assert row["outcome"] == "success"
-    assert (
-        main(["show", str(row["run"]), "--json", "--journal", str(rig.folder), "--export", str(tmp_path / "out")])
-        == GOOD
-    )
+    assert main(["show", str(row["run"]), "--journal", str(folder), "--export", str(tmp_path / "out")]) == GOOD
     picture, samples = sorted((tmp_path / "out").iterdir(), reverse=True)
     assert picture.read_bytes().startswith(b"\x89PNG")
     with samples.open() as file:
         assert {row["stage"] for row in csv.DictReader(file)} == {"1.0"}
 
 
-def test_no_demo_without_a_port(capsys, served, tmp_path):
-    port = served.rpartition(":")[2]
-    arguments = ["demo", "--set", f"plc.modbus.port={port}", "--out", str(tmp_path), "--journal", str(tmp_path)]
+def test_no_demo_without_a_port(capsys, address, tmp_path):
+    port = address.rpartition(":")[2]
+    arguments = [
+        "demo",
+        "--set",
+        f"plc.modbus.port={port}",
+        "--out",
+        str(tmp_path),
+        "--journal",
+        str(tmp_path / "runs"),
+    ]
     assert main(arguments) == FAULT
     assert port in capsys.readouterr().err
     assert not (tmp_path / demo.CHART).exists()

@@ -25,12 +25,6 @@ PEGS = 20
 PATIENT = {"life_timeout": 60.0, "lease_timeout": 60.0, "modbus": ModbusConfig(port=0)}
 
 
-@pytest.fixture
-def served(loaded, tmp_path):
-    with quick_cell(loaded, PlcConfig(**PATIENT), tmp_path) as served:
-        yield served
-
-
 @pytest.fixture(scope="module")
 def libmodbus(tmp_path_factory):
     if not has_libmodbus():
@@ -58,11 +52,6 @@ def test_libmodbus_over_a_serial_line(loaded, tmp_path, libmodbus):
         rtu = RtuConfig(port=cable.ends[0], unit=17, baud_rate=115200, parity="none")
         with quick_cell(loaded, PlcConfig(**PATIENT, rtu=rtu), tmp_path) as served:
             assert is_all_done(served, call(libmodbus, "rtu", cable.ends[1], rtu.unit, COUNT))
-
-
-def test_go_over_tcp(served, go):
-    host, port = served.bridge.address
-    assert is_all_done(served, call(go, f"tcp://{host}:{port}", COUNT, go.parent / "cell_map.h"))
 
 
 def test_go_over_tls(loaded, tmp_path, go):
