@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
 from typing import ClassVar
 
@@ -140,6 +141,13 @@ class FakeGripper:
         return GripperState(self.width, self.force > 0.0 and self.has_peg, False)
 
 
+@cache
+def straight_print() -> np.ndarray:
+    """Return what the taxels read of a straight peg, shape (2, 20), counts."""
+    values: np.ndarray = readings("parallelogram", LOAD)
+    return values
+
+
 class FakeSkin:
     """Ten frames a second, with the print of a straight peg while the hand, if it knows one, holds a peg."""
 
@@ -163,7 +171,7 @@ class FakeSkin:
             raise SkinSilentError("skin: no frame")
         number = int(self.clock.now() * 10.0 + 1e-6)
         is_held = self.hand is not None and self.shows_print and self.hand.force > 0.0 and self.hand.has_peg
-        values = readings("parallelogram", LOAD) if is_held else np.zeros(self.trusted.shape)
+        values = straight_print().copy() if is_held else np.zeros(self.trusted.shape)
         return TaxelFrame(values, self.trusted.copy(), number / 10.0, number)
 
 

@@ -147,7 +147,8 @@ DEPARTURES = {
     ("name", "timestep"), [*((name, 5e-4) for name in DEPARTURES), ("everything a little", 2.5e-4)]
 )
 def test_the_peg_stays_out_of_the_wall_at_the_step_and_at_half_of_it(name, timestep):
-    config = load(sets=["sim.pace=max", "reality.scale=0.0", "sim.seed=7", f"sim.timestep={timestep}"]).cell
+    sets = ["sim.pace=max", "reality.scale=0.0", "sim.seed=7", f"sim.timestep={timestep}", "hole.area=[0.01, 0.01]"]
+    config = load(sets=sets).cell
     with opened(assemble(config)) as cell:
         world = cell.clock
         world.begin(world.job, replace(world.draw, arm=replace(world.draw.arm, **DEPARTURES[name])))

@@ -15,12 +15,6 @@ def test_a_start_before_a_reset_in_one_segment_is_refused(plc, served):
     assert served.program.runs == []
 
 
-def test_a_hold_behind_a_start_in_one_segment_holds_the_run(plc, served):
-    served.program.may_end.clear()
-    plc.order((1, Control.NONE), (2, CODE), (3, Control.HOLD))
-    plc.until(lambda report: report.state == State.HELD)
-
-
 def test_the_first_answer_to_a_start_that_cannot_be_is_its_refusal(plc):
     stopped(plc)
     for sequence in range(3, 13):
