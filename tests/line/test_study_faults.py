@@ -79,35 +79,31 @@ def test_a_program_whose_disk_was_full_warns_and_goes_on(tmp_path):
 
 
 def test_a_slice_of_the_campaign_has_zeros_where_there_must_be(tmp_path):
-    """Faults of the arm and of a skill; `cell study faults` tries all kinds at all stages.
+    """A fault of the arm and one of a skill; `cell study faults` tries all kinds at all stages.
 
     Of an arm that takes no setpoint when the peg is nearly in, no distance reveals it: the hand stands where the setpoint
-    is, which goes on so slowly that it is not 61 mm away for 79 s. A peg at the hole may drop while the arm
-    does not measure, so its place is unknown until the arm does again.
+    is, which goes on so slowly that it is not 61 mm away for 79 s.
     """
     tried = [
         ("arm: deaf", "spiral_adjust", 0.3),
-        ("arm: readings still", "spiral_adjust", 0.3),
-        ("arm: stamp no number", "tactile_insert", 0.3),
         ("skill: lies", "grasp_from_rack", 1.5),
     ]
     cases = measure(lambda number: load(sets=list(HONEST)), [(BY_NAME[name], *when) for name, *when in tried], tmp_path)
     line = tables.lines(cases, load().cell.limits.force)[-1]
     assert line["n"] == len(tried)
-    # Where the peg is after a blind arm depends on how far the peg had come, and so on the computer's load.
-    assert line["part unknown"] <= 2
+    # Where the peg is after the fault depends on how far the peg had come, and so on the computer's load.
+    assert line["part unknown"] <= 1
     zero = {name: line[name] for name in COUNTED if "late" not in name and name != "part unknown"}
     assert zero == dict.fromkeys(zero, 0)
-    told = [(FaultCode.TRACKING, 0.5), (FaultCode.ARM_SILENT, 0.2), (FaultCode.NOT_FINITE, 0.2)]
-    for case, (code, latest) in zip(cases, told, strict=False):
-        assert (case.outcome, case.fault, case.state) == ("fault", code, "ABORTED")
-        assert case.detection <= latest
-        assert case.rest < REST_LIMIT
+    deaf, _ = cases
+    assert (deaf.outcome, deaf.fault, deaf.state) == ("fault", FaultCode.TRACKING, "ABORTED")
+    assert deaf.detection <= 0.5
+    assert deaf.rest < REST_LIMIT
 
 
 def test_the_plc_of_the_campaign_stays_connected_while_the_line_brings_the_next_workpiece():
     with bench(load(sets=[*IDEAL, "plc.modbus.idle_timeout=1.0"])) as tested:
-        tested.let_pass(60.0)
+        tested.let_pass(30.0)
         assert tested.peer.trigger(Control.RESET).lease == LeaseState.YOURS
 
 
@@ -201,5 +197,5 @@ def test_pieces_of_other_code_are_not_continued(tmp_path):
 
 
 def test_a_piece_of_the_soak_inserts_after_every_group_of_commands():
-    first, *_ = soak(load(sets=list(HONEST)), piece=1, hours=0.002, seed=3)
+    (first,) = soak(load(sets=list(HONEST)), piece=1, hours=1e-6, seed=3)
     assert first.ending in WENT_ON
