@@ -1,13 +1,19 @@
-"""Whole insertions, and those whose hand does not open or whose peg does not come out: none of these is called a success."""
+"""The simulated cell and its pegs: where they are after good and bad runs, what `recover` frees, and what a fixture teaches."""
 
 import math
 
+import numpy as np
 import pytest
 
+from cell.run.learning import read_learned
 from cell.run.states import State
+from drivers.quantities import SwitchState
 from plc_bridge.protocol.messages import Control, PartPlace, Refusal, Result
+from sim.world.situation import PegSituation
+from skills.catalogue import CATALOGUE
 from skills.contract import Reason
-from tests.simulated_line import INSERT, RECOVER, line
+from tests.fakes import FakeSwitch
+from tests.simulated_line import GRASP, INSERT, RECOVER, RELEASE, Line, line
 
 ADJUST_STAGE = 4
 
@@ -94,3 +100,72 @@ def test_a_peg_that_does_not_come_out_is_no_success_and_told_as_what_it_is(tmp_p
         places = (PartPlace.IN_HOLE, PartPlace.SEATED) if in_hole else (PartPlace.ON_PLATE,)
         assert report.part in (*places, PartPlace.UNKNOWN)
         assert not made.cell.gripper.read().is_gripping
+
+
+SEARCH_STAGE = 2
+
+
+def test_a_dropped_peg_lies_where_it_fell_until_a_person_takes_it_away(tmp_path):
+    with line(tmp_path) as made:
+        made.when(lambda report: report.stage == SEARCH_STAGE and report.progress > 0, made.plc.stop)
+        assert made.command(INSERT).part == PartPlace.IN_HAND
+        assert made.command(Control.RESET).state == State.IDLE
+        report = made.command(RELEASE)
+        assert (report.result, report.reason, report.part) == (Result.FAILURE, Reason.NOT_SEATED, PartPlace.ON_PLATE)
+        lies_at = made.world.peg_pose().position
+        refused = made.command(INSERT)
+        assert (refused.refusal, refused.state) == (Refusal.PART_UNRESOLVED, State.COMPLETE)
+        report = made.command(RECOVER)
+        assert (report.result, report.reason, report.part) == (Result.FAILURE, Reason.PART_LEFT, PartPlace.ON_PLATE)
+        np.testing.assert_allclose(made.world.peg_pose().position, lies_at, atol=0.02)
+        assert made.world.peg is PegSituation.FREE
+        assert made.command(Control.CLEARED).part == PartPlace.RACK
+        assert made.world.peg is PegSituation.GONE
+        assert made.command(GRASP).result == Result.SUCCESS
+
+
+def test_a_start_recovers_first_where_the_config_says_so(tmp_path):
+    with line(tmp_path, "recover.first=true") as made:
+        made.command(GRASP)
+        report = made.command(GRASP)
+        assert (report.result, report.part) == (Result.SUCCESS, PartPlace.IN_HAND)
+        times = dict(
+            zip(("grasp", "search", "insert", "adjust", "release", "recover"), report.stage_times, strict=False)
+        )
+        assert times["recover"] > 1.0
+
+
+@pytest.mark.parametrize(
+    ("state", "refusal"), [(SwitchState.CLOSED, Refusal.HOLE_OCCUPIED), (SwitchState.UNKNOWN, Refusal.SWITCH_UNKNOWN)]
+)
+def test_a_switch_that_is_closed_or_unknown_refuses_a_start_before_anything_moves(tmp_path, state, refusal):
+    with line(tmp_path, switch=lambda cell: FakeSwitch(state)) as made:
+        before = made.world.q
+        report = made.command(INSERT)
+        assert (report.refusal, report.result) == (refusal, Result.REFUSED)
+        np.testing.assert_allclose(made.world.q, before, atol=1e-3)
+
+
+FIXTURE = ("sim.fixture={deviation=0.0005}", "hole.area=[0.06, 0.06]")
+QUICK = 1.3
+"""Longest search of a cell that has learnt the place of the hole, s."""
+
+
+def searched(made: Line) -> float:
+    """Return the time of the search for a hole that is then found, s."""
+    report = made.command(INSERT)
+    assert report.result == Result.SUCCESS
+    assert math.dist(report.hole, made.world.truth().hole[:2]) < 1e-3
+    return report.stage_times[CATALOGUE.stage_number("spray_search") - 1]
+
+
+def test_the_third_part_of_a_fixture_is_found_at_once_by_a_cell_that_was_restarted(tmp_path):
+    with line(tmp_path, *FIXTURE, seed=42001) as made:
+        assert searched(made) > QUICK
+        searched(made)
+    with line(tmp_path, *FIXTURE, seed=42001) as made:
+        made.command(Control.CLEARED)
+        assert searched(made) < QUICK
+        assert made.command(Control.FORGET, 7).refusal == Refusal.UNKNOWN_RECIPE
+        assert made.command(Control.FORGET).refusal == Refusal.NONE
+    assert read_learned(tmp_path).places == {}
