@@ -1,7 +1,6 @@
 """A real browser without a screen, driven through its own driver; tests that need it skip, with the reason, where there is none."""
 
 import shutil
-import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
@@ -102,12 +101,3 @@ class PageView:
         """Close the tab."""
         self.front().close()
         self._browser.switch_to.window(self._browser.window_handles[0])
-
-
-def patience(is_met: Callable[[], bool]) -> None:
-    """Wait, letting other threads work, until something holds."""
-    for _ in range(int(PATIENCE / 0.01)):
-        if is_met():
-            return
-        threading.Event().wait(0.01)
-    raise AssertionError("in vain")

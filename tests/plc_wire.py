@@ -10,6 +10,7 @@ from plc_bridge.protocol.messages import Control
 from plc_bridge.protocol.registers import COILS, DISCRETE_INPUTS
 from tests.quick_cell import CODE
 from tests.sockets import PATIENCE, answer, frame
+from tests.trouble import until
 
 
 class Wire:
@@ -53,12 +54,6 @@ class Wire:
     def answer(self, sequence):
         """Return the report that first answers a number."""
         return self.until(lambda report: report.answered == sequence)
-
-
-def until(is_met):
-    deadline = time.monotonic() + PATIENCE
-    while not is_met():
-        assert time.monotonic() < deadline
 
 
 def block(wire, life, life_tail=None, **what):

@@ -2,8 +2,12 @@
 
 import resource
 import threading
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+
+PATIENCE = 60.0
+"""Longest wait, s."""
 
 
 @contextmanager
@@ -18,6 +22,8 @@ def full_disk() -> Iterator[None]:
 
 
 def until(happened: Callable[[], object]) -> None:
-    """Wait for what another thread does."""
+    """Wait, letting other threads work, for what one of them or another process does."""
+    deadline = time.monotonic() + PATIENCE
     while not happened():
+        assert time.monotonic() < deadline, "in vain"
         threading.Event().wait(0.001)

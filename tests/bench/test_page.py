@@ -28,8 +28,9 @@ from plc_bridge.bridge import Bridge
 from plc_bridge.protocol.messages import FIRST_PROGRAM, Command, Report, Result
 from skills.catalogue import CATALOGUE
 from tests.bench.watched import PAGES, open_pages, p99, watched
-from tests.browser import PageView, browsing, patience
+from tests.browser import PageView, browsing
 from tests.serving import process
+from tests.trouble import until
 
 WARM, RUNS = 20, 60
 """Number of shown runs until buffers are full, and of those in which memory must not grow."""
@@ -120,7 +121,7 @@ def shown(stand):
             if number:
                 browser.switch_to.new_window("tab")
             browser.get(f"http://{host}:{port}/")
-            patience(lambda: browser.execute_script("return document.body.dataset.link") == "live")
+            until(lambda: browser.execute_script("return document.body.dataset.link") == "live")
         yield browser
 
 
@@ -154,14 +155,14 @@ def test_no_run_that_is_over_stays_in_memory(stand, shown, looks):
 def test_a_change_of_state_is_on_the_screen_within_a_fifth_of_a_second(stand, shown, looks):
     rng, told = np.random.default_rng(1), []
     stand.report(1, State.EXECUTE)
-    patience(lambda: shown.execute_script("return document.getElementById('state').textContent") == "Execute")
+    until(lambda: shown.execute_script("return document.getElementById('state').textContent") == "Execute")
     shown.execute_script(OBSERVE)
     for number in range(EVENTS):
         stand.show(looks[10 * number % len(looks) :][:10], 1)
         told.append(time.time())
         stand.report(1, State.EXECUTE if number % 2 else State.HELD)
         threading.Event().wait(float(rng.uniform(0.12, 0.3)))
-    patience(lambda: len(shown.execute_script("return window.seen")) >= EVENTS)
+    until(lambda: len(shown.execute_script("return window.seen")) >= EVENTS)
     seen = np.array(shown.execute_script("return window.seen")) / 1e3
     assert np.percentile(seen - told, 95) < MOST_LATENCY
 

@@ -12,8 +12,8 @@ from plc_bridge.peer import Peer
 from plc_bridge.protocol.messages import Command, Control, Report, Result
 from plc_bridge.protocol.registers import VERSION, VERSION_MAJOR, VERSION_MINOR, Lease
 from plc_bridge.protocol.watchdog import PlcSight
-from tests.plc_wire import until
 from tests.quick_cell import quick_cell
+from tests.trouble import until
 
 HOST = "127.0.0.1"
 CODES = {"stop": Control.STOP, "reset": Control.RESET, "motion": MOTION, "loss": MOTION, "return": Control.RESET}

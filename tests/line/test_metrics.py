@@ -11,8 +11,9 @@ from drivers.errors import DeviceNotOpenedError
 from plc_bridge.protocol.intervals import Intervals
 from plc_bridge.protocol.messages import Control
 from tests.certificates import Authority
-from tests.plc_wire import Wire, until
+from tests.plc_wire import Wire
 from tests.quick_cell import CODE
+from tests.trouble import until
 
 
 def read(address):

@@ -14,10 +14,11 @@ from cell.records.journal import Journal
 from drivers.errors import SkinSilentError
 from plc_bridge.peer import Peer
 from plc_bridge.protocol.messages import Refusal
-from tests.browser import PageView, browsing, patience
+from tests.browser import PageView, browsing
 from tests.filmed_runs import require_rendering
 from tests.plc_wire import Wire
 from tests.quick_cell import CODE
+from tests.trouble import until
 
 WIRE_CUT = "skin: no frame for 0.5 s"
 
@@ -260,7 +261,7 @@ def test_stop_and_abort_stay_in_view_at_one_place_in_every_state(served, page):
 def serving_page(folder, port):
     """Yield a process that serves a cell with its page at a port."""
     with program.served(folder, ["--set", "sim.pace=max", "--page", f"127.0.0.1:{port}"]) as running:
-        patience(lambda: is_open(port))
+        until(lambda: is_open(port))
         yield running
 
 

@@ -20,12 +20,12 @@ from cell.records.schema import ConfigRow, RunRow
 from cell.records.wall_clock import now_text
 from drivers.errors import DeviceNotOpenedError
 from plc_bridge.protocol.messages import Control
-from tests.browser import patience
 from tests.hostile import UPGRADE
 from tests.plc_wire import Wire
 from tests.quick_cell import CODE
 from tests.scenes import played
 from tests.sockets import PATIENCE
+from tests.trouble import until
 
 PING = b"\x89\x00"
 
@@ -192,11 +192,11 @@ async def test_an_old_hand_on_the_lease_is_let_go_by_releasing_it(server, served
         ask(page, "unlock", token=server.token)
         ask(page, "take")
         assert (await hear(page, "own"))["lease"] in ("free", "yours")
-        await asyncio.to_thread(patience, lambda: served.bridge.holder.startswith("page"))
+        await asyncio.to_thread(until, lambda: served.bridge.holder.startswith("page"))
         plc.order((1, Control.NONE), (2, CODE))
         assert plc.answer(2).refusal == 5  # NOT_HOLDER
         ask(page, "release")
-        await asyncio.to_thread(patience, lambda: served.bridge.holder == "")
+        await asyncio.to_thread(until, lambda: served.bridge.holder == "")
         plc.order((3, CODE))
         assert plc.answer(3).refusal == 0
         ask(page, "hold")

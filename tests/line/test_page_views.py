@@ -13,9 +13,10 @@ from cell.page.server import STATIC
 from drivers.arm.kinematics import finger_frame
 from drivers.errors import SkinSilentError
 from drivers.scene_facts import BRIGHT, NOISE, felt, touch_colours
-from tests.browser import PageView, browsing, patience
+from tests.browser import PageView, browsing
 from tests.filmed_runs import record
 from tests.foreign import NODE_CLIENT
+from tests.trouble import until
 
 AXE = NODE_CLIENT / "node_modules" / "axe-core" / "axe.min.js"
 FIRST, WHOLE = 40e3, 1e6
@@ -53,7 +54,7 @@ def get(server, path, **headers):
 def run(rig, served, server) -> int:
     """Return the number of a run on record, in which the hand closes on a peg."""
     number = record(rig, served.journal, knows_truth=True)
-    patience(lambda: get(server, f"/runs/{number}/replay")[0] == 200)
+    until(lambda: get(server, f"/runs/{number}/replay")[0] == 200)
     return number
 
 
