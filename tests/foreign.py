@@ -16,6 +16,7 @@ import tempfile
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from functools import cache
 from pathlib import Path
 
 from cell.records.journal import Journal
@@ -55,10 +56,16 @@ def call(*command: object, folder: Path | None = None, longest: float = 240.0, *
     return done.stdout.strip()
 
 
+@cache
+def printed(kind: str) -> str:
+    """Return what `cell map` prints in one of its formats, each of which takes a process."""
+    return call(sys.executable, "-m", "cell", "map", "--format", kind) + "\n"
+
+
 def exported(kind: str, folder: Path) -> Path:
-    """Return a file with what `cell map` prints in one of its formats."""
+    """Return a file with what it prints in one of its formats."""
     path = folder / f"cell_map.{kind}"
-    path.write_text(call(sys.executable, "-m", "cell", "map", "--format", kind) + "\n", encoding="utf-8")
+    path.write_text(printed(kind), encoding="utf-8")
     return path
 
 
