@@ -24,9 +24,15 @@ PEG, HOLE = Round(0.008), Round(0.0081)
 
 
 @pytest.mark.parametrize(
-    ("pair", "chamfers"), [*((PAIRS[0], each) for each in CHAMFERS), *((each, CHAMFERS[-1]) for each in PAIRS[1:])]
+    ("pair", "chamfers", "degrees"),
+    [
+        (*each, degrees)
+        for number, each in enumerate(
+            [*((PAIRS[0], each) for each in CHAMFERS), *((each, CHAMFERS[-1]) for each in PAIRS[1:])]
+        )
+        for degrees in ((1, 5, 45), (2, 15, 60))[number % 2]
+    ],
 )
-@pytest.mark.parametrize("degrees", [1, 2, 5, 15, 45, 60])
 def test_a_tilted_peg_goes_as_deep_as_its_lines_fit(
     pair: tuple[float, float], chamfers: tuple[float, float], degrees: int
 ) -> None:
@@ -102,7 +108,7 @@ def test_a_peg_in_any_pose_is_as_deep_in_the_plate_as_dense_samples_say(
 ) -> None:
     """Where two edges cross, the distance between them along their common normal is up to 1.42 of what a sample of either has."""
     peg, hole, rng, tried = Round(diameter, ends), Round(diameter + 1e-4, mouths), np.random.default_rng(7), 0
-    while tried < 20:
+    while tried < 8:
         tilt, azimuth = rng.choice([0.1, 1.0]) * rng.uniform(0.0, 1.0), rng.uniform(-3.2, 3.2)
         axes, goal = rig.attitude(tilt, azimuth), rng.uniform(1e-6, 8e-6)
         place = np.array([*(rng.choice([0.1, 1.0]) * peg.reach * rng.uniform(-1.2, 1.2, size=2)), 0.0])

@@ -121,7 +121,7 @@ def inserted(seed: int, timestep: float) -> tuple[str, float]:
 
 def test_half_the_time_step_changes_no_outcome_and_the_peak_force_by_less_than_another_seed_does() -> None:
     """Force is reported within 32 Hz; what a rigid contact bears in a single step doubles as the step is halved."""
-    coarse, fine = ([inserted(seed, timestep) for seed in range(1, 7)] for timestep in (0.0005, 0.00025))
+    coarse, fine = ([inserted(seed, timestep) for seed in range(1, 5)] for timestep in (0.0005, 0.00025))
     assert [ending for ending, _ in coarse] == [ending for ending, _ in fine]
     forces, halved = (np.array([force for _, force in each]) for each in (coarse, fine))
     assert np.median(np.abs(halved - forces)) < 0.5 * forces.std()

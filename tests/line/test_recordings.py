@@ -1,6 +1,7 @@
 """Recordings of a real skin, [cyskin], through the code that the live skin goes through."""
 
 import math
+from copy import copy
 from functools import lru_cache
 from pathlib import Path
 
@@ -76,19 +77,14 @@ def test_injected_error_counts_are_masked_and_nothing_else_is(name):
 
 
 @pytest.mark.parametrize("layout", LAYOUTS)
-@pytest.mark.parametrize("name", TOUCHED)
-@pytest.mark.parametrize("method", ["image", "robust"])
-def test_touched_recording_gives_finite_poses(name, layout, method):
-    module, frames = _recording(name)
-    health = _patch_health()
-    estimator = (
-        ImageEstimator(ImageParams(), layout)
-        if method == "image"
-        else RobustEstimator(RobustParams(), layout, load().cell.peg)
-    )
-    for number, raw in enumerate(frames):
-        pose = estimator.estimate(_fingers(module, *health.update(raw, 0.1 * number)))
-        assert np.isfinite([pose.theta, pose.offset, pose.sigma, pose.residual]).all()
+def test_touched_recordings_give_finite_poses(layout):
+    for estimator in (ImageEstimator(ImageParams(), layout), RobustEstimator(RobustParams(), layout, load().cell.peg)):
+        for name in TOUCHED:
+            module, frames = _recording(name)
+            health, made = _patch_health(), copy(estimator)
+            for number, raw in enumerate(frames):
+                pose = made.estimate(_fingers(module, *health.update(raw, 0.1 * number)))
+                assert np.isfinite([pose.theta, pose.offset, pose.sigma, pose.residual]).all()
 
 
 def test_touch_is_seen_in_the_touched_recordings_and_not_in_the_untouched():
@@ -195,8 +191,8 @@ def _deviation(counts):
 @pytest.mark.parametrize("name", UNTOUCHED)
 def test_drawn_noise_of_taxels_is_that_of_the_recording(name):
     module, frames = _recording(name)
-    third = np.isin(module, np.unique(module)[::3])  # enough of them, and quick
-    module, frames = module[third], frames[:, third]
+    some = np.isin(module, np.unique(module)[::6])  # enough of them, and quick
+    module, frames = module[some], frames[:, some]
     real = np.array([_deviation(counts) for counts in frames.T.astype(float)])
     skin, reality = SimSkinConfig(kind="sim"), read(SHIPPED / ERRORS_FILE)
     drawn = [
