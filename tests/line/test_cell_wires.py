@@ -18,7 +18,7 @@ from tests.wired import Wires
 def wired(tmp_path):
     """Yield the cell at work, its boards, and the truth."""
     emulated_or_skip()
-    loaded = load(sets=["sim.pace=max", "reality.scale=0.0", "sim.seed=4"])
+    loaded = load(sets=["sim.pace=max", "reality.scale=0.0", "sim.seed=4", "hole.area=[0.01, 0.01]"])
     plain = assemble(loaded.cell)
     wires = Wires(loaded.cell, plain.clock, plain.clock.draw.skin)
     cell = replace(plain, clock=wires.clock, skin=wires.skin, switch=wires.switch, boards=(wires,))

@@ -34,10 +34,10 @@ def grasped(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def short(loaded, tmp_path_factory):
-    """Return the folder of a journal with a run of 0.6 s."""
+    """Return the folder of a journal with a run of 0.3 s."""
     folder = tmp_path_factory.mktemp("short")
     with Journal(folder / "short") as journal:
-        run = record(Rig(loaded, folder / "fakes"), journal, knows_truth=True)
+        run = record(Rig(loaded, folder / "fakes"), journal, knows_truth=True, scans=30)
         require_rendering(recorded(journal, run))
     return folder / "short"
 
@@ -94,7 +94,7 @@ def test_a_film_has_every_picture_of_the_run(short, tmp_path):
     pictures = 0
     while film.read()[0]:
         pictures += 1
-    assert (sizes, pictures) == ((WIDTH, HEIGHT, 25.0), 16)
+    assert (sizes, pictures) == ((WIDTH, HEIGHT, 25.0), 9)
 
 
 def test_a_film_for_a_page_goes_round_for_ever_in_real_time(short, tmp_path):
@@ -102,14 +102,14 @@ def test_a_film_for_a_page_goes_round_for_ever_in_real_time(short, tmp_path):
     with Image.open(tmp_path / "run.webp") as film:
         film.seek(1)
         film.load()
-        assert (film.n_frames, film.size, film.info["loop"], film.info["duration"]) == (7, (800, 450), 0, 100)
+        assert (film.n_frames, film.size, film.info["loop"], film.info["duration"]) == (4, (800, 450), 0, 100)
 
 
 @pytest.mark.parametrize(
     ("wrong", "told"),
     [
         (["--out", "run.avi"], "run.avi: *.mp4, *.webp, *.png allowed"),
-        (["--out", "run.png", "--at", "7"], "--at 7: run 1 has 0 to 0.59 s"),
+        (["--out", "run.png", "--at", "7"], "--at 7: run 1 has 0 to 0.29 s"),
         (["--out", "run.mp4", "--at", "0.2"], "--at 0.2: a film shows all of a run"),
     ],
 )
