@@ -2,7 +2,7 @@
 
 from tests import hostile
 
-FRAMES, SEED = 2000, 1
+FRAMES, SEED = 1000, 1
 LEAST = {"TCP": FRAMES, "TLS": FRAMES, "TLS handshake": FRAMES // 20, "RTU": FRAMES // 20, "HTTP": FRAMES}
 
 
