@@ -1,21 +1,25 @@
-"""Requests of a PLC to the whole cell of fakes, through the bridge's mailbox, and the entries that its runs leave in the journal."""
+"""Requests of a PLC to the whole cell of fakes, through the bridge's mailbox, what it reads, and what its runs leave on record."""
 
 import json
 from itertools import groupby
 
+import numpy as np
 import pytest
 
 from cell.records.schema import EventKind
 from cell.run.states import State
-from drivers.errors import FaultCode, SkinSilentError
-from plc_bridge.protocol.messages import Control, Result, Warnings
+from drivers.errors import ArmReflexError, FaultCode, SkinSilentError
+from drivers.quantities import Pose
+from plc_bridge.protocol.images import PACKML
+from plc_bridge.protocol.messages import Control, PartEvidence, PartPlace, Result, Warnings
 from skills.catalogue import CATALOGUE
 from skills.contract import Outcome, Reason, SkillResult
 from skills.entry import Program
 from skills.flow import run_stage
+from tests.fakes import HAND_DOWN
 from tests.trouble import full_disk, until
 
-GRASP, RELEASE = 101, 105
+GRASP, RELEASE, RECOVER = 101, 105, 106
 
 
 def test_the_program_clears_up_after_a_failure(rig):
@@ -115,3 +119,59 @@ def test_a_run_on_a_full_disk_goes_on_and_the_plc_reads_the_warning(rig):
     assert rig.scan().warnings == 0
     warned = [event.name for event in rig.journal.events() if event.kind == EventKind.WARNING]
     assert warned == ["not recorded", "not recorded is over"]
+
+
+def hold_in_hole(rig, depth):
+    """Let the hand hold an upright peg with its end so deep in the middle of the hole's area, m."""
+    hole, length = np.array(rig.loaded.cell.hole.centre), rig.loaded.cell.peg.length
+    rig.gripper.grip(30.0)
+    rig.arm.tcp = Pose(hole + np.array([0.003, -0.002, length - depth]), HAND_DOWN)
+
+
+def test_the_place_of_the_peg_its_depth_and_their_evidence(rig):
+    bit = PartEvidence
+    rig.scan()
+    assert rig.plc.report.part_evidence == bit.HAND_EMPTY | bit.SKIN_FREE | bit.SWITCH_OPEN
+    hold_in_hole(rig, 0.0123)
+    rig.scan(12)  # until the next frame of the skin
+    held = bit.HAND_HOLDS | bit.SKIN_TOUCHED | bit.TIP_IN_HOLE | bit.SWITCH_OPEN
+    assert rig.plc.report.part_evidence == held
+    assert rig.plc.report.part_width == pytest.approx(rig.loaded.cell.peg.part.thickness)
+    assert rig.plc.report.part_depth == pytest.approx(0.0123, abs=1e-6)
+    rig.command(Control.CLEARED)  # said in error: the hand still holds it
+    assert (rig.plc.report.part, rig.plc.report.part_evidence) == (PartPlace.IN_HOLE, held)
+    rig.gripper.has_peg = False
+    rig.gripper.release(0.04)
+    rig.scan()
+    rig.command(Control.CLEARED)
+    assert (rig.plc.report.part, rig.plc.report.part_evidence) == (PartPlace.RACK, bit.PERSON)
+
+
+def test_the_place_of_the_hole_and_the_largest_force_of_the_run(rig):
+    hold_in_hole(rig, 0.010)
+    rig.at(0.1, lambda: rig.arm.force.__setitem__(2, 23.45))
+    rig.at(0.3, lambda: rig.arm.force.__setitem__(2, 0.0))
+    rig.at(0.5, rig.plc.stop)
+    rig.command(RECOVER)
+    centre = rig.loaded.cell.hole.centre
+    assert rig.plc.report.hole[0] == pytest.approx(centre[0] + 0.003, abs=5e-4)
+    assert rig.plc.report.hole[1] == pytest.approx(centre[1] - 0.002, abs=5e-4)
+    assert rig.plc.report.peak_force == pytest.approx(23.45)
+
+
+def test_states_reasons_and_counts_of_pack_tags(rig):
+    tags = lambda: PACKML.unpack(rig.bridge.packml_words())  # noqa: E731
+    rig.scan(10)
+    assert (tags()["packml_unit_mode"], tags()["packml_state"]) == (1, State.IDLE)
+    rig.gripper.has_peg = False
+    rig.command(100)  # an empty slot: an insertion that fails
+    assert (tags()["packml_processed"], tags()["packml_defective"]) == (1, 1)
+    assert tags()["packml_cntrl_cmd"] == Control.START
+    assert tags()[f"packml_state_time_{State.EXECUTE.value}"] >= 3
+    rig.arm.fault = ArmReflexError("arm: reflex")
+    rig.scan()
+    assert (tags()["packml_state"], tags()["packml_stop_reason"]) == (State.ABORTED, FaultCode.ARM_REFLEX)
+    rig.command(Control.RESET)
+    assert (tags()["packml_state"], tags()["packml_cntrl_cmd"]) == (State.IDLE, Control.RESET)
+    rig.command(Control.CLEARED)
+    assert tags()["packml_cntrl_cmd"] == Control.RESET  # no control of PackML

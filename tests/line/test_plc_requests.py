@@ -3,10 +3,12 @@
 `tests/unit/plc_bridge/test_rough_line.py` has a ladder in random order beside other clients.
 """
 
+import struct
+
 import pytest
 
 from cell.run.states import State
-from plc_bridge.protocol.images import CommandImage
+from plc_bridge.protocol.images import PACKML, CommandImage
 from plc_bridge.protocol.messages import Control, Refusal, Result
 from tests.plc_wire import block, ladder, stopped, until_bits
 from tests.quick_cell import CODE
@@ -120,3 +122,12 @@ def test_when_the_stop_coil_falls_by_itself_or_with_its_connection_reset_and_sta
         other.coil("stop", 0)
     plc.order((2, Control.RESET), (3, CODE))
     assert plc.until(lambda report: report.sequence == 3 and report.result != Result.NONE).result == Result.SUCCESS
+
+
+def test_pack_tags_are_read_whole_and_one_by_one(plc):
+    stopped(plc)
+    whole, one = plc.ask(
+        struct.pack(">BHH", 4, PACKML.start, PACKML.words), struct.pack(">BHH", 4, PACKML.start + 1, 1)
+    )
+    assert PACKML.unpack(struct.unpack(f">{PACKML.words}H", whole[2:]))["packml_state"] == State.STOPPED
+    assert one[2:] == struct.pack(">H", State.STOPPED)
