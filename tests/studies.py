@@ -3,19 +3,35 @@
 import csv
 import io
 import json
-from contextlib import redirect_stdout
+import pickle
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, redirect_stdout
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
 from cell.commands.cli import GOOD, main
+from cell.lab import trials, workers
 
-ALONE = ("--workers", "1")
-"""Options of a study that runs on one process, which all of them share."""
+
+def here(
+    task: Callable[[int], Any], seeds: Sequence[int], processes: int, is_enough: Callable[[], bool] = lambda: False
+) -> Iterator[Any]:
+    """Yield what `on_processes` yields, from this process: another one would load and compile all of it once more."""
+    task = pickle.loads(pickle.dumps(task))
+    yield from (task(seed) for seed in seeds if not is_enough())
+
+
+@contextmanager
+def in_this_process() -> Iterator[None]:
+    """Let no study start a process."""
+    with patch.object(trials, "on_processes", here), patch.object(workers, "on_processes", here):
+        yield
 
 
 def studied(folder: Path, name: str, *words: str) -> dict[str, Any]:
     """Run a study into a folder and return its figures."""
-    with redirect_stdout(io.StringIO()) as printed:
+    with in_this_process(), redirect_stdout(io.StringIO()) as printed:
         assert main(["study", name, "--json", *words, "--out", str(folder)]) == GOOD
     found: dict[str, Any] = json.loads(printed.getvalue())
     return found

@@ -18,7 +18,7 @@ from cell.lab.published import PUBLISHED
 from cell.lab.tactile import CONDITIONS, ESTIMATORS, ON_LAYER
 from cell.lab.trials import TABLE, VOID
 from skills import catalogue
-from tests.studies import ALONE, is_chart, rows_of, studied
+from tests.studies import in_this_process, is_chart, rows_of, studied
 from tests.trial_rows import SEATED
 
 NAN = math.nan
@@ -68,7 +68,7 @@ def test_every_estimator_meets_every_condition_on_both_layouts_and_the_robust_on
 
 
 def test_every_phase_of_an_insertion_takes_at_least_the_time_of_its_bound(tmp_path):
-    found = studied(tmp_path, "limits", "--quick", *ALONE, "--seed", "5", "--set", "hole.area=[0.02,0.02]")
+    found = studied(tmp_path, "limits", "--quick", "--seed", "5", "--set", "hole.area=[0.02,0.02]")
     bounded = [line for line in found["lines"] if line["phase"] in (TURN, DOWN, DAMPED)]
     assert len(bounded) == 3
     assert all(0.0 < line["bound"] < line["reached"] for line in bounded), bounded
@@ -80,7 +80,6 @@ def test_every_phase_of_an_insertion_takes_at_least_the_time_of_its_bound(tmp_pa
 
 def test_a_method_that_fails_at_the_honest_level_has_no_margin(tmp_path):
     words = (
-        *ALONE,
         "--trials",
         "1",
         "--method",
@@ -98,7 +97,7 @@ def test_a_method_that_fails_at_the_honest_level_has_no_margin(tmp_path):
 
 
 def test_a_method_that_holds_at_the_hardest_level_has_the_whole_range(tmp_path):
-    words = (*ALONE, "--trials", "1", "--seed", "5", "--method", "shipped", "--error", "torque path: transport")
+    words = ("--trials", "1", "--seed", "5", "--method", "shipped", "--error", "torque path: transport")
     at_90, at_50 = studied(tmp_path, "margins", *words, "--set", "reality.scale=0")["margins"]
     assert (at_90["holds"], at_90["fails"], at_90["size"]) == (16.0, None, "0.016 to 0.032 s")
     assert at_50["margin"] == 16.0
@@ -106,7 +105,7 @@ def test_a_method_that_holds_at_the_hardest_level_has_the_whole_range(tmp_path):
 
 def test_the_peg_falls_only_if_there_is_a_hole_and_the_fall_is_detected(tmp_path):
     """The seed is that of a search that slides over the hole within four seconds."""
-    words = (*ALONE, "--quick", "--trials", "1", "--seed", "101", "--set", "reality.scale=0")
+    words = ("--quick", "--trials", "1", "--seed", "101", "--set", "reality.scale=0")
     line = studied(tmp_path, "events", *words)["line"]
     assert (line["searches"], line["stopped"], line["falls"], line["detected"]) == (1, 0, 1, 1)
     solid, hollow = sorted(rows_of(tmp_path / "events.csv"), key=lambda row: row["has_hole"])
@@ -176,7 +175,7 @@ def test_the_published_method_is_judged_stage_by_stage_with_printed_figures_on_s
     assert (search.tilt, search.timeout) == (pytest.approx(math.radians(45), abs=1e-3), 100.0)
     assert cell.params(catalogue.INSERT).estimator == "image"
     assert (cell.peg.part.diameter, cell.hole.part.diameter, cell.retries) == (0.008, 0.0081, 0)
-    words = (*ALONE, "--seed", "7", "--trials", "1", "--set", "search.timeout=0.5")
+    words = ("--seed", "7", "--trials", "1", "--set", "search.timeout=0.5")
     found = studied(tmp_path, "paper", *words)
     assert [stage["name"] for stage in found["stages"]] == [SEARCH, INSERT, ADJUST, "total"]
     assert {row["seed"] for row in rows_of(tmp_path / "judge-kept" / TABLE)} == {"507"}
@@ -184,17 +183,19 @@ def test_the_published_method_is_judged_stage_by_stage_with_printed_figures_on_s
     assert is_chart(tmp_path / "paper.png")
 
 
-SMALL = ["--set", "hole.area=[0.01, 0.01]", "--candidates", "3", "--trials", "1", "--judge", "1", "--workers", "1"]
+SMALL = ["--set", "hole.area=[0.01, 0.01]", "--candidates", "3", "--trials", "1", "--judge", "1"]
 
 
 def test_a_wish_ends_in_a_recipe_with_its_evidence_and_is_taken_up_again(tmp_path, capsys):
     command = ["tune", "--want", "p95<=30 s, force<=60 N", "--seed", "5", "--out", str(tmp_path), "--json", *SMALL]
-    assert main(command) == 0
+    with in_this_process():
+        assert main(command) == 0
     told = json.loads(capsys.readouterr().out)
     recipe = (tmp_path / "recipe.toml").read_text()
     assert [line["holds"] for line in told["judged"]] == [True, True]
     assert len(told["tried"]) == 3
     assert "seeds 1000005 to 1000005" in recipe
     assert recipe.startswith("# Wished: p95<=30 s, force<=60 N.")
-    assert main(["tune", "--want", "p95<=0.1 s", "--seed", "5", "--out", str(tmp_path), *SMALL]) == 1
+    with in_this_process():
+        assert main(["tune", "--want", "p95<=0.1 s", "--seed", "5", "--out", str(tmp_path), *SMALL]) == 1
     assert "not fulfilled by any of 3 settings; nearest: p95<=0.1 s: " in capsys.readouterr().err
