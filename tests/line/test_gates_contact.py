@@ -190,8 +190,3 @@ def test_a_pushed_peg_stops_where_it_did_with_the_pinned_release(degrees: int, d
     )
     assert pushed.penetration < 0.5e-6
     assert pushed.speed < 1e-3
-
-
-def test_a_leaning_peg_slides_without_seams_as_with_the_pinned_release() -> None:
-    over = rig.tilted_peg(PEG, HOLE, math.pi / 4, 0.0, 0.0, DT)
-    assert rig.drag(over, PEG, math.pi / 4, 0.4, 0.0065) < 1e-4

@@ -1,4 +1,4 @@
-"""The Modbus RTU server on a pseudo terminal, byte by byte, and mbpoll on it and on Modbus TCP."""
+"""The Modbus RTU server on a pseudo terminal, and mbpoll on it and on Modbus TCP; `test_hostile_frames.py` has its bytes."""
 
 from contextlib import closing
 
@@ -8,17 +8,14 @@ from drivers.errors import DeviceNotOpenedError
 from drivers.transport.serial_line import SerialLine
 from plc_bridge.bridge import Bridge
 from plc_bridge.config import ModbusConfig, PlcConfig, RtuConfig
-from plc_bridge.modbus.rtu_frames import with_check_sum
 from plc_bridge.protocol.messages import Control, Report, Result
-from plc_bridge.protocol.registers import DISCRETE_INPUTS, VERSION, Lease, table
+from plc_bridge.protocol.registers import DISCRETE_INPUTS, Lease, table
 from tests import mbpoll
 from tests.hubs import Cable
 from tests.scan_thread import take
-from tests.sockets import PATIENCE
 
 PROGRAM, UNIT = 100, 17
 AT = {register.name: register.address for register in table()}
-READ = with_check_sum(bytes.fromhex("11 04 0001 0001"))
 
 
 def start(port, **settings):
@@ -39,30 +36,6 @@ def cable():
 def bridge(cable):
     with closing(start(cable.ends[0])) as bridge:
         yield bridge
-
-
-@pytest.fixture
-def client(cable):
-    with closing(SerialLine(cable.ends[1], 19200)) as line:
-        line.open()
-        yield line
-
-
-def receive(client, size):
-    data = b""
-    while len(data) < size:
-        more = client.read(PATIENCE)
-        assert more, f"silent after {data.hex(' ')}"
-        data += more
-    return data
-
-
-def test_bytes_on_the_wire_are_those_of_the_standard_also_after_hostile_ones(bridge, client):
-    for hostile in (b"", b"\x00" * 300, b"\x11\x10\x00\x00\x00\x7b\xf6", with_check_sum(READ[:4])[:-1] + b"\x00"):
-        client.write(hostile)
-        client.write(READ)
-        assert receive(client, 7) == with_check_sum(bytes.fromhex("11 04 02") + VERSION.to_bytes(2, "big"))
-    assert bridge.diagnostics.bad_frames >= 3
 
 
 def test_port_that_is_missing_or_in_use_is_said_in_one_line(bridge, cable):

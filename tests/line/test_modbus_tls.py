@@ -1,4 +1,4 @@
-"""The Modbus/TCP Security server on real sockets: who gets in, who may do what, frames cut anywhere."""
+"""The Modbus/TCP Security server on real sockets: who gets in, and who may do what; `test_hostile_frames.py` has its frames."""
 
 import contextlib
 import datetime
@@ -15,7 +15,7 @@ from plc_bridge.protocol.messages import FIRST_PROGRAM, Control
 from plc_bridge.protocol.registers import COILS, Lease
 from tests.certificates import Authority, utf8
 from tests.scan_thread import take
-from tests.sockets import PATIENCE, answer, ask, frame, is_closed
+from tests.sockets import PATIENCE, ask, is_closed
 
 READ = bytes.fromhex("04 0001 0001")
 WRITE = bytes.fromhex("06 0003 0007")
@@ -195,24 +195,7 @@ def test_plain_client_of_the_same_address_inherits_nothing(bridge, contexts):
     assert bridge.poll() is None
 
 
-# Frames and handshakes.
-
-
-def test_frame_may_be_cut_into_records_anywhere(bridge, contexts):
-    data = frame(READ, 1) + frame(READ, 2)
-    with connect(bridge, contexts["Operator"]) as client:
-        for cut in range(1, len(data)):
-            client.sendall(data[:cut])
-            client.sendall(data[cut:])
-            assert [answer(client)[0], answer(client)[0]] == [1, 2]
-
-
-def test_plain_modbus_on_the_tls_port_is_refused_and_others_are_served(bridge, contexts):
-    with knock(bridge) as plain, pytest.raises(OSError, match=r"."):
-        ask(plain, READ)
-    assert not is_refused(bridge, contexts["Operator"])
-    bridge.close()
-    assert bridge.diagnostics.forbidden == 1
+# Handshakes that never end.
 
 
 @pytest.mark.parametrize(("idle_timeout", "said"), [(0.05, b""), (60.0, b"\x16\x03\x01")])

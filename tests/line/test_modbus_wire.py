@@ -3,7 +3,6 @@
 Answers to single requests are those of `tests/line/test_hostile_frames.py`.
 """
 
-import asyncio
 import contextlib
 import logging
 import socket
@@ -20,7 +19,7 @@ from plc_bridge.peer import CellSilentError, Peer
 from plc_bridge.protocol.messages import FIRST_PROGRAM, Report
 from plc_bridge.protocol.peer_log import LINES
 from plc_bridge.protocol.registers import Lease
-from tests.sockets import HEADER, PATIENCE, answer, ask, frame, is_closed
+from tests.sockets import PATIENCE, answer, ask, frame, is_closed
 
 READ_REPORT = bytes.fromhex("04 0000 000A")
 READ_RECIPE = bytes.fromhex("03 0003 0001")
@@ -50,26 +49,6 @@ def test_client_that_sends_much_before_it_reads_gets_every_answer_with_its_numbe
     with connect(bridge) as client:
         client.sendall(b"".join(frame(bytes.fromhex("03 0000 0029"), n, unit=255) for n in range(count)))
         assert [answer(client)[:2] for _ in range(count)] == [(n, 255) for n in range(count)]
-
-
-def test_twenty_clients_at_once_lose_nothing(bridge):
-    async def one(number):
-        reader, writer = await asyncio.open_connection(*bridge.address)
-        for n in range(100):
-            writer.write(frame(struct.pack(">BHHBHH", 16, 8, 2, 4, number, n), n))
-            writer.write(frame(struct.pack(">BHH", 3, 8, 2), 1000 + n))
-            written = await reader.readexactly(12)
-            read = await reader.readexactly(13)
-            assert (HEADER.unpack_from(written)[0], HEADER.unpack_from(read)[0]) == (n, 1000 + n)
-            assert struct.unpack(">HH", read[9:]) == (number, n)
-        writer.close()
-        await writer.wait_closed()
-
-    async def everybody():
-        await asyncio.wait_for(asyncio.gather(*(one(number) for number in range(20))), PATIENCE)
-
-    asyncio.run(everybody())
-    assert bridge.diagnostics.requests == 20 * 100 * 2
 
 
 @pytest.mark.parametrize(("protocol", "length"), [(1, None), (0xFFFF, None), (0, 0), (0, 1), (0, 255), (0, 60000)])
