@@ -53,7 +53,7 @@ def test_a_gain_beyond_the_boundary_ends_the_run_mostly_by_the_guard_before_the_
 ):
     monkeypatch.setattr(SearchSweep, "_turned", lambda self, seen, axis: axis)  # the hand turns after the peg at once
     config = load(sets=["reality.scale=0.0", stiff_arm]).cell.with_params(INSERT, follow_rate=100.0)
-    reasons = [run_trial(with_gains(config, *PUMPING[name]), seed).reason for seed in range(9001, 9005)]
+    reasons = [run_trial(with_gains(config, *PUMPING[name]), seed).reason for seed in range(9001, 9004)]
     ended = [reason for reason in reasons if reason]
     assert len(ended) >= 2
     guarded = [reason for reason in ended if reason in GUARDS]
