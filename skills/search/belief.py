@@ -3,8 +3,9 @@
 import math
 from dataclasses import dataclass, replace
 
+from drivers.parts import HolePrior
 from skills.search.decoys import Decoy
-from skills.search.tour import Left, Likely
+from skills.search.tour import Left
 
 FOUND = 0.2
 """Standard deviation of the hole's middle about the lowest point of the peg that has fallen in, share of the hole's width."""
@@ -16,7 +17,7 @@ TRIES = 2
 class Belief:
     """Where a search begins and how it goes on."""
 
-    likely: Likely | None = None
+    likely: HolePrior | None = None
     """Where the hole is likely; None is anywhere in the area."""
     left: Left | None = None
     """Rest of the path over the area that earlier attempts of the run did not sweep; None where there was none."""
@@ -40,7 +41,7 @@ class Belief:
             width: Diameter of the largest circle inside the hole, m.
             left: Rest of the attempt's path over the area.
         """
-        again = Likely(place, (FOUND * width, FOUND * width))
+        again = HolePrior(mean=place, deviation=(FOUND * width, FOUND * width))
         is_again = (self.tries_at(place, width) + 1) % TRIES > 0
         return replace(self, likely=again if is_again else None, left=left, failed=(*self.failed, place))
 

@@ -15,7 +15,7 @@ from skills.search.feel import EdgeEvidence, excess_of
 from skills.search.params import SpraySearchParams
 from skills.search.surface import Plane, SurfaceEstimate
 from skills.search.sweep import SearchSweep
-from skills.search.tour import Left, Likely
+from skills.search.tour import Left
 
 logger = logging.getLogger(__name__)
 
@@ -127,9 +127,7 @@ def _above(course: Course) -> Goal:
 def _with_prior(belief: Belief, ctx: SkillContext) -> Belief:
     """Return the distribution of the hole's place for a first attempt, from the job's prior; later attempts have their own."""
     prior = ctx.job.hole.prior
-    if prior is None or belief.failed:
-        return belief
-    return replace(belief, likely=Likely(prior.mean, prior.deviation))
+    return belief if prior is None or belief.failed else replace(belief, likely=prior)
 
 
 def _referenced(plane: Plane, params: SpraySearchParams, ctx: SkillContext, sweep: SearchSweep) -> Plane:

@@ -9,6 +9,7 @@ from typing import Protocol
 
 import numpy as np
 
+from drivers.parts import HolePrior
 from drivers.quantities import Vector
 from skills.paths import TURN_TIME
 
@@ -35,16 +36,6 @@ class Path(Protocol):
 
     def at(self, time: float) -> tuple[Vector, Vector]:
         """Return the point, m, and its velocity, m/s, at `time`, s, each shape (2,), from the middle of the area."""
-
-
-@dataclass(frozen=True, slots=True)
-class Likely:
-    """Where the hole is likely: a normal distribution."""
-
-    mean: Point
-    """Most likely place of the hole's middle, shape (2,), m, base frame."""
-    deviation: Point
-    """Standard deviations along x and y, m."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,7 +127,7 @@ class Rows:
         return [edge * ((2 * n + 1) / count - 1.0) for n in dict.fromkeys(numbers) if 0 <= n < count]
 
 
-def first_look(likely: Likely, middle: Point, rows: Rows, width: float, outside: float, way: float) -> list[Stroke]:
+def first_look(likely: HolePrior, middle: Point, rows: Rows, width: float, outside: float, way: float) -> list[Stroke]:
     """Return strokes over where the hole is likely, the most likely one first; none leaves the area by more than `outside`, however
     wide that place is.
 
@@ -162,7 +153,7 @@ def first_look(likely: Likely, middle: Point, rows: Rows, width: float, outside:
     return strokes
 
 
-def outwards(likely: Likely, middle: Point, rows: Rows, start: float, way: float) -> list[Stroke]:
+def outwards(likely: HolePrior, middle: Point, rows: Rows, start: float, way: float) -> list[Stroke]:
     """Return strokes over the whole area: those where the hole is likely first, then to the nearer border, then to the other.
 
     Args:
@@ -184,12 +175,12 @@ def outwards(likely: Likely, middle: Point, rows: Rows, start: float, way: float
     return [(rows.place(begin, at), rows.place(end, at)) for begin, end, at in spans if begin != end]
 
 
-def beside(likely: Likely, rows: Rows) -> int:
+def beside(likely: HolePrior, rows: Rows) -> int:
     """Return how many strokes on either side of the first it takes to cover where the hole is likely."""
     return max(math.ceil(GATE * likely.deviation[1 - rows.fast] / rows.pitch - 0.5), 0)
 
 
-def _clipped(likely: Likely, middle: Point, rows: Rows) -> Point:
+def _clipped(likely: HolePrior, middle: Point, rows: Rows) -> Point:
     """Return where the hole is likely along and across the strokes, from the middle of the area and within it, m."""
     place = [min(max(m - c, -h), h) for m, c, h in zip(likely.mean, middle, rows.half, strict=True)]
     return place[rows.fast], place[1 - rows.fast]

@@ -7,13 +7,14 @@ import numpy as np
 import pytest
 
 from cell.config.load import load
+from drivers.parts import HolePrior
 from skills.catalogue import SEARCH
 from skills.paths import TURN_TIME
 from skills.search.belief import Belief
 from skills.search.course import ANYWHERE, OUTSIDE, leading, make_course
 from skills.search.decoys import BLIND, SHALLOW, THROUGH, Decoy, decoy_at
 from skills.search.params import FREE_GAP
-from skills.search.tour import GATE, Left, Likely
+from skills.search.tour import GATE, Left
 from skills.seating.decision import CLOSED_TOLERANCE
 
 RIM = np.linspace(-math.pi, math.pi, 2001)
@@ -66,7 +67,7 @@ def likely(across=0.0, deviation=5e-4, fast=1):
     """Return the belief that the hole is about a place beside the middle of the area, across the lanes."""
     place = np.array(CELL.hole.centre[:2])
     place[1 - fast] += across
-    return Belief(Likely((float(place[0]), float(place[1])), (deviation, deviation)))
+    return Belief(HolePrior(mean=(float(place[0]), float(place[1])), deviation=(deviation, deviation)))
 
 
 @pytest.mark.parametrize("chamfer", [0.0, 1e-3])
@@ -154,7 +155,7 @@ def test_a_next_attempt_looks_where_the_hole_was_and_goes_on_with_what_is_left()
 
 def test_how_well_a_place_is_known_across_the_lanes_alone_tells_whether_one_stroke_is_enough():
     x, y = CELL.hole.centre[:2]
-    course = course_of(belief=Belief(Likely((x, y), (5e-4, 3.5e-3))))
+    course = course_of(belief=Belief(HolePrior(mean=(x, y), deviation=(5e-4, 3.5e-3))))
     begin = course.path.at(0.0)[0]
     after = -np.sign(begin[1]) * points(course, course.likely_until + 0.2, course.likely_until)[:, 1]
     assert after.max() > 0.019  # it goes on to the border, and not back to where it began

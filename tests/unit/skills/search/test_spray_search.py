@@ -17,7 +17,7 @@ from skills.pull_out import LONGEST
 from skills.search.belief import Belief
 from skills.search.course import ANYWHERE, make_course
 from skills.search.spray_search import run
-from skills.search.tour import Left, Likely
+from skills.search.tour import Left
 from tests.board import Board
 from tests.fakes import HAND_DOWN, PERIOD, Rig
 from tests.scripted import LIGHT
@@ -183,13 +183,13 @@ def test_a_turned_peg_that_does_not_come_off_the_plate_ends_the_search(bench):
 
 PLACE = (float(HOLE[0]) + 6e-3, float(HOLE[1]) - 5e-3)
 PRIOR = HolePrior(mean=PLACE, deviation=(3e-4, 5e-4))
-KNOWN = Belief(Likely(PLACE, (5e-4, 5e-4)))
+KNOWN = Belief(HolePrior(mean=PLACE, deviation=(5e-4, 5e-4)))
 
 
 @pytest.mark.parametrize(
     ("prior", "belief", "followed"),
     [
-        (PRIOR, ANYWHERE, Belief(Likely(PLACE, (3e-4, 5e-4)))),
+        (PRIOR, ANYWHERE, Belief(PRIOR)),
         (PRIOR, Belief(failed=(PLACE,)), ANYWHERE),
         (None, KNOWN, KNOWN),
     ],

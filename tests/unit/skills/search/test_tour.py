@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 
 from cell.config.load import load
+from drivers.parts import HolePrior
 from skills.paths import TURN_TIME
 from skills.search.belief import TRIES, Belief
 from skills.search.course import ANYWHERE, make_course
-from skills.search.tour import Left, Leg, Likely, Rows, Tour, beside, first_look, outwards, tour
+from skills.search.tour import Left, Leg, Rows, Tour, beside, first_look, outwards, tour
 
 CONFIG = load().cell
 JOB, PARAMS = CONFIG.job(), CONFIG.plan().search
@@ -33,7 +34,7 @@ def times(belief: Belief, holes: np.ndarray, seed: int) -> np.ndarray:
 def likely(place: np.ndarray, deviation: float) -> Belief:
     """Return the belief that the hole is about a place, given from the middle of the area."""
     x, y = CENTRE + place
-    return Belief(Likely((float(x), float(y)), (deviation, deviation)))
+    return Belief(HolePrior(mean=(float(x), float(y)), deviation=(deviation, deviation)))
 
 
 GRID = np.stack(np.meshgrid(*[np.linspace(-0.03, 0.03, 13)] * 2), -1).reshape(-1, 2)
@@ -58,7 +59,7 @@ def test_no_place_of_the_area_is_left_out(deviation, place):
     assert times(likely(np.array(place), deviation), GRID, seed=5).max() < 12.0
 
 
-@pytest.mark.parametrize("deviation", [5e-4, 1e-2, 0.2])
+@pytest.mark.parametrize("deviation", [5e-4, 1e-2, 0.1])
 @pytest.mark.parametrize("place", [(0.0, 0.0), (0.03, -0.03), (-0.06, 0.01)])
 def test_no_search_comes_down_beside_the_plate(place, deviation):
     """A prior wider than the area: the peg would come down beyond the assumed border."""
@@ -104,9 +105,9 @@ HERE = (0.5, 0.1)
 """Middle of their area, m, base frame."""
 
 
-def about(across: float, along: float = 0.0, deviation: float = 1e-3) -> Likely:
+def about(across: float, along: float = 0.0, deviation: float = 1e-3) -> HolePrior:
     """Return the belief that the hole is about a place, given across and along the strokes from the middle, m."""
-    return Likely((HERE[0] + across, HERE[1] + along), (deviation, deviation))
+    return HolePrior(mean=(HERE[0] + across, HERE[1] + along), deviation=(deviation, deviation))
 
 
 @pytest.mark.parametrize(
@@ -134,7 +135,7 @@ def test_strokes_lie_a_pitch_apart_at_most_and_half_as_far_from_the_borders():
 
 @pytest.mark.parametrize(("deviation", "others"), [(1e-4, 0), (1.66e-3, 0), (1.67e-3, 1), (4.99e-3, 1), (5.01e-3, 2)])
 def test_as_many_strokes_lie_on_either_side_as_three_deviations_ask_for(deviation, others):
-    assert beside(Likely((0.0, 0.0), (deviation, 9.0)), ROWS) == others
+    assert beside(HolePrior(mean=(0.0, 0.0), deviation=(deviation, 0.09)), ROWS) == others
 
 
 @pytest.mark.parametrize(("way", "begin"), [(1.0, 0.005 - 0.028), (-1.0, 0.020 + 0.007)])
