@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -10,7 +10,7 @@ from drivers.parts import Job
 from drivers.quantities import Vector
 from skills.paths import TURN_TIME, Lanes, lanes
 from skills.search.belief import Belief
-from skills.search.decoys import NOWHERE, Decoys
+from skills.search.decoys import Decoy
 from skills.search.params import SpraySearchParams
 from skills.search.tour import Left, Path, Rows, Stroke, first_look, outwards, tour
 
@@ -25,31 +25,61 @@ OUTSIDE = (2e-3, 4e-3)
 """Least and largest distance at which the peg comes down from the rim of a hole at the border of the area, m; drawn
 evenly between the two. Source: chosen, not measured.
 """
+STEP = 0.01
+"""Step along the path in which the end of a decoy is looked for, s. Source: chosen, not measured."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Course:
-    """Where the tip goes, and how the peg is held on the way."""
+    """Where the tip goes, how the peg is held on the way, and the decoys that it passes over."""
 
     path: Path
     middle: Vector
     """Middle of the area for the tip, shape (2,), m, base frame."""
-    first: Vector
-    """Place above the path's first point, shape (3,), m, base frame."""
+    surface: float
+    """Height of the plate's stated surface, m, base frame."""
     height: float
-    """Height of that place above the plate's stated surface, m."""
+    """Height above that surface from which the tip comes down, m."""
     axis: Vector
     """Axis of the peg, unit, shape (3,), base frame."""
     closing: Vector
     """Closing axis of the hand, unit, shape (3,), base frame."""
     fast: int
     """Axis of the base frame that is swept fast, 0 or 1."""
-    likely_until: float = 0.0
+    likely_until: float
     """Time along the path up to which the peg comes by where the hole is likely, s; 0 where that is nowhere."""
+    lowest: Vector
+    """Lowest point of the leaning peg with its tip at the path's middle, shape (2,), m, base frame."""
+    cover: float
+    """Time in which the path covers the area once, s; a hole that was taken for a decoy is tried again after it."""
+    until: float
+    """Time along the path until which the decoys are passed over, s."""
+    decoys: tuple[Decoy, ...]
+    """Decoys that are passed over."""
     since: float = 0.0
     """Time along the path at which the peg comes down, s."""
-    decoys: Decoys = NOWHERE
-    """Decoys that are passed over."""
+
+    @property
+    def first(self) -> Vector:
+        """Place from which the tip comes down, shape (3,), m, base frame."""
+        return np.array([*(self.middle + self.path.at(self.since)[0]), self.surface + self.height])
+
+    def passing(self, decoy: Decoy, time: float) -> "Course":
+        """Return the course with one more decoy, found at a `time` along the path, s."""
+        return replace(self, decoys=(*self.decoys, decoy), until=time + self.cover)
+
+    def down_from(self, time: float) -> "Course":
+        """Return the course on which the peg comes down at the first time from `time`, s, on at which it is in no decoy."""
+        return replace(self, since=self.beyond(time))
+
+    def beyond(self, time: float) -> float:
+        """Return the first time along the path from `time` on at which the peg is outside every decoy, s."""
+        while self.decoys and time < self.until and self._is_in_decoy(self.path.at(time)[0] + self.lowest):
+            time += STEP
+        return time
+
+    def _is_in_decoy(self, lowest: Vector) -> bool:
+        return any(math.dist(lowest, decoy.place) < decoy.radius for decoy in self.decoys)
 
 
 def make_course(
@@ -86,13 +116,21 @@ def make_course(
     azimuth = part.azimuth(params.tilt_azimuth)
     ahead = leading(part.reach, params.tilt, params.fall)
     middle = np.array(hole.centre[:2]) - ahead * np.array([math.cos(azimuth), math.sin(azimuth)])
-    height = params.first_height(part.reach, is_length_known)
-    lowest = part.lowest(np.array([*middle, 0.0]), axis, closing)[:2]
-    # A hole that was taken for a decoy is tried again once the rest of the area has been covered.
-    decoys = Decoys(belief.decoys, lowest, whole.cover, path.cover or whole.cover)
-    since = decoys.beyond(path, 0.0)
-    first = np.array([*(middle + path.at(since)[0]), hole.centre[2] + height])
-    return Course(path, middle, first, height, axis, closing, fast, likely_until, since, decoys)
+    return Course(
+        path=path,
+        middle=middle,
+        surface=hole.centre[2],
+        height=params.first_height(part.reach, is_length_known),
+        axis=axis,
+        closing=closing,
+        fast=fast,
+        likely_until=likely_until,
+        lowest=part.lowest(np.array([*middle, 0.0]), axis, closing)[:2],
+        cover=whole.cover,
+        # A hole that was taken for a decoy is tried again once the rest of the area has been covered.
+        until=path.cover or whole.cover,
+        decoys=belief.decoys,
+    ).down_from(0.0)
 
 
 def leading(reach: float, tilt: float, fall: float) -> float:

@@ -12,6 +12,7 @@ import numpy as np
 
 from drivers.frames import rotation_about
 from drivers.quantities import Pose, Vector
+from skills.contract import Observation
 from skills.paths import spiral_at_speed
 from skills.search.course import Course
 from skills.search.params import SpraySearchParams
@@ -42,17 +43,7 @@ class Detour:
 class Felt:
     """Quantities of the peg on the plate in one scan."""
 
-    elapsed: float
-    """Time that the search has been running, s."""
-    stamp: float
-    """Start of the scan, s."""
-    frame_stamp: float
-    """Time of the newest frame in theta, s."""
-    tcp: Pose
-    tip: Vector
-    """End point of the peg, shape (3,), m, base frame."""
-    axis: Vector
-    """Axis of the peg, unit, shape (3,), base frame."""
+    seen: Observation
     turned: float
     """Rotation of the peg in the hand since the search began, rad."""
     below: float
@@ -108,15 +99,10 @@ class Resting:
 
     def is_over(self, felt: Felt, params: SpraySearchParams) -> bool:
         """Return whether the tip's depth is known well enough to be judged."""
-        return felt.frame_stamp >= self.stopped + params.rest
+        return felt.seen.peg.stamp >= self.stopped + params.rest
 
 
 Phase = ComingDown | Sliding | Probing | Resting
-
-
-def first_phase(course: Course) -> Phase:
-    """Return the phase that a search begins with."""
-    return ComingDown(Detour(0.0, np.zeros(2), course.axis, course.closing))
 
 
 def next_phase(phase: Phase, felt: Felt, params: SpraySearchParams, course: Course, point: Vector) -> Phase:
@@ -146,9 +132,9 @@ def after_rest(phase: Resting, felt: Felt, params: SpraySearchParams, course: Co
     is_gone = params.lag is not None and felt.below < GONE * params.dip_threshold
     is_done = phase.was_probed or is_gone
     goal = course.middle + point if is_done else phase.place
-    closing = felt.tcp.rotation[:, 2]
-    hand_axis = rotation_about(closing, -felt.turned) @ felt.axis
-    detour = Detour(felt.elapsed, felt.tip[:2] - goal, hand_axis, closing)
+    closing = felt.seen.arm.tcp.rotation[:, 2]
+    hand_axis = rotation_about(closing, -felt.turned) @ felt.seen.axis
+    detour = Detour(felt.seen.elapsed, felt.seen.tip[:2] - goal, hand_axis, closing)
     return Sliding(detour) if is_done else Probing(detour, phase.place, felt.below)
 
 
@@ -158,15 +144,17 @@ def stopped(felt: Felt, params: SpraySearchParams) -> Resting:
     A peg that falls while it slides is beyond the middle of the hole by about half of that when it is caught, and leans on the rim there.
     """
     back = params.probe_radius * felt.velocity / max(math.hypot(*felt.velocity), 1e-9)
-    hand = Pose(felt.tcp.position - np.array([*back, 0.0]), felt.tcp.rotation)
-    return Resting(felt.tip[:2] - back / 2.0, hand, felt.stamp)
+    tcp = felt.seen.arm.tcp
+    hand = Pose(tcp.position - np.array([*back, 0.0]), tcp.rotation)
+    return Resting(felt.seen.tip[:2] - back / 2.0, hand, felt.seen.stamp)
 
 
 def _touched(phase: ComingDown, felt: Felt, params: SpraySearchParams, course: Course) -> Phase:
     """Slide once the setpoint is down and the plate bears the push, or after the longest time to come down."""
-    is_down = felt.elapsed * params.descent >= course.height + params.push_offset
-    if (felt.is_pressed and is_down) or felt.elapsed >= params.touch_down:
-        return Sliding(replace(phase.detour, since=felt.elapsed))
+    elapsed = felt.seen.elapsed
+    is_down = elapsed * params.descent >= course.height + params.push_offset
+    if (felt.is_pressed and is_down) or elapsed >= params.touch_down:
+        return Sliding(replace(phase.detour, since=elapsed))
     return phase
 
 
@@ -176,11 +164,11 @@ def _probed(phase: Probing, felt: Felt, params: SpraySearchParams, course: Cours
     The tip must be deeper by a dip than where the probe began, and before the end of the spiral deeper than `fall`. Otherwise a peg that leans
     on the rim just above that depth stops the probe at once, and after three such rests its hole is taken for a dent.
     """
-    looked = phase.looked(felt.elapsed, params)
+    seen, looked = felt.seen, phase.looked(felt.seen.elapsed, params)
     is_over = math.hypot(*looked) > params.probe_radius
     if felt.below > max(phase.below + params.dip_threshold, 0.0 if is_over else params.fall):
-        return Resting(phase.place, felt.tcp, felt.stamp, was_probed=True)
+        return Resting(phase.place, seen.arm.tcp, seen.stamp, was_probed=True)
     if not is_over:
         return phase
-    probed = phase.place + looked + phase.detour.left(felt.elapsed, params) * phase.detour.offset
-    return Sliding(Detour(felt.elapsed, probed - course.middle - point, course.axis, course.closing))
+    probed = phase.place + looked + phase.detour.left(seen.elapsed, params) * phase.detour.offset
+    return Sliding(Detour(seen.elapsed, probed - course.middle - point, course.axis, course.closing))

@@ -17,13 +17,13 @@ from skills.search.feel import Bearing, EdgeEvidence, Push, excess_of
 from skills.search.params import SpraySearchParams
 from skills.search.phases import (
     ComingDown,
+    Detour,
     Felt,
     Phase,
     Probing,
     Resting,
     Sliding,
     after_rest,
-    first_phase,
     next_phase,
 )
 from skills.search.tour import Left
@@ -41,8 +41,6 @@ STUCK_WITHIN = 1e-3
 """Largest distance between two rests of a peg that has not got away in between, m. Source: chosen, not measured."""
 STUCK_AFTER = 3
 """Number of rests in one place from which on the place is passed over."""
-FAR_OFF: tuple[Vector, int] = np.full(2, math.inf), 0
-"""Rest of a peg that has not rested yet."""
 
 
 class SearchSweep:
@@ -51,29 +49,37 @@ class SearchSweep:
     def __init__(self, params: SpraySearchParams, ctx: SkillContext, course: Course, evidence: EdgeEvidence) -> None:
         """Begin above the first point of the course."""
         self._params, self._ctx, self._course, self._evidence = params, ctx, course, evidence
-        self._identity = ctx.new_id()
-        self._theta = ctx.in_hand().theta
-        """In-hand angle with which the hand began, rad."""
-        self._push = Push(params.push_stiffness, self._theta)
+        self._push = Push(params.push_stiffness, 0.0)
         self._stiffness, self._damping_ratio = params.gains.stiffness(), params.gains.damping_ratios()
-        self._bearing = Bearing(ctx.wrench.zero, ctx.schedule.period)
-        self._trim = Trim(params.trim_rate, params.trim_limit)
-        self._phase: Phase = first_phase(course)
-        self._along = course.since
-        """Time along the course, s."""
-        self._point, self._velocity = course.path.at(course.since)
         self._lag = 0.0
         """Lag of the tip behind its setpoint along the pass, m."""
         self._resting: ImpedanceSetpoint | None = None
         self._edge = course.first
         self.touched: Vector | None = None
         """Lowest point of the peg at its last touch-down, shape (3,), m, base frame, by the length that it told; None before."""
-        self._rested = FAR_OFF
-        """Place of the newest stop that found no hole, shape (2,), m, base frame, and the number of stops there so far."""
         self._is_doubted = False
         """Whether the last touch-down was below the plate beside a decoy."""
         self.rests = 0
         """Number of times that contact evidence stopped the path."""
+        self.hold_anew()
+
+    def hold_anew(self) -> None:
+        """Come down from the first point of the course with the peg as it now lies in the hand."""
+        ctx, course = self._ctx, self._course
+        self._theta = ctx.in_hand().theta
+        """In-hand angle with which the hand came down, rad."""
+        self._identity, self._push = ctx.new_id(), replace(self._push, theta=self._theta)
+        self._bearing = Bearing(ctx.wrench.zero, ctx.schedule.period)
+        self._phase: Phase = ComingDown(Detour(0.0, np.zeros(2), course.axis, course.closing))
+        self._trim = Trim(self._params.trim_rate, self._params.trim_limit)
+        self._along = course.since
+        """Time along the course, s."""
+        self._point, self._velocity = course.path.at(course.since)
+        self._rested: Vector = np.full(2, math.inf)
+        """Place of the newest stop that found no hole, shape (2,), m, base frame; infinite before the first one."""
+        self._times = 0
+        """Number of stops at that place so far."""
+        self._evidence.restart()
 
     def finds(self, seen: Observation) -> bool:
         """Take one observation; return whether the tip was judged to be in the hole."""
@@ -108,52 +114,34 @@ class SearchSweep:
 
     def _has_come_down_in_decoy(self, felt: Felt, edge: Vector) -> bool:
         """Return whether the peg has come down below the plate beside a decoy; the next time it has slipped up into the hand."""
-        low = self._ctx.job.hole.centre[2] - float(edge[2]) > EXPLAINED or not felt.is_pressed
-        is_doubted, self._is_doubted = self._is_doubted, low and bool(self._course.decoys.found)
+        low = self._course.surface - float(edge[2]) > EXPLAINED or not felt.is_pressed
+        is_doubted, self._is_doubted = self._is_doubted, low and bool(self._course.decoys)
         return self._is_doubted and not is_doubted
 
     def _pass_over(self) -> None:
         """Take the place of the peg for a decoy."""
         decoy = Decoy(self.edge, BLIND * self._ctx.job.hole.part.inscribed)
-        self._course = replace(self._course, decoys=self._course.decoys.with_one(decoy, self._along))
+        self._course = self._course.passing(decoy, self._along)
 
     def _is_stuck(self, felt: Felt) -> bool:
         """Count a rest that is over, and return whether the peg has rested here time and again."""
-        place, times = self._rested
-        self._rested = felt.tip[:2], times + 1 if math.dist(felt.tip[:2], place) <= STUCK_WITHIN else 1
-        return self._rested[1] >= STUCK_AFTER
+        here = felt.seen.tip[:2]
+        self._times = self._times + 1 if math.dist(here, self._rested) <= STUCK_WITHIN else 1
+        self._rested = here
+        return self._times >= STUCK_AFTER
 
     def is_to_lift(self, seen: Observation) -> bool:
         """Return whether the peg is to be lifted: it has turned so far in the hand that the hand should turn after it, in the air,
         or it is stuck in a decoy or slides into one.
         """
-        is_stuck = self._rested[1] >= STUCK_AFTER
-        is_in_decoy = isinstance(self._phase, Sliding) and self._clear > self._along
+        is_stuck = self._times >= STUCK_AFTER
+        is_in_decoy = isinstance(self._phase, Sliding) and self._course.beyond(self._along) > self._along
         return is_stuck or is_in_decoy or abs(seen.peg.theta - self._theta) > self._params.turned
-
-    @property
-    def _clear(self) -> float:
-        """Time along the course from which on the peg is outside every decoy, s."""
-        return self._course.decoys.beyond(self._course.path, self._along)
 
     def begin_anew(self) -> Course:
         """Return the course on which the lifted peg comes down where it was, or behind a decoy."""
-        self._along = self._clear
-        self._point, _ = self._course.path.at(self._along)
-        self._course = replace(
-            self._course, first=np.array([*(self._course.middle + self._point), self._course.first[2]])
-        )
+        self._course = self._course.down_from(self._along)
         return self._course
-
-    def hold_anew(self) -> None:
-        """Come down again with the peg as it now lies in the hand."""
-        self._theta = self._ctx.in_hand().theta
-        self._identity, self._push = self._ctx.new_id(), replace(self._push, theta=self._theta)
-        self._bearing = Bearing(self._ctx.wrench.zero, self._ctx.schedule.period)
-        self._phase = first_phase(self._course)
-        self._trim = Trim(self._params.trim_rate, self._params.trim_limit)
-        self._rested = FAR_OFF
-        self._evidence.restart()
 
     @property
     def edge(self) -> tuple[float, float]:
@@ -187,7 +175,7 @@ class SearchSweep:
         back = phase.detour.left(seen.elapsed, self._params)
         target, velocity = self._way(phase, seen, back)
         slow = 1 - self._course.fast
-        if target[2] < self._ctx.job.hole.centre[2] + TRIMMED_BELOW:
+        if target[2] < self._course.surface + TRIMMED_BELOW:
             self._trim = self._trim.after(target[slow] - seen.tip[slow], seen.step)
         target[slow] += self._trim.value
         return ImpedanceSetpoint(
@@ -212,8 +200,8 @@ class SearchSweep:
 
     def _measure_length(self, edge: Vector, felt: Felt) -> None:
         """Take from a touch-down how far the peg reaches from the hand; after the first one it may have slipped."""
-        height = float(edge[2]) - self._ctx.job.hole.centre[2]
-        excess = excess_of(height, felt.axis, self._params.length_bound, self._ctx.peg.is_length_known)
+        height = float(edge[2]) - self._course.surface
+        excess = excess_of(height, felt.seen.axis, self._params.length_bound, self._ctx.peg.is_length_known)
         if excess is None:
             logger.warning(
                 "peg: its end was expected %.1f mm above the plate's surface where it touches; within %.1f mm believed: length left as it is",
@@ -223,7 +211,7 @@ class SearchSweep:
         elif excess:
             logger.info("peg: reaches %.1f mm further from the hand than stated, by its first touch-down", 1e3 * excess)
         self._ctx.note_touch(excess or 0.0)
-        self.touched = edge - (excess or 0.0) * float(felt.axis[2]) * UP
+        self.touched = edge - (excess or 0.0) * float(felt.seen.axis[2]) * UP
 
     def _enter(self, phase: Phase) -> None:
         """Go on with `phase`; the only place where the phase changes."""
@@ -243,12 +231,7 @@ class SearchSweep:
         push = self._push.stiffness * self._params.push_offset
         is_held = self._params.lag is not None and self._lag > self._params.lag
         return Felt(
-            elapsed=seen.elapsed,
-            stamp=seen.stamp,
-            frame_stamp=seen.peg.stamp,
-            tcp=seen.arm.tcp,
-            tip=seen.tip,
-            axis=seen.axis,
+            seen=seen,
             turned=seen.peg.theta - self._theta,
             below=below,
             is_pressed=self._bearing.after(float(seen.arm.wrench.force[2]), push),
@@ -259,10 +242,10 @@ class SearchSweep:
     def _way(self, phase: ComingDown | Sliding | Probing, seen: Observation, back: float) -> tuple[Vector, Vector]:
         """Return the setpoint of the tip, shape (3,), m, and its velocity, shape (3,), m/s, and go on along the course."""
         params, course = self._params, self._course
-        depth = self._ctx.job.hole.centre[2] - params.push_offset
+        top, depth = course.surface + course.height, course.surface - params.push_offset
         # Also where the plate was felt too early the setpoint comes down no faster than this.
-        share = min(seen.elapsed * params.descent / (course.first[2] - depth), 1.0)
-        target, velocity = np.array([0.0, 0.0, course.first[2] + (depth - course.first[2]) * share]), np.zeros(3)
+        share = min(seen.elapsed * params.descent / (top - depth), 1.0)
+        target, velocity = np.array([0.0, 0.0, top + (depth - top) * share]), np.zeros(3)
         if isinstance(phase, Sliding):
             # Under a smaller push the peg falls less far in the same time.
             run_up = min((seen.elapsed - phase.detour.since) / params.run_up, 1.0)

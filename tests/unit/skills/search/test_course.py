@@ -195,17 +195,17 @@ def course_past(seed, path=None, since=0.0):
 
 def away(course, time):
     """Return the distance of the peg's lowest point from the decoy at a time along the path, m."""
-    return math.dist(course.path.at(time)[0] + course.decoys.offset, PLACE)
+    return math.dist(course.path.at(time)[0] + course.lowest, PLACE)
 
 
 @pytest.mark.parametrize("seed", range(4))
 def test_every_lane_that_meets_a_decoy_goes_on_behind_it(seed):
     course = course_past(seed)
-    inside = [time for time in np.arange(0.0, course.decoys.until, 0.02) if away(course, time) < WIDTH]
+    inside = [time for time in np.arange(0.0, course.until, 0.02) if away(course, time) < WIDTH]
     assert inside
     for time in inside:
-        behind = course.decoys.beyond(course.path, time)
-        assert WIDTH <= away(course, behind) < 1.3 * WIDTH or behind >= course.decoys.until
+        behind = course.beyond(time)
+        assert WIDTH <= away(course, behind) < 1.3 * WIDTH or behind >= course.until
 
 
 def test_a_search_that_goes_on_comes_down_behind_the_decoy():
@@ -222,6 +222,6 @@ def test_a_hole_that_was_taken_for_a_decoy_is_tried_again_once_the_rest_is_cover
     """A decoy of the second cover is passed over for a cover."""
     whole = course_past(7).path
     course = course_past(7, whole, share * whole.cover)
-    assert course.decoys.until == pytest.approx(until * whole.cover)
-    later = next(time for time in np.arange(course.decoys.until, 30.0, 0.02) if away(course, time) < WIDTH)
-    assert course.decoys.beyond(course.path, float(later)) == later
+    assert course.until == pytest.approx(until * whole.cover)
+    later = next(time for time in np.arange(course.until, 30.0, 0.02) if away(course, time) < WIDTH)
+    assert course.beyond(float(later)) == later

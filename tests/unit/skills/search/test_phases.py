@@ -1,6 +1,6 @@
 """Transitions between the phases of a search."""
 
-from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -19,7 +19,6 @@ from skills.search.phases import (
     Resting,
     Sliding,
     after_rest,
-    first_phase,
     next_phase,
 )
 
@@ -29,24 +28,21 @@ COURSE = make_course(PARAMS, CONFIG.job(), np.random.default_rng(1))
 PERIOD = 0.01
 HAND, HERE = Pose(np.zeros(3), np.eye(3)), np.array([0.5, 0.01, 0.1])
 ASLANT = np.array([0.6, 0.0, 0.8])
-FELT = Felt(
-    elapsed=3.0,
-    stamp=13.0,
-    frame_stamp=12.95,
-    tcp=HAND,
-    tip=HERE,
-    axis=ASLANT,
-    turned=0.0,
-    below=0.0,
-    is_pressed=True,
-    is_edge=False,
-    velocity=np.array([0.0, -0.1]),
-)
+
+
+def felt(elapsed=3.0, frame_stamp=12.95, **changes):
+    """Return the quantities of a peg that slides along y, 3 s after the search began, with these differences."""
+    arm, peg = SimpleNamespace(tcp=HAND), SimpleNamespace(stamp=frame_stamp)
+    seen = SimpleNamespace(elapsed=elapsed, stamp=13.0, arm=arm, peg=peg, tip=HERE, axis=ASLANT)
+    usual = {"turned": 0.0, "below": 0.0, "is_pressed": True, "is_edge": False, "velocity": np.array([0.0, -0.1])}
+    return Felt(seen, **{**usual, **changes})
+
+
 BACK = Detour(3.0, np.zeros(2), COURSE.axis, COURSE.closing)
 
 
-def after(phase, **felt):
-    return next_phase(phase, replace(FELT, **felt), PARAMS, COURSE, np.zeros(2))
+def after(phase, **changes):
+    return next_phase(phase, felt(**changes), PARAMS, COURSE, np.zeros(2))
 
 
 DOWN = (PARAMS.height + PARAMS.push_offset) / PARAMS.descent
@@ -64,7 +60,7 @@ DOWN = (PARAMS.height + PARAMS.push_offset) / PARAMS.descent
     ],
 )
 def test_the_search_slides_once_the_plate_has_borne_the_push_or_is_never_felt(elapsed, is_pressed, phase):
-    assert isinstance(after(first_phase(COURSE), elapsed=elapsed, is_pressed=is_pressed), phase)
+    assert isinstance(after(ComingDown(BACK), elapsed=elapsed, is_pressed=is_pressed), phase)
 
 
 def test_evidence_stops_the_hand_and_leads_it_back_the_way_it_came():
@@ -73,7 +69,7 @@ def test_evidence_stops_the_hand_and_leads_it_back_the_way_it_came():
     assert after(sliding) is sliding
     rest = after(sliding, is_edge=True)
     assert isinstance(rest, Resting)
-    assert (rest.stopped, rest.was_probed) == (FELT.stamp, False)
+    assert (rest.stopped, rest.was_probed) == (13.0, False)
     assert rest.tcp.position == pytest.approx([0.0, PARAMS.probe_radius, 0.0])
     assert rest.place == pytest.approx(HERE[:2] + np.array([0.0, PARAMS.probe_radius / 2.0]))
 
@@ -86,18 +82,18 @@ def test_a_hand_that_stood_still_is_held_where_it_is():
 
 def test_a_rest_is_judged_by_a_frame_of_its_end():
     rest = Resting(HERE[:2], HAND, stopped=10.0)
-    assert not rest.is_over(replace(FELT, frame_stamp=10.0 + PARAMS.rest - 1e-6), PARAMS)
-    assert rest.is_over(replace(FELT, frame_stamp=10.0 + PARAMS.rest), PARAMS)
+    assert not rest.is_over(felt(frame_stamp=10.0 + PARAMS.rest - 1e-6), PARAMS)
+    assert rest.is_over(felt(frame_stamp=10.0 + PARAMS.rest), PARAMS)
 
 
 def test_a_place_is_looked_round_once_and_then_left():
     rest = Resting(HERE[:2] - 1e-3, HAND, stopped=10.0)
-    probe = after_rest(rest, replace(FELT, below=PARAMS.dip_threshold), PARAMS, COURSE, np.zeros(2))
+    probe = after_rest(rest, felt(below=PARAMS.dip_threshold), PARAMS, COURSE, np.zeros(2))
     assert isinstance(probe, Probing)
     assert probe.detour.offset == pytest.approx([1e-3, 1e-3])
     again = after(probe, elapsed=3.1, below=PARAMS.fall + PARAMS.dip_threshold)
     assert isinstance(again, Resting)
-    assert isinstance(after_rest(again, FELT, PARAMS, COURSE, np.zeros(2)), Sliding)
+    assert isinstance(after_rest(again, felt(), PARAMS, COURSE, np.zeros(2)), Sliding)
 
 
 def test_a_probe_that_begins_just_above_the_depth_of_the_hole_goes_on_to_a_deeper_place():
@@ -110,9 +106,9 @@ def test_a_probe_that_begins_just_above_the_depth_of_the_hole_goes_on_to_a_deepe
 def test_a_corner_whose_dip_has_gone_at_rest_is_not_led_round_the_place():
     """If the peg turns in the hand, the corner seems to dip until the skin measures the turn; a probe would turn it further."""
     corner, rest = CONFIG.corner.searching(PARAMS), Resting(HERE[:2], HAND, stopped=10.0)
-    gone, left = (replace(FELT, below=share * GONE * corner.dip_threshold) for share in (0.99, 1.01))
-    for params, felt, phase in ((corner, gone, Sliding), (corner, left, Probing), (PARAMS, gone, Probing)):
-        assert isinstance(after_rest(rest, felt, params, COURSE, np.zeros(2)), phase)
+    gone, left = (felt(below=share * GONE * corner.dip_threshold) for share in (0.99, 1.01))
+    for params, each, phase in ((corner, gone, Sliding), (corner, left, Probing), (PARAMS, gone, Probing)):
+        assert isinstance(after_rest(rest, each, params, COURSE, np.zeros(2)), phase)
 
 
 def test_a_probe_that_ends_while_the_peg_falls_rests():
