@@ -9,9 +9,8 @@ from pydantic import Field
 from drivers.config_model import ConfigModel, Figure, Quantity
 from drivers.errors import ConfigError
 from drivers.parts import Fraction
-from drivers.quantities import TaxelFrame, Vector
+from drivers.quantities import Mask, TaxelFrame, Vector
 from drivers.skin.layout import PITCH, Layout, finger_positions, layout_of
-from skills.tactile.plausible import is_print
 from skills.tactile.pose import PegPose
 
 LATTICE_ERROR: dict[Layout, float] = {"parallelogram": 3.2e-6, "base_to_base": 4.9e-6}
@@ -37,6 +36,20 @@ class ImageParams(ConfigModel):
     """Largest share of the image away from the peg's axis if the frame shows a peg, fraction."""
     least_trusted: Annotated[float, Figure("fraction"), Field(exclude=True)] = 0.5
     """Least share of trusted taxels for an estimate, fraction."""
+    most_below: Annotated[float, Figure("fraction"), Field(exclude=True)] = 0.25
+    """Largest share of a frame's squares below the baseline if it shows a peg, fraction; noise alone gives one half."""
+    least_pressed: Annotated[float, Figure("count"), Field(exclude=True)] = 3.0
+    """Least effective number of taxels pressed by a peg, (sum y)² / sum y²."""
+
+    def is_print(self, values: Vector, trusted: Mask) -> bool:
+        """Return True if the readings, counts, can be the print of a peg."""
+        # sum of y² over y < 0 <= most_below · sum of y², and (sum y)² / sum y² >= least_pressed over y > 0
+        known = np.where(trusted, values, 0.0)
+        pressed = np.maximum(known, 0.0)
+        squares = float(np.vdot(pressed, pressed))
+        below = float(np.vdot(known, known)) - squares
+        is_pressed = pressed.sum() ** 2 >= self.least_pressed * squares
+        return squares > 0.0 and below <= self.most_below * (squares + below) and is_pressed
 
 
 class ImageEstimator:
@@ -93,7 +106,7 @@ class ImageEstimator:
             offset=offset,
             sigma=self._sigma(ellipse.major - ellipse.minor, trusted),
             residual=residual,
-            healthy=is_line and residual <= params.most_residual and is_print(frame.values, frame.trusted),
+            healthy=is_line and residual <= params.most_residual and params.is_print(frame.values, frame.trusted),
             stamp=frame.stamp,
         )
 

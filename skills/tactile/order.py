@@ -13,11 +13,10 @@ import numpy as np
 from drivers.errors import SkinUntrustedError
 from drivers.quantities import TaxelFrame, Vector
 from drivers.skin.layout import Layout, module_exchanges
+from skills.tactile.steady import NEEDED
 
 EXCHANGED = math.log(1000.0)
 """Mean log odds per frame above which modules count as exchanged; the prior is one exchange in 1000 grasps."""
-LEAST_FRAMES = 3
-"""Least number of frames for a decision, because the errors of one frame can exceed a faint print."""
 
 
 @runtime_checkable
@@ -48,7 +47,7 @@ class PrintOrder:
         Raises:
             SkinUntrustedError: The print fits exchanged modules better; the message names them.
         """
-        if len(self._odds) < LEAST_FRAMES:
+        if len(self._odds) < NEEDED:  # the errors of one frame can exceed a faint print
             return
         odds = np.mean(self._odds, axis=0)
         if odds.max() > EXCHANGED:

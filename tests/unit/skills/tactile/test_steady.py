@@ -9,7 +9,7 @@ import pytest
 from drivers.errors import SkinUntrustedError
 from drivers.quantities import TaxelFrame
 from drivers.skin.layout import LAYOUTS, module_exchanges, module_of
-from skills.tactile.order import LEAST_FRAMES, PrintOrder
+from skills.tactile.order import PrintOrder
 from skills.tactile.robust import RobustEstimator, RobustParams
 from skills.tactile.steady import JUDGED, NEEDED, STEADY, GraspPrint, restless_modules
 from tests.pegs import framed, pushed, readings, shipped
@@ -140,7 +140,7 @@ def grasp_of(layout, number, theta=0.05, offset=1e-3):
     """Return the grasp_of of one grasp."""
     rng = np.random.default_rng(number)
     load = pushed(rng, theta, offset)
-    return [readings(layout, load, rng) for _ in range(LEAST_FRAMES)]
+    return [readings(layout, load, rng) for _ in range(NEEDED)]
 
 
 def order_of(layout, values):
@@ -169,7 +169,7 @@ def test_fingers_that_have_each_others_places_show_the_print_of_a_peg_that_leans
     (values,) = grasp_of("parallelogram", 2)[:1]
     as_held, mirrored = (estimator("parallelogram").estimate(framed(each)) for each in (values, values[::-1]))
     assert mirrored.theta == pytest.approx(-as_held.theta, abs=np.radians(1.0))
-    order_of("parallelogram", [values[::-1]] * LEAST_FRAMES).require()
+    order_of("parallelogram", [values[::-1]] * NEEDED).require()
 
 
 def test_fewer_frames_say_nothing():
@@ -182,7 +182,7 @@ def test_fewer_frames_say_nothing():
 
 def test_a_skin_that_shows_no_print_says_nothing_of_its_order():
     rng = np.random.default_rng(5)
-    order_of("parallelogram", [rng.normal(0.0, 300.0, (2, 20)) for _ in range(LEAST_FRAMES)]).require()
+    order_of("parallelogram", [rng.normal(0.0, 300.0, (2, 20)) for _ in range(NEEDED)]).require()
 
 
 def test_an_estimator_without_templates_says_nothing_of_the_order():
