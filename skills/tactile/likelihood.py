@@ -60,6 +60,28 @@ class RobustParams(ConfigModel):
     """Largest number of readings to leave out."""
     reach_spread: Annotated[float, Figure("m"), Field(exclude=True), Source("docs/tried/angle.md")] = 1e-3
     """Standard deviation of the peg's reach out of the hand, about its stated length, m."""
+    lowest: Annotated[float, Figure("standard deviations"), Field(exclude=True)] = -6.0
+    """Reading below which a taxel is faulty, standard deviations; no pressure lowers a reading below its baseline."""
+    silent: Annotated[float, Figure("standard deviations"), Field(exclude=True)] = 4.0
+    """Largest reading of a possibly dead module, standard deviations of the noise."""
+    most_surety: Annotated[float, Figure("1/variance"), Field(exclude=True)] = 20.0
+    """Largest precision of the estimated breadth, 1/variance (4 % of breadth), because the breadth changes with the load."""
+    turned: Annotated[float, Figure("rad"), Field(exclude=True), Source("chosen, not measured")] = math.radians(5.0)
+    """Least rotation of the peg between two updates of the estimates, rad; frames at the same angle have the same errors."""
+    sure: Annotated[float, Figure("rad"), Field(exclude=True), Source("docs/tried/angle.md")] = math.radians(1.5)
+    """Largest sigma of a frame that updates the estimates of breadth and load, rad; if two angles give similar frames, an update from
+    the wrong one makes the next frame prefer it, too.
+    """
+    learning: Annotated[float, Figure("fraction"), Field(exclude=True)] = 0.5
+    """Share of a frame's information on the breadth used for an update, fraction; it allows for template errors."""
+    load_spread: Annotated[float, Figure("ratio"), Field(exclude=True)] = 0.15
+    """Prior standard deviation of the logarithm of a pad's load, ratio."""
+    load_frames: Annotated[int, Figure("count"), Field(exclude=True)] = 4
+    """Number of frames that this prior is worth."""
+    most_frames: Annotated[int, Figure("count"), Field(exclude=True)] = 20
+    """Largest number of frames that the load estimate is worth; it adapts to a changed grip in about as many frames."""
+    steeper: Annotated[float, Figure("ratio"), Field(exclude=True)] = 3.5
+    """Factor on the rise of the loads along a short peg: it bears the same moment on 23 mm of the pads instead of 35 mm, (35/23)³."""
 
 
 class Found(NamedTuple):

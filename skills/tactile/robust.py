@@ -23,32 +23,13 @@ from skills.tactile.likelihood import UNKNOWN_LOAD, Bank, Found, RobustParams, p
 from skills.tactile.pose import PegPose
 from skills.tactile.templates import Templates, broad_templates, reaching_templates
 
-BELOW = -6.0
-"""Reading below which a taxel is faulty, standard deviations; no pressure lowers a reading below its baseline."""
-SILENT = 4.0
-"""Largest reading of a possibly dead module, standard deviations of the noise."""
 MEDIAN_OF_NORMAL = 0.6745
 BREADTHS = tuple(1.19**k for k in range(-3, 3))
 """Breadths of the compared prints, multiples of the configured breadth."""
 AT_FIRST = (float(BREADTHS.index(1.0)), 8.0)
 """Prior of the breadth: its index in `BREADTHS` and the precision 1/variance of the index; the standard deviation is 6 % of breadth."""
-MOST_SURETY = 20.0
-"""Largest precision of the estimated breadth (4 % of breadth), because the breadth changes with the load."""
-TURNED = math.radians(5.0)
-"""Least rotation of the peg between two updates of the breadth, rad; frames at the same angle have the same errors. Source: chosen, not measured."""
-LEARNING = 0.5
-"""Share of a frame's information on the breadth used for an update, fraction; it allows for template errors."""
-LOAD_SPREAD, LOAD_FRAMES = 0.15, 4
-"""Prior standard deviation of the logarithm of a pad's load, and the number of frames that the prior is worth."""
-MOST_FRAMES = 20
-"""Largest number of frames that the load estimate is worth; it adapts to a changed grip in about as many frames."""
-SURE = math.radians(1.5)
-"""Largest sigma of a frame that updates the estimates of breadth and load, rad; if two angles give similar frames, an update from the wrong one
-makes the next frame prefer it, too. Source: docs/tried/angle.md."""
 OVERHANGS = tuple(1e-3 * k for k in range(-4, 9))
 """Alternative lengths of the peg beyond the finger centre, m, compared with prints of the configured breadth. Source: chosen, not measured."""
-STEEPER = 3.5
-"""Factor on the rise of the loads along a short peg: it bears the same moment on 23 mm of the pads instead of 35 mm, (35/23)³."""
 REACH_STEP = 1.5e-3
 REACHES = tuple(REACH_STEP * k for k in range(-2, 3))
 """Differences from the stated length of the peg beyond the finger centre, compared in every frame, m."""
@@ -62,7 +43,7 @@ class UsualPrints:
 
     def __init__(self, params: RobustParams, breadths: Templates, reaches: Templates) -> None:
         """Prepare the comparison with prints of `BREADTHS` and of `REACHES`."""
-        self._believed, self._taught = AT_FIRST, math.nan
+        self._params, self._believed, self._taught = params, AT_FIRST, math.nan
         self._breadths, self._reaches = Bank(params, breadths), Bank(params, reaches)
         self._as_stated = (float(REACHES.index(0.0)), (REACH_STEP / params.reach_spread) ** 2)
         self.left = self._breadths.left
@@ -98,15 +79,15 @@ class UsualPrints:
     def learn(self, found: Found) -> None:
         """Update the estimated breadth of the print with one frame: a Kalman filter of a constant."""
         place, surety = self._believed
-        if abs(math.remainder(found.theta - self._taught, math.pi)) < TURNED:
+        if abs(math.remainder(found.theta - self._taught, math.pi)) < self._params.turned:
             return
-        share = LEARNING / max(found.misfit, 1.0)
+        share = self._params.learning / max(found.misfit, 1.0)
         # `found` includes the prior: the frame adds only the difference of the two precisions, times `share`.
         told = share * (found.surety - surety)
         if told > 0.0:
             place += share * found.surety / (surety + told) * (found.place - place)
             self._taught = found.theta
-            self._believed = min(max(place, 0.0), len(BREADTHS) - 1.0), min(surety + told, MOST_SURETY)
+            self._believed = min(max(place, 0.0), len(BREADTHS) - 1.0), min(surety + told, self._params.most_surety)
 
 
 def _evidence(found: Found, believed: tuple[float, float]) -> float:
@@ -121,8 +102,9 @@ class Load:
     The logarithm of the load is normal with unknown mean and variance. The variance has a scaled inverse chi-squared prior.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, params: RobustParams) -> None:
         """Start without an expected load."""
+        self._params = params
         self._mean, self._count, self._squares, self._taught = 0.0, 0, 0.0, math.nan
 
     @property
@@ -131,16 +113,18 @@ class Load:
         if self._count == 0:
             return UNKNOWN_LOAD
         # s² = (nu s0² + sum of squared deviations) / (nu + n - 1); variance of the next value = s² (1 + 1 / n)
-        variance = (LOAD_FRAMES * LOAD_SPREAD**2 + self._squares) / (LOAD_FRAMES + self._count - 1)
+        prior, spread = self._params.load_frames, self._params.load_spread
+        variance = (prior * spread**2 + self._squares) / (prior + self._count - 1)
         return self._mean, 1.0 / (variance * (1.0 + 1.0 / self._count))
 
     def learn(self, found: Found) -> None:
-        """Update the estimate with one frame, if the peg has turned by `TURNED`."""
-        if abs(math.remainder(found.theta - self._taught, math.pi)) < TURNED:
+        """Update the estimate with one frame, if the peg has turned since the last update."""
+        most = self._params.most_frames
+        if abs(math.remainder(found.theta - self._taught, math.pi)) < self._params.turned:
             return
-        if self._count == MOST_FRAMES:
-            self._squares *= 1.0 - 1.0 / MOST_FRAMES
-        self._count, self._taught = min(self._count + 1, MOST_FRAMES), found.theta
+        if self._count == most:
+            self._squares *= 1.0 - 1.0 / most
+        self._count, self._taught = min(self._count + 1, most), found.theta
         # Running mean and sum of squared deviations (Welford): m += d / n, S += (1 - 1 / n) d², d = x - m
         away = found.whole - self._mean
         self._mean += away / self._count
@@ -180,11 +164,13 @@ class RobustEstimator:
         reaching = reaching_templates(layout, peg, params.templates, near + short)
         broad = broad_templates(layout, peg, params.templates, BREADTHS)
         self._usual = UsualPrints(params, broad, reaching.part(0, len(near)))
-        steep = params.model_copy(update={"rise": STEEPER * params.rise, "common_rise": STEEPER * params.common_rise})
+        steep = params.model_copy(
+            update={name: params.steeper * getattr(params, name) for name in ("rise", "common_rise")}
+        )
         self._short = Bank(steep, reaching.part(len(near), len(near) + len(short)))
         self._against_short = params.rarity + math.log(max(len(short), 1))
         """Prior log odds against a peg that ends between the pads, for each of the compared lengths."""
-        self._load = Load()
+        self._load = Load(params)
 
     def __copy__(self) -> Self:
         """Return an estimator with the same templates and a copy of the learnt state; the two then learn independently."""
@@ -196,9 +182,9 @@ class RobustEstimator:
         """Return the pose of the peg in `frame`; see `skills.tactile.pose.Estimator`."""
         params = self._params
         values = frame.values.ravel()
-        trusted = frame.trusted.ravel() & (values > BELOW * self._noise)
+        trusted = self._plausible(frame)
         weights = weights_of(params, self._noise, values, trusted)
-        is_loud = (values > SILENT * self._noise) & (weights > 0.0)
+        is_loud = (values > params.silent * self._noise) & (weights > 0.0)
         if not is_loud.any():
             return PegPose(0.0, 0.0, math.pi / 2, 1.0, False, frame.stamp)
         bank: Prints = self._usual
@@ -208,7 +194,7 @@ class RobustEstimator:
             found, bank, weights = self._think_again(values, weights, silent, found)
         seen = TaxelFrame(frame.values, (weights > 0.0).reshape(frame.trusted.shape), frame.stamp, 0)
         pose = pose_of(params, self._noise, found, seen)
-        if pose.healthy and pose.sigma <= SURE:
+        if pose.healthy and pose.sigma <= params.sure:
             self._load.learn(found)
             if bank is self._usual:
                 self._usual.learn(found)
@@ -217,7 +203,7 @@ class RobustEstimator:
     def order_odds(self, frame: TaxelFrame) -> Vector:
         """Return the log odds of exchanged modules; see `skills.tactile.order.TellsOrder`."""
         params = self._params
-        values, trusted = frame.values.ravel(), frame.trusted.ravel() & (frame.values.ravel() > BELOW * self._noise)
+        values, trusted = frame.values.ravel(), self._plausible(frame)
         as_told = self._usual.compare(values, weights_of(params, self._noise, values, trusted))
         odds, found = np.zeros(len(self._exchanges)), [as_told]
         for number, told in enumerate(self._exchanges.values()):
@@ -228,6 +214,11 @@ class RobustEstimator:
             return np.zeros_like(odds)
         # If the noise exceeds the configured noise, all log likelihoods are scaled down by the same factor.
         return odds / max(1.0, min(each.misfit for each in found))
+
+    def _plausible(self, frame: TaxelFrame) -> Mask:
+        """Return a mask of the taxels that are trusted and whose readings are not below the baseline, shape (2 n,)."""
+        readable: Mask = frame.trusted.ravel() & (frame.values.ravel() > self._params.lowest * self._noise)
+        return readable
 
     def _silent(self, is_loud: Mask, weights: Vector) -> list[int]:
         """Return the modules without any reading above the noise."""

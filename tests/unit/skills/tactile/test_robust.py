@@ -14,7 +14,7 @@ from drivers.skin.layout import LAYOUTS, finger_positions, module_of, pad_size
 from sim.config import PadConfig
 from sim.hand.pads import Pads, contact_span
 from skills.tactile.likelihood import UNKNOWN_LOAD, Bank, Found, RobustParams, pose_of, weights_of
-from skills.tactile.robust import LOAD_SPREAD, MOST_FRAMES, SURE, Load, RobustEstimator
+from skills.tactile.robust import Load, RobustEstimator
 from skills.tactile.template_fill import HALF_LINE
 from skills.tactile.templates import TemplateParams, make_templates
 from tests.pegs import ALL, LOAD, SKIN, folded, framed, pushed, readings, rms_degrees, shipped, swept
@@ -22,9 +22,12 @@ from tests.pegs import ALL, LOAD, SKIN, folded, framed, pushed, readings, rms_de
 NOISE = LAYOUTS["parallelogram"].noise * LAYOUTS["parallelogram"].full_scale
 
 
+PARAMS = RobustParams()
+
+
 @lru_cache
 def _made(layout):
-    return RobustEstimator(RobustParams(), layout, shipped().peg)
+    return RobustEstimator(PARAMS, layout, shipped().peg)
 
 
 def _estimator(layout):
@@ -104,9 +107,7 @@ def test_templates_are_what_the_blurred_groove_adds_up_to(layout, rises):
 @pytest.mark.parametrize(("layout", "rms", "worst"), [("parallelogram", 0.8, 3.0), ("base_to_base", 1.2, 5.0)])
 def test_theta_follows_a_square_peg_by_the_print_of_its_faces(layout, rms, worst):
     peg = shipped().peg.model_copy(update={"shape": "square", "diameter": None, "sides": (0.008, 0.008)})
-    error, sigma, offset, healthy = swept(
-        RobustEstimator(RobustParams(), layout, peg), layout, peg=replace(LOAD, is_flat=True)
-    )
+    error, sigma, offset, healthy = swept(RobustEstimator(PARAMS, layout, peg), layout, peg=replace(LOAD, is_flat=True))
     assert healthy.all()
     assert rms_degrees(error) < rms
     assert np.degrees(np.abs(error).max()) < worst
@@ -138,7 +139,7 @@ class Plain:
     """Prints of the stated peg on the configured pads alone: nothing is learnt and no fault considered."""
 
     def __init__(self, layout):
-        self._params = RobustParams()
+        self._params = PARAMS
         self._bank = Bank(self._params, make_templates(layout, shipped().peg, self._params.templates))
 
     def estimate(self, frame):
@@ -328,7 +329,7 @@ def test_nothing_is_learnt_from_a_frame_that_two_angles_explain():
     frame = framed(readings("parallelogram", clear, rng))
     untaught = copy(estimator).estimate(frame)
     poses = [estimator.estimate(framed(readings("parallelogram", between_rows, rng))) for _ in range(20)]
-    assert all(pose.healthy and pose.sigma > SURE for pose in poses)
+    assert all(pose.healthy and pose.sigma > PARAMS.sure for pose in poses)
     assert estimator.estimate(frame) == untaught
 
 
@@ -337,18 +338,18 @@ def _found(whole, theta):
 
 
 def test_the_load_of_a_peg_is_learnt_once_from_frames_at_one_angle():
-    load = Load()
+    load = Load(PARAMS)
     assert load.expected == UNKNOWN_LOAD
     load.learn(_found(5.7, 0.1))
     once = load.expected
     load.learn(_found(6.7, 0.12))
-    assert load.expected == once == (5.7, pytest.approx(1.0 / (2.0 * LOAD_SPREAD**2), rel=0.4))
+    assert load.expected == once == (5.7, pytest.approx(1.0 / (2.0 * PARAMS.load_spread**2), rel=0.4))
 
 
 def test_load_of_another_grip_is_learnt():
-    load = Load()
-    for number in range(6 * MOST_FRAMES):
-        load.learn(_found(5.7 if number < 2 * MOST_FRAMES else 5.0, number % 2))
+    load = Load(PARAMS)
+    for number in range(6 * PARAMS.most_frames):
+        load.learn(_found(5.7 if number < 2 * PARAMS.most_frames else 5.0, number % 2))
     mean, precision = load.expected
     assert mean == pytest.approx(5.0, abs=0.02)
-    assert precision**-0.5 < LOAD_SPREAD
+    assert precision**-0.5 < PARAMS.load_spread
