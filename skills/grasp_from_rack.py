@@ -21,29 +21,6 @@ from skills.tactile.steady import GraspPrint
 ACROSS_RACK: Vector = np.array([0.0, -1.0, 0.0])
 """Direction of the closing axis at the rack, base frame; it is constant so that the wrist does not wind up over the runs."""
 
-CENTRED = (2e-4, math.radians(0.2))
-"""Error of the hand's position, m, and of its directions, rad, below which it closes at once. Source: docs/tried/grasp.md."""
-RESTING = 2e-3
-"""Speed of the hand below which it is at rest, m/s; when static friction releases, a moving hand overshoots the slot. Source: chosen, not measured."""
-CENTRING_TIME = 2.0
-"""Longest time to centre the hand on the slot, s. Source: chosen, not measured."""
-NEAR = (1e-3, math.radians(1.0))
-"""Largest error of the hand's position, m, and of its directions, rad, for closing: the clearance of the slot.
-Source: docs/tried/grasp.md.
-"""
-PROPORTION, RATE, LARGEST = 1.4, 12.0, 0.01
-"""Proportional gain, ratio, and integral rate, 1/s, of the position setpoint over the slot, and the largest integral, m. The hand follows its
-setpoint there with a lag of 0.12 s = PROPORTION / RATE, which this zero cancels. Source: docs/tried/grasp.md.
-"""
-SATURATED = 2e-3
-"""Error of the position at which both saturate, m: the lag of the arriving hand fills no integral. Source: docs/tried/grasp.md."""
-INTEGRAL_GAIN, INTEGRAL_LIMIT = 300.0, 6.0
-"""Integral gain of the arm's orientation over the slot, N·m/(rad·s), and its saturation, N·m. Source: chosen, not measured."""
-PRINT_TIME = 5.0
-"""Longest wait for the frames that show the peg, s; at 10 Hz they take 0.9 s, and a skin that times out raises a fault earlier. Source: chosen, not measured."""
-DRAWING_TIME = 2.0
-"""Time limit of the draw, multiple of its time at the drawing speed."""
-
 
 class GraspFromRackParams(SkillParams):
     """Parameters of taking a peg from the rack."""
@@ -68,6 +45,36 @@ class GraspFromRackParams(SkillParams):
         0.05
     )
     """Speed at which the peg leaves the slot, m/s; at higher speeds a peg that rubs in the slot slips between the pads."""
+    drawing_time: Annotated[float, Figure("multiple"), Field(exclude=True)] = 2.0
+    """Time limit of the draw, multiple of its time at the drawing speed."""
+    centred: Annotated[float, Figure("m"), Field(exclude=True), Source("docs/tried/grasp.md")] = 2e-4
+    """Error of the hand's position over the slot below which it closes at once, m."""
+    upright: Annotated[float, Figure("rad"), Field(exclude=True), Source("docs/tried/grasp.md")] = math.radians(0.2)
+    """Error of the hand's directions below which it closes at once, rad."""
+    near: Annotated[float, Figure("m"), Field(exclude=True), Source("docs/tried/grasp.md")] = 1e-3
+    """Largest error of the hand's position for closing, m: the clearance of the slot."""
+    askew: Annotated[float, Figure("rad"), Field(exclude=True), Source("docs/tried/grasp.md")] = math.radians(1.0)
+    """Largest error of the hand's directions for closing, rad."""
+    resting: Annotated[float, Figure("m/s"), Field(exclude=True)] = 2e-3
+    """Speed of the hand below which it is at rest, m/s; when static friction releases, a moving hand overshoots the slot."""
+    centring_time: Annotated[float, Figure("s"), Field(exclude=True)] = 2.0
+    """Longest time to centre the hand on the slot, s."""
+    proportion: Annotated[float, Figure("ratio"), Field(exclude=True), Source("docs/tried/grasp.md")] = 1.4
+    """Proportional gain of the position setpoint over the slot, ratio. The hand follows its setpoint there with a lag of
+    0.12 s = `proportion` / `trim_rate`, which this zero cancels.
+    """
+    trim_rate: Annotated[float, Figure("1/s"), Field(exclude=True), Source("docs/tried/grasp.md")] = 12.0
+    """Integral rate of that setpoint, 1/s."""
+    trim_limit: Annotated[float, Figure("m"), Field(exclude=True), Source("docs/tried/grasp.md")] = 0.01
+    """Largest integral, m."""
+    saturated: Annotated[float, Figure("m"), Field(exclude=True), Source("docs/tried/grasp.md")] = 2e-3
+    """Error of the position at which both saturate, m: the lag of the arriving hand fills no integral."""
+    integral_gain: Annotated[float, Figure("N·m/(rad·s)"), Field(exclude=True)] = 300.0
+    """Integral gain of the arm's orientation over the slot, N·m/(rad·s)."""
+    integral_limit: Annotated[float, Figure("N·m"), Field(exclude=True)] = 6.0
+    """Saturation of that integral, N·m."""
+    print_time: Annotated[float, Figure("s"), Field(exclude=True)] = 5.0
+    """Longest wait for the frames that show the peg, s; at 10 Hz they take 0.9 s, and a skin that times out raises a fault earlier."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,11 +103,11 @@ def run(params: GraspFromRackParams, ctx: SkillContext) -> GraspFromRackResult:
         pass
     for _ in move(Goal(grip_at, UP, ACROSS_RACK), params.transfer, ctx, None, settle=0.0):
         pass
-    centring = Centring(grip_at, ctx)
-    for seen in ctx.scan(CENTRING_TIME):
-        if centring.follow(seen, CENTRED):
+    centring = Centring(params, grip_at, ctx)
+    for seen in ctx.scan(params.centring_time):
+        if centring.follow(seen):
             break
-    if not (centring.is_within(NEAR) and _close(params, centring, ctx)):
+    if not (centring.is_within(params.near, params.askew) and _close(params, centring, ctx)):
         return _missed(params, ctx, started, Reason.MISSED_GRASP)
     _require_print(params, ctx)
     _draw_out(grip_at[2] + job.rack.depth, params, ctx)
@@ -130,37 +137,37 @@ class Centring:
     If the hand grips the peg aslant, the peg jams in the slot. The final setpoint balances the joints' friction.
     """
 
-    def __init__(self, grip_at: Vector, ctx: SkillContext) -> None:
+    def __init__(self, params: GraspFromRackParams, grip_at: Vector, ctx: SkillContext) -> None:
         """Start from the held setpoint, with the goal `grip_at`, shape (3,), m, base frame."""
         assert ctx.lead.held is not None
-        self._ctx, self._grip_at, self._trim = ctx, grip_at, np.zeros(3)
+        self._params, self._ctx, self._grip_at, self._trim = params, ctx, grip_at, np.zeros(3)
         self._held = replace(
             ctx.lead.held,
             id=ctx.new_id(),
             twist=None,
             is_free=False,  # from here to the end of the slot, peg and rack may touch
-            integral_gain=INTEGRAL_GAIN,
-            integral_limit=INTEGRAL_LIMIT,
+            integral_gain=params.integral_gain,
+            integral_limit=params.integral_limit,
         )
         self._off, self._aslant, self._speed = np.full(3, math.inf), math.inf, math.inf
 
-    def follow(self, seen: Observation, near: tuple[float, float]) -> bool:
-        """Process one scan; return True if the hand rests within `near`, m and rad, of the goal."""
-        hand, before = seen.arm.tcp, self._off
+    def follow(self, seen: Observation) -> bool:
+        """Process one scan; return True if the hand rests, centred on the goal."""
+        params, hand, before = self._params, seen.arm.tcp, self._off
         self._off = self._grip_at - hand.position
         self._speed = float(np.abs(self._off - before).max()) / seen.step
         self._aslant = max(angle_between(-hand.rotation[:, 0], UP), angle_between(hand.rotation[:, 2], ACROSS_RACK))
         # x_sp = x_goal + K sat(e) + k ∫ sat(e) dt
-        error = np.clip(self._off, -SATURATED, SATURATED)
-        self._trim = np.clip(self._trim + RATE * seen.step * error, -LARGEST, LARGEST)
-        tip = self._grip_at + PROPORTION * error + self._trim
+        error = np.clip(self._off, -params.saturated, params.saturated)
+        self._trim = np.clip(self._trim + params.trim_rate * seen.step * error, -params.trim_limit, params.trim_limit)
+        tip = self._grip_at + params.proportion * error + self._trim
         self._held = replace(self._held, tip=tip, valid_until=seen.stamp + VALIDITY)
         self._ctx.follow(self._held)
-        return self.is_within(near) and self._speed < RESTING
+        return self.is_within(params.centred, params.upright) and self._speed < params.resting
 
-    def is_within(self, near: tuple[float, float]) -> bool:
-        """Return True if the hand was within `near`, m and rad, of the goal at the last scan."""
-        return float(np.abs(self._off).max()) < near[0] and self._aslant < near[1]
+    def is_within(self, off: float, aslant: float) -> bool:
+        """Return True if position and directions of the hand were within `off`, m, and `aslant`, rad, of the goal at the last scan."""
+        return float(np.abs(self._off).max()) < off and self._aslant < aslant
 
     def freeze(self) -> None:
         """Freeze the setpoint and stop the arm's integral."""
@@ -173,7 +180,7 @@ def _close(params: GraspFromRackParams, centring: Centring, ctx: SkillContext) -
     for seen in ctx.scan(HAND_TIME):
         if seen.gripper.is_gripping or not seen.gripper.is_moving:
             break
-        centring.follow(seen, CENTRED)
+        centring.follow(seen)
     centring.freeze()
     return _holds_peg(params, ctx)
 
@@ -187,7 +194,7 @@ def _require_print(params: GraspFromRackParams, ctx: SkillContext) -> None:
         SkinUntrustedError: The skin does not show the print, or the print fits exchanged modules better.
     """
     shown, order = GraspPrint(ctx.devices.layout), PrintOrder(ctx.perception.estimator, ctx.devices.layout)
-    for seen in ctx.scan(PRINT_TIME):
+    for seen in ctx.scan(params.print_time):
         stay(ctx, seen.stamp)
         if seen.is_new_frame:
             shown.take(seen.frame, seen.peg.healthy and seen.peg.stamp >= seen.frame.stamp)
@@ -207,7 +214,7 @@ def _draw_out(height: float, params: GraspFromRackParams, ctx: SkillContext) -> 
     held = ctx.lead.held
     assert held is not None
     twist = Twist(UP * params.drawing_speed, np.zeros(3))
-    for seen in ctx.scan(DRAWING_TIME * (height - held.tip[2]) / params.drawing_speed):
+    for seen in ctx.scan(params.drawing_time * (height - held.tip[2]) / params.drawing_speed):
         if seen.arm.tcp.position[2] >= height:
             break
         tip = held.tip + twist.linear * seen.elapsed

@@ -1,7 +1,7 @@
 """Pull a peg out of the hole before another attempt, along the estimated normal and with a dither, because it may be jammed."""
 
 import math
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 from pydantic import Field
 
@@ -12,18 +12,14 @@ from skills.contract import SkillContext
 from skills.motion import VALIDITY, Gains, Goal, Transfer, move, tilted_by
 from skills.paths import dither
 
-SHARE = 0.625
-"""Largest pull from the setpoint's lead over the tip, fraction of the force limit."""
-NEAR, MOVES = 5e-3, 2
-"""Largest distance of the tip from the place above the plate, m, and the number of moves there: a peg that turned in the hand while it was pulled
-out was taken there with an old angle. The arm itself errs by 0.4 mm, at twice the errors by up to 6 mm. Source: chosen, not measured.
-"""
 LONGEST = 10.0
 """Longest time to pull, s. Source: chosen, not measured."""
 
 
 class PullOut(ConfigModel):
     """Motion that pulls a peg out of a hole."""
+
+    SOURCE: ClassVar[str] = "chosen, not measured"
 
     speed: Annotated[float, Figure("m/s", Tempo.SPEED), Field(exclude=True)] = 0.05
     """Speed at which the setpoint rises, m/s."""
@@ -33,6 +29,12 @@ class PullOut(ConfigModel):
     """Turning rate of the dither, rad/s."""
     dither_period: Annotated[float, Figure("s", Tempo.WAIT), Field(exclude=True)] = 0.5
     """Period of the dither, s."""
+    share: Annotated[float, Figure("fraction"), Field(exclude=True)] = 0.625
+    """Largest pull from the setpoint's lead over the tip, fraction of the force limit."""
+    near: Annotated[float, Figure("m"), Field(exclude=True)] = 5e-3
+    """Largest distance of the tip from the place above the plate, m. The arm itself errs by 0.4 mm, at twice the errors by up to 6 mm."""
+    moves: Annotated[int, Figure("count"), Field(exclude=True)] = 2
+    """Number of moves to that place: a peg that turned in the hand while it was pulled out was taken there with an old angle."""
 
 
 def pull_out(height: float, pull: PullOut, gains: Gains, ctx: SkillContext, limited: bool = True) -> Vector | None:
@@ -52,14 +54,14 @@ def pull_out(height: float, pull: PullOut, gains: Gains, ctx: SkillContext, limi
     """
     here = ctx.observe()
     identity, in_hand = ctx.new_id(), ctx.in_hand()
-    most = SHARE * ctx.limits.force / gains.translation
+    most = pull.share * ctx.limits.force / gains.translation
     out = UP if ctx.peg.surface is None else ctx.peg.surface.normal
     tip, target = here.tip, here.tip
     for seen in ctx.scan(LONGEST, holding=True, limited=limited):
         tip = seen.tip
         if tip[2] >= height:
             return None
-        # Setpoint: pull.speed along the normal, with a lead over the tip of at most SHARE · force limit / stiffness
+        # Setpoint: pull.speed along the normal, with a lead over the tip of at most pull.share · force limit / stiffness
         target = target + pull.speed * seen.step * out
         target = target - max(float(out @ (target - tip)) - most, 0.0) * out
         offset = dither(seen.elapsed, pull.dither_radius, pull.dither_rate, pull.dither_period)
@@ -88,10 +90,10 @@ def approach(goal: Goal, transfer: Transfer, pull: PullOut, ctx: SkillContext) -
         stuck = pull_out(goal.tip[2], pull, transfer.gains, ctx)
         if stuck is not None:
             return stuck
-    for _ in range(MOVES):
+    for _ in range(pull.moves):
         for _ in move(goal, transfer, ctx, ctx.in_hand()):
             pass
-        if math.dist(ctx.observe().tip, goal.tip) <= NEAR:
+        if math.dist(ctx.observe().tip, goal.tip) <= pull.near:
             break
     ctx.wrench.set_zero()
     return None

@@ -31,11 +31,6 @@ from skills.motion import Goal, Transfer, move
 from skills.pull_out import PullOut, pull_out
 from skills.release_and_retract import let_go
 
-MARGIN = 0.01
-"""Distance to keep from the edge of the workspace, m. Source: chosen, not measured."""
-CLEAR = 0.005
-"""Height of a held peg's end over the surface above which the hole cannot hold it, m. Source: chosen, not measured."""
-
 
 class RecoverParams(SkillParams):
     """Parameters of the recovery."""
@@ -54,6 +49,10 @@ class RecoverParams(SkillParams):
     """True if a start with a peg in the hand first removes the peg; otherwise such a start is refused."""
     pull: Annotated[PullOut, Figure(""), Field(exclude=True)] = PullOut()
     """Motion that pulls a jammed peg out of the hole."""
+    margin: Annotated[float, Figure("m"), Field(exclude=True)] = 0.01
+    """Distance to keep from the edge of the workspace, m."""
+    clear: Annotated[float, Figure("m"), Field(exclude=True)] = 0.005
+    """Height of a held peg's end over the surface above which the hole cannot hold it, m."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,7 +67,7 @@ def run(params: RecoverParams, ctx: SkillContext) -> RecoverResult:
     first = ctx.observe()
     held = first.gripper.is_gripping
     is_jammed = False
-    if first.gripper.is_around(ctx.job.peg.part.thickness) and first.tip[2] < ctx.job.hole.centre[2] + CLEAR:
+    if first.gripper.is_around(ctx.job.peg.part.thickness) and first.tip[2] < ctx.job.hole.centre[2] + params.clear:
         is_seated = first.switch is SwitchState.CLOSED
         is_jammed = not is_seated and _pull(params, ctx) is not None
         if is_seated or is_jammed:
@@ -94,7 +93,7 @@ def _pull(params: RecoverParams, ctx: SkillContext) -> Vector | None:
     The limits are not checked: contact forces left by the failure must first decay, and the pull itself is bounded.
     """
     try:
-        return pull_out(ctx.job.hole.centre[2] + CLEAR, params.pull, params.transfer.gains, ctx, limited=False)
+        return pull_out(ctx.job.hole.centre[2] + params.clear, params.pull, params.transfer.gains, ctx, limited=False)
     except Interrupted as interruption:
         if interruption.reason is not Reason.LOST_GRASP:
             raise
@@ -104,7 +103,7 @@ def _pull(params: RecoverParams, ctx: SkillContext) -> Vector | None:
 def _draw_up(params: RecoverParams, ctx: SkillContext) -> None:
     tcp = ctx.observe().arm.tcp
     low, high = np.array(ctx.limits.low), np.array(ctx.limits.high)
-    inside = np.clip(tcp.position + UP * params.height, low + MARGIN, high - MARGIN)
+    inside = np.clip(tcp.position + UP * params.height, low + params.margin, high - params.margin)
     out = Goal(inside, -tcp.rotation[:, 0], tcp.rotation[:, 2])
     # The limits are not checked: the failure can have left the hand in contact or outside the workspace.
     for _ in move(out, params.transfer, ctx, None, limited=False):

@@ -11,7 +11,7 @@ from drivers.frames import UP, rotation_about
 from drivers.quantities import Pose
 from skills.catalogue import GRASP
 from skills.contract import Outcome, Reason
-from skills.grasp_from_rack import ACROSS_RACK, NEAR, run
+from skills.grasp_from_rack import ACROSS_RACK, run
 from skills.held_peg import HeldPeg
 from skills.search.surface import Plane
 from tests.fakes import HAND_DOWN, PERIOD
@@ -96,7 +96,8 @@ def test_a_peg_that_stays_in_its_slot_is_a_lost_grasp(ctx):
 def test_a_hand_that_does_not_get_to_the_slot_does_not_close(ctx, off, aslant, closes):
     """Over the slot something holds the hand, whatever the command."""
     beside = Pose(
-        grip_at(0) + np.array([off * NEAR[0], 0.0, 0.0]), rotation_about(ACROSS_RACK, aslant * NEAR[1]) @ HAND_DOWN
+        grip_at(0) + np.array([off * PARAMS.near, 0.0, 0.0]),
+        rotation_about(ACROSS_RACK, aslant * PARAMS.askew) @ HAND_DOWN,
     )
     arm, follow = ctx.devices.arm, ctx.devices.arm.follow
 

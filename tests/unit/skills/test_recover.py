@@ -13,8 +13,8 @@ from skills.contract import Interrupted, Outcome, Reason, Request
 from skills.grasp_from_rack import ACROSS_RACK
 from skills.held_peg import HeldPeg
 from skills.motion import Goal
-from skills.pull_out import NEAR, SHARE, PullOut, approach, pull_out
-from skills.recover import CLEAR, MARGIN, run
+from skills.pull_out import PullOut, approach, pull_out
+from skills.recover import run
 from skills.search.surface import Plane
 from tests.fakes import HAND_DOWN, PERIOD
 from tests.unit.skills.benches import watched
@@ -90,7 +90,7 @@ def test_a_peg_is_pulled_along_the_normal_of_the_plate_that_was_felt_and_straigh
     assert pull_out(HOLE[2], PULL, GAINS, ctx) == pytest.approx(tip)
     ways = [setpoint.tip - tip for _, setpoint in ctx.devices.arm.told]
     assert ways[0] == pytest.approx(PULL.speed * PERIOD * normal)
-    assert ways[-1] == pytest.approx(SHARE * ctx.limits.force / GAINS.translation * normal)
+    assert ways[-1] == pytest.approx(PULL.share * ctx.limits.force / GAINS.translation * normal)
 
 
 def test_a_held_peg_in_the_air_is_drawn_up_and_dropped_into_the_bin_and_nowhere_else(free):
@@ -108,7 +108,7 @@ def test_a_held_peg_in_the_air_is_drawn_up_and_dropped_into_the_bin_and_nowhere_
     assert up[-1][2] == pytest.approx(start[2] + PARAMS.height, abs=1e-3)
 
 
-@pytest.mark.parametrize(("height", "pulls"), [(0.9 * CLEAR, True), (1.1 * CLEAR, False)])
+@pytest.mark.parametrize(("height", "pulls"), [(0.9 * PARAMS.clear, True), (1.1 * PARAMS.clear, False)])
 def test_a_peg_whose_end_may_touch_the_plate_is_pulled_along_the_hole_first(free, height, pulls):
     ctx = free(height)
     assert ended(ctx) == (Outcome.SUCCESS, Reason.NONE, True)
@@ -155,7 +155,7 @@ def test_the_hand_is_drawn_up_no_further_than_a_margin_within_the_workspace(free
     ctx.callbacks = replace(ctx.callbacks, record=lambda seen, held: way.append(seen.arm.tcp.position[2]))
     run(PARAMS, ctx)
     assert way[-1] == pytest.approx(PARAMS.bin[2], abs=1e-6)
-    assert min(abs(height - (top - MARGIN)) for height in way) < 1e-3
+    assert min(abs(height - (top - PARAMS.margin)) for height in way) < 1e-3
 
 
 def test_only_a_pull_out_of_a_violation_goes_without_the_limits(ctx):
@@ -173,7 +173,7 @@ def test_a_peg_that_turned_in_the_hand_on_the_way_up_is_moved_to_its_place_again
     goal = Goal(HOLE + np.array([0.02, 0.0, 0.02]), UP, HAND_DOWN[:, 2])
     assert approach(goal, PARAMS.transfer, PULL, ctx) is None
     assert len({setpoint.id for _, setpoint in ctx.devices.arm.told}) == moves
-    assert math.dist(ctx.observe().tip, goal.tip) < NEAR
+    assert math.dist(ctx.observe().tip, goal.tip) < PULL.near
 
 
 def test_a_leaning_peg_is_shaken_about_its_own_axis(ctx):

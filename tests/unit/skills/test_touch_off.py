@@ -13,7 +13,7 @@ from skills.catalogue import GRASP
 from skills.contract import Interrupted, Reason
 from skills.grasp_from_rack import ACROSS_RACK
 from skills.motion import VALIDITY
-from skills.touch_off import CLEAR, DEEPEST, MOST, SCANS, TOUCH, TouchOff, touch_off
+from skills.touch_off import TouchOff, touch_off
 from tests.fakes import HAND_DOWN, PERIOD, FakeClock, FakeGripper, context_of
 from tests.unit.skills.benches import WatchedArm
 
@@ -55,7 +55,7 @@ def down(ctx):
 def test_a_surface_is_told_where_it_is_and_the_peg_is_clear_of_it_afterwards(ctx, height):
     ctx.devices.arm.floor = PLACE[2] + height
     np.testing.assert_allclose(touch_off(PLACE, TRANSFER, TOUCH_OFF, ctx), PLACE + height * UP, atol=1e-4)
-    clear = PLACE + (max(height, 0.0) + CLEAR) * UP
+    clear = PLACE + (max(height, 0.0) + TOUCH_OFF.clear) * UP
     assert ctx.devices.arm.tcp.position - LENGTH * UP == pytest.approx(clear, abs=1e-4)
     up = [setpoint for now, setpoint in ctx.devices.arm.told if now > down(ctx)[-1][0]]
     assert max(setpoint.twist.linear[2] for setpoint in up) <= TOUCH_OFF.speed + 1e-9
@@ -66,7 +66,7 @@ def test_the_peg_comes_down_slowly_and_is_fed_forward_until_the_surface_bears_it
     moving = [setpoint for _, setpoint in down(ctx) if setpoint.twist is not None]
     steps = -np.diff([setpoint.tip[2] for setpoint in moving])
     np.testing.assert_allclose(steps, TOUCH_OFF.speed * PERIOD, atol=1e-9)
-    assert moving[0].tip[2] == pytest.approx(PLACE[2] + CLEAR, abs=2 * TOUCH_OFF.speed * PERIOD)
+    assert moving[0].tip[2] == pytest.approx(PLACE[2] + TOUCH_OFF.clear, abs=2 * TOUCH_OFF.speed * PERIOD)
     assert all(setpoint.twist.linear == pytest.approx(-TOUCH_OFF.speed * UP) for setpoint in moving)
     assert not any(setpoint.twist.angular.any() for setpoint in moving)
 
@@ -78,14 +78,19 @@ def test_it_rests_with_the_setpoint_where_it_was_before_the_height_is_told(ctx):
     assert resting[-1][0] - resting[0][0] == pytest.approx(TOUCH_OFF.rest, abs=3 * PERIOD)
     # The mean force of the last scans was over the threshold, from what free air shows on, and hardly more.
     press = STIFFNESS * (PLACE[2] - resting[0][1].tip[2])
-    assert TOUCH < press < TOUCH + (SCANS + 1) * STIFFNESS * TOUCH_OFF.speed * PERIOD < MOST
+    assert (
+        TOUCH_OFF.force
+        < press
+        < TOUCH_OFF.force + (TOUCH_OFF.scans + 1) * STIFFNESS * TOUCH_OFF.speed * PERIOD
+        < TOUCH_OFF.most
+    )
 
 
 def test_the_setpoint_leads_a_tip_that_friction_holds_by_no_more_than_the_bound_allows(ctx):
     """The arm does not report what it presses with, as if its joints took the force."""
     ctx.devices.arm.reported = 0.0
     assert touch_off(PLACE, TRANSFER, TOUCH_OFF, ctx) is None
-    assert min(setpoint.tip[2] for _, setpoint in down(ctx)) == pytest.approx(PLACE[2] - MOST / STIFFNESS)
+    assert min(setpoint.tip[2] for _, setpoint in down(ctx)) == pytest.approx(PLACE[2] - TOUCH_OFF.most / STIFFNESS)
 
 
 def test_a_wrench_of_reversed_sign_ends_the_touch(ctx):
@@ -98,9 +103,9 @@ def test_where_there_is_no_surface_the_peg_turns_back(ctx):
     ctx.devices.arm.floor = -np.inf
     assert touch_off(PLACE, TRANSFER, TOUCH_OFF, ctx) is None
     assert min(setpoint.tip[2] for _, setpoint in down(ctx)) == pytest.approx(
-        PLACE[2] - DEEPEST, abs=TOUCH_OFF.speed * PERIOD
+        PLACE[2] - TOUCH_OFF.deepest, abs=TOUCH_OFF.speed * PERIOD
     )
-    assert ctx.devices.arm.tcp.position - LENGTH * UP == pytest.approx(PLACE + CLEAR * UP)
+    assert ctx.devices.arm.tcp.position - LENGTH * UP == pytest.approx(PLACE + TOUCH_OFF.clear * UP)
 
 
 def test_one_upright_motion_with_the_gains_of_the_way(ctx):
@@ -119,11 +124,11 @@ def test_one_upright_motion_with_the_gains_of_the_way(ctx):
 
 def test_a_peg_that_is_lost_on_the_way_down_ends_it_there(ctx):
     def lose(seen, held):
-        if seen.tip[2] < PLACE[2] + 0.5 * CLEAR:
+        if seen.tip[2] < PLACE[2] + 0.5 * TOUCH_OFF.clear:
             ctx.devices.gripper.has_peg = False
 
     ctx.callbacks = replace(ctx.callbacks, record=lose)
     with pytest.raises(Interrupted) as ended:
         touch_off(PLACE, TRANSFER, TOUCH_OFF, ctx)
     assert ended.value.reason is Reason.LOST_GRASP
-    assert ctx.devices.arm.tcp.position[2] - LENGTH > PLACE[2] + 0.4 * CLEAR
+    assert ctx.devices.arm.tcp.position[2] - LENGTH > PLACE[2] + 0.4 * TOUCH_OFF.clear
