@@ -21,10 +21,6 @@ SURE = 2.0
 the same length once more on the area's own lanes."""
 ANYWHERE = Belief()
 """Distribution of the hole's place if only the area is known."""
-OUTSIDE = (2e-3, 4e-3)
-"""Least and largest distance at which the peg comes down from the rim of a hole at the border of the area, m; drawn
-evenly between the two. Source: chosen, not measured.
-"""
 STEP = 0.01
 """Step along the path in which the end of a decoy is looked for, s. Source: chosen, not measured."""
 
@@ -106,7 +102,7 @@ def make_course(
     half = [extent / 2 + params.margin[0 if axis == fast else 1] for axis, extent in enumerate(hole.area)]
     start = rng.uniform(-np.array(hole.area) / 2, np.array(hole.area) / 2)
     over, begin = (half[0], half[1]), (start[0], start[1])
-    outside = hole.part.reach + hole.part.chamfer + rng.uniform(*OUTSIDE)
+    outside = hole.part.reach + hole.part.chamfer + rng.uniform(*params.outside)
     whole = lanes(over, pitch, params.speed, fast, begin, max(outside - params.margin[0], 0.0))
     # Strokes end where their turns begin, which reach as far as those of the lanes.
     ends = [extent - params.speed * TURN_TIME / 4.0 if axis == fast else extent for axis, extent in enumerate(over)]

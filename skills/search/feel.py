@@ -12,23 +12,6 @@ from skills.search.surface import Plane, SurfaceEstimate
 
 SLIP = 0.1
 """Change of theta that counts as a slip of the peg in the hand, rad. Source: chosen, not measured."""
-TOUCHED = 0.5
-"""Share of the push along z above which the plate counts as bearing it, fraction. Source: chosen, not measured."""
-LATE = 0.06
-"""Time after which a height teaches the surface estimate, s: a peg that falls while little of the plate is felt yet would take the
-estimate down with it, and the dip would not be seen. A peg that crosses half a hole of 8 mm at 0.14 m/s falls for 0.03 s. Source: chosen, not measured."""
-
-SUDDEN = 0.08
-"""Time within which the hand drops with a peg that falls into the hole, s: it is caught after 0.02 to 0.05 s. Source: chosen, not measured."""
-
-SHARED = 0.5
-"""Least drop of the hand with a dip, share of the dip threshold. A dip that stands still after a rest without a hole, or a new angle of the
-peg, moves the tip and not the hand. Source: docs/tried/search.md."""
-
-BORNE = 0.2
-"""Time in which a lost push is lost against what the plate bore before, s. Source: docs/tried/search.md."""
-NEWEST = 0.04
-"""Time over which the push that is left is averaged, s: the estimate of the wrench is noisy. Source: docs/tried/search.md."""
 SOFTNESS = 1.1e-4
 """Travel of the peg in the pads for each newton of push that the plate no longer bears, m/N: pads of 9 kN/m. They lower the peg into the hole before
 the hand has fallen after it. Source: docs/tried/search.md."""
@@ -41,16 +24,20 @@ follows on a fall that was missed."""
 class Bearing:
     """Whether the plate bears the push: the mean force of a while, so that neither a blow nor noise is taken for it."""
 
-    def __init__(self, zero: WrenchZero, scan_period: float) -> None:
-        """Begin with nothing felt, and with the noise that the wrench has in free air; the scan's period is in s."""
-        self._zero, self._forces = zero, deque[float](maxlen=max(round(TOUCHED_TIME / scan_period), 1))
+    def __init__(self, share: float, zero: WrenchZero, scan_period: float) -> None:
+        """Begin with nothing felt; `share` of the push has to exceed the noise of the wrench in free air, and the scan's period is in s."""
+        self._share, self._zero, self._forces = (
+            share,
+            zero,
+            deque[float](maxlen=max(round(TOUCHED_TIME / scan_period), 1)),
+        )
 
     def after(self, force: float, push: float) -> bool:
         """Take the force along z in one scan, N, and return whether the plate bears the push, N."""
         forces = self._forces
         forces.append(force)
         count = len(forces)
-        return count == forces.maxlen and sum(forces) / count > self._zero.guarded(TOUCHED * push, count)
+        return count == forces.maxlen and sum(forces) / count > self._zero.guarded(self._share * push, count)
 
     def require_sense(self, push: float) -> None:
         """Make sure that a plate which did not bear the push, N, does not seem to pull instead.
@@ -58,7 +45,7 @@ class Bearing:
         Raises:
             WrenchReversedError: The sign of the reported wrench is reversed.
         """
-        self._zero.require_sense(self._forces, TOUCHED * push)
+        self._zero.require_sense(self._forces, self._share * push)
 
 
 LONGEST_SLIP = 0.02
@@ -94,10 +81,10 @@ class EdgeEvidence:
     def __init__(self, params: SpraySearchParams, surface: SurfaceEstimate, scan_period: float) -> None:
         """Take the surface estimate and the scan's period, s."""
         self._params, self._surface = params, surface
-        self._late = deque[Vector](maxlen=max(round(LATE / scan_period), 1))
-        self._heights = deque[float](maxlen=max(round(SUDDEN / scan_period), 1))
-        self._newest = max(round(NEWEST / scan_period), 1)
-        self._forces = deque[float](maxlen=max(round(BORNE / scan_period), self._newest + 1))
+        self._late = deque[Vector](maxlen=max(round(params.late / scan_period), 1))
+        self._heights = deque[float](maxlen=max(round(params.sudden / scan_period), 1))
+        self._newest = max(round(params.newest / scan_period), 1)
+        self._forces = deque[float](maxlen=max(round(params.borne / scan_period), self._newest + 1))
 
     def update(self, seen: Observation, edge: Vector, is_likely: bool = False) -> tuple[float, bool]:
         """Return the depth of the peg's lowest point `edge` below the surface estimate, m, and whether there is
@@ -116,10 +103,10 @@ class EdgeEvidence:
         below = dip - deviation
         # The peg in soft pads is deeper than the height of the hand alone would have it: z = z_hand + (F_before - F) / k.
         lowered = SOFTNESS * self._unloaded(float(seen.arm.wrench.force[2]))
-        return below, self._drop(height) >= SHARED * threshold and below + lowered > threshold
+        return below, self._drop(height) >= self._params.shared * threshold and below + lowered > threshold
 
     def learn(self, edge: Vector) -> None:
-        """Take a scan without an edge; the surface estimate is updated by one that is `LATE` back."""
+        """Take a scan without an edge; the surface estimate is updated by one that is `search.late` back."""
         if len(self._late) == self._late.maxlen:
             self._surface.learn(self._late.popleft())
         self._late.append(edge)
@@ -131,7 +118,7 @@ class EdgeEvidence:
         self._forces.clear()
 
     def _unloaded(self, force: float) -> float:
-        """Take the force along z, N, and return by how much less the plate bears than just before, N; 0 after less than `BORNE` of sliding."""
+        """Take the force along z, N, and return by how much less the plate bears than just before, N; 0 after less than `search.borne` of sliding."""
         forces = self._forces
         forces.append(force)
         if len(forces) < (forces.maxlen or 0):
@@ -140,7 +127,7 @@ class EdgeEvidence:
         return (sum(forces) - newest) / count - newest / self._newest
 
     def _drop(self, height: float) -> float:
-        """Take the height of the hand, m, and return by how much it has dropped within `SUDDEN`, m."""
+        """Take the height of the hand, m, and return by how much it has dropped within `search.sudden`, m."""
         self._heights.append(height)
         return max(self._heights) - height
 

@@ -12,8 +12,6 @@ from skills.pull_out import PullOut
 
 TOUCHED_TIME = 0.1
 """Time for which the plate has to bear the push before it counts as touched, s; the blow at touch-down is shorter. Source: chosen, not measured."""
-FREE_GAP = 1.5e-3
-"""Gap that a peg of the largest length leaves above the plate before it comes down, m: heights that err, a hand that lags. Source: chosen, not measured."""
 
 
 class SpraySearchParams(SkillParams):
@@ -117,6 +115,40 @@ class SpraySearchParams(SkillParams):
     """Time in which the tip comes back to its course after a rest or a probe, s."""
     pull: Annotated[PullOut, Figure(""), Field(exclude=True)] = PullOut()
     """Motion that pulls the peg out of the hole before another attempt."""
+    outside: Annotated[tuple[float, float], Figure("m"), Field(exclude=True)] = (2e-3, 4e-3)
+    """Least and largest distance at which the peg comes down from the rim of a hole at the border of the area, m; drawn evenly between
+    the two.
+    """
+    free_gap: Annotated[float, Figure("m"), Field(exclude=True)] = 1.5e-3
+    """Gap that a peg of the largest length leaves above the plate before it comes down, m: heights that err, a hand that lags."""
+    trimmed_below: Annotated[float, Figure("m"), Field(exclude=True)] = 5e-3
+    """Height of the setpoint over the plate from which on the way down the trim works, m; in the air it would wind up against joints at rest."""
+    touched: Annotated[float, Figure("fraction"), Field(exclude=True)] = 0.5
+    """Share of the push along z above which the plate counts as bearing it, fraction."""
+    late: Annotated[float, Figure("s"), Field(exclude=True)] = 0.06
+    """Time after which a height teaches the surface estimate, s: a peg that falls while little of the plate is felt yet would take the
+    estimate down with it, and the dip would not be seen. A peg that crosses half a hole of 8 mm at 0.14 m/s falls for 0.03 s.
+    """
+    sudden: Annotated[float, Figure("s"), Field(exclude=True)] = 0.08
+    """Time within which the hand drops with a peg that falls into the hole, s: it is caught after 0.02 to 0.05 s."""
+    shared: Annotated[float, Figure("fraction"), Field(exclude=True), Source("docs/tried/search.md")] = 0.5
+    """Least drop of the hand with a dip, share of the dip threshold, fraction. A dip that stands still after a rest without a hole, or a new
+    angle of the peg, moves the tip and not the hand.
+    """
+    borne: Annotated[float, Figure("s"), Field(exclude=True), Source("docs/tried/search.md")] = 0.2
+    """Time in which a lost push is lost against what the plate bore before, s."""
+    newest: Annotated[float, Figure("s"), Field(exclude=True), Source("docs/tried/search.md")] = 0.04
+    """Time over which the push that is left is averaged, s: the estimate of the wrench is noisy."""
+    rest_damping: Annotated[float, Figure("ratio"), Field(exclude=True)] = 2.5
+    """Factor on the translational damping while the hand rests; the hand has to stop within a millimetre or two. Rotation keeps its damping:
+    so much more lets a light wrist swing where torques act late.
+    """
+    gone: Annotated[float, Figure("fraction"), Field(exclude=True), Source("docs/tried/search.md")] = 0.5
+    """Share of the dip threshold below which the dip of a corner has gone, fraction."""
+    stuck_within: Annotated[float, Figure("m"), Field(exclude=True)] = 1e-3
+    """Largest distance between two rests of a peg that has not got away in between, m."""
+    stuck_after: Annotated[int, Figure("count"), Field(exclude=True)] = 3
+    """Number of rests in one place from which on the place is passed over."""
 
     def first_height(self, reach: float, is_length_known: bool = False) -> float:
         """Return the height above the stated surface from which the tip comes down, m; all of a leaning peg is free there.
@@ -126,4 +158,4 @@ class SpraySearchParams(SkillParams):
             is_length_known: True if the peg has touched the plate since its grasp; before, it may reach further by `length_bound`.
         """
         further = 0.0 if is_length_known else self.length_bound * math.cos(self.tilt)
-        return max(self.height, reach * math.sin(self.tilt) + further + FREE_GAP)
+        return max(self.height, reach * math.sin(self.tilt) + further + self.free_gap)

@@ -17,9 +17,6 @@ from skills.paths import spiral_at_speed
 from skills.search.course import Course
 from skills.search.params import SpraySearchParams
 
-GONE = 0.5
-"""Share of the dip threshold below which the dip of a corner has gone, fraction. Source: docs/tried/search.md."""
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Detour:
@@ -129,7 +126,7 @@ def after_rest(phase: Resting, felt: Felt, params: SpraySearchParams, course: Co
 
     An error of theta looks like a dip of a corner until it is measured at rest; a probe would turn the peg further.
     """
-    is_gone = params.lag is not None and felt.below < GONE * params.dip_threshold
+    is_gone = params.lag is not None and felt.below < params.gone * params.dip_threshold
     is_done = phase.was_probed or is_gone
     goal = course.middle + point if is_done else phase.place
     closing = felt.seen.arm.tcp.rotation[:, 2]

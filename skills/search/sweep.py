@@ -30,18 +30,6 @@ from skills.search.tour import Left
 
 logger = logging.getLogger(__name__)
 
-REST_DAMPING = 2.5
-"""Factor on the translational damping while the hand rests; the hand has to stop within a millimetre or two. Rotation keeps its damping: so much more
-lets a light wrist swing where torques act late."""
-
-TRIMMED_BELOW = 5e-3
-"""Height of the setpoint over the plate, m, from which on the way down the trim works: in the air it would wind up against joints at rest. Source: chosen, not measured."""
-
-STUCK_WITHIN = 1e-3
-"""Largest distance between two rests of a peg that has not got away in between, m. Source: chosen, not measured."""
-STUCK_AFTER = 3
-"""Number of rests in one place from which on the place is passed over."""
-
 
 class SearchSweep:
     """Goes through the phases of a search; `skills.search.phases` decides on which phase follows."""
@@ -69,7 +57,7 @@ class SearchSweep:
         self._theta = ctx.in_hand().theta
         """In-hand angle with which the hand came down, rad."""
         self._identity, self._push = ctx.new_id(), replace(self._push, theta=self._theta)
-        self._bearing = Bearing(ctx.wrench.zero, ctx.schedule.period)
+        self._bearing = Bearing(self._params.touched, ctx.wrench.zero, ctx.schedule.period)
         self._phase: Phase = ComingDown(Detour(0.0, np.zeros(2), course.axis, course.closing))
         self._trim = Trim(self._params.trim_rate, self._params.trim_limit)
         self._along = course.since
@@ -126,15 +114,15 @@ class SearchSweep:
     def _is_stuck(self, felt: Felt) -> bool:
         """Count a rest that is over, and return whether the peg has rested here time and again."""
         here = felt.seen.tip[:2]
-        self._times = self._times + 1 if math.dist(here, self._rested) <= STUCK_WITHIN else 1
+        self._times = self._times + 1 if math.dist(here, self._rested) <= self._params.stuck_within else 1
         self._rested = here
-        return self._times >= STUCK_AFTER
+        return self._times >= self._params.stuck_after
 
     def is_to_lift(self, seen: Observation) -> bool:
         """Return whether the peg is to be lifted: it has turned so far in the hand that the hand should turn after it, in the air,
         or it is stuck in a decoy or slides into one.
         """
-        is_stuck = self._times >= STUCK_AFTER
+        is_stuck = self._times >= self._params.stuck_after
         is_in_decoy = isinstance(self._phase, Sliding) and self._course.beyond(self._along) > self._along
         return is_stuck or is_in_decoy or abs(seen.peg.theta - self._theta) > self._params.turned
 
@@ -175,7 +163,7 @@ class SearchSweep:
         back = phase.detour.left(seen.elapsed, self._params)
         target, velocity = self._way(phase, seen, back)
         slow = 1 - self._course.fast
-        if target[2] < self._course.surface + TRIMMED_BELOW:
+        if target[2] < self._course.surface + self._params.trimmed_below:
             self._trim = self._trim.after(target[slow] - seen.tip[slow], seen.step)
         target[slow] += self._trim.value
         return ImpedanceSetpoint(
@@ -263,7 +251,7 @@ class SearchSweep:
     def _still(self, phase: Resting) -> ImpedanceSetpoint:
         """Return the setpoint that holds the hand where it was stopped, still pushing down."""
         damping_ratio = self._damping_ratio.copy()
-        damping_ratio[:3] *= REST_DAMPING
+        damping_ratio[:3] *= self._params.rest_damping
         return ImpedanceSetpoint(
             id=self._identity,
             tip=phase.tcp.position - np.array([0.0, 0.0, self._params.push_offset]),

@@ -7,11 +7,13 @@ from cell.config.load import load
 from drivers.errors import WrenchOffsetError, WrenchReversedError
 from drivers.quantities import Wrench
 from skills.guards.wrench_zero import GUARD, SCANS, WrenchConfig, WrenchZero, zero_of
-from skills.search.feel import TOUCHED, Bearing
+from skills.search.feel import Bearing
 from tests.fakes import FakeArm, FakeClock, FakeGripper, context_of
 
 CONFIG = WrenchConfig()
 PUSH = 6.0
+TOUCHED = 0.5
+"""Share of the push above which the plate counts as bearing it."""
 
 
 def readings(offset, noise=0.0, seed=1, drift=0.0):
@@ -61,7 +63,7 @@ def test_a_zeroed_cell_reads_no_force_where_nothing_touches_and_all_of_what_touc
 
 def borne(forces, noise=0.0):
     """Return whether the plate was taken to bear the push at any of these forces along z, N, one a scan."""
-    bearing = Bearing(WrenchZero(noise=noise), 0.01)
+    bearing = Bearing(TOUCHED, WrenchZero(noise=noise), 0.01)
     return max([bearing.after(force, PUSH) for force in forces])
 
 

@@ -11,9 +11,8 @@ from drivers.parts import HolePrior
 from skills.catalogue import SEARCH
 from skills.paths import TURN_TIME
 from skills.search.belief import Belief
-from skills.search.course import ANYWHERE, OUTSIDE, leading, make_course
+from skills.search.course import ANYWHERE, leading, make_course
 from skills.search.decoys import BLIND, SHALLOW, THROUGH, Decoy, decoy_at
-from skills.search.params import FREE_GAP
 from skills.search.tour import GATE, Left
 from skills.seating.decision import CLOSED_TOLERANCE
 
@@ -76,8 +75,8 @@ def test_lanes_begin_so_far_beside_the_area_that_the_peg_comes_down_in_no_hole(a
     begun = [course_of(seed, fast_axis=axis, chamfer=chamfer) for seed in SEEDS]
     starts = np.array([each.path.at(0.0)[0] for each in begun])
     beyond = np.abs(starts[:, fast]) - AREA[fast] / 2 - WIDTH / 2 - chamfer
-    assert (beyond.min(), beyond.max()) == pytest.approx((OUTSIDE[0], OUTSIDE[1]), abs=0.5e-3)
-    assert OUTSIDE[0] <= beyond.min() <= beyond.max() <= OUTSIDE[1]
+    assert (beyond.min(), beyond.max()) == pytest.approx((PARAMS.outside[0], PARAMS.outside[1]), abs=0.5e-3)
+    assert PARAMS.outside[0] <= beyond.min() <= beyond.max() <= PARAMS.outside[1]
     assert {(x > 0.0, y > 0.0) for x, y in starts} == {(a, b) for a in (True, False) for b in (True, False)}
     for each, start in zip(begun, starts, strict=True):
         assert each.fast == fast
@@ -113,7 +112,7 @@ def test_all_of_a_leaning_peg_is_free_where_the_course_begins(diameter, is_known
     job = CELL.job().model_copy(update={"peg": peg, "hole": hole})
     course = make_course(PARAMS, job, np.random.default_rng(0), ANYWHERE, is_known)
     lowest = peg.part.lowest(course.first, course.axis, course.closing)
-    assert lowest[2] - hole.centre[2] >= FREE_GAP + further - 1e-9
+    assert lowest[2] - hole.centre[2] >= PARAMS.free_gap + further - 1e-9
     assert course.height == pytest.approx(course.first[2] - hole.centre[2])
 
 

@@ -13,7 +13,7 @@ from skills.catalogue import GRASP, SEARCH
 from skills.held_peg import EXPLAINED, HeldPeg
 from skills.insert.grip import grip_of
 from skills.search.course import make_course
-from skills.search.feel import LATE, LONGEST_SLIP, SHARED, EdgeEvidence, excess_of
+from skills.search.feel import LONGEST_SLIP, EdgeEvidence, excess_of
 from skills.search.size import PUSH, STATED, THIN, firm, shallow
 from skills.search.spray_search import _referenced
 from skills.search.surface import Plane, SurfaceEstimate
@@ -110,7 +110,7 @@ def test_a_fall_under_way_does_not_take_the_estimate_with_it():
     for k in range(40):
         evidence.learn(np.array([0.0, 1e-3 * k, 0.0]))
     before, _ = evidence.update(blind(), np.array([0.0, 0.04, -5e-4]))
-    for k in range(round(LATE / PERIOD)):
+    for k in range(round(PARAMS.late / PERIOD)):
         evidence.learn(np.array([0.0, 0.04 + 1e-3 * k, -5e-4]))
     after, _ = evidence.update(blind(), np.array([0.0, 0.04, -5e-4]))
     assert after == pytest.approx(before, abs=5e-5)
@@ -148,7 +148,7 @@ def test_only_a_dip_with_which_the_hand_drops_is_evidence(dip, drop, is_evidence
         evidence.update(blind(0.2), edge)
         evidence.learn(edge)
     edge = np.array([0.0, 0.03, -dip * SLIM.dip_threshold])
-    assert evidence.update(blind(0.2 - drop * SHARED * SLIM.dip_threshold), edge)[1] is is_evidence
+    assert evidence.update(blind(0.2 - drop * SLIM.shared * SLIM.dip_threshold), edge)[1] is is_evidence
 
 
 BOUND, LENGTH = 0.006, 0.05

@@ -11,7 +11,6 @@ from skills.catalogue import SEARCH
 from skills.search.course import make_course
 from skills.search.feel import Push
 from skills.search.phases import (
-    GONE,
     ComingDown,
     Detour,
     Felt,
@@ -106,7 +105,7 @@ def test_a_probe_that_begins_just_above_the_depth_of_the_hole_goes_on_to_a_deepe
 def test_a_corner_whose_dip_has_gone_at_rest_is_not_led_round_the_place():
     """If the peg turns in the hand, the corner seems to dip until the skin measures the turn; a probe would turn it further."""
     corner, rest = CONFIG.corner.searching(PARAMS), Resting(HERE[:2], HAND, stopped=10.0)
-    gone, left = (felt(below=share * GONE * corner.dip_threshold) for share in (0.99, 1.01))
+    gone, left = (felt(below=share * corner.gone * corner.dip_threshold) for share in (0.99, 1.01))
     for params, each, phase in ((corner, gone, Sliding), (corner, left, Probing), (PARAMS, gone, Probing)):
         assert isinstance(after_rest(rest, each, params, COURSE, np.zeros(2)), phase)
 

@@ -16,7 +16,7 @@ from skills.search.course import make_course
 from skills.search.feel import EdgeEvidence
 from skills.search.phases import Detour, Sliding
 from skills.search.surface import SurfaceEstimate
-from skills.search.sweep import REST_DAMPING, TRIMMED_BELOW, SearchSweep
+from skills.search.sweep import SearchSweep
 from tests.board import Board
 from tests.fakes import PERIOD, Rig
 from tests.scripted import LIGHT, SIDE
@@ -177,7 +177,7 @@ def test_a_dent_stops_the_hand_itself_which_is_led_back_on_its_way_still_pushing
         np.testing.assert_allclose(setpoint.roll, hand.rotation[:, 2], atol=1e-12)
         stiffness = [gains.translation] * 2 + [PARAMS.push_stiffness] + [gains.rotation] * 3
         np.testing.assert_array_equal(setpoint.stiffness, stiffness)
-        damping = np.array([REST_DAMPING] * 3 + [1.0] * 3) * gains.damping_ratio
+        damping = np.array([PARAMS.rest_damping] * 3 + [1.0] * 3) * gains.damping_ratio
         np.testing.assert_array_equal(setpoint.damping_ratio, damping)
         assert setpoint.valid_until == seen.stamp + VALIDITY
     assert {setpoint.id for _, setpoint in rest} == {slide.commanded[0].id}
@@ -268,7 +268,7 @@ def test_the_setpoint_across_the_lanes_is_moved_against_a_standing_error_of_the_
 @pytest.mark.parametrize(("more", "is_trimmed"), [(1e-5, False), (-1e-5, True)])
 def test_in_the_air_nothing_is_trimmed(slide, more, is_trimmed):
     sweep, seen = slide.begin(trim_rate=12.0)
-    elapsed = (sweep._course.first[2] - JOB.hole.centre[2] - TRIMMED_BELOW - more) / PARAMS.descent
+    elapsed = (sweep._course.first[2] - JOB.hole.centre[2] - PARAMS.trimmed_below - more) / PARAMS.descent
     high = replace(seen, elapsed=elapsed, step=PERIOD, tip=seen.tip + 2e-3 * SIDE)
     assert (abs(sweep.setpoint(high).tip[0] - seen.tip[0]) > 1e-5) == is_trimmed
 
