@@ -11,25 +11,6 @@ from skills.insert.spiral_params import SpiralAdjustParams
 from skills.motion import tilted_by
 from skills.paths import dither
 
-SLIDING = 0.03
-"""Speed of the tip along the hole above which the peg is not dithered, m/s. Friction of a sliding peg opposes its motion
-and has no sideways component to release. A peg that is turned beyond its play while it descends hits the wall. Source: chosen, not measured.
-"""
-CREEP = 10.0
-"""Least depth gained in a period of the dither, multiple of `jammed`; with less, the peg counts as jammed. A pushed peg
-gains fifty times `jammed`, and a wedged peg creeps. Source: docs/tried/adjustment.md.
-"""
-SWEPT_BEYOND = 0.015
-"""Angle of a tilt sweep beyond the lean that the hole allows, rad; it equals about the error of the hand caused by joint friction. Source:
-docs/tried/adjustment.md.
-"""
-MOST_SWEPT = 0.06
-"""Largest angle of a tilt sweep, rad; a wider sweep turns pegs out of their holes. Source: docs/tried/adjustment.md."""
-LET_GO = 0.5
-"""Share of rest below which a swept peg slides, fraction; the hand then keeps its present orientation."""
-SMOOTHING = 0.3
-"""Weight of a new scan in the smoothed speed of the tip; the noise of theta moves the tip."""
-
 
 @dataclass(frozen=True, slots=True)
 class Stall:
@@ -58,16 +39,15 @@ class Descent:
     speed: float = 0.0
     """Speed down the hole, m/s, >= 0."""
 
-    def after(self, depth: float, period: float) -> "Descent":
+    def after(self, depth: float, period: float, params: SpiralAdjustParams) -> "Descent":
         """Return the descent after a scan at `depth`, m, `period` seconds after the last one."""
-        # v <- v + SMOOTHING (max(delta d, 0) / period - v)
+        # v <- v + smoothing (max(delta d, 0) / period - v)
         speed = max(depth - self.depth, 0.0) / period
-        return Descent(depth, self.speed + SMOOTHING * (speed - self.speed))
+        return Descent(depth, self.speed + params.smoothing * (speed - self.speed))
 
-    @property
-    def rest(self) -> float:
-        """Share of rest: 1 if the tip stands still, 0 if it slides at `SLIDING` or faster."""
-        return max(1.0 - self.speed / SLIDING, 0.0)
+    def rest(self, params: SpiralAdjustParams) -> float:
+        """Return the share of rest: 1 if the tip stands still, 0 if it slides at `sliding` or faster."""
+        return max(1.0 - self.speed / params.sliding, 0.0)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -125,7 +105,7 @@ class TiltSweep:
         """Return True if the sweep is active `elapsed` seconds after the start of the adjustment."""
         return elapsed - self.began < params.sweep_time
 
-    def next(self, elapsed: float, tcp: Pose, tilt: float, length: float) -> "TiltSweep":
+    def next(self, elapsed: float, tcp: Pose, tilt: float, length: float, params: SpiralAdjustParams) -> "TiltSweep":
         """Return a new sweep that starts now, first to the side opposite to the last sweep's.
 
         Args:
@@ -133,9 +113,10 @@ class TiltSweep:
             tcp: Pose of the hand, T_base_tcp.
             tilt: Largest lean that the hole allows the peg at its depth, rad.
             length: Length of the peg from its end to the finger centre, m.
+            params: Angles of the sweep.
         """
         across = tcp.rotation[:2, 1]
-        amplitude = length * min(tilt + SWEPT_BEYOND, MOST_SWEPT)
+        amplitude = length * min(tilt + params.swept_beyond, params.most_swept)
         return TiltSweep(
             elapsed, -math.copysign(amplitude, self.amplitude), across / max(float(np.linalg.norm(across)), 1e-9)
         )
@@ -164,7 +145,7 @@ class Guide:
         """Return the guide after a scan at `depth`, m, `elapsed` seconds after the start of the adjustment."""
         if int((elapsed - self.began) / params.dither_period) <= self.periods:
             return replace(self, is_jammed=False) if self.is_jammed else self
-        is_jammed = depth - self.reached < CREEP * params.jammed
+        is_jammed = depth - self.reached < params.creep * params.jammed
         return Guide(self.began, self.periods + 1, depth, is_jammed)
 
     def offset(self, elapsed: float, params: SpiralAdjustParams, share: float) -> Vector:

@@ -10,7 +10,7 @@ from drivers.frames import angle_between, cross
 from drivers.parts import Job
 from drivers.quantities import ArmState, ImpedanceSetpoint, Twist, Vector
 from skills.contract import Observation, Outcome, Reason, SkillContext, SkillResult
-from skills.insert.guided_peg import LET_GO, Aim, Descent, Guide, Stall, TiltSweep
+from skills.insert.guided_peg import Aim, Descent, Guide, Stall, TiltSweep
 from skills.insert.play import allowed_tilt
 from skills.insert.spiral_params import SpiralAdjustParams
 from skills.motion import VALIDITY, anchored
@@ -27,25 +27,6 @@ from skills.seating.signature import StrokeCurve
 
 ARRIVING = 3.0
 """Factor on the damping along z close to the bottom."""
-RAISED = 0.005
-"""Height of the tip above the surface, beyond half the peg's breadth, from which on nothing holds the peg and the attempt ends, m: the rim of a
-leaning peg stands on the plate with its middle at most half a breadth above it, and plate and theta err by millimetres. A hand whose joints
-rub more than they push is lifted by its own spiral. Source: chosen, not measured.
-"""
-LEANING = math.pi / 4.0
-"""Lean of the peg from the plate's normal beyond which the attempt ends, rad: as far as during the search, so the peg is no longer aligned.
-Source: docs/tried/adjustment.md.
-"""
-SWINGING = 0.15
-"""Turning rate of the hand beyond which it swings, rad/s; the dither turns it at 0.1 rad/s. Source: chosen, not measured."""
-SWING_DAMPING = 10.0
-"""Growth of the damping along z with the swing, by its value without one, s/rad. Source: docs/tried/adjustment.md."""
-MOST_SWING_DAMPING = 5.0
-"""Largest factor on the damping along z for a swing: torques that come 4 ms late behind 50 Hz bear 1.2 times as much. Source: docs/tried/adjustment.md."""
-SWING_PUSH = 2.0
-"""Growth of the divisor of the push with the swing, s/rad. Source: docs/tried/adjustment.md."""
-SWING_SMOOTHING = 0.5
-"""Share of a new scan in the hand's turning rate."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,27 +54,21 @@ class Swing:
     rate: float = 0.0
     """Turning rate, rad/s, >= 0."""
 
-    def after(self, arm: ArmState) -> "Swing":
+    def after(self, arm: ArmState, params: SpiralAdjustParams) -> "Swing":
         """Return the swing after one more state of the arm; an old one changes nothing."""
         if arm.stamp <= self.stamp:
             return self
         axis = arm.tcp.rotation[:, 0]
         rate = angle_between(axis, self.axis) / (arm.stamp - self.stamp)
-        return Swing(axis, arm.stamp, self.rate + SWING_SMOOTHING * (rate - self.rate))
+        return Swing(axis, arm.stamp, self.rate + params.swing_smoothing * (rate - self.rate))
 
-    @property
-    def _beyond(self) -> float:
-        return max(self.rate - SWINGING, 0.0)
+    def damping(self, params: SpiralAdjustParams) -> float:
+        """Return the factor on the damping along z, >= 1."""
+        return min(1.0 + params.swing_damping * max(self.rate - params.swinging, 0.0), params.most_swing_damping)
 
-    @property
-    def damping(self) -> float:
-        """Factor on the damping along z, >= 1."""
-        return min(1.0 + SWING_DAMPING * self._beyond, MOST_SWING_DAMPING)
-
-    @property
-    def push(self) -> float:
-        """Share of the push that is kept, from 0 to 1."""
-        return 1.0 / (1.0 + SWING_PUSH * self._beyond)
+    def push(self, params: SpiralAdjustParams) -> float:
+        """Return the share of the push that is kept, from 0 to 1."""
+        return 1.0 / (1.0 + params.swing_push * max(self.rate - params.swinging, 0.0))
 
 
 @dataclass(slots=True)
@@ -140,7 +115,7 @@ class Guidance:
         """Free the peg if it jams; take and return its end point by the aim, shape (3,), m, base frame."""
         elapsed, tcp, params = seen.elapsed, seen.arm.tcp, self._params
         depth = self._plane.depth(tip)
-        if self._sweep.is_on(elapsed, params) and self._descent.rest < LET_GO:
+        if self._sweep.is_on(elapsed, params) and self._descent.rest(params) < params.let_go:
             self.aim, self._sweep = self.aim.kept(tcp), replace(self._sweep, began=-math.inf)
         # The periods of the dither begin again after a sweep.
         is_swept = self._sweep.is_on(elapsed, params)
@@ -148,7 +123,7 @@ class Guidance:
         if self._guide.is_jammed and not is_lifting:
             tip = self._aim_anew(seen, depth)
             depth = self._plane.depth(tip)
-        self._descent = self._descent.after(depth, self._ctx.schedule.period)
+        self._descent = self._descent.after(depth, self._ctx.schedule.period, params)
         return tip
 
     def _aim_anew(self, seen: Observation, before: float) -> Vector:
@@ -160,13 +135,13 @@ class Guidance:
         self._stall = self._stall.measured_anew(depth, before)
         peg, hole = (2.0 * part.half[1] for part in (self._ctx.job.peg.part, self._ctx.job.hole.part))
         tilt = allowed_tilt(depth, peg, hole)
-        self._sweep = self._sweep.next(seen.elapsed, seen.arm.tcp, tilt, self.aim.in_hand.length)
+        self._sweep = self._sweep.next(seen.elapsed, seen.arm.tcp, tilt, self.aim.in_hand.length, self._params)
         return tip
 
     def offsets(self, elapsed: float) -> list[Vector]:
         """Return the offsets of the finger centre from the line of the aim, now and one scan later, shape (2,), m."""
         is_swept = self._sweep.is_on(elapsed, self._params)
-        moves = self._sweep.offset if is_swept else partial(self._guide.offset, share=self._descent.rest)
+        moves = self._sweep.offset if is_swept else partial(self._guide.offset, share=self._descent.rest(self._params))
         return [moves(elapsed + ahead, self._params) for ahead in (0.0, self._ctx.schedule.period)]
 
 
@@ -191,17 +166,17 @@ def run(
         elapsed, running, tip = seen.elapsed, seen.running, down.aim.tip(seen.arm.tcp)
         if proof.is_given(seen, tip, plane, ctx):
             return _result(Outcome.SUCCESS, Reason.NONE, running, offset, plane.depth(tip))
-        if angle_between(seen.axis, plane.normal) > LEANING:
+        if angle_between(seen.axis, plane.normal) > params.leaning:
             return _result(Outcome.FAILURE, Reason.NOT_ALIGNED, running, offset, plane.depth(tip))
         is_stalled = down.is_stalled(tip, elapsed, proof.looks.is_lifting)
-        if _has_left(tip, plane, ctx.job) or is_stalled or proof.looks.is_over:
+        if _has_left(tip, plane, ctx.job, params) or is_stalled or proof.looks.is_over:
             break
         tip = down.free(seen, tip, proof.looks.is_lifting)
         offset, next_offset = down.offsets(elapsed)
         ctx.callbacks.progress(elapsed / params.timeout)
-        swing = swing.after(seen.arm) if running < params.swing_time else at_rest
+        swing = swing.after(seen.arm, params) if running < params.swing_time else at_rest
         stiffness, damping_ratio = _compliance(params, swing, plane.depth(tip) > hole.depth - params.arrival)
-        proof.looks = proof.looks.pulling(swing.push * params.push_offset, ctx.schedule.period)
+        proof.looks = proof.looks.pulling(swing.push(params) * params.push_offset, ctx.schedule.period)
         # The tip is held no further away than a hole can be from where it was found, and at the tip's height less a pull.
         beside, axis = anchored(tip, first.tip), down.aim.axis(offset)
         ctx.follow(
@@ -222,12 +197,12 @@ def run(
     return _result(Outcome.FAILURE, Reason.NOT_SEATED, running, offset, plane.depth(tip))
 
 
-def _has_left(tip: Vector, plane: Plane, job: Job) -> bool:
+def _has_left(tip: Vector, plane: Plane, job: Job, params: SpiralAdjustParams) -> bool:
     """Return True if nothing holds the peg above the surface, or if its end seems to be below the bottom.
 
     In the last case the fingers have slid down the peg, which the next touch-down measures, or the hole is another one.
     """
-    is_above = plane.depth(tip) < -(job.peg.part.inscribed / 2.0 + RAISED)
+    is_above = plane.depth(tip) < -(job.peg.part.inscribed / 2.0 + params.raised)
     is_below = plane.depth(tip) > job.hole.depth + CLOSED_TOLERANCE
     return is_above or is_below
 
@@ -245,7 +220,7 @@ def _compliance(params: SpiralAdjustParams, swing: Swing, is_arriving: bool) -> 
     """Return stiffness and damping ratios, each shape (6,); while the hand swings, and close to the bottom, the peg is damped more."""
     stiffness, damping_ratio = params.gains.stiffness(), params.gains.damping_ratios()
     stiffness[2] = params.push_stiffness
-    damping_ratio[2] = params.push_damping_ratio * max(ARRIVING if is_arriving else 1.0, swing.damping)
+    damping_ratio[2] = params.push_damping_ratio * max(ARRIVING if is_arriving else 1.0, swing.damping(params))
     return stiffness, damping_ratio
 
 

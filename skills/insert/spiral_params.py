@@ -59,3 +59,40 @@ class SpiralAdjustParams(SkillParams):
     """Time of one tilt sweep to both sides, s; it follows if the peg stands still or creeps. It turns the hand about its closing axis;
     a dither follows.
     """
+    swept_beyond: Annotated[float, Figure("rad"), Field(exclude=True), Source("docs/tried/adjustment.md")] = 0.015
+    """Angle of a tilt sweep beyond the lean that the hole allows, rad; it equals about the error of the hand caused by joint friction."""
+    most_swept: Annotated[float, Figure("rad"), Field(exclude=True), Source("docs/tried/adjustment.md")] = 0.06
+    """Largest angle of a tilt sweep, rad; a wider sweep turns pegs out of their holes."""
+    let_go: Annotated[float, Figure("fraction"), Field(exclude=True)] = 0.5
+    """Share of rest below which a swept peg slides, fraction; the hand then keeps its present orientation."""
+    creep: Annotated[float, Figure("multiple"), Field(exclude=True), Source("docs/tried/adjustment.md")] = 10.0
+    """Least depth gained in a period of the dither, multiple of `jammed`; with less, the peg counts as jammed. A pushed peg gains fifty times
+    `jammed`, and a wedged peg creeps.
+    """
+    sliding: Annotated[float, Figure("m/s"), Field(exclude=True)] = 0.03
+    """Speed of the tip along the hole above which the peg is not dithered, m/s. Friction of a sliding peg opposes its motion and has no
+    sideways component to release. A peg that is turned beyond its play while it descends hits the wall.
+    """
+    smoothing: Annotated[float, Figure("fraction"), Field(exclude=True)] = 0.3
+    """Weight of a new scan in the smoothed speed of the tip, fraction; the noise of theta moves the tip."""
+    raised: Annotated[float, Figure("m"), Field(exclude=True)] = 0.005
+    """Height of the tip above the surface, beyond half the peg's breadth, from which on nothing holds the peg and the attempt ends, m: the
+    rim of a leaning peg stands on the plate with its middle at most half a breadth above it, and plate and theta err by millimetres. A hand
+    whose joints rub more than they push is lifted by its own spiral.
+    """
+    leaning: Annotated[float, Figure("rad"), Field(exclude=True), Source("docs/tried/adjustment.md")] = math.pi / 4.0
+    """Lean of the peg from the plate's normal beyond which the attempt ends, rad: as far as during the search, so the peg is no longer
+    aligned.
+    """
+    swinging: Annotated[float, Figure("rad/s"), Field(exclude=True)] = 0.15
+    """Turning rate of the hand beyond which it swings, rad/s; the dither turns it at 0.1 rad/s."""
+    swing_smoothing: Annotated[float, Figure("fraction"), Field(exclude=True)] = 0.5
+    """Share of a new scan in the hand's turning rate, fraction."""
+    swing_damping: Annotated[float, Figure("s/rad"), Field(exclude=True), Source("docs/tried/adjustment.md")] = 10.0
+    """Growth of the damping along z with the swing, by its value without one, s/rad."""
+    most_swing_damping: Annotated[
+        float, Figure("multiple"), Field(exclude=True), Source("docs/tried/adjustment.md")
+    ] = 5.0
+    """Largest factor on the damping along z for a swing: torques that come 4 ms late behind 50 Hz bear 1.2 times as much."""
+    swing_push: Annotated[float, Figure("s/rad"), Field(exclude=True), Source("docs/tried/adjustment.md")] = 2.0
+    """Growth of the divisor of the push with the swing, s/rad."""

@@ -16,9 +16,9 @@ from drivers.quantities import ArmState, Pose, SwitchState, Wrench
 from skills.catalogue import ADJUST
 from skills.contract import Outcome, Reason
 from skills.held_peg import HeldPeg
-from skills.insert.guided_peg import CREEP, MOST_SWEPT, SLIDING, SWEPT_BEYOND, Descent, Guide, Stall, TiltSweep
+from skills.insert.guided_peg import Descent, Guide, Stall, TiltSweep
 from skills.insert.play import allowed_tilt
-from skills.insert.spiral_adjust import ARRIVING, LEANING, MOST_SWING_DAMPING, RAISED, Swing, given_up_after, run
+from skills.insert.spiral_adjust import ARRIVING, Swing, given_up_after, run
 from skills.motion import anchored, tilted_by
 from skills.paths import dither
 from skills.search.surface import Plane
@@ -42,7 +42,9 @@ def test_less_than_the_least_gain_and_another_theta_are_no_gain():
     assert (anew.deepest, anew.since) == (pytest.approx(2.6e-3), 1.0)
 
 
-@pytest.mark.parametrize(("gain", "is_jammed"), [(0.0, True), (0.99 * CREEP, True), (1.01 * CREEP, False)])
+@pytest.mark.parametrize(
+    ("gain", "is_jammed"), [(0.0, True), (0.99 * PARAMS.creep, True), (1.01 * PARAMS.creep, False)]
+)
 def test_a_period_in_which_the_peg_creeps_is_a_jam(gain, is_jammed):
     guide = Guide(began=1.0, reached=5e-3)
     assert not guide.after(5e-3, 1.0 + 0.99 * PERIOD, PARAMS).is_jammed
@@ -53,7 +55,7 @@ def test_each_period_is_judged_once_by_what_it_brought_alone():
     guide = Guide(began=1.0, reached=5e-3)
     jams, depth = [], 5e-3
     for scan in range(1, round(4 * PERIOD / 0.01) + 2):
-        depth += 2.0 * CREEP * LEAST * 0.01 / PERIOD if scan * 0.01 < 2 * PERIOD else 0.0
+        depth += 2.0 * PARAMS.creep * LEAST * 0.01 / PERIOD if scan * 0.01 < 2 * PERIOD else 0.0
         guide = guide.after(depth, 1.0 + scan * 0.01, PARAMS)
         if guide.is_jammed:
             jams.append(scan * 0.01 / PERIOD)
@@ -63,12 +65,14 @@ def test_each_period_is_judged_once_by_what_it_brought_alone():
 def test_a_peg_that_slides_is_not_dithered_and_one_that_rests_is():
     resting = sliding = Descent(0.0)
     for scan in range(1, 31):
-        resting, sliding = resting.after(0.0, 0.01), sliding.after(1.01 * SLIDING * 0.01 * scan, 0.01)
+        resting = resting.after(0.0, 0.01, PARAMS)
+        sliding = sliding.after(1.01 * PARAMS.sliding * 0.01 * scan, 0.01, PARAMS)
     sizes = [
-        float(np.linalg.norm(Guide(began=0.0).offset(0.2 * PERIOD, PARAMS, each.rest))) for each in (resting, sliding)
+        float(np.linalg.norm(Guide(began=0.0).offset(0.2 * PERIOD, PARAMS, each.rest(PARAMS))))
+        for each in (resting, sliding)
     ]
     assert sizes == pytest.approx([0.8 * PARAMS.dither_radius, 0.0], abs=0.25 * PARAMS.dither_radius)
-    assert (sizes[1], Descent(5e-3).after(4e-3, 0.01).rest) == (0.0, 1.0)
+    assert (sizes[1], Descent(5e-3).after(4e-3, 0.01, PARAMS).rest(PARAMS)) == (0.0, 1.0)
 
 
 def turning(rate, stamps):
@@ -76,7 +80,8 @@ def turning(rate, stamps):
     swing = Swing(HAND_DOWN[:, 0], float(stamps[0]))
     for stamp in stamps:
         tcp = Pose(np.zeros(3), rotation_about(ABOUT, rate * stamp) @ HAND_DOWN)
-        swing = swing.after(ArmState(stamp, np.zeros(7), np.zeros(7), tcp, Wrench(np.zeros(3), np.zeros(3)), 2, 0.0))
+        state = ArmState(stamp, np.zeros(7), np.zeros(7), tcp, Wrench(np.zeros(3), np.zeros(3)), 2, 0.0)
+        swing = swing.after(state, PARAMS)
     return swing
 
 
@@ -89,9 +94,9 @@ def test_the_swing_of_a_hand_is_its_turning_rate_however_late_or_often_the_state
 def test_a_peg_is_let_down_the_more_gently_the_faster_the_hand_turns_and_as_ever_while_it_is_dithered():
     dithered = Swing(ABOUT, 0.0, PARAMS.dither_rate * PARAMS.dither_radius / load().cell.peg.length)
     slow, fast = (Swing(ABOUT, 0.0, rate) for rate in (0.5, 1.0))
-    assert (dithered.damping, dithered.push) == (1.0, 1.0)
-    assert 1.0 < slow.damping < fast.damping == MOST_SWING_DAMPING
-    assert 1.0 > slow.push > fast.push > 0.3
+    assert (dithered.damping(PARAMS), dithered.push(PARAMS)) == (1.0, 1.0)
+    assert 1.0 < slow.damping(PARAMS) < fast.damping(PARAMS) == PARAMS.most_swing_damping
+    assert 1.0 > slow.push(PARAMS) > fast.push(PARAMS) > 0.3
 
 
 @pytest.mark.parametrize("preset", ["", "careful"])
@@ -106,7 +111,7 @@ def test_torques_that_act_as_late_as_a_careless_arms_bear_the_damping_of_a_swing
         middle = (low + high) / 2
         low, high = (middle, high) if middle * transport + math.atan(middle * lag) < math.pi / 2 else (low, middle)
     stiffness, ratios = params.gains.stiffness(), params.gains.damping_ratios()
-    stiffness[2], ratios[2] = params.push_stiffness, MOST_SWING_DAMPING * params.push_damping_ratio
+    stiffness[2], ratios[2] = params.push_stiffness, PARAMS.most_swing_damping * params.push_damping_ratio
     for inertia in inertias(cell.place())[1:]:  # the peg is upright
         damping = np.sqrt(np.outer(ratios, ratios)) * critical_damping(inertia, stiffness)
         rates = np.abs(np.linalg.eigvals(np.linalg.solve(inertia, damping)))
@@ -128,13 +133,13 @@ def test_a_peg_at_the_bottom_is_given_up_later_than_one_that_stalls_above_it(sho
 @pytest.mark.parametrize(("above", "goes_on"), [(-1e-3, True), (1e-3, False)])
 def test_a_peg_that_hangs_above_the_plate_is_given_up_at_once(bench, above, goes_on):
     """At the height up to which the rim of a leaning peg could still touch the plate, or above it."""
-    height = CELL.peg.part.inscribed / 2.0 + RAISED + above
+    height = CELL.peg.part.inscribed / 2.0 + PARAMS.raised + above
     bench.way = lambda time: hand(HOLE + height * UP)
     ended = bench.run()
     assert (ended.reason, ended.elapsed > 0.4) == (Reason.NOT_SEATED, goes_on)
 
 
-@pytest.mark.parametrize(("lean", "goes_on"), [(LEANING - 0.02, True), (LEANING + 0.02, False)])
+@pytest.mark.parametrize(("lean", "goes_on"), [(PARAMS.leaning - 0.02, True), (PARAMS.leaning + 0.02, False)])
 def test_a_peg_that_leans_as_far_as_in_the_search_is_given_up_at_once(bench, lean, goes_on):
     bench.way = lambda time: hand(HOLE, lean)
     ended = bench.run()
@@ -151,14 +156,16 @@ def test_ways_down_of_earlier_attempts_are_handed_on_while_the_peg_is_held(make)
 def test_a_tilt_sweep_goes_to_both_sides_by_what_the_walls_allow_and_a_little_more_up_to_the_widest():
     """About the closing axis; the next one begins to the other side. The hand points down and closes along x."""
     tcp = Pose(np.zeros(3), np.column_stack([[0.0, 0.0, -1.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]]))
-    sweep, times = TiltSweep().next(1.0, tcp, 0.02, 0.05), 1.0 + np.linspace(0.0, PARAMS.sweep_time, 41)
+    sweep, times = TiltSweep().next(1.0, tcp, 0.02, 0.05, PARAMS), 1.0 + np.linspace(0.0, PARAMS.sweep_time, 41)
     places = np.array([sweep.offset(time, PARAMS) for time in times])
-    widest = 0.05 * (0.02 + SWEPT_BEYOND)
+    widest = 0.05 * (0.02 + PARAMS.swept_beyond)
     np.testing.assert_allclose(places[:, 0], 0.0, atol=1e-15)
     assert (places[:, 1].min(), places[:, 1].max()) == pytest.approx((-widest, widest))
     assert (places[0, 1], places[20, 1], places[-1, 1]) == pytest.approx((0.0, 0.0, 0.0), abs=1e-12)
     assert [sweep.is_on(1.0 + share * PARAMS.sweep_time, PARAMS) for share in (0.99, 1.01)] == [True, False]
-    assert sweep.next(3.0, tcp, 1.0, 0.05).amplitude == pytest.approx(-np.sign(sweep.amplitude) * 0.05 * MOST_SWEPT)
+    assert sweep.next(3.0, tcp, 1.0, 0.05, PARAMS).amplitude == pytest.approx(
+        -np.sign(sweep.amplitude) * 0.05 * PARAMS.most_swept
+    )
 
 
 @pytest.fixture
@@ -219,8 +226,10 @@ def test_a_hand_that_swings_pushes_less_and_damps_more_until_the_swing_is_over(b
     scans = list(bench.scans())
     for (seen, setpoint), expected in ((scans[25], swing), (scans[40], Swing(SIDE, 0.0, 0.0))):
         tip = end_point(seen.arm.tcp, 0.0, CELL.peg.length)[0]
-        assert tip[2] - setpoint.tip[2] == pytest.approx(PARAMS.push_offset * expected.push, rel=1e-3)
-        assert setpoint.damping_ratio[2] == pytest.approx(PARAMS.push_damping_ratio * expected.damping, rel=1e-3)
+        assert tip[2] - setpoint.tip[2] == pytest.approx(PARAMS.push_offset * expected.push(PARAMS), rel=1e-3)
+        assert setpoint.damping_ratio[2] == pytest.approx(
+            PARAMS.push_damping_ratio * expected.damping(PARAMS), rel=1e-3
+        )
 
 
 @pytest.mark.parametrize(("felt_short", "waits"), [(0.5e-3, False), (1.5e-3, True), (-3e-3, True)])
@@ -262,8 +271,8 @@ def test_a_jammed_peg_is_aimed_anew_by_what_the_skin_says_now_and_swept(bench):
     resting = end_point(hand(), 0.03, CELL.peg.length)[1]
     # From now on the finger centre swings about the axis along which the peg rests, across the closing axis.
     widest = max(angle_between(each.axis, resting) for each in bench.commanded[41:])
-    allowed = allowed_tilt(1.5e-3, CELL.peg.part.thickness, CELL.hole.part.thickness) + SWEPT_BEYOND
-    assert widest == pytest.approx(min(allowed, MOST_SWEPT), rel=0.02)
+    allowed = allowed_tilt(1.5e-3, CELL.peg.part.thickness, CELL.hole.part.thickness) + PARAMS.swept_beyond
+    assert widest == pytest.approx(min(allowed, PARAMS.most_swept), rel=0.02)
     # The depth is that of the tip by the theta that was read, and is no gain.
     assert after.tip[2] == pytest.approx(
         end_point(hand(HOLE - 1.5e-3 * UP), 0.03, CELL.peg.length)[0][2] - PARAMS.push_offset
@@ -279,8 +288,8 @@ def test_after_a_second_jam_the_peg_is_pushed_along_the_plates_normal_again(benc
     assert max(angle_between(each.axis, resting) for each in between) < 1e-3
     # A sweep goes to both sides of what the peg is pushed along, and the second one first to the other side.
     assert angle_between(np.mean([each.axis for each in second], axis=0), UP) < 3e-3
-    assert bench.commanded[25].axis[0] == pytest.approx(-MOST_SWEPT, rel=0.02)
-    assert bench.commanded[64].axis[0] == pytest.approx(MOST_SWEPT, rel=0.02)
+    assert bench.commanded[25].axis[0] == pytest.approx(-PARAMS.most_swept, rel=0.02)
+    assert bench.commanded[64].axis[0] == pytest.approx(PARAMS.most_swept, rel=0.02)
 
 
 @pytest.mark.parametrize("worn", [False, True])
