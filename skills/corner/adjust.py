@@ -17,18 +17,14 @@ from drivers.frames import angle_between, end_point, rotation_about
 from drivers.quantities import ImpedanceSetpoint, InHandTip, Twist, Vector
 from skills.contract import Observation, Outcome, Reason, SkillContext, SkillParams, SkillResult
 from skills.corner.insert import lead_to, to_and_fro, turned_by
+from skills.insert.guided_peg import Stall
 from skills.motion import VALIDITY, Gains, tilted_by
 from skills.paths import dither
 from skills.search.surface import Plane, nominal
 from skills.seating.decision import is_seated
 
-TURNED = 0.2
-"""Rotation in the hand above which the skill fails, because the tip no longer follows the hand, rad; several times the noise of theta. Source: chosen, not measured."""
-
 STRAYED_FOR = 0.15
 """Least time outside `strayed` for a loss of the hole, s: a few frames of the skin. Source: docs/tried/corners.md."""
-SINKS = 0.25
-"""Least depth gained in `stands_for` by a peg that is still sinking, fraction of `caught`. Source: docs/tried/corners.md."""
 
 
 class CornerAdjustParams(SkillParams):
@@ -76,6 +72,10 @@ class CornerAdjustParams(SkillParams):
     """Longest time until the peg is between the walls, s; then the cell searches again and sweeps about another yaw."""
     stands_for: Annotated[float, Figure("s", Tempo.WAIT), Field(exclude=True), Source("docs/tried/corners.md")] = 0.8
     """Time without depth gain after which a guided peg counts as stuck, s; the next skill frees it with a new theta."""
+    sinks: Annotated[float, Figure("fraction"), Field(exclude=True), Source("docs/tried/corners.md")] = 0.25
+    """Least depth gained in `stands_for` by a peg that is still sinking, fraction of `caught`."""
+    turned: Annotated[float, Figure("rad"), Field(exclude=True), Source("chosen, not measured")] = 0.2
+    """Rotation in the hand above which the skill fails, because the tip no longer follows the hand, rad; several times the noise of theta."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,16 +99,17 @@ class Entry:
     """Axis of the peg at the start, unit, shape (3,), base frame."""
     closing: Vector
     """Closing axis of the hand at the start, unit, shape (3,), base frame."""
-    lean: Vector = field(init=False)
-    """Direction of the peg's lean in the plate, unit, shape (3,)."""
-    lead: Vector = field(init=False)
-    """Lead of the tip's setpoint before any yaw, shape (3,), m."""
 
-    def __post_init__(self) -> None:
-        """Derive the lean and the lead."""
+    @property
+    def lean(self) -> Vector:
+        """Direction of the peg's lean in the plate, unit, shape (3,)."""
         lean = self.axis - float(self.axis @ self.normal) * self.normal
-        object.__setattr__(self, "lean", lean / max(float(np.linalg.norm(lean)), 1e-9))
-        object.__setattr__(self, "lead", lead_to(self.lean, self.closing, self.normal, self.params.lead))
+        return lean / max(float(np.linalg.norm(lean)), 1e-9)
+
+    @property
+    def lead(self) -> Vector:
+        """Lead of the tip's setpoint before any yaw, shape (3,), m."""
+        return lead_to(self.lean, self.closing, self.normal, self.params.lead)
 
     def end_point(self, seen: Observation) -> tuple[Vector, Vector]:
         """Return the end point, m, and the axis of the peg, each shape (3,), base frame."""
@@ -161,10 +162,8 @@ class Entry:
 class EntryWatch:
     """State of the peg over the scans: corner in the hole, and guided by the walls but stuck; pure."""
 
-    deepest: float = 0.0
-    """Depth gained at the last progress, m."""
-    since: float = 0.0
-    """Time of the last progress, s."""
+    stall: Stall = field(default_factory=lambda: Stall(0.0))
+    """Depth gained at the last progress, and its time."""
     inside: float = 0.0
     """Last time at which the tip was within `strayed`, s."""
 
@@ -178,9 +177,7 @@ class EntryWatch:
             params: Limits of the skill.
         """
         inside = elapsed if strayed <= params.strayed or sunk > params.caught else self.inside
-        if sunk > self.deepest + SINKS * params.caught:
-            return EntryWatch(sunk, elapsed, inside)
-        return EntryWatch(self.deepest, self.since, inside)
+        return EntryWatch(self.stall.after(sunk, elapsed, params.sinks * params.caught), inside)
 
     def has_strayed(self, elapsed: float) -> bool:
         """Return True if the tip has strayed for longer than `STRAYED_FOR`, in which the skin measures any turn in the hand."""
@@ -188,7 +185,7 @@ class EntryWatch:
 
     def is_caught(self, elapsed: float, params: CornerAdjustParams) -> bool:
         """Return True if the walls guide the peg and it is stuck."""
-        return self.deepest > params.caught and elapsed - self.since > params.stands_for
+        return self.stall.deepest > params.caught and elapsed - self.stall.since > params.stands_for
 
 
 def run(params: CornerAdjustParams, ctx: SkillContext, plane: Plane | None = None) -> CornerAdjustResult:
@@ -212,7 +209,7 @@ def run(params: CornerAdjustParams, ctx: SkillContext, plane: Plane | None = Non
         # measured theta is wrong until the next frame. The smaller distance is used.
         strayed = min(math.dist(place[:2], first.tip[:2]) for place in (tip, seen.tip))
         watch = watch.after(seen.elapsed, sunk, strayed, params)
-        if abs(seen.peg.theta - entry.in_hand.theta) > TURNED or watch.has_strayed(seen.elapsed):
+        if abs(seen.peg.theta - entry.in_hand.theta) > params.turned or watch.has_strayed(seen.elapsed):
             break
         is_between = sunk > params.entered or watch.is_caught(seen.elapsed, params)
         if is_seated(seen.switch, plane.depth(tip), hole) or is_between:

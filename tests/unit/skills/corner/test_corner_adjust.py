@@ -7,8 +7,9 @@ import pytest
 
 from drivers.frames import UP, angle_between, end_point, rotation_about
 from skills.contract import Outcome, Reason
-from skills.corner.adjust import SINKS, STRAYED_FOR, TURNED, Entry, EntryWatch, run
+from skills.corner.adjust import STRAYED_FOR, Entry, EntryWatch, run
 from skills.corner.insert import to_and_fro, turned_by
+from skills.insert.guided_peg import Stall
 from skills.paths import dither
 from skills.search.surface import Plane
 from tests.fakes import PERIOD, Rig
@@ -159,7 +160,7 @@ def test_a_peg_that_turns_in_the_hand_has_not_strayed_by_either_of_its_angles(be
 @pytest.mark.parametrize(("share", "ends"), [(1.01, True), (0.99, False)])
 def test_a_peg_that_has_turned_too_far_in_the_hand_is_given_up_at_once(bench, sense, share, ends):
     bench.skin.theta, bench.way = 0.1, lambda time: hand(theta=0.1)
-    bench.turn(0.1, 0.1 + sense * share * TURNED)
+    bench.turn(0.1, 0.1 + sense * share * PARAMS.turned)
     ended = bench.run()
     assert (ended.outcome, ended.reason) == (Outcome.FAILURE, Reason.NOT_SEATED)
     assert ended.elapsed == pytest.approx(0.1 if ends else 0.49, abs=1.1 * PERIOD)
@@ -172,13 +173,13 @@ def test_an_upright_peg_has_no_side_that_it_leans_to(bench):
 
 
 def test_less_than_a_share_of_the_caught_depth_is_no_sinking_and_keeps_its_time():
-    step = SINKS * PARAMS.caught
+    step = PARAMS.sinks * PARAMS.caught
     first = EntryWatch().after(1.0, 1.01 * step, 0.0, PARAMS)
-    assert (first.deepest, first.since, first.inside) == (1.01 * step, 1.0, 1.0)
+    assert (first.stall, first.inside) == (Stall(1.01 * step, 1.0), 1.0)
     creeping = first.after(2.0, 2.0 * step, 0.0, PARAMS)
-    assert (creeping.deepest, creeping.since, creeping.inside) == (1.01 * step, 1.0, 2.0)
+    assert (creeping.stall, creeping.inside) == (Stall(1.01 * step, 1.0), 2.0)
     sinking = creeping.after(3.0, 2.02 * step, 0.0, PARAMS)
-    assert (sinking.deepest, sinking.since) == (2.02 * step, 3.0)
+    assert sinking.stall == Stall(2.02 * step, 3.0)
 
 
 def test_a_tip_may_lie_as_far_away_as_the_recipe_says_and_anywhere_once_the_walls_have_the_peg():
