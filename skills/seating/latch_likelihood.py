@@ -49,8 +49,10 @@ FORCE_STEP = 0.1
 """Step of the considered forces, as a share of the stated one."""
 EXACT = 0.1
 """Least sum a + b of a curve's deviations down and up, N: the best resolution of an arm's force. Source: chosen, not measured."""
-REMEMBERED = 64
-"""Number of strokes whose likelihoods are cached; skill and gate evaluate them at every scan of a rest."""
+MOST_WAYS = 64
+"""Number of strokes to keep: ten attempts with five strokes each, and some that ended elsewhere. The likelihood of as many is cached, because
+skill and gate evaluate them at every scan of a rest.
+"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,7 +129,7 @@ def considered(latch: Latch) -> tuple[Vector, Vector]:
     return shares[:, None], GRID * np.arange(-most, most + 1, dtype=np.float64)[None, :]
 
 
-@lru_cache(maxsize=REMEMBERED)
+@lru_cache(maxsize=MOST_WAYS)
 def unlikelihood(way: InsertionStroke, latch: Latch) -> Vector | None:
     """Return the negative log likelihood of every considered force and height of the latch, up to a constant, shape (n, m).
 

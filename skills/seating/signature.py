@@ -15,14 +15,12 @@ from drivers.parts import Latch
 from drivers.quantities import ImpedanceSetpoint
 from skills.contract import Observation
 from skills.seating.decision import Footing
-from skills.seating.latch_likelihood import BEFORE, PLACE, InsertionStroke, Signature, told_by, unlikelihood
+from skills.seating.latch_likelihood import BEFORE, MOST_WAYS, PLACE, InsertionStroke, Signature, told_by, unlikelihood
 
 STEP = 2e-5
 """Least new depth for a scan to be added to the curve, m; it exceeds the noise of the arm's height. Source: chosen, not measured."""
 LIFTED = 0.002
 """Height above the deepest point at which a held peg counts as drawn up, m. Source: chosen, not measured."""
-MOST_WAYS = 64
-"""Number of strokes to keep: ten attempts with five strokes each, and some that ended elsewhere."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,7 +41,12 @@ class StrokeCurve:
     @property
     def ways(self) -> tuple[InsertionStroke, ...]:
         """Strokes of this held peg that have ended in a rest, including the present one."""
-        return (*self.earlier, *((InsertionStroke(self.heights, self.forces),) if self.has_rested else ()))[-MOST_WAYS:]
+        return (*self.earlier, *((self.present,) if self.has_rested else ()))[-MOST_WAYS:]
+
+    @property
+    def present(self) -> InsertionStroke:
+        """Present stroke so far."""
+        return InsertionStroke(self.heights, self.forces)
 
     def after(self, seen: Observation, setpoint: ImpedanceSetpoint | None, latch: Latch) -> "StrokeCurve":
         """Return the curve after one more scan with its followed setpoint.
@@ -75,7 +78,7 @@ class StrokeCurve:
 
         The result is None if the peg does not rest at the time `now`, s, or if this stroke does not show the latch.
         """
-        if not self.footing.is_firm(now) or unlikelihood(InsertionStroke(self.heights, self.forces), latch) is None:
+        if not self.footing.is_firm(now) or unlikelihood(self.present, latch) is None:
             return None
         near = [way for way in self.earlier if abs(way.heights[-1] - self.heights[-1]) <= PLACE]
-        return told_by([*near, InsertionStroke(self.heights, self.forces)], latch)
+        return told_by([*near, self.present], latch)

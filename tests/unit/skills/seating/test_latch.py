@@ -15,6 +15,7 @@ from skills.seating.latch_likelihood import (
     DOUBT,
     FORCE_SHARE,
     GRID,
+    MOST_WAYS,
     PLACE,
     SHEAR,
     InsertionStroke,
@@ -24,7 +25,7 @@ from skills.seating.latch_likelihood import (
     told_by,
 )
 from skills.seating.latch_looks import LEAST_LOOKS, MOST_LOOKS, TURNING_BACK, Looks, is_enough
-from skills.seating.signature import LIFTED, MOST_WAYS, StrokeCurve
+from skills.seating.signature import LIFTED, StrokeCurve
 
 LATCH = Latch(kind="detent", force=5.0, height=0.003)
 BIAS = 3.0
