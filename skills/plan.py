@@ -99,13 +99,9 @@ class _Stage(Generic[P]):
         self.params = params
 
 
-_CORNERED: Mapping[str, bool] = {"round": False, "rectangular": True}
-"""Whether a part of this kind is inserted over a corner; the printed skills insert the other parts."""
-
-
 def is_cornered(part: Part) -> bool:
-    """Return True if a part of this kind searches with a corner and needs the section [corner]."""
-    return _CORNERED[part.kind]
+    """Return True if a part of this kind searches with a corner and needs the section [corner]; the printed skills insert the others."""
+    return {"round": False, "rectangular": True}[part.kind]
 
 
 def figures(params: ConfigModel, place: str) -> dict[str, object]:

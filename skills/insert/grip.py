@@ -129,12 +129,13 @@ class Grip:
             _share(self.load_over_corner(push, across, lean, peg), 1.0)
             for push, lean in ((down, insert.tilt), (insert.push_back * down, tilt))
         )
+        least = min(share, kept)
         return _softer(
             insert,
-            min(share, kept),
+            least,
             push_stiffness=insert.push_stiffness * share,
             push_back=insert.push_back * min(kept / share, 1.0),
-            lead=_times(min(share, kept), insert.lead),
+            lead=(least * insert.lead[0], least * insert.lead[1]),
         )
 
     def entering(self, adjust: CornerAdjustParams, tilt: float, peg: Peg) -> CornerAdjustParams:
@@ -156,10 +157,6 @@ def grip_of(grasp: GraspFromRackParams, share: float = 1.0) -> Grip:
 def _share(push: float, most: float) -> float:
     """Return the factor that reduces `push` to at most `most`, fraction."""
     return min(most / max(push, 1e-9), 1.0)
-
-
-def _times(share: float, lead: tuple[float, float]) -> tuple[float, float]:
-    return share * lead[0], share * lead[1]
 
 
 def _softer(params: P, share: float, **changes: object) -> P:
