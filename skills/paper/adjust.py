@@ -12,15 +12,12 @@ from skills.paper.params import PaperAdjustParams
 from skills.paths import spiral
 from skills.seating.decision import depth_of, is_seated, require_short_of_bottom
 
-PUSH_DAMPING_RATIO = 1.5
-"""Damping ratio along z, 1 is critical; chosen, not printed."""
-
 
 def run(params: PaperAdjustParams, ctx: SkillContext) -> SpiralAdjustResult:
     """Tilt the peg along a growing spiral about its end until the switch closes."""
     hole, first = ctx.job.hole, ctx.observe()
     K, D = params.gains.stiffness(), params.gains.damping_ratios()
-    K[2], D[2] = params.push_stiffness, PUSH_DAMPING_RATIO
+    K[2], D[2] = params.push_stiffness, params.push_damping_ratio
     # The adjustment is open-loop: it uses the theta measured at its start.
     identity, in_hand, roll = ctx.new_id(), ctx.in_hand(), first.arm.tcp.rotation[:, 2]
     growth, offset, x_p, running = params.radius / params.growing_time, np.zeros(2), first.tip, 0.0

@@ -13,8 +13,6 @@ from skills.seating.decision import depth_of, is_seated
 
 ALIGNED = math.radians(15.0)
 """Angle phi below which the adjustment starts, rad. Source: [gibbons], Sec. VII."""
-INTEGRAL_LIMIT = 3.0
-"""Saturation of the integral, N·m; chosen, not printed."""
 
 
 def run(params: PaperInsertParams, ctx: SkillContext) -> TactileInsertResult:
@@ -44,7 +42,7 @@ def run(params: PaperInsertParams, ctx: SkillContext) -> TactileInsertResult:
                 valid_until=seen.stamp + VALIDITY,
                 in_hand=ctx.in_hand(),
                 integral_gain=params.integral_gain,
-                integral_limit=INTEGRAL_LIMIT,
+                integral_limit=params.integral_limit,
             )
         )
     return TactileInsertResult(Outcome.FAILURE, Reason.NOT_ALIGNED, params.timeout, phi_0, phi)

@@ -35,6 +35,8 @@ class PaperInsertParams(SkillParams):
     """Stiffness K along x and y and in rotation, and damping ratio."""
     integral_gain: Annotated[PositiveFloat, Quantity("N·m/(rad·s)"), Source("[gibbons], Eq. (6)")]
     """Integral gain K_I on orientation, N·m/(rad·s); [gibbons], Eq. (6)."""
+    integral_limit: Annotated[float, Figure("N·m"), Field(exclude=True), Source("chosen, not printed")] = 3.0
+    """Saturation of the integral, N·m."""
     push_stiffness: Annotated[tuple[PositiveFloat, PositiveFloat], Quantity("N/m"), Source("chosen, not measured")]
     """K_min and K_max of [gibbons], Eq. (7), N/m."""
     timeout: Annotated[float, Figure("s", Tempo.LIMIT), Field(exclude=True), Source("chosen, not measured")] = 60.0
@@ -50,6 +52,8 @@ class PaperAdjustParams(SkillParams):
     """Stiffness and damping ratio along x and y and in rotation."""
     push_stiffness: Annotated[PositiveFloat, Quantity("N/m")]
     """Stiffness along z, N/m."""
+    push_damping_ratio: Annotated[float, Figure("multiple"), Field(exclude=True), Source("chosen, not printed")] = 1.5
+    """Damping ratio along z, multiple of the critical damping."""
     turn_rate: Annotated[PositiveFloat, Quantity("rad/s", Tempo.SPEED, "radius")]
     """Turning rate of the spiral, rad/s."""
     timeout: Annotated[float, Figure("s", Tempo.LIMIT), Field(exclude=True), Source("chosen, not measured")] = 60.0

@@ -16,10 +16,6 @@ from skills.search.tour import Point
 
 NEEDED = 2
 """Number of successive parts that must agree before their estimate is used."""
-LEAST_DEVIATION = 2e-4
-"""Smallest standard deviation of a prior, m: the accuracy of the arm for a seated peg. Source: chosen, not measured."""
-MEMORY = 20
-"""Number of parts in the average of the scatter."""
 
 
 class LearningConfig(ConfigModel):
@@ -37,6 +33,10 @@ class LearningConfig(ConfigModel):
     """Distance from the expected position beyond which a hole belongs to another fixture, standard deviations."""
     longest_age: Annotated[float, Field(gt=0.0, le=3.2e7), Quantity("s")] = 2592000.0
     """Longest time for which a learnt position is used, s; the default is 30 days."""
+    finest: Annotated[float, Figure("m"), Field(exclude=True), Source("chosen, not measured")] = 2e-4
+    """Smallest standard deviation of a prior, m: the accuracy of the arm for a seated peg."""
+    memory: Annotated[int, Figure("count"), Field(exclude=True)] = 20
+    """Number of parts in the average of the scatter."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,7 +58,7 @@ class PlaceEstimate:
         """Return the prior of the next hole; None for no prior: before parts agree, and after a part that did not fit."""
         if self.parts < NEEDED or self.stray is not None:
             return None
-        x, y = (max(math.sqrt(value), LEAST_DEVIATION) for value in self._spread(learning))
+        x, y = (max(math.sqrt(value), learning.finest) for value in self._spread(learning))
         return HolePrior(mean=self.mean, deviation=(x, y))
 
     def fits(self, hole: Point, learning: LearningConfig) -> bool:
@@ -91,7 +91,7 @@ class PlaceEstimate:
         parts = self.parts + 1
         mean, variance, scatter = zip(
             *(
-                _along(h, m, v + learning.drift**2, s, 1.0 / min(parts + NEEDED, MEMORY))
+                _along(h, m, v + learning.drift**2, s, 1.0 / min(parts + NEEDED, learning.memory), learning.finest)
                 for h, m, v, s in zip(hole, self.mean, self.variance, self.scatter, strict=True)
             ),
             strict=True,
@@ -113,9 +113,11 @@ def from_prior(prior: HolePrior, learning: LearningConfig) -> PlaceEstimate:
     return PlaceEstimate(prior.mean, (x * x - scatter[0], y * y - scatter[1]), scatter, NEEDED)
 
 
-def _along(hole: float, mean: float, variance: float, scatter: float, share: float) -> tuple[float, float, float]:
+def _along(
+    hole: float, mean: float, variance: float, scatter: float, share: float, finest: float
+) -> tuple[float, float, float]:
     """Return mean, variance and scatter along one axis after a hole; `share` is the weight of this part in the scatter."""
     # K = P / (P + S), mean <- mean + K e, P <- (1 - K) P, S <- S + share ((1 - K) e² - S), e = hole - mean
     gain, off = variance / (variance + scatter), hole - mean
-    learnt = max(scatter + share * ((1.0 - gain) * off * off - scatter), LEAST_DEVIATION**2)
+    learnt = max(scatter + share * ((1.0 - gain) * off * off - scatter), finest**2)
     return mean + gain * off, (1.0 - gain) * variance, learnt

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from drivers.parts import HolePrior
-from skills.search.prior import LEAST_DEVIATION, NEEDED, LearningConfig, PlaceEstimate, first_estimate, from_prior
+from skills.search.prior import NEEDED, LearningConfig, PlaceEstimate, first_estimate, from_prior
 
 LEARNING = LearningConfig()
 HOME, AWAY = (0.51, 0.012), (0.48, -0.02)
@@ -49,7 +49,7 @@ def test_nineteen_of_twenty_holes_lie_where_they_are_expected(scatter):
 def test_the_deviation_becomes_that_of_the_parts_and_no_smaller_than_what_the_arm_finds():
     told, equal = after(holes(HOME, 5e-4, 60)).prior(LEARNING), after([HOME] * 100).prior(LEARNING)
     assert told.deviation == pytest.approx((5e-4, 5e-4), rel=0.4)
-    assert min(equal.deviation) >= LEAST_DEVIATION
+    assert min(equal.deviation) >= LEARNING.finest
 
 
 def test_a_fixture_that_drifts_is_followed():
