@@ -30,10 +30,6 @@ Source: docs/tried/adjustment.md.
 """
 AT_BOTTOM = 2.0
 """Stall timeout of a peg at the bottom, multiple of that of a peg above it: the last millimetre is short of `adjust.jammed`."""
-STEADY = 0.55
-"""Largest rate at which a peg is turned upright after a failed try, rad/s: one that left the hole on the way would leave it again. Source:
-docs/tried/insertion.md.
-"""
 GRIP, ARM, ATTEMPT = "grasp.force", "arm.model", "attempt"
 """Reasons of figures that differ from the config: the load that the pads bear, the arm's limits, the number of the attempt."""
 
@@ -135,7 +131,7 @@ def plan_insertion(skills: SkillSet, peg: Peg, hole: Hole, grip_share: float = 1
         _first_of_several(adjust, attempt, skills.retries)
     else:
         _over_a_corner(search, corner, grip, peg, attempt)
-    most = fastest(search.params.dip_threshold, hole.part.inscribed)
+    most = fastest(search.params, hole.part.inscribed)
     if search.params.speed > most:
         search.become("hole", _but(search.params, speed=most))
     adjust.become("adjust.stall_timeout", _but(adjust.params, stall_at_bottom=AT_BOTTOM * adjust.params.stall_timeout))
@@ -188,7 +184,7 @@ def _over_the_edge(
     search.become("peg.diameter", shallow(search.params, peg.part.thickness))
     insert.become(GRIP, grip.inserting(insert.params))
     if attempt > 0:
-        share = min(STEADY / insert.params.turn_rate, 1.0)
+        share = min(insert.params.steady_rate / insert.params.turn_rate, 1.0)
         rate, run_up = share * insert.params.turn_rate, insert.params.turn_run_up / share
         insert.become(ATTEMPT, _but(insert.params, turn_rate=rate, turn_run_up=run_up))
 

@@ -45,6 +45,8 @@ class TactileInsertParams(SkillParams):
         NonNegativeFloat, Quantity("s", Tempo.WAIT), Source("chosen, not measured; reason in docs/tried/insertion.md")
     ]
     """Time in which the setpoint of the axis gets to its rate, s; the hole's wall bears what sets the arm in motion."""
+    steady_rate: Annotated[float, Figure("rad/s"), Field(exclude=True), Source("docs/tried/insertion.md")] = 0.55
+    """Largest such rate after a failed try, rad/s: a peg that left the hole on the way would leave it again."""
     follow_rate: Annotated[float, Figure("1/s"), Field(exclude=True), Source("docs/tried/search.md")] = 2.0
     """Rate at which the hand turns after a peg that has turned in it, 1/s."""
     aligned: Annotated[float, Field(gt=0.0, lt=0.8), Quantity("rad"), Source("docs/tried/insertion.md")]

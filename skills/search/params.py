@@ -149,6 +149,20 @@ class SpraySearchParams(SkillParams):
     """Largest distance between two rests of a peg that has not got away in between, m."""
     stuck_after: Annotated[int, Figure("count"), Field(exclude=True)] = 3
     """Number of rests in one place from which on the place is passed over."""
+    stated: Annotated[float, Figure("m"), Field(exclude=True), Source("[gibbons], Sec. VI")] = 8e-3
+    """Thickness of the peg for which `dip_threshold` and `fall` are stated, m."""
+    thin: Annotated[float, Figure("m"), Field(exclude=True), Source("docs/tried/search.md")] = 5e-3
+    """Largest thickness of a thin peg, m; with 6 mm nothing was gained, and thicker pegs are searched with as stated."""
+    thin_dip: Annotated[float, Figure("fraction"), Field(exclude=True), Source("docs/tried/search.md")] = 0.025
+    """Dip threshold of a thin peg, share of its thickness, fraction."""
+    thin_push: Annotated[float, Figure("N"), Field(exclude=True), Source("docs/tried/search.md")] = 7.5
+    """Least push on a thin peg, N: what pads of the shipped grip bear over a plate."""
+    crossings: Annotated[float, Figure("1/s"), Field(exclude=True), Source("docs/tried/search.md")] = 21.0
+    """Largest number of hole diameters, or shorter sides, that a lane crosses in a second, 1/s; 0.17 m/s over a hole of 8.1 mm, and with the
+    dip of a 4 mm peg 0.15 m/s over its hole, where few falls are missed.
+    """
+    crossed_dip: Annotated[float, Figure("m"), Field(exclude=True), Source("docs/tried/search.md")] = 3e-4
+    """Dip threshold with which `crossings` was found, m."""
 
     def first_height(self, reach: float, is_length_known: bool = False) -> float:
         """Return the height above the stated surface from which the tip comes down, m; all of a leaning peg is free there.

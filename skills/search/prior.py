@@ -116,7 +116,9 @@ def from_prior(prior: HolePrior, learning: LearningConfig) -> PlaceEstimate:
 def _along(
     hole: float, mean: float, variance: float, scatter: float, share: float, finest: float
 ) -> tuple[float, float, float]:
-    """Return mean, variance and scatter along one axis after a hole; `share` is the weight of this part in the scatter."""
+    """Return mean, variance and scatter along one axis after a hole; `share` is the weight of this part in the scatter,
+    whose root is `finest`, m, at least.
+    """
     # K = P / (P + S), mean <- mean + K e, P <- (1 - K) P, S <- S + share ((1 - K) e² - S), e = hole - mean
     gain, off = variance / (variance + scatter), hole - mean
     learnt = max(scatter + share * ((1.0 - gain) * off * off - scatter), finest**2)

@@ -14,8 +14,7 @@ from skills.corner.adjust import CornerAdjustResult
 from skills.handling import adjust, insert
 from skills.insert.grip import grip_of
 from skills.insert.spiral_adjust import SpiralAdjustResult
-from skills.plan import FIRST_STALL, STEADY, plan_insertion
-from skills.search.size import DIP, PUSH, STATED
+from skills.plan import FIRST_STALL, plan_insertion
 from skills.search.surface import Plane
 from tests.fakes import PERIOD, Rig
 from tests.scripted import CELL, HOLE, LIGHT, SIDE, SQUARE, ScriptedHand, corner_hand, hand
@@ -58,11 +57,10 @@ def test_a_weak_grip_searches_with_what_the_pads_bear_and_as_much_slower(cell):
 def test_a_thin_peg_is_pushed_harder_and_told_by_a_shallower_fall():
     thin = load(sets=["peg.diameter=0.004", "hole.diameter=0.0041"]).cell
     search, stated = plan(thin, force=200.0).search, thin.params(SEARCH)
-    assert (
-        search.push_stiffness * search.push_offset == pytest.approx(PUSH) != stated.push_stiffness * stated.push_offset
-    )
-    assert search.dip_threshold == pytest.approx(DIP * 0.004)
-    assert search.fall == pytest.approx(stated.fall * 0.004 / STATED)
+    push = search.push_stiffness * search.push_offset
+    assert push == pytest.approx(stated.thin_push) != stated.push_stiffness * stated.push_offset
+    assert search.dip_threshold == pytest.approx(stated.thin_dip * 0.004)
+    assert search.fall == pytest.approx(stated.fall * 0.004 / stated.stated)
 
 
 def test_a_round_peg_is_searched_again_as_often_as_its_recipe_says_and_steered_by_the_insertion_alone():
@@ -70,12 +68,11 @@ def test_a_round_peg_is_searched_again_as_often_as_its_recipe_says_and_steered_b
     assert (round_peg.retries, round_peg.steered, round_peg.corner) == (RETRIES, {}, None)
 
 
-@pytest.mark.parametrize(
-    ("attempt", "rate", "run_up"), [(0, 1.0, 0.4), (1, STEADY, 0.4 / STEADY), (4, STEADY, 0.4 / STEADY)]
-)
-def test_a_peg_that_is_turned_fast_is_turned_upright_more_slowly_where_a_try_has_failed(attempt, rate, run_up):
+@pytest.mark.parametrize(("attempt", "has_failed"), [(0, False), (1, True), (4, True)])
+def test_a_peg_that_is_turned_fast_is_turned_upright_more_slowly_where_a_try_has_failed(attempt, has_failed):
     insert = load().cell.plan(attempt).insert
-    assert (insert.turn_rate, insert.turn_run_up) == pytest.approx((rate, run_up))
+    rate = insert.steady_rate if has_failed else 1.0
+    assert (insert.turn_rate, insert.turn_run_up) == pytest.approx((rate, 0.4 / rate))
 
 
 def test_a_peg_with_corners_is_searched_again_and_steered_as_its_own_section_says():

@@ -7,7 +7,7 @@ from drivers.errors import ConfigError
 from skills.catalogue import ADJUST, SEARCH
 from skills.pace import Pace, at_pace
 from skills.plan import ARM, GRIP
-from skills.search.size import CROSSED_DIP, CROSSINGS, fastest
+from skills.search.size import fastest
 
 CELL = load().cell
 WIDTH = CELL.hole.part.inscribed
@@ -28,15 +28,17 @@ def test_a_plan_lists_the_speeds_that_the_arm_caps():
     assert plan.reasons["search.speed"] == ("speed_scale", ARM)
 
 
-@pytest.mark.parametrize(("dip", "share"), [(CROSSED_DIP, 1.0), (2.0 * CROSSED_DIP, 1.0), (CROSSED_DIP / 4.0, 2.0)])
+@pytest.mark.parametrize(("dip", "share"), [(1.0, 1.0), (2.0, 1.0), (0.25, 2.0)])
 def test_a_peg_crosses_so_much_of_the_hole_while_it_falls_by_the_dip_threshold(dip, share):
     """Under a constant push a quarter of the fall takes half the time."""
-    assert fastest(dip, WIDTH) == pytest.approx(CROSSINGS * WIDTH * share)
+    search = CELL.plan().search
+    search = search.model_copy(update={"dip_threshold": dip * search.crossed_dip})
+    assert fastest(search, WIDTH) == pytest.approx(search.crossings * WIDTH * share)
 
 
 @pytest.mark.parametrize(("part", "reasons"), [(0.9, ()), (1.1, ("hole",))])
 def test_the_hole_caps_the_speed_over_it(part, reasons):
-    most = fastest(CELL.plan().search.dip_threshold, WIDTH)
+    most = fastest(CELL.plan().search, WIDTH)
     plan = load(sets=[f"search.speed={part * most}"]).cell.plan()
     assert plan.search.speed == pytest.approx(min(part, 1.0) * most)
     assert plan.reasons.get("search.speed", ()) == reasons

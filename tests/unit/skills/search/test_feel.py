@@ -14,7 +14,7 @@ from skills.held_peg import EXPLAINED, HeldPeg
 from skills.insert.grip import grip_of
 from skills.search.course import make_course
 from skills.search.feel import LONGEST_SLIP, EdgeEvidence, excess_of
-from skills.search.size import PUSH, STATED, THIN, firm, shallow
+from skills.search.size import firm, shallow
 from skills.search.spray_search import _referenced
 from skills.search.surface import Plane, SurfaceEstimate
 
@@ -117,10 +117,10 @@ def test_a_fall_under_way_does_not_take_the_estimate_with_it():
 
 
 SEARCH_PARAMS = load().cell.params(SEARCH)
-SLIM = shallow(SEARCH_PARAMS, STATED / 2)
+SLIM = shallow(SEARCH_PARAMS, SEARCH_PARAMS.stated / 2)
 
 
-@pytest.mark.parametrize("thickness", [1.01 * THIN, STATED, 2 * STATED])
+@pytest.mark.parametrize("thickness", [1.01 * PARAMS.thin, PARAMS.stated, 2 * PARAMS.stated])
 def test_a_peg_that_is_not_thin_is_searched_with_as_stated(thickness):
     assert firm(SEARCH_PARAMS, thickness) is shallow(SEARCH_PARAMS, thickness) is SEARCH_PARAMS
 
@@ -131,12 +131,12 @@ def test_a_thin_peg_is_not_pushed_harder_than_weak_pads_bear():
     search, grip = config.plan().search, grip_of(config.params(GRASP))
     push = search.push_stiffness * search.push_offset
     assert push == pytest.approx(grip.bears_over_plate(search.tilt, SEARCH_PARAMS.dip_threshold))
-    assert push < PUSH
+    assert push < SEARCH_PARAMS.thin_push
 
 
 def test_a_threshold_that_is_set_lower_is_kept():
     low = SEARCH_PARAMS.model_copy(update={"dip_threshold": 5e-5})
-    assert shallow(low, STATED / 2).dip_threshold == 5e-5
+    assert shallow(low, low.stated / 2).dip_threshold == 5e-5
 
 
 @pytest.mark.parametrize(("dip", "drop", "is_evidence"), [(1.5, 1.1, True), (1.5, 0.9, False), (0.5, 2.0, False)])
