@@ -13,8 +13,6 @@ from skills.motion import Goal, Transfer, move, stay
 
 HAND_TIME = 3.0
 """Longest time for the fingers to open or close, s; the Franka hand's whole stroke of 80 mm takes 1.6 s at 0.05 m/s. Source: chosen, not measured."""
-ANSWER_TIME = 1.0
-"""Timeout of the switch, s; the supervisor waits half as long. Source: chosen, not measured."""
 
 
 class ReleaseAndRetractParams(SkillParams):
@@ -28,6 +26,8 @@ class ReleaseAndRetractParams(SkillParams):
     """Distance between the pads that releases the peg, m."""
     height: Annotated[float, Field(gt=0.0, le=0.3), Quantity("m")]
     """Distance to retract, m."""
+    answer_time: Annotated[float, Figure("s"), Field(exclude=True)] = 1.0
+    """Timeout of the switch, s; the supervisor waits half as long."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,20 +47,20 @@ def run(params: ReleaseAndRetractParams, ctx: SkillContext) -> ReleaseAndRetract
     back = Goal(start.position + UP * params.height, -start.rotation[:, 0], start.rotation[:, 2])
     for _ in move(back, params.transfer, ctx, None, settle=0.0):
         pass
-    if ctx.job.hole.evidence == "switch" and _answer(ctx) is not SwitchState.CLOSED:
+    if ctx.job.hole.evidence == "switch" and _answer(params, ctx) is not SwitchState.CLOSED:
         return _result(Outcome.FAILURE, Reason.NOT_SEATED, ctx, first)
     return _result(Outcome.SUCCESS, Reason.NONE, ctx, first)
 
 
-def _answer(ctx: SkillContext) -> SwitchState:
-    """Return the state of the switch within `ANSWER_TIME`; UNKNOWN if it times out.
+def _answer(params: ReleaseAndRetractParams, ctx: SkillContext) -> SwitchState:
+    """Return the state of the switch within its timeout; UNKNOWN if it times out.
 
     If a success needs a switch that has timed out, the supervisor ends the run.
     """
     switch = ctx.observe().switch
     if switch is not SwitchState.UNKNOWN:
         return switch
-    for seen in ctx.scan(ANSWER_TIME):
+    for seen in ctx.scan(params.answer_time):
         if seen.switch is not SwitchState.UNKNOWN:
             return seen.switch
         stay(ctx, seen.stamp)

@@ -160,8 +160,7 @@ def test_how_well_a_place_is_known_across_the_lanes_alone_tells_whether_one_stro
     assert after.max() > 0.019  # it goes on to the border, and not back to where it began
 
 
-CONFIG = load().cell
-JOB, IN_FORCE = CONFIG.job(), CONFIG.plan().search
+JOB, IN_FORCE = CELL.job(), CELL.plan().search
 HOLE = JOB.hole
 PLACE = (0.51, 0.01)
 
