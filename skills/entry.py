@@ -111,8 +111,12 @@ class SkillSet:
     """Factor on all speeds, and the arm's limits."""
 
     def __getitem__(self, skill: Skill[P]) -> P:
-        params = self.sections[skill.section]
-        assert isinstance(params, skill.params)
+        return self.section(skill.section, skill.params)
+
+    def section(self, name: str, of: type[P]) -> P:
+        """Return the parameters of a section, which are of the type `of`."""
+        params = self.sections[name]
+        assert isinstance(params, of)
         return params
 
 

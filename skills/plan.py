@@ -119,10 +119,10 @@ def plan_insertion(skills: SkillSet, peg: Peg, hole: Hole, grip_share: float = 1
         grip_share: Assumed share of the grip after slips, fraction.
         attempt: Number of tries at the same place that failed.
     """
-    grip = grip_of(_section(skills, "grasp", GraspFromRackParams), grip_share)
-    search = _Stage("search", _section(skills, "search", SpraySearchParams))
-    insert = _Stage("insert", _section(skills, "insert", TactileInsertParams))
-    adjust = _Stage("adjust", _section(skills, "adjust", SpiralAdjustParams))
+    grip = grip_of(skills.section("grasp", GraspFromRackParams), grip_share)
+    search = _Stage("search", skills.section("search", SpraySearchParams))
+    insert = _Stage("insert", skills.section("insert", TactileInsertParams))
+    adjust = _Stage("adjust", skills.section("adjust", SpiralAdjustParams))
     corner = _optional("corner", skills.corner if is_cornered(peg.part) else None)
     paper = _optional("paper", skills.paper)
     adjust.become(GRIP, grip.adjusting(adjust.params, peg.length))
@@ -204,9 +204,3 @@ def _over_a_corner(
 
 def _but(params: P, **changes: object) -> P:
     return params.model_copy(update=changes)
-
-
-def _section(skills: SkillSet, name: str, of: type[P]) -> P:
-    params = skills.sections[name]
-    assert isinstance(params, of)
-    return params
