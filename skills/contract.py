@@ -351,7 +351,7 @@ class SkillContext:
             return seen.arm
         rest.leave()
         if request is Request.RESUME and held is not None and paused is not None:
-            self.devices.arm.follow(way_back(paused, held, seen.stamp, self.schedule.period))
+            self.devices.arm.follow(way_back(paused, held, seen.arm, self.schedule.period))
         return paused
 
     def _require_peg(self, seen: Observation) -> None:

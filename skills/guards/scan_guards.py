@@ -95,18 +95,22 @@ class ScanTiming:
             )
 
 
-def way_back(paused: ArmState, held: ImpedanceSetpoint, stamp: float, scan_period: float) -> ImpedanceSetpoint:
-    """Return the setpoint at `stamp` on the straight path from the arm's `paused` state back to the `held` setpoint."""
+def way_back(paused: ArmState, held: ImpedanceSetpoint, now: ArmState, scan_period: float) -> ImpedanceSetpoint:
+    """Return the present setpoint on the straight path from the arm's `paused` state back to the `held` setpoint.
+
+    The null space is only damped, except for its elbow: where a fast motion was held, the joints do not come back to the held posture.
+    """
     theta, length = (0.0, 0.0) if held.in_hand is None else (held.in_hand.theta, held.in_hand.length)
     tip, axis = end_point(paused.tcp, theta, length)
-    share = min((stamp - paused.stamp) / RESUME_TIME, 1.0)
+    share = min((now.stamp - paused.stamp) / RESUME_TIME, 1.0)
     mixed = axis + share * (held.axis - axis)
     return replace(
         held,
         tip=tip + share * (held.tip - tip),
         axis=mixed / float(np.linalg.norm(mixed)),
         twist=None,
-        valid_until=stamp + 10.0 * scan_period,
+        posture=None if held.posture is None else now.posture(float(held.posture[now.elbow])),
+        valid_until=now.stamp + 10.0 * scan_period,
     )
 
 

@@ -93,7 +93,8 @@ def held_at(tip, axis=UP, in_hand=None):
 
 def test_the_way_back_begins_where_the_arm_paused_and_ends_at_its_setpoint():
     paused, held = state_at([0.5, 0.0, 0.3], 4.0), held_at([0.5, 0.02, 0.28])
-    way = [way_back(paused, held, 4.0 + passed, PERIOD) for passed in (0.0, 0.25 * RESUME_TIME, RESUME_TIME, 3.0)]
+    passed = (0.0, 0.25 * RESUME_TIME, RESUME_TIME, 3.0)
+    way = [way_back(paused, held, state_at([0.5, 0.0, 0.3], 4.0 + time), PERIOD) for time in passed]
     np.testing.assert_allclose(
         [setpoint.tip for setpoint in way],
         [[0.5, 0.0, 0.3], [0.5, 0.005, 0.295], [0.5, 0.02, 0.28], [0.5, 0.02, 0.28]],
@@ -102,15 +103,23 @@ def test_the_way_back_begins_where_the_arm_paused_and_ends_at_its_setpoint():
 
 def test_the_way_back_turns_by_unit_axes_stands_still_and_is_valid_for_ten_scans():
     tilted = np.array([math.sin(0.4), 0.0, math.cos(0.4)])
-    half = way_back(state_at([0.5, 0.0, 0.3]), held_at([0.5, 0.0, 0.3], tilted), 0.5 * RESUME_TIME, PERIOD)
+    there = [0.5, 0.0, 0.3]
+    half = way_back(state_at(there), held_at(there, tilted), state_at(there, 0.5 * RESUME_TIME), PERIOD)
     np.testing.assert_allclose(half.axis, [math.sin(0.2), 0.0, math.cos(0.2)], atol=1e-12)
     assert (half.twist, half.id, half.valid_until) == (None, 7, pytest.approx(0.5 * RESUME_TIME + 10 * PERIOD))
 
 
 def test_the_way_back_of_a_held_peg_is_that_of_its_end():
     in_hand = InHandTip(0.0, 0.05, 0.0)
-    first = way_back(state_at([0.5, 0.0, 0.3]), held_at([0.5, 0.02, 0.25], in_hand=in_hand), 0.0, PERIOD)
+    paused = state_at([0.5, 0.0, 0.3])
+    first = way_back(paused, held_at([0.5, 0.02, 0.25], in_hand=in_hand), paused, PERIOD)
     np.testing.assert_allclose(first.tip, [0.5, 0.0, 0.25], atol=1e-12)
+
+
+def test_the_way_back_leaves_the_joints_where_they_are_but_for_the_elbow():
+    paused = state_at([0.5, 0.0, 0.3])
+    held, now = replace(held_at([0.5, 0.0, 0.3]), posture=np.full(7, 0.3)), replace(paused, q=np.full(7, 0.1))
+    np.testing.assert_allclose(way_back(paused, held, now, PERIOD).posture, [0.1, 0.1, 0.3, 0.1, 0.1, 0.1, 0.1])
 
 
 # A finger that reads an offset.
