@@ -45,13 +45,14 @@ class WatchedRun:
 
 @contextmanager
 def open_pages(address: tuple[str, int]) -> Iterator[None]:
-    """Keep pages open that read everything they are sent."""
-    is_over = threading.Event()
+    """Keep pages open that read everything they are sent; they begin with what is sent to a page that opens."""
+    are_open, is_over = threading.Event(), threading.Event()
 
     async def watch() -> None:
         pages = [await websocket_connect(f"ws://{address[0]}:{address[1]}/live") for _ in range(PAGES)]
         while not is_over.is_set():
             await asyncio.gather(*(page.read_message() for page in pages))
+            are_open.set()
         for page in pages:
             page.close()
             while await page.read_message() is not None:
@@ -59,6 +60,7 @@ def open_pages(address: tuple[str, int]) -> Iterator[None]:
 
     watcher = threading.Thread(target=lambda: asyncio.run(watch()))
     watcher.start()
+    are_open.wait(LONGEST)
     try:
         yield
     finally:
