@@ -229,8 +229,8 @@ def torque(
 ) -> Vector:  # pragma: no cover
     """Return the joint torques of one control step, within the arm's limits of torque and torque rate.
 
-    The arm's own controller adds the torques of gravity and friction. The law omits Coriolis torques: at 0.5 m/s, the largest
-    speed of a transfer, they are below 2.4 N·m, or 8 N at the tip, which bend its path by less than 6 mm in free air.
+    The arm's own controller adds the torques of gravity and friction. The law omits Coriolis torques: at 0.25 m/s, the largest
+    speed of a transfer, they are below 0.6 N·m, or 2 N at the tip, and made no path straighter.
 
     Args:
         arm: Figures of the arm, from `figures`.

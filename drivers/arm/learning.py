@@ -8,9 +8,8 @@ inertia that the model lacks:
 
 Recursive least squares estimate the four figures of each joint, starting from a prior mean and standard deviation. At
 rest, friction has any value up to dry. A joint at rest teaches only if its disturbance exceeds that bound: a joint that
-sticks separates friction from offset even if it has moved one way only. Fast motion teaches nothing: its viscous friction
-and Coriolis torques are not in the model. Nor does an implausibly large disturbance, so that an arm that is held back does
-not push ever harder.
+sticks separates friction from offset even if it has moved one way only. An implausibly large disturbance teaches nothing, so
+that an arm that is held back does not push ever harder.
 
 The law feeds the offset forward, and the friction along the commanded motion. A sign taken from the setpoint closes no
 feedback loop; one taken from a measured velocity would.
@@ -107,7 +106,6 @@ def observe(state: Vector, M: Vector, dq: Vector, period: float, is_free: bool) 
     # Velocity below which a joint counts as at rest, rad/s: its dry friction may have any value up to its level.
     moving = 0.03
     share = period * BANDWIDTH / (1.0 + period * BANDWIDTH)
-    is_free = _is_teaching(dq, is_free)
     # p = M dq,  r = K (p - ∫ (tau + r) dt);  the disturbance is -r. All regressors pass a low-pass of the same bandwidth K.
     for i in range(JOINTS):
         momentum = 0.0
@@ -135,14 +133,6 @@ def observe(state: Vector, M: Vector, dq: Vector, period: float, is_free: bool) 
             # |disturbance - offset - rotor ddq| <= dry at rest. If the figures say otherwise, friction is at its bound.
             _learn(state, i, np.array([math.copysign(1.0, slack), 0.0, 1.0, acceleration]), disturbance, period)
     state[COUNT], state[IS_BEGUN] = 0.0, 1.0
-
-
-@njit(cache=True, inline="always")
-def _is_teaching(dq: Vector, is_free: bool) -> bool:  # pragma: no cover
-    """Return True if the hand moves freely, no joint faster than smooth friction needs for its level; other torques grow on."""
-    for i in range(JOINTS):
-        is_free = is_free and abs(dq[i]) <= 2.0 * SMOOTH_RATE
-    return is_free
 
 
 @njit(cache=True, inline="always")

@@ -20,7 +20,7 @@ OVERRUN_WINDOW = 100
 """Number of scans in the count of overruns."""
 LONGEST_STEP = 3.0
 """Largest advance of a path in one scan, periods of the scan; if a scan is later, it slows the path. At the speed of a transfer the
-setpoint then jumps by 15 mm, which the arm follows with 22 N. Source: chosen, not measured.
+setpoint then jumps by 7.5 mm, which the arm follows with 11 N. Source: chosen, not measured.
 """
 FREE_SHARE = 5
 """Divisor of the number of a finger's taxels: at least this part of them is beside any peg."""
@@ -98,7 +98,7 @@ class ScanTiming:
 def way_back(paused: ArmState, held: ImpedanceSetpoint, now: ArmState, scan_period: float) -> ImpedanceSetpoint:
     """Return the present setpoint on the straight path from the arm's `paused` state back to the `held` setpoint.
 
-    The null space is only damped, except for its elbow: where a fast motion was held, the joints do not come back to the held posture.
+    The null space is only damped, except for its elbow: after a fast motion the joints do not come back to the held posture.
     """
     theta, length = (0.0, 0.0) if held.in_hand is None else (held.in_hand.theta, held.in_hand.length)
     tip, axis = end_point(paused.tcp, theta, length)

@@ -73,7 +73,7 @@ def test_setpoint_of_a_search_that_was_held_anywhere_goes_on_without_a_step() ->
         ended = spray_search.run(cell.config.search, ctx)
     assert ended.reason is Reason.NO_HOLE
     assert ended.rests >= 2
-    assert max(steps) < 6e-3  # a transfer takes 5 mm a scan
+    assert max(steps) < 5e-3
 
 
 def test_peg_that_stands_in_the_hole_is_pulled_out_before_it_is_led_aside():

@@ -63,20 +63,6 @@ def test_what_is_learnt_lies_within_its_own_interval(state):
     assert (np.abs(figures - truth) < 3.0 * deviations + 0.02).all()
 
 
-def test_a_fast_transfer_teaches_the_friction_of_its_slow_beginning_and_end(state):
-    for k in range(
-        round(6.0 / PERIOD)
-    ):  # joints in phase, as in a transfer, up to 2 rad/s, with viscous friction of 0.5 N·m·s/rad
-        phase = math.pi * k * PERIOD / 1.5
-        dq, ddq = np.full(JOINTS, 2.0 * math.sin(phase)), 2.0 * math.pi / 1.5 * math.cos(phase)
-        friction = DRY * np.tanh(dq / learning.DRY_RATE) + SMOOTH * np.tanh(dq / learning.SMOOTH_RATE) + 0.5 * dq
-        state[learning.COMMANDED : learning.COMMANDED + JOINTS] = M.sum(axis=1) * ddq + ROTOR * ddq + friction + OFFSET
-        learning.observe(state, M, dq, PERIOD, True)
-    figures, _ = learnt(state)
-    together = figures[:, learning.DRY] + figures[:, learning.SMOOTH]
-    assert np.abs(together - DRY - SMOOTH).max() < 0.35  # the viscous part is 0.25 N·m at 0.5 rad/s, 1 N·m at 2 rad/s
-
-
 def test_a_push_teaches_nothing_while_the_hand_is_not_said_to_be_free(state):
     before = moved(state, 3.0)[0]
     after = moved(state, 3.0, is_free=False, pushed=4.0)[0]
