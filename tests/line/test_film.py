@@ -77,7 +77,7 @@ def test_the_section_shows_the_peg_as_deep_as_it_is_and_how_it_leans(short):
 
 def test_a_run_of_the_simulated_cell_becomes_a_picture(grasped, tmp_path, capsys):
     file = tmp_path / "pictures" / "grasp.png"
-    assert main(["film", "1", "--journal", str(grasped), "--at", "2.5", "--out", str(file), "--json"]) == GOOD
+    assert main(["film", "1", "--journal", str(grasped), "--at", "2.9", "--out", str(file), "--json"]) == GOOD
     told = json.loads(capsys.readouterr().out)
     picture = cv2.imread(str(file))[..., ::-1]
     assert (told["pictures"], picture.shape) == (1, (HEIGHT, WIDTH, 3))
