@@ -25,5 +25,5 @@ def until(happened: Callable[[], object]) -> None:
     """Wait, letting other threads work, for what one of them or another process does."""
     deadline = time.monotonic() + PATIENCE
     while not happened():
-        assert time.monotonic() < deadline, "in vain"
+        assert time.monotonic() < deadline, f"not within {PATIENCE:g} s"
         threading.Event().wait(0.001)

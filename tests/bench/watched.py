@@ -60,8 +60,9 @@ def open_pages(address: tuple[str, int]) -> Iterator[None]:
 
     watcher = threading.Thread(target=lambda: asyncio.run(watch()))
     watcher.start()
-    are_open.wait(LONGEST)
     try:
+        if not are_open.wait(LONGEST):
+            raise TimeoutError("no page has opened")
         yield
     finally:
         is_over.set()

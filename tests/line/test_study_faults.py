@@ -62,7 +62,7 @@ def test_a_program_that_a_signal_ends_has_its_arm_at_rest_and_its_run_on_record(
             file = tmp_path / "journal" / "part-sim.json"
             file.write_text(json.dumps({**json.loads(file.read_text()), "place": "UNKNOWN"}))
         case = program_case(BY_NAME["process: SIGHUP"], tmp_path)
-        assert (case.outcome, case.reason) == ("aborted", "stopped"), run
+        assert (case.outcome, case.reason, case.part) == ("aborted", "stopped", "rack"), run
         assert case.rest_after < 1.0
         assert (case.record, case.part_untrue, case.is_back) == (True, False, True)
 

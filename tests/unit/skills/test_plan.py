@@ -13,7 +13,7 @@ CELL = load().cell
 WIDTH = CELL.hole.part.inscribed
 
 
-@pytest.mark.parametrize("scale", [0.5, 1.2])
+@pytest.mark.parametrize("scale", [0.5, 2.0])
 def test_the_scale_multiplies_the_speed_of_the_search_in_force(scale):
     plan = load(sets=[f"speed_scale={scale}"]).cell.plan()
     assert plan.search.speed == pytest.approx(scale * CELL.plan().search.speed)
