@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 from typing import TypeVar
 
 from drivers.config_model import ConfigModel, Quantity, Tempo
@@ -57,13 +58,18 @@ def within(params: P, pace: Pace) -> P:
 def _changed(params: P, change: Callable[[Quantity, float, float], float]) -> P:
     """Return parameters with every figure that has a tempo changed, given its mark, its value and the radius that its mark names."""
     changes: dict[str, object] = {}
-    for name, field in type(params).model_fields.items():
-        value = getattr(params, name)
+    for name, value in vars(params).items():
         if isinstance(value, ConfigModel) and (inner := _changed(value, change)) is not value:
             changes[name] = inner
-        for mark in field.metadata:
-            if isinstance(mark, Quantity) and mark.tempo is not None:
-                radius = getattr(params, mark.radius) if mark.radius else 0.0
-                if (after := change(mark, value, radius)) != value:
-                    changes[name] = after
+    for name, mark in _with_tempo(type(params)):
+        value, radius = getattr(params, name), getattr(params, mark.radius) if mark.radius else 0.0
+        if (after := change(mark, value, radius)) != value:
+            changes[name] = after
     return params.model_copy(update=changes) if changes else params
+
+
+@cache
+def _with_tempo(kind: type[ConfigModel]) -> tuple[tuple[str, Quantity], ...]:
+    """Return the names and marks of the figures that have a tempo."""
+    marks = ((name, mark) for name, field in kind.model_fields.items() for mark in field.metadata)
+    return tuple((name, mark) for name, mark in marks if isinstance(mark, Quantity) and mark.tempo is not None)

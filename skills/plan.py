@@ -103,8 +103,7 @@ def is_cornered(part: Part) -> bool:
 def figures(params: ConfigModel, place: str) -> dict[str, object]:
     """Return all figures of a section, by name with sections."""
     found: dict[str, object] = {}
-    for name in type(params).model_fields:
-        value = getattr(params, name)
+    for name, value in vars(params).items():
         found |= figures(value, f"{place}.{name}") if isinstance(value, ConfigModel) else {f"{place}.{name}": value}
     return found
 

@@ -82,7 +82,7 @@ class Looks:
             period: Time since the last scan, s.
         """
         if self.missed == 0:
-            return replace(self, pull=-push)
+            return self if self.pull == -push else replace(self, pull=-push)
         goal, most = push if self.is_lifting else -push, TURNING_BACK * period
         return replace(self, pull=self.pull + min(max(goal - self.pull, -most), most))
 
