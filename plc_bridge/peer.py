@@ -59,21 +59,9 @@ class Peer:
         Raises:
             CellSilentError: The cell does not answer.
         """
-        # Distance of a new client's first number from the number of the run in the cell's report.
-        return self._begin(0x8000)
-
-    def resume(self) -> Report:
-        """Connect and continue the run of an earlier connection of this computer; return the report.
-
-        Raises:
-            CellSilentError: The cell does not answer.
-        """
-        return self._begin(0)
-
-    def _begin(self, ahead: int) -> Report:
-        """Connect and have a number adopted, at this distance ahead of the one in the cell's report."""
         self._open()
-        sequence = (self.read_report().sequence + ahead) % 0x10000
+        # Distance of a new client's first number from the number of the run in the cell's report.
+        sequence = (self.read_report().sequence + 0x8000) % 0x10000
         self._image = CommandImage(sequence=sequence, version=VERSION)
         return self.cycle()
 

