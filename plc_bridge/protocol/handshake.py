@@ -186,19 +186,6 @@ class Handshake:
         """Take an acknowledgement of `source` that is an event, not a register."""
         self._acknowledge(self._links[source], sequence)
 
-    def take(self, source: str) -> bool:
-        """Open the link of a user of this process, as "terminal", if the lease is free for it; return True if it was."""
-        self.opened(source, source)
-        is_taken = self._lease.take(self._links[source])
-        if not is_taken:
-            self.closed(source)
-        return is_taken
-
-    def release(self, source: str) -> None:
-        """Return the lease of a user of this process, and close its link; its run keeps the lease to its end."""
-        self._lease.release(self._links[source])
-        self.closed(source)
-
     # Reads.
 
     @property

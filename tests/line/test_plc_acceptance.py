@@ -14,6 +14,7 @@ from plc_bridge.protocol.messages import Control, LeaseState, Refusal, Result
 from plc_bridge.protocol.registers import VERSION, VERSION_MAJOR
 from skills.catalogue import GRASP
 from skills.contract import Outcome, Reason
+from tests.page_user import take_lease
 from tests.plc_lines import PLC_LINES
 from tests.quick_cell import CODE, STAGE, quick_cell
 
@@ -148,16 +149,16 @@ def test_another_command_while_busy_is_refused_and_the_run_goes_on(plc, served):
 
 
 def test_without_the_lease_nobody_starts_and_the_holder_is_named_and_whoever_stops_needs_none(plc, served):
-    served.bridge.take("terminal")
+    take_lease(served.bridge)
     report = plc.run(CODE, timeout=PATIENCE)
-    assert (report.refusal, report.holder, report.lease) == (Refusal.NOT_HOLDER, "terminal", LeaseState.TAKEN)
+    assert (report.refusal, report.holder, report.lease) == (Refusal.NOT_HOLDER, "page", LeaseState.TAKEN)
     assert served.program.runs == []
     served.program.may_end.clear()
-    served.bridge.submit("terminal", CommandImage(code=CODE))
+    served.bridge.submit("page", CommandImage(code=CODE))
     until(plc.read_report, in_state(State.EXECUTE))
     plc.stop()
     report = until(plc.cycle, in_state(State.STOPPED))
-    assert report.holder == "terminal"
+    assert report.holder == "page"
     assert served.record(1).outcome == "aborted"
 
 
@@ -166,10 +167,10 @@ def test_lease_is_taken_shown_and_released(plc, served, line):
     report = plc.cycle()
     assert report.lease == LeaseState.YOURS
     assert report.holder.startswith(line.source)
-    assert not served.bridge.take("terminal")
+    assert not take_lease(served.bridge)
     plc.release()
     assert until(plc.cycle, lambda report: report.lease == LeaseState.FREE).holder == ""
-    assert served.bridge.take("terminal")
+    assert take_lease(served.bridge)
     assert not plc.take()
 
 

@@ -112,9 +112,8 @@ def test_when_the_stop_coil_falls_by_itself_or_with_its_connection_reset_and_sta
     plc.order((1, Control.NONE))
     other.coil("stop", 1)
     plc.until(lambda report: report.state == State.STOPPED)
-    assert served.bridge.take("terminal")
-    assert served.bridge.submit("terminal", CommandImage(code=Control.RESET)) is Refusal.STOP_HELD
-    served.bridge.release("terminal")
+    served.bridge.opened("page", "page")
+    assert served.bridge.submit("page", CommandImage(code=Control.RESET)) is Refusal.STOP_HELD
     if is_closed:
         other.close()
         until(lambda: served.bridge.diagnostics.connections == 1)

@@ -9,10 +9,12 @@ from plc_bridge.protocol.messages import Control, LeaseState, Refusal, Report, R
 from plc_bridge.protocol.registers import Lease
 
 TIMEOUT, PROGRAM = 5.0, 100
-LINKS = ("10.0.0.1:49152", "Operator@10.0.0.2:40000", "rtu:ttyS0", "node 1")
+PAGE = "page 10.0.0.3"
+"""A user's link, whose orders have no numbers of their own."""
+LINKS = ("10.0.0.1:49152", "Operator@10.0.0.2:40000", "rtu:ttyS0", "node 1", PAGE)
 WORDS = "ask ask start start start write read release stop finish wait wait reconnect"
 ACTIONS = st.tuples(
-    st.sampled_from([*WORDS.split(), "terminal_takes", "terminal_starts", "terminal_releases"]),
+    st.sampled_from(WORDS.split()),
     st.sampled_from(LINKS),
     st.sampled_from([0.5, 4.9, 5.1]),
 )
@@ -28,7 +30,6 @@ class Cell:
         self.images = {}
         self.sources = {}
         self.connections = 0
-        self.terminal = ""
         for host in LINKS:
             self.open(host)
 
@@ -37,7 +38,7 @@ class Cell:
         source = self.sources[host] = f"{host}#{self.connections}"
         self.handshake.opened(source, host)
         self.heard[source] = self.now
-        self.images[host] = (1, Lease.NONE)
+        self.images[host] = (int(host != PAGE), Lease.NONE)
         self.send(host)
 
     def is_open_to(self, host):
@@ -56,7 +57,11 @@ class Cell:
         (sequence, wish), source = self.images[host], self.sources[host]
         self.expire()
         self.heard[source] = self.now
-        self.handshake.wrote(source, CommandImage(sequence=sequence, code=code, lease=wish))
+        if host == PAGE and code:
+            self.handshake.submit(source, CommandImage(code=code))
+            return
+        image = CommandImage(sequence=sequence, code=code, lease=wish)
+        self.handshake.wrote(source, image, is_numbered=host != PAGE)
         if wish == Lease.TAKE and self.is_open_to(host):
             self.holder = source
         if source == self.holder and wish:
@@ -125,36 +130,6 @@ class Cell:
         self.expire()
         self.handshake.closed(self.sources[host])
         self.open(host)
-
-    def terminal_takes(self, _, __):
-        if not self.terminal:
-            self.connections += 1
-            name = f"terminal#{self.connections}"
-            assert self.handshake.take(name) == (not self.holder)
-            if not self.holder:
-                self.holder = self.terminal = name
-                self.heard[name] = self.now
-
-    def terminal_starts(self, _, __):
-        if self.terminal:
-            self.heard[self.terminal] = self.now
-            self.handshake.heard(self.terminal)
-            self.expire()
-            refusal = self.handshake.submit(self.terminal, CommandImage(code=PROGRAM))
-            if self.holder not in ("", self.terminal):
-                assert refusal is Refusal.NOT_HOLDER
-            else:
-                assert refusal is (Refusal.NONE if self.running is None else Refusal.BUSY)
-                self.holder = self.holder if self.running else self.terminal
-            self.poll()
-
-    def terminal_releases(self, _, __):
-        if self.terminal:
-            self.handshake.release(self.terminal)
-            if self.holder == self.terminal:
-                self.is_given_back = self.is_runner
-                self.holder = self.holder if self.is_runner else ""
-            self.terminal = ""
 
     def end(self, result):
         if self.running is not None:

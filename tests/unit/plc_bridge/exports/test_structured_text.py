@@ -13,6 +13,7 @@ from plc_bridge.exports.structured_text import as_structured_text
 from plc_bridge.protocol.images import COMMAND, REPORT, Block, command_image
 from plc_bridge.protocol.messages import Control, Refusal, Report, Result
 from plc_bridge.protocol.registers import VERSION_MAJOR, Parameter, table
+from tests.page_user import take_lease
 from tests.scan_thread import take
 from tests.structured_text import Instance, Members, Time, units_of
 
@@ -202,7 +203,7 @@ def test_every_ending_has_its_output_and_error(plc, result, facts, shown, error)
 @pytest.mark.parametrize("refusal", [Refusal.NOT_HOLDER, Refusal.UNKNOWN_RECIPE])
 def test_refusal_by_bridge_or_cell_is_an_error(plc, refusal):
     if refusal is Refusal.NOT_HOLDER:
-        plc.bridge.take("terminal")
+        take_lease(plc.bridge)
     plc.cycle(2, Execute=True)
     if refusal is Refusal.UNKNOWN_RECIPE:
         plc.bridge.refuse(plc.bridge.poll(), refusal)
