@@ -198,12 +198,6 @@ class FrankaArm:
         """Phase of the torque loop."""
         return LoopPhase.LOST if self._link is None else LoopPhase(int(self._link["phase"][0]))
 
-    @property
-    def process_id(self) -> int:
-        """Id of the loop's process."""
-        assert self._process is not None
-        return self._process.pid
-
     def figures(self) -> LoopFigures:
         """Return the figures of the loop."""
         link = self._opened()

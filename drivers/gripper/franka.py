@@ -101,12 +101,6 @@ class FrankaGripper:
         is_gripping = self._is_grasped and self._width > 0.001 and not self._is_busy
         return GripperState(width=self._width, is_gripping=is_gripping, is_moving=self._is_busy)
 
-    @property
-    def process_id(self) -> int:
-        """Id of the process that communicates with the hand."""
-        assert self._process is not None
-        return self._process.pid
-
     def _forget(self) -> None:
         self._lines = b""
         self._width: float | None = None

@@ -134,9 +134,9 @@ def test_a_setpoint_past_its_validity_makes_the_arm_hold_still(simulated, arm):
 def test_a_loop_that_stalls_is_a_reflex_that_only_a_reset_leaves(simulated, arm):
     world, server = simulated
     server.is_patient = False
-    os.kill(arm.process_id, signal.SIGSTOP)
+    os.kill(arm._process.pid, signal.SIGSTOP)
     world.wait_until(world.now() + 0.05)
-    os.kill(arm.process_id, signal.SIGCONT)
+    os.kill(arm._process.pid, signal.SIGCONT)
     server.is_patient = True
     assert until(world, raises(arm, ArmReflexError))
     with pytest.raises(ArmReflexError, match="communication_constraints_violation"):
@@ -261,7 +261,7 @@ def test_keys_jog_the_arm_and_the_dead_man_ends_it(simulated, arm):
 
 
 @pytest.mark.parametrize(
-    "lose", [lambda server, arm: server.cut(), lambda server, arm: os.kill(arm.process_id, signal.SIGKILL)]
+    "lose", [lambda server, arm: server.cut(), lambda server, arm: os.kill(arm._process.pid, signal.SIGKILL)]
 )
 def test_a_lost_connection_or_a_killed_loop_is_a_silent_arm_until_a_reset(simulated, arm, lose):
     lose(simulated[1], arm)

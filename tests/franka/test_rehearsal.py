@@ -30,7 +30,7 @@ def test_whatever_is_killed_in_the_middle_ends_in_its_fault_and_serves_again_aft
     with opened(loaded.cell, address(5)) as wired, running(wired.cell, loaded, tmp_path) as rehearsal:
 
         def kill(what):
-            return lambda: os.kill(what.process_id, signal.SIGKILL)
+            return lambda: os.kill(what._process.pid, signal.SIGKILL)
 
         for stage, pull, fault in [
             ("grasp_from_rack", kill(wired.gripper), FaultCode.GRIPPER_SILENT),
