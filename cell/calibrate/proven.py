@@ -77,7 +77,7 @@ def in_force(loaded: LoadedConfig, path: Path) -> tuple[LoadedConfig, str]:
         return loaded, ""
     logger.warning("%s", why)
     recipes = {number: _gentle(config) for number, config in loaded.recipes.items()}
-    return replace(loaded, cell=_gentle(loaded.cell), recipes=recipes), why
+    return replace(loaded, recipes=recipes), why
 
 
 def _gentle(config: CellConfig) -> CellConfig:

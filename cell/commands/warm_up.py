@@ -5,7 +5,6 @@ import logging
 import subprocess
 import sys
 from contextlib import suppress
-from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from threading import Event
@@ -58,7 +57,7 @@ def warm_up(loaded: LoadedConfig) -> CellConfig:
         logging.disable(logging.CRITICAL)  # the result of the insertion does not matter
         try:
             with suppress(CellError):
-                _insert(_simulated(loaded, config), number)
+                _insert(_simulated(config))
         finally:
             logging.disable(before)
         note(kind)
@@ -71,17 +70,16 @@ def _kind(config: CellConfig) -> str:
     return json.dumps([sections, config.params(INSERT).estimator, config.skin.layout], sort_keys=True, default=str)
 
 
-def _simulated(loaded: LoadedConfig, config: CellConfig) -> LoadedConfig:
-    """Return the same parts and methods in the shipped simulated cell, at the fastest pace."""
+def _simulated(config: CellConfig) -> CellConfig:
+    """Return the same part and methods in the shipped simulated cell, at the fastest pace."""
     shipped = load(sets=["sim.pace=max"]).cell
     world = {name: getattr(shipped, name) for name in ("arm", "gripper", "switch", "boards", "calibration", "sim")}
     world |= {name: getattr(config, name) or getattr(shipped, name) for name in ("contact", "grip")}
     world["skin"] = shipped.skin.model_copy(update={"layout": config.skin.layout})
-    recipes = {number: recipe.model_copy(update=world) for number, recipe in loaded.recipes.items()}
-    return replace(loaded, cell=config.model_copy(update=world), recipes=recipes)
+    return config.model_copy(update=world)
 
 
-def _insert(loaded: LoadedConfig, recipe: int) -> None:
+def _insert(config: CellConfig) -> None:
     """Run one insertion.
 
     Raises:
@@ -96,7 +94,7 @@ def _insert(loaded: LoadedConfig, recipe: int) -> None:
     with (
         TemporaryDirectory() as folder,
         Journal(Path(folder)) as journal,
-        opened(assemble(loaded.cell)) as cell,
+        opened(assemble(config)) as cell,
     ):
-        line = TerminalLine(Command(1, CATALOGUE["insert_peg"].code, recipe, source="warm-up"), watch)
-        Supervisor(cell, loaded, line, journal, ended).serve()
+        line = TerminalLine(Command(1, CATALOGUE["insert_peg"].code, source="warm-up"), watch)
+        Supervisor(cell, LoadedConfig({0: config}), line, journal, ended).serve()

@@ -19,11 +19,15 @@ from drivers.figures_file import read_toml
 class LoadedConfig:
     """A cell and its recipes, each a whole config."""
 
-    cell: CellConfig
-    recipes: Mapping[int, CellConfig] = field(default_factory=dict)
+    recipes: Mapping[int, CellConfig]
     """Config of each recipe, by number; 0 is the cell's own part."""
     origins: Mapping[int, Origins] = field(default_factory=dict)
     """Origin of each value that is not a default, by recipe."""
+
+    @property
+    def cell(self) -> CellConfig:
+        """Config of the cell with its own part."""
+        return self.recipes[0]
 
 
 def load(
@@ -52,7 +56,7 @@ def load(
     files = {0: None, **dict(recipe_files(path))}
     merged = {number: _merged(path, below, file, keys, simulate) for number, file in files.items()}
     recipes = {number: _validated(each, path.parent) for number, each in merged.items()}
-    return LoadedConfig(recipes[0], recipes, {number: each.origins for number, each in merged.items()})
+    return LoadedConfig(recipes, {number: each.origins for number, each in merged.items()})
 
 
 def with_parameters(config: CellConfig, parameters: Iterable[tuple[str, Any]]) -> CellConfig:

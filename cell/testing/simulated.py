@@ -130,4 +130,5 @@ def _loaded(options: Sequence[str]) -> LoadedConfig:
         raise ConfigError("cell_options: the config of a real cell; that of a simulated one allowed")
     plc = loaded.cell.plc
     server = plc.modbus.model_copy(update={"host": "127.0.0.1", "port": 0})
-    return replace(loaded, cell=loaded.cell.model_copy(update={"plc": plc.model_copy(update={"modbus": server})}))
+    cell = loaded.cell.model_copy(update={"plc": plc.model_copy(update={"modbus": server})})
+    return replace(loaded, recipes={**loaded.recipes, 0: cell})

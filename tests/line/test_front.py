@@ -4,12 +4,12 @@ import http.client
 import http.server
 import threading
 from collections.abc import Iterator
-from dataclasses import replace
 
 import pytest
 from tornado.routing import Rule
 
 from cell.config.cell_config import PageConfig
+from cell.config.load import LoadedConfig
 from cell.page.front import HttpServer
 from cell.page.guard import is_private
 from cell.page.server import MetricsServer, PageServer
@@ -83,7 +83,7 @@ def with_keys(loaded, folder, **page):
     authority = Authority(folder)
     plc = loaded.cell.plc.model_copy(update={"tls": authority.cell()})
     cell = loaded.cell.model_copy(update={"plc": plc, "page": PageConfig(**page)})
-    return replace(loaded, cell=cell), authority.client()
+    return LoadedConfig({0: cell}), authority.client()
 
 
 def test_a_page_for_other_computers_speaks_tls_with_the_keys_of_the_cell(served, loaded, tmp_path):

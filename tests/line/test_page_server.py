@@ -6,12 +6,12 @@ import json
 import socket
 import sqlite3
 from contextlib import AsyncExitStack, asynccontextmanager, closing
-from dataclasses import replace
 
 import pytest
 from tornado.httpclient import HTTPRequest
 from tornado.websocket import websocket_connect
 
+from cell.config.load import LoadedConfig
 from cell.page.hub import PLACES, PLACES_OF_ONE
 from cell.page.server import PageServer
 from cell.page.socket import TRIES
@@ -156,7 +156,7 @@ async def test_a_page_that_goes_away_in_a_run_is_a_plc_that_falls_silent(server,
 
 def test_a_page_that_answers_no_ping_stays_open(served, loaded):
     plc = loaded.cell.plc.model_copy(update={"life_timeout": 0.1})
-    busy = replace(loaded, cell=loaded.cell.model_copy(update={"plc": plc}))
+    busy = LoadedConfig({0: loaded.cell.model_copy(update={"plc": plc})})
     with (
         PageServer(("127.0.0.1", 0), served.bridge, served.live, busy, served.folder) as server,
         socket.create_connection(server.address, timeout=PATIENCE) as page,

@@ -47,7 +47,7 @@ def changed(config, **sections):
 def test_a_new_cell_is_in_commissioning_with_low_speed_and_low_force(physical, tmp_path):
     loaded, why = in_force(physical, tmp_path / FILE)
     assert why.startswith(f"in commissioning: {', '.join(FACTS)} not proven")
-    for config in (loaded.cell, *loaded.recipes.values()):
+    for config in loaded.recipes.values():
         assert (config.speed_scale, config.limits.force) == (SLOW, MOST_FORCE)
 
 

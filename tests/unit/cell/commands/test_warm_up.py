@@ -14,19 +14,19 @@ from sim.world import engine
 
 @pytest.fixture
 def noted(tmp_path, monkeypatch):
-    """Return the recipes that were inserted, with a cache that has no notes."""
+    """Return the configs that were inserted, with a cache that has no notes."""
     inserted = []
     monkeypatch.setattr(compiled, "folder", lambda: tmp_path)
     monkeypatch.setattr(warm_up, "compile_ahead", lambda: None)
-    monkeypatch.setattr(warm_up, "_insert", lambda loaded, recipe: inserted.append((loaded, recipe)))
+    monkeypatch.setattr(warm_up, "_insert", inserted.append)
     return inserted
 
 
 def test_one_part_of_a_kind_is_inserted_once_as_fast_as_it_goes(noted):
     for _ in range(2):
         warm_up.warm_up(load(sets=["reality.scale=2.0"]))
-    ((loaded, recipe),) = [each for each in noted if each[1] == 0]
-    assert (recipe, loaded.cell.sim.pace, loaded.cell.reality.scale) == (0, "max", 2.0)
+    (config,) = [each for each in noted if each.peg == load().cell.peg]
+    assert (config.sim.pace, config.reality.scale) == ("max", 2.0)
 
 
 @pytest.mark.parametrize("is_another_part", [True, False])
@@ -63,6 +63,6 @@ def test_the_parts_of_a_real_cell_are_inserted_in_simulation_and_the_log_goes_on
     monkeypatch.setattr(warm_up.Supervisor, "serve", served)
     real = load(Path("config/cell_01.toml"))
     assert not real.cell.is_simulated
-    warm_up.warm_up(LoadedConfig(real.cell, {0: real.cell}))
+    warm_up.warm_up(LoadedConfig({0: real.cell}))
     assert ended == [("insert_peg", True, "success")]
     assert logging.root.manager.disable == logging.NOTSET
