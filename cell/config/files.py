@@ -1,6 +1,5 @@
 """Files of a config: the cell's own, its base, presets, recipes and arms, read as tables without a model."""
 
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -46,17 +45,21 @@ def table_of(tree: dict[str, Any], name: str) -> dict[str, Any]:
     return found if isinstance(found, dict) else {}
 
 
-def recipe_files(path: Path) -> Iterator[tuple[int, Path]]:
-    """Yield number and file of each recipe beside a cell's file.
+def recipe_files(path: Path) -> dict[int, Path]:
+    """Return the file of each recipe beside a cell's file, by number.
 
     Raises:
-        ConfigError: The name of a file is not a number that a PLC can request.
+        ConfigError: The name of a file is not a number that a PLC can request, or is that of another file, too.
     """
+    files: dict[int, Path] = {}
     for file in sorted((path.parent / "recipes").glob("*.toml")):
         number = int(file.stem) if file.stem.isascii() and file.stem.isdigit() else 0
         if not 1 <= number <= 65535:
             raise ConfigError(f"{file}: recipes are named by their number; 01.toml to 65535.toml allowed")
-        yield number, file
+        if number in files:
+            raise ConfigError(f"{file}: recipe {number} is {files[number].name}, too; one file for each number allowed")
+        files[number] = file
+    return files
 
 
 def arm_file(model: str) -> Path:

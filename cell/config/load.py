@@ -53,7 +53,7 @@ def load(
     keys = [parse_set(text) for text in sets]
     if preset is not None:
         keys.append((("preset",), preset))
-    files = {0: None, **dict(recipe_files(path))}
+    files = {0: None, **recipe_files(path)}
     merged = {number: _merged(path, below, file, keys, simulate) for number, file in files.items()}
     recipes = {number: _validated(each, path.parent) for number, each in merged.items()}
     return LoadedConfig(recipes, {number: each.origins for number, each in merged.items()})

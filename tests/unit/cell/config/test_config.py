@@ -168,14 +168,13 @@ def test_a_command_replaces_single_values_and_no_limit(loaded):
     [
         ("3", '[arm]\nkind = "sim"', "arm: not for a recipe"),
         *((name, "", "named by their number; 01.toml to 65535.toml allowed") for name in ("0", "65536", "²")),
+        ("01", "", "/recipes/1.toml: recipe 1 is 01.toml, too; one file for each number allowed"),
     ],
 )
-def test_a_recipe_of_hardware_or_of_no_number_is_refused(name, text, told, tmp_path):
-    cell = tmp_path / "cell.toml"
-    cell.write_text(DEFAULT.read_text())
-    (tmp_path / "recipes").mkdir()
+def test_a_recipe_of_hardware_of_no_number_or_of_anothers_is_refused(name, text, told, tmp_path):
+    shutil.copytree(DEFAULT.parent, tmp_path, dirs_exist_ok=True)
     (tmp_path / "recipes" / f"{name}.toml").write_text(text)
-    assert told in line_about(path=cell)
+    assert told in line_about(path=tmp_path / DEFAULT.name)
 
 
 def test_certificates_are_looked_for_beside_the_config_file(tmp_path):
