@@ -246,10 +246,9 @@ class CellConfig(Catalogued):
 
     @model_validator(mode="after")
     def _suits_its_boards(self) -> Self:
-        is_simulated = any(getattr(self, name).kind == "sim" for name in SIMULATED)
-        if not is_simulated and self.is_skin_emulated():
+        if not self.is_simulated and self.is_skin_emulated():
             raise ValueError(f'skin.kind = "{self.skin.kind}": its board is "{EMULATED}", which needs a simulated arm')
-        if not is_simulated and isinstance(self.switch, SerialSwitchConfig) and self.switch.port == EMULATED:
+        if not self.is_simulated and isinstance(self.switch, SerialSwitchConfig) and self.switch.port == EMULATED:
             raise ValueError(f'switch.port = "{EMULATED}": needs a simulated cell; the name of a port allowed')
         if self.is_simulated and self.gripper.kind != "sim":
             raise ValueError(
