@@ -103,8 +103,6 @@ class InHandTip:
     """In-hand angle about the closing axis, rad; at 0 the peg points straight out of the hand."""
     length: float
     """Distance from the finger centre to the end point, m."""
-    stamp: float
-    """Time at which theta was measured, s."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

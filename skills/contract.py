@@ -239,7 +239,7 @@ class SkillContext:
 
     def in_hand(self) -> InHandTip:
         """Return the estimated pose of the end point in the hand."""
-        return InHandTip(self.pose.theta, self.length, self.pose.stamp)
+        return InHandTip(self.pose.theta, self.length)
 
     def read_hand(self) -> GripperState:
         """Return the newest state of the hand.

@@ -51,7 +51,7 @@ def scan(rig, number: int, width: float, theta: float, is_closed: bool):
 def held_peg(rig, theta: float) -> Pose:
     """Return the pose of the middle of a peg held at this angle by the arm at home."""
     config = rig.loaded.cell
-    held = InHandTip(theta, config.peg.length, 0.0)
+    held = InHandTip(theta, config.peg.length)
     end = compose(
         finger_frame(config.arm_model(), np.array(config.arm_model().home)), peg_in_finger(theta, held.length)
     )

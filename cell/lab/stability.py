@@ -217,7 +217,7 @@ class PegRig:
             if seen.is_new_frame or not frames:
                 frames.append(seen)
                 peg = _used(case, frames).peg
-                commanded = replace(plain, in_hand=replace(in_hand, theta=peg.theta, stamp=peg.stamp))
+                commanded = replace(plain, in_hand=replace(in_hand, theta=peg.theta))
             elif case.observer and case.delay == 0:  # an observer has a new theta at every scan
                 commanded = replace(plain, in_hand=ctx.in_hand())
             ctx.devices.arm.follow(commanded)

@@ -76,7 +76,7 @@ class Slider:
                 stiffness=np.array([1500.0, 1500.0, 1000.0, 40.0, 40.0, 40.0]),
                 damping_ratio=np.array([1.0, 1.0, 1.0, 3.0, 3.0, 3.0]),
                 valid_until=now + 0.1,
-                in_hand=InHandTip(self.world.pivot()[0], self.world.job.peg.length, now),
+                in_hand=InHandTip(self.world.pivot()[0], self.world.job.peg.length),
                 posture=posture,
                 twist=Twist(velocity, np.zeros(3)),
             )

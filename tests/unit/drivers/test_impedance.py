@@ -69,7 +69,7 @@ def test_springs_at_the_tip_pull_it_and_turn_the_axis_towards_the_setpoint(theta
     normal = np.cross(axis, [0.0, 1.0, 0.0])
     normal /= np.linalg.norm(normal)
     wanted = axis * math.cos(turn) + np.cross(normal, axis) * math.sin(turn)
-    words = setpoint_words.pack(setpoint(tip + np.array(pull), wanted, in_hand=InHandTip(theta, 0.05, 0.0)), 0.0)
+    words = setpoint_words.pack(setpoint(tip + np.array(pull), wanted, in_hand=InHandTip(theta, 0.05)), 0.0)
     expected = jacobian(Q, theta, 0.05).T @ np.array([*(500.0 * np.array(pull)), *(20.0 * turn * normal)])
     np.testing.assert_allclose(settled(words, Q, np.zeros(7)), expected, atol=1e-3)
 
@@ -84,7 +84,7 @@ def test_no_step_changes_a_torque_by_more_than_the_arm_allows() -> None:
 
 def test_a_setpoint_past_its_validity_is_replaced_by_holding_still() -> None:
     tip, axis = tip_of(Q, 0.0, 0.05)
-    words = setpoint_words.pack(setpoint(tip + 0.1, axis, in_hand=InHandTip(0.0, 0.05, 0.0)), 0.0)
+    words = setpoint_words.pack(setpoint(tip + 0.1, axis, in_hand=InHandTip(0.0, 0.05)), 0.0)
     np.testing.assert_allclose(settled(words, Q, np.zeros(7), now=11.0), 0.0, atol=1e-3)
 
 
@@ -170,7 +170,7 @@ def test_every_part_of_a_setpoint_reaches_the_torque_loop_in_its_own_words():
     given = setpoint(
         np.array([1.0, 2.0, 3.0]),
         np.array([4.0, 5.0, 6.0]),
-        in_hand=InHandTip(20.0, 21.0, 99.0),
+        in_hand=InHandTip(20.0, 21.0),
         roll=np.array([7.0, 8.0, 9.0]),
         twist=Twist(np.array([10.0, 11.0, 12.0]), np.array([13.0, 14.0, 15.0])),
         integral_gain=16.0,

@@ -12,7 +12,7 @@ from skills.motion import Goal, TransferPath
 JOB = load().cell.job()
 UP, ALONG, SIDE = np.array([0.0, 0.0, 1.0]), np.array([0.0, -1.0, 0.0]), np.array([1.0, 0.0, 0.0])
 TILTED = np.array([np.sin(0.7854), 0.0, np.cos(0.7854)])
-HELD = InHandTip(0.0, JOB.peg.length, 0.0)
+HELD = InHandTip(0.0, JOB.peg.length)
 PLATE, RACK = np.array(JOB.hole.centre), np.array(JOB.rack.first)
 CLEARANCE = 0.002
 

@@ -82,7 +82,7 @@ def test_the_energy_is_that_of_the_wrist_s_slide_and_of_the_turn_about_it_whatev
 
 
 @pytest.mark.parametrize("seed", range(5))
-@pytest.mark.parametrize("in_hand", [None, InHandTip(0.4, 0.05, 0.0)])
+@pytest.mark.parametrize("in_hand", [None, InHandTip(0.4, 0.05)])
 def test_a_planned_turn_and_slide_of_the_peg_s_end_are_no_energy_whatever_the_pose(seed, in_hand):
     hand, turn, slide = drawn(seed)
     end = hand.position if in_hand is None else end_point(hand, in_hand.theta, in_hand.length)[0]

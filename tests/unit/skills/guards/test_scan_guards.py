@@ -110,7 +110,7 @@ def test_the_way_back_turns_by_unit_axes_stands_still_and_is_valid_for_ten_scans
 
 
 def test_the_way_back_of_a_held_peg_is_that_of_its_end():
-    in_hand = InHandTip(0.0, 0.05, 0.0)
+    in_hand = InHandTip(0.0, 0.05)
     paused = state_at([0.5, 0.0, 0.3])
     first = way_back(paused, held_at([0.5, 0.02, 0.25], in_hand=in_hand), paused, PERIOD)
     np.testing.assert_allclose(first.tip, [0.5, 0.0, 0.25], atol=1e-12)

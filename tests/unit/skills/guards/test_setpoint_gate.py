@@ -48,7 +48,7 @@ BOUNDS = ArmBounds(
 )
 HERE = np.array([0.5, 0.0, 0.3])
 STIFF, SOFT = (np.array([along] * 3 + [40.0] * 3) for along in (1500.0, 100.0))
-IN_HAND = InHandTip(0.0, 0.05, 0.0)
+IN_HAND = InHandTip(0.0, 0.05)
 STEP = SPEED * PERIOD + STEP_SLACK
 """Longest step of a setpoint within a scan, m."""
 
@@ -138,13 +138,13 @@ def damped(place, value):
 def in_hand(theta, length):
     """Return a setpoint that stays where the hand is, with such a peg in it."""
     axis = np.array([math.sin(theta), 0.0, math.cos(theta)])
-    return {"in_hand": InHandTip(theta, length, 0.0), "tip": HERE - length * axis, "axis": axis}
+    return {"in_hand": InHandTip(theta, length), "tip": HERE - length * axis, "axis": axis}
 
 
 def lying(theta):
     """Return the setpoint of a peg that lies so in the hand."""
     tip, axis = end_point(arm_at().tcp, theta, 0.05)
-    return {"tip": tip, "axis": axis, "in_hand": InHandTip(theta, 0.05, 0.0)}
+    return {"tip": tip, "axis": axis, "in_hand": InHandTip(theta, 0.05)}
 
 
 def turned(place, askew, stiffness):
@@ -294,7 +294,7 @@ NO_NUMBERS = {
     "stiffness 6 of 6": {"stiffness": np.array([1.0, 1.0, 1.0, 1.0, 1.0, math.inf])},
     "damping ratio 1 of 6": {"damping_ratio": np.array([math.nan, 1.0, 1.0, 1.0, 1.0, 1.0])},
     "integral 1 of 2": {"integral_gain": math.nan},
-    "theta and length in the hand 1 of 2": {"in_hand": InHandTip(math.nan, 0.05, 0.0)},
+    "theta and length in the hand 1 of 2": {"in_hand": InHandTip(math.nan, 0.05)},
     "roll 3 of 3": {"roll": np.array([0.0, 1.0, math.nan])},
     "twist 4 of 6": {"twist": Twist(np.zeros(3), np.array([math.nan, 0.0, 0.0]))},
     "posture 7 of 7": {"posture": np.array([0.0] * 6 + [math.nan])},
