@@ -67,10 +67,8 @@ def layer(wave: Vector, poisson: float = POISSON) -> tuple[Vector, Vector]:
 class LayerPads:
     """Two pads of elastic layer, divided into square cells."""
 
-    def __init__(
-        self, layout: Layout, modulus: float = MODULUS, poisson: float = POISSON, cell: float = 0.5e-3
-    ) -> None:
-        """Divide pads of this size into cells of this side, m, and solve the layer, modulus in Pa."""
+    def __init__(self, layout: Layout, poisson: float = POISSON, cell: float = 0.5e-3) -> None:
+        """Divide pads of this size into cells of this side, m, and solve the layer with this Poisson's ratio."""
         length, width = pad_size(layout)
         rows, columns = round(width / cell), round(length / cell)
         self._area = cell * cell
@@ -82,7 +80,7 @@ class LayerPads:
         wave = np.maximum(np.hypot(kx, ky[:, None]) * THICKNESS, 1e-2)
         nodes = np.geomspace(1e-2, STIFF, 400)
         sinking, reaching = layer(nodes, poisson)
-        shear = modulus / (2.0 * (1.0 + poisson))
+        shear = MODULUS / (2.0 * (1.0 + poisson))
         answer = np.interp(wave, nodes, sinking)
         answer = np.where(wave > STIFF, (1.0 - poisson) / wave, answer)
         self._answer = answer * THICKNESS / shear

@@ -162,11 +162,11 @@ class Journal:
         values: dict[str, object] = {"last": last, "since": since, "until": until or NEVER, "code": code}
         return [Alarm(*row) for row in self._reading().execute(ALARMS, values)]
 
-    def events(self, since: str = "", run: int | None = None) -> list[EventRow]:
-        """Return the events at or after `since`, ISO 8601 UTC, oldest first; with `run`, only those of this run."""
+    def events(self, run: int | None = None) -> list[EventRow]:
+        """Return the events, oldest first; with `run`, only those of this run."""
         if run is not None:
-            return self._reading().rows(EventRow, "WHERE time >= ? AND run = ? ORDER BY event", [since, run])
-        return self._reading().rows(EventRow, "WHERE time >= ? ORDER BY event", [since])
+            return self._reading().rows(EventRow, "WHERE run = ? ORDER BY event", [run])
+        return self._reading().rows(EventRow, "ORDER BY event")
 
     def config(self, digest: str) -> str | None:
         """Return the config with a digest, as JSON; None if it is not on record."""

@@ -12,15 +12,16 @@ MOST = 10_000
 """Largest number of waiting lines."""
 FLUSH_TIME = 1.0
 """Longest time to write waiting lines at the end, s."""
+PERIOD = 10.0
+"""Least time between two lines of a kind, s."""
 
 
 class SparseFilter(logging.Filter):
     """Passes one line of each kind per period and counts the others, so that a faulty client cannot fill the log."""
 
-    def __init__(self, period: float = 10.0) -> None:
-        """Set the least time between two lines of a kind, s."""
+    def __init__(self) -> None:
+        """Begin without a line."""
         super().__init__()
-        self._period = period
         self._kinds: dict[tuple[str, str], tuple[float, int]] = {}
         """Time of the next permitted line, s, and number of lines left out since the last one; the key is logger and format text."""
 
@@ -33,7 +34,7 @@ class SparseFilter(logging.Filter):
             return False
         if len(self._kinds) > 100:  # kinds of lines that are counted
             self._kinds.clear()
-        self._kinds[kind] = now + self._period, 0
+        self._kinds[kind] = now + PERIOD, 0
         if left:
             record.msg = f"{record.msg} ({left} more like this before)"
         return True

@@ -30,11 +30,6 @@ LONGEST_DELAY = 50
 """Longest delay of torques, control cycles."""
 
 
-def every(value: float) -> Seven:
-    """Return the same value for all joints."""
-    return value, value, value, value, value, value, value
-
-
 @dataclass(frozen=True, slots=True)
 class JointFriction:
     """Friction of the joints: dry friction, which can hold a joint at rest, plus a smooth curve and a viscous part.

@@ -134,12 +134,6 @@ class EmulatedSwitchBoard:
             self._chip.stop()
             self._chip = None
 
-    @property
-    def chip(self) -> Chip:
-        """Chip of the board if it is plugged in."""
-        assert self._chip is not None
-        return self._chip
-
     def due(self) -> float:
         """Return the time of the chip's next look at the lever, s: every step of the cell's clock."""
         return math.inf

@@ -128,7 +128,6 @@ class World(Stepper):
         theta, tip = self.pivot()
         lasting = float(self.meters[metering.SUSTAINED])
         return Truth(
-            stamp=self.now(),
             peg=self.peg,
             theta=theta,
             tip=_three(tip),

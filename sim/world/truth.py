@@ -13,7 +13,6 @@ VOID_SHARE = 0.2
 class Truth:
     """The true state of the world."""
 
-    stamp: float
     peg: PegSituation
     theta: float
     """In-hand angle, rad; NaN if the peg is not held."""

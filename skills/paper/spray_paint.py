@@ -33,10 +33,6 @@ class SprayPaint:
             np.array([ax * wx * math.cos(x), ay * wy * math.cos(y)]),
         )
 
-    def period(self) -> float:
-        """Return the period of the slow axis, s."""
-        return 2.0 * math.pi / min(self.rate)
-
 
 def spray_paint(
     half: tuple[float, float], pitch: float, speed: float, fast: int, start: tuple[float, float]

@@ -82,11 +82,6 @@ class ImageEstimator:
         full_scale = layout_of(layout).full_scale
         self._projector, self._least_peak = Projector(layout, params.pixel, full_scale), params.least_peak * full_scale
 
-    def image(self, frame: TaxelFrame) -> Vector:
-        """Return I of [gibbons], Eq. (1), before the threshold, counts; rows along +y, columns along +x."""
-        shown: Vector = np.maximum(self._projector.image(frame.values, frame.trusted), 0.0)
-        return shown
-
     def estimate(self, frame: TaxelFrame) -> PegPose:
         """Return the pose of the peg in `frame`; see `skills.tactile.pose.Estimator`."""
         params = self._params

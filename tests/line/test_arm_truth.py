@@ -12,7 +12,7 @@ from cell.devices.assembly import assemble, opened
 from drivers import impedance
 from drivers.arm import dynamics
 from drivers.quantities import ImpedanceSetpoint
-from sim.arm.arm_truth import JointFriction, StateReading, TorquePath, WrenchReading, every, ideal
+from sim.arm.arm_truth import JointFriction, StateReading, TorquePath, WrenchReading, ideal
 from sim.arm.device import SimArm
 from skills.catalogue import CATALOGUE
 from tests.rigs import world_of
@@ -106,7 +106,7 @@ def motion(timestep):
     world = departing(
         timestep,
         friction=CURVE,
-        rotor_inertia=every(0.05),
+        rotor_inertia=(0.05,) * 7,
         path=TorquePath(1, 100.0),
         gravity=(0.0, 2.0, 0.0, 2.0, 0.0, 1.0, 0.0),
     )
@@ -128,14 +128,14 @@ def test_the_motion_is_that_of_a_quarter_of_the_step():
 DEPARTURES = {
     "smooth friction, rotors and late torques": {
         "friction": CURVE,
-        "rotor_inertia": every(0.1),
+        "rotor_inertia": (0.1,) * 7,
         "path": TorquePath(1, 100.0),
     },
     "everything a little": {
-        "friction": JointFriction(dry=(0.3, 0.5, 0.4, 0.7, 0.4, 0.2, 0.3), viscous=every(0.05)),
+        "friction": JointFriction(dry=(0.3, 0.5, 0.4, 0.7, 0.4, 0.2, 0.3), viscous=(0.05,) * 7),
         "rotor_inertia": (0.15, 0.15, 0.15, 0.15, 0.06, 0.06, 0.06),
         "path": TorquePath(2, 150.0),
-        "reading": StateReading(zero=every(3e-4), noise=1e-5, rate_noise=every(1e-3)),
+        "reading": StateReading(zero=(3e-4,) * 7, noise=1e-5, rate_noise=(1e-3,) * 7),
         "wrench": WrenchReading(force=(0.5, -0.5, 1.0), force_noise=0.5, cutoff=50.0),
         "gravity": (0.02, 0.2, 0.1, 0.2, 0.05, 0.05, 0.01),
         "tcp_offset": (2e-4, -2e-4, 1e-4),

@@ -21,6 +21,7 @@ from sim.hand.pads import PadLoad, Pads
 from sim.hand.skin import Taxels, skin_truth
 from sim.world.reality import read
 from skills.tactile.image import ImageEstimator, ImageParams
+from skills.tactile.picture import Projector
 from skills.tactile.robust import RobustEstimator, RobustParams
 from tests.skins import ScriptedWorld
 
@@ -88,14 +89,13 @@ def test_touched_recordings_give_finite_poses(layout):
 
 
 def test_touch_is_seen_in_the_touched_recordings_and_not_in_the_untouched():
-    estimator = ImageEstimator(
-        ImageParams().model_copy(update={"least_elongation": 1.0, "most_residual": 1.0}), "parallelogram"
-    )
+    projector = Projector("parallelogram", ImageParams().pixel, LAYOUTS["parallelogram"].full_scale)
 
     def brightest(name):
         module, frames = _recording(name)
         health = _patch_health()
-        return max(estimator.image(_fingers(module, *health.update(raw, 0.0))).max() for raw in frames)
+        shown = (_fingers(module, *health.update(raw, 0.0)) for raw in frames)
+        return max(projector.image(frame.values, frame.trusted).max() for frame in shown)
 
     assert max(map(brightest, UNTOUCHED)) < min(map(brightest, TOUCHED))
 

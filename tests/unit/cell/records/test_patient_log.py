@@ -63,7 +63,7 @@ def test_lines_of_one_kind_are_written_once_in_a_while(monkeypatch, caplog):
     now = [100.0]
     monkeypatch.setattr("cell.records.patient_log.time", SimpleNamespace(monotonic=lambda: now[0]))
     log = logging.getLogger("tests.sparse")
-    log.addFilter(SparseFilter(10.0))
+    log.addFilter(SparseFilter())
     for now[0] in (100.0, 100.1, 105.0, 110.0):
         log.warning("%s knocks", now[0])
         log.warning("another")

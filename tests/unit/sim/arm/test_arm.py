@@ -12,7 +12,7 @@ from drivers import impedance
 from drivers.arm.model import read_arm
 from drivers.errors import ConfigError
 from sim.arm import arm_senses, joint_drive
-from sim.arm.arm_truth import JointFriction, StateReading, TorquePath, WrenchReading, every, ideal
+from sim.arm.arm_truth import JointFriction, StateReading, TorquePath, WrenchReading, ideal
 from sim.arm.drawn_arm import drawn_arm
 from sim.config import RealityConfig
 from sim.world.reality import AS_BELIEVED
@@ -34,14 +34,14 @@ def test_the_ideal_arm_is_what_the_cell_believes():
     [
         ({"path": TorquePath(delay=1)}, True, False),
         ({"path": TorquePath(cutoff=100.0)}, True, False),
-        ({"friction": JointFriction(viscous=every(0.1))}, True, False),
-        ({"gravity": every(0.1)}, True, True),
-        ({"reading": StateReading(zero=every(1e-3))}, False, True),
-        ({"reading": StateReading(rate_noise=every(1e-3))}, False, True),
+        ({"friction": JointFriction(viscous=(0.1,) * 7)}, True, False),
+        ({"gravity": (0.1,) * 7}, True, True),
+        ({"reading": StateReading(zero=(1e-3,) * 7)}, False, True),
+        ({"reading": StateReading(rate_noise=(1e-3,) * 7)}, False, True),
         ({"wrench": WrenchReading(force=(0.0, 0.0, 1.0))}, False, True),
         ({"wrench": WrenchReading(cutoff=30.0)}, False, True),
-        ({"rotor_inertia": every(0.1)}, False, False),
-        ({"friction": JointFriction(dry=every(0.1))}, False, False),
+        ({"rotor_inertia": (0.1,) * 7}, False, False),
+        ({"friction": JointFriction(dry=(0.1,) * 7)}, False, False),
     ],
 )
 def test_every_departure_is_known_to_what_it_concerns(departure, is_felt_by, is_read_by):
@@ -59,7 +59,7 @@ def test_every_departure_is_known_to_what_it_concerns(departure, is_felt_by, is_
         {"path": TorquePath(cutoff=0.0)},
         {"reading": StateReading(noise=-1e-5)},
         {"rotor_inertia": (0.1, 0.1, -0.1, 0.1, 0.1, 0.1, 0.1)},
-        {"friction": JointFriction(dry=every(-0.1))},
+        {"friction": JointFriction(dry=(-0.1,) * 7)},
     ],
 )
 def test_what_no_arm_can_be_is_refused_in_one_line(wrong):
@@ -155,7 +155,7 @@ def test_the_published_curve_is_nothing_at_rest_and_the_quoted_level_far_from_it
 
 @pytest.mark.parametrize("joint", range(7))
 def test_friction_never_creates_energy(joint):
-    words = Joints(friction=replace(CURVE, viscous=every(0.1))).words
+    words = Joints(friction=replace(CURVE, viscous=(0.1,) * 7)).words
     powers = [dq * joint_drive.friction(words, joint, dq) for dq in np.linspace(-3.0, 3.0, 601) if dq]
     assert min(powers) > 0.0
 
@@ -187,7 +187,7 @@ def test_a_new_arm_takes_the_torque_over_that_was_commanded():
 def test_the_steepest_published_friction_is_stable_at_the_shipped_step():
     truth = replace(TRUTH, friction=CURVE)
     assert 0.05 < joint_drive.stiffest(truth, Q, TICK) < 0.3
-    assert joint_drive.stiffest(replace(truth, rotor_inertia=every(0.1)), Q, TICK) < 0.05
+    assert joint_drive.stiffest(replace(truth, rotor_inertia=(0.1,) * 7), Q, TICK) < 0.05
 
 
 DQ, NOTHING = np.linspace(-0.3, 0.3, 7), np.zeros(6)
@@ -276,5 +276,5 @@ def test_a_low_pass_of_the_wrench_answers_late_and_quiets_its_noise():
 
 
 def test_a_force_told_where_nothing_touches_is_told_as_it_is():
-    words = senses(wrench=WrenchReading(force=(1.0, -2.0, 4.0)), reading=StateReading(rate_noise=every(0.0)))
+    words = senses(wrench=WrenchReading(force=(1.0, -2.0, 4.0)), reading=StateReading(rate_noise=(0.0,) * 7))
     np.testing.assert_allclose(arm_senses.scanned(words, FIGURES, NO_TORQUE, LAW)[2], [1.0, -2.0, 4.0, 0.0, 0.0, 0.0])

@@ -193,7 +193,7 @@ def test_the_path_begins_at_its_start() -> None:
 def test_no_place_of_the_area_is_further_from_the_path_than_half_the_pitch() -> None:
     pitch = 0.005
     path = spray_paint(HALF, pitch, 0.1, 1, (0.01, 0.0))
-    points = np.array([path.at(t)[0] for t in np.arange(0.0, path.period(), 0.005)])
+    points = np.array([path.at(t)[0] for t in np.arange(0.0, 2.0 * np.pi / min(path.rate), 0.005)])
     grid = np.stack(np.meshgrid(*[np.linspace(-0.03, 0.03, 25)] * 2), axis=-1).reshape(-1, 2)
     gaps = np.sqrt(((grid[:, None] - points[None]) ** 2).sum(axis=2)).min(axis=1)
     assert gaps.max() <= pitch / 2 + 2e-4

@@ -104,7 +104,9 @@ def test_a_threshold_at_the_brightest_pixel_keeps_it_and_the_image_is_saturated(
     sharp = ImageEstimator(ImageParams(threshold=1.0), "parallelogram")
     assert math.isfinite(sharp.estimate(quiet("parallelogram")).theta)
     loud = quiet("parallelogram", grip_force=700.0)
-    assert estimator("parallelogram").image(loud).max() == LAYOUTS["parallelogram"].full_scale
+    full_scale = LAYOUTS["parallelogram"].full_scale
+    projector = Projector("parallelogram", ImageParams().pixel, full_scale)
+    assert projector.image(loud.values, loud.trusted).max() == full_scale
 
 
 @pytest.mark.parametrize("layout", LAYOUTS)
