@@ -161,7 +161,7 @@ class Handshake:
         elif image.lease == Lease.RELEASE:
             self._lease.release(link)
         if image.acknowledge != before.acknowledge:
-            self._acknowledge(link, image.acknowledge)
+            self.acknowledge(source, image.acknowledge)
         if is_numbered:
             self._orders.take_number(link, image, before.code)
 
@@ -183,8 +183,10 @@ class Handshake:
         return self._orders.control(self._links[source], code)
 
     def acknowledge(self, source: str, sequence: int) -> None:
-        """Take an acknowledgement of `source` that is an event, not a register."""
-        self._acknowledge(self._links[source], sequence)
+        """Take an acknowledgement of `source`: its result in view counts as read if this is its number."""
+        shown = self._links[source].shown
+        if shown is not None and shown.sequence == sequence:
+            self._orders.end(shown)
 
     # Reads.
 
@@ -282,11 +284,7 @@ class Handshake:
         silence = watch.silence(self.now())
         return PlcSight(link.source, version, watch.changes, watch.longest_gap, silence, watch.uses_tail)
 
-    # Acknowledgements, resumed links, and silent links.
-
-    def _acknowledge(self, link: Link, sequence: int) -> None:
-        if link.shown is not None and link.shown.sequence == sequence:
-            self._orders.end(link.shown)
+    # Resumed links and silent links.
 
     def _resume(self, link: Link, image: CommandImage) -> None:
         """Let a link continue the run of a closed link of its host.
