@@ -153,7 +153,7 @@ def _told(args: argparse.Namespace, loaded: LoadedConfig, supervisor: "Superviso
     """Print how the run ended and where the peg is, and return the exit status."""
     row, where = supervisor.last, words.peg(supervisor.part, loaded.cell.is_simulated)
     if refusal is not Refusal.NONE:
-        return complain(f"refused: {refusal.name}: {REFUSED.get(refusal, 'not possible here')}; {where}")
+        return complain(f"refused: {refusal.name}: {REFUSED[refusal]}; {where}")
     if row is None and args.name in TOLD:
         return show(args, where, {"peg": where})
     if row is None:
