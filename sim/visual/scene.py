@@ -246,13 +246,11 @@ def _arm(facts: SceneFacts) -> tuple[str, str]:
     thick = np.linspace(0.066, 0.046, joints)
     hand_mesh, hand = _hand(facts)
     inner = f'<body pos="0 0 {chain.flange}" euler="0 0 {turn}">{hand}</body>'
-    inner += _column(0.0, chain.flange - 0.012, float(thick[-1]) * 0.92, "shell") + _ring(
-        chain.flange - 0.008, 0.042, 0.008
-    )
+    inner += _column(0.0, chain.flange - 0.012, float(thick[-1]) * 0.92) + _ring(chain.flange - 0.008, 0.042, 0.008)
     for i in range(joints - 1, -1, -1):
         a, d, alpha, r = chain.a[i], chain.d[i], chain.alpha[i], float(thick[i])
         # The upper part of the joint's column turns with the joint and stands in its frame.
-        own = _column(-0.52 * d, 0.0, r, "shell") + _ring(-0.52 * d, r * 1.02, 0.006) if d else ""
+        own = _column(-0.52 * d, 0.0, r) + _ring(-0.52 * d, r * 1.02, 0.006) if d else ""
         if not d:
             own += _housing(r)
         at = np.array([a, -d * math.sin(alpha), d * math.cos(alpha)])
@@ -274,8 +272,8 @@ def _arm(facts: SceneFacts) -> tuple[str, str]:
     return hand_mesh, foot + inner
 
 
-def _column(low: float, high: float, radius: float, paint: str) -> str:
-    return f'<geom type="capsule" size="{radius}" fromto="0 0 {low} 0 0 {high}" material="{paint}"/>'
+def _column(low: float, high: float, radius: float) -> str:
+    return f'<geom type="capsule" size="{radius}" fromto="0 0 {low} 0 0 {high}" material="shell"/>'
 
 
 def _ring(height: float, radius: float, half: float) -> str:
