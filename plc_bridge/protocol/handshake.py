@@ -287,14 +287,11 @@ class Handshake:
     # Resumed links and silent links.
 
     def _resume(self, link: Link, image: CommandImage) -> None:
-        """Let a link continue the run of a closed link of its host.
-
-        The link must write the run's own number, or the last number of the earlier link, for example after a hold.
-        """
+        """Let a link continue the run of a closed link of its host."""
         link.has_resumed = False
         for order in filter(None, (self._orders.run, self._orders.seen)):
-            earlier = _continued(link, order, image)
-            if earlier is None:
+            earlier = order.link
+            if earlier is None or not link.continues(order, image):
                 continue
             if image.code != Control.NONE and image.sequence == order.sequence:
                 order.is_acknowledged = False  # the request is repeated, so the PLC has not read the answer
@@ -324,14 +321,3 @@ class Handshake:
         link.forget()
         self._lease.lose(link)
         self._orders.stop(Order(Command(run.sequence, Control.LOST, source=link.source), is_decided=True))
-
-
-def _continued(link: Link, order: Order, image: CommandImage) -> Link | None:
-    """Return the earlier link whose order the block of a link continues; None if it does not."""
-    earlier = order.link
-    if earlier is None or not (link.follows(earlier) and earlier.gave(order)):
-        return None
-    stood = earlier.image
-    is_known = stood is not None and image.sequence == earlier.numbers.last == stood.sequence
-    goes_on = is_known and stood is not None and image.asked in (None, stood.asked)
-    return earlier if order.repeats(image) or goes_on else None

@@ -179,6 +179,18 @@ class Link:
         """Return True if the present program of the link gave the order."""
         return order.link is self and order.program == self.program and not self.numbers.is_in_doubt
 
+    def continues(self, order: Order, image: CommandImage) -> bool:
+        """Return True if the block of this link continues the order of a closed link of its host.
+
+        The block must have the order's own number, or the last number of the earlier link, for example after a hold.
+        """
+        earlier = order.link
+        if earlier is None or not (self.follows(earlier) and earlier.gave(order)):
+            return False
+        stood = earlier.image
+        is_last = stood is not None and image.sequence == earlier.numbers.last == stood.sequence
+        return order.repeats(image) or (is_last and stood is not None and image.asked in (None, stood.asked))
+
     def came_empty(self, sequence: int) -> bool:
         """Return True if a number came without a command and has the newest answer."""
         answered = self.answered
