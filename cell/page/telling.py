@@ -106,7 +106,6 @@ def told(image: Report, message: str, evidence: str, unplugged: Sequence[str] = 
         "program": CATALOGUE.by_code[image.code].name if image.code in CATALOGUE.by_code else "",
         "stage": CATALOGUE.stages.get(image.stage, ""),
         "stage_times": {name: round(time, 2) for name, time in times.items()},
-        "total_time": round(image.total_time, 2),
         "progress": image.progress,
         "result": Result(image.result).name.lower(),
         "reason": CATALOGUE.reasons.get(image.reason, str(image.reason)).lower(),
@@ -117,7 +116,6 @@ def told(image: Report, message: str, evidence: str, unplugged: Sequence[str] = 
         "peak_force": round(image.peak_force, 2),
         "hole": list(image.hole) if any(image.hole) else None,
         "warnings": [text for bit, text in _WARNINGS.items() if image.warnings & bit],
-        "overruns": image.overruns,
         "fault": _fault(image.fault, message),
     }
 
