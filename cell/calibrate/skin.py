@@ -26,7 +26,7 @@ RECOVERY = 3.0
 
 
 def calibrate_skin(
-    config: CellConfig, today: date, turned: Callable[[int, int], None], ask: Callable[[str], object] = input
+    config: CellConfig, today: date, turned: Callable[[int, int], None], ask: Callable[[str], object]
 ) -> SkinCalibration:
     """Sweep a rod as thick as the peg over half a turn, and return the calibration.
 

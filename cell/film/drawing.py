@@ -48,8 +48,6 @@ def width_of(text: str, size: int, bold: bool = False) -> int:
     return int(box[2])
 
 
-def write_right(
-    image: Image, text: str, at: tuple[int, int], size: int = 15, ink: Colour = INK, bold: bool = False
-) -> None:
+def write_right(image: Image, text: str, at: tuple[int, int], size: int, ink: Colour, bold: bool = False) -> None:
     """Write one line of text with its right end at the point `at`, pixels."""
     write(image, text, (at[0] - width_of(text, size, bold), at[1]), size, ink, bold)

@@ -89,7 +89,7 @@ class Refused(Guarded):
 class Front(Application):
     """The routes of one server; every request passes the guard first, for any method and route."""
 
-    def __init__(self, routes: list[Any], names: Collection[str] = (), **settings: Any) -> None:
+    def __init__(self, routes: list[Any], names: Collection[str], **settings: Any) -> None:
         """Keep the routes, and the names of the cell in addition to those of this computer."""
         nothing = {"status": 404, "why": "no such page"}
         settings |= {"default_handler_class": Refused, "default_handler_args": nothing}

@@ -43,7 +43,7 @@ class PageHub:
         loaded: LoadedConfig,
         records: Records,
         build: str,
-        cables: Sequence[str] = (),
+        cables: Sequence[str],
     ) -> None:
         """Keep the parts that the view reads.
 

@@ -24,7 +24,7 @@ KIND = CONTENT_TYPE_LATEST
 class CellCollector(Collector):
     """Reads the bridge only when the metrics are requested."""
 
-    def __init__(self, bridge: Bridge, tls: TlsConfig | None = None) -> None:
+    def __init__(self, bridge: Bridge, tls: TlsConfig | None) -> None:
         """Keep the bridge, and the keys of the cell."""
         self._bridge, self._tls = bridge, tls
         self._said = {r.name: r.meaning for r in table() if r.name.startswith("diagnostics_")}

@@ -16,7 +16,7 @@ WORDS: dict[Shape, str] = {"round": DIAMETER, "square": SIDES, "rectangular": SI
 
 @lru_cache(maxsize=64)
 def part_of(
-    shape: Shape, diameter: float | None, sides: tuple[float, float] | None, chamfer: float = 0.0, owner: str = "peg"
+    shape: Shape, diameter: float | None, sides: tuple[float, float] | None, chamfer: float, owner: str = "peg"
 ) -> Part:
     """Return the cross-section that a config describes, with the chamfer of the section `owner`, "peg" or "hole".
 
@@ -43,7 +43,7 @@ def part_of(
     return Rectangular(*sides)
 
 
-def section_of(diameter: float | None, sides: tuple[float, float] | None, chamfer: float = 0.0) -> Part:
+def section_of(diameter: float | None, sides: tuple[float, float] | None, chamfer: float) -> Part:
     """Return the cross-section of a hole; the key that gives its size determines the shape.
 
     Raises:

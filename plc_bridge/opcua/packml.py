@@ -119,7 +119,7 @@ class Nodes:
         await self.add(node, name, parent, attributes, node_id(kind), reference)
 
     async def method(
-        self, node: ua.NodeId, name: str, parent: ua.NodeId, arguments: Sequence[Sequence[ua.Argument]] = ((), ())
+        self, node: ua.NodeId, name: str, parent: ua.NodeId, arguments: Sequence[Sequence[ua.Argument]]
     ) -> None:
         """Add a method; `arguments` are those in and those out."""
         await self.add(node, name, parent, ua.MethodAttributes(UserExecutable=True))
