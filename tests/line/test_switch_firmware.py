@@ -24,7 +24,6 @@ from tests.emulation import emulated_or_skip
 from tests.fakes import FakeClock
 
 SOURCES = Path(drivers.__file__).parent / "switch" / "firmware"
-MILLISECOND = FREQUENCY // 1000
 OPEN, CLOSED = (True, False), (False, True)
 """Levels at the pins of the normally open and the normally closed contact: the one that conducts is low."""
 NEITHER, BOTH = (True, True), (False, False)
