@@ -91,7 +91,7 @@ class PageConfig(ConfigModel):
     SOURCE: ClassVar[str] = "set for each cell"
 
     names: tuple[Annotated[str, Field(pattern=r"^[A-Za-z0-9.-]{1,253}$")], ...] = ()
-    """Names of the cell for browsers, in addition to its addresses and the computer's name, as in "cell-7.plant.example"."""
+    """Host names by which browsers reach the page, besides the addresses and name of the computer, as in "cell-7.plant.example"."""
 
 
 class CalibrationConfig(ConfigModel):
@@ -102,7 +102,7 @@ class CalibrationConfig(ConfigModel):
     skin: FilePath | None = None
     """File of the skin's measured gains and point spread, written by `cell calibrate skin`."""
     arm: FilePath | None = None
-    """File of the measured friction and gravity remainder of the arm's joints, written by `cell calibrate arm`; the start of learning."""
+    """File of the measured friction and gravity residual of the arm's joints, written by `cell calibrate arm`; learning starts from it."""
     longest_age: Annotated[float, Field(gt=0.0, le=3.2e8), Quantity("s"), Source("chosen, not measured")] = 31536000.0
     """Age above which a file of measured values is refused, s; the default is 365 days."""
 
@@ -110,7 +110,7 @@ class CalibrationConfig(ConfigModel):
 def _catalogued() -> type[ConfigModel]:
     """Return a model with a section for every skill and every estimator.
 
-    If all of its keys have defaults, a section can be left out.
+    A section can be left out if all of its keys have defaults.
 
     Raises:
         ConfigError: Two entries claim the same section.
@@ -121,7 +121,7 @@ def _catalogued() -> type[ConfigModel]:
         *((entry.name, entry.params) for entry in ESTIMATORS.values()),
     ):
         if name in fields:
-            raise ConfigError(f"config: [{name}]: the section of a skill and of an estimator; a free name allowed")
+            raise ConfigError(f"config: [{name}]: a skill and an estimator use this section; an unused name allowed")
         fields[name] = (params, ... if any(field.is_required() for field in params.model_fields.values()) else params())
     return create_model("Catalogued", __base__=ConfigModel, **fields)
 
@@ -137,9 +137,9 @@ class CellConfig(Catalogued):
     """Config of one cell."""
 
     preset: Annotated[str, Source("set for each cell")] = ""
-    """Name of a file of `presets/` to lay over this one; empty is none."""
+    """Name of a file in `presets/`, whose keys replace those of this file; empty is none."""
     world: Annotated[str, Source("set for each cell")] = ""
-    """Name of a file of `worlds/`, another simulated world or scene, to lay over this one, below the preset; empty is none."""
+    """Name of a file in `worlds/`, another simulated world or scene. Its keys replace those of this file; a preset's replace both."""
     scan_rate: Annotated[float, Field(ge=10.0, le=1000.0), Quantity("Hz"), Source("chosen, not measured")]
     """Rate of the scan, Hz; a skill senses and decides once per scan."""
     retries: Annotated[int, Field(ge=0, le=10), Source("docs/tried/insertion.md")]
@@ -161,7 +161,7 @@ class CellConfig(Catalogued):
     corner: CornerParams | None = None
     """Handling of a peg with corners, instead of that of a round peg; required for such a peg."""
     paper: PaperParams | None = None
-    """The method as printed in [gibbons], instead of skills of the cell."""
+    """Choice of skills that run as printed in [gibbons] instead of the cell's own."""
     arm: Annotated[SimArmConfig | FrankaArmConfig, Field(discriminator="kind")]
     """The robot arm."""
     gripper: Annotated[SimGripperConfig | FrankaGripperConfig, Field(discriminator="kind")]
@@ -173,13 +173,13 @@ class CellConfig(Catalogued):
     switch: Annotated[SimSwitchConfig | SerialSwitchConfig | NoSwitchConfig, Field(discriminator="kind")]
     """The success switch under the hole."""
     plc: PlcConfig
-    """The lines to the PLC."""
+    """Connections to the PLC."""
     learning: LearningConfig = LearningConfig()
-    """Learning of a served cell from part to part."""
+    """Learning from part to part while `cell serve` runs."""
     journal: JournalConfig = JournalConfig()
     """Storage of the records of runs."""
     page: PageConfig = PageConfig()
-    """Names of the cell for browsers."""
+    """Host names of the page for browsers."""
     contact: ContactConfig | None = None
     """Contact of peg and plate in the simulated world."""
     grip: GripConfig | None = None
@@ -187,9 +187,9 @@ class CellConfig(Catalogued):
     sim: SimConfig | None = None
     """The simulated world."""
     reality: RealityConfig = RealityConfig()
-    """Differences of a simulated cell from the software's model."""
+    """Differences between the simulated cell and the model that the skills assume."""
     boards: BoardsConfig = BoardsConfig()
-    """Emulated boards behind the wires of skin and switch."""
+    """Emulated boards of skin and switch, which speak the real boards' protocols."""
     calibration: CalibrationConfig = CalibrationConfig()
     """Files of measured values."""
 
@@ -215,7 +215,9 @@ class CellConfig(Catalogued):
         if self.paper is not None:
             require_printable(self.paper, peg, hole)
         if self.switch.kind == "none" and hole.evidence == "switch":
-            raise ValueError('hole.evidence = "switch": there is none, as switch.kind = "none"; "force" allowed')
+            raise ValueError(
+                'hole.evidence = "switch": this cell has no switch (switch.kind = "none"); "force" allowed'
+            )
         return self
 
     @model_validator(mode="after")
@@ -241,7 +243,7 @@ class CellConfig(Catalogued):
         if simulated and missing:
             raise ValueError(f'[{missing[0]}]: missing; needed because {simulated[0]}.kind = "sim"')
         if self.arm.kind == "franka" and simulated:
-            raise ValueError(f'{simulated[0]}.kind = "sim": needs a simulated arm, and arm.kind = "franka" is none')
+            raise ValueError(f'{simulated[0]}.kind = "sim": needs a simulated arm; arm.kind = "franka" is a real one')
         return self
 
     @model_validator(mode="after")
@@ -263,12 +265,12 @@ class CellConfig(Catalogued):
         period = self.arm_model().control_period
         if abs(period / self.sim.timestep - round(period / self.sim.timestep)) > 1e-9:
             raise ValueError(
-                f"sim.timestep = {self.sim.timestep}: does not divide the arm's control period of {period} s; a part of it allowed"
+                f"sim.timestep = {self.sim.timestep}: does not divide the arm's control period of {period} s; a whole fraction of it allowed"
             )
         number = self.sim.plate.decoys.number
         if number[0] > number[1]:
             raise ValueError(
-                f"sim.plate.decoys.number = {list(number)}: least above largest; at most {number[1]} for the first allowed"
+                f"sim.plate.decoys.number = {list(number)}: the least is above the largest; at most {number[1]} for the first allowed"
             )
         if self.sim.plate.shallow >= self.hole.depth:
             raise ValueError(
@@ -286,7 +288,7 @@ class CellConfig(Catalogued):
         }
 
     def followed(self) -> dict[str, Gains]:
-        """Return all gains by key: those on the skin's measurement, and those of transfers through free space."""
+        """Return all gains by key: those that act on errors measured by the skin, and those of transfers through free space."""
         return {**self.steered(), **{f"{key}.gains": way.gains for key, way in self.ways().items()}}
 
     def arm_model(self) -> ArmModel:
@@ -300,7 +302,7 @@ class CellConfig(Catalogued):
         return f"simulated, seed {self.first_seed}"
 
     def place(self) -> Place:
-        """Return the place and the attitude of the arm with a steered peg at the hole."""
+        """Return the place and the attitude of the arm when the skin's measurement controls a peg at the hole."""
         search = self.plan().search
         return Place(
             arm=self.arm_model(),
@@ -314,12 +316,12 @@ class CellConfig(Catalogued):
 
     @property
     def first_seed(self) -> int:
-        """Seed of the first run's draws and choices; each further peg adds one. 0 for a physical cell."""
+        """Seed of the random draws in the first run; each further peg adds 1. It is 0 for a physical cell."""
         return self.sim.seed if self.is_simulated and self.sim is not None else 0
 
     @property
     def is_simulated(self) -> bool:
-        """True if the arm is simulated; a physical cell inherits the sections of the world from its base too."""
+        """True if the arm is simulated. The section [sim] does not show this: a physical cell inherits it from its base."""
         return self.arm.kind == "sim"
 
     @property
@@ -328,12 +330,12 @@ class CellConfig(Catalogued):
         return isinstance(self.arm, FrankaArmConfig) and self.arm.realtime == "enforce"
 
     def is_skin_emulated(self) -> bool:
-        """True if the skin is a driver with an emulated board behind its wire."""
+        """True if the skin is the real driver, connected to an emulated board."""
         skin = self.skin
         return EMULATED in (getattr(skin, "channel", None), getattr(skin, "port", None))
 
     def is_skin_simulated(self) -> bool:
-        """True if the skin is simulated, or a driver with an emulated board behind its wire."""
+        """True if the skin is simulated, or the real driver is connected to an emulated board."""
         return self.skin.kind == "sim" or self.is_skin_emulated()
 
     def params(self, skill: Skill[P]) -> P:
@@ -354,7 +356,7 @@ class CellConfig(Catalogued):
         return self.model_copy(update={skill.section: params.model_copy(update=changes)})
 
     def steered(self) -> dict[str, Gains]:
-        """Return all gains on the skin's measurement, by key."""
+        """Return all gains that act on errors measured by the skin, by key."""
         found = {
             f"{skill.section}.{name}": getattr(self.params(skill), name)
             for skill in CATALOGUE.skills
@@ -378,7 +380,7 @@ class CellConfig(Catalogued):
         return Pace(self.speed_scale, arm.tool_speed, arm.tool_turn_speed)
 
     def plan(self, attempt: int = 0) -> InsertionPlan:
-        """Return the figures in force for the cell's own part after so many failed tries at one place."""
+        """Return the figures in force for the cell's own part after `attempt` failed attempts at one place."""
         return plan_insertion(self.skill_set(), self.peg, self.hole, attempt=attempt)
 
     def job(self, slot: int = 0) -> Job:
@@ -390,5 +392,5 @@ class CellConfig(Catalogued):
 
 for _name in CellConfig.__annotations__.keys() & Catalogued.model_fields:
     raise ConfigError(
-        f"config: [{_name}]: named by a skill or an estimator, and a key of every cell; a free name allowed"
+        f"config: [{_name}]: the section of a skill or an estimator has the name of a key of every cell; an unused name allowed"
     )

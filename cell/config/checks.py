@@ -45,7 +45,7 @@ def require_apart(hole: Hole, rack: Rack) -> None:
 
 
 def require_clear_way(grasp: GraspFromRackParams, search: SpraySearchParams, rack: Rack, peg: Peg) -> None:
-    """Require that the peg leaves its slot completely, and reaches the plate within its timeout."""
+    """Require that the grasp lifts the peg out of its slot, and that the descent to the plate fits in `search.touch_down`."""
     if grasp.clearance <= rack.depth:
         raise ValueError(
             f"grasp.clearance = {grasp.clearance}: leaves the peg in its slot; more than rack.depth = {rack.depth} allowed"
@@ -53,8 +53,8 @@ def require_clear_way(grasp: GraspFromRackParams, search: SpraySearchParams, rac
     slowest = (search.first_height(peg.part.reach) + search.push_offset) / (search.touch_down - TOUCHED_TIME)
     if search.descent < slowest:
         raise ValueError(
-            f"search.descent = {search.descent}: not down within search.touch_down = {search.touch_down} s;"
-            f" at least {math.ceil(1e4 * slowest) / 1e4} allowed"
+            f"search.descent = {search.descent}: too slow to reach the plate within search.touch_down ="
+            f" {search.touch_down} s; at least {math.ceil(1e4 * slowest) / 1e4} allowed"
         )
 
 
@@ -110,14 +110,14 @@ def require_pressed(
     softened = borne.push_stiffness * borne.push_offset
     found = (
         (push, f"adjust.push_stiffness and adjust.push_offset push with {push:.3g} N"),
-        (softened, f"the pads bear a push of {softened:.3g} N at grasp.force = {grasp.force:g}"),
+        (softened, f"the pads transmit only {softened:.3g} N at grasp.force = {grasp.force:g}"),
         (limits.force, f"limits.force = {limits.force:g}"),
     )
     least, why = min(found, key=lambda one: one[0])
     most = (least - LEAST_PUSH) / LATCH_MARGIN
     if latch.force > most:
         raise ValueError(
-            f"hole.latch.force = {latch.force:g}: not pressed through, as {why}; at most {max(most, 0.0):.3g} allowed"
+            f"hole.latch.force = {latch.force:g}: too high to overcome: {why}; at most {max(most, 0.0):.3g} allowed"
         )
 
 
@@ -151,8 +151,8 @@ def require_turned_as_hole(search: SpraySearchParams, peg: Peg) -> None:
     # Tolerance for the rotation of a peg with corners relative to its hole, rad; it covers rounded figures.
     if min(turn, part.symmetry - turn) > 1e-3:
         raise ValueError(
-            f'search.tilt_azimuth = {azimuth:g}: turns the hand, and with it a peg of peg.shape = "{peg.shape}",'
-            f" against the hole; multiples of {part.symmetry:.4f} allowed"
+            f'search.tilt_azimuth = {azimuth:g}: a peg of peg.shape = "{peg.shape}" turns with the hand, and does not fit'
+            f" the hole then; multiples of {part.symmetry:.4f} allowed"
         )
 
 
@@ -171,7 +171,7 @@ def require_reach(place: Place, hole: Hole, limits: Limits) -> None:
 
 
 def require_stable(steered: Mapping[str, Gains], rate: float, place: Place) -> None:
-    """Require that every gain on the skin's measurement is stable with the margin of `cell.config.margins`.
+    """Require that every gain that acts on errors measured by the skin is stable, with the margin of `cell.config.margins`.
 
     Args:
         steered: Gains by the key of their section.
@@ -188,20 +188,22 @@ def require_stable(steered: Mapping[str, Gains], rate: float, place: Place) -> N
 
 
 def require_steady(followed: Mapping[str, Gains], place: Place) -> None:
-    """Require that every gain, and the hold of a halted arm, is stable with the arm's torque path, with the margin of `cell.config.margins`.
+    """Require that every gain, and the law of a halted arm, is stable despite the delay and low-pass of the arm's torques.
+
+    The margin is that of `cell.config.margins`.
 
     Args:
         followed: Gains by the key of their section.
         place: Place and attitude of the arm at the hole.
     """
     path = place.arm.torque_path
-    late = f"where they act {1e3 * path.transport:g} ms late behind {path.cutoff:g} Hz on {place.arm.name}; {MARGIN} times needed"
+    late = f"with {1e3 * path.transport:g} ms of delay and a low-pass of {path.cutoff:g} Hz on {place.arm.name}; stable up to {MARGIN} times needed"
     for name, gains in followed.items():
         if not is_steady(gains, place):
             raise ValueError(
-                f"{name}: swings from {largest(gains, place):.2f} times these torques {late}: lower damping_ratio or the stiffness"
+                f"{name}: oscillates from {largest(gains, place):.2f} times the torques {late}: lower damping_ratio or stiffness"
             )
     if not is_steady(None, place):
         raise ValueError(
-            f"arm: once halted, swings from {largest(None, place):.2f} times its torques {late}: torque_path of the arm's file"
+            f"arm: if halted, oscillates from {largest(None, place):.2f} times the torques {late}: correct torque_path in the arm's file"
         )

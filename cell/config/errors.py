@@ -63,9 +63,9 @@ def _beginner(section: Place, given: Layers) -> str:
 
 
 def _blamed(text: str, given: Layers) -> str:
-    """Return the origin of the key that caused a fault across sections, else the cell's file; the text names the keys.
+    """Return the origin of the conflicting key from the latest layer; the cell's file if no key in `text` has an origin.
 
-    If this key is not the first one in the text, return its name too.
+    If this key is not the first one in `text`, return its name too.
     """
     named = [place for word in _KEY.findall(text) if (place := tuple(word.split("."))) in given.origins]
     if not named:

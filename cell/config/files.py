@@ -12,7 +12,7 @@ SHIPPED = next(place for place in (_HERE / "shipped", _HERE.parent / "config") i
 DEFAULT = SHIPPED / "sim.toml"
 """The simulated cell, the default of every command."""
 ERRORS_FILE = "reality.toml"
-"""Name of the shipped file of errors of reality, which is not a cell's file."""
+"""Name of the shipped file with the errors of real cells. It is in the folder of the configs, but is not the file of a cell."""
 ARMS = SHIPPED / "arms"
 """Folder of the shipped files of arm figures."""
 NOT_INHERITED = (("limits", "force"), ("limits", "low"), ("limits", "high"), ("hole", "centre"), ("rack", "first"))
@@ -68,7 +68,7 @@ def arm_file(model: str) -> Path:
 
 
 def has_file(path: Path) -> bool:
-    """Return True if a file exists; a name that no file can have is no error."""
+    """Return True if a file exists, and False for an invalid name."""
     try:
         return path.is_file()
     except OSError:

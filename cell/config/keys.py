@@ -102,11 +102,11 @@ class Planned:
     reasons: tuple[str, ...]
     """Reason why the value in force differs from the config's; empty if they are equal."""
     is_capped: bool
-    """True if the arm's limits reduce it."""
+    """True if the arm's limits reduce the value."""
 
 
 def planned(loaded: LoadedConfig, recipe: int = 0, attempt: int = 0) -> list[Planned]:
-    """Return every figure in force after so many failed tries at one place, of an insertion of a recipe's part."""
+    """Return every figure in force for the part of a recipe after `attempt` failed attempts to insert it at one place."""
     plan = loaded.recipes[recipe].plan(attempt)
     origins = {".".join(place): origin for place, origin in loaded.origins.get(recipe, {}).items()}
     by_name = {key.name: key for key in keys()}

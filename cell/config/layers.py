@@ -14,7 +14,7 @@ Place = tuple[str, ...]
 Origins = Mapping[Place, str]
 """Origin of each value, a file, `--set` or `parameter`, by the path of its key."""
 SET, SIMULATE = "--set", "--simulate"
-"""Origins of the single keys and of the simulated devices of a command line."""
+"""Origins of the values that the options `--set` and `--simulate` state."""
 
 
 @dataclass(slots=True)
@@ -22,7 +22,7 @@ class Layers:
     """A config merged from layers."""
 
     file: str
-    """The cell's file, to name if no layer states a key."""
+    """The cell's file; it counts as the origin of a key that no layer states."""
     tree: dict[str, Any] = field(default_factory=dict)
     """The merged tables."""
     origins: dict[Place, str] = field(default_factory=dict)
@@ -31,10 +31,10 @@ class Layers:
     """Names of the layers, each laid over those before it."""
 
     def lay(self, above: Mapping[str, Any], name: str) -> None:
-        """Lay a layer over those below; a size kept from below takes the key of the new peg shape.
+        """Lay a layer over those below. If it changes the peg's shape but no size, rename the size below to the new shape's key.
 
         Raises:
-            ConfigError: A size cannot become one of the new shape.
+            ConfigError: The new shape cannot have the size below.
         """
         self.order.append(name)
         _lay_over(self.tree, above, name, self.origins)
@@ -46,7 +46,7 @@ class Layers:
             self.origins[section, new] = self.origins.pop((section, old), name)
 
     def origin(self, place: Place) -> str:
-        """Return the origin of a key, else of the innermost of its sections that has one, else the cell's file."""
+        """Return the origin of a key; if it has none, that of its innermost section with one; otherwise the cell's file."""
         above = (place[:n] for n in range(len(place), 0, -1))
         return next((self.origins[each] for each in above if each in self.origins), self.file)
 

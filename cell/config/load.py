@@ -17,10 +17,10 @@ from drivers.figures_file import read_toml
 
 @dataclass(frozen=True, slots=True)
 class LoadedConfig:
-    """A cell and its recipes, each a whole config."""
+    """A cell and its recipes; each of them is a complete config."""
 
     recipes: Mapping[int, CellConfig]
-    """Config of each recipe, by number; 0 is the cell's own part."""
+    """Complete config of the cell for each recipe, by number; recipe 0 is the part in the cell's file."""
     origins: Mapping[int, Origins] = field(default_factory=dict)
     """Origin of each value that is not a default, by recipe."""
 
@@ -42,7 +42,7 @@ def load(
     Args:
         path: TOML file of the cell; None for the shipped simulated cell.
         preset: Name of the preset that replaces the file's own.
-        sets: Single keys, `KEY=VALUE`; the value is TOML, or a bare word for a text.
+        sets: Single keys, `KEY=VALUE`; the value is TOML. A text can be written without quotes.
         simulate: Names of the devices that are simulated, whatever their kind in the file.
 
     Raises:
@@ -60,7 +60,7 @@ def load(
 
 
 def with_parameters(config: CellConfig, parameters: Iterable[tuple[str, Any]]) -> CellConfig:
-    """Return a config with single values replaced by a command; only keys of recipes can be replaced.
+    """Return a config with the parameters of a command in place of its own values; a command can replace keys of recipes only.
 
     Raises:
         ConfigError: A key is unknown, or a value is not permitted.
@@ -114,7 +114,7 @@ def _read_recipe(path: Path) -> dict[str, Any]:
 
 
 def _simulate(merged: dict[str, Any], name: str) -> None:
-    """Make a device simulated: keys that a simulated one has too stay; a calibration belongs to the real device."""
+    """Make a device simulated: keep the keys that the simulated device also has, and remove the real device's calibration."""
     stated = {key: value for key, value in table_of(merged, name).items() if key in SIMULATED[name].model_fields}
     merged[name] = {**stated, "kind": "sim"}
     table_of(merged, "calibration").pop(name, None)

@@ -18,7 +18,7 @@ from drivers.quantities import Vector
 from skills.motion import Gains
 
 MARGIN = 1.2
-"""Factor on a gain, with its damping ratio unchanged, with which the loop must be stable."""
+"""Least factor on a gain up to which the loop must be stable, ratio; the damping ratio is unchanged."""
 HELD: dict[str, Vector] = {
     "translation": np.diag([1.0, 1.0, 1.0, 0.0, 0.0, 0.0]),
     "rotation": np.diag([0.0, 0.0, 0.0, 1.0, 1.0, 1.0]),
@@ -28,7 +28,7 @@ HELD: dict[str, Vector] = {
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """Place and attitude of the arm with a steered peg: the peg's end is at the centre of the hole's area."""
+    """Place and attitude of the arm while the skin's measurement controls the peg, with its end at the centre of the hole's area."""
 
     arm: ArmModel
     tip: tuple[float, float, float]

@@ -68,13 +68,13 @@ def largest_factor(loop: Callable[[float], Loop], period: float, delay: float) -
         delay: Age of a frame at its first use, in periods.
 
     Returns:
-        First unstable factor, as `first_unstable` finds it.
+        Factor at the limit, from `first_unstable`.
     """
     return first_unstable(lambda factor: radius(one_period(*loop(factor), period, delay)) < 1.0)
 
 
 def first_unstable(is_stable: Callable[[float], bool], most: float = MOST) -> float:
-    """Return the first unstable factor above the smallest one examined; `most` if there is none, 0 if no factor is stable."""
+    """Return the factor at the limit of stability; `most` if there is no limit below it, 0 if 1e-3 is already unstable."""
     growth = 1.25  # Ratio of neighbouring factors in the search for the limit.
     high = 1e-3
     if not is_stable(high):

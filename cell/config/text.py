@@ -73,7 +73,10 @@ def file_schema() -> dict[str, Any]:
     """
     schema = CellConfig.model_json_schema()
     schema["properties"] = {
-        "base": {"type": "string", "description": "File that this one lies on top of, beside it or shipped."},
+        "base": {
+            "type": "string",
+            "description": "Base file, beside this file or shipped; keys of this file replace its keys.",
+        },
         **schema["properties"],
     }
     return {

@@ -7,8 +7,8 @@ eigenvalues are inside the unit circle. Joint friction, which stabilizes, is lef
 
 A holding arm has another law, -M (r² q + 2 r dq), in which M is its modelled inertia. Its modes are those of M relative
 to the true inertia, and each mode is one loop. With M at most c times the true inertia in every direction, the arm is
-stable if a single joint is stable with c times its torques. Its factors are those for the largest modelled and the least
-true inertia.
+stable if a single joint is stable with c times its torques. The factor c is computed for the largest modelled and the
+least true inertia.
 """
 
 from collections.abc import Iterable
@@ -31,13 +31,13 @@ MOST = 20.0
 
 @lru_cache(maxsize=64)
 def is_steady(gains: Gains | None, place: Place) -> bool:
-    """Return True if the loop is stable with `MARGIN` times its torques, peg tilted and upright; without gains, the arm holds."""
+    """Return True if the loop is stable with `MARGIN` times its torques, peg tilted and upright; if `gains` is None, a holding arm's loop."""
     return _holds(_cycles(gains, place), MARGIN)
 
 
 @lru_cache(maxsize=64)
 def largest(gains: Gains | None, place: Place) -> float:
-    """Return the factor on all torques at which the arm becomes unstable; `MOST` if there is none. Without gains, it holds."""
+    """Return the factor on all torques at which the loop becomes unstable, at most `MOST`; if `gains` is None, a holding arm's loop."""
     cycles = _cycles(gains, place)
     return first_unstable(lambda factor: _holds(cycles, factor), MOST)
 

@@ -111,7 +111,7 @@ def test_a_plate_without_decoys_has_one_geom():
 @pytest.mark.parametrize(
     ("sets", "said"),
     [
-        (("sim.plate.decoys.number=[3,1]",), "sim.plate.decoys.number = .3, 1.: least above largest"),
+        (("sim.plate.decoys.number=[3,1]",), "sim.plate.decoys.number = .3, 1.: the least is above the largest"),
         (("sim.plate.decoys.number=[5,5]", "hole.area=[0.01,0.01]"), "no room beside the hole in hole.area"),
     ],
 )

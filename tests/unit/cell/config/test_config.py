@@ -39,7 +39,7 @@ WRONG = [
         "grasp.clearance=0.03",
         ["--set", "grasp.clearance = 0.03", "leaves the peg in its slot", "rack.depth = 0.03"],
     ),
-    ("search.descent=0.001", ["--set", "search.descent = 0.001", "not down within", "at least 0.0207"]),
+    ("search.descent=0.001", ["--set", "search.descent = 0.001", "too slow to reach the plate", "at least 0.0207"]),
     ("preset=hasty", ["preset", "'hasty'", "presets/"]),
     ("preset=[1]", ["preset = [1]: no such file in presets/"]),
     ("peg.shape=oval", ["peg.shape", "'oval'", '"square"']),
@@ -73,10 +73,10 @@ WRONG = [
     ("peg.shape=square; hole.chamfer=0.0005", ["hole.chamfer = 0.0005: not for a part with corners"]),
     (f"{THIN}; peg.chamfer=0.001", ["peg.chamfer = 0.001: leaves too little of the end; less than 0.001"]),
     ("hole.depth=0.002; hole.chamfer=0.002", ["no bore is left; less than hole.depth = 0.002 allowed"]),
-    (LATCH % (5.9, 0.003), ["hole.latch.force = 5.9: not pressed through", "push with 11 N; at most 5.83 allowed"]),
+    (LATCH % (5.9, 0.003), ["hole.latch.force = 5.9: too high to overcome", "push with 11 N; at most 5.83 allowed"]),
     (
         f"{LATCH % (5.0, 0.003)}; grasp.force=15.0",
-        ["hole.latch.force = 5: not pressed through, as the pads bear", "at grasp.force = 15"],
+        ["hole.latch.force = 5: too high to overcome: the pads transmit only", "at grasp.force = 15"],
     ),
     (f"{LATCH % (5.0, 0.003)}; limits.force=9.0", ["limits.force = 9; at most 4.17 allowed"]),
     (f"{LATCH % (5.0, 0.01)}; hole.depth=0.008", ["hole.latch.height = 0.01"]),
@@ -88,7 +88,7 @@ WRONG = [
         for wrong in ("[0.0,0.001]", "[0.001,0.2]", "[0.001]")
     ),
     ("rack.first=[0.45, -0.1, 0.1]", ["rack.first = [0.45, -0.1, 0.1]: the rack overlaps the plate; slots outside x"]),
-    ("search.gains.damping_ratio=6", ["search.gains: swings from", "times these torques where they act 2 ms late"]),
+    ("search.gains.damping_ratio=6", ["search.gains: oscillates from", "times the torques with 2 ms of delay"]),
     ("world=moon", ["world = 'moon': no such file in worlds/; \"backlash\", "]),
 ]
 

@@ -79,7 +79,7 @@ def test_a_recipe_without_a_detent_cannot_ask_for_force():
 
 
 def test_a_cell_without_a_switch_works_holes_that_need_none():
-    with pytest.raises(ConfigError, match=r'there is none, as switch.kind = "none"; "force" allowed'):
+    with pytest.raises(ConfigError, match=r'this cell has no switch \(switch.kind = "none"\); "force" allowed'):
         load(sets=["switch={kind='none'}"])
     cell = assemble(load(sets=[*SETS, "switch={kind='none'}"]).cell)
     assert cell.switch.read() is SwitchState.OPEN
