@@ -1,4 +1,4 @@
-"""Options shared by several commands, with the config and the journal that they name; it imports nothing slow."""
+"""Options shared by several commands, and the config and journal that these options name; this module imports nothing slow."""
 
 import argparse
 from collections.abc import Iterable
@@ -21,7 +21,7 @@ DEVICES = ("arm", "gripper", "skin", "switch")
 
 
 class Parser(argparse.ArgumentParser):
-    """Parser of the command line that raises its errors, so that they are reported like other wrong use, with a suggestion."""
+    """Parser of the command line. It raises a `ConfigError`, so that wrong arguments are reported like any other wrong use."""
 
     def error(self, message: str) -> NoReturn:
         """Raise the error.
@@ -83,7 +83,7 @@ def devices(text: str) -> tuple[str, ...]:
     """Return the names of devices, separated by commas.
 
     Raises:
-        ConfigError: One is no device.
+        ConfigError: A name is not that of a device.
     """
     for name in (names := tuple(text.split(","))):
         require_known("device", name, DEVICES)
@@ -108,14 +108,14 @@ def calibration_folder(args: argparse.Namespace) -> Path:
 
 
 def proven_file(args: argparse.Namespace) -> Path:
-    """Return the file of what is proven of a physical cell."""
+    """Return the file with the proven facts of a physical cell."""
     from cell.calibrate.proven import FILE
 
     return calibration_folder(args) / FILE
 
 
 def load_proven(args: argparse.Namespace) -> "tuple[LoadedConfig, str]":
-    """Return the config in force, slow and gentle until all of the cell is proven, and what is not proven, in words.
+    """Return the config in force, and the facts that are not proven, in words. If there are any, speed and force are reduced.
 
     Raises:
         ConfigError: The config is wrong.
@@ -133,7 +133,7 @@ def add_journal(parser: argparse.ArgumentParser) -> None:
 def add_records(parser: argparse.ArgumentParser) -> None:
     """Add --journal, and --sql of a command that only reads records."""
     add_journal(parser)
-    parser.add_argument("--sql", action="store_true", help="print the SQL queries of the result instead of it")
+    parser.add_argument("--sql", action="store_true", help="print the SQL queries instead of their result")
 
 
 def load_config(args: argparse.Namespace, default_pace: str | None = None) -> "LoadedConfig":
@@ -151,7 +151,7 @@ def load_config(args: argparse.Namespace, default_pace: str | None = None) -> "L
 
 
 def open_journal(args: argparse.Namespace, config: "JournalConfig") -> "Journal":
-    """Return the journal for writing, not yet open: in --journal, the config's `folder`, or the user's data folder."""
+    """Return the unopened journal for writing: from --journal, else the config's `folder`, else the user's data folder."""
     from cell.records.journal import Journal, default_folder
 
     named = Path(config.folder).expanduser() if config.folder else default_folder()
@@ -159,7 +159,7 @@ def open_journal(args: argparse.Namespace, config: "JournalConfig") -> "Journal"
 
 
 def read_journal(args: argparse.Namespace) -> "Journal":
-    """Return the journal for reading, not yet open: in --journal, or the user's data folder. With --sql, print its queries."""
+    """Return the unopened journal for reading: from --journal, else the user's data folder. With --sql, print its queries."""
     from cell.records.journal import INDEX, Journal, default_folder
 
     folder, is_shown = args.journal or default_folder(), getattr(args, "sql", False)
@@ -180,7 +180,7 @@ def period_of(args: argparse.Namespace, names: tuple[str, str] = ("--since", "--
     """Return `since` and `until` as wall times, ISO 8601 UTC, empty for none; `names` are their options, for messages.
 
     Raises:
-        ConfigError: One is no time, or the period ends before it starts.
+        ConfigError: A text is not a time, or the period does not end after its start.
     """
     now = wall_clock.now()
     since, until = (
@@ -245,7 +245,7 @@ def folder_path(text: str) -> Path:
     """Return the folder that an option names; it may be missing.
 
     Raises:
-        ConfigError: A file is in its place.
+        ConfigError: The path, or a parent of it, is a file.
     """
     path = Path(text)
     for each in (path, *path.parents):
@@ -258,7 +258,7 @@ def file_path(text: str) -> Path:
     """Return the file that an option names; it may be missing.
 
     Raises:
-        ConfigError: A folder is in its place, or a file in that of its folder.
+        ConfigError: The path is a folder, or a parent of the path is a file.
     """
     path = Path(text)
     if path.is_dir():
@@ -310,8 +310,8 @@ def address(text: str) -> tuple[str, int]:
 
 
 def listening(text: str) -> tuple[str, int]:
-    """Return host and port to listen on of a text `HOST:PORT`; port 0 takes a free one."""
-    return _endpoint(text, range(65536), "as in 127.0.0.1:8080; port 0 takes a free one")
+    """Return the host and port of a text `HOST:PORT` to listen on; port 0 selects a free port."""
+    return _endpoint(text, range(65536), "as in 127.0.0.1:8080; port 0 selects a free port")
 
 
 def _endpoint(text: str, ports: range, example: str) -> tuple[str, int]:

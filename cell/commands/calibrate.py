@@ -41,7 +41,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Measure, slowly and gently until all is proven; write the file, and show the result."""
+    """Measure, with reduced speed and force until all facts are proven; write the file, and show the result."""
     today = date.today()
     if args.pegs is not None and args.device != "places":
         raise ConfigError("--pegs: only for places")
@@ -110,8 +110,8 @@ def _skin_table(found: SkinCalibration, path: Path) -> Table:
 def _arm_table(found: ArmCalibration, config: CellConfig, path: Path) -> Table:
     joints = config.arm_model().joints
     caption = (
-        "N·m, with half the width of the 95 % interval; published: friction of the arm's file, and the standard deviation that it holds"
-        " for likely of the offset"
+        "N·m, with half the width of the 95 % interval; published: the arm file's friction, and its standard deviation of"
+        " the offset"
     )
     table = Table(title=f"{found.arm}, {found.unit}; written: {path}", caption=caption)
     for name in (
@@ -154,7 +154,7 @@ def _verdict(found: ArmCalibration, joint: int, friction: float, offset: float) 
         )
     # Largest permitted offset, in standard deviations of the arm's own file.
     if abs(found.offset.value[joint]) > 2.0 * offset:
-        told.append("offset: see the payload that the arm's controller knows")
+        told.append("offset: check the payload that is set in the arm's controller")
     return "; ".join(told) or "as expected"
 
 
@@ -176,11 +176,11 @@ def _places_table(found: MeasuredPlaces, config: CellConfig, path: Path) -> Grou
             for n, longer in enumerate(found.pegs, 1)
         ),
     )
-    title, caption = f"{found.unit}; written: {path}", "mm, beside what the config says, as this arm sees it"
+    title, caption = f"{found.unit}; written: {path}", "mm, values measured by this arm minus those of the config"
     table = filled(("place", "off by", "95 %"), rows, title=title, caption=caption)
     told = (
         f"for the cell's file:\n\n{found.sections}"
         if found.sections
-        else "all is where the file says, as far as these pegs can tell"
+        else "every place agrees with the file within its interval"
     )
     return Group(table, told)

@@ -48,7 +48,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--prove",
         action="store_true",
-        help="with a person at the arm: prove wrench, hand, load and switch, and keep it",
+        help="with a person at the arm: prove wrench, hand, load and switch, and store the proof",
     )
     parser.add_argument("--loop", action="store_true", help="measure the arm's 1 kHz loop while the arm holds still")
     parser.add_argument(
@@ -118,7 +118,7 @@ def _computer(loaded: LoadedConfig) -> list[tuple[str, str]]:
         return []
     found = computer() if config.is_realtime else []
     for name, path in (("skin", files.skin), ("arm", files.arm)):
-        text = f"{OK}, but there is none: `cell calibrate {name}`"
+        text = f"{OK}, but nothing is calibrated: `cell calibrate {name}`"
         if path is not None:
             text = f"{OK}, of {read_toml(path)['date']}"  # its age was checked before
         found.append((f"calibration.{name}", text))

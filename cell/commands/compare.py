@@ -29,7 +29,7 @@ def run(args: argparse.Namespace) -> int:
     elif args.first is None and args.since and args.earlier:
         heads, found = _periods(args)
     else:
-        raise ConfigError("compare: RUN RUN, or --since WHEN --with WHEN, as in --since 7d --with 14d, allowed")
+        raise ConfigError("compare: two runs (RUN RUN) or two periods (--since 7d --with 14d) needed")
     data = {
         title: [dict(zip(("what", "first", "second"), row, strict=True)) for row in lines] for title, lines in found
     }

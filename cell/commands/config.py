@@ -93,7 +93,7 @@ def _card(told: dict[str, Any]) -> RenderableType:
         ("meaning", told["meaning"]),
         ("unit", told["unit"] or "none"),
         ("allowed", told["allowed"]),
-        ("default", "none: it has to be given" if told["default"] is None else told["default"]),
+        ("default", "none: the key is required" if told["default"] is None else told["default"]),
         ("in force", f"{told['in_force']}, from {_short(told['from'])}" if is_used else "not in this cell"),
         ("source", "; ".join(told["source"]) or "chosen"),
         ("read by", told["read_by"]),

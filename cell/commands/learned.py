@@ -1,4 +1,4 @@
-"""`cell learned`: show or delete the learnt places of the fixtures."""
+"""`cell learned`: show or delete the place of the hole that the cell has learnt for each recipe."""
 
 import argparse
 from pathlib import Path
@@ -48,7 +48,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _rows(recipe: int | None, loaded: LoadedConfig, folder: Path) -> list[dict[str, object]]:
-    """Return the learnt place of one recipe or of each, as words and figures in SI units."""
+    """Return the learnt place of one recipe, or of every recipe if it is None, in SI units."""
     rows: list[dict[str, object]] = []
     for number, place in sorted(read_learned(folder).places.items(), key=lambda item: int(item[0])):
         if recipe is not None and int(number) != recipe:

@@ -46,8 +46,8 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _picture(registers: Sequence[Register]) -> "Group":
-    """Return the table for terminals, at most 80 columns wide, below its general rules."""
-    from rich import box  # imported late: a file of the table needs none of it
+    """Return the table for terminals, at most 80 columns wide, with the rules for all registers above it."""
+    from rich import box  # imported late: the other formats do not need it
     from rich.console import Group
     from rich.table import Table
 
@@ -68,9 +68,9 @@ def _picture(registers: Sequence[Register]) -> "Group":
 
 
 def _text(form: str, registers: Sequence[Register]) -> str:
-    """Return the table in a format, or the declarations for a PLC program in a language."""
+    """Return the table or the declarations of a PLC program, in one of the formats of `WRITERS`."""
     write = resolve_name(f"plc_bridge.exports.{WRITERS[form]}")
-    # A PLC program takes the names of its constants.
+    # Declarations for PLC programs also need the names of the constants.
     if form not in ("st", "xml", "scl", "h"):
         return str(write(registers))
     from plc_bridge.exports.plc_names import plc_names

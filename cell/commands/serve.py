@@ -36,7 +36,7 @@ def run(args: argparse.Namespace) -> int:
     """
     try:
         _serve(args)
-    except KeyboardInterrupt:  # without `stop`, the signal came before the cell was served
+    except KeyboardInterrupt:  # if `stop` is not set, the first signal came before the cell was served
         if args.stop.is_set():
             raise
     return GOOD
@@ -63,7 +63,7 @@ def _serve(args: argparse.Namespace) -> None:
     ):
         supervisor = Supervisor(cell, loaded, bridge, journal, args.stop, live)
         supervisor.scan()  # the first scan compiles; no client may connect before the cell can answer
-        gc.freeze()  # a search for cycles among all that was loaded would hold up a scan
+        gc.freeze()  # a garbage collection of all loaded objects would delay a scan
         args.stop.is_set()  # read once: from here on a signal sets the flag, and never interrupts a scan
         servers.callback(bridge.close)
         bridge.start()

@@ -44,7 +44,7 @@ def run(args: argparse.Namespace) -> int:
         },
     )
     samples = _samples(recorded, row)
-    # The samples of an ended run do not change, and the library of the plots takes most of the time.
+    # An existing picture stays: the samples of an ended run do not change, and the import of the plots is slow.
     if not picture.exists() or picture.stat().st_mtime < recorded.stat().st_mtime:
         from cell.film.plots import plot_run
 
@@ -56,12 +56,12 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _faults(events: Sequence[EventRow]) -> dict[str, float]:
-    """Return the time of each fault of a run, s, by its code."""
+    """Return the time of each fault of a run, s, by the code of the fault."""
     return {str(event.code): event.stamp for event in events if event.kind == EventKind.FAULT}
 
 
 def _samples(recorded: Path, row: RunRow) -> dict[str, Vector]:
-    """Return the samples of a run; complain if some are missing, and refuse to go on without any."""
+    """Return the samples of a run, and warn if some are missing; raise an error if there are none at all."""
     samples = read_samples(recorded)
     if not samples["stamp"].size:
         raise JournalError(f"{recorded}: torn: no whole block of samples can be read")

@@ -17,14 +17,14 @@ from cell.commands.terminal import GOOD, console, show
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the duration, and the files to record, replay and draw."""
     add_config(parser)
-    parser.add_argument("--seconds", type=float, metavar="S", help="duration, s; default until stopped, in a pipe 1")
+    parser.add_argument("--seconds", type=float, metavar="S", help="duration, s; default no limit, 1 s in a pipe")
     parser.add_argument("--out", type=file_path, metavar="PNG", help="picture of the last frame")
-    parser.add_argument("--record", type=file_path, metavar="FILE", help="write the traffic of the wire")
-    parser.add_argument("--replay", type=Path, metavar="FILE", help="recorded traffic, or a text recording")
+    parser.add_argument("--record", type=file_path, metavar="FILE", help="file that records the bytes from the board")
+    parser.add_argument("--replay", type=Path, metavar="FILE", help="file of --record, or text recording of CySkin")
 
 
 def run(args: argparse.Namespace) -> int:
-    """Show every frame in place on a terminal, or only the last one in a pipe."""
+    """Show the newest frame until the end on a terminal, or only the last one in a pipe."""
     args.set += [] if args.record is None else [f"skin.record={args.record.as_posix()}"]
     config = load_config(args).cell
     is_live = sys.stdout.isatty() and not args.json

@@ -80,7 +80,7 @@ def play(config: CellConfig, path: Path, seconds: float, show: Show, stop: Event
                 shown = _show_new(felt, shown, show)
             except CellError as error:
                 reason = str(error)
-                if felt.figures is None:  # a text has ended; a wire can recover
+                if felt.figures is None:  # a text recording has ended; recorded traffic can recover
                     break
             before = felt.clock.now()
             felt.clock.wait_until(before + period)
@@ -132,7 +132,7 @@ def fingers(seen: SeenFrame, layout: Layout) -> Group:
     scale = Text.assemble(
         "0 ", *((" ", f"on {_ink(BRIGHT * n / 30)}") for n in range(31)), f" {BRIGHT / 1e3:g} k counts; "
     )
-    return Group(table, scale.append(f"noise below {NOISE / 1e3:g}; x3: 3 is bad"), Text(line))
+    return Group(table, scale.append(f"noise below {NOISE / 1e3:g}; x3: taxel 3 is not trusted"), Text(line))
 
 
 class _PlayClock:

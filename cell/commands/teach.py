@@ -23,7 +23,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--length",
         type=float,
         metavar="M",
-        help="distance from the finger centre to the end that shows the places, m; default that of the cell's peg",
+        help="distance from the finger centre to the end that touches the places, m; default that of the cell's peg",
     )
     add_calibration_folder(parser)
 
@@ -43,7 +43,9 @@ def run(args: argparse.Namespace) -> int:
         return True
 
     with opened(assemble(config), "arm", "gripper") as cell, keys() as pressed:
-        tell("Stay at the stop and guide the hand. Keys: " + ", ".join(f"{k}: {v}" for k, v in taught.MEANINGS.items()))
+        tell(
+            "Keep the stop in reach; guide the arm. Keys: " + ", ".join(f"{k}: {v}" for k, v in taught.MEANINGS.items())
+        )
         moved_by_keys(cell, pressed, act, is_guided=True)
     found = taught.lines(shown, config.hole, config.rack)
     if not is_wanted or not found:
@@ -54,5 +56,5 @@ def run(args: argparse.Namespace) -> int:
     path = (args.out or calibration_folder(args)) / f"taught_{today.isoformat()}.toml"
     text = taught.sections(found)
     taught.write(path, text, today, config.arm_unit())
-    told = f"written: {path}\nfor the cell's file, then `cell calibrate places`:\n\n{text}"
+    told = f"written: {path}\nfor the cell's file; run `cell calibrate places` afterwards:\n\n{text}"
     return show(args, told, {"file": str(path), "write": text})

@@ -19,11 +19,11 @@ GOOD, NOT_GOOD, WRONG_USE, FAULT = 0, 1, 2, 3
 PATIENCE = 1.0
 """Longest wait for the reader of standard error, s."""
 PIPE_WIDTH = 200
-"""Width of tables in a pipe, characters; at a terminal's width they would lose content."""
+"""Width of tables in a pipe, characters; the default width of 80 would cut cells."""
 
 
 def show(args: argparse.Namespace, picture: "RenderableType", data: object, status: int = GOOD) -> int:
-    """Print a result at once: `picture` for people, each part of a group in turn, or with --json `data` for programs.
+    """Print a result at once: with --json `data`, else `picture`, each part of a group in turn.
 
     With --sql, the queries are already printed. Return the exit status of the command.
     """
@@ -36,7 +36,7 @@ def show(args: argparse.Namespace, picture: "RenderableType", data: object, stat
 
         terminal = console(None if sys.stdout.isatty() else PIPE_WIDTH)
         for part in picture.renderables if isinstance(picture, Group) else (picture,):
-            # Text stays in its lines, so that a line for a file can be copied whole.
+            # Plain text is not wrapped, so that a line for a config file can be copied whole.
             terminal.print(_folded(part), soft_wrap=isinstance(part, str))
             sys.stdout.flush()
     sys.stdout.flush()  # the next part may take time
@@ -54,7 +54,7 @@ def filled(head: Sequence[str], rows: Iterable[Sequence[str | None]], **options:
 
 
 def _folded(part: "RenderableType") -> "RenderableType":
-    """Return a part of a picture; a table then folds long cells on a narrow terminal instead of cutting them."""
+    """Return a part of a picture, a table with long cells folded, not cut, on a narrow terminal."""
     from rich.table import Table
 
     for column in part.columns if isinstance(part, Table) else ():
@@ -100,7 +100,7 @@ def written(args: argparse.Namespace, files: Iterable[Path]) -> None:
 
 
 def console(width: int | None = None, is_error: bool = False) -> "Console":
-    """Return the terminal's console without markup, because serial numbers and names come from outside."""
+    """Return the terminal's console without markup: serial numbers and names from outside may look like markup."""
     from rich.console import Console
 
     return Console(width=width, stderr=is_error, markup=False, emoji=False)
@@ -108,14 +108,14 @@ def console(width: int | None = None, is_error: bool = False) -> "Console":
 
 @contextmanager
 def counting(name: str) -> Iterator[Callable[[int, int], None]]:
-    """Yield a function that shows, on a bar, how many steps are done and of how many."""
+    """Show a progress bar; yield a function that sets the number of steps done and of all steps."""
     with progress() as bars:
         bar = bars.add_task(name, total=None)
         yield lambda done, of: bars.update(bar, completed=done, total=of)
 
 
 def progress() -> "Progress":
-    """Return bars on a terminal, nothing in a pipe."""
+    """Return progress bars on standard error; they are disabled if it is not a terminal."""
     from rich.progress import (
         BarColumn,
         MofNCompleteColumn,

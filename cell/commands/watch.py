@@ -15,7 +15,7 @@ from plc_bridge.protocol.messages import Diagnostics, Report
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the address of the cell, and the duration."""
+    """Add the address of the cell, and --once."""
     parser.add_argument("--connect", type=address, required=True, metavar="HOST:PORT")
     parser.add_argument("--once", action="store_true", help="show the present state once and end")
 
@@ -34,7 +34,7 @@ def run(args: argparse.Namespace) -> int:
                 told = {
                     **data,
                     "diagnostics": asdict(replace(counts, requests=0)),
-                }  # each poll is a request and would count itself
+                }  # every poll increases this counter, so that the text would always differ
                 if told != last:
                     say(json.dumps(data) if args.json else line)
                 last.update(told)

@@ -67,7 +67,7 @@ def _next(image: Report) -> str:
 
 
 def peg(part: PartState, is_simulated: bool) -> str:
-    """Return the place of the peg, its evidence and the next step; the peg of a simulated cell may be gone with its world."""
+    """Return the place of the peg, its evidence and the next step; a peg in a simulated cell is lost when the process ends."""
     if is_simulated and part.place in LOST_WITH_WORLD:
         return f"{described(part)}: the simulated world ends with this command: {TYPED[Action.CLEARED]} before the next"
     return told(part, TYPED)

@@ -49,7 +49,7 @@ WRONG = [
     ("report --since 1d --until 2d", "--until 2d: not after --since 1d"),
     ("runs --since 2025-01-02 --until 2025-01-02", "not after --since 2025-01-02"),
     ("compare --since 7d --with 1d", "--since 7d: not after --with 1d"),
-    ("compare 1 2 --since 7d", "compare: RUN RUN, or --since WHEN --with WHEN"),
+    ("compare 1 2 --since 7d", "compare: two runs (RUN RUN) or two periods"),
     ("alarms --journal . --fault 9999", "--fault 9999: no such name"),
     ("report --shifts 25:00", "'25:00': times of a day"),
     (f"{SKIN} --replay no_such_file", "cannot be read"),

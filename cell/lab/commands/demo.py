@@ -57,6 +57,6 @@ def run(args: argparse.Namespace) -> int:
     if not args.json:
         for row in result.rows:
             say(f"run {row.run}: {row.outcome} {row.stage} {row.reason}".rstrip())
-        say("pictures:", *pictures if is_whole else ["none of a demo that was stopped"])
+        say("pictures:", *pictures if is_whole else ["none, because the demo was stopped"])
         say("next: cell serve --page, then open the page whose address it prints")
     return GOOD if is_whole and all(r["result"] == Outcome.SUCCESS for r in results) else NOT_GOOD

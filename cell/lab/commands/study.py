@@ -13,7 +13,9 @@ STUDIES = {
         "cell.lab.frontier.study",
         "speed against accuracy: each method as a curve over its speed, to the point where it fails",
         {
-            **seeded("most trials of a point, a test ends them where the answer is clear; default 40, with --quick 1"),
+            **seeded(
+                "largest number of trials per point, a test ends them early if the answer is clear; default 40, with --quick 1"
+            ),
             **METHOD,
             **several("--scene", "a scene"),
             "--scheduler": SCHEDULER,
@@ -30,7 +32,7 @@ STUDIES = {
                 "type": float,
                 "default": 0.0,
                 "metavar": "HOURS",
-                "help": "instead of breaking things: mixed commands for so many simulated hours, and whether memory, handles and threads grow",
+                "help": "no faults, but mixed commands for this many simulated hours; measures the growth of memory, handles and threads",
             },
         },
     ),
@@ -51,7 +53,7 @@ STUDIES = {
                 "metavar": "N",
                 "help": "only the rules of the angle, on N frames of each kind",
             },
-            **seeded("of each scene with all rules; default 40, with --quick 1"),
+            **seeded("trials of each scene with all rules; default 40, with --quick 1"),
         },
         has_cell=False,
     ),
@@ -84,7 +86,7 @@ STUDIES = {
     ),
     "learning": Plan(
         "cell.lab.learning",
-        "time by number of the part on a cell that learns where the hole is, beside one that does not and one told wrongly",
+        "time by number of the part on a cell that learns where the hole is, beside one that does not and one with a wrong learnt place",
         {
             **seeded("series in each mode; default 10, with --quick 1"),
             "--parts": {"type": positive, "metavar": "N", "help": "parts of one fixture; default 20, with --quick 3"},

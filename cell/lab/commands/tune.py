@@ -67,12 +67,12 @@ def run(args: argparse.Namespace) -> int:
     lines = [
         f"Wished: {args.want}. Found by `cell tune` on {datetime.now(UTC):%Y-%m-%d}, code {versions()['code']},",
         f"among {len(tried)} settings. A section is between the preset `careful`, 0, and the cell's own figures, 1: {figures}.",
-        f"Judged on {len(rows)} simulated insertions, seeds {fresh[0]} to {fresh[-1]}, that it was not chosen by:",
+        f"Judged on {len(rows)} simulated insertions, seeds {fresh[0]} to {fresh[-1]}, which were not used to choose it:",
         *(f"{each['wish']}: {each['found']}{'' if each['holds'] else ' - NOT fulfilled'}" for each in evidence),
     ]
     recipe.write_text("".join(f"# {line}\n" for line in lines) + measure.toml(best.sets), encoding="utf-8")
     shown = table(
-        "The best setting, judged on seeds that it was not chosen by",
+        "The best setting, judged on seeds that were not used to choose it",
         {"wish": lambda each: each["wish"]},
         {"reached": lambda each: each["found"], "holds": lambda each: "yes" if each["holds"] else "no"},
         evidence,
