@@ -17,18 +17,18 @@ INK: Colour = (32, 38, 46)
 FAINT: Colour = (120, 130, 140)
 RULE: Colour = (222, 227, 232)
 COLOURS = ("#bbbbbb", "#4477aa", "#66ccee", "#228833", "#ccbb44", "#ee6677", "#aa3377")
-"""Colours of stage 0 (none) and stages 1 to 6, which colour-blind readers can distinguish."""
+"""Colours of stage 0 (none) and of stages 1 to 6; colour-blind readers can distinguish them."""
 _FACE = cv2.FontFace("sans")
 
 
 def colour(code: str) -> Colour:
-    """Return the colour of a text #rrggbb."""
+    """Return the colour of a code `#rrggbb`."""
     red, green, blue = (int(code[place : place + 2], 16) for place in (1, 3, 5))
     return red, green, blue
 
 
 def blank(width: int, height: int, paper: Colour = PAPER) -> Image:
-    """Return an empty panel, a copy, because NumPy takes ten times as long to fill one."""
+    """Return an empty panel. It is the copy of a cached one, because NumPy takes ten times as long to fill a new one."""
     return _blank(width, height, paper).copy()
 
 

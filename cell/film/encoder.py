@@ -31,7 +31,7 @@ FORMATS = {
     ),  # H.264: every browser and tablet plays it
     ".webp": FilmFormat(
         "libwebp_anim", 10, (800, 450), {"quality": "80", "compression_level": "6"}, {"loop": "0"}
-    ),  # endless
+    ),  # repeated without end
 }
 """Format by the file's suffix."""
 
@@ -42,7 +42,7 @@ def encode(path: Path, film_format: FilmFormat, pictures: Iterable[Image]) -> in
     Args:
         path: The file.
         film_format: Its format.
-        pictures: Pictures of any size in order; if the film ends early, they stop.
+        pictures: Pictures of any size in order; the film ends with the last one.
     """
     number = 0
     try:
@@ -55,7 +55,7 @@ def encode(path: Path, film_format: FilmFormat, pictures: Iterable[Image]) -> in
                 film.mux(stream.encode(av.VideoFrame.from_ndarray(picture)))
 
             added = other.submit(lambda: None)
-            for picture in pictures:  # one is added while the next one is drawn
+            for picture in pictures:  # the other thread encodes a picture while this one draws the next
                 added.result()
                 added = other.submit(add, picture)
                 number += 1

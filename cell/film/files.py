@@ -20,14 +20,14 @@ PICTURE = ".png"
 def write_film(
     run: RecordedRun, path: Path, at: float | None, done: Callable[[int, int], None], is_ended: Callable[[], bool]
 ) -> tuple[int, int]:
-    """Write a run in the format of the file's suffix; return the number of pictures in the file, and of all.
+    """Write a run in the format of the file's suffix; return the numbers of pictures written and of pictures in the whole run.
 
     Args:
         run: The run.
         path: `*.mp4` or `*.webp` for a film in real time, `*.png` for one picture.
         at: Time of the one picture since the first scan, s; None for the last scan.
-        done: Function called after each drawn picture, with the number of pictures done and of all.
-        is_ended: Function that returns True to end the film early: the pictures so far are written; without any, no file.
+        done: Function called after each drawn picture, with the number drawn so far and the number to draw.
+        is_ended: Function that returns True to end the film early; the file then has the pictures so far, if there are any.
 
     Raises:
         ConfigError: The suffix is unknown, the time is outside the run, the file cannot be written, or OpenGL is missing.
@@ -37,7 +37,7 @@ def write_film(
         raise ConfigError(f"--out {path}: *{', *'.join((*FORMATS, PICTURE))} allowed")
     film_format = FORMATS.get(kind)
     if at is not None and film_format is not None:
-        raise ConfigError(f"--at {at:g}: a film shows all of a run; allowed with *.png")
+        raise ConfigError(f"--at {at:g}: a film shows the whole run; --at allowed with *.png")
     if at is not None and not 0.0 <= at <= duration:
         raise ConfigError(f"--at {at:g}: run {run.row.run} has 0 to {duration:.2f} s")
     times = instants(duration, film_format.rate) if film_format is not None else [duration if at is None else at]
@@ -65,6 +65,6 @@ def _write_png(path: Path, pictures: Iterator[Image]) -> int:
 
 
 def instants(duration: float, rate: float) -> list[float]:
-    """Return the times of a film's pictures, s, the last scan's included."""
+    """Return the times of a film's pictures, s, including that of the last scan."""
     times = np.arange(0.0, duration, 1.0 / rate).tolist()
     return [*times, duration]

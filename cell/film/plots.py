@@ -91,7 +91,7 @@ def draw_fingers(frame: TaxelFrame, layout: Layout, path: Path) -> None:
         axes.margins(0.15)
         if number == 0:
             axes.set_ylabel("x along the finger (mm)")
-    axes.invert_yaxis()  # of both, which share it
+    axes.invert_yaxis()  # for both fingers: they share this axis
     noise = f"counts above the baseline, noise below {NOISE:g}; cross: not trusted"
     figure.colorbar(shown, ax=figure.axes, label=noise)
     try:

@@ -18,7 +18,7 @@ from sim.visual.scene import Moment
 from skills.catalogue import CATALOGUE
 
 TRAIL_STEP, TRAIL_HEIGHT = 5, 0.006
-"""Number of scans between two points of the tip's line, and the largest height of a point above the hole, m."""
+"""Number of scans between two points of the tip's drawn path, and the largest drawn height above the hole, m."""
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ class RecordedRun:
         return bool(np.isfinite(self.samples["true_peg_x"]).any())
 
     def hole(self) -> Pose | None:
-        """Return the pose of the hole: the simulated one, else the peg's tip when the switch closed; None if it never closed."""
+        """Return the pose of the hole: the true one if simulated, else the tip's when the switch first closed; None if it never did."""
         if self.is_simulated:
             return self._true("hole", 0)
         closed = np.flatnonzero(self.samples["switch"] == 1.0)
@@ -78,13 +78,13 @@ class RecordedRun:
         )
 
     def trail(self, scan: int) -> Vector:
-        """Return the path of the tip close to the plate up to one scan, shape (n, 3), m; NaN for points above the limit."""
+        """Return the path of the tip until a scan, shape (n, 3), m; NaN for points above `TRAIL_HEIGHT` or outside the counted stages."""
         line = np.column_stack([self.samples[f"tip_{axis}"][: scan + 1 : TRAIL_STEP] for axis in "xyz"])
         hole = self.hole()
         surface = self.facts.job.hole.centre[2] if hole is None else float(hole.position[2])
         works = [stage in CATALOGUE.counted for stage in self.stages[: scan + 1 : TRAIL_STEP]]
         line[(line[:, 2] > surface + TRAIL_HEIGHT) | ~np.array(works)] = np.nan
-        # Height of the drawn line above the plate, m; the plate would hide it otherwise.
+        # The line is drawn 0.6 mm above the plate, which would hide it otherwise.
         line[:, 2] = np.maximum(line[:, 2], surface) + 0.0006
         return line
 
@@ -122,5 +122,5 @@ def recorded(journal: Journal, number: int) -> RecordedRun:
     path = journal.samples_path(number)
     run = RecordedRun(row, read_facts(path), read_samples(path))
     if not run.samples["stamp"].size:
-        raise JournalError(f"{path}: no samples on record; a run that moved something has some")
+        raise JournalError(f"{path}: no samples on record; choose a run in which the arm moved")
     return run

@@ -110,7 +110,7 @@ def test_a_film_for_a_page_goes_round_for_ever_in_real_time(short, tmp_path):
     [
         (["--out", "run.avi"], "run.avi: *.mp4, *.webp, *.png allowed"),
         (["--out", "run.png", "--at", "7"], "--at 7: run 1 has 0 to 0.29 s"),
-        (["--out", "run.mp4", "--at", "0.2"], "--at 0.2: a film shows all of a run"),
+        (["--out", "run.mp4", "--at", "0.2"], "--at 0.2: a film shows the whole run"),
     ],
 )
 def test_wrong_use_is_told_in_one_line(short, capsys, tmp_path, monkeypatch, wrong, told):
