@@ -83,8 +83,8 @@ def calibrate_arm(
             done(JOINTS + 1, JOINTS + 1)
         except Interrupted as interruption:
             raise NotCalibratedError(
-                f"calibrate arm: {interruption.reason.name} with nothing there to touch: limits.force = "
-                f"{config.limits.force:g} N; see what the arm touches, and whether the payload is right"
+                f"calibrate arm: {interruption.reason.name} although the arm should touch nothing: limits.force = "
+                f"{config.limits.force:g} N; check what the arm touches, and its payload"
             ) from None
         finally:
             with suppress(CellError):
@@ -180,8 +180,8 @@ class JointMotion:
         rate = float(np.mean([seen.arm.dq[joint] for seen in scans]))
         if not sense * rate >= AWAKE * speed:
             raise NotCalibratedError(
-                f"calibrate arm: joint {joint + 1} went at {sense * rate:.3f} rad/s where {speed:g} was asked for; {AWAKE * speed:g}"
-                " needed: it is held by something, or rubs too much for the gains of grasp.transfer"
+                f"calibrate arm: joint {joint + 1} moved at {sense * rate:.3f} rad/s instead of {speed:g}; at least {AWAKE * speed:g}"
+                " needed: something holds it, or its friction is too high for the gains of grasp.transfer"
             )
         drift = float(np.polyfit([seen.elapsed for seen in scans], [seen.arm.dq[joint] for seen in scans], 1)[0])
         return Pass(sense * speed, rate, float(np.mean([_unexplained(seen)[joint] for seen in scans])), drift)
@@ -279,7 +279,7 @@ def _even(time: float, duration: float) -> tuple[float, float]:
 def _unexplained(seen: Observation) -> Vector:
     torque = seen.arm.unexplained
     if torque is None:
-        raise NotCalibratedError("calibrate arm: this arm does not tell what torque its joints take")
+        raise NotCalibratedError("calibrate arm: this arm does not report the torques of its joints")
     return torque
 
 

@@ -35,7 +35,7 @@ MOST_FORCE = 30.0
 STIFFNESS, TURN_STIFFNESS = 1000.0, 25.0
 """Stiffness between setpoint and hand, N/m and N·m/rad."""
 YIELD, TURN_YIELD = 6.0, 1.0
-"""Force, N, and torque, N·m, above which the setpoint follows; they must exceed friction and gravity remainder, or the arm sinks."""
+"""Force, N, and torque, N·m, above which the setpoint follows; they must exceed friction and gravity residual, or the arm sinks."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -44,7 +44,7 @@ class Held:
 
     pose: Pose
     velocity: Vector
-    """Velocity of its origin, shape (3,), m/s."""
+    """Velocity of the pose's origin, shape (3,), m/s."""
 
     def setpoint(self, number: int, stamp: float, until: float) -> ImpedanceSetpoint:
         """Return the setpoint of a motion, valid until the time `until`, s."""
@@ -117,7 +117,7 @@ def moved_by_keys(cell: Cell, keys: Keys, act: Callable[[str, ArmState], bool], 
     arm, period = GatedArm(cell.arm, bounds_of(config.arm_model()), limits), 1.0 / config.scan_rate
     held, number, until, direction, before = None, 0, -math.inf, np.zeros(3), None
     try:
-        while True:  # one scan a turn, whole: what moves the arm is read in one place
+        while True:  # one scan per turn; long, so that all that moves the arm is in one place
             state = arm.read()
             now = clock.now()
             _require_slow(state, before)

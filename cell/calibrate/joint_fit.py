@@ -1,4 +1,4 @@
-"""Friction and gravity remainder of a joint, from the torques of passes in both directions; pure."""
+"""Friction and gravity residual of a joint, from its torques at constant speed in both directions; pure."""
 
 import math
 from collections.abc import Sequence
@@ -11,7 +11,7 @@ from drivers.arm.learning import DRY_RATE, SMOOTH_RATE
 from drivers.quantities import Vector
 
 ROTOR = 0.3
-"""Rotor inertia beyond the model, kg·m², and its uncertainty; published values are 0 to 0.61, see `config/arms/fr3.toml`."""
+"""Assumed rotor inertia that the arm's model lacks, and also its uncertainty, kg·m²; published values are 0 to 0.61, see `config/arms/fr3.toml`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,7 +30,7 @@ class Pass:
 
 @dataclass(frozen=True, slots=True)
 class JointFit:
-    """Figures of one joint, each with half the width of its 95 % interval; N·m."""
+    """Dry friction, friction that grows with speed, and offset of one joint, each with half the width of its 95 % interval, N·m."""
 
     dry: tuple[float, float]
     smooth: tuple[float, float]
@@ -42,9 +42,9 @@ class JointFit:
 def fit(passes: Sequence[Pass], speeds: Sequence[float]) -> JointFit:
     """Return the figures of one joint from its passes.
 
-    For any friction law, the friction at a speed is half the difference of the mean torques in the two directions. The
-    offset is the mean of their means. The estimated rotor torque of the acceleration during a pass is subtracted, and the
-    same amount is added to the interval. Dry and smooth friction are fitted to the passes, both >= 0.
+    For any friction law, the friction at a speed is half the difference of the mean torques in the two directions. Half
+    their sum, averaged over the speeds, is the offset. The estimated rotor torque of the acceleration in a pass is
+    subtracted, and the same amount is added to the interval. Dry and smooth friction are fitted to the passes, both >= 0.
 
     Args:
         passes: Passes at each of the speeds, at least two in each direction.
@@ -107,7 +107,7 @@ def _levels(passes: Sequence[Pass], offset: float) -> tuple[tuple[float, float],
 
 def _interval(value: float, statistical: float) -> float:
     """Return half the width of an interval, N·m, from scatter and from the resolution of the observer."""
-    # Error of a momentum observer without rotors and torque path in its model: at least 0.03 N·m and 2 % of the value.
+    # A momentum observer that models neither rotors nor the delay of torques has an error of 0.03 N·m and 2 % of the value.
     return math.hypot(statistical, 0.03, 0.02 * value)
 
 

@@ -1,4 +1,4 @@
-"""Proofs with a person at the cell: the sign of the wrench by a push on the hand, the switch by a press on its lever."""
+"""Proofs with a person at the cell, who pushes the hand for the sign of the wrench, and presses the lever of the switch."""
 
 import math
 from collections.abc import Callable
@@ -14,17 +14,17 @@ PATIENCE = 60.0
 LEAST_FORCE = 5.0
 """Least change of the force that counts as a push, N; chosen, not measured."""
 LEAST_WAY = 1e-3
-"""Least way of the hand that counts as a push, m; chosen, not measured."""
+"""Least displacement of the hand that counts as a push, m; chosen, not measured."""
 ALONG = 0.5
-"""Least cosine of the angle between force and way in a clear push."""
+"""Least cosine of the angle between force and displacement in a clear push."""
 
 
 def sense(force: Vector, way: Vector) -> int:
-    """Return 1 if a force on the hand points along the way of the hand, -1 if it points against it, 0 if neither is clear.
+    """Return 1 if a force on the hand points along the hand's displacement, -1 if against it, 0 if the push is too small or skew.
 
     Args:
         force: Change of the reported force on the hand, shape (3,), N, base frame.
-        way: Way of the hand under the push, shape (3,), m, base frame.
+        way: Displacement of the hand by the push, shape (3,), m, base frame.
     """
     size, length = float(np.linalg.norm(force)), float(np.linalg.norm(way))
     if size < LEAST_FORCE or length < LEAST_WAY:
@@ -34,11 +34,11 @@ def sense(force: Vector, way: Vector) -> int:
 
 
 def prove_wrench(cell: Cell, ask: Callable[[str], None]) -> str:
-    """Compare the reported force with the way of the pushed hand; return the measurement in words.
+    """Compare the reported force with the displacement of the pushed hand; return the measurement in words.
 
     Raises:
         WrenchReversedError: The force points against the push.
-        NotCalibratedError: Nobody pushed, or force and way point in different directions.
+        NotCalibratedError: Nobody pushed, or the force is not along the line of the displacement.
         CellError: The arm times out or is stopped.
     """
     ask("The arm holds still. Press Enter, wait a second, then push the hand sideways with a finger: ")
@@ -63,19 +63,19 @@ def prove_wrench(cell: Cell, ask: Callable[[str], None]) -> str:
             )
         clock.wait_until(clock.now() + period)
     raise NotCalibratedError(
-        f"wrench: no push of {LEAST_FORCE:g} N over {1e3 * LEAST_WAY:g} mm within {PATIENCE:g} s, with force and way along one line"
+        f"wrench: no push of {LEAST_FORCE:g} N over {1e3 * LEAST_WAY:g} mm within {PATIENCE:g} s in which force and displacement are parallel"
     )
 
 
 def prove_switch(cell: Cell, ask: Callable[[str], None]) -> str:
-    """Watch the switch open, closed and open again while its lever is pressed; return the measurement in words.
+    """Read the switch until it was open, closed and open again, as a person presses its lever; return the measurement in words.
 
     Raises:
-        NotCalibratedError: The states were not seen in this order.
+        NotCalibratedError: The switch did not report the states in this order in time.
         CellError: The switch times out.
     """
     if cell.config.switch.kind == "none":
-        return "none: hole.evidence is force"
+        return "no switch: the force curve shows whether the peg is seated (hole.evidence)"
     ask("Press Enter, then press the lever under the hole and let it go: ")
     clock, period = cell.clock, 1.0 / cell.config.scan_rate
     wanted = [SwitchState.OPEN, SwitchState.CLOSED, SwitchState.OPEN]
@@ -86,4 +86,4 @@ def prove_switch(cell: Cell, ask: Callable[[str], None]) -> str:
         if not wanted:
             return "open, closed and open again"
         clock.wait_until(clock.now() + period)
-    raise NotCalibratedError(f"switch: not seen {wanted[0].name.lower()} within {PATIENCE:g} s of the press")
+    raise NotCalibratedError(f"switch: not seen {wanted[0].name.lower()} within {PATIENCE:g} s")

@@ -1,4 +1,4 @@
-"""Proven steps of a physical cell's commissioning, kept beside its calibration; until all of it is proven, the cell is in commissioning."""
+"""Proven steps of a physical cell's commissioning, kept beside its calibration; the cell is in commissioning until all facts are proven."""
 
 import hashlib
 import json
@@ -26,7 +26,7 @@ FACTS = {
     "switch": ("switch",),
     "places": ("arm", "gripper", "skin", "hole", "rack"),
 }
-"""Sections of the cell's file on which each fact depends; a change of one of them asks for the proof again."""
+"""Sections of the cell's file on which each fact depends; a change of one of them requires a new proof."""
 FILE = "proven.json"
 SLOW = 0.25
 """Largest `speed_scale` in commissioning, ratio; chosen, not measured."""
@@ -87,18 +87,18 @@ def _gentle(config: CellConfig) -> CellConfig:
 
 
 def read(path: Path) -> Proven:
-    """Return what is proven by a file; nothing if it is missing or damaged."""
+    """Return the proven facts in a file; none if it is missing or damaged."""
     try:
         return Proven.model_validate_json(path.read_bytes())
     except FileNotFoundError:
         return Proven()
     except (OSError, ValidationError):
-        logger.warning("%s: cannot be read: all is to be proven again", path)
+        logger.warning("%s: cannot be read: prove every fact again", path)
         return Proven()
 
 
 def keep(path: Path, config: CellConfig, measured: Mapping[str, str], today: date) -> Proven:
-    """Add facts, each with its measurement in words, to a file, and return all that it then holds.
+    """Add facts to a file, each with its measurement in words, and return all facts of the file.
 
     Raises:
         ConfigError: The file cannot be written.

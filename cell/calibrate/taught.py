@@ -119,9 +119,7 @@ def _no_rack(shown: Shown, rack: Rack) -> str | None:
     apart = float(np.linalg.norm(firsts - firsts.mean(axis=0), axis=1).max())
     if apart <= MOST_RACK:
         return None
-    return (
-        f"rack: slots tell places {apart:.4f} m apart from their mean; at most {MOST_RACK:g} m allowed: see rack.pitch"
-    )
+    return f"rack: the shown slots give places up to {apart:.4f} m from their mean; at most {MOST_RACK:g} m allowed: see rack.pitch"
 
 
 def lines(shown: Shown, hole: Hole, rack: Rack) -> list[tuple[str, str, str]]:

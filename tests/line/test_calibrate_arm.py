@@ -86,5 +86,5 @@ def test_a_force_that_nothing_explains_ends_the_calibration_without_a_file(capsy
 
 def test_an_arm_that_tells_no_torques_is_not_calibrated(monkeypatch):
     monkeypatch.setattr("drivers.impedance.unexplained", lambda law: None)
-    with pytest.raises(NotCalibratedError, match="does not tell what torque"):
+    with pytest.raises(NotCalibratedError, match="does not report the torques"):
         calibrate_arm(load(sets=["reality.scale=0"]).cell, date.today(), lambda done, of: None, SHORT)

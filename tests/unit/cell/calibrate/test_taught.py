@@ -65,7 +65,7 @@ def test_two_opposite_corners_of_plate_and_area_in_one_line_suffice():
         ([*PLATE, ("p", (0.4, 0.1, 0.116))], r"plate: uneven by 0.0040 m; at most 0.003 m allowed|plate: tilt"),
         ([*PLATE, *CORNERS, ("h", (0.62, 0.0, 0.1))], "hole area: a corner lies beside the plate"),
         ([("b", (0.3, 0.3, 0.9))], "b: hand at z = 0.9"),
-        ([slot(1), slot(2, y=-0.238)], "rack: slots tell places 0.0060 m apart"),
+        ([slot(1), slot(2, y=-0.238)], "rack: the shown slots give places up to 0.0060 m"),
     ],
 )
 def test_places_of_no_cell_are_refused(places, why):
