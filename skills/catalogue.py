@@ -26,7 +26,7 @@ RETRIED = (Reason.NOT_ALIGNED, Reason.NOT_SEATED)
 def insert_peg(skills: SkillSet, ctx: SkillContext) -> list[StageRecord]:
     """Take a peg, find the hole, align and seat the peg, and release it.
 
-    If the peg turns out not to be in the hole, search again. A decoy spends no retry within the time that a search may take. After a
+    If the peg turns out not to be in the hole, search again. A decoy does not count as a retry until `search.timeout` is over. After a
     failure, recover. The run's outcome is that of the first stage that failed and was not retried; without such a stage it is success.
     """
     records, belief, attempt, began = GRASP.run(skills, ctx), ANYWHERE, 0, ctx.devices.clock.now()
@@ -48,7 +48,7 @@ def insert_peg(skills: SkillSet, ctx: SkillContext) -> list[StageRecord]:
 
 
 def _recovery(skills: SkillSet, ctx: SkillContext, last: SkillResult) -> list[StageRecord]:
-    """Recover after a failure; nobody is to move the arm after a stop."""
+    """Recover after a failure, but not after a stop: the arm must then stay at rest."""
     is_failed = last.outcome is Outcome.FAILURE and last.reason is not Reason.STOPPED
     return RECOVER.run(skills, ctx) if is_failed else []
 
@@ -100,7 +100,7 @@ def _learnt(belief: Belief, found: SkillResult, decoy: Decoy | None, ctx: SkillC
 
 
 def _decoy(found: SkillResult, last: SkillResult, ctx: SkillContext) -> Decoy | None:
-    """Return the decoy in which the peg was given up; None if the peg leans, which stands in none, or if the search passes over none."""
+    """Return the decoy in which the attempt ended; None if the peg leans, because it is then in no decoy, or if the search skips no decoys."""
     if not isinstance(found, spray_search.SpraySearchResult) or found.edge is None:
         return None
     if not isinstance(last, spiral_adjust.SpiralAdjustResult) or last.reason is Reason.NOT_ALIGNED:

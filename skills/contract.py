@@ -226,11 +226,11 @@ class SkillContext:
         self.lead.follow(setpoint)
 
     def note_touch(self, excess: float) -> None:
-        """Record a touch-down of a peg that reaches `excess`, m, further from the hand than known; after a slip the skills push less."""
+        """Record that the peg touched the plate `excess`, m, further from the hand than its known length; after a slip the skills push less."""
         before, self.peg = self.peg, self.peg.touched(excess)
         if self.peg.grip_share < before.grip_share:
             share = 1e2 * self.peg.grip_share
-            logger.info("peg: slipped along the fingers; %.0f %% of the believed grip is counted on", share)
+            logger.info("peg: slipped along the fingers; pushes now rely on %.0f %% of the assumed grip", share)
 
     @property
     def length(self) -> float:

@@ -230,7 +230,7 @@ def _require_consistent(skill: Skill[Any]) -> None:
         where = f"skill catalogue: {skill.name}: reason {reason.value} {reason.name}"
         if reason.value < FIRST_OWN_REASON:
             raise ConfigError(
-                f"{where}: the number is kept for words of every skill; {FIRST_OWN_REASON} or more allowed"
+                f"{where}: smaller numbers are for the reasons of all skills; {FIRST_OWN_REASON} or more allowed"
             )
         if reason.name in Reason.__members__:
-            raise ConfigError(f"{where}: the word is one of every skill's; a word of its own allowed")
+            raise ConfigError(f"{where}: the name is that of a reason of all skills; an unused name allowed")

@@ -64,15 +64,15 @@ class GraspFromRackParams(SkillParams):
     0.12 s = `proportion` / `trim_rate`, which this zero cancels.
     """
     trim_rate: Annotated[float, Figure("1/s"), Field(exclude=True), Source("docs/tried/grasp.md")] = 12.0
-    """Integral rate of that setpoint, 1/s."""
+    """Integral rate of the position setpoint over the slot, 1/s."""
     trim_limit: Annotated[float, Figure("m"), Field(exclude=True), Source("docs/tried/grasp.md")] = 0.01
     """Largest integral, m."""
     saturated: Annotated[float, Figure("m"), Field(exclude=True), Source("docs/tried/grasp.md")] = 2e-3
-    """Error of the position at which both saturate, m: the lag of the arriving hand fills no integral."""
+    """Position error at which the proportional and integral parts saturate, m, so that the arriving hand's lag winds up no integral."""
     integral_gain: Annotated[float, Figure("N·m/(rad·s)"), Field(exclude=True)] = 300.0
     """Integral gain of the arm's orientation over the slot, N·m/(rad·s)."""
     integral_limit: Annotated[float, Figure("N·m"), Field(exclude=True)] = 6.0
-    """Saturation of that integral, N·m."""
+    """Saturation of the integral of the arm's orientation, N·m."""
     print_time: Annotated[float, Figure("s"), Field(exclude=True)] = 5.0
     """Longest wait for the frames that show the peg, s; at 10 Hz they take 0.9 s, and a skin that times out raises a fault earlier."""
 

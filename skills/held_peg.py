@@ -36,9 +36,9 @@ class HeldPeg:
         return self.measured is not None
 
     def touched(self, excess: float) -> "HeldPeg":
-        """Return the knowledge after a touch-down of a peg that reaches `excess`, m, further from the hand than known.
+        """Return the knowledge after the peg touched the plate `excess`, m, further from the hand than its known length.
 
-        A peg that has become shorter by more than two touch-downs may err has slipped up into the hand: less grip is assumed from then on.
+        If the peg is now shorter by more than the error of two touch-downs, it has slipped up into the hand, and less grip is assumed.
         """
         has_slipped = self.is_length_known and excess < -2.0 * EXPLAINED
         share = SLIPPED * self.grip_share if has_slipped else self.grip_share

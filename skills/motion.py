@@ -15,7 +15,7 @@ from skills.contract import Observation, SkillContext
 from skills.guards.clearance import SAMPLES, Attitude, require_clear
 
 VALIDITY = 0.1
-"""Validity of a setpoint, s; without a newer setpoint, the arm then holds still. Source: chosen, not measured."""
+"""Validity of a setpoint, s; if no newer one arrives within this time, the arm holds still. Source: chosen, not measured."""
 
 LONGEST_MOVE = 10.0
 """Time limit of a move on the cell's clock, multiple of its planned time; late scans slow a move."""
@@ -27,8 +27,8 @@ Source: decision 0012.
 """
 
 STRAY = 4e-3
-"""Largest distance from the found hole at which the setpoint follows the tip, m, for pegs up to 8 mm broad; the hole does not move. After its
-edge has dropped in, the tip of a broader peg moves further while the peg is raised: half its breadth. Source: docs/tried/insertion.md.
+"""Largest distance from the found hole up to which the setpoint follows the tip, m; the hole itself does not move. For pegs broader than 8 mm
+it is half the breadth: while a tilted peg is raised upright in the hole, its tip moves that far. Source: docs/tried/insertion.md.
 """
 
 
@@ -72,7 +72,7 @@ class Transfer(ConfigModel):
     elbow: Annotated[float, Figure("rad"), Field(exclude=True)] = 0.05
     """Goal of the elbow's joint in the null space, rad; without it the elbow would drift from run to run."""
     clearance: Annotated[float, Figure("m"), Field(exclude=True), Source("decision 0013")] = 0.002
-    """Least distance of hand and peg from plate and rack during a move, m; a move that starts or ends nearer may come as near."""
+    """Least distance of hand and peg from plate and rack during a move, m; if the start or the goal is nearer, the move may come as near as that."""
 
     settle: Annotated[float, Figure("s", Tempo.WAIT), Field(exclude=True)] = 0.3
     """Time to settle at the end of a move, s."""
@@ -94,7 +94,7 @@ class Goal:
 
 
 def minimum_jerk(share: float) -> tuple[float, float]:
-    """Return the minimum-jerk position and rate, both per whole move, at a share of its time, >= 0 (Flash and Hogan)."""
+    """Return position and rate of a minimum-jerk move (Flash and Hogan) of length and time 1, at `share` >= 0 of its time."""
     # x = 10 s³ - 15 s⁴ + 6 s⁵, dx/ds = 30 s² (1 - s)²
     s = min(share, 1.0)
     return s**3 * (10.0 - 15.0 * s + 6.0 * s * s), 30.0 * s * s * (1.0 - s) ** 2
@@ -110,7 +110,7 @@ def move(
 ) -> Iterator[Observation]:
     """Move the tip straight to `goal` while the hand turns, and yield every scan until it has settled there.
 
-    The setpoint follows a minimum-jerk profile with its twist as feedforward. Its peak stays within the transfer's speeds.
+    The setpoint follows a minimum-jerk profile, with its twist as feedforward. The peak speed is within the transfer's speeds.
 
     Args:
         goal: Goal of the move.
@@ -176,7 +176,7 @@ class TransferPath:
         )
 
     def at(self, share: float, rate: float = 0.0) -> tuple[Goal, Twist]:
-        """Return the goal at a share of the path, and the twist there for a rate of that share, 1/s."""
+        """Return the goal at `share` of the path, and the twist there if the share grows at `rate`, 1/s."""
         start, turned = self._start, rotation_about(self._about, self._turn * share)
         goal = Goal(start.tip + self._way * share, turned @ start.axis, turned @ start.roll)
         return goal, Twist(self._way * rate, self._about * (self._turn * rate))
@@ -188,7 +188,7 @@ def _hand_frame(goal: Goal) -> Vector:
 
 
 def tilted_by(offset: Vector, length: float) -> Vector:
-    """Return the axis of a peg, unit, with its finger centre `length` from its tip and `offset`, m, from the vertical."""
+    """Return the unit axis of a peg whose finger centre is `length`, m, from the tip and `offset`, m, from the vertical above the tip."""
     # v = [o_x, o_y, sqrt(length² - |o|²)] / length
     axis = np.array([offset[0], offset[1], 0.0]) + math.sqrt(max(length**2 - float(offset @ offset), 1e-12)) * UP
     return axis / math.sqrt(float(axis @ axis))
@@ -216,7 +216,7 @@ def spin_between(before: Vector, after: Vector, period: float) -> Vector:
 
 
 def anchored(tip: Vector, found: Vector, breadth: float = 0.0) -> Vector:
-    """Return the tip, shape (3,), m, with x and y limited to the distance `STRAY`, or half the peg's breadth, from the found hole."""
+    """Return the tip, shape (3,), m, with x and y within `STRAY`, or half the peg's breadth if larger, of the found hole."""
     stray = max(STRAY, breadth / 2.0)
     way = (tip - found)[:2]
     size = math.hypot(way[0], way[1])

@@ -23,7 +23,7 @@ class Pace:
     """Largest turning rate of the tool, rad/s."""
 
     def most(self, quantity: Quantity, radius: float) -> float:
-        """Return the largest value of a speed; `radius` is that of the circle that a rate turns on, m, 0 without one."""
+        """Return the arm's limit of a speed or rate; a rate on a circle of `radius`, m, is limited by the speed on the circle."""
         if quantity.unit == "m/s":
             return self.speed
         if quantity.unit == "rad/s":
@@ -39,7 +39,7 @@ def at_pace(params: P, pace: Pace) -> P:
 def scaled(params: P, scale: float) -> P:
     """Return parameters with every speed multiplied by `scale`, and every waiting time divided by it.
 
-    The longest times of motions grow in a slower plan, and stay in a faster one.
+    If `scale` is below 1, the time limits of motions are also divided by it; a faster plan keeps them.
     """
     if scale == 1.0:
         return params
@@ -56,7 +56,7 @@ def within(params: P, pace: Pace) -> P:
 
 
 def _changed(params: P, change: Callable[[Quantity, float, float], float]) -> P:
-    """Return parameters with every figure that has a tempo changed, given its mark, its value and the radius that its mark names."""
+    """Return parameters with every speed, wait and time limit replaced by `change(mark, value, radius named by the mark)`."""
     changes: dict[str, object] = {}
     for name, value in vars(params).items():
         if isinstance(value, ConfigModel) and (inner := _changed(value, change)) is not value:

@@ -29,7 +29,7 @@ FIRST_STALL = 0.4
 Source: docs/tried/adjustment.md.
 """
 AT_BOTTOM = 2.0
-"""Stall timeout of a peg at the bottom, multiple of that of a peg above it: the last millimetre is short of `adjust.jammed`."""
+"""Factor on the stall timeout of a peg near the bottom, ratio: on the last millimetre, even a moving peg advances by less than `adjust.jammed`."""
 GRIP, ARM, ATTEMPT = "grasp.force", "arm.model", "attempt"
 """Reasons of figures that differ from the config: the load that the pads bear, the arm's limits, the number of the attempt."""
 
@@ -165,7 +165,7 @@ def _reasons(stages: Iterable[_Stage[Any] | None]) -> dict[str, tuple[str, ...]]
 
 
 def _first_of_several(adjust: _Stage[SpiralAdjustParams], attempt: int, retries: int) -> None:
-    """Give a jammed peg up sooner in the first of several attempts."""
+    """Shorten the stall timeout in the first of several attempts."""
     if attempt == 0 < retries:
         adjust.become(ATTEMPT, _but(adjust.params, stall_timeout=FIRST_STALL * adjust.params.stall_timeout))
 

@@ -32,9 +32,9 @@ class PullOut(ConfigModel):
     share: Annotated[float, Figure("fraction"), Field(exclude=True)] = 0.625
     """Largest pull from the setpoint's lead over the tip, fraction of the force limit."""
     near: Annotated[float, Figure("m"), Field(exclude=True)] = 5e-3
-    """Largest distance of the tip from the place above the plate, m. The arm itself errs by 0.4 mm, at twice the errors by up to 6 mm."""
+    """Largest distance of the tip from its goal above the plate, m. The arm itself errs by 0.4 mm, and by up to 6 mm with doubled errors."""
     moves: Annotated[int, Figure("count"), Field(exclude=True)] = 2
-    """Number of moves to that place: a peg that turned in the hand while it was pulled out was taken there with an old angle."""
+    """Largest number of moves to this goal. If the peg turned in the hand during the pull, the first move used an old angle."""
 
 
 def pull_out(height: float, pull: PullOut, gains: Gains, ctx: SkillContext, limited: bool = True) -> Vector | None:

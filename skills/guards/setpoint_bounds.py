@@ -9,17 +9,17 @@ from drivers.errors import NotFiniteError, SetpointError
 UNIT_TOLERANCE = 1e-3
 """Largest difference between the length of an axis and 1."""
 MOST_DAMPING_RATIO = 10.0
-"""Largest damping ratio. With a delay of 3.6 ms, from torques at 100 Hz and two cycles of transport, a hand of 3 kg at 1500 N/m
-oscillates from 9.7 on: pi/4 over natural frequency and delay. The skills request at most 7.5. Source: derived for that delay.
+"""Largest damping ratio. A hand of 3 kg at 1500 N/m oscillates from 9.7 on: pi/4 divided by natural frequency and delay. The delay of
+3.6 ms is that of a 100 Hz low-pass and two cycles of transport. The skills request at most 7.5. Source: derived for that delay.
 """
 LONGEST_VALIDITY = 1.0
-"""Longest validity of a setpoint after the arm's state, s: ten scans at the slowest scan rate, 10 Hz. If the program ends, the arm stops
+"""Longest validity of a setpoint, s, from the time of the arm's state: ten scans at the slowest scan rate, 10 Hz. If the program ends, the arm stops
 within this time. Source: chosen, not measured.
 """
 AGE_SLACK = 1e-3
 """Largest difference between two readings of a clock, s. Source: chosen, not measured."""
 MOST_THETA = math.pi
-"""Largest in-hand angle, rad; a larger angle equals a smaller one of the same peg."""
+"""Largest magnitude of an in-hand angle, rad; this range covers every direction of the peg."""
 MOST_LENGTH = 0.5
 """Largest distance from the finger centre to the peg's end, m: that of `peg.length`. Source: derived for `peg.length`."""
 MOST_ASKEW = 1.0
@@ -29,13 +29,13 @@ LONGEST_STEP_TIME = 0.1
 STEP_SLACK = 1e-3
 """Addition to the longest step, m: an integral or a new frame of the skin can move a setpoint at rest. Source: chosen, not measured."""
 LEAD = 0.02
-"""Largest distance from the arm at which a motion may start, m; a correct skill starts a push at most 13 mm ahead. Source: chosen, not measured."""
+"""Largest distance between a motion's first setpoint and the arm, m; a correct skill starts a push at most 13 mm ahead. Source: chosen, not measured."""
 TRACKING_LIMIT = 0.1
 """Largest distance between the controlled point and its setpoint, m; the skills' pushes lead by less than half of it. Source: chosen, not measured."""
 POSTURE_SLACK = 0.02
 """Addition to the longest step of a posture, rad. Source: chosen, not measured."""
 POSTURE_LEAD = 0.2
-"""Largest distance from a joint at which the posture of a motion may start, rad: the null-space torque is then 2 N·m, a sixth of a wrist's
+"""Largest distance between a motion's first posture and a joint, rad: the null-space torque is then 2 N·m, a sixth of a wrist's
 limit. After a halt, a correct posture is 0.1 rad from the joints. The elbow's joint has its own goal and no such limit. Source: chosen, not measured.
 """
 OUTWARD_SLACK = 1e-3
@@ -78,7 +78,7 @@ def require_numbers(
     """Check that all values are finite and from -`most` to `most`; `of_what` and `name` identify them in the message.
 
     Raises:
-        CellError: A value is not; the error has the type `error` and names the first such value.
+        CellError: A value is not finite or is out of range; the error has the type `error` and names the first such value.
     """
     for place, value in enumerate(values):
         if not (math.isfinite(value) and abs(value) <= most):

@@ -1,8 +1,8 @@
 """Force against height of a held peg over its insertion strokes, each up to a rest; pure.
 
-    height of the hand, force along z                                 -->  drawn up: a new stroke starts
-    of each scan with a new largest depth -->  StrokeCurve of the stroke    -->  rest: `told_by` of this stroke and those that ended
-                                                                           at its height
+    height and force along z of each      -->  StrokeCurve of the stroke   -->  if the peg is drawn up, a new stroke starts;
+    scan that reaches a new largest depth                                       if it rests, `told_by` combines this stroke with
+                                                                                earlier ones that ended at the same height
 
 The hole guides the peg at a constant attitude. The height of the hand therefore measures differences of the end's height
 without theta.
@@ -25,7 +25,7 @@ LIFTED = 0.002
 
 @dataclass(frozen=True, slots=True)
 class StrokeCurve:
-    """Force against height of a held peg on its present stroke, with its rest and the earlier strokes."""
+    """Force against height of a held peg in its present stroke, its rest at the end of this stroke, and its earlier strokes."""
 
     heights: tuple[float, ...] = ()
     """Heights of the hand, decreasing, m, base frame."""
@@ -70,7 +70,7 @@ class StrokeCurve:
         return StrokeCurve(heights, forces, footing, earlier=self.earlier)
 
     def _first_within(self, reach: float) -> int:
-        """Return the index of the first height at most `reach`: a latch up to half its height higher, and the force offset before it."""
+        """Return the index of the first height at most `reach`; higher points show neither the latch nor the force offset above it."""
         return next((at for at, above in enumerate(self.heights) if above <= reach), len(self.heights))
 
     def signature(self, latch: Latch, now: float) -> Signature | None:

@@ -53,7 +53,7 @@ def clash(*entries):
         ({"steered": ("times",)}, ("knock: steered 'times'", "Gains")),
         ({"steered": ("strength",)}, ("knock: steered 'strength'", "Gains")),
         ({"reasons": IntEnum("Low", {"TIRED": 11})}, ("knock: reason 11 TIRED", "100 or more")),
-        ({"reasons": IntEnum("Taken", {"NO_HOLE": OWN})}, (f"knock: reason {OWN} NO_HOLE", "of its own")),
+        ({"reasons": IntEnum("Taken", {"NO_HOLE": OWN})}, (f"knock: reason {OWN} NO_HOLE", "an unused name")),
     ],
 )
 def test_a_clash_is_told_in_one_line_that_names_both(changes, words):
