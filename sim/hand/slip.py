@@ -1,10 +1,10 @@
-"""Shear and friction of the pads on a held peg in their plane, compiled.
+"""Shear and friction of the pads on a held peg, in the plane of the pads; compiled.
 
 The held peg has three degrees of freedom in the hand: it rotates about the closing axis at the finger centre, and moves
-along and beside its own axis. The pads' shear pulls it back to its sticking point. The force f through the centre of
-the contact and the moment m about it stay inside the ellipsoid (|f| / F)² + (m / M)² = 1. It is the usual approximation
-of the limit surface of friction [howe]. If a load would leave the ellipsoid, the peg slips and its sticking point
-follows. Shear and damping are explicit: torque and forces computed at the beginning of a step.
+along its own axis and across it ("beside"). The pads' shear pulls it back to its sticking point, where the shear is 0.
+The force f through the centre of the contact and the moment m about it stay inside the ellipsoid (|f| / F)² + (m / M)²
+= 1, the usual approximation of the limit surface of friction [howe]. If a load would leave the ellipsoid, the peg slips
+and its sticking point follows. Moment and forces are computed explicitly, from the state at the beginning of a step.
 """
 
 import math
@@ -14,18 +14,18 @@ from drivers.quantities import Vector
 from sim.hand.grip_limits import grip_limits
 
 MASS = 0.08
-"""Mass that moves with the peg in the pads' plane, kg: rubber and finger tips, without the peg. Assumed; with it, steps
-of 1 ms resolve the shear under the lightest peg, and the arm adds thirty times this mass behind the peg."""
+"""Mass of rubber and finger tips that moves with the peg in the pads' plane, kg, without the peg. Assumed: it is large
+enough for steps of 1 ms under the lightest peg, and small beside the arm's mass behind the peg, thirty times as large."""
 TURNING_INERTIA = MASS * 0.035**2 / 12
 """Inertia of the same mass about the closing axis, over a contact of 35 mm, kg·m²."""
 
 
 FORCE, TORQUE, ALONG, BESIDE = 0, 1, 2, 3
-"""Largest force, N, and moment, N·m; centre of the contact along the peg, towards the finger, and beside it, m."""
+"""Largest force, N, and moment, N·m; position of the contact's centre along the peg, positive towards the finger, and beside it, m."""
 STIFFNESS, TURNING, DAMPING, TURN_DAMPING = 4, 5, 6, 7
 """Stiffness of the shear along the pads, N/m, and about the closing axis, N·m/rad; its damping, N·s/m and N·m·s/rad."""
 STUCK, APPLIED = 8, 11
-"""Three words each: rotation and positions along and beside at which the peg sticks, rad and m; last forces, N·m, N."""
+"""Three words each: rotation, rad, and positions along and beside, m, of the sticking point; moment, N·m, and forces, N, applied last."""
 START = 14
 """Two words: position along and beside at the grasp, m."""
 SLIP, CONTACT = 16, 17
@@ -64,7 +64,7 @@ def bear(words: Vector, qpos: Vector, first: int, grip_force: float) -> None:  #
         first: Index of the rotation, or -1 if no hand holds the peg.
         grip_force: Grip force of the hand, N.
     """
-    # Damping ratio of the peg on the pads' shear, ratio to critical; assumed: soft rubber under a peg with friction.
+    # Damping ratio of the peg on the pads' shear; assumed for soft rubber under a peg with friction.
     loss = 0.4
     if first < 0:
         return
@@ -84,7 +84,7 @@ def bear(words: Vector, qpos: Vector, first: int, grip_force: float) -> None:  #
 
 @njit(cache=True, inline="always")
 def act(words: Vector, qpos: Vector, qvel: Vector, qfrc: Vector, first: int) -> None:  # pragma: no cover
-    """Add the pads' forces on the peg in the coming step to the applied forces.
+    """Add the forces of the pads on the peg, for the coming step, to the applied forces.
 
     Args:
         words: The grip; updated.

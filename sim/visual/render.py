@@ -24,7 +24,7 @@ class Camera:
     """Renders the scene off screen; it is a context manager for one thread."""
 
     def __init__(self, stage: Stage) -> None:
-        """Store the scene; entering creates the OpenGL resources."""
+        """Store the scene; `__enter__` creates the OpenGL resources."""
         self._stage, self._open = stage, ExitStack()
         self._scene = mujoco.MjvScene(stage.model, maxgeom=1000 + MOST_TRAIL)
         self._option = mujoco.MjvOption()
