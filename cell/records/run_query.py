@@ -40,10 +40,10 @@ class RunQuery:
 
 
 def moment(text: str, now: datetime, option: str = "--since") -> str:
-    """Return the wall time, in the format of records, of a span before `now`, such as 7d, or of a date and time.
+    """Return the wall time, in the format of records, for a date and time, or for a span before `now`, such as 7d.
 
     Raises:
-        ConfigError: The text is neither a span nor a date; `option` gave it.
+        ConfigError: The text is neither a span nor a date; the message names `option`, from which it came.
     """
     span = _SPAN.fullmatch(text)
     try:

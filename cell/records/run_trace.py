@@ -73,7 +73,7 @@ class RunTrace:
     def stages(self, run: int, records: Sequence[StageRecord], fault: CellError | None) -> list[StageRow]:
         """Return the rows of the stages: with the program's results if there are any, else only with figures from the scans.
 
-        If a stage was tried several times without another between, the figures are in the row of the last try.
+        If the program tried a stage several times in a row, the figures are in the row of the last try.
         """
         if records:
             return [self._answered(run, place, records) for place in range(1, len(records) + 1)]

@@ -1,4 +1,4 @@
-"""The samples of a second of scans as arrays, filled by the scan and written by another thread."""
+"""The samples of one second as arrays: the scan fills them, and another thread writes them."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -31,7 +31,7 @@ they are NaN. The origin of the peg's frame is its centre, with z from its end u
 the centre of its mouth, with z outward.
 """
 JOINT_COLUMNS = {"joints": "joint", "velocities": "joint_velocity", "torques": "joint_torque"}
-"""Lists with one value per joint, rad, rad/s and commanded N·m; each maps to the prefix of the columns of single joints."""
+"""Lists of joint positions, rad, velocities, rad/s, and commanded torques, N·m. Each is mapped to the prefix of its columns in CSV."""
 BATCH = 100
 """Number of rows per write; one second at the usual scan rate."""
 _SWITCH = {SwitchState.CLOSED: 1.0, SwitchState.OPEN: 0.0, SwitchState.UNKNOWN: -1.0}
@@ -92,13 +92,13 @@ class SampleStream:
             self._write(self.rest())
 
     def rest(self) -> SampleBlock:
-        """Return the partly filled block, and start another."""
+        """Return the present block, full or not, and start another."""
         block, self._block = self._block, SampleBlock()
         return block
 
 
 def taxel_columns(taxels: int) -> list[str]:
-    """Return the names of the columns of `taxels` taxels of both fingers in CSV, counts, one per taxel."""
+    """Return the names of the CSV columns of the readings, counts; `taxels` is the number of taxels of both fingers."""
     return [f"taxel_{finger}_{taxel}" for finger in FINGER_NAMES for taxel in range(taxels // len(FINGER_NAMES))]
 
 

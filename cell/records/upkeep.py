@@ -231,7 +231,7 @@ def _lost(row: RunRow, path: Path) -> RunRow:
         samples, ended = {"stamp": np.empty(0)}, row.started
     stamps = samples["stamp"]
     kept = f"samples of {stamps[-1] - stamps[0]:.2f} s are on record" if stamps.size else "no samples"
-    message = f"its end was not recorded, as where the program is killed or the disk full; {kept}"
+    message = f"its end was not recorded, for example because the program was killed or the disk was full; {kept}"
     row = replace(row, outcome=LOST, ended=ended, message=message)
     if not stamps.size:
         return row
