@@ -1,7 +1,7 @@
 """Rules of the method that are not insurance, and the scenes that they were made for, from rules.toml.
 
-The functions here are the simplest replacements of a rule's function, which is their first argument, and the signs that
-a rule changed a decision, of the result and the arguments of its function.
+There are two kinds of functions here. A replacement is the simplest form of a rule's function, which is its first
+argument. A sign takes the result and the arguments of a rule's function, and returns True if the rule changed a decision.
 """
 
 import tomllib

@@ -31,7 +31,7 @@ Rows = Mapping[int, TrialRow]
 
 @dataclass(frozen=True, slots=True)
 class Effect:
-    """Effect of switching one rule off in one scene; differences are without minus with."""
+    """Effect of switching one rule off in one scene; a difference is the value without the rule minus the value with it."""
 
     rule: str
     scene: str
@@ -83,8 +83,8 @@ def measure(
 ) -> list[Effect]:
     """Run a scene with all rules, then without each of its rules on the seeds on which that rule acted; return the effects.
 
-    Trials are deterministic: if a rule did not act, its trial would be the same without it. Finished trials are kept, and
-    the same call takes them up.
+    Trials are deterministic: on a seed on which a rule did not act, the trial without the rule would be the same. Finished
+    trials are kept; a repeated call reads them instead of running them again.
 
     Args:
         args: Options of the study.
@@ -109,7 +109,7 @@ def measure(
 
 
 def effect(rule: str, scene: str, whole: Rows, without_it: Rows) -> list[Effect]:
-    """Return the effect of a rule, none without pairs; a seed on which it did not act is a pair without difference.
+    """Return the effect of a rule; empty if there are no pairs. A seed on which the rule did not act is a pair without difference.
 
     Raises:
         ConfigError: No pair succeeds.
@@ -128,7 +128,7 @@ def _effect(rule: str, scene: str, pairs: Sequence[tuple[TrialRow, TrialRow]]) -
     figures = [(a.total_time, b.total_time, b.peak_contact_force - a.peak_contact_force) for a, b in pairs]
     both = np.array(figures, dtype=float)[good.all(axis=1)]
     if not len(both):
-        raise ConfigError(f"ablation: {rule}: no pair of trials of scene {scene} succeeds; one needed")
+        raise ConfigError(f"ablation: {rule}: in scene {scene}, no seed succeeds with and without the rule; one needed")
     before, after, harder = both.T
     change, usual = after - before, before.mean()
     within = student(len(both) - 1) * change.std(ddof=1) / math.sqrt(len(both)) if len(both) > 2 else math.inf
