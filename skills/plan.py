@@ -29,7 +29,7 @@ FIRST_STALL = 0.4
 Source: docs/tried/adjustment.md.
 """
 AT_BOTTOM = 2.0
-"""Factor on the stall timeout of a peg near the bottom, ratio: on the last millimetre, even a moving peg advances by less than `adjust.jammed`."""
+"""Factor on the stall timeout of a peg near the bottom, ratio: the depth gain of the last millimetre can stay below `adjust.jammed`."""
 GRIP, ARM, ATTEMPT = "grasp.force", "arm.model", "attempt"
 """Reasons of figures that differ from the config: the load that the pads bear, the arm's limits, the number of the attempt."""
 

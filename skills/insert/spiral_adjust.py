@@ -1,4 +1,4 @@
-"""Dither the peg down the hole, pushing, and sweep it if it jams, until it is seated."""
+"""Push and dither the peg down the hole, and sweep it if it jams, until it is seated."""
 
 import math
 from dataclasses import dataclass, field, replace
@@ -31,31 +31,31 @@ ARRIVING = 3.0
 
 @dataclass(frozen=True, slots=True)
 class SpiralAdjustResult(SkillResult):
-    """How far the peg was tilted when the adjustment ended."""
+    """Tilt and depth of the peg at the end of the adjustment."""
 
     radius: float
     """Last commanded radius at the finger centre, m."""
     depth: float
-    """Depth of the tip below the surface by the arm, m."""
+    """Depth of the tip below the surface, measured by the arm, m."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Swing:
-    """Turning rate of the hand, smoothed, and how gently a peg is let down while the hand swings; pure.
+    """Smoothed turning rate of the hand, and the damping and push of the peg while the hand swings; pure.
 
-    The insertion turns the hand upright, and its inertia carries it on. A peg that has fallen some millimetres by then has little play left in
-    the hole, whose walls stop the hand with a lever of that depth.
+    The insertion turns the hand upright, and the hand's inertia turns it further. If the peg is already some millimetres deep, it has little play
+    in the hole: its walls stop the hand with a lever of this depth.
     """
 
     axis: Vector
     """Direction in which the hand points at the last scan, unit, shape (3,), base frame."""
     stamp: float
-    """Time of that state of the arm, s."""
+    """Time of the arm's state at this scan, s."""
     rate: float = 0.0
     """Turning rate, rad/s, >= 0."""
 
     def after(self, arm: ArmState, params: SpiralAdjustParams) -> "Swing":
-        """Return the swing after one more state of the arm; an old one changes nothing."""
+        """Return the swing after one more state of the arm; a repeated state changes nothing."""
         if arm.stamp <= self.stamp:
             return self
         axis = arm.tcp.rotation[:, 0]
@@ -67,7 +67,7 @@ class Swing:
         return min(1.0 + params.swing_damping * max(self.rate - params.swinging, 0.0), params.most_swing_damping)
 
     def push(self, params: SpiralAdjustParams) -> float:
-        """Return the share of the push that is kept, from 0 to 1."""
+        """Return the remaining share of the push, from 0 to 1."""
         return 1.0 / (1.0 + params.swing_push * max(self.rate - params.swinging, 0.0))
 
 
@@ -81,7 +81,7 @@ class SeatingEvidence:
     arrival: Arrival = field(default_factory=Arrival)
 
     def is_given(self, seen: Observation, tip: Vector, plane: Plane, ctx: SkillContext) -> bool:
-        """Take one scan; return True if the peg is seated."""
+        """Process one scan; return True if the peg is seated."""
         hole = ctx.job.hole
         if hole.latch is not None and hole.evidence == "force":
             beyond = plane.depth(seen.tip) - hole.depth
@@ -106,13 +106,13 @@ class Guidance:
         """Assumed pose of the peg and direction of the push."""
 
     def is_stalled(self, tip: Vector, elapsed: float, is_lifting: bool) -> bool:
-        """Take the place of the tip, m; return True if the peg has made no progress for too long."""
+        """Process the position of the tip, m; return True if the peg has made no progress for too long."""
         depth = self._plane.depth(tip)
         self._stall = Stall(depth, elapsed) if is_lifting else self._stall.after(depth, elapsed, self._params.jammed)
         return elapsed - self._stall.since > given_up_after(depth, self._ctx.job.hole.depth, self._params)
 
     def free(self, seen: Observation, tip: Vector, is_lifting: bool) -> Vector:
-        """Free the peg if it jams; take and return its end point by the aim, shape (3,), m, base frame."""
+        """Process one scan, and start to free the peg if it jams; return its end point by the aim, shape (3,), m, base frame."""
         elapsed, tcp, params = seen.elapsed, seen.arm.tcp, self._params
         depth = self._plane.depth(tip)
         if self._sweep.is_on(elapsed, params) and self._descent.rest(params) < params.let_go:
@@ -153,9 +153,9 @@ def run(
     Args:
         params: Parameters of the adjustment.
         ctx: The skill's context.
-        plane: Surface that the search estimated; None is the job's own.
-        turns_freely: True if the hand's yaw gives way, as it must if walls hold the peg's yaw: a torque about the peg's axis
-            would press its faces against them.
+        plane: Surface estimate of the search; None for the surface stated in the job.
+        turns_freely: True if the setpoint follows the hand's yaw. This is necessary if walls hold the peg's yaw: a torque about
+            the peg's axis would press its faces against them.
     """
     is_felt, plane = plane is not None, plane or nominal(ctx.job.hole)
     hole, first, proof = ctx.job.hole, ctx.observe(), SeatingEvidence(is_felt, Looks(StrokeCurve(earlier=ctx.peg.ways)))
@@ -177,7 +177,7 @@ def run(
         swing = swing.after(seen.arm, params) if running < params.swing_time else at_rest
         stiffness, damping_ratio = _compliance(params, swing, plane.depth(tip) > hole.depth - params.arrival)
         proof.looks = proof.looks.pulling(swing.push(params) * params.push_offset, ctx.schedule.period)
-        # The tip is held no further away than a hole can be from where it was found, and at the tip's height less a pull.
+        # The setpoint follows the tip within the distance `STRAY` of the found hole; its height is the tip's plus the pull.
         beside, axis = anchored(tip, first.tip), down.aim.axis(offset)
         ctx.follow(
             ImpedanceSetpoint(
@@ -200,7 +200,7 @@ def run(
 def _has_left(tip: Vector, plane: Plane, job: Job, params: SpiralAdjustParams) -> bool:
     """Return True if nothing holds the peg above the surface, or if its end seems to be below the bottom.
 
-    In the last case the fingers have slid down the peg, which the next touch-down measures, or the hole is another one.
+    If it is below the bottom, the fingers have slid down the peg, which the next touch-down measures, or this is another hole.
     """
     is_above = plane.depth(tip) < -(job.peg.part.inscribed / 2.0 + params.raised)
     is_below = plane.depth(tip) > job.hole.depth + CLOSED_TOLERANCE
@@ -208,10 +208,10 @@ def _has_left(tip: Vector, plane: Plane, job: Job, params: SpiralAdjustParams) -
 
 
 def given_up_after(depth: float, bottom: float, params: SpiralAdjustParams) -> float:
-    """Return the time without progress after which a peg at `depth`, m, is given up, s.
+    """Return the time without progress after which the adjustment of a peg at `depth`, m, ends, s.
 
-    At the bottom the hand shakes it for longer, since the last millimetre is short of `jammed`; a switch that still says
-    open then disagrees with the depth.
+    Near the bottom it is longer, because the depth gain of the last millimetre can stay below `jammed`. If the switch is
+    still open after this time, it disagrees with the depth.
     """
     return params.stall_at_bottom if depth >= bottom - OPEN_TOLERANCE else params.stall_timeout
 

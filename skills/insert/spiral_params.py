@@ -21,9 +21,9 @@ class SpiralAdjustParams(SkillParams):
         Quantity("s", Tempo.WAIT),
         Source("chosen, not measured; reason in docs/tried/adjustment.md"),
     ]
-    """Stall timeout: longest time without a depth gain of `jammed`, s; such a peg is not in the hole, or cannot enter it in
-    this attempt. The first of several attempts of `insert_peg` has 0.4 of it (docs/tried/adjustment.md). Close to the bottom the time is
-    twice as long; if the switch is still open then, it disagrees with the depth.
+    """Stall timeout: longest time without a depth gain of `jammed`, s; after it the peg is not in the hole, or cannot enter it in
+    this attempt. In the first of several attempts of `insert_peg`, 0.4 of it applies (docs/tried/adjustment.md). Close to the bottom, twice
+    the time applies; if the switch is still open after it, switch and depth disagree.
     """
     stall_at_bottom: Annotated[float, Figure("s", Tempo.WAIT), Field(exclude=True)] = math.inf
     """Stall timeout close to the bottom, s."""
@@ -32,7 +32,7 @@ class SpiralAdjustParams(SkillParams):
     gains: Annotated[Gains, Source("chosen within the margin that `cell check` prints")]
     """Stiffness and damping ratio along x and y and in rotation."""
     push_stiffness: Annotated[PositiveFloat, Quantity("N/m")]
-    """Stiffness along z, which makes the push, N/m."""
+    """Stiffness of the push along z, N/m."""
     push_damping_ratio: Annotated[PositiveFloat, Quantity("multiple")]
     """Damping ratio along z, multiple of the critical damping; a larger value slows the peg's arrival at the bottom."""
     push_offset: Annotated[NonNegativeFloat, Quantity("m")]
@@ -48,23 +48,23 @@ class SpiralAdjustParams(SkillParams):
     jammed: Annotated[
         NonNegativeFloat, Quantity("m"), Source("docs/tried/adjustment.md; a creeping peg docs/tried/adjustment.md")
     ]
-    """Least depth gain in one period of the dither, m; with less, the peg stands still. Below ten times this gain, the skill measures
-    theta again. Every other time it aims along the resting peg, so that only the torque of the dither remains.
+    """Least depth gain in one period of the dither, m; with less, the peg counts as standing still. Below ten times this gain, the skill
+    measures theta again. Every other time it aims along the resting peg, so that only the torque of the dither remains.
     """
     arrival: Annotated[PositiveFloat, Quantity("m"), Source("docs/tried/adjustment.md")]
     """Distance from the bottom within which the damping is larger, m; it prevents an impact on the bottom."""
     swing_time: Annotated[float, Figure("s", Tempo.WAIT), Field(exclude=True), Source("docs/tried/adjustment.md")] = 0.6
-    """Time of a gentle descent while the hand still turns from the insertion, s; later turns come from this skill's own setpoints."""
+    """Time during which the descent is gentle if the hand swings, s; later turns of the hand come from this skill's own setpoints."""
     sweep_time: Annotated[float, Figure("s", Tempo.WAIT), Field(exclude=True), Source("docs/tried/adjustment.md")] = 0.5
-    """Time of one tilt sweep to both sides, s; it follows if the peg stands still or creeps. It turns the hand about its closing axis;
-    a dither follows.
+    """Time of one tilt sweep to both sides, s. If the peg stands still or creeps, the hand sweeps about its closing axis; then the
+    dither continues.
     """
     swept_beyond: Annotated[float, Figure("rad"), Field(exclude=True), Source("docs/tried/adjustment.md")] = 0.015
     """Angle of a tilt sweep beyond the lean that the hole allows, rad; it equals about the error of the hand caused by joint friction."""
     most_swept: Annotated[float, Figure("rad"), Field(exclude=True), Source("docs/tried/adjustment.md")] = 0.06
     """Largest angle of a tilt sweep, rad; a wider sweep turns pegs out of their holes."""
     let_go: Annotated[float, Figure("fraction"), Field(exclude=True)] = 0.5
-    """Share of rest below which a swept peg slides, fraction; the hand then keeps its present orientation."""
+    """Share of rest below which a swept peg counts as sliding, fraction; the sweep then ends, and the hand keeps its orientation."""
     creep: Annotated[float, Figure("multiple"), Field(exclude=True), Source("docs/tried/adjustment.md")] = 10.0
     """Least depth gained in a period of the dither, multiple of `jammed`; with less, the peg counts as jammed. A pushed peg gains fifty times
     `jammed`, and a wedged peg creeps.
@@ -76,12 +76,12 @@ class SpiralAdjustParams(SkillParams):
     smoothing: Annotated[float, Figure("fraction"), Field(exclude=True)] = 0.3
     """Weight of a new scan in the smoothed speed of the tip, fraction; the noise of theta moves the tip."""
     raised: Annotated[float, Figure("m"), Field(exclude=True)] = 0.005
-    """Height of the tip above the surface, beyond half the peg's breadth, from which on nothing holds the peg and the attempt ends, m: the
-    rim of a leaning peg stands on the plate with its middle at most half a breadth above it, and plate and theta err by millimetres. A hand
-    whose joints rub more than they push is lifted by its own spiral.
+    """Height of the tip above the surface, in addition to half the peg's breadth, at which the attempt ends, m: the peg has left the plate. The
+    middle of a leaning peg's end is at most half a breadth above the plate, and plate and theta have errors of millimetres. If joint friction
+    exceeds the push, the dither itself can lift the hand.
     """
     leaning: Annotated[float, Figure("rad"), Field(exclude=True), Source("docs/tried/adjustment.md")] = math.pi / 4.0
-    """Lean of the peg from the plate's normal beyond which the attempt ends, rad: as far as during the search, so the peg is no longer
+    """Tilt of the peg from the plate's normal at which the attempt ends, rad: that of the search, so that the peg is no longer
     aligned.
     """
     swinging: Annotated[float, Figure("rad/s"), Field(exclude=True)] = 0.15
@@ -89,10 +89,10 @@ class SpiralAdjustParams(SkillParams):
     swing_smoothing: Annotated[float, Figure("fraction"), Field(exclude=True)] = 0.5
     """Share of a new scan in the hand's turning rate, fraction."""
     swing_damping: Annotated[float, Figure("s/rad"), Field(exclude=True), Source("docs/tried/adjustment.md")] = 10.0
-    """Growth of the damping along z with the swing, by its value without one, s/rad."""
+    """Growth of the factor on the damping along z with the turning rate beyond `swinging`, s/rad."""
     most_swing_damping: Annotated[
         float, Figure("multiple"), Field(exclude=True), Source("docs/tried/adjustment.md")
     ] = 5.0
-    """Largest factor on the damping along z for a swing: torques that come 4 ms late behind 50 Hz bear 1.2 times as much."""
+    """Largest factor on the damping along z during a swing, multiple; with torques delayed by 4 ms and a 50 Hz low-pass, 1.2 times this is stable."""
     swing_push: Annotated[float, Figure("s/rad"), Field(exclude=True), Source("docs/tried/adjustment.md")] = 2.0
-    """Growth of the divisor of the push with the swing, s/rad."""
+    """Growth of the divisor of the push with the turning rate beyond `swinging`, s/rad."""

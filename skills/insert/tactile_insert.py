@@ -1,4 +1,4 @@
-"""Turn the peg upright with its tip in the hole, steering by touch: [gibbons], Sec. V.A, Eq. (4)-(7)."""
+"""Turn the peg upright with its tip in the hole, by the angle that the skin measures: [gibbons], Sec. V.A, Eq. (4)-(7)."""
 
 import math
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ from skills.tactile.estimators import EstimatorName
 
 
 class TactileInsertParams(SkillParams):
-    """How to align the peg with the plate's normal."""
+    """Parameters of aligning the peg with the plate's normal."""
 
     SOURCE: ClassVar[str] = "chosen, not measured"
 
@@ -40,29 +40,29 @@ class TactileInsertParams(SkillParams):
     ]
     """Least and largest stiffness along z, N/m; K_min and K_max of [gibbons], Eq. (7)."""
     turn_rate: Annotated[PositiveFloat, Quantity("rad/s", Tempo.SPEED)]
-    """Rate at which the setpoint of the axis goes from where the peg is to upright, rad/s."""
+    """Rate at which the setpoint of the axis turns from the peg's first axis to upright, rad/s."""
     turn_run_up: Annotated[
         NonNegativeFloat, Quantity("s", Tempo.WAIT), Source("chosen, not measured; reason in docs/tried/insertion.md")
     ]
-    """Time in which the setpoint of the axis gets to its rate, s; the hole's wall bears what sets the arm in motion."""
+    """Time in which the setpoint of the axis reaches its rate, s; the hole's wall bears the force that accelerates the arm."""
     steady_rate: Annotated[float, Figure("rad/s"), Field(exclude=True), Source("docs/tried/insertion.md")] = 0.55
-    """Largest such rate after a failed try, rad/s: a peg that left the hole on the way would leave it again."""
+    """Largest `turn_rate` after a failed attempt, rad/s: if the peg left the hole during the turn, it would leave it again."""
     follow_rate: Annotated[float, Figure("1/s"), Field(exclude=True), Source("docs/tried/search.md")] = 2.0
-    """Rate at which the hand turns after a peg that has turned in it, 1/s."""
+    """Rate at which the hand follows a rotation of the peg in the hand, 1/s."""
     aligned: Annotated[float, Field(gt=0.0, lt=0.8), Quantity("rad"), Source("docs/tried/insertion.md")]
     """Tilt phi below which the adjustment takes over, rad; 15 degrees in [gibbons]. It also takes over when the setpoint is
-    upright: a hand that turned on would wind the peg up in soft pads.
+    upright: if the hand turned further, it would only deform the soft pads.
     """
     compliance_rate: Annotated[PositiveFloat, Quantity("1/s"), Source("docs/tried/insertion.md")]
-    """Rate at which the tip's setpoint along x and y gives way to where the hole keeps the tip, 1/s."""
+    """Rate at which the tip's setpoint along x and y moves to the tip's measured position, which the hole determines, 1/s."""
     forward: Annotated[PositiveFloat, Quantity("m"), Source("chosen, not measured; reason in docs/tried/insertion.md")]
-    """Distance of the tip's setpoint ahead of the tip, towards the side that the peg leans to, m; raising then cannot lift the peg out."""
+    """Distance of the tip's setpoint ahead of the tip, towards the side to which the peg leans, m; it keeps the tip in the hole during the turn."""
     timeout: Annotated[PositiveFloat, Quantity("s", Tempo.LIMIT)]
     """Longest insertion, s."""
     lost_height: Annotated[PositiveFloat, Quantity("m")]
-    """Height of the tip above the surface at which it is out of the hole, m."""
+    """Height of the tip above the surface from which it counts as out of the hole, m."""
     estimator: Annotated[EstimatorName, Source("measured by `cell study tactile`")] = "image"
-    """Estimator that turns taxels into the pose of the peg, in every skill."""
+    """Estimator of the peg's pose from the taxels, in every skill."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,7 +72,7 @@ class TactileInsertResult(SkillResult):
     first_phi: float
     """Angle phi_0 between the peg and the normal upon contact, rad."""
     phi: float
-    """Angle between the peg and the normal at the end, rad, by the skin."""
+    """Angle between the peg and the normal at the end, rad, measured by the skin."""
 
 
 def run(params: TactileInsertParams, ctx: SkillContext, plane: Plane | None = None) -> TactileInsertResult:
@@ -81,7 +81,7 @@ def run(params: TactileInsertParams, ctx: SkillContext, plane: Plane | None = No
     Args:
         params: Parameters of the insertion.
         ctx: The skill's context.
-        plane: Surface that the search estimated; None is the job's own.
+        plane: Surface estimate of the search; None for the surface stated in the job.
     """
     plane = plane or nominal(ctx.job.hole)
     normal = plane.normal
@@ -132,20 +132,20 @@ def run(params: TactileInsertParams, ctx: SkillContext, plane: Plane | None = No
 
 
 def turned(elapsed: float, rate: float, run_up: float) -> tuple[float, float]:
-    """Return angle, rad, and rate, rad/s, after `elapsed` seconds, where the rate grows to `rate` evenly within `run_up`, s."""
+    """Return angle, rad, and rate, rad/s, after `elapsed` seconds, if the rate grows linearly to `rate` within `run_up`, s."""
     if elapsed < run_up:
         return rate * elapsed**2 / (2.0 * run_up), rate * elapsed / run_up
     return rate * (elapsed - run_up / 2.0), rate
 
 
 def _ahead(axis: Vector) -> Vector:
-    """Return the horizontal direction that the peg leans to, shape (3,); zero for an upright peg."""
+    """Return the horizontal direction in which the peg leans, unit, shape (3,); zero for an upright peg."""
     size = math.hypot(axis[0], axis[1])
     return np.array([axis[0], axis[1], 0.0]) / size if size > 1e-6 else np.zeros(3)
 
 
 def _on_the_way(start: Vector, goal: Vector, turned: float, rate: float) -> tuple[Vector, Vector]:
-    """Return the setpoint of the axis after turning by `turned` from `start` towards `goal`, and its spin, rad/s."""
+    """Return the setpoint of the axis, turned by `turned`, rad, from `start` towards `goal`, and its angular velocity, rad/s."""
     about = cross(start, goal)
     about /= math.sqrt(float(about @ about))
     return rotation_about(about, turned) @ start, rate * about

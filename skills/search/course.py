@@ -1,4 +1,4 @@
-"""The course of a search: where the tip goes and how the peg is held on the way; pure but for its random draws."""
+"""The course of a search: path of the tip and attitude of the peg; pure except for its random draws."""
 
 import math
 from collections.abc import Sequence
@@ -15,61 +15,61 @@ from skills.search.params import SpraySearchParams
 from skills.search.tour import Left, Path, Rows, Stroke, first_look, outwards, tour
 
 MOST_LOOKS = 5
-"""Number of strokes beyond which the likely place is so wide that the search begins with whole lanes."""
+"""Number of short strokes; if more are needed to cover the likely place, the search begins with whole lanes."""
 SURE = 2.0
-"""Standard deviations that one stroke has to cover to either side for the search to go on from its end, and not to sweep
-the same length once more on the area's own lanes."""
+"""Number of standard deviations that one stroke must cover to each side, so that the whole lanes continue from its end.
+Otherwise the first lane repeats the length of the stroke."""
 ANYWHERE = Belief()
 """Distribution of the hole's place if only the area is known."""
 STEP = 0.01
-"""Step along the path in which the end of a decoy is looked for, s. Source: chosen, not measured."""
+"""Step along the path in the search for the end of a decoy, s. Source: chosen, not measured."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Course:
-    """Where the tip goes, how the peg is held on the way, and the decoys that it passes over."""
+    """Path of the tip, attitude of the peg, and the decoys that the path skips."""
 
     path: Path
     middle: Vector
-    """Middle of the area for the tip, shape (2,), m, base frame."""
+    """Position of the tip at the path's middle, shape (2,), m, base frame."""
     surface: float
     """Height of the plate's stated surface, m, base frame."""
     height: float
-    """Height above that surface from which the tip comes down, m."""
+    """Height of the tip above that surface before the descent, m."""
     axis: Vector
     """Axis of the peg, unit, shape (3,), base frame."""
     closing: Vector
     """Closing axis of the hand, unit, shape (3,), base frame."""
     fast: int
-    """Axis of the base frame that is swept fast, 0 or 1."""
+    """Axis of the base frame along which the lanes run, 0 or 1."""
     likely_until: float
-    """Time along the path up to which the peg comes by where the hole is likely, s; 0 where that is nowhere."""
+    """Time along the path until which the peg is over the likely place of the hole, s; 0 if no place is more likely."""
     lowest: Vector
     """Lowest point of the leaning peg with its tip at the path's middle, shape (2,), m, base frame."""
     cover: float
-    """Time in which the path covers the area once, s; a hole that was taken for a decoy is tried again after it."""
+    """Time in which the path covers the area once, s; after it, decoys are tried again, in case one is the hole."""
     until: float
-    """Time along the path until which the decoys are passed over, s."""
+    """Time along the path until which the decoys are skipped, s."""
     decoys: tuple[Decoy, ...]
-    """Decoys that are passed over."""
+    """Decoys that the path skips."""
     since: float = 0.0
-    """Time along the path at which the peg comes down, s."""
+    """Time along the path at which the peg descends to the plate, s."""
 
     @property
     def first(self) -> Vector:
-        """Place from which the tip comes down, shape (3,), m, base frame."""
+        """Position of the tip before the descent, shape (3,), m, base frame."""
         return np.array([*(self.middle + self.path.at(self.since)[0]), self.surface + self.height])
 
     def passing(self, decoy: Decoy, time: float) -> "Course":
-        """Return the course with one more decoy, found at a `time` along the path, s."""
+        """Return the course that also skips a decoy found at `time` along the path, s."""
         return replace(self, decoys=(*self.decoys, decoy), until=time + self.cover)
 
     def down_from(self, time: float) -> "Course":
-        """Return the course on which the peg comes down at the first time from `time`, s, on at which it is in no decoy."""
+        """Return the course with the descent at the first time along the path, from `time`, s, on, at which the peg is in no decoy."""
         return replace(self, since=self.beyond(time))
 
     def beyond(self, time: float) -> float:
-        """Return the first time along the path from `time` on at which the peg is outside every decoy, s."""
+        """Return the first time along the path, from `time` on, at which the peg is outside every decoy, s."""
         while self.decoys and time < self.until and self._is_in_decoy(self.path.at(time)[0] + self.lowest):
             time += STEP
         return time
@@ -85,17 +85,17 @@ def make_course(
     belief: Belief = ANYWHERE,
     is_length_known: bool = True,
 ) -> Course:
-    """Return the course over the area: lanes from the corner next to a random point of it, drawn by the middle of the band in
-    which the leaning edge falls.
+    """Return the course over the area: lanes that start at the corner next to a random point, followed by the middle of the
+    band in which the leaning edge falls.
 
-    Where the hole is likely somewhere, short strokes over that place come first, and the area follows from there outwards.
+    If a place of the hole is likely, short strokes over that place come first; the rest of the area follows from there outwards.
 
     Args:
         params: Parameters of the search.
         job: The part and the area.
-        rng: Draws the point, and how far beyond the area, or the likely place, the first lane begins.
+        rng: Draws the point, and the distance from the area, or the likely place, to the start of the first lane.
         belief: Likely place of the hole, and the rest of the path of earlier attempts.
-        is_length_known: Whether the peg in the hand has touched the plate before; a search that is the first comes down from higher.
+        is_length_known: True if the peg in the hand has touched the plate before; otherwise the descent starts higher.
     """
     hole, part = job.hole, job.peg.part
     fast, pitch = 0 if params.fast_axis == "x" else 1, params.pitch * hole.part.inscribed
@@ -104,7 +104,7 @@ def make_course(
     over, begin = (half[0], half[1]), (start[0], start[1])
     outside = hole.part.reach + hole.part.chamfer + rng.uniform(*params.outside)
     whole = lanes(over, pitch, params.speed, fast, begin, max(outside - params.margin[0], 0.0))
-    # Strokes end where their turns begin, which reach as far as those of the lanes.
+    # Strokes are shorter by the reach of their turns, so that the turns end at the same border as those of the lanes.
     ends = [extent - params.speed * TURN_TIME / 4.0 if axis == fast else extent for axis, extent in enumerate(over)]
     rows = Rows((max(ends[0], 0.0), max(ends[1], 0.0)), fast, pitch, params.speed)
     path, likely_until = _as_believed(belief, job, rows, whole, outside, math.copysign(1.0, begin[fast]))
@@ -123,7 +123,7 @@ def make_course(
         likely_until=likely_until,
         lowest=part.lowest(np.array([*middle, 0.0]), axis, closing)[:2],
         cover=whole.cover,
-        # A hole that was taken for a decoy is tried again once the rest of the area has been covered.
+        # After the rest of the area is covered, decoys are tried again: one of them may be the hole.
         until=path.cover or whole.cover,
         decoys=belief.decoys,
     ).down_from(0.0)
@@ -132,10 +132,10 @@ def make_course(
 def leading(reach: float, tilt: float, fall: float) -> float:
     """Return the distance from the middle of the peg's end to the middle of the band in which the peg falls, m, along the tilt's azimuth.
 
-    A lowest point at a depth h = `fall` has the peg's side h tan(tilt) ahead of it where it leaves the hole's mouth, and may lie no
-    nearer to the rim there; the end face cuts the mouth's plane h / tan(tilt) behind it, along a chord that is
-    h / sin(tilt) high, and may lie no nearer to the rim on the other side. The band, as wide as a hole as tight as the peg leaves it,
-    therefore lies off the lowest point by half of what these sum up to, (h / 2) (1 / tan(tilt / 2) - tan(tilt)).
+    If the lowest point is at a depth h = `fall` in the hole, two points of the peg in the mouth's plane must be inside the rim:
+    - the peg's side, h tan(tilt) ahead of the lowest point;
+    - the end face, h / tan(tilt) behind it, along a chord at the height h / sin(tilt) of the face.
+    The middle of the band is therefore off the lowest point by (h / 2) (1 / tan(tilt / 2) - tan(tilt)).
 
     Args:
         reach: Largest distance of a point of the peg's end from its axis, m.
@@ -147,28 +147,28 @@ def leading(reach: float, tilt: float, fall: float) -> float:
 
 
 def _as_believed(belief: Belief, job: Job, rows: Rows, whole: Lanes, outside: float, way: float) -> tuple[Path, float]:
-    """Return the path that a belief asks for, and the time along it up to which the hole is likely, s; `whole` is the one without a belief."""
+    """Return the path for a belief, and the time along it until which the place is likely, s; `whole` is the path without a belief."""
     left, width, likely = belief.left, job.hole.part.inscribed, belief.likely
     if likely is None:
         if left is None:
             return whole, 0.0
-        # Down beside the place where the peg was tried last, and not into it; decoys are passed over anyway.
+        # The peg descends beside the place of the last try, not into it; decoys are skipped anyway.
         beside = 0.0 if belief.decoys else 1.5 * width / rows.speed
         return tour([], rows.speed, Left(left.path, left.since + beside)), 0.0
     middle = job.hole.centre[:2]
     looks = first_look(likely, middle, rows, width, outside, way)
     if left is not None:
         return tour(looks, rows.speed, left), _time(looks, rows)
-    # One stroke right through the likely place is a small price where the hole is somewhere else; several are not.
+    # If the hole is elsewhere, one stroke through the likely place costs little time; many strokes cost too much.
     (begin, end), looks = looks[0], looks[:1] if len(looks) <= MOST_LOOKS else []
     is_enough = SURE * likely.deviation[1 - rows.fast] <= rows.pitch / 2
     start = end if is_enough else begin
-    # What all the strokes have missed lies between them: a second cover of lanes begins half a pitch off.
+    # If all the strokes miss the hole, it is between them: the lanes of the second cover are shifted by half a pitch.
     then = Left(whole, whole.cover)
     strokes = [*looks, *outwards(likely, middle, rows, start[rows.fast], way)]
     return tour(strokes, rows.speed, then), _time(looks, rows)
 
 
 def _time(strokes: Sequence[Stroke], rows: Rows) -> float:
-    """Return the time along strokes, s."""
+    """Return the time of all strokes, s."""
     return sum(math.dist(*stroke) for stroke in strokes) / rows.speed

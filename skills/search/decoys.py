@@ -1,4 +1,4 @@
-"""Decoys: places on the plate that the search mistook for the hole and passes over from then on; pure."""
+"""Decoys: places on the plate that the search mistook for the hole and skips afterwards; pure."""
 
 import math
 from typing import NamedTuple
@@ -8,32 +8,32 @@ from skills.search.tour import Point
 from skills.seating.decision import CLOSED_TOLERANCE
 
 SHALLOW = 0.5
-"""Share of the hole's depth below which a peg that goes no deeper stands in a decoy, fraction."""
+"""Share of the hole's depth, fraction; if a peg does not reach this depth, it is in a decoy."""
 BLIND = 0.75
-"""Radius of a decoy with a bottom, in which the peg is not put down, share of the hole's width."""
+"""Radius of a decoy with a bottom, share of the hole's width; the search does not put the peg down within it."""
 THROUGH = 1.5
-"""Radius of a decoy without a bottom, share of the hole's width; the peg may have stood anywhere in it."""
+"""Radius of a decoy without a bottom, share of the hole's width; the peg may have been anywhere in it."""
 
 
 class Decoy(NamedTuple):
-    """A place where the peg is not put down."""
+    """A place at which the search does not put the peg down."""
 
     place: Point
-    """Its middle, m, base frame."""
+    """Middle of the decoy, shape (2,), m, base frame."""
     radius: float
-    """Its radius, m."""
+    """Radius of the decoy, m."""
 
 
 def decoy_at(edge: Point, place: Point, depth: float, hole: Hole) -> Decoy | None:
-    """Return the decoy if the peg was given up far above the bottom of the hole, or below it; otherwise None.
+    """Return the decoy if the attempt ended with the peg far above the bottom of the hole, or below it; otherwise None.
 
-    A decoy holds the peg, which therefore fell in within the decoy's radius from where it was given up.
+    A decoy holds the peg. If the peg fell in further away than the decoy's radius, the result is therefore None.
 
     Args:
         edge: Lowest point of the peg when it fell in, shape (2,), m, base frame.
-        place: End point of the peg when it was given up, shape (2,), m, base frame.
-        depth: Its depth below the surface, m.
-        hole: The hole as the job states it.
+        place: End point of the peg at the end of the attempt, shape (2,), m, base frame.
+        depth: Depth of the end point below the surface, m.
+        hole: The hole stated in the job.
     """
     if SHALLOW * hole.depth <= depth <= hole.depth + CLOSED_TOLERANCE:
         return None

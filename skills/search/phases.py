@@ -1,8 +1,8 @@
-"""The phases of a search, as values, and the conditions on which one follows the other; pure.
+"""The phases of a search as values, and the conditions of the transitions between them; pure.
 
-The peg comes down, slides along the course until there is contact evidence of an edge, and rests there. Where the
-resting tip is not deep enough, the peg probes the surroundings once, on a spiral, rests again where it falls, and goes
-back to the course.
+The peg descends, slides along the course until there is contact evidence of an edge, and rests there. If the resting
+tip is not deep enough, the peg probes the surroundings once, on a spiral. It rests again where it falls, or returns to
+the course.
 """
 
 import math
@@ -20,19 +20,19 @@ from skills.search.params import SpraySearchParams
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Detour:
-    """Offset of the setpoint from its course, and the peg's axis, which fade on the way back to the course."""
+    """Offset of the setpoint from its course, and attitude of the peg, both of which fade on the way back to the course."""
 
     since: float
-    """Start of the way back, as time of running, s."""
+    """Running time at the start of the way back, s."""
     offset: Vector
     """Offset from the course to the setpoint at that time, shape (2,), m."""
     axis: Vector
-    """Axis of the peg at that time without its rotation in the hand since the search began, unit, shape (3,), base frame."""
+    """Axis of the peg at that time, without the peg's rotation in the hand since the descent, unit, shape (3,), base frame."""
     closing: Vector
     """Closing axis of the hand at that time, unit, shape (3,), base frame."""
 
     def left(self, elapsed: float, params: SpraySearchParams) -> float:
-        """Return the share of the detour that is left, 1 to 0."""
+        """Return the remaining share of the detour, from 1 at its start to 0."""
         return max(1.0 - (elapsed - self.since) / params.return_time, 0.0)
 
 
@@ -42,20 +42,20 @@ class Felt:
 
     seen: Observation
     turned: float
-    """Rotation of the peg in the hand since the search began, rad."""
+    """Rotation of the peg in the hand since the descent, rad."""
     below: float
     """Depth of the lowest point of the peg below the plate, m."""
     is_pressed: bool
-    """Whether the plate has borne the push for a while."""
+    """True if the plate has borne the push for `TOUCHED_TIME`."""
     is_edge: bool
-    """Whether there is contact evidence of an edge."""
+    """True if there is contact evidence of an edge."""
     velocity: Vector
-    """Velocity of the course, shape (2,), m/s, base frame; 0 where it stops."""
+    """Velocity of the course, shape (2,), m/s, base frame."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ComingDown:
-    """The peg comes down to the plate from above the first point."""
+    """The peg descends to the plate from above the first point."""
 
     detour: Detour
 
@@ -78,7 +78,7 @@ class Probing:
     """Depth of the lowest point of the peg below the plate when it began to probe, m."""
 
     def looked(self, elapsed: float, params: SpraySearchParams) -> Vector:
-        """Return the offset of the probe from its place, shape (2,), m."""
+        """Return the offset of the spiral from the place of the evidence, shape (2,), m."""
         return spiral_at_speed(elapsed - self.detour.since, params.probe_speed, params.probe_pitch)
 
 
@@ -89,13 +89,13 @@ class Resting:
     place: Vector
     """Place of the evidence, shape (2,), m, base frame."""
     tcp: Pose
-    """Pose to which the hand is held, T_base_tcp; the hand and not the tip is held, because the fall turns the peg in the hand."""
+    """Pose at which the hand is held, T_base_tcp; the hand is controlled and not the tip, because the fall turns the peg in the hand."""
     stopped: float
-    """Time at which the hand was stopped, as a stamp, s."""
+    """Time on the cell's clock at which the hand was stopped, s."""
     was_probed: bool = False
 
     def is_over(self, felt: Felt, params: SpraySearchParams) -> bool:
-        """Return whether the tip's depth is known well enough to be judged."""
+        """Return True if the newest frame was measured after the time of rest, so that the tip's depth can be judged."""
         return felt.seen.peg.stamp >= self.stopped + params.rest
 
 
@@ -103,14 +103,14 @@ Phase = ComingDown | Sliding | Probing | Resting
 
 
 def next_phase(phase: Phase, felt: Felt, params: SpraySearchParams, course: Course, point: Vector) -> Phase:
-    """Return the phase after one scan; the same object where the phase goes on.
+    """Return the phase after one scan; the same object if the phase continues.
 
     Args:
-        phase: The phase under way.
+        phase: The present phase.
         felt: Quantities of the scan.
         params: Parameters of the search.
         course: The course of the search.
-        point: Place on the course, from its middle, shape (2,), m.
+        point: Present point of the course, from its middle, shape (2,), m.
     """
     if isinstance(phase, Sliding):
         return stopped(felt, params) if felt.is_edge else phase
@@ -122,9 +122,10 @@ def next_phase(phase: Phase, felt: Felt, params: SpraySearchParams, course: Cour
 
 
 def after_rest(phase: Resting, felt: Felt, params: SpraySearchParams, course: Course, point: Vector) -> Phase:
-    """Return the phase where the resting tip was not deep enough: probe the place once, then slide on.
+    """Return the phase after a rest in which the tip was not deep enough: probe the place once, then slide on.
 
-    An error of theta looks like a dip of a corner until it is measured at rest; a probe would turn the peg further.
+    If a corner leads, an error of theta can resemble a dip until theta is measured at rest. There is no probe then,
+    because it would turn the peg further.
     """
     is_gone = params.lag is not None and felt.below < params.gone * params.dip_threshold
     is_done = phase.was_probed or is_gone
@@ -136,9 +137,9 @@ def after_rest(phase: Resting, felt: Felt, params: SpraySearchParams, course: Co
 
 
 def stopped(felt: Felt, params: SpraySearchParams) -> Resting:
-    """Rest where there is evidence of an edge, led back by as far as joints and plate let the hand be led without moving the tip.
+    """Rest at the evidence of an edge, with the hand's setpoint moved back by `probe_radius`; friction of joints and plate keeps the tip in place.
 
-    A peg that falls while it slides is beyond the middle of the hole by about half of that when it is caught, and leans on the rim there.
+    When the rim stops a falling peg, the sliding peg is past the middle of the hole by about half this distance, and leans on the rim.
     """
     back = params.probe_radius * felt.velocity / max(math.hypot(*felt.velocity), 1e-9)
     tcp = felt.seen.arm.tcp
@@ -147,7 +148,7 @@ def stopped(felt: Felt, params: SpraySearchParams) -> Resting:
 
 
 def _touched(phase: ComingDown, felt: Felt, params: SpraySearchParams, course: Course) -> Phase:
-    """Slide once the setpoint is down and the plate bears the push, or after the longest time to come down."""
+    """Slide once the setpoint is down and the plate bears the push, or after `search.touch_down`."""
     elapsed = felt.seen.elapsed
     is_down = elapsed * params.descent >= course.height + params.push_offset
     if (felt.is_pressed and is_down) or elapsed >= params.touch_down:
@@ -156,10 +157,10 @@ def _touched(phase: ComingDown, felt: Felt, params: SpraySearchParams, course: C
 
 
 def _probed(phase: Probing, felt: Felt, params: SpraySearchParams, course: Course, point: Vector) -> Phase:
-    """Rest where the tip falls; else go back to the course from where the setpoint is.
+    """Rest if the tip falls; at the end of the spiral, return to the course.
 
-    The tip must be deeper by a dip than where the probe began, and before the end of the spiral deeper than `fall`. Otherwise a peg that leans
-    on the rim just above that depth stops the probe at once, and after three such rests its hole is taken for a dent.
+    The tip must be deeper by a dip than at the start of the probe, and before the end of the spiral also deeper than `fall`. Without the second
+    condition, a peg that leans on the rim just above `fall` would stop the probe at once, and after three such rests the hole would be skipped.
     """
     seen, looked = felt.seen, phase.looked(felt.seen.elapsed, params)
     is_over = math.hypot(*looked) > params.probe_radius

@@ -1,7 +1,7 @@
 """Parameters of a search for a thin round peg, and the largest speed along a lane; pure.
 
-A peg that leans over its edge falls into a hole by a share of its own thickness, however thick it is. The depths that detect its fall are
-stated for a peg of `search.stated`; a thin one has smaller ones, and it is pushed harder, so that it falls in less time.
+A peg that leans over its edge falls into a hole by a fixed share of its own thickness. The depths that detect its fall are stated for the
+thickness `search.stated`. For a thin peg they are smaller, and the push is larger, so that the peg falls in less time.
 """
 
 import math
@@ -12,8 +12,8 @@ from skills.search.params import SpraySearchParams
 def fastest(search: SpraySearchParams, width: float) -> float:
     """Return the largest speed along a lane, m/s: the peg crosses a given share of the hole while it falls by the dip threshold.
 
-    Under a constant push a fall takes a time that grows with the root of its depth. A larger threshold than `search.crossed_dip` is taken for
-    that one.
+    Under a constant push, the time of a fall grows with the square root of its depth. The dip threshold counts as at most
+    `search.crossed_dip`.
 
     Args:
         search: Parameters of the search.
@@ -23,7 +23,7 @@ def fastest(search: SpraySearchParams, width: float) -> float:
 
 
 def firm(search: SpraySearchParams, thickness: float) -> SpraySearchParams:
-    """Return the parameters of a search with the push for a round peg of this thickness, m; what the pads bear still bounds it."""
+    """Return the parameters of a search with the push for a round peg of this thickness, m; the load of the pads bounds it later."""
     if thickness > search.thin:
         return search
     stiffness = max(search.push_stiffness, search.thin_push / search.push_offset)

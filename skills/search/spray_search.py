@@ -22,7 +22,7 @@ logger = logging.getLogger(__name__)
 
 @dataclass(frozen=True, slots=True)
 class SpraySearchResult(SkillResult):
-    """Where the hole was found."""
+    """Place of the hole, and what the search measured on the way."""
 
     tip: tuple[float, float, float]
     """End point of the peg when it fell in, m, base frame; x_h of [gibbons]."""
@@ -31,17 +31,17 @@ class SpraySearchResult(SkillResult):
     rests: int
     """Number of times that contact evidence stopped the path."""
     plane: Plane | None
-    """The plate's surface as the search estimated it; None where no hole was found."""
+    """Estimate of the plate's surface; None if no hole was found."""
     edge: tuple[float, float] | None = None
-    """Lowest point of the peg in the hole, m, base frame; None where no hole was found."""
+    """Lowest point of the peg in the hole, m, base frame; None if no hole was found."""
     seated: tuple[float, float] | None = None
-    """Middle of the hole in the plate's surface, as the peg that was seated after this search tells it, m, base frame."""
+    """Middle of the hole in the plate's surface, measured by the peg seated after this search, m, base frame."""
     left: Left | None = None
-    """Rest of the course that was not searched yet; None where no hole was found."""
+    """Rest of the course, not searched yet; None if no hole was found."""
     excess: float = 0.0
-    """Length by which the peg reached further from the hand than the job states, m, by its first touch-down."""
+    """Peg length minus the length stated in the job, m, measured by touch-downs."""
     offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    """Force that the arm reported in free air, which was taken from its readings since, N, base frame."""
+    """Force that the arm reported in free air, subtracted from its later readings, N, base frame."""
     noise: float = 0.0
     """Standard deviation of a component of that force, N."""
 
@@ -52,16 +52,16 @@ def run(
     belief: Belief = ANYWHERE,
     make_evidence: Callable[[SpraySearchParams, SurfaceEstimate, float], EdgeEvidence] = EdgeEvidence,
 ) -> SpraySearchResult:
-    """Search the area from a random corner or point of it until the peg's edge falls into the hole.
+    """Search the area, from a random corner or the likely place, until the peg's edge falls into the hole.
 
     Args:
         params: Parameters of the search.
         ctx: The skill's context.
-        belief: Likely place of the hole, which is searched first, and what earlier attempts have not searched yet.
-        make_evidence: Makes what watches for the edge.
+        belief: Likely place of the hole, which is searched first, and the rest of the path of earlier attempts.
+        make_evidence: Function that returns the detector of the edge.
 
     Returns:
-        Where the tip fell in, or why the search ended without a fall.
+        Place at which the tip fell in, or the reason why the search ended without a fall.
     """
     course = make_course(params, ctx.job, ctx.rng, _with_prior(belief, ctx), ctx.peg.is_length_known)
     start = (course.first[0], course.first[1])
@@ -99,16 +99,16 @@ def run(
 def _slide(
     params: SpraySearchParams, ctx: SkillContext, sweep: SearchSweep, spent: float
 ) -> tuple[Observation | None, float]:
-    """Let the peg slide on, until it is in the hole, or the time is up, or it is to be lifted.
+    """Slide the peg until it is in the hole, the time is over, or it must be lifted.
 
     Args:
         params: Parameters of the search.
         ctx: The skill's context.
-        sweep: The peg on its way.
-        spent: Time that the search has taken so far, s.
+        sweep: Motion of the peg.
+        spent: Duration of the search so far, s.
 
     Returns:
-        The scan in which it was judged to be in the hole, if it was, and the time that the search has taken, s.
+        The scan in which the peg was judged to be in the hole, or None; and the duration of the search, s.
     """
     for seen in ctx.scan(params.timeout - spent, holding=True):
         if sweep.finds(seen):
@@ -125,15 +125,15 @@ def _above(course: Course) -> Goal:
 
 
 def _with_prior(belief: Belief, ctx: SkillContext) -> Belief:
-    """Return the distribution of the hole's place for a first attempt, from the job's prior; later attempts have their own."""
+    """Return the belief for a first attempt, with the prior of the job; later attempts have their own."""
     prior = ctx.job.hole.prior
     return belief if prior is None or belief.failed else replace(belief, likely=prior)
 
 
 def _referenced(plane: Plane, params: SpraySearchParams, ctx: SkillContext, sweep: SearchSweep) -> Plane:
-    """Return the plate's surface after what the peg has slipped along the fingers on it was taken into its length in the hand.
+    """Return the plate's surface, corrected by the peg's slip along the fingers since its touch-down; the length takes the slip over.
 
-    Under a peg that slips up into the hand the plate seems to have sunk where it was touched down on; a tilted plate does not.
+    If the peg slips up into the hand, the estimated plate at the place of the touch-down seems to sink. A tilt of the plate has no such effect.
     """
     touched = sweep.touched
     if touched is None or not ctx.peg.is_length_known:
@@ -142,7 +142,7 @@ def _referenced(plane: Plane, params: SpraySearchParams, ctx: SkillContext, swee
     excess = excess_of(sunk, sweep.axis, params.length_bound, has_touched=True)
     if not excess:
         return plane
-    logger.info("peg: has slipped by %.1f mm along the fingers on the plate", -1e3 * excess)
+    logger.info("peg: slipped by %.1f mm along the fingers during the search", -1e3 * excess)
     ctx.note_touch(excess)
     return Plane(plane.point - excess * float(sweep.axis[2]) * UP, plane.normal)
 

@@ -1,4 +1,4 @@
-"""The peg on its way over the plate: it takes each observation and gives each setpoint; one object serves one search."""
+"""Motion of the peg over the plate, from each observation to the next setpoint; one object serves one search."""
 
 import logging
 import math
@@ -32,10 +32,10 @@ logger = logging.getLogger(__name__)
 
 
 class SearchSweep:
-    """Goes through the phases of a search; `skills.search.phases` decides on which phase follows."""
+    """Runs the phases of a search; `skills.search.phases` decides which phase follows."""
 
     def __init__(self, params: SpraySearchParams, ctx: SkillContext, course: Course, evidence: EdgeEvidence) -> None:
-        """Begin above the first point of the course."""
+        """Start above the first point of the course."""
         self._params, self._ctx, self._course, self._evidence = params, ctx, course, evidence
         self._push = Push(params.push_stiffness, 0.0)
         self._stiffness, self._damping_ratio = params.gains.stiffness(), params.gains.damping_ratios()
@@ -44,18 +44,18 @@ class SearchSweep:
         self._resting: ImpedanceSetpoint | None = None
         self._edge = course.first
         self.touched: Vector | None = None
-        """Lowest point of the peg at its last touch-down, shape (3,), m, base frame, by the length that it told; None before."""
+        """Lowest point of the peg at its last touch-down, shape (3,), m, base frame, with the length measured there; None before."""
         self._is_doubted = False
-        """Whether the last touch-down was below the plate beside a decoy."""
+        """True if the last touch-down was below the plate while decoys are known."""
         self.rests = 0
         """Number of times that contact evidence stopped the path."""
         self.hold_anew()
 
     def hold_anew(self) -> None:
-        """Come down from the first point of the course with the peg as it now lies in the hand."""
+        """Start the descent from the first point of the course, with the present theta of the peg."""
         ctx, course = self._ctx, self._course
         self._theta = ctx.in_hand().theta
-        """In-hand angle with which the hand came down, rad."""
+        """In-hand angle at the start of the descent, rad."""
         self._identity, self._push = ctx.new_id(), replace(self._push, theta=self._theta)
         self._bearing = Bearing(self._params.touched, ctx.wrench.zero, ctx.schedule.period)
         self._phase: Phase = ComingDown(Detour(0.0, np.zeros(2), course.axis, course.closing))
@@ -70,7 +70,7 @@ class SearchSweep:
         self._evidence.restart()
 
     def finds(self, seen: Observation) -> bool:
-        """Take one observation; return whether the tip was judged to be in the hole."""
+        """Process one observation; return True if the tip is judged to be in the hole."""
         params, course = self._params, self._course
         self._push = self._push.after(seen.peg.theta, params)
         self._point, self._velocity = course.path.at(self._along)
@@ -92,7 +92,7 @@ class SearchSweep:
         return False
 
     def _take_touch_down(self, felt: Felt, edge: Vector) -> None:
-        """Measure the peg's length where it has come down on the plate, or pass over a decoy."""
+        """Measure the peg's length at the touch-down on the plate, or register a decoy."""
         if self._has_come_down_in_decoy(felt, edge):
             self._pass_over()
         elif felt.is_pressed:
@@ -101,33 +101,33 @@ class SearchSweep:
             self._bearing.require_sense(self._push.stiffness * self._params.push_offset)
 
     def _has_come_down_in_decoy(self, felt: Felt, edge: Vector) -> bool:
-        """Return whether the peg has come down below the plate beside a decoy; the next time it has slipped up into the hand."""
+        """Return True if decoys are known and the peg came down below the plate or without contact; the next time this counts as a slip."""
         low = self._course.surface - float(edge[2]) > EXPLAINED or not felt.is_pressed
         is_doubted, self._is_doubted = self._is_doubted, low and bool(self._course.decoys)
         return self._is_doubted and not is_doubted
 
     def _pass_over(self) -> None:
-        """Take the place of the peg for a decoy."""
+        """Register the place of the peg as a decoy."""
         decoy = Decoy(self.edge, BLIND * self._ctx.job.hole.part.inscribed)
         self._course = self._course.passing(decoy, self._along)
 
     def _is_stuck(self, felt: Felt) -> bool:
-        """Count a rest that is over, and return whether the peg has rested here time and again."""
+        """Count a rest that has ended; return True if the peg has rested here `search.stuck_after` times."""
         here = felt.seen.tip[:2]
         self._times = self._times + 1 if math.dist(here, self._rested) <= self._params.stuck_within else 1
         self._rested = here
         return self._times >= self._params.stuck_after
 
     def is_to_lift(self, seen: Observation) -> bool:
-        """Return whether the peg is to be lifted: it has turned so far in the hand that the hand should turn after it, in the air,
-        or it is stuck in a decoy or slides into one.
+        """Return True if the search must lift the peg: it is stuck in a decoy or slides into one, or it has turned in the hand by more
+        than `search.turned`, and the hand must turn by the same angle in the air.
         """
         is_stuck = self._times >= self._params.stuck_after
         is_in_decoy = isinstance(self._phase, Sliding) and self._course.beyond(self._along) > self._along
         return is_stuck or is_in_decoy or abs(seen.peg.theta - self._theta) > self._params.turned
 
     def begin_anew(self) -> Course:
-        """Return the course on which the lifted peg comes down where it was, or behind a decoy."""
+        """Return the course on which the lifted peg descends at the same place, or behind a decoy."""
         self._course = self._course.down_from(self._along)
         return self._course
 
@@ -138,7 +138,7 @@ class SearchSweep:
 
     @property
     def axis(self) -> Vector:
-        """Axis of the peg on the plate, unit, shape (3,), base frame, as the course asks for it."""
+        """Setpoint of the peg's axis on the plate, unit, shape (3,), base frame."""
         return self._course.axis
 
     @property
@@ -149,11 +149,11 @@ class SearchSweep:
 
     @property
     def left(self) -> Left:
-        """Rest of the path over the area that was not swept yet."""
+        """Rest of the path, which the search has not swept yet."""
         return Left(self._course.path, self._along)
 
     def setpoint(self, seen: Observation) -> ImpedanceSetpoint:
-        """Return the setpoint that the arm shall follow now, and go on along the course; to be called once a scan,
+        """Return the setpoint of this scan, and advance along the course. Must be called once per scan,
         after `finds`.
         """
         phase = self._phase
@@ -179,20 +179,20 @@ class SearchSweep:
         )
 
     def _turned(self, seen: Observation, axis: Vector) -> Vector:
-        """Return an axis turned with the peg in the hand since the search began.
+        """Return an axis rotated by the peg's rotation in the hand since the descent.
 
-        A setpoint that turns with the peg keeps the hand as it is. A hand that turned after a peg whose tip the plate holds would only
-        turn in its pads: it would never catch up with the measured angle.
+        With this setpoint the hand keeps its orientation. If the hand followed the rotation, the plate would hold the tip, and the peg
+        would turn further in the pads: the hand would never reach the measured angle.
         """
         return rotation_about(seen.arm.tcp.rotation[:, 2], seen.peg.theta - self._theta) @ axis
 
     def _measure_length(self, edge: Vector, felt: Felt) -> None:
-        """Take from a touch-down how far the peg reaches from the hand; after the first one it may have slipped."""
+        """Measure the peg's length by a touch-down; a difference after the first touch-down shows a slip."""
         height = float(edge[2]) - self._course.surface
         excess = excess_of(height, felt.seen.axis, self._params.length_bound, self._ctx.peg.is_length_known)
         if excess is None:
             logger.warning(
-                "peg: its end was expected %.1f mm above the plate's surface where it touches; within %.1f mm believed: length left as it is",
+                "peg: touched the plate with its end at %.1f mm above the stated surface; at most %.1f mm allowed: length unchanged",
                 1e3 * height,
                 1e3 * self._params.length_bound,
             )
@@ -202,7 +202,7 @@ class SearchSweep:
         self.touched = edge - (excess or 0.0) * float(felt.seen.axis[2]) * UP
 
     def _enter(self, phase: Phase) -> None:
-        """Go on with `phase`; the only place where the phase changes."""
+        """Change to `phase`; no other function changes the phase."""
         before, self._phase = self._phase, phase
         if type(phase) is type(before):
             return
@@ -228,14 +228,14 @@ class SearchSweep:
         )
 
     def _way(self, phase: ComingDown | Sliding | Probing, seen: Observation, back: float) -> tuple[Vector, Vector]:
-        """Return the setpoint of the tip, shape (3,), m, and its velocity, shape (3,), m/s, and go on along the course."""
+        """Return the setpoint of the tip, shape (3,), m, and its velocity, shape (3,), m/s; advance along the course."""
         params, course = self._params, self._course
         top, depth = course.surface + course.height, course.surface - params.push_offset
-        # Also where the plate was felt too early the setpoint comes down no faster than this.
+        # The setpoint descends at this rate even if the touch-down was detected too early.
         share = min(seen.elapsed * params.descent / (top - depth), 1.0)
         target, velocity = np.array([0.0, 0.0, top + (depth - top) * share]), np.zeros(3)
         if isinstance(phase, Sliding):
-            # Under a smaller push the peg falls less far in the same time.
+            # Under a smaller push, the peg falls more slowly, so the speed is reduced in proportion.
             run_up = min((seen.elapsed - phase.detour.since) / params.run_up, 1.0)
             pace = self._push.stiffness / params.push_stiffness * run_up
             self._along += pace * seen.step
@@ -249,7 +249,7 @@ class SearchSweep:
         return target, velocity
 
     def _still(self, phase: Resting) -> ImpedanceSetpoint:
-        """Return the setpoint that holds the hand where it was stopped, still pushing down."""
+        """Return the setpoint that holds the hand at the pose of the stop, and continues to push down."""
         damping_ratio = self._damping_ratio.copy()
         damping_ratio[:3] *= self._params.rest_damping
         return ImpedanceSetpoint(

@@ -14,9 +14,9 @@ from drivers.quantities import Vector
 from skills.paths import TURN_TIME
 
 GATE = 3.0
-"""Number of standard deviations about the likely place that are searched first."""
+"""Half width of the likely place, which is searched first, standard deviations."""
 RUN_UP = 0.015
-"""Additional length of the first stroke before the likely place, m, if the area has room: there the search learns the plate's plane.
+"""Additional length of the first stroke before the likely place, m, if the area has room; on it the search estimates the plate's plane.
 Source: docs/tried/search.md.
 """
 
@@ -24,7 +24,7 @@ _BEGAN = attrgetter("began")
 
 Point = tuple[float, float]
 Stroke = tuple[Point, Point]
-"""First and last point of a straight piece that is swept at one speed, m."""
+"""First and last point of a straight piece with constant speed, m."""
 
 
 class Path(Protocol):
@@ -40,7 +40,7 @@ class Path(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Left:
-    """Rest of a path: all of it from a time on."""
+    """Rest of a path, from a time on."""
 
     path: Path
     since: float
@@ -49,7 +49,7 @@ class Left:
 
 @dataclass(frozen=True, slots=True)
 class Leg:
-    """One piece of a path: a cubic between two points with given velocities, a straight line where they agree."""
+    """One piece of a path: a cubic between two points with given velocities; it is straight if both velocities point along it."""
 
     began: float
     """Start of the piece, as time along the path, s."""
@@ -61,7 +61,7 @@ class Leg:
     """Velocities at the first and the last point, m/s."""
 
     def at(self, time: float) -> tuple[Vector, Vector]:
-        """Return point and velocity at a time along the path; Hermite's cubic."""
+        """Return point and velocity at a time along the path, from Hermite's cubic."""
         s, span = (time - self.began) / self.duration, self.duration
         rise, begin, end = s * s * (3.0 - 2.0 * s), (1.0 - s) * (1.0 - 3.0 * s), s * (3.0 * s - 2.0)
         point, rate = np.empty(2), np.empty(2)
@@ -74,7 +74,7 @@ class Leg:
 
 @dataclass(frozen=True, slots=True)
 class Tour:
-    """Straight strokes one after the other, joined by turns, and behind them another path."""
+    """Straight strokes in order, joined by turns, and then another path."""
 
     legs: tuple[Leg, ...]
     then: Left
@@ -102,7 +102,7 @@ class Rows:
     """Arrangement of the strokes that sweep an area."""
 
     half: Point
-    """Half the extents of what is swept, m."""
+    """Half the extents of the swept area, m."""
     fast: int
     """Axis of the strokes, 0 or 1."""
     pitch: float
@@ -115,8 +115,8 @@ class Rows:
         return (along, across) if self.fast == 0 else (across, along)
 
     def order(self, across: float, near: int) -> list[float]:
-        """Return the coordinates of all strokes across them, m: the one next to `across`, then `near` of them on either
-        side in turn, then those up to the nearer border, then the rest.
+        """Return the coordinates of all strokes, across them, m, in their order: the stroke next to `across`, then `near`
+        strokes on each side in turn, then the strokes up to the nearer border, then the rest.
         """
         edge = self.half[1 - self.fast]
         count = max(math.ceil(2.0 * edge / self.pitch), 1)
@@ -128,15 +128,15 @@ class Rows:
 
 
 def first_look(likely: HolePrior, middle: Point, rows: Rows, width: float, outside: float, way: float) -> list[Stroke]:
-    """Return strokes over where the hole is likely, the most likely one first; none leaves the area by more than `outside`, however
-    wide that place is.
+    """Return strokes over the likely place of the hole, the most likely one first. Even if the likely place is wide, no stroke leaves
+    the area by more than `outside`.
 
     Args:
         likely: Likely place of the hole.
         middle: Middle of the area, shape (2,), m, base frame.
         rows: Arrangement of the strokes.
         width: Diameter of the largest circle inside the hole, m.
-        outside: Distance from the hole at which the peg comes down outside of it, m.
+        outside: Distance from the hole's middle at which the peg touches down, m.
         way: Direction of the first stroke along its axis, -1 or 1.
     """
     along, across = _clipped(likely, middle, rows)
@@ -154,13 +154,13 @@ def first_look(likely: HolePrior, middle: Point, rows: Rows, width: float, outsi
 
 
 def outwards(likely: HolePrior, middle: Point, rows: Rows, start: float, way: float) -> list[Stroke]:
-    """Return strokes over the whole area: those where the hole is likely first, then to the nearer border, then to the other.
+    """Return strokes over the whole area: first over the likely place, then to the nearer border, then to the other border.
 
     Args:
         likely: Likely place of the hole.
         middle: Middle of the area, shape (2,), m, base frame.
         rows: Arrangement of the strokes.
-        start: Coordinate at which the first stroke begins along its axis, from the middle, m; what lies before it comes last.
+        start: Coordinate along the strokes at which the first one begins, from the middle, m; the part before it comes last.
         way: Direction of the first stroke along its axis, -1 or 1.
     """
     edge = rows.half[rows.fast]
@@ -176,18 +176,18 @@ def outwards(likely: HolePrior, middle: Point, rows: Rows, start: float, way: fl
 
 
 def beside(likely: HolePrior, rows: Rows) -> int:
-    """Return how many strokes on either side of the first it takes to cover where the hole is likely."""
+    """Return the number of strokes, on each side of the first, that cover the likely place of the hole."""
     return max(math.ceil(GATE * likely.deviation[1 - rows.fast] / rows.pitch - 0.5), 0)
 
 
 def _clipped(likely: HolePrior, middle: Point, rows: Rows) -> Point:
-    """Return where the hole is likely along and across the strokes, from the middle of the area and within it, m."""
+    """Return the likely place along and across the strokes, from the middle of the area and clipped to it, m."""
     place = [min(max(m - c, -h), h) for m, c, h in zip(likely.mean, middle, rows.half, strict=True)]
     return place[rows.fast], place[1 - rows.fast]
 
 
 def tour(strokes: Sequence[Stroke], speed: float, then: Left) -> Tour:
-    """Return strokes at one speed, joined by turns, and behind them the rest of another path."""
+    """Return the path of strokes at one speed, joined by turns, and then the rest of another path."""
     legs: list[Leg] = []
     here: tuple[Point, Point] | None = None
     for begin, end in strokes:
@@ -204,8 +204,8 @@ def tour(strokes: Sequence[Stroke], speed: float, then: Left) -> Tour:
 
 
 def _joined(began: float, here: tuple[Point, Point], there: tuple[Point, Point], speed: float) -> Iterator[Leg]:
-    """Yield the pieces from one point and velocity to another: one turn, or, where it is far, a stop, a straight line
-    and a start.
+    """Yield the pieces from one point and velocity to another: one turn, or, if the distance is large, a stop, a straight
+    line and a start.
     """
     span = 1.5 * math.dist(here[0], there[0]) / speed
     if span <= 2.0 * TURN_TIME:
