@@ -35,7 +35,7 @@ class CornerAdjustParams(SkillParams):
     gains: Annotated[Gains, Source("chosen within the margin that `cell check` prints")]
     """Stiffness and damping ratio along x and y and in rotation."""
     push_stiffness: Annotated[PositiveFloat, Quantity("N/m")]
-    """Stiffness along z, which makes the push, N/m."""
+    """Stiffness of the push along z, N/m."""
     push_damping_ratio: Annotated[float, Figure("multiple"), Field(exclude=True)] = 1.5
     """Damping ratio along z, multiple of the critical damping."""
     push_offset: Annotated[float, Figure("m"), Field(exclude=True)] = 0.01
@@ -83,7 +83,7 @@ class CornerAdjustResult(SkillResult):
     """Depth of the peg at the end."""
 
     depth: float
-    """Depth of the tip below the surface by the arm, m."""
+    """Depth of the tip below the surface, measured by the arm, m."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -92,7 +92,7 @@ class Entry:
 
     params: CornerAdjustParams
     in_hand: InHandTip
-    """Pose of the peg in the hand at the start, kept constant: fed back while the peg is wedged, the estimate would drift with its bias."""
+    """Pose of the peg in the hand at the start; it stays constant, because the estimate would drift with its bias while the peg is wedged."""
     normal: Vector
     """Normal of the plate, unit, shape (3,), base frame."""
     axis: Vector

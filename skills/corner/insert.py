@@ -30,7 +30,7 @@ class CornerInsertParams(SkillParams):
     gains: Annotated[Gains, Source("chosen within the margin that `cell check` prints")]
     """Stiffness and damping ratio along x and y and in rotation."""
     push_stiffness: Annotated[PositiveFloat, Quantity("N/m")]
-    """Stiffness along z, which makes the push, N/m."""
+    """Stiffness of the push along z, N/m."""
     push_back: Annotated[float, Field(gt=0.0, le=1.0), Quantity("fraction"), Source("docs/tried/corners.md")]
     """Share of the push while the peg is raised, fraction. Under the full push, the peg turns in the hand. Under too small a push,
     the lead lifts the corner over the edge.
@@ -92,8 +92,8 @@ class CornerInsertParams(SkillParams):
     and are tried first.
     """
     felt: Annotated[PositiveFloat, Quantity("rad"), Source("docs/tried/corners.md")]
-    """Lag of the hand behind its setpoint about the normal at which walls hold the peg, rad; many times the lag caused
-    by the joints' friction.
+    """Lag of the hand behind its setpoint about the normal from which on walls hold the peg, rad; many times the lag
+    caused by the joints' friction.
     """
     sunk: Annotated[PositiveFloat, Quantity("m")]
     """Depth gained at which the peg has dropped in without contact with a wall, m."""

@@ -50,8 +50,8 @@ FORCE_STEP = 0.1
 EXACT = 0.1
 """Least sum a + b of a curve's deviations down and up, N: the best resolution of an arm's force. Source: chosen, not measured."""
 MOST_WAYS = 64
-"""Number of strokes to keep: ten attempts with five strokes each, and some that ended elsewhere. The likelihood of as many is cached, because
-skill and gate evaluate them at every scan of a rest.
+"""Number of strokes to keep: ten attempts with five strokes each, and some that ended elsewhere. The likelihoods of this many strokes are
+cached, because skill and gate evaluate them at every scan of a rest.
 """
 
 

@@ -1,4 +1,4 @@
-"""Theta from frame to frame, twisted in between by the moment on the peg."""
+"""Theta from frame to frame; between two frames, the moment on the peg twists it."""
 
 import math
 from dataclasses import replace
@@ -11,17 +11,17 @@ from skills.tactile.pose import NO_PEG, PegPose
 from skills.tactile.twist import GripTwist
 
 FURTHEST = 2.0
-"""Largest in-hand angle of a peg that is held, rad; beyond it the hand would be in its way. Source: chosen, not measured."""
+"""Largest in-hand angle of a held peg, rad; at larger angles the hand would be in the peg's way. Source: chosen, not measured."""
 
 
 class Smoothing(ConfigModel):
-    """How theta is carried from frame to frame."""
+    """Filter of theta from frame to frame."""
 
     SOURCE: ClassVar[str] = "chosen, not measured"
 
     jump: Annotated[float, Field(gt=0.0), Quantity("rad"), Source("docs/tried/angle.md")] = 0.15
-    """Difference of a frame from the running estimate, rad, beyond which it counts once the next one differs to the same side. No held
-    peg turns so far between two frames; more than pi/2 takes each frame at once, as [gibbons] does.
+    """Difference of a frame from the running estimate above which the frame counts only if the next one differs to the same side, rad. No held
+    peg turns so far between two frames. A value above pi/2 accepts every frame at once, as in [gibbons].
     """
     softest: Annotated[float, Field(ge=0.0, le=10.0), Quantity("rad/(N·m)"), Source("assumed")] = 1.9
     """Twist of the peg in the softest pads by a moment about the closing axis, rad/(N·m); 0 holds theta between frames, as
@@ -31,8 +31,8 @@ class Smoothing(ConfigModel):
     def take(self, held: PegPose, new: PegPose) -> PegPose:
         """Return the running estimate after a new healthy frame.
 
-        A peg looks the same turned by 180 degrees, so the angle that is nearest to the held one is meant, unless no peg turns so far: a
-        frame taken while the fingers were still closing gave the other angle.
+        A peg that is turned by 180 degrees gives the same frame, so the angle nearest to the present estimate is used. If that angle exceeds
+        `FURTHEST`, the present estimate came from a frame of closing fingers and was wrong: the new angle is used as it is.
         """
         if not held.healthy:
             return new
@@ -42,24 +42,24 @@ class Smoothing(ConfigModel):
         return PegPose(held.theta + step, new.offset, new.sigma, new.residual, True, new.stamp)
 
     def jump_of(self, held: PegPose, new: PegPose) -> float:
-        """Return by how much a new healthy frame leaves the running estimate, rad; 0 where that is no jump."""
+        """Return the difference of a new healthy frame from the running estimate, rad; 0 if it is not a jump."""
         step = _step(held, new) if held.healthy else 0.0
         return step if abs(step) > self.jump else 0.0
 
 
 def _step(held: PegPose, new: PegPose) -> float:
-    """Return the smallest turn from one angle to another, rad; a peg looks the same turned by 180 degrees."""
+    """Return the smallest rotation from one angle to another, rad; angles that differ by 180 degrees are equal."""
     return math.remainder(new.theta - held.theta, math.pi)
 
 
 class Blend:
-    """Takes frames as `Smoothing` says, and twists theta between them; a frame alone makes no jump of theta."""
+    """Filters frames by `Smoothing`, and twists theta between them; a single frame cannot make theta jump."""
 
     def __init__(self, smoothing: Smoothing) -> None:
         """Start without any estimate."""
         self._smoothing, self._peg = smoothing, NO_PEG
         self._jump = 0.0
-        """Jump of the newest frame, rad; 0 where it was none."""
+        """Jump of the newest frame, rad; 0 if it was none."""
         self._twist, self._moment = GripTwist(smoothing.softest), 0.0
         """Compliance of the grip, and the moment at the time of the frame in use, N·m."""
 
@@ -79,7 +79,7 @@ class Blend:
         return self._twisted(moment)
 
     def _twisted(self, moment: float) -> PegPose:
-        """Return the pose in use under another moment, N·m."""
+        """Return the present pose under another moment, N·m."""
         # theta = theta_frame + c (M - M_frame)
         peg, turn = self._peg, self._twist.compliance * (moment - self._moment)
         if not peg.healthy or not turn:
