@@ -70,7 +70,7 @@ SEARCH_STREAM = 3
 
 
 def _nothing() -> None:
-    """Do nothing: at a real cell, people and machines do this work."""
+    """Do nothing: in a real cell, people and machines do this work."""
 
 
 class Pluggable(Protocol):

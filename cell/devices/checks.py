@@ -58,7 +58,7 @@ def loop_verdict(figures: LoopFigures) -> str:
 
 
 def hand_verdicts(figures: LoopFigures, hand: Hand, force: float, most: float) -> list[tuple[str, str]]:
-    """Return name and verdict of end effector and load, as the arm's controller knows them.
+    """Return name and verdict of end effector and load, as they are set in the arm's controller.
 
     Args:
         figures: Figures of the arm's loop.

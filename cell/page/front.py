@@ -152,7 +152,7 @@ class HttpServer:
                 f"{self._what} {host}:{port}: cannot listen: {why}; another port allowed"
             ) from None
         self._socket.setblocking(False)
-        # inherited by each connection; the kernel acknowledges, so a browser that gets no processor time keeps its page
+        # Each connection inherits this. The kernel acknowledges, so that a busy browser does not lose its connection.
         self._socket.setsockopt(sockets.IPPROTO_TCP, sockets.TCP_USER_TIMEOUT, round(1e3 * IDLE))
         for name in LOGGERS:
             logging.getLogger(name).addFilter(self._sparse)

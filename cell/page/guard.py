@@ -29,7 +29,7 @@ def refusal(host: str, origin: str | None, names: Collection[str] = ()) -> str:
     if match is None or not _is_own((match["six"] or match["name"]).lower(), names):
         return "not a name of this cell"
     if origin is not None and origin.lower() not in (f"http://{host.lower()}", f"https://{host.lower()}"):
-        return "asked for by the page of another site"
+        return "requested by the page of another site"
     return ""
 
 

@@ -126,7 +126,7 @@ class PageSocket(WebSocketHandler):
     def show(self, text: bytes) -> None:
         """Send a text, but skip it while an earlier one is unsent; the page then gets the whole history later."""
         stream = self.ws_connection.stream if self.ws_connection else None
-        if stream is not None and stream.writing():  # the kernel takes no more; texts of this moment are no delay
+        if stream is not None and stream.writing():  # the kernel's buffer is full
             self._has_missed = True
         elif self._has_missed:
             self._has_missed = False

@@ -56,12 +56,12 @@ REFUSED = {
     Refusal.NOT_READY: "not in this state of the cell",
     Refusal.NOT_HOLDER: "somebody else holds the lease; anybody may stop and abort",
     Refusal.PARAMETER: "a parameter or the serial number cannot be taken",
-    Refusal.PART_UNRESOLVED: "the last peg is not where it may stay: recover it, or take it away and say so",
+    Refusal.PART_UNRESOLVED: "the last peg is not where it may stay: recover it, or take it away and confirm it",
     Refusal.HOLE_OCCUPIED: "the switch under the hole is closed: the workpiece must be exchanged",
     Refusal.SWITCH_UNKNOWN: "the switch under the hole gives no valid answer",
-    Refusal.RACK_EMPTY: "the rack is empty: fill it and say so",
+    Refusal.RACK_EMPTY: "the rack is empty: fill it and confirm it",
     Refusal.COMMISSIONING: "the cell is in commissioning: only `cell run` starts motions, slowly",
-    Refusal.STOP_HELD: "a stop coil is held at 1 somewhere; nothing starts before it falls",
+    Refusal.STOP_HELD: "a client holds its stop coil at 1; nothing starts until the coil is 0",
 }
 """Reason in words for each refusal."""
 

@@ -53,7 +53,7 @@ class Custody:
             logger.warning("%s: %s", self._file.path, doubt)
             self._kept = PartState(PartPlace.UNKNOWN, f"{self._file.path.name} {doubt}")
         self._is_known = False
-        self.part = PartState(PartPlace.UNKNOWN, "nothing was looked at yet")
+        self.part = PartState(PartPlace.UNKNOWN, "no device was read yet")
         """Last known state of the peg."""
 
     def see(self, seen: PegEvidence, places: Places, is_running: bool) -> bool:

@@ -22,11 +22,11 @@ REASONS = {
     Reason.NO_HOLE: FaultText(
         "the search passed over its area without a hole",
         "the plate is missing or displaced, or theta is wrong",
-        "see the plate against hole.centre and hole.area; `cell calibrate places`",
+        "compare the plate with hole.centre and hole.area; `cell calibrate places`",
     ),
     Reason.NOT_ALIGNED: FaultText(
         "the peg did not stand upright in the hole",
-        "it was no hole, or the peg turned in the hand",
+        "the place was not the hole, or the peg turned in the hand",
         "look at theta in the curves of the run; clean the pads",
     ),
     Reason.NOT_SEATED: FaultText(

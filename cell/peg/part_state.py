@@ -209,7 +209,7 @@ def by_hand_alone(
             return before
         told = f"hand grips {_mm(hand.width)}, the end of the peg was at the hole when the arm measured last"
         return _shown(replace(before, place=PartPlace.UNKNOWN, evidence=told), seen, places)
-    told = f"hand grips {_mm(hand.width)}; the arm does not tell where"
+    told = f"hand grips {_mm(hand.width)}; the arm reports no position"
     return _shown(PartState(PartPlace.IN_HAND, told, is_held=True, tip=before.tip), seen, places)
 
 
@@ -340,7 +340,7 @@ def _is_over_hole(tip: tuple[float, float, float], hole: Hole) -> bool:
 
 
 def _is_at_hole(seen: PegEvidence, hole: Hole) -> bool:
-    """Return True if the end of a peg is so close to the hole that was found that the arm cannot measure whether it is in."""
+    """Return True if the end of a peg is too close to the found hole for the arm to measure whether the peg is in it."""
     return seen.is_inserting and _is_near_hole(seen.tip, hole)
 
 

@@ -198,7 +198,7 @@ def judged(
     if claim is Claim.FREED:
         return _freed(ending, look, part, job)
     if claim is Claim.HELD and not part.is_held:
-        raise _unproven(f"the hand is to hold a peg; found {part.evidence}")
+        raise _unproven(f"the hand must hold a peg; found {part.evidence}")
     if claim in (Claim.SEATED, Claim.INSERTED):
         proof.require_seated(_plane(records, job), look, job)
     if claim is Claim.INSERTED:
@@ -241,7 +241,9 @@ def _plane(records: Sequence[StageRecord], job: Job) -> Plane | None:
     plane = felt[-1]
     off = abs(plane.depth(np.array(job.hole.centre)))
     if not off <= PLANE_TOLERANCE:
-        raise _unproven(f"the surface that was felt is {1e3 * off:.1f} mm off; {1e3 * PLANE_TOLERANCE:.0f} mm allowed")
+        raise _unproven(
+            f"the measured surface is {1e3 * off:.1f} mm from the plate's; {1e3 * PLANE_TOLERANCE:.0f} mm allowed"
+        )
     return plane
 
 

@@ -113,7 +113,7 @@ def _stages(axes: Axes, facts: Facts) -> None:
                 axes.plot([times["median"], times["p95"]], [row + shift] * 2, color="#333333", lw=1)
     axes.set_yticks(range(len(names)), names, fontsize=8)
     axes.invert_yaxis()
-    axes.set_xlabel("s; blue the stage alone, grey with the way to its place")
+    axes.set_xlabel("s; blue: the stage alone, grey: with the transfer to its place")
 
 
 def _forces(axes: Axes, facts: Facts) -> None:
@@ -142,7 +142,7 @@ def _drift(axes: Axes, facts: Facts) -> None:
         axes.axhline(WORN, color=BAD, lw=0.8, ls="--", label=f"limit {WORN}: change the pads")
         axes.legend(fontsize=8)
     axes.set_ylim(bottom=0)
-    axes.set_xlabel("days since the first run; pads that wear let it rise")
+    axes.set_xlabel("days since the first run; it rises as the pads wear")
     axes.set_ylabel("residual (0 to 1)")
 
 

@@ -58,7 +58,7 @@ class ArmWatch:
         self._told = ""
         if shares[sense, joint] > 1.0:
             self._told = (
-                f"calibration.arm of {self._calibration.date} does not fit: joint {joint + 1} takes {means[sense, joint]:+.2f} N·m beside it;"
+                f"calibration.arm of {self._calibration.date} does not fit: joint {joint + 1} deviates by {means[sense, joint]:+.2f} N·m;"
                 f" {self._most[joint]:.2f} N·m allowed: run `cell calibrate arm`"
             )
             logger.warning("%s", self._told)

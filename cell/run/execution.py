@@ -151,7 +151,7 @@ class Execution:
         self._desk.enter(Event.FINISHED)
 
     def _go(self, entry: Entry, config: CellConfig, records: list[StageRecord]) -> None:
-        """Run a program or a skill; `records` gets its stages. Its preparation is over and counts as no scan of it."""
+        """Run a program or a skill, and add its stages to `records`. The watchdog's time starts here, after the preparation."""
         self._beat()
         self._watch(True)
         records.extend(entry.run(config.skill_set(), self._context))

@@ -25,13 +25,13 @@ def exposures(
 ) -> list[str]:
     """Return one line for each open port: what unknown computers can do there."""
     modbus = None if plc.modbus.allow else (plc.modbus.host, plc.modbus.port)
-    token = "anybody who has it may show the token"
+    token = "everybody who has the token may move the cell"
     if plc.tls is None:
-        token = "the token is refused, for [plc.tls] is missing"
+        token = "the cell refuses the token, because [plc.tls] is missing"
     served = (
         ("plc.modbus", modbus, "read, command and stop; plc.modbus.allow names those that may"),
         ("--opcua", opcua if plc.opcua_anonymous else None, "read"),
-        ("--page", page, f"look; {token}"),
+        ("--page", page, f"watch; {token}"),
         ("--metrics", metrics, "read the figures"),
     )
     return [

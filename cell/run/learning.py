@@ -49,7 +49,7 @@ class LearnedPlace(ConfigModel):
     """Wall time of the newest part."""
 
     def doubt(self) -> str:
-        """Return the reason why a valid place is not searched first; empty if it is."""
+        """Return the reason why a valid place is not searched first; empty if it is searched first."""
         if self.stray is not None:
             return "in doubt: the last part was elsewhere"
         return "" if self.parts >= NEEDED else "too few parts yet"
@@ -157,7 +157,9 @@ class Learning:
             self._reader.start()
             self._reader.join(longest_read)
         if not answers:
-            logger.warning("%s: no answer within %g s: what was known last holds", self._folder / FILE, longest_read)
+            logger.warning(
+                "%s: no answer within %g s: the last known content is used", self._folder / FILE, longest_read
+            )
             return self._newest
         if isinstance(answers[0], ConfigError):
             logger.warning("%s", answers[0])
@@ -191,7 +193,7 @@ class Learning:
         estimate = first_estimate(hole, self._learning) if known is None else known.after(hole, self._learning)
         if estimate.stray is not None:
             logger.warning(
-                "recipe %d: hole at %s, not where %d parts had it: searching the whole area next",
+                "recipe %d: hole at %s, away from the place learnt from %d parts: the next search covers the whole area",
                 recipe,
                 hole,
                 estimate.parts,

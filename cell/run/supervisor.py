@@ -315,7 +315,7 @@ class Supervisor:
             desk.report = replace(desk.report, result=Result.FAULT)
         desk.events.run = 0
         desk.publish()
-        gc.collect()  # the cycles of a run are freed behind its answer, and seldom within a scan of the next
+        gc.collect()  # now, after the answer, so that garbage collection seldom delays a scan of the next run
 
     def _config_of(self, command: Command, entry: Entry) -> CellConfig | Refusal:
         """Return the config requested by a command, or the reason why the program must not run."""

@@ -59,7 +59,7 @@ class SimulatedCell:
         self.cell.empty()
 
     def freeze_arm(self) -> None:
-        """Let the arm report its present state from now on, each time as a new one, while it goes on moving."""
+        """Repeat the arm's present state as if it were new, until the repair, while the arm continues to move."""
         self._arm.change = kept("q", "dq", "tcp", "wrench")
 
     def repair(self) -> None:
@@ -69,7 +69,7 @@ class SimulatedCell:
         self.cell.refill()
         # Time in which every device that is repaired has returned readings again, s of the cell's clock.
         end = self.cell.clock.now() + 0.5
-        # Time between two looks at that clock, s.
+        # Time between two reads of that clock, s.
         while self.cell.clock.now() < end and not self.has_ended.wait(0.001):
             pass
 

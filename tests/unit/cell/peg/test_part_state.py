@@ -440,7 +440,7 @@ def test_a_hand_that_closes_while_the_arm_is_silent_holds_its_peg_anywhere(peg):
     assert peg.by_hand(gripping=True, width=peg.places.thickness + 1.1 * WIDTH_TOLERANCE) is EMPTY
     now = peg.by_hand(gripping=True)
     assert (now.place, now.is_held, now.depth) == (IN_HAND, True, 0.0)
-    assert "the arm does not tell where" in now.evidence
+    assert "the arm reports no position" in now.evidence
     assert now.basis & Bit.HAND_HOLDS
 
 

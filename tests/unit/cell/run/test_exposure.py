@@ -30,11 +30,11 @@ def test_each_open_port_is_named_with_what_it_lets_everybody_do(authority):
     plc = PlcConfig(modbus=ModbusConfig(host="0.0.0.0"))
     modbus, page, metrics = exposures(plc, ("0.0.0.0", 8080), ("::", 9464))
     assert modbus.startswith("plc.modbus 0.0.0.0:5020: open to every computer")
-    assert "the token is refused, for [plc.tls] is missing" in page
+    assert "the cell refuses the token, because [plc.tls] is missing" in page
     assert metrics.startswith("--metrics :::9464")
     allowed = ModbusConfig(host="0.0.0.0", allow=("10.0.0.0/8",))
     (page,) = exposures(PlcConfig(modbus=allowed, tls=keys(authority)), ("10.0.0.7", 8080))
-    assert "show the token" in page
+    assert "has the token may move the cell" in page
 
 
 def test_opc_ua_is_named_if_everybody_may_read():

@@ -144,7 +144,7 @@ def test_a_disk_that_does_not_answer_holds_up_neither_a_run_nor_a_forgetting(tmp
     os.mkfifo(file)  # who reads it waits until somebody writes
     prior = cell.prepared(JOB, 0).hole.prior
     assert prior.mean == pytest.approx(HOME)
-    assert "what was known last holds" in caplog.text
+    assert "the last known content is used" in caplog.text
     cell.forget(0)
     assert cell.prepared(JOB, 0).hole.prior is None
     assert cell.flush()
