@@ -79,7 +79,7 @@ FAULTS: dict[FaultCode, FaultText] = {
         "run `cell check` and follow what it says",
     ),
     FaultCode.NOT_FINITE: FaultText(
-        "a reading is no number, or none that its sensor can give",
+        "a reading is not a number, or is outside its sensor's range",
         "a defect in the driver, the firmware or the estimator that the message names",
         "keep the log and the run's record, report it",
     ),
@@ -100,21 +100,21 @@ FAULTS: dict[FaultCode, FaultText] = {
     ),
     FaultCode.NOT_PASSIVE: FaultText(
         "the held setpoint pumps energy into the arm",
-        "gains too high for the age of what the skin tells",
+        "gains too high for the age of the skin's frames",
         "lower the gains or raise their damping, see `cell study stability`",
     ),
     FaultCode.SETPOINT: FaultText(
-        "a skill asked for a motion that the arm must not make",
+        "a skill requested a motion that the arm must not make",
         "a defect in the skill, or a place in the config that is outside the workspace",
         "check what the message names against [limits] and the places in the config",
     ),
     FaultCode.ARM_RESTLESS: FaultText(
-        "the arm goes on moving after it was halted",
+        "the arm continues to move after a halt",
         "its controller does not obey, its model of gravity is wrong, or something moves it",
         "press the emergency stop if it still moves; check payload and controller",
     ),
     FaultCode.SUCCESS_UNPROVEN: FaultText(
-        "the skills report success and the evidence is lacking",
+        "the skills report success, but the evidence is missing",
         "a stuck switch, a hand that did not open, a peg that came along, or a defect in a skill",
         "look at the part, the hand and the switch, clear the part",
     ),
@@ -125,7 +125,7 @@ FAULTS: dict[FaultCode, FaultText] = {
     ),
     FaultCode.WRENCH_OFFSET: FaultText(
         "the force that the arm reports where nothing touches is implausible",
-        "something touches hand or peg, or the arm's controller knows a wrong payload",
+        "something touches hand or peg, or the payload in the arm's controller is wrong",
         "free the hand; set the payload of hand and peg in Desk, step 4 of docs/first-day.md",
     ),
     FaultCode.WRENCH_REVERSED: FaultText(

@@ -28,7 +28,7 @@ class Times:
 
 @dataclass(frozen=True, slots=True)
 class LoopFigures:
-    """Timing of the torque loop over its last ten minutes at most, and what the arm reports of itself."""
+    """Timing of the torque loop over at most its last ten minutes, and the masses that the arm reports."""
 
     cycles: int
     """Number of control cycles since the arm was opened."""
@@ -43,6 +43,6 @@ class LoopFigures:
     is_realtime: bool
     """True if the process has a real-time priority and locked memory."""
     end_effector: float
-    """Mass of the end effector that the arm's controller knows, kg."""
+    """Mass of the end effector as set in the arm's controller, kg."""
     load: float
-    """Mass of the load that the arm's controller knows, kg."""
+    """Mass of the load as set in the arm's controller, kg."""

@@ -126,14 +126,14 @@ class SkinHealth:
         if not self._is_touched(values, trusted):
             share = min(elapsed / self._config.drift_time, 1.0)
             self.baseline = self.baseline + share * values
-            self._behind *= (1.0 - share) ** 2  # as the variance of what is left of a random walk
+            self._behind *= (1.0 - share) ** 2  # variance of the remaining random walk
         self._behind += elapsed
         return values, trusted
 
     def _is_touched(self, values: Vector, trusted: Mask) -> bool:
         """Return True if one taxel, or all of them together, show a touch: a light grip raises no single taxel far above its noise."""
-        # Longest time of drift that is not taken for a touch, s; longer drift reaches the readings of a held peg.
-        drift = self._walk * math.sqrt(min(self._behind, 600.0))  # after a grip, a quiet taxel is not where it was
+        # Longest time of drift in the threshold of a touch, s; after more drift, the threshold would hide a held peg.
+        drift = self._walk * math.sqrt(min(self._behind, 600.0))  # during a grip, baselines do not follow
         heights = values * self._config.touch / np.maximum(self._touch, drift)
         if (np.abs(heights) > self._config.touch).any():
             return True

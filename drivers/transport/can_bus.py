@@ -22,7 +22,7 @@ MOST_OTHERS = 1000
 _SOCKETCAN_TROUBLE = {
     errno.EAFNOSUPPORT: "this computer's kernel has no CAN: load its modules (modprobe can_raw), or use another interface",
     errno.ENODEV: "no such network interface: plug the adapter in and load its driver, or name another channel",
-    errno.ENOBUFS: "nobody acknowledges what is sent: see supply, wires, a terminator at both ends, and the bit rate",
+    errno.ENOBUFS: "nobody acknowledges the frames: check supply, wires, a terminator at both ends, and the bit rate",
     errno.ENETDOWN: "the network interface is down: ip link set NAME up type can bitrate RATE",
 }
 _SOCKETCAND_PORT, _MULTICAST_PORT = 29536, 43113
