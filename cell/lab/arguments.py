@@ -1,4 +1,4 @@
-"""Options common to all studies, and what every study does with them; imports nothing heavy."""
+"""Options common to all studies, and functions that apply them; this module imports nothing heavy."""
 
 import argparse
 import os
@@ -97,7 +97,7 @@ def seeds_of(args: argparse.Namespace, trials: int, quick: int = 1) -> range:
 
 @contextmanager
 def working() -> "Iterator[Progress]":
-    """Compile for this computer, which must not come before an argument is refused, and yield the bars of the work."""
+    """Compile for this computer, after all arguments are checked, and yield the progress bars."""
     from cell.commands.warm_up import compile_ahead
 
     compile_ahead()

@@ -34,7 +34,7 @@ BLAS = "OPENBLAS_NUM_THREADS"
 """Variable among them that can change a sum; a Dask nanny sets it to 1."""
 CONNECT = 10.0
 """Longest wait for a scheduler's answer, s."""
-_TAKE_UP = "the same command takes up where it was"
+_TAKE_UP = "repeat the command to continue from the finished trials"
 
 
 def on_processes(
@@ -230,7 +230,9 @@ def _on_worker(task: Callable[[int], Row], wanted: dict[str, str], seed: int) ->
     here, found = f"worker on {platform.node()}", versions()
     for name, value in wanted.items():
         if found.get(name) != value:
-            raise CellError(f"{here}: {name} {found.get(name)}; {value}, as where the trials were asked for, allowed")
+            raise CellError(
+                f"{here}: {name} {found.get(name)}; {value}, as on the computer that requested the trials, allowed"
+            )
     if os.environ.get(BLAS) != "1":
         raise CellError(f"{here}: {BLAS} = {os.environ.get(BLAS, 'not set')}; 1 allowed, as a nanny of Dask sets it")
     return task(seed)

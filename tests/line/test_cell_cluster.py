@@ -110,7 +110,7 @@ def test_a_cluster_gives_the_same_rows_and_runs_those_of_a_dead_worker_on_anothe
             rows = on_cluster(STUCK, [0, 100_000], address, patience=10.0)
             next(rows)
             scheduler.kill()
-            with pytest.raises(CellError, match="lost; the same command takes up where it was"):
+            with pytest.raises(CellError, match="lost; repeat the command to continue"):
                 list(rows)
 
 
@@ -128,7 +128,7 @@ def test_a_cluster_without_workers_or_with_one_whose_rows_may_differ_is_refused(
         monkeypatch.setenv(workers.BLAS, "2")
         refused(f"{workers.BLAS} = 2; 1 allowed")
         monkeypatch.setattr(workers, "versions", lambda: next(told))
-        refused(r"code .*; another, as where the trials were asked for, allowed")
+        refused(r"code .*; another, as on the computer that requested the trials, allowed")
 
 
 def test_an_address_where_nobody_schedules_is_told_in_one_line(capsys, monkeypatch, tmp_path):

@@ -40,7 +40,7 @@ def edited(**edits: Change) -> Change:
 
 
 def behind(number: int) -> Change:
-    """Return readings this number of reads late."""
+    """Delay each reading by this number of reads."""
     last: deque[Any] = deque(maxlen=number + 1)
 
     def change(reading: Any) -> Any:

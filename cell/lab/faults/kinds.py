@@ -43,14 +43,14 @@ SLOW = {
         for wire in ("skin", "switch")
         for share in ("twenty lost", "fifty corrupt")
     },
-    "switch: never": "before the peg is there the switch says what it should",
-    "switch: frozen": "before the peg is there the switch says what it should",
-    "hand: stuck": "a hand that shall not move shows nothing of it",
+    "switch: never": "until the peg is seated, the switch reads the same as a good one",
+    "switch: frozen": "until the peg is seated, the switch reads the same as a good one",
+    "hand: stuck": "the fault has no effect until the hand must move",
     "hand: weak": "a weak hand shows only once the peg slips",
 }
 """Reasons why faults are not detected at once."""
 SLACK = 1e-3
-"""Opening of a hand that gives way, m."""
+"""Distance by which a gripping hand opens, m."""
 WEAK, STRONG = 2.0, 60.0
 """Closing forces of a hand that is weaker or stronger than commanded, N."""
 
@@ -121,7 +121,7 @@ DEVICE_KINDS: tuple[FaultKind, ...] = (
 
 LASTING = 0.5
 """Duration of torn blocks and foreign connections, s of wall time."""
-SILENT = "its life counter stands still for plc.life_timeout before anybody can know"
+SILENT = "a silent PLC counts as lost only after plc.life_timeout"
 
 
 def _silent(act: Callable[[FaultBench], None], bench: FaultBench) -> None:
@@ -180,7 +180,7 @@ Wrong = Callable[[ImpedanceSetpoint], ImpedanceSetpoint]
 
 
 def _raises(bench: FaultBench) -> None:
-    raise ValueError("a skill that nobody tested")
+    raise ValueError("an error in a skill")
 
 
 def _blocks(bench: FaultBench) -> None:
@@ -224,7 +224,7 @@ SKILL_KINDS: tuple[FaultKind, ...] = (
     FaultKind("skill: asks for far away", partial(_asks, lambda: _shifted(np.array([FAR, 0.0, 0.0])))),
     FaultKind("skill: presses", partial(_asks, lambda: _shifted(-DEEP * UP))),
     FaultKind("skill: drifts downward", partial(_asks, _drifting)),
-    FaultKind("skill: lies", _lies, slow="what it says is judged when the run ends"),
+    FaultKind("skill: lies", _lies, slow="the cell judges a reported success when the run ends"),
 )
 """All kinds of skill faults."""
 

@@ -62,7 +62,7 @@ class ServedProgram:
 
 @contextmanager
 def served(folder: Path, arguments: Sequence[str], tls: Sequence[str] = ()) -> Iterator[ServedProgram]:
-    """Yield a served cell in a separate process; `tls` holds the keys of a server with TLS, if it shall have one.
+    """Yield a served cell in a separate process; `tls` holds the keys of its TLS server, if it has one.
 
     Raises:
         CellError: The cell does not start.

@@ -26,7 +26,7 @@ from skills.search.spray_search import SpraySearchResult
 from skills.search.surface import Plane, SurfaceEstimate
 
 BORNE = 10
-"""Number of scans for which the plate has to bear the push before the spiral begins."""
+"""Number of scans for which the plate must bear the push before the spiral begins."""
 
 
 @dataclass(frozen=True, slots=True)

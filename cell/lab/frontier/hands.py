@@ -1,4 +1,4 @@
-"""Hands with another theta than the measured one, or with fewer frames: it is taken for 0, frozen, biased or exact.
+"""Hands with fewer frames, or with another theta than the measured one: 0, frozen, biased or exact.
 
 Each function is a program of a study's trials. Nothing of this can be reached from a skill.
 """
@@ -33,12 +33,12 @@ class Given:
 
 
 def _give(cell: Cell, ctx: SkillContext, given: Callable[[PegPose], PegPose]) -> None:
-    """Let the hand take the pose of a held peg for another one than the measured."""
+    """Replace the measured pose of a held peg in this hand."""
     ctx.perception = replace(ctx.perception, tracker=Given(make_tracker(cell.config), given))
 
 
 def take_for_straight(cell: Cell, ctx: SkillContext) -> None:
-    """Let the hand take theta for 0."""
+    """Let the hand use 0 for theta."""
     _give(cell, ctx, lambda measured: replace(measured, theta=0.0, offset=0.0))
 
 
