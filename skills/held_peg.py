@@ -8,8 +8,8 @@ from skills.seating.latch_likelihood import InsertionStroke
 SLIPPED = 0.5
 """Factor on the assumed grip after each slip of the peg along the fingers, fraction."""
 EXPLAINED = 1.5e-3
-"""Difference of the peg's length from the job's that theta, the plate's height and the arm's own errors may explain, m; it is left as it is.
-At the tilt of the search 1 degree of theta is 0.9 mm of length, and 0.3 mm of height are 0.4 mm. Source: chosen, not measured."""
+"""Largest difference between measured and known length of the peg that errors of theta, the plate's height and the arm may cause, m; the length
+then stays. At the tilt of the search, 1 degree of theta is 0.9 mm of length, and 0.3 mm of height are 0.4 mm. Source: chosen, not measured."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -15,11 +15,11 @@ TURN_TIME = 0.1
 class Lanes:
     """Straight parallel lanes at constant speed, a pitch apart, that cover a rectangle.
 
-    The lanes of the next cover lie between those of the first and along both borders, where a hole has a lane on one
-    side only. The first lane starts at a corner, or outside it.
+    The lanes of the next cover are between those of the first, and also along both borders, because there the first
+    cover passes a hole on one side only. The first lane starts at a corner, or outside it.
 
     A turn takes `TURN_TIME`: the speed along the lane reverses at constant acceleration, and the point moves to the next
-    lane along a cosine. The turn lies within the rectangle and touches its border half-way. The peg is slow in a turn, so
+    lane along a cosine. The turn is within the rectangle and touches its border half-way. The peg is slow in a turn, so
     it drops into a hole there more easily.
     """
 

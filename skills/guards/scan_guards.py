@@ -161,6 +161,6 @@ def require_level_skin(frame: TaxelFrame, layout: Layout) -> None:
         offset = lowest if lowest > most else middle
         if lowest > most or middle < -most:
             raise SkinUntrustedError(
-                f"skin: {name} finger: offset of {offset:.0f} counts all over; {most:.0f} allowed beside the peg: "
+                f"skin: {name} finger: offset of {offset:.0f} counts on all taxels; {most:.0f} allowed beside the peg: "
                 "see its plug, then take a new baseline with the hand open"
             )

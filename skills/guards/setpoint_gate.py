@@ -237,7 +237,7 @@ class GatedArm:
         untaken = state.stamp - self._untaken_since
         if untaken > LONGEST_UNTAKEN:
             self.halt()
-            raise TrackingError(f"arm: takes no setpoint for {untaken:.2f} s; {LONGEST_UNTAKEN:g} s allowed")
+            raise TrackingError(f"arm: adopted no setpoint for {untaken:.2f} s; {LONGEST_UNTAKEN:g} s allowed")
 
     def _require_live(self, words: Vector, stamp: float) -> None:
         """Check that a force with noise changes, at rest too, and that other readings change while the setpoint moves."""

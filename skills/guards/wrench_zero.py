@@ -85,8 +85,8 @@ def zero_of(wrenches: Sequence[Wrench], config: WrenchConfig) -> WrenchZero:
     drift, size = float(np.linalg.norm(second.mean(axis=0) - first.mean(axis=0))), float(np.linalg.norm(mean))
     if size > config.offset:
         raise WrenchOffsetError(
-            f"arm: {size:.0f} N reported in free air; wrench.offset = {config.offset:g} N allowed: see what touches the hand,"
-            " and the payload that the arm's controller knows"
+            f"arm: {size:.0f} N reported in free air; wrench.offset = {config.offset:g} N allowed: check what touches the hand,"
+            " and the payload set in the arm's controller"
         )
     if noise > config.noise:
         raise WrenchOffsetError(f"arm: force scatters by {noise:.1f} N in free air; {config.noise:g} N allowed")

@@ -1,1 +1,1 @@
-"""The parts of the search for the hole: its parameters, its course, its phases, what is felt on the way, and the sweep."""
+"""The parts of the search for the hole: parameters, course, phases, contact evidence, and the sweep."""

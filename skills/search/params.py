@@ -38,7 +38,7 @@ class SpraySearchParams(SkillParams):
         Quantity("fraction"),
         Source("chosen, not measured; reason in docs/tried/search.md"),
     ]
-    """Smallest share of the push that is left after slips, fraction."""
+    """Smallest remaining share of the push after slips, fraction."""
     push_offset: Annotated[PositiveFloat, Quantity("m"), Source("[gibbons], Sec. IV")]
     """Depth of the tip's setpoint below the surface, m; 0.01 in [gibbons]."""
     tilt: Annotated[float, Field(ge=0.0, lt=1.4), Quantity("rad"), Source("[gibbons], Sec. IV")]

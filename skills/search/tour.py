@@ -1,4 +1,4 @@
-"""A path over the area that begins where the hole is likely and then covers everything else; pure."""
+"""A path over the area that begins at the likely place of the hole and then covers the rest; pure."""
 
 import math
 from bisect import bisect_right

@@ -469,7 +469,7 @@ def test_an_arm_that_takes_no_setpoint_is_halted_and_one_that_lags_is_not(arm, g
     led(arm, gated, 100)
     arm.follow = lambda asked: None
     began = arm.clock.now()
-    with pytest.raises(TrackingError, match=r"arm: takes no setpoint for 0\.2\d s; 0\.2 s allowed"):
+    with pytest.raises(TrackingError, match=r"arm: adopted no setpoint for 0\.2\d s; 0\.2 s allowed"):
         led(arm, gated, 100)
     assert arm.clock.now() - began < 0.25
     assert arm.is_halted
