@@ -71,12 +71,12 @@ FAULTS: dict[FaultCode, FaultText] = {
     FaultCode.PLC_LOST: FaultText(
         "the PLC's life counter stands still, or its heartbeat has ended",
         "PLC stopped or network down",
-        "bring the PLC back; its command has to be sent again",
+        "bring the PLC back; it must send its command again",
     ),
     FaultCode.DEVICE_NOT_OPENED: FaultText(
         "a device could not be opened",
         "wrong port, no permission, or used by another program",
-        "run `cell check` and follow what it says",
+        "run `cell check` and do what it says",
     ),
     FaultCode.NOT_FINITE: FaultText(
         "a reading is not a number, or is outside its sensor's range",

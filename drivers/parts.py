@@ -85,8 +85,8 @@ class Latch(ConfigModel):
     ]
     """Largest resisting force along the hole, N: a detent at its crest, a press fit at the bottom."""
     height: Annotated[float, Field(ge=0.0015, le=0.01), Quantity("m")]
-    """Height of the peg's end above the bottom where the resistance begins, m; a detent's crest lies a quarter of it
-    deeper, and beyond half of it the detent pulls the part in.
+    """Height of the peg's end above the bottom at which the resistance begins, m; a detent's crest is deeper by a quarter
+    of this height, and the detent pulls the part in over the last half.
     """
 
 
@@ -153,7 +153,7 @@ class Hole(ConfigModel):
             found = (
                 "no latch"
                 if self.latch is None
-                else f'a latch of kind "{self.latch.kind}", whose end force does not tell'
+                else f'a latch of kind "{self.latch.kind}" does not show the bottom by its force'
             )
             raise ValueError(f'hole.evidence = "force": {found}; a [hole.latch] of kind "detent", or "switch", allowed')
         if self.latch is not None and self.latch.height >= self.depth:

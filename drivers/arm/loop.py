@@ -54,7 +54,7 @@ class TorqueLoop:
         Args:
             link: The shared block.
             host: Address of the arm.
-            realtime: Whether a real-time kernel is needed, `enforce` or `ignore`.
+            realtime: Requirement of a real-time kernel, `enforce` or `ignore`.
             torque: Joint torque at which the arm's reflex stops it, N·m.
             force: Force at the hand at which the arm's reflex stops it, N.
             figures: Figures of the arm, see `drivers.impedance.figures`.
