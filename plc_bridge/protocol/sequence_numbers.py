@@ -31,7 +31,7 @@ from enum import Enum, auto
 
 _MODULUS = 0x10000
 KEPT = 256
-"""Number of stored numbers of one count; of an older one only its presence is certain, not its command."""
+"""Number of stored numbers of one count; an older number counts as received, but its command is no longer known."""
 CONFIRMED = 3
 """Number of blocks in a row that end the doubt: no line delivers three old ones, in their order, between two new ones."""
 
