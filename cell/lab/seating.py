@@ -1,4 +1,4 @@
-"""Holes without a switch: seated parts that are missed, and others that are taken for seated, by force against depth.
+"""Holes without a switch: seated parts that the force against depth misses, and other parts that it judges as seated.
 
 Each trial is judged twice: by the cell, and by the cell's gate for a skill that reports a success in any scan.
 """

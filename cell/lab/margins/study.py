@@ -1,7 +1,7 @@
 """`cell study margins`: the level of each error at which a method falls to 90 % and to 50 % success, by bisection.
 
-Success is taken to fall monotonically with the level. A sequential test ends the trials of a level where its answer is
-clear, and the same seeds run at every level.
+The study assumes that success falls monotonically with the level. A sequential test ends the trials of a level when its
+answer is clear. The same seeds run at every level.
 """
 
 import argparse
@@ -132,7 +132,7 @@ SWEPT = {
 
 @dataclass(frozen=True, slots=True)
 class ErrorMargin:
-    """Levels of one error between which one method falls to a share of successes; NaN where there is none."""
+    """Levels of one error between which the success of one method falls to a share; NaN for a missing level."""
 
     method: str
     error: str

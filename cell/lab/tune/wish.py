@@ -99,7 +99,7 @@ def _wish(term: str, text: str) -> Wish:
     try:
         limit = float(match[3])
     except ValueError:
-        raise ConfigError(f"--want {text}: {match[3]} is no number; 8 or 8.5 allowed") from None
+        raise ConfigError(f"--want {text}: {match[3]} is not a number; 8 or 8.5 allowed") from None
     most, ceiling = (100.0, ", at most 100 %") if kind.unit == "%" else (math.inf, "")
     if not 0.0 < limit <= most:
         raise ConfigError(f"--want {text}: {limit:g}: more than 0{ceiling} allowed")
