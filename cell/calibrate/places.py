@@ -248,7 +248,7 @@ def implausible(found: MeasuredPlaces, config: CellConfig) -> str | None:
     checks = (
         # Largest plausible difference of the plate's height from the stated one, m.
         ("plate: height off by", found.height - config.hole.centre[2], 0.01, "m", "see hole.centre"),
-        ("plate: tilt", found.tilt, MOST_TILT, "rad", "see how the plate stands"),
+        ("plate: tilt", found.tilt, MOST_TILT, "rad", "level the plate"),
         (
             "plate: uneven by",
             found.uneven,

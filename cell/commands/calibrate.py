@@ -55,7 +55,7 @@ def run(args: argparse.Namespace) -> int:
 
 def _skin(args: argparse.Namespace, config: CellConfig, today: date, path: Path) -> int:
     if not config.is_skin_simulated() and not sys.stdin.isatty():
-        raise ConfigError("calibrate skin: somebody has to turn a rod between the pads; a terminal needed")
+        raise ConfigError("calibrate skin: a person must turn a rod between the pads; a terminal needed")
     with counting("angles") as done:
         found = calibrate_skin(config, today, done, ask)
     return _written(args, found, _skin_table(found, path), path)

@@ -148,7 +148,7 @@ def _prove(loaded: LoadedConfig, path: Path, found: dict[str, str]) -> None:
     needed = ("arm", "gripper", "end effector", "load", "switch")
     wrong = [name for name in needed if not found.get(name, "").startswith(OK)]
     if wrong:
-        raise NotCalibratedError(f"nothing proven: first mend {', '.join(wrong)}")
+        raise NotCalibratedError(f"nothing proven: first repair {', '.join(wrong)}")
     measured = {name: found[name] for name in ("end effector", "load")}
     with opened(assemble(loaded.cell), "arm") as cell:
         measured["wrench"] = prove_wrench(cell, ask)

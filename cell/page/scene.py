@@ -79,7 +79,7 @@ def _curves(samples: dict[str, Vector], times: Vector, facts: SceneFacts) -> Vec
 
 
 def _hole(samples: dict[str, Vector]) -> list[float] | None:
-    """Return the place of the hole's mouth, x and y, m: the simulated one, else the tip where the switch closed."""
+    """Return the place of the hole's mouth, x and y, m: the true one if simulated, else the tip's when the switch first closed."""
     closed = np.flatnonzero(samples["switch"] == 1.0)
     for name, scans in (("true_hole", np.flatnonzero(np.isfinite(samples["true_hole_x"]))), ("tip", closed)):
         if scans.size:

@@ -24,7 +24,7 @@ NEXT = {
     State.STOPPING: "The arm comes to rest.",
     State.STOPPED: "Stopped. Reset makes the cell ready again.",
     State.ABORTING: "The arm comes to rest.",
-    State.ABORTED: "Do what the fault asks for, then reset.",
+    State.ABORTED: "Do what the fault's remedy says, then reset.",
     State.CLEARING: "The fault is acknowledged.",
     State.RESETTING: "The cell becomes ready.",
 }
@@ -54,7 +54,7 @@ REFUSED = {
     Refusal.UNKNOWN_RECIPE: "this cell has no such recipe",
     Refusal.BUSY: "a run is under way, or too much waits already",
     Refusal.NOT_READY: "not in this state of the cell",
-    Refusal.NOT_HOLDER: "somebody else holds the lease; anybody may stop and abort",
+    Refusal.NOT_HOLDER: "another client holds the lease; every client may stop and abort",
     Refusal.PARAMETER: "a parameter or the serial number cannot be taken",
     Refusal.PART_UNRESOLVED: "the last peg is not where it may stay: recover it, or take it away and confirm it",
     Refusal.HOLE_OCCUPIED: "the switch under the hole is closed: the workpiece must be exchanged",

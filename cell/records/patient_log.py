@@ -89,7 +89,7 @@ class PatientHandler(logging.Handler):
                 self._lines.clear()
                 self._is_writing = True
                 if self.dropped > told:
-                    lines.append(f"{self.dropped - told} lines of the log were dropped: nobody read them")
+                    lines.append(f"{self.dropped - told} lines of the log were dropped: their reader was too slow")
                     told = self.dropped
             try:
                 self._put("".join(f"{line}\n" for line in lines))

@@ -86,7 +86,7 @@ class RunSamples:
             if self._is_too_full() and not ending:
                 raise JournalError(f"{run.file.path}: not written on: the disk is all but full")
             if not run.file.path.exists():
-                raise JournalError(f"{run.file.path}: somebody has deleted it")
+                raise JournalError(f"{run.file.path}: it was deleted")
             run.file.write(block, ending)
             run.written += block.used
         except JournalError as error:

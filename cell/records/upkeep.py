@@ -121,7 +121,7 @@ def warn_of_clock(index: Index, folder: Path, keep: JournalConfig) -> None:
         return
     text = (
         f"computer's clock {(wall_clock.now() - newest) / timedelta(days=1):.1f} days ahead of the newest run, at most {keep.days} (journal.days)"
-        " believed: that time ages no record; set the clock if it is wrong"
+        " accepted: records do not age by this time; set the clock if it is wrong"
     )
     index.put(event("clock_ahead", text))
     logger.warning("%s: %s", folder / INDEX, text)

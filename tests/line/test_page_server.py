@@ -200,7 +200,7 @@ async def test_an_old_hand_on_the_lease_is_let_go_by_releasing_it(server, served
         plc.order((3, CODE))
         assert plc.answer(3).refusal == 0
         ask(page, "hold")
-        while "somebody else holds the lease" not in ((await hear(page, "own"))["refusal"] or ""):
+        while "another client holds the lease" not in ((await hear(page, "own"))["refusal"] or ""):
             pass
     served.program.may_end.set()
 

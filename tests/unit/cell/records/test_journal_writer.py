@@ -189,7 +189,7 @@ def test_a_clock_that_is_years_ahead_for_many_starts_deletes_no_run_of_the_last_
             assert sorted(row.run for row in journal.runs(9)) == list(range(1, 4 + start))
     assert read_samples(tmp_path / "run-000001.arrows")["stamp"].size == 1
     (warning,) = [record.getMessage() for record in caplog.records if "clock" in record.getMessage()]
-    assert "clock 3651.0 days ahead of the newest run, at most 30 (journal.days) believed" in warning
+    assert "clock 3651.0 days ahead of the newest run, at most 30 (journal.days) accepted" in warning
     monkeypatch.undo()  # the clock is set right again
     with Journal(tmp_path, keep=JournalConfig(days=30)) as journal:
         assert len(journal.runs(9)) == 5
