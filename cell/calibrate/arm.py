@@ -93,7 +93,7 @@ def calibrate_arm(
         [fit(each, sweep.speeds) for each in passes], together, sweep.speeds, arm, config.arm_unit(), today
     )
     if (why := implausible(found, arm)) is not None:
-        raise NotCalibratedError(f"calibrate arm: {why}: see what the arm touches, its payload and its brakes")
+        raise NotCalibratedError(f"calibrate arm: {why}: check what the arm touches, its payload and its brakes")
     return found
 
 

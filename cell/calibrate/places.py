@@ -141,7 +141,7 @@ def measured_places(cell: Cell, today: date, done: Callable[[int, int], None], p
         touched = [_touches(cell, ctx, slot, pegs, done) for slot in range(pegs)]
     except Interrupted as interruption:
         raise NotCalibratedError(
-            f"calibrate places: {interruption.reason.name} at {ctx.limits.force:g} N allowed; see what the hand touched"
+            f"calibrate places: {interruption.reason.name} at {ctx.limits.force:g} N allowed; check what the hand touched"
             " and where the peg is, then `cell run recover`"
         ) from None
     finally:

@@ -266,7 +266,7 @@ def _require_age(path: Path, measured: date, longest: float, today: date) -> Non
     if not 0 <= age <= longest / 86400.0:
         raise ConfigError(
             f"{path}: measured on {measured}, {age} days ago; 0 to {longest / 86400.0:g} days of calibration.longest_age"
-            " allowed: calibrate anew, or see the computer's date"
+            " allowed: calibrate again, or check the computer's date"
         )
 
 

@@ -77,7 +77,7 @@ def hand_verdicts(figures: LoopFigures, hand: Hand, force: float, most: float) -
     if abs(off) > most_weight_off:
         load = f"{said}: {abs(off):.2f} kg apart, {most_weight_off:g} kg allowed: state the load in Desk"
     elif force > most:
-        load = f"{force:.0f} N reported in free air; wrench.offset = {most:g} N allowed: see what touches the hand, and the load in Desk"
+        load = f"{force:.0f} N reported in free air; wrench.offset = {most:g} N allowed: check what touches the hand, and the load in Desk"
     return [("end effector", end_effector), ("load", load)]
 
 

@@ -178,7 +178,7 @@ class CySkinDialogue:
         if len(self.modules) != self._count:
             return f"reports {len(self.modules)} of its {self._count} modules"
         if self._channels is None:
-            return "has modules that have not left their boot loaders: see their plugs"
+            return "has modules that have not left their boot loaders: check their plugs"
         return f"has {len(self.modules)} modules and sends no whole scan"
 
     def _is_answered(self, step: Step) -> bool:

@@ -166,7 +166,7 @@ def require_trust(frame: TaxelFrame, layout: Layout) -> TaxelFrame:
         first = module * size
         wrong.append(
             f"{FINGER_NAMES[finger]} finger, module {module} (taxels {first} to {first + size - 1}): dead; "
-            "see its plug, or change the finger"
+            "check its plug, or change the finger"
         )
     single = ~frame.trusted & ~np.isin(number, dead)
     for finger in range(FINGERS):

@@ -123,5 +123,5 @@ class HostFile:
     def trouble(self) -> str:
         """Return the reason why no scan arrives."""
         if not self._uids:
-            return f"{self._config.file} has no first line yet: see whether cyskin_acquisition found its hub"
-        return f"{self._config.file} grows no more: see cyskin_acquisition and the hub"
+            return f"{self._config.file} has no first line yet: check whether cyskin_acquisition found its hub"
+        return f"{self._config.file} no longer grows: check cyskin_acquisition and the hub"

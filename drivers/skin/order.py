@@ -76,4 +76,4 @@ class TaxelOrder:
         """
         if self._exchange:
             self._told = max(self._told, 1)
-            raise SkinUntrustedError(f"skin: {self._exchange} exchanged while the skin ran: see their plugs")
+            raise SkinUntrustedError(f"skin: {self._exchange} exchanged while the skin ran: check their plugs")

@@ -162,5 +162,5 @@ def require_level_skin(frame: TaxelFrame, layout: Layout) -> None:
         if lowest > most or middle < -most:
             raise SkinUntrustedError(
                 f"skin: {name} finger: offset of {offset:.0f} counts on all taxels; {most:.0f} allowed beside the peg: "
-                "see its plug, then take a new baseline with the hand open"
+                "check its plug, then take a new baseline with the hand open"
             )

@@ -53,5 +53,5 @@ class PrintOrder:
         if odds.max() > EXCHANGED:
             which = self._names[int(odds.argmax())]
             raise SkinUntrustedError(
-                f"skin: the print of the peg is turned by half a turn, as with {which} exchanged: see their plugs"
+                f"skin: the print of the peg is turned by half a turn, as with {which} exchanged: check their plugs"
             )

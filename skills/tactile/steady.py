@@ -70,7 +70,7 @@ class GraspPrint:
         if 2 * self._restless[worst] > frames:
             finger, module = divmod(worst, layout_of(self._layout).modules)
             raise SkinUntrustedError(
-                f"{found}; {FINGER_NAMES[finger]} finger, module {module} reads at random: see its plug, or change the finger"
+                f"{found}; {FINGER_NAMES[finger]} finger, module {module} reads at random: check its plug, or change the finger"
             )
         raise SkinUntrustedError(f"{found}; a line across both pads needed: run `cell skin`")
 

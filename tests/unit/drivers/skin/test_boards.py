@@ -211,7 +211,7 @@ def unplugged(link):
     ("spoil", "words"),
     [
         (second_hub, "is one of 2 on the bus, uid 00000009, 12345678: one allowed"),
-        (kept_in_boot_loaders, "hub 1 has modules that have not left their boot loaders: see their plugs"),
+        (kept_in_boot_loaders, "hub 1 has modules that have not left their boot loaders: check their plugs"),
         (unplugged, "hub 1 does not answer"),
     ],
 )

@@ -116,7 +116,7 @@ def test_dead_modules_and_single_taxels_are_named_each_as_what_it_is():
     with pytest.raises(SkinUntrustedError) as told:
         require_trust(TaxelFrame(np.zeros((2, 20)), trusted, 0.0, 1), "parallelogram")
     assert str(told.value) == (
-        "skin: right finger, module 1 (taxels 10 to 19): dead; see its plug, or change the finger; "
+        "skin: right finger, module 1 (taxels 10 to 19): dead; check its plug, or change the finger; "
         "left finger, taxels 3, 7: dead, stuck, saturated or in error"
     )
 

@@ -125,7 +125,7 @@ def test_host_program_that_stops_is_silent_and_named(skin, host):
     skin.open()
     host.is_running = False
     assert host.scans(skin, 1.0)[-1] is None
-    with pytest.raises(SkinSilentError, match=r"skin_data.txt grows no more: see cyskin_acquisition and the hub"):
+    with pytest.raises(SkinSilentError, match=r"skin_data.txt no longer grows: check cyskin_acquisition and the hub"):
         skin.read()
 
 
@@ -155,7 +155,7 @@ def test_other_channels_than_before_need_a_new_opening(skin, host):
     [
         (None, DeviceNotOpenedError, "No such file or directory; start cyskin_acquisition --buffer file --filename"),
         ("CySkin\n", DeviceNotOpenedError, "first line b'CySkin.n'; the channels' numbers needed"),
-        ("", SkinSilentError, "has no first line yet: see whether cyskin_acquisition found its hub"),
+        ("", SkinSilentError, "has no first line yet: check whether cyskin_acquisition found its hub"),
     ],
     ids=["missing", "another file", "no first line yet"],
 )

@@ -145,7 +145,7 @@ def test_an_offset_of_one_finger_is_told_by_its_name_whatever_the_angle(finger, 
         values[finger] += offset
         with pytest.raises(
             SkinUntrustedError,
-            match=rf"skin: {name} finger: offset of -?\d+ counts on all taxels; 1500 allowed .*: see its plug, then",
+            match=rf"skin: {name} finger: offset of -?\d+ counts on all taxels; 1500 allowed .*: check its plug, then",
         ):
             require_level_skin(framed(values), "parallelogram")
 
