@@ -61,7 +61,7 @@ class Held:
 
 
 def guided(held: Held, hand: Pose, step: float, limits: Limits) -> Held:
-    """Return the held pose after guiding for `step`, s; it follows above the yield force, within speed and workspace.
+    """Return the commanded pose after guiding for `step`, s; above the yield force it follows the hand, within speed and workspace.
 
     dx = min(|e| - F/K, v_max dt) e/|e|, e = x_hand - x_held; the same for the rotation vector between the two.
     """
@@ -77,7 +77,7 @@ def guided(held: Held, hand: Pose, step: float, limits: Limits) -> Held:
 
 
 def jogged(held: Held, hand: Pose, direction: Vector, step: float, limits: Limits) -> Held:
-    """Return the held pose after a key was held for `step`, s; its lead before the hand is bounded by the force limit."""
+    """Return the commanded pose after a key was held for `step`, s; the force limit bounds its distance from the hand."""
     position = _inside(held.pose.position + JOG_SPEED * step * direction, held.pose.position, limits)
     if float(np.linalg.norm(position - hand.position)) * STIFFNESS > 0.5 * MOST_FORCE:
         position = held.pose.position
@@ -85,7 +85,7 @@ def jogged(held: Held, hand: Pose, direction: Vector, step: float, limits: Limit
 
 
 def _beyond(error: Vector, slack: float, most: float) -> Vector:
-    """Return the part of an error beyond `slack`, with length at most `most`."""
+    """Return the part of an error that exceeds `slack`, with a length of at most `most`."""
     size = float(np.linalg.norm(error))
     if size <= slack:
         return np.zeros(3)
@@ -94,7 +94,7 @@ def _beyond(error: Vector, slack: float, most: float) -> Vector:
 
 
 def _inside(position: Vector, before: Vector, limits: Limits) -> Vector:
-    """Return the point of the workspace next to a position; from outside the workspace, do not move further out."""
+    """Return the point of the workspace nearest to a position; if `before` is outside, the point is no further outside than `before`."""
     inside: Vector = np.clip(position, np.minimum(limits.low, before), np.maximum(limits.high, before))
     return inside
 

@@ -1,4 +1,4 @@
-"""Key presses of a person, one by one: from a terminal at once, from a pipe on request."""
+"""Key presses of a person, one by one: a terminal returns the newest key, a pipe its next key when no motion is under way."""
 
 import os
 import select
@@ -14,7 +14,7 @@ class Keys:
     """The keys of standard input."""
 
     def __init__(self, is_terminal: bool) -> None:
-        """Keep whether standard input is a terminal."""
+        """Store the kind of standard input."""
         self._is_terminal = is_terminal
 
     def next(self, is_waiting: bool) -> str:

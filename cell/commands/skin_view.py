@@ -84,7 +84,7 @@ def play(config: CellConfig, path: Path, seconds: float, show: Show, stop: Event
                     break
             before = felt.clock.now()
             felt.clock.wait_until(before + period)
-            if at_pace:  # the clock of a recording runs as fast as it is read
+            if at_pace:  # the recording's clock advances with the waits, not with wall time
                 time.sleep(max(felt.clock.now() - before, 0.0))
     except TrafficEndedError:
         pass
@@ -136,7 +136,7 @@ def fingers(seen: SeenFrame, layout: Layout) -> Group:
 
 
 class _PlayClock:
-    """Clock of a recording without one; its time advances with each wait."""
+    """Clock for a recording that has no clock of its own; the time advances with each wait."""
 
     def __init__(self) -> None:
         self._time = 0.0

@@ -71,7 +71,7 @@ class Dip:
                 lanes = math.ceil(area[0] / band)
                 found.append(Cover(lanes * (area[1] / float(speed) + TURN_TIME / 2.0), float(speed), lanes))
         if not found:
-            raise ValueError(f"a dip of {self.depth} m in a hole of {self.hole} m is noticed at no speed")
+            raise ValueError(f"a dip of {self.depth} m in a hole of {self.hole} m is not detected at any speed")
         return min(found, key=lambda cover: cover.time)
 
 
@@ -126,7 +126,7 @@ def turning_force(inertia: Vector, axis: Vector) -> Vector:
 
 
 def turn_time(force: float, angle: float, coupling: float, push: float) -> float:
-    """Return the shortest time of such a rotation, s, that keeps the wall's force at or below `force`, N, > push."""
+    """Return the shortest time of a rotation about a fixed point, s, with a wall force of at most `force`, N, > push."""
     return math.sqrt(2.0 * angle * coupling / math.sqrt(force**2 - push**2))
 
 
@@ -168,7 +168,7 @@ class Down:
 
 @dataclass(frozen=True, slots=True)
 class Upright:
-    """Tilted hand that its rotational stiffness rights about the tip, critically damped: lean'' = -w² lean - 2 w lean', w² = K/I."""
+    """Tilted hand that its rotational stiffness turns upright about the tip, critically damped: lean'' = -w² lean - 2 w lean', w² = K/I."""
 
     lean: float
     """Initial tilt, rad."""

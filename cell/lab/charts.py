@@ -98,7 +98,7 @@ def draw_panels(
             for handle, label in zip(*axes.get_legend_handles_labels(), strict=True)
         }
         figure.legend(found.values(), found.keys(), loc="outside lower center", ncols=legend, fontsize=8, frameon=False)
-    # Letters an inch of a title.
+    # A title has 13 letters per inch.
     figure.suptitle("\n".join(fill(line, round(13.0 * width)) for line in title.splitlines()), fontsize=10)
     figure.savefig(path, dpi=110)
     return path

@@ -22,7 +22,7 @@ class Window:
     """A window on the scene; it is a context manager."""
 
     def __init__(self, facts: SceneFacts, hole: Pose | None) -> None:
-        """Store the facts of the scene; entering opens the window."""
+        """Store the facts of the scene; `__enter__` opens the window."""
         self._facts, self._hole = facts, hole
         self._open = ExitStack()
         self._viewer: Any = None

@@ -102,7 +102,7 @@ class ZeroedWrench:
     """External wrench without its offset in free air."""
 
     def __init__(self, config: WrenchConfig | None = None) -> None:
-        """Start without an offset; `config` limits it, and its noise."""
+        """Start without an offset; `config` limits the offset and the noise."""
         self._config = config or WrenchConfig()
         self._reported: deque[Wrench] = deque(maxlen=SCANS)
         """Wrenches reported by the arm in the last scans."""

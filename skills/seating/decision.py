@@ -10,7 +10,7 @@ from drivers.skin.layout import SOFTEST_SHEAR
 from skills.contract import Observation
 
 CLOSED_TOLERANCE = 0.004
-"""Largest difference between the tip's depth by the arm and the hole's depth when the switch closes, m: the error of theta. Source: chosen, not measured."""
+"""Largest difference between the tip's depth, measured by the arm, and the hole's depth when the switch closes, m: the error of theta. Source: chosen, not measured."""
 OPEN_TOLERANCE = 0.0015
 """Distance from the hole's depth within which a resting tip should have closed the switch, m. Source: chosen, not measured."""
 
@@ -66,7 +66,7 @@ class Arrival:
     """Arrival of the peg at the bottom, over the scans with a closed switch."""
 
     is_doubted: bool | None = None
-    """True if the depth at the closing of the switch alone does not decide the seating; None before the switch closed."""
+    """True if the depth at which the switch closed leaves doubt about the seating; None before the switch closed."""
     footing: Footing = Footing()
 
     def after(self, seen: Observation, setpoint: ImpedanceSetpoint | None, short: float) -> "Arrival":
@@ -91,7 +91,7 @@ class Arrival:
 
 
 def depth_of(tip: Vector, hole: Hole) -> float:
-    """Return the depth of the tip below the stated surface by the arm, m."""
+    """Return the depth of the tip below the stated surface, measured by the arm, m."""
     return float(hole.centre[2] - tip[2])
 
 
@@ -100,7 +100,7 @@ def is_seated(switch: SwitchState, depth: float, hole: Hole) -> bool:
 
     Args:
         switch: State of the switch.
-        depth: Depth of the tip by the arm, m, below the surface that the search has estimated, or else the stated one.
+        depth: Depth of the tip, measured by the arm, below the surface estimate of the search, or else the stated surface, m.
         hole: The hole of the job.
 
     Raises:
@@ -120,7 +120,7 @@ def is_seated(switch: SwitchState, depth: float, hole: Hole) -> bool:
 
 
 def require_short_of_bottom(depth: float, hole: Hole) -> None:
-    """Check that an open switch is plausible, after the timeout of seating the peg.
+    """Check that an open switch is plausible when the time for seating the peg is over.
 
     Raises:
         SwitchDisagreesError: The tip is at the bottom.

@@ -32,7 +32,7 @@ def measure(count: int, done: Callable[[int], None]) -> list[TactileLine]:
 def _frames(count: int) -> Iterator[tuple[str, list[tuple[float, TaxelFrame]]]]:
     for model, condition in [*kinds(), ("springs", OTHER_LENGTH), ("layer", OTHER_LENGTH)]:
         yield f"{model}, {condition.name}", _made("honest", model, condition, count)
-    # Scenes whose pads follow another law than the templates assume; only nominal frames are tested on them.
+    # In these scenes the law of the pads differs from that of the templates; they are tested with nominal frames only.
     for law in ("hertz", "foam"):
         yield law, _made(law, "springs", NOMINAL, count)
     yield (
@@ -46,7 +46,7 @@ def _made(scene: str, model: Model, condition: Condition, count: int) -> list[tu
 
 
 def _spoilt(frame: TaxelFrame, number: int) -> TaxelFrame:
-    """Return the frame with one taxel at `STUCK`, another one in each frame."""
+    """Return the frame with the reading `STUCK` in one taxel, which differs for each `number`."""
     values = frame.values.copy()
     values.flat[number % values.size] = STUCK
     return replace(frame, values=values)

@@ -35,8 +35,8 @@ from skills.guards.rest import REST_SPEED
 WAITING = (State.IDLE, State.COMPLETE, State.STOPPED, State.ABORTED, State.HELD)
 """States that wait for a command."""
 LIFE_TIMEOUT, PATIENCE = 2.0, 30.0
-"""Times after which a silent PLC is lost, s of wall time: for kinds with a silent PLC, and for all others on a busy
-computer, where the PLC also waits so long for each answer."""
+"""Times after which a silent PLC counts as lost, s of wall time: for kinds with a silent PLC, and for all other kinds.
+The second is long for busy computers; it is also the PLC's timeout for an answer."""
 LEASE_TIMEOUT = 30.0
 """Silence after which the lease is free again, s of wall time."""
 CYCLE = 0.02
@@ -52,7 +52,7 @@ KEYS = ("skin.kind=can", "switch.kind=serial", "switch.port=emulated", "hole.are
 
 
 class Hurried(threading.Event):
-    """Request to end the program that does not delay the scans of an idle cell: simulated time need not wait for the wall clock."""
+    """Event that requests the end of the program. Its `wait` returns early, because simulated time need not wait for the wall clock."""
 
     def wait(self, timeout: float | None = None) -> bool:
         """Yield to other threads, and return True if the end is requested."""
@@ -101,7 +101,7 @@ class FaultyPeer(Peer):
     """A PLC that tears its command blocks for a while."""
 
     torn_until = 0.0
-    """Monotonic time until which the end of each block is older than its start, s."""
+    """Monotonic time until which the tail life counter of each block is older than the head, s."""
 
     def _write(self, image: CommandImage) -> None:
         if time.monotonic() < self.torn_until:

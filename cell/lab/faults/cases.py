@@ -108,7 +108,7 @@ def _drawn(kinds: Sequence[FaultKind], rng: np.random.Generator) -> Iterator[Pla
 
 
 def begun(tried: Sequence[Planned], folder: Path) -> list[FaultCase]:
-    """Return the rows that an interrupted call left for these cases; none if the table is of other cases or of other code."""
+    """Return the rows of an interrupted call for the same cases and code; none if the table has other cases or other code."""
     rows, code = kept_rows(FaultCase, folder / TABLE), versions()["code"]
     same = [
         (row.kind, row.stage, row.moment, row.code) == (kind.name, stage, moment, code)
