@@ -44,7 +44,7 @@ class PegTouches:
     slot: Vector
     """Measured minus stated centre of the slot's mouth, along x and y, shape (2,), m."""
     points: Vector
-    """Touched points for the stated length, shape (n, 3), m, base frame."""
+    """Touched points, computed with the stated length, shape (n, 3), m, base frame."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,7 +88,7 @@ class MeasuredPlaces:
         )
 
     def corrected(self, config: CellConfig) -> CellConfig:
-        """Return a config with the printed lines in its file."""
+        """Return the config with the printed values in place of its own."""
         hole, rack = config.hole, config.rack
         if self.is_plate_elsewhere:
             hole = hole.model_copy(update={"centre": _printed(self.centre)})
@@ -255,7 +255,7 @@ def implausible(found: MeasuredPlaces, config: CellConfig) -> str | None:
             # Largest distance of a touched point from the fitted plane, m.
             1e-3,
             "m",
-            "see what lies on it, and whether the peg slips in the hand",
+            "check what lies on it, and whether the peg slips in the hand",
         ),
         ("rack: off along x by", found.rack[0], MOST_RACK, "m", "see rack.first"),
         ("rack: off along y by", found.rack[1], MOST_RACK, "m", "see rack.first"),

@@ -140,7 +140,7 @@ def _proven(args: argparse.Namespace, loaded: LoadedConfig, found: dict[str, str
 
 
 def _prove(loaded: LoadedConfig, path: Path, found: dict[str, str]) -> None:
-    """Prove the sign of the wrench, end effector, load and switch, and keep each.
+    """Prove the sign of the wrench, end effector, load and switch, and store each fact.
 
     Raises:
         CellError: A device is not usable, a fact could not be proven, or the sign of the wrench is reversed.
@@ -158,7 +158,7 @@ def _prove(loaded: LoadedConfig, path: Path, found: dict[str, str]) -> None:
 
 
 def _loop(args: argparse.Namespace, loaded: LoadedConfig) -> int:
-    """Hold the arm still and print the times of its 1 kHz loop; return GOOD if it keeps its time."""
+    """Hold the arm still and print the times of its 1 kHz loop; return GOOD if `loop_verdict` is ok."""
     figures = loop_figures(loaded.cell, 60.0 * args.minutes, args.stop)
     told = loop_verdict(figures)
     title = f"{figures.cycles} cycles, {figures.missed} missed: {told}"

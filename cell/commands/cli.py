@@ -89,16 +89,16 @@ REPEATED = 1.0
 COMPLETION = "completion"
 """Command that needs the arguments of all others."""
 COMMANDS = {
-    "check": "open every device of a config, read each once, say what is wrong; with --plc, commission cell and PLC",
-    "config": "what a key means, what is in force and where it came from",
+    "check": "open every device of a config, read each once, report faults; with --plc, commission cell and PLC",
+    "config": "the meaning of a key, the values in force and their origins",
     "demo": "the main job: a PLC peer triggers insertions over Modbus TCP",
     "serve": "obey the PLC until SIGINT or SIGTERM",
     "run": "one skill or program, by hand",
     "watch": "live state of a cell that is served",
     "trials": "many insertions on fresh simulated cells",
-    "tune": "a recipe that fulfils a wish for time, force and success, searched for in simulation",
+    "tune": "search in simulation for a recipe with the required time, force and success",
     "skin": "both fingers live, or as they were recorded",
-    "where": "joint angles and tool pose of the arm, which it holds still",
+    "where": "joint angles and tool pose of the arm; the arm holds still",
     "jog": "move the tool by keys along the axes of the base frame",
     "teach": "guide the arm by hand and show places with the end of a peg, for the cell's file",
     "calibrate": "measure skin, arm or places and write a dated file",

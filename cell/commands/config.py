@@ -31,10 +31,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     own = add("explain", "a key: meaning, unit, range, default, source, who reads it, and what is in force")
     add_config(own)
     own.add_argument("key", metavar="KEY", help="a key, as in search.speed, or a section, as in search")
-    own = add("show", "every key in force, as a config file, with where each came from")
+    own = add("show", "every key in force, as a config file, with the origin of each")
     add_config(own)
     own.add_argument("section", nargs="?", default="", metavar="SECTION", help="only this section")
-    own.add_argument("--in-force", action="store_true", help="the figures of an insertion, with what changed them")
+    own.add_argument("--in-force", action="store_true", help="figures of an insertion and reasons of their changes")
     own.add_argument(
         "--attempt", type=natural, default=0, metavar="N", help="after N failed tries at one place; with --in-force"
     )
@@ -44,7 +44,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     own.add_argument("first", metavar="A", help="file of a cell, or name of a preset")
     own.add_argument("second", metavar="B", help="file of another cell, or name of another preset")
     add("schema", "the JSON schema of a cell's file, for editors that complete and check TOML")
-    own = add("comment", "write into a config file what each of its keys means")
+    own = add("comment", "write the meaning of each key into a config file")
     own.add_argument("file", type=Path, metavar="FILE")
 
 

@@ -83,7 +83,7 @@ def margins(gains: Gains, rate: float, place: Place) -> tuple[Margin, ...]:
 
 
 def too_high(gains: Gains, rate: float, place: Place) -> Margin | None:
-    """Return the margin below `MARGIN`, or None; the place must be within reach."""
+    """Return the first margin below `MARGIN`, None if both are larger; the place must be within reach."""
     for kind in HELD:
         loops = (loop_at(kind, gains, inertia, MARGIN) for inertia in inertias(place))
         if not all(radius(one_period(*loop, 1.0 / rate, 0.0)) < 1.0 for loop in loops):

@@ -517,7 +517,7 @@ def _franka_facts(cell: Cell, arm: FrankaArm) -> list[tuple[str, str]]:
         ("arm", loop_verdict(figures)),
         # The library exposes no version of the arm's system: it refuses to connect to one with another interface.
         ("system", f"{OK}, with the interface that pylibfranka needs"),
-        ("thresholds", f"{OK}, {config.collision_torque:g} N·m and {config.collision_force:g} N taken by the arm"),
+        ("thresholds", f"{OK}, {config.collision_torque:g} N·m and {config.collision_force:g} N accepted by the arm"),
         *hand_verdicts(figures, hand, force, cell.config.wrench.offset),
     ]
 

@@ -34,7 +34,7 @@ from skills.search.spray_search import SpraySearchResult
 from skills.search.surface import SurfaceEstimate
 
 WINDOW = 1.0
-"""Time after the start of a drop in which an event is its detection, s."""
+"""Time after the start of a drop within which an event counts as its detection, s."""
 
 
 @dataclass(frozen=True, slots=True)

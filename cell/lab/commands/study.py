@@ -81,7 +81,7 @@ STUDIES = {
     ),
     "stability": Plan(
         "cell.lab.stability",
-        "where the loop through the skin goes unstable, beside theory, and the margins of the gains in use",
+        "stability limits of the loop through the skin, compared with theory, and the margins of the gains in use",
         WORKERS,
     ),
     "learning": Plan(
@@ -94,19 +94,17 @@ STUDIES = {
     ),
     "events": Plan(
         "cell.lab.events",
-        "hole events, false and true: how often a search stops without a hole, how soon where there is one",
+        "hole events, false and true: how often a search stops without a hole, and how soon it detects one",
         seeded("searches without a hole; default 1000, with --quick 4"),
     ),
     "tactile": Plan(
         "cell.lab.tactile",
-        "reading the peg's angle from the taxels: every estimator's error, time and honesty",
+        "reading the peg's angle from the taxels: every estimator's error, its time, and how often its sigma covers the error",
     ),
-    "contact": Plan(
-        "cell.lab.contact", "the ladder of models of contact: how fast, how exact, where each fails", WORKERS
-    ),
+    "contact": Plan("cell.lab.contact", "models of contact compared: speed, accuracy, and where each fails", WORKERS),
     "limits": Plan(
         "cell.lab.limits",
-        "what limits each phase: the bound by formula beside what trials reach",
+        "the limit of each phase: the computed bound, and the times of trials",
         seeded("trials; default 24, with --quick 1"),
     ),
     "paper": Plan(

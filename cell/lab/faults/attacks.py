@@ -59,7 +59,7 @@ class Attack(NamedTuple):
 
     open: Callable[[Address], socket.socket]
     most: int
-    """Number of them that stay open at once."""
+    """Number of connections that stay open at once."""
     needs_tls: bool = False
 
 

@@ -68,7 +68,7 @@ def _line(kind: str, rows: Sequence[FaultCase], force_limit: float) -> dict[str,
 
 def shown(found: Sequence[Mapping[str, Any]]) -> Table:
     """Return lines as a table."""
-    caption = "largest times in s from fault to report, from report to rest, from fault to rest; farthest way of the hand later than 0.3 s after the report, mm; largest force at the tool by the arm and of the plates on the peg in truth, N; p99 of the PLC's cycles during a fault from outside, ms; the last nine columns count cases and should be 0, except that the place of a peg at the hole is unknown while the arm does not measure"
+    caption = "largest times in s from fault to report, from report to rest, from fault to rest; largest displacement of the hand later than 0.3 s after the report, mm; largest force at the tool by the arm and of the plates on the peg in truth, N; p99 of the PLC's cycles during a fault from outside, ms; the last nine columns count cases and should be 0, except that the place of a peg at the hole is unknown while the arm does not measure"
     return listed("Faults by kind", list(found[0]), (list(map(_text, line.values())) for line in found), caption)
 
 

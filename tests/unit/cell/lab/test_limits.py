@@ -41,7 +41,7 @@ def test_the_shortest_cover_is_that_of_lanes_that_turn_within_the_area():
 
 
 def test_a_hole_whose_dip_nobody_can_notice_has_no_cover():
-    with pytest.raises(ValueError, match="at no speed"):
+    with pytest.raises(ValueError, match="not detected at any speed"):
         Dip(hole=1e-3, peg=9.9e-4, tilt=TILT, depth=3e-4, push=0.1, mass=4.0).shortest((0.06, 0.06))
 
 
