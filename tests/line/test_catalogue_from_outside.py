@@ -212,7 +212,7 @@ def test_a_wrong_value_is_told_as_of_any_other(cell, key, words):
         ({"code": 9}, ("look: command code 9", "100 to 65535")),
         ({"stage": 99}, ("look: stage 99", "the PLC's map holds")),
         ({"name": "robust"}, ("estimators: robust", "two")),
-        ({"name": "search"}, ("[search]", "a skill and of an estimator")),
+        ({"name": "search"}, ("[search]", "a skill and an estimator")),
         ({"name": "limits"}, ("[limits]", "a key of every cell")),
     ],
 )

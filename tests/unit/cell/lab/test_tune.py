@@ -33,7 +33,7 @@ def test_a_wish_is_read_with_and_without_units():
         ("p95<=8, p95<=9", "p95 twice"),
         ("success>=101 %", "at most 100 %"),
         ("force<=0 N", "more than 0"),
-        ("p95<=1.2.3", "no number"),
+        ("p95<=1.2.3", "not a number"),
         ("", "p95<=8 s, force<=20 N"),
     ],
 )
