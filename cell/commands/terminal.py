@@ -19,7 +19,7 @@ GOOD, NOT_GOOD, WRONG_USE, FAULT = 0, 1, 2, 3
 PATIENCE = 1.0
 """Longest wait for the reader of standard error, s."""
 PIPE_WIDTH = 200
-"""Width of tables in a pipe, characters; the default width of 80 would cut cells."""
+"""Width of tables in a pipe, characters; at the default width of 80 they would lose content."""
 
 
 def show(args: argparse.Namespace, picture: "RenderableType", data: object, status: int = GOOD) -> int:
