@@ -96,9 +96,7 @@ class SpraySearchParams(SkillParams):
     """Depth below the surface from which the resting tip counts as in the hole, m. For a round peg of 5 mm or less, it is
     multiplied by the peg's thickness over 8 mm.
     """
-    rest: Annotated[
-        PositiveFloat, Quantity("s", Tempo.WAIT), Source("chosen, not measured; reason in docs/tried/search.md")
-    ]
+    rest: Annotated[PositiveFloat, Quantity("s", Tempo.WAIT), Source("docs/tried/search.md")]
     """Time at rest before the search judges the tip's depth by the newest frame, s."""
     probe_radius: Annotated[
         PositiveFloat, Quantity("m"), Source("chosen, not measured; reason in docs/tried/search.md")
