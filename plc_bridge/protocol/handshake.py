@@ -1,6 +1,6 @@
 """The sequence-number handshake of all buses: pure, no sockets, no threads, its clock passed in.
 
-Links come and go. The decision to run a command is made here, once for all buses, with the help of
+Links open and close at any time. The handshake decides for all buses alike if a command runs. These modules help:
 
     | module             | decision                                                      |
     | ------------------ | ------------------------------------------------------------- |
@@ -11,13 +11,13 @@ Links come and go. The decision to run a command is made here, once for all buse
     | `watchdog`         | a link is alive, and its block whole                          |
 
 Answers
-    Every number gets one: `answered` with `refusal`, once the command was refused or the scan thread has decided.
-    `sequence` and `result` give the result of the link's own last command. They are held until its acknowledgement or
-    the next command, and never show another link's run. Before its first write, a link reads the run of any link.
-    An answer stays once it is given: if the same block comes again, also after a loss, nothing changes.
+    Every number gets an answer, `answered` with `refusal`, as soon as the command is refused, begun or carried out.
+    `sequence` and `result` give the result of the link's own last command, until the link acknowledges the result or
+    sends its next command. They never show another link's run; only before its first write does a link read the run of
+    any link. An answer never changes afterwards: if a link repeats its block, even after a loss, the answer remains.
 Stops
-    The cell obeys STOP, ABORT and the stop coil from every link, under every number and in every state. A block
-    repeated unchanged is one stop. A coil is a level, which each connection holds for itself.
+    The cell obeys STOP, ABORT and the stop coil from every link, under every number and in every state. If a link
+    repeats a block unchanged, the cell stops only once. The stop coil is a level; each connection has its own.
 """
 
 import logging
@@ -86,20 +86,20 @@ class Handshake:
     # Calls of the scan thread.
 
     def poll(self) -> Command | None:
-        """Return the next command for the scan thread, each once, stops first and the rest in order of arrival."""
+        """Return the next command for the scan thread, each command once: stops first, then in order of arrival."""
         self._expire()
         return self._orders.next()
 
     def accept(self, command: Command) -> None:
-        """Record that the scan thread carries out `command`, its last one: a program begins, or a control is done."""
+        """Record that the scan thread accepts `command`, the one polled last: a program has begun, or a control is done."""
         self._orders.accept(command)
 
     def refuse(self, command: Command, refusal: Refusal) -> None:
-        """Record that the scan thread refuses `command`, its last one."""
+        """Record that the scan thread refuses `command`, the one polled last."""
         self._orders.refuse(command, refusal)
 
     def publish(self, report: Report) -> None:
-        """Publish `report` to all readers; a result in it ends the command whose sequence number it echoes."""
+        """Publish `report` to all readers; a result in the report ends the run that has the report's sequence number."""
         self._life, self._published = (self._life + 1) % 0x10000, self.now()
         self._orders.publish(report)
         self._orders.tags.record(report, self._published)
@@ -118,7 +118,7 @@ class Handshake:
             link.closed = next(self._events)
 
     def left(self, source: str, by: Hashable) -> None:
-        """End a connection of a shared link; its stop is released."""
+        """End the connection `by` of a link, and release the stop that this connection holds."""
         link = self._links.get(source)
         if link is not None:
             link.leave(by)
@@ -138,13 +138,13 @@ class Handshake:
     # Writes of links.
 
     def wrote(self, source: str, image: CommandImage, is_numbered: bool = True, by: Hashable = None) -> None:
-        """Take the command block after a write of `source`; it counts once its number was written.
+        """Take the command block that `source` has just written; the command counts only if the link wrote a number.
 
         Args:
             source: The link.
             image: The whole block.
-            is_numbered: True if its number has ever been written.
-            by: Connection that has just written the number; None if none has, or if the link is not shared.
+            is_numbered: True if the link has ever written its sequence number.
+            by: Connection that has just written the number, if several connections can share a link; else None.
         """
         now, link = self._expire(), self._links[source]
         link.has_spoken = True
@@ -166,7 +166,7 @@ class Handshake:
             self._orders.take_number(link, image, before.code)
 
     def switched(self, source: str, coils: Mapping[str, bool], by: Hashable = None) -> None:
-        """Take the coils that `source` has just written: execute, stop, reset; `by` names the connection if the link is shared."""
+        """Take the coils that `source` has just written: execute, stop, reset; `by` is the connection that wrote them."""
         link = self._links[source]
         link.watchdog.heard = self._expire()
         self._orders.take_coils(link, coils, by)
@@ -178,12 +178,12 @@ class Handshake:
         return self._orders.command(link, link.numbers.count_up(), image).refusal
 
     def control(self, source: str, code: int) -> Order:
-        """Take a control of `source` without a number; its order holds the answer, and no result in view changes."""
+        """Take a control that `source` sends without a number; only the returned order holds the answer and the result."""
         self._expire()
         return self._orders.control(self._links[source], code)
 
     def acknowledge(self, source: str, sequence: int) -> None:
-        """Take an acknowledgement of `source`: its result in view counts as read if this is its number."""
+        """Take an acknowledgement from `source`; it counts if `sequence` is the number of the result that the link reads."""
         shown = self._links[source].shown
         if shown is not None and shown.sequence == sequence:
             self._orders.end(shown)
@@ -202,13 +202,13 @@ class Handshake:
 
     @property
     def kept(self) -> frozenset[str]:
-        """Links that hold the lease or have a run under way; they keep their places."""
+        """Links that hold the lease or have a run under way; they must not be closed to make room."""
         holder, runner = self._lease.holder, self._lease.runner
         return frozenset(link.source for link in (holder, runner) if link is not None)
 
     @property
     def is_scanned(self) -> bool:
-        """True if the newest report is recent."""
+        """True if the scan thread has published a report less than 1 s ago."""
         # Age of the last report up to which the cell counts as scanned, s; ten periods of the slowest scan.
         return self.now() - self._published < 1.0
 
@@ -223,15 +223,15 @@ class Handshake:
         return self._orders.report.obstacle
 
     def ended(self) -> list[Order]:
-        """Return the programs that have ended since the last call; for one reader."""
+        """Return the programs that have ended since the last call; only one reader may call it."""
         orders = list(self._orders.ended)
         self._orders.ended.clear()
         return orders
 
     def report_for(self, source: str) -> Report:
-        """Return the report that `source` reads; it is composed only here.
+        """Return the report that `source` reads; no other function composes it.
 
-        Before a link's first command this is the run of any link.
+        Until a link has written more than a stop, its report shows the run of any link.
         """
         link, orders = self._links[source], self._orders
         shown, answered = link.in_view, link.answered
@@ -256,7 +256,11 @@ class Handshake:
         )
 
     def inputs(self, source: str) -> Inputs:
-        """Return the discrete inputs of `source`, for the last request of its coils, or for its last number."""
+        """Return the discrete inputs of `source`.
+
+        They show the last request by the execute coil, or the order of the last number if it is newer. If this order has
+        nothing to show, they show the last request by the reset coil.
+        """
         link, orders = self._links[source], self._orders
         order = link.requests.get("execute", link.in_view)
         if order is None or not order.is_shown:

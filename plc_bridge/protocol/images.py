@@ -36,7 +36,7 @@ class CommandImage:
 
     @property
     def asked(self) -> tuple[int, int, str] | None:
-        """Return the key of a command: two blocks with one number and one key are the same command; None without a command."""
+        """Key of the command, None if the block has none; blocks with equal number and equal key hold the same command."""
         return (self.code, self.recipe, self.serial) if self.code else None
 
 
@@ -50,7 +50,7 @@ class Block:
         codes = (f"{2 * r.words}s" if r.type == "string" else _NUMBERS[r.type][0] for r in registers)
         self._bytes = struct.Struct(">" + "".join(codes))
         self._words = struct.Struct(f">{self.words}H")
-        # Every report passes here: attributes of a register would cost as much as the packing.
+        # Every report is packed with these tuples: reading the registers' attributes would take as long as the packing.
         self._fields = [(r.name, r.scale, _NUMBERS.get(r.type), 2 * r.words) for r in registers]
 
     def pack(self, values: Mapping[str, Value]) -> list[int]:
@@ -67,7 +67,7 @@ class Block:
         return list(self._words.unpack(self._bytes.pack(*raw)))
 
     def unpack(self, words: Sequence[int]) -> dict[str, Value]:
-        """Return the value of each register, raw integers if the scale is 1."""
+        """Return the value of each register by its name, in its unit; if the scale is 1, the raw integer."""
         raw = self._bytes.unpack(self._words.pack(*words))
         values: dict[str, Value] = {}
         for (name, scale, number, _), value in zip(self._fields, raw, strict=True):
@@ -96,13 +96,13 @@ class ValueBlock(Block, Generic[T]):
         return self.pack(values)
 
     def value_of(self, values: Mapping[str, Value]) -> T:
-        """Return the value with this content of each register."""
+        """Return the dataclass value whose registers hold these values, by the registers' names."""
         facts: dict[str, Any] = {field: values[register] for register, field in self._numbers.items()}
         facts |= {field: tuple(float(values[each]) for each in names) for field, names in self._groups.items()}
         return self._kind(**facts)
 
     def read(self, words: Sequence[int]) -> T:
-        """Return the value in these words."""
+        """Return the dataclass value that these words encode."""
         return self.value_of(self.unpack(words))
 
 

@@ -1,4 +1,4 @@
-"""The lease: the permission to start. There is one for the cell, for all buses; time is passed in.
+"""The lease: the permission to start. The cell has one lease for all its buses; time is passed in.
 
     | event                                  | holder afterwards                                   |
     | -------------------------------------- | --------------------------------------------------- |
@@ -7,11 +7,11 @@
     | any request of the holder              | the same: activity keeps the lease                  |
     | holder closed, its host takes or starts | the new link of that host                          |
     | holder closed, a link resumes its run  | that link, which is then also watched for the run   |
-    | release, silence for `timeout`         | none; during a run of the holder from its end on    |
+    | release, silence for `timeout`         | none; if the holder runs, not before its run ends   |
     | the holder's run was lost              | none                                                |
     | restart of the cell                    | none                                                |
 
-Only the holder may start, reset, clear, hold or unhold. Every link may stop and abort, even with a first number.
+Only the holder may start, reset, clear, hold or unhold. Every link may stop and abort, even with its first number.
 """
 
 from dataclasses import dataclass
@@ -66,7 +66,7 @@ class CellLease:
         return True
 
     def resume(self, earlier: Link, link: Link) -> None:
-        """Give the lease of `earlier`, if it holds it, to `link`, which resumes its run."""
+        """Give the lease to `link`, which resumes the run of `earlier`, if `earlier` holds the lease."""
         if self.holder is earlier:
             self.holder = link
 
@@ -78,12 +78,12 @@ class CellLease:
             self._free(link, "releases the lease")
 
     def lose(self, link: Link) -> None:
-        """Free the lease at once if `link`, which was lost, holds it."""
+        """Free the lease at once if the lost `link` holds it."""
         if self.holder is link:
             self._free(link, "loses the lease: it was lost")
 
     def end_run(self) -> None:
-        """End the run, and free the lease if it was released meanwhile."""
+        """End the run, and free the lease if its holder has released it during the run."""
         self.runner = None
         if self.is_given_back and self.holder is not None:
             self._free(self.holder, "releases the lease")

@@ -1,7 +1,7 @@
-"""The state of one link, a conversation with one sequence number, and of its orders; pure.
+"""The state of one link and of its orders; a link is one conversation with one count of sequence numbers; pure.
 
-A link keeps two of its orders in view. One holds the answer: the order decided last. The other holds the result: its
-newest order, or its run as long as that is under way.
+A link reads two of its orders. The order decided last gives the answer. The run gives the result while it is under way;
+afterwards the newest order does.
 """
 
 from collections.abc import Hashable
@@ -23,7 +23,7 @@ class Order:
     program: int = 0
     """Number of the link's program when the order was given, see `Link.program`."""
     is_decided: bool = False
-    """True if the order was refused or carried out or, if it is a program, begun."""
+    """True if the order was refused, if its control was carried out, or if its program has begun."""
     result: Result = Result.NONE
     refusal: Refusal = Refusal.NONE
     detail: int = 0
@@ -48,17 +48,17 @@ class Order:
 
     @property
     def is_under_way(self) -> bool:
-        """True if it was sent and has not ended."""
+        """True if the order has a command and no result yet."""
         return self.command.code != Control.NONE and self.result is Result.NONE
 
     @property
     def is_watched(self) -> bool:
-        """True if it is a run that stops when its link falls silent."""
+        """True if the run must stop when its link falls silent."""
         return self.link is not None and not self.is_lost
 
     @property
     def shown_result(self) -> Result:
-        """Return the result until it is acknowledged."""
+        """Result of the order; NONE once it is acknowledged."""
         return Result.NONE if self.is_acknowledged else self.result
 
     @property
@@ -68,12 +68,12 @@ class Order:
         return self.is_under_way or (self.shown_result is not Result.NONE and not is_obeyed)
 
     def told_to(self, link: "Link") -> Result:
-        """Return the result until it is acknowledged, and record that its own link has read it."""
+        """Return the result, NONE once acknowledged; if `link` is the order's own, record that the link has read it."""
         self.is_read |= link is self.link and self.result is not Result.NONE
         return self.shown_result
 
     def repeats(self, image: CommandImage) -> bool:
-        """Return True if a block has this number, and repeats this command or has none."""
+        """Return True if a block has the order's number, and the order's command or no command."""
         command = self.command
         asked = (command.code, command.recipe, command.serial)
         return image.sequence == command.sequence and image.asked in (None, asked)
@@ -81,16 +81,16 @@ class Order:
 
 @dataclass(slots=True, eq=False)
 class Link:
-    """A TCP connection, the shared connections of a host, a serial line, or a local user."""
+    """A TCP connection, the shared connections of a host, a serial line, a CAN node, or a local user."""
 
     source: str
     host: str
-    """Host of the link: one address and one role of TLS, one line, one node. A link can resume one of the same host."""
+    """Host of the link: an address with its TLS role, a serial line, or a node. A link can resume a run of its own host."""
     watchdog: LinkWatchdog
     opened: int = 0
-    """Number of link events (openings and closings) before this link opened; it replaces a time."""
+    """Number of link events (openings and closings) before this link opened; it orders events as a time would."""
     closed: int | None = None
-    """Number of link events before this link closed; it replaces a time; None while it is open."""
+    """Number of link events before this link closed; None while the link is open."""
     has_spoken: bool = False
     """True if the link has written anything except a stop; until then it is a spectator."""
     image: CommandImage | None = None
@@ -100,17 +100,20 @@ class Link:
     writer: Hashable = None
     """Connection that wrote the last number, if several share the link; None after its end."""
     others: dict[Hashable, SequenceNumbers] = field(default_factory=dict)
-    """Sequence numbers of other connections; each connection counts for itself."""
+    """Sequence numbers of the link's other connections; each connection has its own count."""
     stops: set[Hashable] = field(default_factory=set)
     """Connections of the link that hold their stop coil at 1."""
     coils: dict[str, bool] = field(default_factory=dict)
-    """The coils `execute` and `reset` as last written; one that was not written has no entry."""
+    """Last written values of the coils `execute` and `reset`; a coil has no entry before its first write."""
     shown: Order | None = None
     """Order whose result the link reads; None before its first order."""
     aside: Order | None = None
-    """Answer to a number that does not count, until the next one that counts, or until the last one is repeated."""
+    """Order that answers a late number or the first number of a restarted program.
+
+    The next counting number deletes it, and so does a repetition of the last counting number.
+    """
     requests: dict[str, Order] = field(default_factory=dict)
-    """Last request by each of these coils since the link sent a sequence number."""
+    """Last request by each of the coils `execute` and `reset` since the link's last new sequence number."""
     was_lost: bool = False
     """True if the link counts as lost and has adopted no number since."""
     torn_stop: int | None = None
@@ -126,7 +129,7 @@ class Link:
         return earlier.closed is not None and earlier.host == self.host and earlier.closed < self.opened
 
     def forget(self) -> None:
-        """Adopt the next number, and reset the coils."""
+        """Treat the link as lost: its next number will be adopted, and its coils count as not yet written."""
         self.was_lost = True
         for each in (self.numbers, *self.others.values()):
             each.forget()
@@ -135,7 +138,7 @@ class Link:
     def turn_to(self, writer: Hashable) -> None:
         """Switch to the numbers of the connection that writes; its first number after another connection's is adopted.
 
-        If the last writer has ended its connection, the next one continues with its numbers.
+        If the last writer's connection has ended, the next writer continues the count of that connection.
         """
         if self.writer not in (None, writer):
             self.others[self.writer] = self.numbers
@@ -144,13 +147,13 @@ class Link:
         self.writer = writer
 
     def leave(self, connection: Hashable) -> None:
-        """End a connection; its stop is released."""
+        """End a connection, and release the stop that it holds."""
         self.stops.discard(connection)
         self.others.pop(connection, None)
         self.writer = None if self.writer == connection else self.writer
 
     def add(self, order: Order) -> None:
-        """Add a new order of this link; its run stays in view unless the order repeats the run's number."""
+        """Add a new order; the link still reads the result of a run under way unless the order has the run's number."""
         self.aside, self.was_lost = None, False
         self._forget_older_answers()
         self._asked.append(order)
@@ -158,7 +161,7 @@ class Link:
         shown = self.shown
         if shown is None or not shown.is_program or shown.sequence == order.sequence:
             self.shown = order
-        # Controls that refer to the run under way, and have no effect after its end.
+        # HOLD and UNHOLD refer to the run under way, and have no effect after its end.
         elif not (
             shown.is_under_way
             or (order.command.code in (Control.HOLD, Control.UNHOLD) and shown.shown_result is not Result.NONE)
@@ -167,7 +170,7 @@ class Link:
             self.shown = order
 
     def begin_anew(self) -> None:
-        """Hide all orders of the PLC's program before its restart, except a run that it names."""
+        """Hide all orders from before the restart of the PLC's program, except a run whose number it now sends."""
         order, self.aside = self.aside, None
         self.program += 1
         if order is not None:
@@ -176,7 +179,7 @@ class Link:
                 self.shown = order
 
     def gave(self, order: Order) -> bool:
-        """Return True if the present program of the link gave the order."""
+        """Return True if this link gave the order and the PLC's program has certainly not restarted since."""
         return order.link is self and order.program == self.program and not self.numbers.is_in_doubt
 
     def continues(self, order: Order, image: CommandImage) -> bool:
@@ -192,7 +195,7 @@ class Link:
         return order.repeats(image) or (is_last and stood is not None and image.asked in (None, stood.asked))
 
     def came_empty(self, sequence: int) -> bool:
-        """Return True if a number came without a command and has the newest answer."""
+        """Return True if `sequence` has the newest answer and came without a command."""
         answered = self.answered
         return answered is not None and answered.sequence == sequence and answered.command.code == Control.NONE
 
@@ -205,13 +208,13 @@ class Link:
 
     @property
     def in_view(self) -> Order | None:
-        """Return the order whose result the link reads; a number that may begin a new count hides the previous count's order."""
+        """Order whose result the link reads; if a number without a command may begin a new count, that number's order."""
         is_empty = self.aside is not None and self.aside.command.code == Control.NONE
         return self.aside if is_empty else self.shown
 
     @property
     def answered(self) -> Order | None:
-        """Return the order decided last."""
+        """Order decided last; None if none is decided."""
         if self.aside is not None and self.aside.is_decided:
             return self.aside
         self._forget_older_answers()

@@ -1,4 +1,4 @@
-"""The messages of the line as values: one Command in, one Report out; the fields of what goes out are the registers of the map."""
+"""The messages between PLC and cell as values: Command in, Report out; outgoing fields are registers of the map."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, fields, replace
@@ -7,7 +7,7 @@ from typing import Any, Literal
 
 
 class Result(IntEnum):
-    """Result of the acknowledged command."""
+    """Result of a command, shown until it is acknowledged."""
 
     NONE = 0
     SUCCESS = 1
@@ -40,11 +40,11 @@ class Refusal(IntEnum):
     HOLE_OCCUPIED = 13
     """The switch under the hole is closed."""
     SWITCH_UNKNOWN = 14
-    """The switch under the hole is silent, or its board returns no valid answer."""
+    """The board of the switch under the hole does not answer, or returns no valid answer."""
     RACK_EMPTY = 15
     """Every slot of the rack is empty, and no refill was reported."""
     COMMISSIONING = 16
-    """Not everything is proven of this arm, hand, skin, switch and plate: only a person at the cell starts motions."""
+    """Arm, hand, skin, switch and plate are not all proven yet: only a person at the cell may start motions."""
 
 
 REMEDIES: dict[Refusal, str] = {
@@ -120,16 +120,16 @@ class PartEvidence(IntFlag):
     HAND_HOLDS = 1
     """The hand grips something as wide as the peg."""
     HAND_EMPTY = 2
-    """The pads hold nothing as wide as the peg; with neither bit the width fits, but the hand does not grip."""
+    """The pads hold nothing as wide as the peg; if neither bit is set, the width fits, but the hand does not grip."""
     SKIN_TOUCHED = 4
     """The skin shows a peg between the pads."""
     SKIN_FREE = 8
-    """The skin shows no peg; with neither bit it returned no trusted frame."""
+    """The skin shows no peg; if neither bit is set, the skin returned no trusted frame."""
     TIP_IN_HOLE = 16
     """The end of the peg, from arm and skin, was below the plate and over the hole at the last reading."""
     SWITCH_CLOSED = 32
     SWITCH_OPEN = 64
-    """The switch under the hole was open; with neither bit it returned no valid answer, or the cell has none."""
+    """The switch under the hole was open; if neither bit is set, it returned no valid answer, or the cell has no switch."""
     FORCE = 128
     """The force of the part's latch proved that the peg is seated."""
     PERSON = 256
@@ -149,7 +149,7 @@ UNNUMBERED = -1
 
 
 class LeaseState(IntEnum):
-    """State of the lease, as one reader sees it."""
+    """State of the lease as one link reads it."""
 
     FREE = 0
     YOURS = 1
@@ -158,7 +158,7 @@ class LeaseState(IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class Command:
-    """One request of the holder of the lease; it counts once, when its sequence number changes."""
+    """One request to the scan thread, from a link, the watchdog or the handshake; it counts once."""
 
     sequence: int
     code: int
@@ -190,7 +190,7 @@ Kind = Literal["u16", "u32", "i32", "string", "bool"]
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """An entry of the register map without its place."""
+    """An entry of the register map without its address."""
 
     kind: Kind
     meaning: str
@@ -205,7 +205,14 @@ class Entry:
 
 
 def entry(kind: Kind, meaning: str, default: Any = 0, **more: Any) -> Any:
-    """Return a field that is an entry of the map, with this default or the function that makes it; `more` are fields of `Entry`."""
+    """Return a dataclass field that is an entry of the map.
+
+    Args:
+        kind: Type of the register.
+        meaning: Meaning of the value, as printed in the map.
+        default: Default value, or the function that makes it.
+        **more: Other fields of `Entry`.
+    """
     made = {"default_factory" if callable(default) else "default": default}
     return field(metadata={"entry": Entry(kind, meaning, **more)}, **made)
 
@@ -220,7 +227,7 @@ def entries_of(block: type) -> Iterator[tuple[str, str, Entry]]:
 
 
 def listed(words: Mapping[int, str]) -> str:
-    """Return numbers with their names."""
+    """Return the numbers with their names as one text, in ascending order."""
     return ", ".join(f"{number} {word}" for number, word in sorted(words.items()))
 
 
@@ -236,8 +243,8 @@ TRANSITIONS = listed({control.value: control.name for control in PACKML})
 class Report:
     """The report block as values, in the order of its registers.
 
-    The cell fills in its own fields. For each link, the bridge adds those of its number, its answer and the lease. Those of a
-    run belong to the command `sequence`.
+    The cell fills in its own fields. For each link, the bridge adds the fields of the link's number, of its answer and of
+    the lease. The fields of a run belong to the command with the number `sequence`.
     """
 
     life: int = entry("u16", "head life counter: changes with every scan of the cell")
@@ -300,7 +307,7 @@ class Report:
     )
     part_width: float = entry("u16", "distance between the pads when report_part was found", 0.0, unit="m", scale=1e-4)
     obstacle: Refusal = Refusal.NONE
-    """Refusal that a program with a fresh peg would get now, from the state of peg, hole and rack; for the bridge, no register."""
+    """Refusal that a program with a fresh peg would get now, from the state of peg, hole and rack; not a register."""
 
 
 @dataclass(slots=True)

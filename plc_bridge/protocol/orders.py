@@ -1,6 +1,7 @@
-"""The one queue: every order from the write of a number, a torn block or a coil to its acknowledgement; pure.
+"""The cell's queue of orders, each from the write of a number, a torn block or a coil to its acknowledgement; pure.
 
-An order is decided once it was refused or carried out or, if it is a program, begun; its result comes with its end.
+An order is decided as soon as it is refused, its control is carried out, or its program begins. A program has its result
+at its end.
 """
 
 from collections import deque
@@ -40,7 +41,7 @@ class Orders:
     """The queue: first in, first out. Stops precede all other orders and drop those that wait.
 
     Args:
-        lease: The lease of the cell; the queue sets the link of its run.
+        lease: The lease of the cell; the queue sets its `runner`, the link whose run is under way.
         log: Logger of refusals.
         programs: Name of each program and skill by its command code, from 100 on.
         parameters: Meaning of the numbered parameters.
@@ -63,20 +64,20 @@ class Orders:
     """Order of any link that was decided last."""
     report: Report = field(default_factory=Report)
     """Report that the scan thread published last."""
-    # So many ended programs are kept for their reader.
+    # Largest number of ended programs that wait for their reader.
     ended: deque[Order] = field(default_factory=lambda: deque(maxlen=16))
-    """Programs that have ended, for a reader that takes them from here."""
+    """Programs that have ended and that the reader has not taken yet."""
     _waiting: deque[Order] = field(default_factory=deque)
     _stops: dict[int, list[Order]] = field(default_factory=dict)
     _given: Sequence[Order] = ()
-    """Orders given to the scan thread last, all for one command."""
+    """Orders given to the scan thread last, as one command; equal stops of several links are given together."""
 
     # Calls of the scan thread.
 
     def next(self) -> Command | None:
-        """Return the next command for the scan thread, each once, stops first and the rest in order of arrival.
+        """Return the next command for the scan thread, each command once: stops first, then in order of arrival.
 
-        If the scan thread has neither accepted nor refused the previous command, that command ended in a fault.
+        If the scan thread has neither accepted nor refused the previous command, that command ends with FAULT.
         """
         for order in self._given:
             if not order.is_decided:
@@ -88,7 +89,7 @@ class Orders:
         return self._given[0].command if self._given else None
 
     def accept(self, command: Command) -> None:
-        """Record that the scan thread carries out `command`, its last one: a program begins, or a control is done."""
+        """Record that the scan thread accepts `command`, the one given last: a program has begun, or a control is done."""
         for order in self._undecided(command):
             if order.is_program:
                 self.seen = order
@@ -96,12 +97,12 @@ class Orders:
             self.decide(order, Result.NONE if order.is_program else Result.SUCCESS)
 
     def refuse(self, command: Command, refusal: Refusal) -> None:
-        """Record that the scan thread refuses `command`, its last one."""
+        """Record that the scan thread refuses `command`, the one given last."""
         for order in self._undecided(command):
             self.turn_down(order, refusal)
 
     def publish(self, report: Report) -> None:
-        """Take the scan thread's report; a result in it ends the run whose number it echoes."""
+        """Take the scan thread's report; a result in the report ends the run that has the report's sequence number."""
         self.report = report
         run = self.run
         if run is None or not run.is_decided or report.sequence != run.sequence:
@@ -127,7 +128,7 @@ class Orders:
             self.run, self.lease.runner = order, order.link
 
     def stop(self, order: Order) -> None:
-        """Put a stop in front and drop the waiting orders."""
+        """Put a stop in front of the queue, and end the waiting orders as aborted."""
         dropped = tuple(self._waiting)
         self._waiting.clear()
         self._stops.setdefault(order.command.code, []).append(order)
@@ -160,7 +161,7 @@ class Orders:
         self.decide(order, Result.REFUSED, refusal)
 
     def end(self, order: Order) -> None:
-        """Mark the result of `order` as read; the cell may leave its state COMPLETE."""
+        """Mark the result of `order` as acknowledged; if it is the last program, let the scan thread leave COMPLETE."""
         if order.is_acknowledged or order.result is Result.NONE:
             return
         order.is_acknowledged = True
@@ -199,7 +200,7 @@ class Orders:
             self.command(link, image.sequence, image)
 
     def _take_same(self, link: Link, image: CommandImage, code_before: int) -> None:
-        """Process a repeated number: only a stop is obeyed; a number first written without a command cannot be used again."""
+        """Process a repeated number: obey only a stop; if it first came without a command, refuse any other command."""
         link.was_lost = False
         if link.aside is not None and link.aside.sequence != image.sequence:
             link.aside = None
@@ -215,7 +216,7 @@ class Orders:
         """Answer a number behind the last one without replacing the last answer: obey a stop, refuse another command."""
         run, aside = link.shown, link.aside
         if run is not None and run.is_program and run.repeats(image):
-            return  # the number of the present run, behind those of later controls
+            return  # it repeats the run in view, whose number is behind those of later controls
         if aside is not None and aside.repeats(image) and aside.command.code == image.code:
             return
         link.aside = Order(_command(link, image.sequence, image))
@@ -225,7 +226,7 @@ class Orders:
             self.turn_down(link.aside, Refusal.LATE)
 
     def _adopt(self, link: Link, image: CommandImage) -> None:
-        """Adopt a first number without running its command; the number of the run in view changes nothing."""
+        """Adopt a first number without running its command; if it is the number of the run in view, nothing changes."""
         shown = link.shown
         if link.has_resumed or (shown is not None and shown.is_program and shown.repeats(image)):
             link.was_lost = False
@@ -242,7 +243,7 @@ class Orders:
         return order
 
     def _stop_for(self, link: Link, image: CommandImage, sequence: int = UNNUMBERED) -> Order:
-        """Stop at once; a stop with its own number gets its own answer, one with the run's number gets the run's."""
+        """Stop at once; a stop with its own number gets an answer, a stop with the run's number shows in the run's result."""
         shown = link.shown
         if shown is not None and shown.is_program and shown.sequence == sequence:
             sequence = UNNUMBERED
@@ -271,7 +272,7 @@ class Orders:
                 self._take_level(link, coil, coils[coil], replace(image, code=code))
 
     def _take_level(self, link: Link, coil: str, level: bool, image: CommandImage) -> None:
-        """Process a written coil: its rising edge is a request, its fall acknowledges the result if that was read.
+        """Process a written coil: its rising edge is a request, its falling edge acknowledges the result if it was read.
 
         If a coil is 1 in the first write after its link opened or was lost, its rising edge was not seen. Its command may
         have run before the loss, so it is not run again.
@@ -287,7 +288,7 @@ class Orders:
     # Commands.
 
     def control(self, link: Link, code: int) -> Order:
-        """Answer a control without a number, or pass it on; the order alone holds its answer."""
+        """Answer a control without a number, or pass it on; only the returned order holds its answer."""
         image = CommandImage(code=code)
         if code in STOPS:
             return self._stop_for(link, image)
@@ -316,7 +317,7 @@ class Orders:
         self.add(order)
 
     def _why_not(self, link: Link, image: CommandImage) -> Refusal:
-        """Return the refusal of a command, apart from its parameters, or NONE."""
+        """Return the refusal of a command, or NONE; the parameters are checked elsewhere."""
         is_program = image.code not in CONTROLS
         if image.version and image.version >> 8 != VERSION_MAJOR:
             return Refusal.VERSION
@@ -363,7 +364,7 @@ class Orders:
             self._stop_for(link, image)
 
     def refuse_torn(self, link: Link) -> None:
-        """Answer the number of a block that has been torn for too long."""
+        """Refuse the number of a block that has been torn for too long."""
         link.watchdog.torn_since, image = None, link.image
         if image is not None and link.numbers.would_count(image.sequence):
             link.numbers.see(image.sequence, image.asked, image.life)
@@ -377,7 +378,7 @@ def _command(link: Link, sequence: int, image: CommandImage, parameters: tuple[t
 def _order(
     link: Link, sequence: int, image: CommandImage, parameters: tuple[tuple[str, float], ...] = (), detail: int = 0
 ) -> Order:
-    """Return a new order of a link, whose answer the link reads."""
+    """Return a new order after adding it to its link, which then reads the order's answer."""
     order = Order(_command(link, sequence, image, parameters), link, detail=detail)
     link.add(order)
     return order

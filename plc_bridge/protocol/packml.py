@@ -10,7 +10,7 @@ from plc_bridge.protocol.messages import PACKML, TRANSITIONS, Control, Report, R
 STATES = 17
 """Number of PackML states, numbered from 1."""
 STOPPED, EXECUTE, STOPPING, ABORTING, ABORTED = 2, 6, 7, 8, 9
-"""States of PackML with a stop reason, and the state that ends it."""
+"""PackML states with a stop reason, and EXECUTE, which deletes the stop reason."""
 
 
 @dataclass(slots=True)
@@ -25,7 +25,7 @@ class PackTags:
     )
     processed: int = entry("u32", "PackTags ProdProcessedCount: insertions that have ended since the start")
     defective: int = entry("u32", "PackTags ProdDefectiveCount: those of them that did not end in success")
-    times: list[float] = entry(  # noqa: RUF009  made anew for each
+    times: list[float] = entry(  # noqa: RUF009  a new list for each instance
         "u32",
         "PackTags StateCumulativeTime: time in state {} since the start",
         lambda: [0.0] * STATES,

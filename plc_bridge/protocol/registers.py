@@ -3,12 +3,12 @@
 Addresses are zero-based protocol addresses. Values wider than a word and strings are big-endian: the high word,
 the high byte first. A value is the raw integer times `scale`, in `unit`.
 
-On CAN every entry is an object of the dictionary, little-endian as in CANopen. The life counters at the tails are not,
-because a CAN frame is always whole. `RPDOS` and `TPDOS` list the entries sent by PDO.
+On CAN every entry is an object of the dictionary, little-endian as in CANopen. Only the life counters at the tails of the
+blocks are no objects, because a CAN frame is always whole. `RPDOS` and `TPDOS` list the entries sent by PDO.
 
-The PLC writes the command block, preferably in one FC16 request. Every connection has its own, so that no client can
-disturb another's. The report and the diagnostics are input registers. PLCs with only FC3 can read them as holding
-registers at the same address plus `MIRROR`.
+The PLC writes the command block, preferably in one FC16 request. Every connection has its own command block, so that no
+client can disturb another one. The report and the diagnostics are input registers. A PLC that has only FC3 can read them
+as holding registers at the same address plus `MIRROR`.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -106,7 +106,7 @@ class Register:
 
 @dataclass(frozen=True, slots=True)
 class Parameter:
-    """One numbered parameter of the commands; `cell` names them, the bridge enforces their limits."""
+    """One numbered parameter of the commands; the package `cell` defines it, the bridge enforces its limits."""
 
     name: str
     unit: str
@@ -181,7 +181,7 @@ def table(
     Args:
         programs: Name of each program and skill by its command code.
         parameters: Meaning of the numbered parameters, at most `PARAMETERS`.
-        words: Meaning of the numbers in a register, by its name, if the cell defines it.
+        words: Meanings of the numbers in a register, by the register's name, for registers that the cell defines.
     """
     registers = [
         *_placed("holding", 0, "command_", 0x2000, _command_block(programs or {}, parameters)),

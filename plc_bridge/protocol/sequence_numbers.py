@@ -1,6 +1,6 @@
 """The meaning of a sequence number on its link; pure.
 
-Numbers are compared modulo 65536: one is ahead of another by up to 32768, else behind it.
+Numbers are compared modulo 65536: a number is ahead of another by 1 to 32768, else it is behind.
 
     | number                                     | with code 0     | with a stop     | with another command |
     | ------------------------------------------ | --------------- | --------------- | -------------------- |
@@ -11,19 +11,19 @@ Numbers are compared modulo 65536: one is ahead of another by up to 32768, else 
     | behind the last one                        | ANEW            | LATE            | LATE                 |
     | in doubt: a block of the count before      | ANEW            | DOUBT           | DOUBT                |
 
-    | meaning | effect                                                                    | next to count |
+    | meaning | effect                                                                    | last number   |
     | ------- | ------------------------------------------------------------------------- | ------------- |
-    | FIRST   | a stop is obeyed; another command is refused and never run                | from here     |
-    | SAME    | none: the answer stays                                                    | as before     |
-    | NEW     | the command counts, once                                                  | from here     |
-    | ANEW    | a program restarts on an open link: the number counts as received         | from here     |
-    | LATE    | a stop is obeyed; another command is refused and never run                | as before     |
-    | DOUBT   | a stop is obeyed; another command waits for the next block                | as before     |
+    | FIRST   | a stop is obeyed; another command is refused and never run                | this one      |
+    | SAME    | none: the answer stays                                                    | unchanged     |
+    | NEW     | the command counts, once                                                  | this one      |
+    | ANEW    | a program restarts on an open link: the number counts as received         | this one      |
+    | LATE    | a stop is obeyed; another command is refused and never run                | unchanged     |
+    | DOUBT   | a stop is obeyed; another command waits for the next block                | unchanged     |
 
-If both a number and the life counter of its block are behind the last ones, there are two causes: an old block arrived
-late, or a program has restarted. Both counts are kept, and the next blocks decide. If the life counter of the previous
-count continues, that count continues. It ends with a command that it never had, or with the third block in a row
-whose life counter follows the new count.
+If both a number and the life counter of its block are behind the last ones, there are two possible causes: an old block
+arrived late, or a program has restarted. The link keeps both counts until later blocks decide. If the life counter of a
+later block continues the previous count, the previous count is valid. The previous count ends as soon as a block has a
+command that this count never had, or at the third block in a row whose life counter follows the new count.
 """
 
 from dataclasses import dataclass, field
@@ -33,7 +33,7 @@ _MODULUS = 0x10000
 KEPT = 256
 """Number of stored numbers of one count; an older number counts as received, but its command is no longer known."""
 CONFIRMED = 3
-"""Number of blocks in a row that end the doubt: no line delivers three old ones, in their order, between two new ones."""
+"""Number of blocks in a row that end the doubt: no line delivers three old blocks, in order, between two new blocks."""
 
 Asked = tuple[int, int, str] | None
 """Code, recipe and serial number of a block; None with code 0."""
@@ -175,7 +175,7 @@ class SequenceNumbers:
         return False
 
     def count_up(self) -> int:
-        """Return the next number, for a command without one, and count it as received."""
+        """Return the next number, for a command that came without one, and count it as received."""
         number = ((self.last or 0) + 1) % _MODULUS
         if self._count is None:
             self._count = _Count(number, number, 0)

@@ -85,7 +85,7 @@ class LinkStation:
             self._say_once(why, why)
             raise ValueError(wish)
         if wish == Lease.TAKE_FOR_HOST and self.share is not None:
-            self.share()  # first: the words go into the block that all connections of the host have together
+            self.share()  # before the write: the words belong in the block that all connections of the host share
         self.link.words[address : address + len(words)] = words
         is_number = address <= _SEQUENCE < address + len(words)
         self.link.is_numbered |= is_number
@@ -103,7 +103,7 @@ class LinkStation:
         self.mailbox.switched(self.link.source, written, self)
 
     def leave(self) -> None:
-        """Leave the link; its stop is released."""
+        """Leave the link, and release the stop that this client holds."""
         self.mailbox.left(self.link.source, self)
 
     def move(self, link: LinkWords) -> None:
@@ -128,7 +128,7 @@ class LinkStation:
         return self.mailbox.is_scanned
 
     def refused(self, function: int, exception: int) -> None:
-        """Log an exception, once for each of its codes."""
+        """Log an exception response, once for each exception code."""
         self._say_once(exception, f"function {function}: exception {exception:02d}")
 
     def _say_once(self, key: str | int, why: str) -> None:

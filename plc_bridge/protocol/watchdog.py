@@ -25,8 +25,8 @@ class PlcSight:
 class LinkWatchdog:
     """Watches one link.
 
-    If a link never changed its life counter, any request is a sign of life. If it never wrote the counter's copy at the tail
-    of the block, its block is never torn.
+    If a link never changed its life counter, any request is a sign of life. If a link never wrote the counter's copy at the
+    tail of the block, its block never counts as torn.
     """
 
     heard: float
@@ -70,7 +70,7 @@ class LinkWatchdog:
         return self.torn_since is not None and now - self.torn_since > timeout
 
     def revive(self) -> None:
-        """Begin the watch over a run, which the last request has started."""
+        """Begin to watch a run: count its time from the last request, which has started it."""
         self.life_stamp = self.heard
 
     def follow(self, earlier: "LinkWatchdog") -> None:
