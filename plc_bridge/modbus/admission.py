@@ -1,9 +1,9 @@
-"""Admission of connections to a server: free places, and the connection that closes if there is none; pure.
+"""Admission of connections to a server: free places, and the choice of the connection to close if no place is free; pure.
 
-A connection needs a place from its acceptance on, so that TLS handshakes are counted too. If there is no free place, a
-connection without any request closes first, and one with its stop coil at 1 last. If a host has used all its places,
-one of its own connections closes. A connection never closes for a newcomer while it holds the lease or has a run under
-way; if there are only such connections, the newcomer is rejected.
+A connection needs a place from its acceptance on, so that TLS handshakes are counted too. If no place is free, the server
+first closes a connection that has sent no request, and last a connection with its stop coil at 1. If a host has used all
+its places, the server closes one of that host's connections. No connection closes for a newcomer while its link holds the
+lease or has a run under way; if there are only such connections, the newcomer is rejected.
 """
 
 from collections import Counter

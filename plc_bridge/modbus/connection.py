@@ -1,7 +1,7 @@
 """One Modbus TCP connection: strict framing, answers in the order of requests, and a bounded share of the time.
 
-After a malformed header the connection closes, because the following bytes cannot be trusted. A well-framed request that
-cannot be served gets its exception. The unit identifier is not used for addressing on TCP; it is echoed.
+After a malformed header the connection closes, because the following bytes cannot be trusted. If a well-framed request
+cannot be served, it gets an exception response. TCP needs no addressing by the unit identifier; the response echoes it.
 """
 
 import asyncio
@@ -32,7 +32,7 @@ class Connection(asyncio.Protocol):
         self._is_lost = False
         self._buffer = bytearray()
         self._is_writable = True
-        self._is_waiting = True  # nothing is answered before it is admitted
+        self._is_waiting = True  # no request is answered before the connection is admitted
         self.rights = ALL_RIGHTS
         self.transport: asyncio.Transport | None = None
         self.address = ""
@@ -66,7 +66,7 @@ class Connection(asyncio.Protocol):
             return False
         self._name(peer[0], peer[1])
         link = transport.get_extra_info("socket")
-        # asyncio does this only if the socket names its protocol; without it a second answer waits for an ACK
+        # asyncio sets TCP_NODELAY only if the socket names its protocol; without it, a second answer waits for an ACK
         link.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         link.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER)
         return True
@@ -116,7 +116,7 @@ class Connection(asyncio.Protocol):
         return self.transport
 
     def _turn(self) -> None:
-        """Answer the received requests, up to one turn."""
+        """Answer received requests, at most one turn of them."""
         began = self._server.loop.time()
         has_more = self._answer_some()
         took = self._server.loop.time() - began
@@ -126,15 +126,15 @@ class Connection(asyncio.Protocol):
         self._is_waiting = True
         self._reading().pause_reading()
         self._server.crowd += 1
-        # Pause after a turn for each connection with more requests, as a multiple of the turn's duration. A client
-        # that floods the server leaves three quarters of the time to others and to the scan, on a computer of any
-        # speed.
+        # Pause before the next turn: 3 times the turn's duration for each connection with more requests. Even if a
+        # client floods the server, three quarters of the time remain for the others and for the scan, on a computer of
+        # any speed.
         self._server.loop.call_later(3.0 * took * self._server.crowd, self._next_turn)
 
     def _answer_some(self) -> bool:
         """Answer the requests of one turn; return True if there may be more."""
         transport = self._reading()
-        # After this number of requests the other connections get their turn.
+        # Number of requests in one turn; then the other connections get their turn.
         for _ in range(8):
             if not self._is_writable or transport.is_closing():
                 return False
@@ -149,7 +149,7 @@ class Connection(asyncio.Protocol):
         self._turn()
 
     def _answer_next(self) -> bool:
-        """Answer one request; return False if no whole one has arrived or the connection had to be closed."""
+        """Answer one request; return False if no whole request has arrived, or if the connection had to be closed."""
         station, transport, counts = self.station, self._reading(), self._server.counts
         if station is None or len(self._buffer) < HEADER.size:
             return False

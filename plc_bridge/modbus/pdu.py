@@ -19,14 +19,14 @@ DIAGNOSTICS, SERVER_ID, MASK_WRITE, ENCAPSULATED = 8, 17, 22, 43  # 6.8, 6.13, 6
 
 _HEAD_LENGTH = dict.fromkeys((1, 2, 3, 4, 5, 6, DIAGNOSTICS), 5)
 _HEAD_LENGTH |= {15: 6, 16: 6, SERVER_ID: 1, MASK_WRITE: 7, 23: 10, ENCAPSULATED: 4}
-"""Length of each request, bytes; for those in `_COUNTED` without the data, whose number of bytes comes last."""
+"""Length of each request, bytes. For functions in `_COUNTED` it excludes the data; its last byte counts the data's bytes."""
 _COUNTED = {15, 16, 23}
 _HEAD = struct.Struct(">BHH")
 """Function, address, and count or value."""
 
 
 def respond(request: bytes, station: LinkStation) -> bytes:
-    """Return the response PDU to a request PDU of at least one byte; no client input makes it raise.
+    """Return the response PDU to a request PDU of at least one byte; never raise, whatever the client sends.
 
     The station raises LookupError for unmapped addresses, PermissionError for accesses beyond the client's rights, and
     ValueError for values that are never permitted.
@@ -49,7 +49,7 @@ def is_exception(response: bytes) -> bool:
 
 
 def length_of(request: bytes) -> int:
-    """Return the length of a request that begins so, bytes; an echo has one word of data.
+    """Return the length, in bytes, of a request that begins with these bytes; for an echo, with one word of data.
 
     Raises:
         NotImplementedError: The function does not exist.

@@ -47,7 +47,7 @@ class RtuServer:
     ) -> None:
         self._unit, self._idle_timeout = config.unit, config.idle_timeout
         self._line, self._mailbox, self._now, self._first_pause = line, mailbox, now, pause
-        # At more than 19200 baud the silence is constant, s; Modbus over Serial Line V1.02, 2.5.1.1.
+        # Silence after a frame, s: 3.5 characters, above 19200 baud constant; Modbus over Serial Line V1.02, 2.5.1.1.
         self._silence = max(3.5 * line.character_time, 0.00175)
         self.source = f"rtu:{line.port.rpartition('/')[2]}"
         self.counts = Diagnostics()
@@ -87,7 +87,7 @@ class RtuServer:
                     if is_told:
                         logger.info("Modbus RTU: %s is open again", self._line.port)
                     pause, is_told = self._first_pause, False
-            except Exception as error:  # whatever it is, a dead thread would leave a dead bus behind
+            except Exception as error:  # any error: if it ended the thread, the cell would never answer again
                 if not is_told:
                     logger.warning("Modbus RTU: %s", error, exc_info=not isinstance(error, CellError))
                     is_told = True
@@ -104,12 +104,12 @@ class RtuServer:
         Raises:
             LineLostError: The line is lost.
         """
-        # Time between two checks of an idle line for a request to close, s.
+        # Time between two checks for a call of `close` while the line is idle, s.
         data = self._line.read(PATIENCE if self._receiver.is_waiting else 0.1)
         if not data:
             self._receiver.give_up()
             if self._now() - self._heard > self._idle_timeout:
-                self._end_link()  # a stop coil that a dead PLC left at 1 falls with it
+                self._end_link()  # this also releases a stop coil that a dead PLC has left at 1
         while data:
             self._receiver.feed(data)
             if self._receiver.is_full:
@@ -118,7 +118,7 @@ class RtuServer:
         frames = self._receiver.take()
         self._count_noise(is_clean=bool(frames))
         for frame in frames:
-            # if more bytes followed a request, its client no longer waits for the answer
+            # if another frame follows a request, its client no longer waits for the answer
             self._take(frame, is_last=frame is frames[-1])
 
     def _count_noise(self, is_clean: bool) -> None:
@@ -148,7 +148,7 @@ class RtuServer:
             self._line.write(with_check_sum(bytes([unit]) + response))
 
     def _link(self) -> LinkStation:
-        """Return the link of a request: a new one after a long silence."""
+        """Return the station of the link for a request; after a long silence, begin a new link."""
         now = self._now()
         if now - self._heard > self._idle_timeout:
             self._end_link()

@@ -1,8 +1,8 @@
-"""Modbus RTU frames in a stream of bytes; pure, no I/O, no time: the reader of the line reports silences.
+"""Modbus RTU frames in a stream of bytes; pure, no I/O, no clock: the reader of the line detects silences.
 
 Silence alone does not mark the ends of frames: a USB adapter delivers bytes in bursts, and a late reader receives several
 frames at once. A frame is therefore valid if its function, its length and its check sum agree; silence only triggers the
-search. The receiver joins the pieces of a frame, separates joined frames, and skips and counts noise before and after.
+search. The receiver joins the pieces of a frame, separates joined frames, and skips and counts noise around frames.
 """
 
 from contextlib import suppress
@@ -29,7 +29,7 @@ class Receiver:
     """Finds frames in the received bytes.
 
     Args:
-        unit: The own unit identifier. It receives requests only; responses of other units are also on the line.
+        unit: Unit identifier of the cell. Frames of this unit are requests; frames of other units can also be responses.
     """
 
     def __init__(self, unit: int) -> None:

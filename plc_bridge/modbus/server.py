@@ -1,4 +1,4 @@
-"""Modbus TCP server: one thread, one asyncio loop, every socket."""
+"""Modbus TCP server: one thread with one asyncio loop serves every socket."""
 
 import asyncio
 import errno
@@ -21,10 +21,10 @@ logger = logging.getLogger(__name__)
 
 
 class ModbusServer:
-    """Listens, admits clients, closes idle ones; `start` and `close` may be called from any thread."""
+    """Listens, admits clients, and closes idle connections; `start` and `close` may be called from any thread."""
 
     section = "plc.modbus"
-    """Section of the config with the server's settings, for messages."""
+    """Section of the config with the server's settings, as named in messages."""
 
     def __init__(self, config: ModbusConfig, mailbox: Mailbox) -> None:
         self._config = config
@@ -40,7 +40,7 @@ class ModbusServer:
         self._socket: socket.socket | None = None
         self._thread: threading.Thread | None = None
         self._guests: set[Connection] = set()
-        """Connections that have a place; those that are admitted have a station, too."""
+        """Connections that have a place; an admitted connection also has a station."""
         self._shared: dict[str, LinkWords] = {}
 
     @property
@@ -77,17 +77,17 @@ class ModbusServer:
 
     async def _serve(self, listening: socket.socket, is_ready: threading.Event) -> None:
         self.loop, self._stop = asyncio.get_running_loop(), asyncio.Event()
-        # After this number of new connections the existing ones get their turn.
+        # Number of new connections accepted in a row; then the existing connections get their turn.
         server = await self.loop.create_server(self.receive, sock=listening, backlog=8)
         # Largest number of connections that wait for acceptance.
-        listening.listen(128)  # asyncio takes the same figure for both
+        listening.listen(128)  # asyncio would use one figure for both
         is_ready.set()
         while not self._stop.is_set():
             try:
                 await asyncio.wait_for(self._stop.wait(), self._config.idle_timeout / 4)
             except TimeoutError:
                 self._drop_idle()
-        # if a client is being accepted while the server closes, asyncio reports an error
+        # asyncio reports an error if the server closes while a client is being accepted: first let it finish
         self.loop.remove_reader(listening)
         for _ in range(2):
             await asyncio.sleep(0)
@@ -101,7 +101,7 @@ class ModbusServer:
         return Connection(self)
 
     def abort_all(self) -> int:
-        """Abort every connection; return the number of those that have not ended yet."""
+        """Abort every connection; return the number of connections that have not ended yet."""
         for connection in self._guests:
             if connection.transport is not None:
                 connection.transport.abort()
@@ -133,7 +133,7 @@ class ModbusServer:
         return True
 
     def _kept(self) -> set[Connection]:
-        """Return the connections that are never closed for others: the last active one of each link with the lease or a run."""
+        """Return the connections not to close for others: the last active one of each link with the lease or a run."""
         linked = sorted(self._guests, key=lambda each: (each.heard or 0.0, each.arrived))
         newest = {each.station.link.source: each for each in linked if each.station is not None}
         return {newest[source] for source in self.mailbox.kept if source in newest}
@@ -167,7 +167,7 @@ class ModbusServer:
 
     def share(self, connection: Connection) -> None:
         """Move `connection` to the link shared by all connections of its host."""
-        assert connection.station is not None  # it has written something
+        assert connection.station is not None  # the connection is admitted: it has written a request
         link, host = connection.station.link, connection.host
         if link.source == host:
             return
@@ -179,7 +179,7 @@ class ModbusServer:
         connection.station.move(shared)
 
     def _shared_of(self, host: str) -> LinkWords | None:
-        """Return the shared link of `host`; it ends with its lease when no connection is left."""
+        """Return the shared link of `host`, None if there is none; end it if it has neither a connection nor the lease."""
         shared = self._shared.get(host)
         is_used = any(each.station is not None and each.station.link is shared for each in self._guests)
         if shared is not None and not is_used and self.mailbox.holder != host:

@@ -1,8 +1,8 @@
 """Modbus/TCP Security: the context of mutual TLS, and the role that a client's certificate names.
 
-The standard's rules (MB-TCP-Security-v21): TLS 1.2 or later, and a certificate on both sides [R-02, R-34, R-44]. The
-role is a UTF8String in one extension of the certificate, exactly one role [R-21, R-22, R-65]. A certificate without it
-has the NULL role [R-23].
+The standard's rules (MB-TCP-Security-v21): TLS 1.2 or later, and a certificate on both sides [R-02, R-34, R-44]. One
+extension of the certificate holds exactly one role, a UTF8String [R-21, R-22, R-65]. A certificate without this
+extension has the NULL role [R-23].
 """
 
 import ssl
@@ -93,7 +93,7 @@ def browser_context(config: TlsConfig) -> ssl.SSLContext:
 
 
 def valid_until(config: TlsConfig) -> dict[str, datetime]:
-    """Return the end of each file's validity, UTC, by its key in [plc.tls]; the earliest if it holds several certificates.
+    """Return the end of each file's validity, UTC, by its key in [plc.tls]; of several certificates the earliest end.
 
     Raises:
         DeviceNotOpenedError: A file is missing or invalid; the message names it.

@@ -11,14 +11,14 @@ from plc_bridge.protocol.mailbox import Mailbox
 
 
 class _Door(asyncio.Protocol):
-    """A client during its TLS handshake; its bytes go to TLS."""
+    """Protocol of a client until its TLS handshake begins; TLS then takes the client's bytes."""
 
     def __init__(self, server: "SecureModbusServer") -> None:
         self._server = server
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         assert isinstance(transport, asyncio.Transport)
-        # Python 3.11.2 (Debian 12) starts to read after this call, paused or not, and received bytes would be lost.
+        # Python 3.11.2 (Debian 12) starts to read after this call even if reading is paused; the bytes would be lost.
         self._server.loop.call_soon(transport.pause_reading)
         self._server.knock(transport)
 
@@ -26,7 +26,7 @@ class _Door(asyncio.Protocol):
 class SecureModbusServer(ModbusServer):
     """Listens for TLS; a client's identity is its role and its address.
 
-    A client counts as a connection from its arrival on, and as one without requests until its handshake ends.
+    A client counts as a connection from its arrival on. Until its handshake ends, it is a connection without requests.
     """
 
     section = "plc.tls"
@@ -65,7 +65,7 @@ class SecureModbusServer(ModbusServer):
             task.cancel()
 
     def abort_all(self) -> int:
-        """Abort every handshake and every connection; return the number of those that have not ended yet."""
+        """Abort every handshake and every connection; return the number of connections that have not ended yet."""
         left = super().abort_all()
         for connection in list(self._handshakes):
             self.leave(connection)
@@ -75,7 +75,7 @@ class SecureModbusServer(ModbusServer):
         await self._pace.acquire()
         # Least time between the beginnings of two handshakes, s; each blocks the open connections for milliseconds.
         self.loop.call_later(0.01, self._pace.release)
-        # the protocol needs the role, which the handshake provides; TLS needs a protocol before
+        # the protocol needs the role, which only the handshake provides; TLS needs the protocol before the handshake
         # Longest TLS handshake, s.
         timeout = min(10.0, self._tls.idle_timeout)
         assert connection.transport is not None
