@@ -1,8 +1,8 @@
 """The CANopen node on its bus: one thread, which opens the bus, serves it, and reopens it after a loss.
 
 python-can's own notifier ends silently at the first error, and its periodic tasks at the first frame that cannot be
-sent (4.6.1). Here one loop reads, and sends heartbeats and reports by its own clock. The node also watches the PLC while
-there is no bus, so that a PLC without a bus counts as lost in time.
+sent (4.6.1). Here one loop reads frames, and sends heartbeats and reports by its own clock. While the bus is lost, the
+node continues to watch the PLC, so that the PLC counts as lost after its time-out.
 """
 
 import logging
@@ -23,7 +23,7 @@ from plc_bridge.protocol.registers import Register
 logger = logging.getLogger(__name__)
 
 TICK = 0.01
-"""Time between two polls of the report and the timers by the node, s."""
+"""Time between two calls of the node's `tick`, which polls the report and the timers, s."""
 FIRST_PAUSE, LONGEST_PAUSE = 0.5, 10.0
 """Shortest and longest pause before a lost bus is reopened, s."""
 FIRST_QUIET, LONGEST_QUIET = 5.0, 60.0
@@ -47,7 +47,7 @@ class BusHealth:
         return is_back
 
     def has_died(self, now: float) -> bool:
-        """Return True if frames of others arrived before, but none for too long."""
+        """Return True if frames have arrived before, but none for too long; the permitted silence then doubles."""
         if self._heard is None or now - self._heard <= self._quiet:
             return False
         self._heard, self._quiet = now, min(2 * self._quiet, LONGEST_QUIET)
@@ -134,7 +134,7 @@ class CanopenServer:
             self.step()
 
     def step(self) -> None:
-        """Process a frame if one arrives, do what is due, and reopen a lost bus after its pause."""
+        """Process a frame if one arrives, send the frames that are due, and reopen a lost bus after its pause."""
         now = self._now()
         try:
             if not self._is_open and now < self._retry:
@@ -164,7 +164,8 @@ class CanopenServer:
             raise CanLostError(f"CAN bus {self._bus.name}: nobody is heard any more")
         if frame is None or now >= self._next_tick:
             self._next_tick = now + TICK
-            # Longest reading of waiting frames after a pause of this process, s; only then can the PLC count as silent.
+            # After a pause of this process, it must first read the waiting frames. Longest time for this, s; until all
+            # of them are read, the PLC does not count as silent.
             self._node.tick(now, self._behind_since is None or now - self._behind_since > 1.0)
 
     def _lose(self, error: CellError) -> None:

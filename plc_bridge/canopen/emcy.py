@@ -12,7 +12,7 @@ _EMCY = struct.Struct("<HBHHB")
 
 @dataclass(slots=True)
 class Emergency:
-    """Present fault; each change produces one message."""
+    """The present fault; each change of it produces one message."""
 
     fault: int = 0
     """Code of `drivers.errors`; 0 if there is none."""
@@ -31,11 +31,11 @@ class Emergency:
         if fault == self.fault:
             return None
         self.fault = fault
-        # Error code of the cell's own faults: this plus the thousands of the fault code; bytes 3 and 4 hold the whole
-        # code.
+        # Error code of the cell's own faults: 0xFF00 plus the thousands of the fault code; bytes 3 and 4 hold the
+        # whole fault code.
         code = 0xFF00 + fault // 1000 if fault else NO_ERROR
         return self.message(code, run)
 
     def message(self, code: int, run: int = 0) -> bytes:
-        """Return the message for an error code: code, register, fault code, the run's number to 24 bits."""
+        """Return the message for an error code: code, register, fault code, lowest 24 bits of the run's number."""
         return _EMCY.pack(code, self.register, self.fault, run & 0xFFFF, run >> 16 & 0xFF)

@@ -39,7 +39,7 @@ class HeartbeatConsumer:
         return is_first
 
     def has_lost(self, now: float) -> bool:
-        """Return True once when the node's heartbeat has ended."""
+        """Return True if the node's heartbeat has ended, only once for each end."""
         if now - self._heard <= self.timeout:
             return False
         self._heard = math.inf

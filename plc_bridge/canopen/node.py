@@ -9,8 +9,8 @@
 A stop needs no permission: the node obeys the stop object, its last RPDO, in every state and from every sender. This
 goes beyond CiA 301. All senders use the same single byte 1, so that simultaneous frames do not collide in their data.
 
-The PLC is one node with one link. If its heartbeat is lost, or if the node leaves operational, its run stops. At the PLC's
-boot-up the link begins again, so that its next sequence number is adopted and not run.
+The PLC is one node with one link. If the PLC's heartbeat is lost, or if the cell's node leaves the state operational, the
+PLC's run stops. At the PLC's boot-up the link begins again, so that its next sequence number is adopted and not run.
 """
 
 import logging
@@ -60,7 +60,7 @@ class NmtState(IntEnum):
 
 _STATE_BY_COMMAND = {1: NmtState.OPERATIONAL, 2: NmtState.STOPPED, 128: NmtState.PRE_OPERATIONAL}
 _STATE_ON_ERROR = {0: NmtState.PRE_OPERATIONAL, 2: NmtState.STOPPED}
-"""State after an error, by object 0x1029; 1 keeps the state, and pre-operational replaces operational only."""
+"""State after an error, by the value of object 0x1029; value 1 keeps the state. No error changes the state stopped."""
 
 
 class CanopenNode:
@@ -114,13 +114,13 @@ class CanopenNode:
         self._mailbox.closed(self.source)
 
     def recover(self) -> None:
-        """Continue after a loss of the bus: send everything again."""
+        """Continue after a loss of the bus: send every report again, and an emergency message."""
         self._sdo.reset()
         self._reports.repeat()
         self._shout(self._emergency.message(BUS_RECOVERED))
 
     def receive(self, frame: CanFrame, now: float) -> None:
-        """Process one frame of the bus; the profile uses identifiers of 11 bits."""
+        """Process one frame of the bus; frames with identifiers of 29 bits are ignored."""
         cob, data = frame.id, frame.data
         if frame.is_extended:
             return
@@ -266,7 +266,7 @@ class CanopenNode:
         self.counts.requests += 1
         if is_stop:
             self._anybody.write_bits(registers[0].address, [bool(data[0])])
-            self._anybody.write_bits(registers[0].address, [False])  # no sender releases the stop with a 0
+            self._anybody.write_bits(registers[0].address, [False])  # no sender has to release the stop with a 0
             return
         words = []
         for register in registers:

@@ -19,8 +19,8 @@ class Values:
     Args:
         dictionary: Dictionary of the node.
         registers: The whole map.
-        station: Returns the station that has the registers now.
-        changed: Called with every new value of an object that is not a register.
+        station: Returns the present station, which holds the registers of the PLC's link.
+        changed: Called with index and sub-index after a client has set an object that is not a register.
     """
 
     def __init__(
@@ -40,11 +40,11 @@ class Values:
         self._own.clear()
 
     def get(self, index: int, subindex: int = 0) -> int:
-        """Return a number that is not a register."""
+        """Return the value of a numeric object that is not a register."""
         return self._own.get((index, subindex), self._find(index, subindex).default or 0)
 
     def put(self, index: int, subindex: int, value: int) -> None:
-        """Set a number that is not a register, without a call of `changed`."""
+        """Set a numeric object that is not a register, without a call of `changed`."""
         self._own[index, subindex] = value
 
     def read(self, index: int, subindex: int) -> bytes:

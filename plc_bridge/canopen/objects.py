@@ -12,7 +12,7 @@ from plc_bridge.protocol.registers import DEVICE_NAME, RPDOS, TPDOS, VERSION_MAJ
 
 ERROR_REGISTER, CONSUMER, PRODUCER, ON_ERROR = 0x1001, 0x1016, 0x1017, 0x1029
 TPDO_PARAMETER, INHIBIT, EVENT_TIMER = 0x1800, 3, 5
-"""Object of the first TPDO's parameters, and two of its sub-indices: 0.1 ms and 1 ms a count."""
+"""Object of the first TPDO's parameters; its sub-indices of inhibit time, 0.1 ms a count, and event timer, 1 ms a count."""
 RPDO_BASES, TPDO_BASES = (0x200, 0x300, 0x400, 0x500), (0x180, 0x280, 0x380, 0x480)
 """COB-IDs of the predefined connection set, without the node-ID."""
 
@@ -46,7 +46,7 @@ def words_of(register: Register, data: bytes) -> list[int]:
 
 
 def bytes_of(register: Register, words: Sequence[int]) -> bytes:
-    """Return a value as bytes of a frame; a text without its padding."""
+    """Return a value as bytes of a frame; the padding of a text is removed."""
     data = b"".join(word.to_bytes(2) for word in words)
     return data.rstrip(b"\0") if register.type == "string" else data[::-1]
 
@@ -113,7 +113,7 @@ def _variable(
 ) -> ODVariable:
     made = ODVariable(name, index, subindex)
     made.data_type, made.access_type, made.max = kind, access, high
-    made.default = default  # type: ignore[assignment]  # a text may be one too
+    made.default = default  # type: ignore[assignment]  # a default can also be a text
     return made
 
 
@@ -124,7 +124,7 @@ def _cob(name: str, index: int, subindex: int, base: int, node_id: int) -> ODVar
 
 
 def _group(group: ODRecord | ODArray, members: Iterable[ODVariable]) -> ODRecord | ODArray:
-    """Return a record or array with its members, and their highest sub-index in front."""
+    """Return a record or array with its members, and their highest sub-index as sub-index 0."""
     for member in members:
         group.add_member(member)
     group.add_member(_variable("highest sub-index", group.index, 0, _U8, "const", max(group.subindices)))
@@ -153,14 +153,14 @@ def _pdos(
     made = []
     for number, names in enumerate(pdos):
         place, base = first + number, bases[number]
-        # Bit 30: no remote request.
+        # Bit 30 of a COB-ID: remote requests are not permitted.
         parameters = [
             _cob("COB-ID", place, 1, base + (0x40000000 if kind == "TPDO" else 0), node_id),
             _variable("transmission type", place, 2, _U8, "ro", 254),  # event-driven
         ]
         if kind == "TPDO":
-            # Inhibit and event time of each TPDO, in counts: the third carries the life counter, which always
-            # changes.
+            # Inhibit time and event timer of each TPDO, in counts. The third TPDO carries the life counter, which
+            # changes with every scan: its inhibit time limits its rate.
             inhibit, event = ((0, 500), (0, 500), (1000, 100), (0, 500))[number]
             parameters.append(_variable("inhibit time", place, INHIBIT, _U16, "rw", inhibit))
             parameters.append(_variable("event timer", place, EVENT_TIMER, _U16, "rw", event))

@@ -24,7 +24,9 @@ class _Tpdo:
 
 
 class Reports:
-    """The TPDOs: each is sent when it changes, and at least once per event timer. The inhibit time delays it, except for an answer.
+    """The TPDOs, each due when its data change, and at least once per event timer.
+
+    The inhibit time delays a TPDO, unless it is part of the answer to a command.
 
     Args:
         registers: The whole map.
@@ -53,13 +55,13 @@ class Reports:
         for tpdo in reversed(self._tpdos):
             data = tpdo.data(words)
             event = self._values.get(TPDO_PARAMETER + tpdo.number, EVENT_TIMER) / 1000
-            # all parts of an answer are sent with it, even within their inhibit time
+            # the TPDOs with the other parts of an answer go with it, even within their inhibit time
             is_due = self._is_free(tpdo, words, now) or (is_answering and data != tpdo.sent)
             if is_due or (event > 0.0 and now - tpdo.stamp >= event):
                 tpdo.sent, tpdo.stamp = data, now
                 yield CanFrame(TPDO_BASES[tpdo.number] + self._node, data)
 
     def _is_free(self, tpdo: _Tpdo, words: Sequence[int], now: float) -> bool:
-        """Return True if its data have changed and its inhibit time is over."""
+        """Return True if a TPDO must be sent again, or if its data have changed and its inhibit time is over."""
         inhibit = self._values.get(TPDO_PARAMETER + tpdo.number, INHIBIT) / 10_000
         return tpdo.sent is None or (tpdo.data(words) != tpdo.sent and now - tpdo.stamp >= inhibit)

@@ -1,7 +1,7 @@
 """The SDO server of CANopen, expedited and segmented (CiA 301, 7.2.4.3): pure, one request in, one response out.
 
 canopen's own server is not used: it accepts unannounced segments, continues after an abort, answers frames of any
-length and never bounds its buffer (seen in 2.4.1). Block transfer is refused, as CiA 301 permits.
+length and never bounds its buffer (version 2.4.1). Block transfer is refused, as CiA 301 permits.
 """
 
 import struct
@@ -49,7 +49,7 @@ class SdoServer:
         self._transfer = None
 
     def answer(self, request: bytes, now: float) -> bytes | None:
-        """Return the response to a request of 8 bytes; None to an abort of the client.
+        """Return the response to a request of 8 bytes; None if the request is the client's abort.
 
         Args:
             request: Payload of the frame.
