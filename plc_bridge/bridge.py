@@ -68,7 +68,7 @@ class Bridge(Mailbox):
             self._servers.append(RtuServer(config.rtu, line, self))
         registers = table(programs, parameters)
         if config.can is not None:
-            # Imported here: the CAN libraries take 0.1 s, which only a cell with CANopen should spend.
+            # Imported here: importing the CAN libraries takes 0.1 s, which only a cell with CANopen should spend.
             from drivers.transport.can_bus import CanBus
             from plc_bridge.canopen import bus
 
@@ -76,7 +76,7 @@ class Bridge(Mailbox):
             self._servers.append(bus.CanopenServer(config.can, registers, wire, self))
         self._opcua: OpcUaServer | None = None
         if opcua is not None:
-            # Imported here: the library is an extra of the package, and takes a second to import.
+            # Imported here: the library is an optional extra of the package, and its import takes a second.
             try:
                 from plc_bridge.opcua import server
             except ModuleNotFoundError as error:
@@ -104,7 +104,7 @@ class Bridge(Mailbox):
 
     @property
     def address(self) -> tuple[str, int]:
-        """Host and port of the server."""
+        """Host and port of the Modbus TCP server."""
         return self._server.address
 
     @property

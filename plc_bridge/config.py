@@ -26,11 +26,11 @@ class ModbusConfig(ConfigModel):
     port: Annotated[int, Field(ge=0, le=65535), Source("set for each cell")] = 5020
     """TCP port of the listening socket; 0 selects a free one."""
     connections: Annotated[int, Field(ge=1, le=500)] = 64
-    """Largest number of connections at once, including TLS handshakes. Above it, a newcomer replaces a connection without any
-    request, else the one that was idle longest. A connection that holds the lease or has a run under way is never replaced.
+    """Largest number of connections at once, including TLS handshakes. If it is reached, a newcomer replaces a connection that
+    has sent no request, else the longest idle one. A connection that holds the lease or has a run under way is never replaced.
     """
     connections_per_host: Annotated[int, Field(ge=1, le=500)] = 32
-    """Largest number of connections at once from one address; above it, a newcomer replaces one of its own host."""
+    """Largest number of connections at once from one address; if it is reached, a newcomer replaces one of its own host."""
     idle_timeout: Annotated[Seconds, Quantity("s")] = 60.0
     """Time without a request after which a connection is closed, s."""
     allow: Annotated[tuple[IPv4Network | IPv6Network, ...], Source("set for each cell")] = ()
@@ -76,7 +76,7 @@ class RtuConfig(ConfigModel):
     stop_bits: Annotated[Literal[1, 2], Source("Modbus over Serial Line V1.02, 2.5.1; set for each cell")] = 1
     """Number of stop bits; the standard requires 2 without parity, but many devices use 1."""
     idle_timeout: Annotated[Seconds, Quantity("s"), Source("chosen, not measured")] = 60.0
-    """Silence after which the next request begins a new conversation, whose first number is adopted, s."""
+    """Silence after which the next request begins a new link, s; the first sequence number of a link is adopted, not run."""
 
 
 class CanConfig(ConfigModel):
@@ -89,7 +89,7 @@ class CanConfig(ConfigModel):
     channel: Annotated[str, Field(min_length=1)]
     """Channel of the interface, as in "can0", "/dev/ttyACM0", "HOST:PORT/can0" or "239.74.163.2"."""
     bitrate: Annotated[Bitrate, Quantity("bits/s")] = 250_000
-    """Bit rate of the bus, bits/s; used for `slcan`, other interfaces get theirs at their setup."""
+    """Bit rate of the bus, bits/s; it is used for `slcan` only, other interfaces are set up outside this program."""
     node_id: Annotated[int, Field(ge=1, le=127)] = 16
     """Node-ID of the cell."""
     plc_node: Annotated[int, Field(ge=1, le=127)] = 1
@@ -97,7 +97,7 @@ class CanConfig(ConfigModel):
     heartbeat: Annotated[float, Field(ge=0.01, le=60.0), Quantity("s"), Source("chosen, not measured")] = 0.1
     """Period of the cell's own heartbeat, s."""
     plc_timeout: Annotated[float, Field(ge=0.0, le=60.0), Quantity("s"), Source("chosen, not measured")] = 1.0
-    """Longest time without the PLC's heartbeat, after its first one, before a run stops, s; 0 disables the watch."""
+    """Longest time between two heartbeats of the PLC, s; if it is exceeded, the run stops; 0 disables the watch."""
 
     @model_validator(mode="after")
     def _differ(self) -> Self:
@@ -114,7 +114,7 @@ class PlcConfig(ConfigModel):
     life_timeout: Annotated[Seconds, Quantity("s")] = 1.0
     """Longest time without a change of the life counter of the link that started a run, s; the run then stops."""
     lease_timeout: Annotated[Seconds, Quantity("s")] = 5.0
-    """Time without a request of the holder after which the lease is free again, s."""
+    """Time without a request from the lease's holder after which the lease is free again, s."""
     modbus: ModbusConfig = ModbusConfig()
     """The Modbus TCP server."""
     tls: TlsConfig | None = None

@@ -54,7 +54,7 @@ class Peer:
         )
 
     def connect(self) -> Report:
-        """Connect as a new client, whose number is far from that of any run, and return the report.
+        """Connect as a new client and return the report; the client's first number is far from that of the last run.
 
         Raises:
             CellSilentError: The cell does not answer.
@@ -82,7 +82,7 @@ class Peer:
         return self.read_report()
 
     def take(self) -> bool:
-        """Request the lease and return True if it was given; it is kept until `release` or silence."""
+        """Request the lease and return True if the cell has given it; it lasts until `release` or until a silence."""
         self._image = replace(self._image, lease=Lease.TAKE)
         return self.cycle().lease == LeaseState.YOURS
 
@@ -114,11 +114,11 @@ class Peer:
         return self.cycle()
 
     def wait_for_result(self, timeout: float, watch: Callable[[Report], None] | None = None) -> Report:
-        """Wait for the end of the last command and return the report of that time.
+        """Wait until the last command ends or is refused, and return the report with its result or refusal.
 
         Args:
             timeout: Longest wait, s.
-            watch: Called with every report until then.
+            watch: Called with every report during the wait.
 
         Raises:
             CellSilentError: There is no result in time, or the connection is lost.
@@ -137,7 +137,7 @@ class Peer:
             self._wait_before(deadline, "result", timeout)
 
     def wait_for_answer(self, timeout: float) -> Report:
-        """Wait until the last command is accepted or refused and return the report of that time.
+        """Wait until the last command is accepted or refused, and return the report with the answer.
 
         Args:
             timeout: Longest wait, s.
@@ -177,7 +177,7 @@ class Peer:
         self.acknowledge()
         return report
 
-    # What another bus does in another way.
+    # Calls whose implementation depends on the bus.
 
     def close(self) -> None:
         """Disconnect; may be called again."""

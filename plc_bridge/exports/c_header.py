@@ -10,7 +10,7 @@ def as_c_header(registers: Sequence[Register], names: Mapping[str, int]) -> str:
 
     Args:
         registers: The whole map.
-        names: Names of its numbers, see `plc_names`.
+        names: Names of the map's numbers, see `plc_names`.
     """
     lines = [
         f"/* Register map {VERSION_MAJOR}.{VERSION_MINOR}, made by `cell map --format h`. Places are zero-based addresses;",

@@ -45,7 +45,7 @@ def as_eds(registers: Sequence[Register]) -> str:
             },
         ),
         *_section("DeviceInfo", _device(objects)),
-        # Number of data types that could fill a gap in a PDO; the mapping is fixed, so none of them may.
+        # 1 would permit a data type as filler of gaps in a PDO; the mapping is fixed, so no type is permitted.
         *_section("DummyUsage", {f"Dummy{number:04d}": 0 for number in range(1, 8)}),
         *_section("Comments", {"Lines": 1, "Line1": "made by `cell map --format eds`"}),
     ]
@@ -65,7 +65,7 @@ def _list_of(index: int) -> str:
 
 
 def _section(name: str, entries: Mapping[str, object], comment: str = "") -> Iterator[str]:
-    # Longest comment, characters; CiA 306 allows lines of 255.
+    # Longest comment line, characters; CiA 306 allows 255.
     for line in textwrap.wrap(comment, 200):
         yield f"; {line}"
     yield f"[{name}]"

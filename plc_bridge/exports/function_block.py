@@ -86,7 +86,7 @@ def function_block(registers: Sequence[Register], names: Mapping[str, int]) -> F
 
     Args:
         registers: The whole map.
-        names: Names of its numbers, see `plc_names`.
+        names: Names of the map's numbers, see `plc_names`.
     """
     command, report = _block(registers, "command_"), _block(registers, "report_")
     return FunctionBlock(

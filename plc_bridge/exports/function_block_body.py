@@ -1,8 +1,8 @@
-"""The body of the function block for one cycle, in Structured Text: one statement a line, with a placeholder for each variable,
-register and number, which a `Language` writes.
+"""The body of the function block for one cycle, in Structured Text with placeholders.
 
-It uses IEC 61131-3 without pointers or libraries, except for the standard timer TON. The PLC's own Modbus client moves the
-two blocks of words.
+Each line has one statement. `body` replaces the placeholders of variables, registers and numbers by the texts of a
+`Language`. The statements use IEC 61131-3 without pointers or libraries, except for the standard timer TON. The PLC's own
+Modbus client transfers the two blocks of words.
 """
 
 from collections.abc import Mapping, Sequence
@@ -58,7 +58,7 @@ _SENT = {
     "version": f"16#{VERSION:04X}",
     "life_tail": "Life",
 }
-"""Registers of the command that a start sets and that every cycle sets, and the variables with their values."""
+"""Registers of the command, and the variables for their values: a start sets `_INPUTS`, every cycle sets `_SENT`."""
 BODY = """\
 (* what was shown for one cycle may go *)
 IF NOT {Execute} AND NOT {Busy} THEN
@@ -203,7 +203,7 @@ class Language:
     words: Mapping[str, str]
     """Expression for each register of the report."""
     numbers: Mapping[str, str]
-    """The same as UINT or, if it has two words, as UDINT."""
+    """Expression for each register of the report as UINT or, if the register has two words, as UDINT."""
     stage_time: str
     """Expression for the time of the stage `Index` as UDINT."""
     sending: Mapping[str, str]

@@ -13,7 +13,7 @@ def plc_names(programs: Mapping[int, str], words: Mapping[str, Mapping[int, str]
 
     Args:
         programs: Name of each program and skill by its command code.
-        words: Meaning of the numbers in a register, by its name, if the cell defines it.
+        words: Meanings of the numbers in a register, by the register's name, for registers that the cell defines.
     """
     names = {_name("CODE", control.name): control.value for control in sorted(CONTROLS)}
     names.update({_name("CODE", program): code for code, program in programs.items()})

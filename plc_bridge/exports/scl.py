@@ -24,9 +24,9 @@ END_DATA_BLOCK
 """The data block for the Modbus client."""
 _TYPES = {"u16": "UInt", "u32": "UDInt", "i32": "DInt"}
 _UDTS = {COMMAND: '"UDT_CellCommand"', REPORT: '"UDT_CellReport"', NAMES: '"UDT_CellNames"', "TON": "TON_TIME"}
-"""Types that SCL has instead of those of the block."""
+"""Types of SCL that replace types of the function block."""
 _GROUPED = {"parameter": PARAMETERS, "stage_time": STAGES}
-"""Numbered registers that are one array, and their number."""
+"""Name and length of each array that replaces numbered registers."""
 
 
 def as_scl(registers: Sequence[Register], names: Mapping[str, int]) -> str:

@@ -36,7 +36,7 @@ def _declaration(variable: Variable) -> str:
 
 
 def body_of(block: FunctionBlock) -> str:
-    """Return the body of the block, which the XML contains, too."""
+    """Return the body of the block; the PLCopen XML contains the same text."""
     command, report = block.command, block.report
     first, times = command["parameter_1"].address, f"{report['stage_time_1'].address} + 2 * (Index - 1)"
     high, low = "SerialNumber[2 * Index]", "SerialNumber[2 * Index + 1]"

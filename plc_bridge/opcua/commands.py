@@ -1,7 +1,7 @@
-"""The methods of the unit: arguments in, the handshake's answer out; no rule about commands is here.
+"""The methods of the unit: arguments in, the handshake's answer out; only the handshake decides on commands.
 
-PackML's own methods are controls without a number. A program is started by `Command` alone, whose number makes sure that it
-runs at most once.
+PackML's own methods are controls without a number. Only the method `Command` starts a program; its sequence number makes
+sure that the program runs at most once.
 """
 
 import asyncio
@@ -35,7 +35,7 @@ _CONTROLS = (
 """Control of each method of PackML."""
 _COMMAND: tuple[Right, ...] = ("command",)
 _STATUS = {Refusal.NOT_HOLDER: ua.StatusCodes.BadRequestNotAllowed, Refusal.BUSY: ua.StatusCodes.BadResourceUnavailable}
-"""Status of a refused control; of all other refusals BadInvalidState."""
+"""Status code of a refused control, by refusal; all other refusals have BadInvalidState."""
 _ANSWERED = ("report_answered", "report_refusal", "report_refusal_detail")
 
 Body = Callable[..., Awaitable[list[ua.Variant]]]
@@ -51,7 +51,7 @@ class NotDoneError(Exception):
 
 
 class Commands:
-    """Binds the methods.
+    """Binds the methods of the unit to their functions.
 
     Args:
         mailbox: The bridge.
@@ -175,7 +175,7 @@ def _require_fits(arguments: Sequence[ua.Variant], inputs: Sequence[ua.Argument]
     """Require the declared number and types of arguments.
 
     Raises:
-        NotDoneError: One of them is wrong.
+        NotDoneError: The number of arguments, or the type of one of them, is wrong.
     """
     codes = ua.StatusCodes
     if len(arguments) != len(inputs):
@@ -211,10 +211,10 @@ async def _not_supported(_: ua.NodeId, *__: ua.Variant) -> ua.StatusCode:
 
 
 async def _until(is_done: Callable[[], bool]) -> None:
-    """Wait for the scan thread, for a bounded time."""
+    """Wait until `is_done` returns True, for a bounded time."""
     loop = asyncio.get_running_loop()
     # Longest wait of a method for the scan thread, s; a later answer is read by `Answer`.
     end = loop.time() + 0.5
     while not is_done() and loop.time() < end:
-        # Time between two looks for the answer, s.
+        # Time between two checks for the answer, s.
         await asyncio.sleep(0.005)

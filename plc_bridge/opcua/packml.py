@@ -14,9 +14,9 @@ from asyncua import Server, ua
 from asyncua.common.structures104 import create_encoding, new_struct_field
 
 MODES, FOLDER, UNIT_TYPE = 11, 72, 6
-"""Numbers of the enumeration of modes, of the folder of all units, and of the type of a unit."""
+"""Numeric NodeIds of the enumeration of modes, of the folder of all units, and of the type of a unit."""
 BASE_MACHINE, MACHINE, EXECUTE = 3, 2, 1
-"""Numbers of the types of the state machines, from the outermost to the innermost."""
+"""Numeric NodeIds of the types of the state machines, from the outermost to the innermost."""
 CLEARED, RUNNING = 19, 18
 """PackML numbers of the states that only contain an inner machine."""
 NOTHING = ua.NodeId()
@@ -25,7 +25,7 @@ STANDARD_NAMES = {"AvailableStates", "AvailableTransitions"}
 
 
 class Row(NamedTuple):
-    """One row of the table; `parent` is the number of the type that it belongs to."""
+    """One row of the table; `parent` is the numeric NodeId of the type to which the row belongs."""
 
     parent: int
     number: int
@@ -90,7 +90,7 @@ class Nodes:
         type_definition: ua.NodeId = NOTHING,
         reference: str = "HasComponent",
     ) -> ua.NodeId:
-        """Add one node; a name without a namespace is in that of its NodeId."""
+        """Add one node; a name given as a string gets the namespace of the node's NodeId."""
         item = ua.AddNodesItem()
         item.BrowseName = ua.QualifiedName(name, node.NamespaceIndex) if isinstance(name, str) else name
         item.RequestedNewNodeId, item.ParentNodeId, item.TypeDefinition = node, parent, type_definition
@@ -121,7 +121,7 @@ class Nodes:
     async def method(
         self, node: ua.NodeId, name: str, parent: ua.NodeId, arguments: Sequence[Sequence[ua.Argument]]
     ) -> None:
-        """Add a method; `arguments` are those in and those out."""
+        """Add a method; `arguments` are the input arguments and the output arguments."""
         await self.add(node, name, parent, ua.MethodAttributes(UserExecutable=True))
         for which, each in zip(("InputArguments", "OutputArguments"), arguments, strict=True):
             if each:
@@ -142,7 +142,7 @@ class Nodes:
 
 
 async def add_types(server: Server) -> Nodes:
-    """Add the types of PackML and the folder of its units; return what adds further nodes."""
+    """Add the types of PackML and the folder of its units; return the `Nodes`, for adding further nodes."""
     nodes = Nodes(server, await server.register_namespace("http://opcfoundation.org/UA/PackML/"))
     for row in ROWS:
         node, parent = nodes.standard(row.number), nodes.standard(row.parent)

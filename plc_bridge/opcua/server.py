@@ -1,4 +1,4 @@
-"""The OPC UA server: one thread, one asyncio loop, every socket of it."""
+"""The OPC UA server: one thread with one asyncio loop serves all its sockets."""
 
 import asyncio
 import errno
@@ -26,7 +26,7 @@ from plc_bridge.protocol.registers import DEVICE_NAME, Parameter, Register
 logger = logging.getLogger(__name__)
 
 SPECTATOR = "opcua"
-"""Link of the server itself, which never writes: it reads the run of any link."""
+"""Link of the server itself; it never writes, and therefore reads the run of any link."""
 LIMITS = TransportLimits(max_recv_buffer=65535, max_send_buffer=65535, max_chunk_count=17, max_message_size=1 << 20)
 
 
@@ -35,14 +35,14 @@ class OpcUaServer:
 
     Args:
         address: Host and port of the listening socket.
-        plc: Keys and roles, and whether clients without a certificate may read.
+        plc: Keys and roles, and the permission to read for clients without a certificate.
         mailbox: The bridge.
         registers: The register map.
         parameters: Meaning of the numbered parameters.
 
     Raises:
         DeviceNotOpenedError: A certificate or key cannot be used.
-        ConfigError: No client could connect.
+        ConfigError: No client could connect, because the config has neither [plc.tls] nor `opcua_anonymous`.
     """
 
     def __init__(
@@ -55,7 +55,8 @@ class OpcUaServer:
     ) -> None:
         if plc.tls is None and not plc.opcua_anonymous:
             raise ConfigError("--opcua: no client could connect: add [plc.tls], or set plc.opcua_anonymous = true")
-        logging.getLogger("asyncua").setLevel(logging.CRITICAL)  # the cell's own lines are bounded for each host
+        # asyncua logs without a bound; the cell logs a bounded number of lines for each host instead.
+        logging.getLogger("asyncua").setLevel(logging.CRITICAL)
         self.counts = Diagnostics()
         self._address, self._mailbox = address, mailbox
         uri = _application_uri(plc.tls) if plc.tls is not None else "urn:tactile-insertion-cell"
@@ -63,7 +64,7 @@ class OpcUaServer:
         self._server = Server(iserver=self._services)
         self._unit = Unit(self._server, registers)
         self._commands = Commands(mailbox, self._unit, registers, parameters)
-        # The standard address space takes seconds: it is made here, before anything moves.
+        # Building the standard address space takes seconds: the constructor does it, before anything moves.
         self._loop = asyncio.new_event_loop()
         try:
             self._loop.run_until_complete(self._build(uri, plc))
@@ -152,7 +153,7 @@ def _application_uri(tls: TlsConfig) -> str:
     """Return the application URI of the cell's certificate."""
     # Lengths of an RSA key that Basic256Sha256 permits. Source: OPC 10000-7, SecurityPolicy Basic256Sha256.
     key_bits = range(2048, 4097)
-    server_context(tls)  # names a file that is missing, open to others or no PEM
+    server_context(tls)  # raises an error that names a file if it is missing, open to others or not PEM
     key = load_pem_private_key(tls.key.read_bytes(), None)
     if not isinstance(key, rsa.RSAPrivateKey) or key.key_size not in key_bits:
         raise DeviceNotOpenedError(

@@ -1,7 +1,7 @@
 """One session of a client: its identity by its certificate, its rights, and its link.
 
-A link lasts as long as the connection of its session: a client that comes back begins a new one, and finds its run by the
-run's number, as over Modbus. Every request is a sign of life.
+A link ends with the connection of its session. If a client connects again, it begins a new link, and resumes its run by
+the run's number, as over Modbus. Every request is a sign of life.
 """
 
 import logging
@@ -33,11 +33,11 @@ _READ_SERVICES = (
     *("create_subscription", "create_monitored_items", "modify_monitored_items", "delete_monitored_items"),
     *("set_monitoring_mode", "set_publishing_mode"),
 )
-"""Services for which the right to read is enough, and necessary."""
+"""Services that require the right to read and no other right."""
 
 
 class UntrustedError(Exception):
-    """A client is not admitted; `status` is the status code for it."""
+    """A client is not admitted; `status` is the status code of the answer to the client."""
 
     def __init__(self, status: int, why: str) -> None:
         super().__init__(why)
@@ -109,7 +109,7 @@ _VERIFIER = verification.PolicyBuilder().extension_policies(
     ),
     ee_policy=verification.ExtensionPolicy.permit_all(),
 )
-"""The chain, its signatures and dates; an application's certificate has no host name to check."""
+"""Verifies the chain, its signatures and dates; it checks no host name, because an application's certificate has none."""
 
 
 def application_uris(certificate: x509.Certificate) -> list[str]:
@@ -133,7 +133,7 @@ class CellServer(InternalServer):  # type: ignore[misc]
         self.bind_condition_methods = True
 
     def create_session(self, name: Any, **_: object) -> InternalSession:
-        """Return a session; it ends with its connection, because asyncua moves only external ones to another connection."""
+        """Return a session; it ends with its connection, because asyncua moves only external sessions to another one."""
         return CellSession(self, self.aspace, self.subscription_service, name)
 
     def register_server(self, server: Any, conf: Any = None) -> None:
@@ -142,7 +142,7 @@ class CellServer(InternalServer):  # type: ignore[misc]
 
 
 class _NoUsers:
-    """Everybody is a user without administration; `CellSession` decides on rights."""
+    """Makes every client a user without administrator rights; `CellSession` decides on the rights."""
 
     def get_user(self, *_: object, **__: object) -> User:
         return User(role=UserRole.User)
@@ -168,7 +168,7 @@ class CellSession(InternalSession):  # type: ignore[misc]
         return str(self.name[0])
 
     async def create_session(self, params: ua.CreateSessionParameters, sockname: Any = None) -> Any:
-        """Keep the application URI for the check of the certificate."""
+        """Create the session, and keep the client's application URI for the check of its certificate."""
         self._uri = params.ClientDescription.ApplicationUri or ""
         return await super().create_session(params, sockname)
 
@@ -208,7 +208,7 @@ class CellSession(InternalSession):  # type: ignore[misc]
             self.iserver.mailbox.heard(self.link)
 
     def demand(self, *rights: Right) -> None:
-        """Require one of some rights.
+        """Require at least one of `rights`.
 
         Raises:
             ServiceError: The client has none of them.
@@ -222,7 +222,7 @@ class CellSession(InternalSession):  # type: ignore[misc]
         raise ServiceError(ua.StatusCodes.BadUserAccessDenied)
 
     async def call(self, params: list[ua.CallMethodRequest]) -> Any:
-        """Call methods in the name of this session."""
+        """Call methods with this session as their `SESSION`."""
         self.demand("read", "command", "stop")
         SESSION.set(self)
         return await super().call(params)
@@ -235,7 +235,7 @@ class CellSession(InternalSession):  # type: ignore[misc]
         )
 
     async def write(self, params: ua.WriteParameters) -> list[ua.StatusCode]:
-        """Refuse to write: commands are methods."""
+        """Refuse every write: clients command by methods only."""
         return [ua.StatusCode(ua.StatusCodes.BadNotWritable)] * len(params.NodesToWrite)
 
 

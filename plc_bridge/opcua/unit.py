@@ -61,7 +61,7 @@ def title(register: Register) -> str:
 
 
 def shown(registers: Sequence[Register]) -> list[Register]:
-    """Return the registers of the report that are more than its framing."""
+    """Return the registers of the report without its life counters and its version."""
     framing = {"report_life", "report_life_tail", "report_version"}
     return [each for each in registers if each.name.startswith("report_") and each.name not in framing]
 
@@ -173,7 +173,7 @@ class Unit:
             await self._set(f"{path}.Number", active, ua.VariantType.UInt32)
 
     async def _raise(self, fault: int, is_active: bool) -> None:
-        """Send the condition of a fault; a reset acknowledges and ends it."""
+        """Send the alarm condition of a fault; when the fault is reset, the condition is acknowledged and inactive."""
         if not fault:
             return
         if fault not in self._alarms:
@@ -181,7 +181,7 @@ class Unit:
         alarm, event = self._alarms[fault], self._alarms[fault].event
         event.NodeId = self.place(f"{UNIT}.Fault.{fault}")
         event.SourceNode, event.SourceName, event.ConditionName = self.place(UNIT), UNIT, FaultCode(fault).name
-        # Severity of a fault, of 1000: the cell stands until a person has acted.
+        # Severity of a fault, 1 to 1000: the cell stands still until a person has acted.
         event.Severity, event.Retain, event.BranchId = 800, is_active, ua.NodeId()
         states = {"EnabledState": (True, "Enabled"), "ActiveState": (is_active, "Active" if is_active else "Inactive")}
         states["AckedState"] = (not is_active, "Unacknowledged" if is_active else "Acknowledged")
@@ -191,7 +191,7 @@ class Unit:
         await alarm.trigger(message=_text(fault))
 
     async def _set(self, path: str, value: Any, kind: ua.VariantType | None = None) -> None:
-        """Write a value if it has changed; None shows that it does not exist now."""
+        """Write a value if it has changed; None writes an empty value with the status BadStateNotActive."""
         if path in self._values and self._values[path] == value:
             return
         self._values[path] = value
