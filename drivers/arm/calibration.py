@@ -1,4 +1,4 @@
-"""The calibration of one arm: friction and residual gravity torque of each joint. It holds the file, its checks and the learning's prior."""
+"""The calibration of one arm, friction and residual gravity torque of each joint: file, checks and prior of learning."""
 
 from datetime import date
 from pathlib import Path
@@ -43,7 +43,7 @@ class ArmCalibration(ConfigModel):
     speeds: Annotated[tuple[Speed, ...], Field(min_length=2)]
     """Speeds at which each joint was moved, rad/s."""
     friction: tuple[Measured, ...]
-    """Friction of each joint at each of these speeds: half the difference between the torques in both directions."""
+    """Friction of each joint at each of `speeds`: half the difference between the torques in both directions."""
     offset: Measured
     """Mean of the torques in both directions: the residual of the gravity compensation and the asymmetry of friction."""
     dry: Measured
@@ -62,7 +62,7 @@ class ArmCalibration(ConfigModel):
         changed = 0.2  # Standard deviation of a joint's friction from day to day, fraction: grease warms up; assumed.
         likely, figures = doubts(arm), np.zeros((JOINTS, FIGURES))
         figures[:, 0], figures[:, 1], figures[:, 2] = self.dry.value, self.smooth.value, self.offset.value
-        # Change of an arm's likely offset in another posture, fraction; assumed: one posture is calibrated.
+        # Change of an arm's likely offset in another posture, fraction; assumed, because only one posture is calibrated.
         may_change = np.column_stack([changed * figures[:, 0], changed * figures[:, 1], 0.3 * likely[:, 2]])
         measured = np.column_stack([figure.deviation() for figure in (self.dry, self.smooth, self.offset)])
         deviations = likely.copy()
@@ -70,7 +70,7 @@ class ArmCalibration(ConfigModel):
         return figures, deviations
 
     def predicted(self, dq: Vector) -> Vector:
-        """Return the joint torques that these figures predict at velocities, shape (..., 7), rad/s; N·m."""
+        """Return the joint torques, shape (..., 7), N·m, predicted at the joint velocities `dq`, shape (..., 7), rad/s."""
         friction = np.array(self.dry.value) * np.tanh(dq / DRY_RATE)
         total: Vector = friction + np.array(self.smooth.value) * np.tanh(dq / SMOOTH_RATE) + np.array(self.offset.value)
         return total

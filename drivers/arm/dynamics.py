@@ -1,6 +1,6 @@
 """An arm's inertia inside the torque loop, and the critical damping for it; pure and compiled.
 
-`drivers.arm.inertia` computes the same in plain numpy for single calls; the law computes it a hundred times a second.
+The law calls these functions a hundred times a second. `drivers.arm.inertia` does the same for single calls in plain numpy.
 """
 
 import math
@@ -14,8 +14,8 @@ from drivers.compiled import njit
 from drivers.quantities import Vector
 
 BODY = 10
-"""Number of words for one body, in the frame of its joint: mass, kg; centre of mass, m; inertia about it, xx, yy, zz,
-xy, xz, yz, kg·m².
+"""Number of words for one body, in the frame of its joint: mass, kg; centre of mass, m; inertia about the centre of mass,
+xx, yy, zz, xy, xz, yz, kg·m².
 """
 ROTORS = BODY * JOINTS
 WORDS = ROTORS + JOINTS
@@ -90,7 +90,7 @@ def _tensor(words: Vector) -> Vector:  # pragma: no cover
 
 @njit(cache=True)
 def congruence(A: Vector, B: Vector) -> Vector:  # pragma: no cover
-    """Return A B Aᵀ, shape (m, m), of A, shape (m, n), and B, shape (n, n); numba's own product requires another library (BLAS)."""
+    """Return A B Aᵀ, shape (m, m), of A, shape (m, n), and B, shape (n, n); numba's own matrix product requires BLAS."""
     m, n = A.shape
     AB, C = np.zeros((m, n)), np.zeros((m, m))
     for i in range(m):

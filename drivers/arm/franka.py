@@ -1,8 +1,8 @@
 """A Franka arm as an Arm: the torque loop runs in its own process; this class writes setpoints and reads states.
 
-Written for the FR3 with the maker's `pylibfranka` (extra `franka`). The Panda of [gibbons] uses an older protocol.
-It needs the older library (`panda-python` includes it) in `drivers/arm/loop.py`; the rest is the same for both.
-The driver was tested only on simulated arms: not on a Panda, nor on any other real arm.
+Written for the FR3 with the maker's `pylibfranka` (extra `franka`). The Panda of [gibbons] uses an older protocol: for it,
+`drivers/arm/loop.py` must use the older library (`panda-python` includes it); the rest is the same for both arms. The
+driver was tested only on simulated arms, on no real FR3, Panda or other arm.
 """
 
 import json
@@ -46,7 +46,7 @@ class FrankaArm:
             config: Address of the arm, and its collision thresholds.
             arm: Figures of the arm.
             clock: The cell's clock.
-            law: Initial state of the law, shape (STATE_WORDS,); None if nothing is known of the joints.
+            law: Initial state of the law, shape (STATE_WORDS,); None if the arm's joints have not been measured.
         """
         self._config, self._clock = config, clock
         self._arm, self._figures = arm, impedance.figures(arm)
@@ -60,7 +60,7 @@ class FrankaArm:
     def open(self) -> None:
         """Start the loop and wait until the arm answers; the arm then holds still.
 
-        An arm in reflex or stopped can be opened too: `read` then raises, and a reset recovers the arm.
+        An arm can be opened even if a reflex or a stop holds it: `read` then raises, and a reset recovers the arm.
         """
         if self._is_open:
             return
@@ -68,7 +68,7 @@ class FrankaArm:
             raise DeviceNotOpenedError(
                 "arm: pylibfranka is not installed: pip install 'tactile-insertion-cell[franka]'"
             )
-        # Here, because the loop's process must start within `CONNECT_TIME`.
+        # The cell compiles the law first, because the loop's process must start within `CONNECT_TIME`.
         compile_law(self._figures, self._law, self._arm.control_period)
         self._start()
         self._is_open = True
@@ -140,7 +140,7 @@ class FrankaArm:
         self._hand_over(holding_words())
 
     def reset(self) -> None:
-        """Leave a reflex or a released stop, connect again, or restart the loop if it has ended; then hold still."""
+        """Leave a reflex or a released stop, restore a lost connection, or restart an ended loop; then hold still."""
         if self._is_open and not self._is_alive():
             self._end()
             self._start()
@@ -167,7 +167,7 @@ class FrankaArm:
         silent = 0.1  # Longest time without a new state, s on the cell's clock; the arm sends one every millisecond.
         link = self._opened()
         while True:
-            self._require_running()  # also if the loop was killed in the middle of a write
+            self._require_running()  # ends the wait if the loop was killed in the middle of a write
             count = link.is_settled("state_sequence")
             told = ("q", "dq", "force", "torque", "commanded", "unexplained")
             q, dq, force, torque, commanded, unexplained = (link[name][0].copy() for name in told)
@@ -199,7 +199,7 @@ class FrankaArm:
         return LoopPhase.LOST if self._link is None else LoopPhase(int(self._link["phase"][0]))
 
     def figures(self) -> LoopFigures:
-        """Return the figures of the loop."""
+        """Return the timing of the loop, and the masses that the arm reports."""
         link = self._opened()
         cycles = int(link["cycles"][0])
         kept = slice(1 if cycles <= CYCLES_KEPT else 0, min(cycles, CYCLES_KEPT))

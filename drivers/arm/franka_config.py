@@ -22,7 +22,7 @@ class FrankaArmConfig(ConfigModel):
     collision_torque: Annotated[float, Field(ge=5.0, le=100.0), Quantity("N·m")]
     """Estimated external torque on a joint at which the arm's reflex stops it, N·m; no default."""
     collision_force: Annotated[float, Field(ge=5.0, le=100.0), Quantity("N")]
-    """Estimated external force at the hand at which the reflex stops the arm, N; the same number limits the torque
-    there, N·m; no default."""
+    """Estimated external force at the hand at which the reflex stops the arm, N; the same number, in N·m, is the threshold
+    of the torque at the hand; no default."""
     realtime: Literal["enforce", "ignore"] = "enforce"
-    """Requirement of a real-time kernel and priority; `ignore` runs without, for simulated arms."""
+    """Requirement of a real-time kernel and priority; with `ignore` the loop runs without them, for simulated arms."""

@@ -31,7 +31,7 @@ def tip_inertia(arm: ArmModel, q: Vector, length: float) -> Vector:
 def critical_damping(L: Vector, stiffness: Vector) -> Vector:
     """Return the damping that damps every mode of an inertia on springs critically, shape (6, 6).
 
-    It is D = 2 (L # K), the double diagonalisation of [albu]; `drivers.arm.dynamics` explains it.
+    The damping is D = 2 (L # K), the double diagonalisation of [albu], explained in `drivers.arm.dynamics`.
 
     Args:
         L: Inertia, shape (6, 6).
@@ -64,7 +64,7 @@ def joint_inertia(arm: ArmModel, q: Vector) -> Vector:
 
 
 def _body(mass: float, com: Vector, inertia: Vector, axes: Vector, origins: Vector, joints: int) -> Vector:
-    """Return the contribution to the mass matrix of one body that the first `joints` move; inertia about its com, base frame."""
+    """Return one body's contribution to the mass matrix; the first `joints` move it; `inertia` about `com`, base frame."""
     # M = m Jvᵀ Jv + Jωᵀ I Jω.
     J = jacobian(com, axes, origins, joints)
     M: Vector = mass * J[:3].T @ J[:3] + J[3:].T @ inertia @ J[3:]

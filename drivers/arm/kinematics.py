@@ -31,7 +31,7 @@ def links(arm: ArmModel, q: Vector) -> tuple[list[Vector], Vector]:
 
 
 def finger_frame(arm: ArmModel, q: Vector) -> Pose:
-    """Return T_base_tcp, the finger frame: between the pads, x out of the hand, z along the closing axis."""
+    """Return T_base_tcp, the finger frame: origin between the pads, x out of the hand, z along the closing axis."""
     rotations, origins = links(arm, q)
     flange = rotations[-1] @ frames.rotation_about(_Z, arm.hand.turn)
     centre = origins[-1] + (arm.kinematics.flange + arm.hand.finger_centre) * flange[:, 2]

@@ -7,12 +7,12 @@ inertia that the model lacks:
     disturbance = dry · tanh(dq / DRY_RATE) + smooth · tanh(dq / SMOOTH_RATE) + offset + rotor · ddq
 
 Recursive least squares estimate the four figures of each joint, starting from a prior mean and standard deviation. At
-rest, friction has any value up to dry. A joint at rest teaches only if its disturbance exceeds that bound: a joint that
-sticks separates friction from offset even if it has moved one way only. An implausibly large disturbance teaches nothing, so
-that an arm that is held back does not push ever harder.
+rest, friction has any value between -dry and dry. A joint at rest therefore changes its figures only if the disturbance
+exceeds this bound; this separates friction from offset, even if the joint has moved in one direction only. Implausibly
+large disturbances are ignored; otherwise an arm that is held back would push ever harder.
 
-The law feeds the offset forward, and the friction along the commanded motion. A sign taken from the setpoint closes no
-feedback loop; one taken from a measured velocity would.
+The law feeds forward the offset, and the friction of the commanded motion. The sign of this friction comes from the
+setpoint, which closes no feedback loop; a sign from the measured velocity would close one.
 """
 
 import math
@@ -39,10 +39,10 @@ CYCLES = 5
 BANDWIDTH = 30.0
 """Bandwidth of the momentum observer, 1/s."""
 NOISE = 0.1
-"""Standard deviation of the disturbance around the four figures' prediction, over the observer's time, N·m."""
+"""Standard deviation of the disturbance from the four figures' prediction, within the observer's time constant, N·m."""
 
 FRICTION_SHARE = 0.8
-"""Share of the learnt friction that is fed forward, fraction. If it exceeded the real friction, the arm would be driven."""
+"""Share of the learnt friction that is fed forward, fraction; more than the real friction would drive the arm."""
 MOST_OFFSET = 5.0
 """Largest offset that is fed forward, N·m; a payload of 0.7 kg at arm's length causes as much."""
 
@@ -103,7 +103,7 @@ def observe(state: Vector, M: Vector, dq: Vector, period: float, is_free: bool) 
         period: Time since the last update, s.
         is_free: True if nothing touches the hand, so that the disturbance is the joints' own.
     """
-    # Velocity below which a joint counts as at rest, rad/s: its dry friction may have any value up to its level.
+    # Velocity below which a joint counts as at rest, rad/s; dry friction may then have any value up to its level.
     moving = 0.03
     share = period * BANDWIDTH / (1.0 + period * BANDWIDTH)
     # p = M dq,  r = K (p - ∫ (tau + r) dt);  the disturbance is -r. All regressors pass a low-pass of the same bandwidth K.
@@ -130,7 +130,7 @@ def observe(state: Vector, M: Vector, dq: Vector, period: float, is_free: bool) 
         if abs(state[speed]) > moving and abs(state[dry]) > 0.9:
             _learn(state, i, np.array([state[dry], state[smooth], 1.0, acceleration]), disturbance, period)
         elif abs(state[speed]) < moving and abs(slack) > state[known + DRY] + NOISE:
-            # |disturbance - offset - rotor ddq| <= dry at rest. If the figures say otherwise, friction is at its bound.
+            # |disturbance - offset - rotor ddq| <= dry at rest. If the figures violate this, friction is at its bound.
             _learn(state, i, np.array([math.copysign(1.0, slack), 0.0, 1.0, acceleration]), disturbance, period)
     state[COUNT], state[IS_BEGUN] = 0.0, 1.0
 
@@ -182,7 +182,8 @@ def feed_forward(state: Vector, joint: int, wanted: float) -> float:  # pragma: 
 def sure_rotor(state: Vector, joint: int) -> float:  # pragma: no cover
     """Return a lower estimate of the rotor inertia beyond the model's, learnt mean less one standard deviation, >= 0, kg·m².
 
-    If the damping assumes too much inertia, the arm oscillates where torques act late; if too little, it brakes more slowly.
+    If the damping assumes too much inertia, the arm oscillates, because its torques act late. If the damping assumes too
+    little inertia, the arm brakes more slowly.
 
     Args:
         state: State of the learning, shape (WORDS,).

@@ -71,7 +71,7 @@ def compile_law(figures: Vector, law: Vector, period: float) -> None:
 
     Args:
         figures: Figures of the arm, see `drivers.impedance.figures`.
-        law: State of the law, which stays as it is.
+        law: State of the law; it is not changed.
         period: Period of the loop, s.
     """
     q, dq = np.zeros(7), np.zeros(7)
@@ -81,8 +81,9 @@ def compile_law(figures: Vector, law: Vector, period: float) -> None:
 class LoopLink:
     """One end of the shared block.
 
-    Writer and reader are one process each. The writer makes its counter odd, writes, and makes it even. The reader accepts
-    a copy only between two equal even counts, so it never reads half of a setpoint.
+    Each record has one writing and one reading process. The writer makes the counter odd, writes, and makes the counter
+    even. The reader accepts a copy only if the counter was even and equal before and after it, so it never reads half of a
+    setpoint.
     """
 
     def __init__(self, handle: int) -> None:

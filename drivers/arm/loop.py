@@ -82,7 +82,7 @@ class TorqueLoop:
                 if self._robot is None:
                     self._connect()
                 self._control()
-            except pylibfranka.FrankaException as error:  # apart from the library's other errors
+            except pylibfranka.FrankaException as error:  # incompatible system; not a base of the errors below
                 self._robot = None
                 self._fail(LoopPhase.REFUSED, f"{str(error).partition(').')[0]}); {NEEDED_SYSTEM}")
             except pylibfranka.NetworkException as error:
@@ -150,7 +150,7 @@ class TorqueLoop:
         return control
 
     def _count(self, state: Any, busy: float, spacing: float, passed: float, is_first: bool) -> None:
-        """Record the work in a cycle, its distance from the one before, and the arm's time between their states, s."""
+        """Record a cycle: its working time, the time since the previous one, the arm's time between their states, s."""
         link = self._link
         place = int(link["cycles"][0]) % CYCLES_KEPT
         link["busy"][0, place], link["spacing"][0, place] = busy, spacing
@@ -167,14 +167,14 @@ class TorqueLoop:
         applied, sent, step = np.array(state.tau_J_d), self._sent, self._step
         self._law[own] = applied
         tau = impedance.torque(self._figures, self._words, self._law, q, dq, self._time, self._period)
-        # |tau - sent| <= step and |tau - tau_J_d| <= step: the limit holds both if the last command arrives late and if it was lost.
+        # |tau - sent| <= step and |tau - tau_J_d| <= step: the limit holds whether the last command arrives late or is lost.
         tau = np.clip(np.clip(tau, sent - step, sent + step), applied - step, applied + step)
         self._law[own] = self._sent = tau
         torques: list[float] = tau.tolist()
         return torques
 
     def _take(self) -> None:
-        """Take over a new setpoint; during a write, take it one cycle later."""
+        """Take over a new setpoint; if the cell is still writing it, take it one cycle later."""
         link = self._link
         count = link.is_settled("setpoint_sequence")
         if count is None or count == self._taken:
@@ -204,7 +204,7 @@ class TorqueLoop:
         self._link["phase"][0] = phase
 
     def _phase_of_stop(self) -> LoopPhase:
-        """Return the kind of stop that holds the arm; LOST without a connection."""
+        """Return STOPPED or REFLEX, depending on what holds the arm; LOST without a connection."""
         if self._robot is None:
             return LoopPhase.LOST
         stops = (pylibfranka.RobotMode.UserStopped, pylibfranka.RobotMode.Guiding)

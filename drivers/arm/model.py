@@ -80,7 +80,7 @@ class Kinematics(ConfigModel):
 
 
 class SmoothFriction(ConfigModel):
-    """Friction without stiction, joints 1 to 7: span / (1 + exp(-slope (dq + shift))), less its value at rest."""
+    """Friction without stiction, joints 1 to 7: span / (1 + exp(-slope (dq + shift))), minus its value at rest."""
 
     span: PerJoint[Friction]
     """Full span of each joint's curve, N·m."""
@@ -98,7 +98,7 @@ class Joints(ConfigModel):
     q_max: PerJoint[Angle]
     """Upper end of the permitted positions, rad."""
     speed: PerJoint[Annotated[float, Field(gt=0.0, le=20.0)]]
-    """Largest speed, rad/s; no posture moves faster."""
+    """Largest speed, rad/s; no change of posture is faster."""
     torque: PerJoint[Annotated[float, Field(gt=0.0, le=1000.0)]]
     """Largest torque, N·m."""
     torque_rate: PerJoint[Annotated[float, Field(gt=0.0, le=1e5)]]
@@ -130,7 +130,7 @@ class TorquePathModel(ConfigModel):
     cutoff: Annotated[float, Field(ge=10.0, le=1e4)] = 100.0
     """Corner frequency of the low-pass after the delay, Hz."""
     rotor_share: Annotated[float, Field(ge=0.0, le=1.0)] = 0.5
-    """Least visible share of `joints.rotor_inertia` at the joints, fraction; the lighter the joint, the earlier it oscillates."""
+    """Least share of `joints.rotor_inertia` that acts at the joints, fraction; a lighter joint oscillates earlier."""
 
 
 class Hand(HandShape):
@@ -196,7 +196,7 @@ class ArmModel(ConfigModel):
 
 @lru_cache
 def read_arm(path: Path) -> ArmModel:
-    """Return the arm of a file of figures; later changes of the file have no effect.
+    """Return the arm of a file of figures, read once: later changes of the file have no effect.
 
     Raises:
         ConfigError: The file is missing, is not TOML, or holds figures outside their bounds.
