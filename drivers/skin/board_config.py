@@ -29,7 +29,7 @@ class HubConfig(ConfigModel):
     wire: SkinWireConfig = SkinWireConfig()
     """Variable parts of the hub's protocol, which differ between firmwares."""
     modules: tuple[Annotated[int, Field(ge=0, le=0xFFFFFFFF)], ...] = ()
-    """Own numbers (sui) of the modules, both of the left finger first; if empty, the order on the hub."""
+    """Own numbers (sui) of the modules, both of the left finger first; if empty, the modules' order on the hub applies."""
     channels: tuple[Annotated[int, Field(ge=1, le=11)], ...] = tuple(range(1, MODULE_TAXELS + 1))
     """Name of the channel of each taxel of a module, in the order of the layout."""
 
@@ -72,7 +72,7 @@ class BoardSkinConfig(ConfigModel):
     SOURCE: ClassVar[str] = "chosen, not measured"
 
     rate: Annotated[float, Field(ge=1.0, le=100.0), Quantity("Hz"), Source("[gibbons], Sec. VI")] = 10.0
-    """Scan rate that the board is set to, Hz; boards make 10 to 100."""
+    """Scan rate set in the board, Hz; boards support 10 to 100."""
     layout: Annotated[Layout, Source("set for each cell")] = "parallelogram"
     """Arrangement of the two modules of a finger."""
     open_timeout: Annotated[float, Field(ge=0.1, le=60.0), Quantity("s")] = 3.0

@@ -81,7 +81,7 @@ class BoardSkin:
     def read(self) -> TaxelFrame:
         """Return the newest frame; see `drivers.protocols.Skin`.
 
-        While the skin is silent, every call also tries to restart it; the baseline stays that of `open`.
+        While the skin is silent, every call also tries to restart it; the baseline of `open` stays in use.
         """
         health, frame = self._health, self._frame
         if not self._is_open or health is None or frame is None:

@@ -1,4 +1,4 @@
-"""The calibration of one skin: gain of each taxel and point spread. It holds the file, and a skin corrected by it."""
+"""The calibration of one skin, gain of each taxel and point spread: its file, and a skin with corrected readings."""
 
 from datetime import date
 from pathlib import Path
@@ -34,7 +34,7 @@ class SkinCalibration(ConfigModel):
     """Gains of the right finger's taxels; their mean is 1."""
 
     def write(self, path: Path) -> None:
-        """Write a file.
+        """Write the calibration to a file.
 
         Raises:
             ConfigError: The file cannot be written.
@@ -78,7 +78,7 @@ class CalibratedSkin:
         self.skin.open()
 
     def close(self) -> None:
-        """Close it."""
+        """Close the skin."""
         self.skin.close()
 
     def read(self) -> TaxelFrame:

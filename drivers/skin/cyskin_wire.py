@@ -1,8 +1,8 @@
 """CySkin: messages of a hub <-> bytes <-> CAN frames; pure, no I/O.
 
 A hub connects modules of up to 12 channels: name 0 is the temperature, 1 to 11 are the taxels. Commands, records and ids
-are those of the public headers [cyskin_driver]. Byte order, check sum and the start-up messages were observed on the
-makers' library [cyskin], connected to a bus that answers; the tests keep these messages.
+are those of the public headers [cyskin_driver]. Byte order, check sum and start-up messages were observed by connecting
+the makers' library [cyskin] to a bus that answers it; the tests contain these messages.
 """
 
 import math
@@ -25,7 +25,7 @@ FIRST_COMMAND = 0x10
 LONGEST = 2 + 255 + 1
 """Length of the longest message, bytes."""
 FIRST, MIDDLE, LAST = 0x100, 0x200, 0x400
-"""Bits of a CAN id that mark the frame's part of a message; a single frame is first and last."""
+"""Bits of a CAN id that mark the frame's part of a message; the frame of a one-frame message is first and last."""
 ALL_HUBS = 0xFF
 """Number that addresses all hubs, including those without a number."""
 ALL_MODULES = 0xFF
@@ -37,7 +37,7 @@ CHANNELS = 12
 _PART, _HUB = 0x700, 0xFF
 _FRAME_BYTES = 8
 _DETAILS, _DETAILS_IN_BOOT_LOADER = "BIBxHxx", "BI"
-"""Records of a module; group, control and speed of its details are not used."""
+"""Formats of a module's records; group, control and speed in its details are not used."""
 
 
 class HubCommand(IntEnum):
@@ -190,7 +190,7 @@ def sender(frame: CanFrame) -> int | None:
 
 
 def decode_module(payload: bytes, wire: SkinWireConfig) -> Module:
-    """Return the module that a record describes; a module in its boot loader reports its own number only.
+    """Return the module that a record describes; a module in its boot loader reports no channels.
 
     Raises:
         WireError: The record has another length, or names channels that no module has.
@@ -211,7 +211,7 @@ def decode_module(payload: bytes, wire: SkinWireConfig) -> Module:
 
 
 def encode_period(period: float, wire: SkinWireConfig) -> bytes:
-    """Return the payload that sets the time between two scans, given in s."""
+    """Return the payload that sets the time between two scans to `period`, s."""
     return round(period * 1e3).to_bytes(2, wire.byte_order)
 
 

@@ -44,9 +44,9 @@ class RawScan:
     """One scan of both fingers, as measured by the board."""
 
     counts: Counts
-    """Readings, counts, shape (2, n), left finger first; 0 without such a channel."""
+    """Readings, counts, shape (2, n), left finger first; 0 if the board has no channel for a taxel."""
     temperature: Vector
-    """Raw reading of each module, shape (4,), counts; NaN without one."""
+    """Raw temperature reading of each module, shape (4,), counts; NaN if a module has no such channel."""
     stamp: float
     """Arrival time of the first part, s."""
     missed: int
@@ -93,7 +93,7 @@ class CySkinDialogue:
     def forget(self) -> None:
         """Discard everything learnt about the board."""
         self.heard = self._wrong = self._unfit = self._incomplete = 0
-        """Messages understood, with a wrong check sum, and beyond the state of the dialogue; scans of which only parts came."""
+        """Numbers of messages: decoded, with a wrong check sum, not valid now; number of scans with missing parts."""
         self.changed = ""
         """Text that names the modules exchanged since the first discovery; empty if none."""
         self._first_seen: tuple[int, ...] | None = None
@@ -157,11 +157,11 @@ class CySkinDialogue:
         return [] if scan is None else [scan]
 
     def refused(self) -> int:
-        """Number of messages that could not be decoded."""
+        """Return the number of messages that could not be decoded."""
         return self._wrong + self._unfit
 
     def trouble(self) -> str:
-        """Return the reason why no scan arrives, in one line: wrong check sums, or what is still missing before scans."""
+        """Return the reason why no scan arrives, in one line: wrong check sums, or the next missing answer of the hub."""
         if self._wrong > self.heard:
             return f"{self._wrong} of {self._wrong + self.heard} messages have a wrong check sum: see board.wire.crc"
         hub = f"hub {self._config.wire.hub}"
@@ -251,13 +251,13 @@ class CySkinDialogue:
         self.changed = "" if suis == before else replaced
         self._places = TaxelPlaces(channels.uid, self._config)
         self._channels = channels
-        # Longest transfer time of the parts of one scan, s; two modules and two more take 10 ms at 115 200 baud.
+        # Longest transfer time of the parts of one scan, s; the parts of four modules take 10 ms at 115 200 baud.
         self._scans = ScanAssembler(len(channels), max(self._period / 2, 0.015))
 
     def _keeps_period(self, stamp: float) -> bool:
-        """Return True if scans keep the requested period; if a board missed the command or restarted, it keeps its own period."""
+        """Return True if scans keep the requested period; a board that missed the command or restarted has its own period."""
         self._stamps.append(stamp)
-        # Least share of the requested period between two watched scans.
+        # Least mean time between the watched scans, fraction of the requested period.
         if len(self._stamps) < WATCHED_SCANS or stamp - self._stamps[0] > 0.8 * self._period * (WATCHED_SCANS - 1):
             return True
         self._stamps.clear()
@@ -273,7 +273,7 @@ class CySkinDialogue:
         if scan is None:
             return None
         counts, begun = scan
-        # Scans have no numbers: the number of missing ones follows from the time.
+        # Scans have no numbers: the number of missing scans follows from the time.
         missed = max(round((begun - self._stamps[-1]) / self._period) - 1, 0) if self._stamps else 0
         self.is_started, self._tries = self._keeps_period(begun), 0
         return self._places.scan(counts, begun, missed)

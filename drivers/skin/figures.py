@@ -12,12 +12,12 @@ class SkinFigures:
     scans: int
     """Number of complete scans received."""
     lost: int
-    """Number of incomplete or missing scans between others."""
+    """Number of incomplete or missing scans between received ones."""
     refused: int
     """Number of messages refused for their check sum, their length, or a missing part."""
     rate: float
-    """Rate of the newest scans, Hz; NaN before the second."""
+    """Rate of the newest scans, Hz; NaN before the second scan."""
     age: float
-    """Time since the arrival of the newest scan, s; infinite before the first."""
+    """Time since the arrival of the newest scan, s; infinite before the first scan."""
     temperature: Vector
-    """Raw reading of each module, shape (4,), counts; NaN without one."""
+    """Raw temperature reading of each module, shape (4,), counts; NaN if a module has no such channel."""

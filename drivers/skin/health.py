@@ -20,7 +20,7 @@ Counts = NDArray[np.uint16]
 ERROR_COUNT = 43000
 """First count that marks an error instead of a pressure; host software of [cyskin]."""
 SILENT_FRAMES = 3.5
-"""Time without a frame after which a skin is silent, multiple of its period; chosen, not measured."""
+"""Time without a frame after which a skin counts as silent, multiple of its period; chosen, not measured."""
 BASELINE_FRAMES = 50
 """Least number of frames of a baseline; with fewer, their noise would remain in the baseline."""
 
@@ -97,7 +97,7 @@ class SkinHealth:
         """Height above the baseline at which a single taxel counts as touched, counts."""
         # Random walk of a reading without a load in one second, fraction of full scale. Source: [cyskin].
         self._walk = config.touch * 1e-3 * full_scale
-        """Such a height by drift alone within one second, counts."""
+        """Height above the baseline that drift alone reaches within one second, `config.touch` standard deviations, counts."""
         self._behind = 0.0
         """Time of the random walk that the baseline has not followed, s."""
         self._last = still[-1].copy()
@@ -152,7 +152,7 @@ def dead_groups(dead: Mask, group: NDArray[np.int64]) -> list[int]:
 
 
 def require_trust(frame: TaxelFrame, layout: Layout) -> TaxelFrame:
-    """Return `frame`, of a skin with this layout, if all its taxels can be trusted.
+    """Return `frame`, of a skin with the layout `layout`, if all its taxels can be trusted.
 
     Raises:
         SkinUntrustedError: A taxel is not trusted; the message names dead modules and single taxels.

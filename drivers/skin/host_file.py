@@ -17,7 +17,7 @@ from drivers.skin.dialogue import RawScan, TaxelPlaces
 
 
 class HostFile:
-    """Follows the end of the file; it is port and link in one, because nothing is sent."""
+    """Follows the end of the file; this class is both port and link, because nothing is sent."""
 
     def __init__(self, config: HostSkinConfig) -> None:
         self._config = config
@@ -33,7 +33,7 @@ class HostFile:
         self.restart()
 
     def restart(self) -> None:
-        """Open the file again, because the host program may have started a new one."""
+        """Let the next exchange open the file again, because the host program may have started a new one."""
         self.is_started, self._is_stale = False, True
 
     @property
@@ -44,7 +44,7 @@ class HostFile:
         return f"{self._config.file}: other channels than when the skin was opened"
 
     def open(self) -> None:
-        """Open the file and skip its present content, which is history.
+        """Open the file and skip its present content, which was measured earlier.
 
         Raises:
             DeviceNotOpenedError: The file cannot be read, or its first line names no channels.
@@ -82,7 +82,7 @@ class HostFile:
             self._file = None
 
     def exchange(self, now: float) -> list[RawScan]:
-        """Return the samples appended since the last call; the newest one is stamped with the present time.
+        """Return the samples appended since the last call; the newest one gets the time `now`, the others earlier times.
 
         Raises:
             DeviceNotOpenedError: The file is gone.
@@ -117,7 +117,7 @@ class HostFile:
             return None
 
     def refused(self) -> int:
-        """Number of lines that are not samples."""
+        """Return the number of lines that are not samples."""
         return self._refused
 
     def trouble(self) -> str:

@@ -1,10 +1,10 @@
 """Positions of the taxels of a finger: geometry as data, shared by skills and simulation.
 
 Number, places and modules of the taxels belong to the skin. Two layouts ship; any other is a file of figures, `SkinLayout`.
-In the shipped ones a finger has two modules, triangles of 4-3-2-1 taxels at 7.5 mm ([gibbons], Sec. VI). The arrangement of the
-two in the finger is not published, so there are two layouts. Both fingers are the same part, one of them turned half a turn
-about x. In the finger frame the left one is therefore the mirror image of the right one about the x axis; the flip of
-[gibbons], Eq. (1), removes the mirroring.
+In the shipped layouts a finger has two modules: triangles with rows of 4, 3, 2 and 1 taxels, 7.5 mm apart ([gibbons],
+Sec. VI). The arrangement of the two modules in the finger is not published, so there are two layouts. Both fingers are the
+same part, but one finger is rotated by half a turn about x. In the finger frame the left finger is therefore the mirror
+image of the right finger about the x axis; the flip of [gibbons], Eq. (1), removes the mirroring.
 """
 
 from functools import lru_cache
@@ -27,8 +27,8 @@ PITCH = 7.5e-3
 ROW = PITCH * 0.75**0.5
 """Distance between neighbouring rows of a triangle, m."""
 SOFTEST_SHEAR, STIFFEST_SHEAR = 5e3, 5e4
-"""Stiffness of both pads in their plane under the closed grip, N/m, in the softest and in the stiffest skin: assumed; the latter is rubber of
-60 kPa shear modulus, 180 mm² a pad under an 8 mm peg, 0.4 mm of it left.
+"""Stiffness of both pads in their plane under the closed grip, N/m, in the softest and in the stiffest skin; assumed. The
+stiffest skin is rubber with a shear modulus of 60 kPa: an 8 mm peg covers 180 mm² of each pad, and leaves 0.4 mm of rubber.
 """
 MODULE_TAXELS = 10
 """Number of taxels of one module of the shipped layouts."""
@@ -122,7 +122,7 @@ def shape_of(layout: Layout) -> tuple[int, int]:
 
 
 def fixed(array: A) -> A:
-    """Return an array after it was made read-only, so that callers can share it."""
+    """Make an array read-only, so that callers can share it, and return it."""
     array.flags.writeable = False
     return array
 
@@ -148,7 +148,7 @@ def _exchanged(layout: Layout, modules_of: tuple[int, ...], *, fingers: bool = F
 def module_exchanges(layout: Layout) -> dict[str, NDArray[np.intp]]:
     """Return the possible exchanges of modules, by name: the source taxel of each reading, shape (2 n,).
 
-    There are some only if a finger has two modules.
+    The result is empty unless a finger has two modules.
     """
     if layout_of(layout).modules != 2:
         return {}
@@ -163,7 +163,7 @@ def module_exchanges(layout: Layout) -> dict[str, NDArray[np.intp]]:
 def exchanges(layout: Layout) -> dict[str, NDArray[np.intp]]:
     """Return the possible exchanges of modules and fingers, as `module_exchanges` does.
 
-    If the fingers are exchanged, a print is mirrored; the print alone cannot show it.
+    An exchange of the fingers mirrors the print of a peg; the print alone does not show this.
     """
     found = module_exchanges(layout) | {"the two fingers": _exchanged(layout, (), fingers=True)}
     if layout_of(layout).modules == 2:

@@ -1,8 +1,8 @@
 """Detection of modules or fingers of the skin that are exchanged while it runs; pure, no I/O.
 
-Causes are a hub that numbers its modules anew, and a plug moved to another socket. Two successive frames then agree only
-under an exchange, while the frames before agree with each other, and so do those after. If a hand closes or a peg
-turns, more than one frame changes.
+An exchange happens if a hub numbers its modules anew, or if a plug is moved to another socket. Two successive frames then
+agree only if the readings of one frame are exchanged. The frames before the exchange agree with each other, and so do the
+frames after it. If instead the hand closes or the peg turns, more than one frame changes.
 """
 
 import numpy as np
@@ -16,7 +16,7 @@ from drivers.skin.layout import Layout, exchanges, shape_of
 Order = NDArray[np.intp]
 """Index of the reading that each taxel reports, shape (2 n,)."""
 TOLD = 1
-"""Number of further frames that still report an exchange after the first report: it ends every run, and a reset acknowledges it."""
+"""Number of frames that repeat the report of an exchange; the report ends every run, and a reset acknowledges it."""
 
 
 class TaxelOrder:
@@ -32,7 +32,7 @@ class TaxelOrder:
         self._exchange, self._told = "", 0
 
     def take(self, raw: Counts, values: Vector, trusted: Mask) -> None:
-        """Take one frame: raw readings, counts, those above the baseline, counts, and the mask of trusted ones, each shape (2, n)."""
+        """Take one frame: raw readings and readings above the baseline, counts, and the trusted taxels, each shape (2, n)."""
         now, is_known = raw.astype(float).ravel(), trusted.ravel()
         found = "" if self._before is None else self._confirmed(now, is_known, *self._before)
         self._before = now, values.ravel(), is_known

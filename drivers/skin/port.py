@@ -49,7 +49,7 @@ class SkinPort(Protocol):
         """
 
     def refused(self) -> int:
-        """Number of messages that could not be decoded."""
+        """Return the number of messages that could not be decoded."""
 
     def trouble(self) -> str:
         """Return the reason why no scan arrives, derived from the received frames."""
@@ -87,7 +87,7 @@ class HubOnCan(CySkinDialogue):
         return scans
 
     def refused(self) -> int:
-        """Number of messages that could not be decoded, and of frames out of sequence."""
+        """Return the number of messages that could not be decoded, and of frames out of sequence."""
         return self._senders[self._config.wire.hub].broken + super().refused()
 
     def trouble(self) -> str:
@@ -151,7 +151,7 @@ class IcubOnCan:
         return RawScan(counts.reshape(FINGERS, -1), np.full(BOARD_MODULES, np.nan), self._stamp, 0)
 
     def refused(self) -> int:
-        """Number of frames of another protocol, and of frames without their other half."""
+        """Return the number of frames of another protocol, and of frames without their other half."""
         return self._frames.broken
 
     def trouble(self) -> str:
@@ -166,8 +166,8 @@ class IcubOnCan:
 class HubOnSerial(CySkinDialogue):
     """A CySkin hub on a serial line.
 
-    The framing of its messages there is not public. Here each message is one frame of `drivers.transport.cobs`, and the
-    boot loader is not used.
+    The framing of a hub's messages on a serial line is not public. This class sends each message as one frame of
+    `drivers.transport.cobs`, and does not use the boot loader.
     """
 
     def __init__(self, link: ByteLink, config: HubConfig, period: float) -> None:
@@ -197,7 +197,7 @@ class HubOnSerial(CySkinDialogue):
         return scans
 
     def refused(self) -> int:
-        """Number of frames and messages that could not be decoded."""
+        """Return the number of frames and messages that could not be decoded."""
         return self._frames.broken + super().refused()
 
     def trouble(self) -> str:
