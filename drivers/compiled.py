@@ -72,10 +72,10 @@ def digest(path: Path) -> str:
 
 @cache
 def folder() -> Path:
-    """Return the folder of all compiled functions: the user's own cache, or a fresh folder if that is not safe.
+    """Return the folder of all compiled functions: the user's own cache, or a new folder if this cache is not safe.
 
-    If another user owns the cache or can write to it, it is not used: its content would run as this program.
-    A fresh folder costs a compilation at each start, and a warning in the log.
+    If another user owns the cache or can write to it, it is not used: its content would run as part of this program.
+    A new folder costs a compilation at each start, and a warning in the log.
     """
     kept = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "tactile-cell" / "compiled"
     try:
@@ -96,18 +96,18 @@ def folder() -> Path:
 
 
 def is_kept(name: str) -> bool:
-    """Return True if functions of a file of this project, named from its root, are in the cache for the present sources."""
+    """Return True if the cache holds functions of the file `name`, a path from the project's root, for its present sources."""
     path = PROJECT / name
     return any((folder() / f"{path.stem}-{digest(path)}").glob("*.nbi"))
 
 
 def is_noted(what: str) -> bool:
-    """Return True if `note` has recorded that everything `what` compiles is in the cache for the present sources."""
+    """Return True if `note` has recorded, for the present sources, that the cache holds all functions that `what` compiles."""
     return _note_of(what).is_file()
 
 
 def note(what: str) -> None:
-    """Record that everything `what` compiles is in the cache."""
+    """Record that the cache holds all functions that `what` compiles."""
     _note_of(what).touch(mode=0o600)
 
 
@@ -126,7 +126,7 @@ class SourceLocator:
     """Locates the cache of a function of this project, with the interface of a locator of `numba.core.caching`."""
 
     def __init__(self, function: FunctionType, path: Path) -> None:
-        self._py_file = str(path)  # numba names it when it cannot keep a function
+        self._py_file = str(path)  # numba names this file if it cannot cache a function
         self._line, self._digest = function.__code__.co_firstlineno, digest(path)
         self._folder = folder() / f"{path.stem}-{self._digest}"
 
@@ -137,11 +137,11 @@ class SourceLocator:
         return cls(function, path) if path.is_relative_to(PROJECT) and path.is_file() else None
 
     def ensure_cache_path(self) -> None:
-        """Make the folder."""
+        """Create the folder of the cache."""
         self._folder.mkdir(mode=0o700, exist_ok=True)
 
     def get_cache_path(self) -> str:
-        """Return the folder."""
+        """Return the folder of the cache."""
         return str(self._folder)
 
     def get_source_stamp(self) -> str:
@@ -149,7 +149,7 @@ class SourceLocator:
         return self._digest
 
     def get_disambiguator(self) -> str:
-        """Return the line number, which distinguishes functions of one name in one file."""
+        """Return the line number, which distinguishes functions of the same name in a file."""
         return str(self._line)
 
 

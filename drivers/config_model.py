@@ -16,7 +16,7 @@ from pydantic_core import CoreSchema, PydanticKnownError, PydanticOmit, core_sch
 
 
 def beside_config(path: Path, info: ValidationInfo) -> Path:
-    """Return a path relative to the folder of the config file under validation as a complete path."""
+    """Return the complete path; a relative path starts at the folder of the config file under validation."""
     folder: Path | None = (info.context or {}).get("folder")
     return path if folder is None else folder / path
 
@@ -31,31 +31,34 @@ class Tempo(Enum):
     SPEED = "multiplied"
     WAIT = "divided"
     LIMIT = "divided below 1"
-    """Longest time of a motion: a slower plan needs more of it, a faster one keeps it."""
+    """Longest time of a motion: a slower plan gets more time, a faster plan gets the same time."""
 
 
 @dataclass(frozen=True, slots=True)
 class Quantity:
-    """Unit of a figure, and its place in a plan."""
+    """Unit of a figure, and the effect of the key `speed_scale` on it."""
 
     unit: str
     """SI unit."""
     tempo: Tempo | None = None
     """Effect of the key `speed_scale`; None for none."""
     radius: str = ""
-    """Figure of the same model with the radius, m, of the circle that a rate in rad/s turns on; empty if the hand itself turns."""
+    """Name of the figure of the same model with the radius, m, of the circle on which the hand moves at a rate in rad/s.
+
+    The name is empty if the hand itself turns at this rate.
+    """
 
 
 @dataclass(frozen=True, slots=True)
 class Source:
-    """Source of a key's figure. On a section it serves the keys that have none; `SOURCE` of a class serves the rest."""
+    """Source of a key's figure. The source of a section holds for its keys without one, `SOURCE` of a class for the rest."""
 
     text: str
     """References, pages, commands, or "assumed", separated by semicolons."""
 
 
 class Figure(Quantity):
-    """Figure of a plan that no config sets: it has a value, and no key. Its annotation also needs `Field(exclude=True)`."""
+    """Figure of a plan that no config can set: it has a value, but no key. Its annotation must have `Field(exclude=True)`."""
 
     __slots__ = ()
 

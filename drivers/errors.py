@@ -172,7 +172,7 @@ class CellError(Exception):
     code = FaultCode.SOFTWARE
 
     def __init_subclass__(cls, code: FaultCode | None = None) -> None:
-        """Give a class of faults its code; without one it has that of its base."""
+        """Set the fault code of a class; without `code`, the class keeps the code of its base class."""
         if code is not None:
             cls.code = code
 
@@ -242,7 +242,7 @@ class WrenchReversedError(CellError, code=FaultCode.WRENCH_REVERSED):
 
 
 class PlcLostError(CellError, code=FaultCode.PLC_LOST):
-    """The PLC's life counter stands still."""
+    """The PLC's life counter stands still, or its heartbeat has ended."""
 
 
 class DeviceNotOpenedError(CellError, code=FaultCode.DEVICE_NOT_OPENED):

@@ -14,7 +14,7 @@ M = TypeVar("M", bound=BaseModel)
 
 
 def read_toml(path: Path, what: str = "") -> dict[str, Any]:
-    """Return the content of a TOML file; `what` is a word for it in the message.
+    """Return the content of a TOML file; `what` names the file in the message of an error.
 
     Raises:
         ConfigError: The file is missing, is not readable, or is not TOML.
@@ -23,12 +23,12 @@ def read_toml(path: Path, what: str = "") -> dict[str, Any]:
         return tomllib.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise ConfigError(f"{path}:{f' {what}' if what else ''} cannot be read: {error.strerror}") from None
-    except (ValueError, RecursionError) as error:  # the parser raises these for numbers too long and lists too deep
+    except (ValueError, RecursionError) as error:  # the parser raises these if a number is too long, or a list too deep
         raise ConfigError(f"{path}: not TOML: {error}".replace("\n", " ")) from None
 
 
 def read_figures(path: Path, kind: type[M], what: str = "") -> M:
-    """Return the figures in a TOML file; those that it does not state come from the file beside it that `base` names.
+    """Return the figures in a TOML file; its key `base` can name a file beside it with the figures that it does not state.
 
     Args:
         path: The file.
@@ -50,7 +50,7 @@ def read_figures(path: Path, kind: type[M], what: str = "") -> M:
 
 
 def _laid_over(base: dict[str, Any], tree: dict[str, Any]) -> dict[str, Any]:
-    """Return a table with the values of `tree` instead of its own; tables in it are joined, lists replaced."""
+    """Return `base` with the values of `tree` in place of its own; inner tables are merged, lists are replaced."""
     both = {
         key: _laid_over(base[key], value)
         for key, value in tree.items()
@@ -78,7 +78,7 @@ def write_whole(path: Path, text: str, what: str) -> None:
 
 
 def replace_text(path: Path, text: str, *, is_lasting: bool = True, mode: int = 0o666) -> None:
-    """Replace the text of a file, whole or not at all; with `is_lasting` it then survives a power failure.
+    """Replace the text of a file, whole or not at all; with `is_lasting` the new text survives a power failure.
 
     Raises:
         OSError: The file cannot be written.

@@ -52,7 +52,7 @@ def rotation_about(axis: Vector, angle: float) -> Vector:
     """Return the rotation by `angle`, rad, about the unit vector `axis`, shape (3, 3) (Rodrigues)."""
     x, y, z = axis.tolist()
     c, s = math.cos(angle), math.sin(angle)
-    # R = cos φ I + sin φ K + (1 - cos φ) a aᵀ, a quarter of the time of sums of arrays.
+    # R = cos φ I + sin φ K + (1 - cos φ) a aᵀ; sums of arrays would take four times as long.
     u, v, w = (1.0 - c) * x, (1.0 - c) * y, (1.0 - c) * z
     return np.array(
         [
@@ -100,7 +100,7 @@ def rotation_by(turn: Vector) -> Vector:
 def end_point(T_base_tcp: Pose, theta: float, length: float) -> tuple[Vector, Vector]:
     """Return the peg's end point x_p, m, and its axis v, both shape (3,) in the base frame, [gibbons], Eq. (3)."""
     c, s = math.cos(theta), math.sin(theta)
-    # Plain floats take half the time of arrays of three.
+    # Plain floats take half the time of arrays with three elements.
     (xx, yx, _), (xy, yy, _), (xz, yz, _) = T_base_tcp.rotation.tolist()
     vx, vy, vz = -c * xx - s * yx, -c * xy - s * yy, -c * xz - s * yz
     x, y, z = T_base_tcp.position.tolist()

@@ -1,7 +1,7 @@
 """The impedance law at the peg's tip, [gibbons], Eq. (5)-(6): one law for hardware and simulation; pure and compiled.
 
-It runs at 1 kHz with x_p, v and J_p from the current joint positions and the held in-hand angle. Only theta is as
-old as the last tactile frame. It reads the setpoint as the words of `drivers.setpoint_words`.
+The law runs at 1 kHz. It computes x_p, v and J_p from the current joint positions and the held in-hand angle; only this
+angle, theta, is as old as the last tactile frame. The law reads the setpoint as the words of `drivers.setpoint_words`.
 
 Four places differ from the printed equations:
 - the orientation error e is (v* x v)·phi / |v* x v|: with the printed order, -K e would turn the peg away from v*;
@@ -50,7 +50,7 @@ inertia, s, and that inertia, shape (7, 7), kg·m². The words of `drivers.arm.l
 RESIDUAL = LEARNING + learning.RESIDUAL
 """Index of the residuals of the momentum observer, shape (7,): the motion that the commanded torques do not explain, N·m."""
 DAMPING_PERIOD = 0.01
-"""Time between two computations of damping or inertia, s; at 1 rad/s the arm's inertia changes by about 1 % in it."""
+"""Time between two computations of damping or inertia, s; at 1 rad/s the inertia changes by about 1 % during this time."""
 
 NULL_STIFFNESS = 10.0
 """Stiffness of the null space towards the posture, N·m/rad."""
@@ -61,7 +61,8 @@ HOLD_RATE = 25.0
 """Rate of every mode of an arm that holds still, rad/s; each mode is critically damped. While halts repeat, the arm's momentum
 decays at twice this rate. Source: `cell.config.torque_path`, which derives the stable rates of an arm, and decision 0014."""
 ROTOR_RANGE = 5.0
-"""Upper bound on the learnt rotor inertia while an arm holds still, as a multiple of its least visible one. Source: decision 0014."""
+"""Upper bound on a rotor's inertia with its learnt part while an arm holds still, multiple of its least share that acts
+at the joint, `torque_path.rotor_share`. Source: decision 0014."""
 
 MASSES = 45
 MOST_LEARNT = MASSES + dynamics.WORDS
@@ -230,11 +231,11 @@ def torque(
     """Return the joint torques of one control step, within the arm's limits of torque and torque rate.
 
     The arm's own controller adds the torques of gravity and friction. The law omits Coriolis torques: at 0.25 m/s, the largest
-    speed of a transfer, they are below 0.6 N·m, or 2 N at the tip, and made no path straighter.
+    speed of a transfer, they are below 0.6 N·m, or 2 N at the tip, and including them made no path straighter.
 
     Args:
         arm: Figures of the arm, from `figures`.
-        words: The held setpoint, from `pack`; after its validity the arm holds still at its pose of that moment.
+        words: The held setpoint, from `pack`; when its validity ends, the arm holds still at its pose at that time.
         state: State of the law, shape (STATE_WORDS,), updated.
         q: Joint positions, shape (7,), rad.
         dq: Joint velocities, shape (7,), rad/s.

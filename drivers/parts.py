@@ -107,7 +107,7 @@ class Hole(ConfigModel):
     """Sides of the hole of a square or rectangular peg, in the order of `peg.sides`, m."""
     chamfer: Annotated[Chamfer, Quantity("m"), Source("set for each part")] = 0.0
     """Width and depth of a chamfer of 45 degrees round the mouth of a round hole (countersink), m, less than `depth`. The simulation
-    uses it, and the search, which starts outside it.
+    uses the chamfer, and the search starts outside it.
     """
     centre: Annotated[Point, Quantity("m"), Source("set for each cell")]
     """Middle of the area that contains the hole, on the plate's surface, m, base frame."""
@@ -122,11 +122,11 @@ class Hole(ConfigModel):
     yaw: Annotated[float, Field(ge=0.0, le=math.pi / 4), Quantity("rad"), Source("assumed; docs/tried/corners.md")] = (
         math.radians(10.0)
     )
-    """Largest angle between the hole's sides and the base frame's x and y, rad; a round hole has none."""
+    """Largest angle between the hole's sides and the base frame's x and y, rad; it has no effect on a round hole."""
     evidence: Annotated[Literal["switch", "force"], Source("set for each part")] = "switch"
     """Evidence of a seated part: the switch under the hole, or force against depth, which requires `hole.latch`."""
     latch: Latch | None = None
-    """Resistance of the part on the last distance to the bottom; without the section there is none."""
+    """Resistance of the part on the last distance to the bottom; without this section the part has no latch."""
     prior: HolePrior | None = None
     """Probability of the hole's place in the area; the search starts at the most likely places. Without it all places are equally likely."""
 
@@ -188,7 +188,9 @@ class Rack(ConfigModel):
     depth: Annotated[float, Field(ge=0.002, le=0.1), Quantity("m")]
     """Depth of a slot, m."""
     refill: Literal["feeder", "asked"] = "feeder"
-    """Method of refilling slots: a feeder before the next turn, or a person, whom the command REFILLED reports."""
+    """Method of refilling slots: a feeder refills each slot before its next turn, or a person refills the rack and the
+    command REFILLED reports it.
+    """
 
     @property
     def bounds(self) -> Bounds:
@@ -198,7 +200,7 @@ class Rack(ConfigModel):
 
 
 class HandShape(ConfigModel):
-    """Room of a parallel hand: capsules along the closing axis around its body and around its fingers."""
+    """Space that a parallel hand occupies: capsules along the closing axis around its body and around its fingers."""
 
     stroke: Annotated[float, Field(gt=0.0, le=0.5)]
     """Largest distance between the pads, m."""
@@ -229,7 +231,7 @@ def require_fit(peg: Peg, hole: Hole) -> None:
     """Check that a peg is smaller than its hole in every direction, and that both have one shape.
 
     Raises:
-        ValueError: The peg is larger than the hole somewhere, or their shapes differ; one line.
+        ValueError: The peg is larger than the hole in one direction, or their shapes differ; one line.
     """
     if (peg.diameter is None) != (hole.diameter is None):
         raise ValueError(f'hole.{WORDS[peg.shape]}: missing; needed because peg.shape = "{peg.shape}"')

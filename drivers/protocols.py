@@ -48,7 +48,7 @@ class Arm(Device, Protocol):
         """Hold the arm still at its present pose, compliant; any thread may call it, for example a watchdog."""
 
     def reset(self) -> None:
-        """Leave a reflex or a released stop; after either, the arm moves only after this call."""
+        """Leave a reflex or a released stop; the arm does not move again before this call."""
 
 
 class Gripper(Device, Protocol):
@@ -72,7 +72,7 @@ class Skin(Device, Protocol):
     """A tactile skin board with both fingers; opening it measures the baseline."""
 
     def read(self) -> TaxelFrame:
-        """Return the newest scan of all taxels; never wait for a fresh one.
+        """Return the newest scan of all taxels; never wait for the next scan.
 
         Raises:
             SkinSilentError: No scan arrived within the configured time.

@@ -124,7 +124,9 @@ class ImpedanceSetpoint:
     in_hand: InHandTip | None = None
     """Place of the peg's end point in the hand; None controls the bare TCP, with -x of the finger frame as the axis."""
     roll: Vector | None = None
-    """Direction of the closing axis as far as v* permits, shape (3,), base frame; None leaves it free."""
+    """Setpoint of the closing axis, shape (3,), base frame; only its component normal to the peg's axis counts. None leaves
+    the rotation about the peg's axis free.
+    """
     twist: Twist | None = None
     """Feed-forward twist of the setpoint; None means at rest."""
     integral_gain: float = 0.0
@@ -153,7 +155,7 @@ class GripperState:
         return self.width > thickness + WIDTH_TOLERANCE and not self.is_gripping and not self.is_moving
 
     def is_around(self, thickness: float) -> bool:
-        """Return True if the hand grips, or its width equals this peg's thickness, m: it may then hold the peg without reporting a grip."""
+        """Return True if the hand grips, or if its width equals this thickness, m: it may hold a peg and report no grip."""
         return self.is_gripping or abs(self.width - thickness) <= WIDTH_TOLERANCE
 
 

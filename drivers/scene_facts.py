@@ -29,7 +29,7 @@ PALETTE = (
     (249, 201, 50),
     (252, 255, 164),
 )
-"""Colours of that scale at equal distances, red first, from no touch to `BRIGHT`."""
+"""Colours of touch at equal steps from no touch to `BRIGHT`, each as red, green, blue from 0 to 255."""
 
 
 class SceneFacts(ConfigModel):

@@ -16,7 +16,7 @@ COMMAND_TIME = 10.0
 
 
 class FrankaGripper:
-    """Sends a command if it differs from the last one; a grasp that closes on nothing is not reported as a grip."""
+    """Sends a command only if it differs from the last one. If a grasp closes on nothing, the state shows no grip."""
 
     def __init__(self, config: FrankaGripperConfig, stroke: float) -> None:
         """Describe the hand; `stroke` is the largest distance between its pads, m."""
@@ -83,8 +83,8 @@ class FrankaGripper:
         """Return the newest state; restart a process that has ended, without a motion of the fingers.
 
         Raises:
-            GripperSilentError: The newest state is too old, or a command takes too long.
-                After a refused command, or fingers that did not open, one call raises this.
+            GripperSilentError: The newest state is too old, or a command takes too long. If the hand has refused a
+                command, or has not opened, only the next call raises this.
         """
         self._listen()
         self._revive()

@@ -27,9 +27,9 @@ class Face:
         """Return the lines that represent the load across the peg's axis: their distances from the axis and their shares of
         the load.
 
-        A cylinder leaves a groove with the parabolic load of a bed of springs. Its half width is the square root of width times
-        depth. Three lines reproduce that load exactly up to its fifth moment. All lines of a plane carry the same load, see
-        `strips`.
+        A cylinder leaves a groove with the parabolic load of a bed of springs. The groove's half width is the square root of
+        width times depth. Three lines reproduce that load exactly up to its fifth moment. All lines of a plane carry the same
+        load, see `strips`.
 
         Args:
             indentation: Depth of the groove, m.
@@ -45,7 +45,7 @@ class Face:
     def profile(self, beside: Vector) -> Vector:
         """Return the distance of the surface from its tangent plane, m, at distances from the axis, m.
 
-        It is infinite beside a flat face, and where a cylinder's surface is too steep for a pad to follow.
+        The distance is infinite beside a flat face, and at points of a cylinder that are too steep for a pad to follow.
         """
         if self.is_flat:
             return np.where(np.abs(beside) <= self.width / 2, 0.0, np.inf)
@@ -75,7 +75,7 @@ class Part(Protocol):
     """
 
     def __hash__(self) -> int:
-        return hash(self.kind)  # the sections are dataclasses, which hash their sizes instead
+        return hash(self.kind)  # each section is a dataclass and replaces this by a hash of its sizes
 
     @property
     def kind(self) -> str:
@@ -96,7 +96,7 @@ class Part(Protocol):
 
     @property
     def widest(self) -> float:
-        """Largest distance between two parallel tangents that lie along an axis of the section, m."""
+        """Larger extent of the section along one of its two axes, m."""
         return 2.0 * max(self.half)
 
     @property

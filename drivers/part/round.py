@@ -55,7 +55,7 @@ class Round(Part):
         return type(self)(self.diameter + 2 * gap)
 
     def azimuth(self, direction: float) -> float:
-        """Return the azimuth, rad, of the closing axis; a round peg is tilted in its plane."""
+        """Return the azimuth, rad, of the closing axis; a round peg is tilted in the vertical plane of this axis."""
         return direction
 
     def leaning(self, direction: float, tilt: float) -> tuple[Vector, Vector]:

@@ -55,8 +55,8 @@ def section_of(diameter: float | None, sides: tuple[float, float] | None, chamfe
 def follow_shape(merged: Mapping[str, Any], layer: Mapping[str, Any]) -> list[tuple[str, str, str]]:
     """Rename the sizes of peg and hole to the key of the peg's shape, after a layer of the config was merged.
 
-    If a layer changes the shape and gives no size, the size below it stays: a diameter d becomes sides [d, d], and two
-    equal sides become a diameter.
+    If a layer changes the shape and gives no size, the size of the layers below stays: a diameter d becomes sides [d, d],
+    and two equal sides become a diameter.
 
     Args:
         merged: The sections with the layer in them; changed in place.
@@ -66,7 +66,8 @@ def follow_shape(merged: Mapping[str, Any], layer: Mapping[str, Any]) -> list[tu
         Section, old key and new key of each renamed size.
 
     Raises:
-        ValueError: The layer gives a size by the key of another shape, or the size below cannot be kept; one line.
+        ValueError: The layer gives a size by the key of another shape, or the size of the layers below cannot be kept;
+            one line.
     """
     peg = merged.get("peg")
     shape = peg.get("shape", "round") if isinstance(peg, Mapping) else None

@@ -24,12 +24,12 @@ _STATES = {Contacts.OPEN: SwitchState.OPEN, Contacts.CLOSED: SwitchState.CLOSED}
 class SerialSuccessSwitch:
     """Uses the board's newest report while it is fresh; otherwise the state is unknown.
 
-    Every report carries the board's own time. If reports are delayed or repeated on the way, they fall behind that time
-    and count as stale, like missing ones. A lost port is reopened automatically.
+    Every report carries the board's own time. If reports are delayed or repeated on the line, this time lags behind the
+    cell's clock, and they count as stale, like missing reports. A lost port is reopened automatically.
     """
 
     def __init__(self, config: SerialSwitchConfig, clock: Clock, line: ByteLink | None = None) -> None:
-        """Describe the board; `clock` is the cell's, `line` replaces the port when traffic is recorded or played."""
+        """Describe the board; `clock` is the cell's clock, `line` replaces the port if traffic is recorded or played."""
         self._line: ByteLink = line or SerialLine(config.port, BAUD_RATE)
         self._clock = clock
         self._port = config.port
@@ -43,7 +43,7 @@ class SerialSuccessSwitch:
         self._line.open()
         self._is_open = True
         self._forget()
-        # Longest time from opening the port, which resets the board, to the first report, s; its boot loader waits.
+        # Longest time from opening the port to the first report, s: opening resets the board, whose boot loader waits.
         end = self._clock.now() + 2.5
         while self.read() is SwitchState.UNKNOWN and self._clock.now() < end:
             # Time between two polls for the first report, s.

@@ -1,4 +1,4 @@
-"""CAN buses of every supported kind, as frames in and out; their readers decode them.
+"""CAN buses of every supported kind, as frames in and out; the callers decode the frames.
 
 Data frames of classic CAN with identifiers of 11 and of 29 bits are passed on; other frames on the bus are ignored.
 """
@@ -36,7 +36,7 @@ class CanBus:
         channel: `socketcan`: network interface, "can0". `slcan`: serial port, "/dev/ttyACM0". `socketcand`:
             "HOST:PORT/can0", the port is optional. `udp_multicast`: group and port, "239.74.163.2:43113", the port
             is optional; frames never leave this computer. `virtual`: any name; frames never leave this process.
-        bitrate: Bit rate for `slcan`, bits/s; the other interfaces get theirs at their setup.
+        bitrate: Bit rate, bits/s; it is used for `slcan` only, other interfaces are set up outside this program.
     """
 
     def __init__(self, interface: Interface, channel: str, bitrate: int) -> None:
@@ -80,7 +80,7 @@ class CanBus:
             CanLostError: The bus is lost or was never opened.
         """
         bus, end = self._opened(), time.monotonic() + timeout
-        # The caller reads until None, so an ignored frame must not end the read.
+        # The caller reads until it gets None, so an ignored frame must not return None.
         for _ in range(MOST_OTHERS):
             try:
                 message = bus.recv(max(end - time.monotonic(), 0.0))
@@ -166,7 +166,7 @@ class CanBus:
             host, port = _with_port(place, _SOCKETCAND_PORT)
             if not slash or not host or not channel:
                 raise ValueError('"HOST:PORT/can0" or "HOST/can0" allowed')
-            # python-can itself would try for ten seconds, and busily
+            # python-can itself would retry for ten seconds in a busy loop
             # Longest wait for a socketcand server, s.
             socket.create_connection((host, port), 1.0).close()
             settings.update(channel=channel, host=host, port=port, tcp_tune=True)

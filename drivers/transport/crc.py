@@ -23,7 +23,7 @@ class Crc8(ConfigModel):
     reflected: bool = False
     """True if the bits of each byte, and of the result, are processed lowest first."""
     final: Byte = 0x00
-    """Value that the result is XORed with."""
+    """Value that is XORed with the result at the end."""
 
     @field_validator("polynomial")
     @classmethod
@@ -61,6 +61,6 @@ def _mirrored(byte: int) -> int:
 def crc16(data: bytes) -> int:
     """Return the CRC of 16 bits with x^16 + x^12 + x^5 + 1, initial value 0xFFFF, inverted (CRC-16/GENIBUS).
 
-    Without the inversion, data cut off before a last zero byte could still pass the check.
+    Without the inversion, data could still pass the check after the loss of a last zero byte.
     """
     return binascii.crc_hqx(data, 0xFFFF) ^ 0xFFFF

@@ -1,4 +1,4 @@
-"""Serial lines, as bytes in and out; their readers decode them."""
+"""Serial lines, as bytes in and out; the callers decode the bytes."""
 
 import errno
 from typing import Literal
@@ -40,9 +40,9 @@ class SerialLine:
             return
         try:
             self._serial = serial.Serial(self.port, exclusive=True, write_timeout=_WRITE_TIMEOUT, **self._settings)
-            # a pseudo-terminal takes a parity that it does not have once, and refuses every setting after it
+            # a pseudo-terminal accepts an unsupported parity once, and refuses every later setting: fail here, not later
             self._serial.timeout = _WRITE_TIMEOUT
-        except Exception as error:  # pyserial lets termios.error through, which has no base but this
+        except Exception as error:  # pyserial lets termios.error through, which derives from Exception alone
             self.close()
             raise DeviceNotOpenedError(f"serial port {self.port}: {_why(error)}") from error
 
@@ -64,7 +64,7 @@ class SerialLine:
                 port.timeout = timeout
             data: bytes = port.read(1)
             return data + port.read(port.in_waiting) if data else data
-        except Exception as error:  # termios.error has no base but this, a handle closed meanwhile is a TypeError
+        except Exception as error:  # termios.error derives from Exception alone, a closed handle raises TypeError
             raise LineLostError(f"serial port {self.port}: {error}") from error
 
     def write(self, data: bytes) -> None:

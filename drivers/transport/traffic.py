@@ -1,8 +1,9 @@
 """Traffic of any wire captured to a file, and played back to the same driver, bit for bit.
 
 A file is text with a head line. Every poll of the wire adds "@" and the cell's time in s, then received ("<") and sent
-(">") data in hexadecimal digits. A CAN frame has its id in front and the time it had waited, s, behind; "!" marks a failure
-of the wire. During playback, time passes as recorded: every wait of the driver ends at the next poll.
+(">") data in hexadecimal digits. The identifier precedes the data of a CAN frame; the time that the frame has waited, s,
+follows them. "!" marks a failure of the wire. During playback, time passes as recorded: every wait of the driver ends at
+the next poll.
 """
 
 from collections.abc import Callable, Iterator
@@ -42,7 +43,7 @@ class Recorder:
         self._written: float | None = None
 
     def open(self) -> None:
-        """Start the file, or continue it; no effect if it is open.
+        """Open the file: begin it at the first opening, continue it later; no effect if it is open.
 
         Raises:
             ConfigError: The file cannot be written.
@@ -111,7 +112,7 @@ class RecordedWire(Generic[Received, Sent]):
         self._recorder.close()
 
     def read(self, timeout: float) -> Received:
-        """Return what the wire returns."""
+        """Return the data that the wire returns, and record them."""
         with self._recorder.watching():
             data = self._link.read(timeout)
         if data:
@@ -169,7 +170,7 @@ class TrafficPlayback:
         self._begin(0)
 
     def open(self) -> None:
-        """Open, or raise the recorded failure."""
+        """Raise the failure recorded in this poll, if there is one."""
         self._fail()
 
     def close(self) -> None:
@@ -190,7 +191,7 @@ class TrafficPlayback:
         self._begin(self._place + 1)
 
     def write(self, data: CanFrame | bytes) -> None:
-        """Compare a sent frame or bytes with those recorded in this poll."""
+        """Compare a sent frame, or sent bytes, with the data recorded in this poll."""
         self._fail()
         if data in self._sent:
             self._sent.remove(data)

@@ -40,7 +40,7 @@ class Link(Protocol[Received, Sent]):
         """Open the bus or the port."""
 
     def close(self) -> None:
-        """Close it; may be called again."""
+        """Close the bus or the port; may be called again."""
 
     def read(self, timeout: float) -> Received:
         """Return the next frame, None if there is none, or the bytes received within `timeout`, s."""
