@@ -55,7 +55,9 @@ PASSED = 23
 PRIOR = PASSED + 3 * JOINTS
 """Index of the standard deviations of all figures before learning."""
 MOST = PRIOR + FIGURES * JOINTS
-"""Index of the largest plausible disturbance of each joint: three standard deviations of an unmeasured arm beyond its first figures, N·m."""
+"""Index of the largest plausible disturbance of each joint, N·m: its first figures plus three standard deviations of an
+unmeasured arm.
+"""
 LEARNT = MOST + JOINTS
 COVARIANCE = LEARNT + FIGURES * JOINTS
 WORDS = COVARIANCE + FIGURES * FIGURES * JOINTS

@@ -1,6 +1,6 @@
 """The sequence-number handshake of all buses: pure, no sockets, no threads, its clock passed in.
 
-Links open and close at any time. The handshake decides for all buses alike if a command runs. These modules help:
+Links open and close at any time. The handshake decides, in one way for all buses, if a command runs. It uses
 
     | module             | decision                                                      |
     | ------------------ | ------------------------------------------------------------- |
@@ -144,7 +144,7 @@ class Handshake:
             source: The link.
             image: The whole block.
             is_numbered: True if the link has ever written its sequence number.
-            by: Connection that has just written the number, if several connections can share a link; else None.
+            by: Connection that has just written the number; None if none has, or if each link is one connection.
         """
         now, link = self._expire(), self._links[source]
         link.has_spoken = True

@@ -7,7 +7,7 @@
     | any request of the holder              | the same: activity keeps the lease                  |
     | holder closed, its host takes or starts | the new link of that host                          |
     | holder closed, a link resumes its run  | that link, which is then also watched for the run   |
-    | release, silence for `timeout`         | none; if the holder runs, not before its run ends   |
+    | release, silence for `timeout`         | none; during the holder's run not before its end    |
     | the holder's run was lost              | none                                                |
     | restart of the cell                    | none                                                |
 

@@ -1,7 +1,7 @@
 """The state of one link and of its orders; a link is one conversation with one count of sequence numbers; pure.
 
-A link reads two of its orders. The order decided last gives the answer. The run gives the result while it is under way;
-afterwards the newest order does.
+A link reads two of its orders. The order decided last gives the answer. The order in view gives the result: the run while
+it is under way, afterwards the newest order.
 """
 
 from collections.abc import Hashable

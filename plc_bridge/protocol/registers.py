@@ -100,7 +100,7 @@ class Register:
 
     @property
     def told(self) -> str:
-        """The meaning, with the value of one count."""
+        """Meaning of the register, with the value of one count if it is not 1."""
         return self.meaning + (f"; in {self.scale:g} {self.unit}" if self.scale != 1.0 else "")
 
 

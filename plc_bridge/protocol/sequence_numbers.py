@@ -9,7 +9,7 @@ Numbers are compared modulo 65536: a number is ahead of another by 1 to 32768, e
     | ahead of the last one                      | NEW             | NEW             | NEW                  |
     | ahead, the first one after a loss          | FIRST           | FIRST           | FIRST                |
     | behind the last one                        | ANEW            | LATE            | LATE                 |
-    | in doubt: a block of the count before      | ANEW            | DOUBT           | DOUBT                |
+    | in doubt: perhaps of the previous count    | ANEW            | DOUBT           | DOUBT                |
 
     | meaning | effect                                                                    | last number   |
     | ------- | ------------------------------------------------------------------------- | ------------- |

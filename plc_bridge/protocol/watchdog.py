@@ -1,4 +1,7 @@
-"""The watchdog of one link: its signs of life, and the check for a torn command block; time is passed in."""
+"""The watchdog of one link: its signs of life, and the check for a torn command block; time is passed in.
+
+A block is torn if the life counters at its head and at its tail differ.
+"""
 
 import math
 from dataclasses import dataclass

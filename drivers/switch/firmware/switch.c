@@ -24,7 +24,7 @@ enum { UNKNOWN, OPEN, CLOSED, DISAGREE };
 enum { RAM_BROKEN = 1, FLASH_BROKEN = 2, WATCHDOG_RESET = 4, BROWN_OUT_RESET = 8 };
 enum { NO = 1 << PD4, NC = 1 << PD7 };
 enum { LENGTH = 10 };
-enum { HUNG = 0x5AC3 };  // memory holds no such value after power-up, but by a chance of 1 in 65536
+enum { HUNG = 0x5AC3 };  // after power-up, memory holds this value only by a chance of 1 in 65536
 
 static volatile bool ticked;
 static uint8_t packet[LENGTH];
@@ -84,7 +84,7 @@ static uint32_t crc32(uint32_t crc, uint8_t byte)
     return crc;
 }
 
-// The Makefile appends to the program what POSIX `cksum` says of it.
+// The Makefile appends the POSIX `cksum` of the program to the program.
 static bool flash_is_good(void)
 {
     uint32_t crc = 0;
