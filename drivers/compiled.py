@@ -1,9 +1,9 @@
 """Numba's `njit` and `cfunc` with a private cache on disk that is never stale.
 
 Numba keys a compiled function by the content of its own source file. If a function calls into another file and that file
-changes, numba would run the old code. So each function is stored in a folder whose name holds a digest: of its file, of every
-file of this project that the file imports, directly or not, and of the compiler's version. Compiled code runs unchecked,
-so it is read only from a folder that no other user can write.
+changes, numba would run the old code. Each function is therefore stored in a folder with a digest in its name. The digest
+covers the function's file, every file of this project that this file imports, directly or not, and numba's version.
+Compiled code runs unchecked, so it is read only from a folder that no other user can write.
 
 No function is compiled with `fastmath`. With it, the order of sums depends on what the process compiled before. The same
 source and seed then gave rows that differed in the last bits (1 trial in 20, by 1e-12).
@@ -74,7 +74,7 @@ def digest(path: Path) -> str:
 def folder() -> Path:
     """Return the folder of all compiled functions: the user's own cache, or a new folder if this cache is not safe.
 
-    If another user owns the cache or can write to it, it is not used: its content would run as part of this program.
+    The cache is not used if another user owns it or can write to it: its content would run as part of this program.
     A new folder costs a compilation at each start, and a warning in the log.
     """
     kept = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "tactile-cell" / "compiled"

@@ -28,7 +28,7 @@ def read_toml(path: Path, what: str = "") -> dict[str, Any]:
 
 
 def read_figures(path: Path, kind: type[M], what: str = "") -> M:
-    """Return the figures in a TOML file; its key `base` can name a file beside it with the figures that it does not state.
+    """Return the figures in a TOML file; its key `base` can name a second file in its folder for the missing figures.
 
     Args:
         path: The file.

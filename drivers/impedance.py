@@ -44,9 +44,10 @@ WEIGHED_SINCE = HELD + JOINTS
 INERTIA = WEIGHED_SINCE + 1
 LEARNING = INERTIA + JOINTS * JOINTS
 STATE_WORDS = LEARNING + learning.WORDS
-"""State of the law between steps: the integral's torque, its motion id, the last torque, a flag for holding still, the time of
-the damping, s, and the damping at the tip, shape (6, 6). If the arm holds still: the held joint positions, rad, the time of the
-inertia, s, and that inertia, shape (7, 7), kg·m². The words of `drivers.arm.learning` follow."""
+"""Indices of the law's state between steps. For every motion: the integral's torque, the id of the motion, the last torque,
+a flag for holding still, the time of the damping, s, and the damping at the tip, shape (6, 6). For an arm that holds still:
+the held joint positions, rad, the time of the inertia, s, and the inertia, shape (7, 7), kg·m². The words of
+`drivers.arm.learning` follow; `STATE_WORDS` is the number of all words."""
 RESIDUAL = LEARNING + learning.RESIDUAL
 """Index of the residuals of the momentum observer, shape (7,): the motion that the commanded torques do not explain, N·m."""
 DAMPING_PERIOD = 0.01
@@ -69,9 +70,9 @@ MOST_LEARNT = MASSES + dynamics.WORDS
 FIGURES = MOST_LEARNT + JOINTS
 DH_A, DH_D, COS_ALPHA, SIN_ALPHA, TORQUE_MAX, TORQUE_RATE = 0, 7, 14, 21, 28, 35
 REACH, TURN_COS, TURN_SIN = 42, 43, 44
-"""Indices of the arm's figures in the law's words: kinematics, limits, distance from the last joint's frame to the finger
-centre, m, the hand's turn about the flange, the masses of `drivers.arm.dynamics`, and the upper bound on each rotor's learnt
-inertia, kg·m²."""
+"""Indices of the arm's figures in the law's words: kinematics; limits; distance from the last joint's frame to the finger
+centre, m; the hand's turn about the flange. The masses of `drivers.arm.dynamics` follow at `MASSES`, and the upper bound on
+each rotor's learnt inertia, kg·m², at `MOST_LEARNT`."""
 
 
 def figures(arm: ArmModel) -> Vector:

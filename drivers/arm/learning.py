@@ -47,8 +47,8 @@ MOST_OFFSET = 5.0
 """Largest offset that is fed forward, N·m; a payload of 0.7 kg at arm's length causes as much."""
 
 COUNT, IS_BEGUN, COMMANDED, INTEGRAL, RESIDUAL = 0, 1, 2, 9, 16
-"""Indices of the number of cycles since the last update, of a flag set by the first update, of the mean torques commanded
-since the last update, and of the observer's integrals and residuals.
+"""Indices of the number of cycles since the last update; of a flag that the first update sets; of the mean commanded
+torques since the last update; of the observer's integrals; of the observer's residuals.
 """
 PASSED = 23
 """Index of three words for each joint after the observer's low-pass: dry and smooth friction of level one, and velocity."""

@@ -174,7 +174,7 @@ class TorqueLoop:
         return torques
 
     def _take(self) -> None:
-        """Take over a new setpoint; if the cell is still writing it, take it one cycle later."""
+        """Take over a new setpoint; if the cell is still writing the setpoint, take it over one cycle later."""
         link = self._link
         count = link.is_settled("setpoint_sequence")
         if count is None or count == self._taken:

@@ -21,7 +21,7 @@ def part_of(
     """Return the cross-section that a config describes, with the chamfer of the section `owner`, "peg" or "hole".
 
     Raises:
-        ValueError: The size is missing, is given by the key of another shape, or does not fit the shape, or a part with
+        ValueError: The size is missing, is given by the key of another shape, or does not fit the shape; or a part with
             corners has a chamfer; one line.
     """
     word = WORDS[shape]

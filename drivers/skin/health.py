@@ -25,9 +25,10 @@ BASELINE_FRAMES = 50
 """Least number of frames of a baseline; with fewer, their noise would remain in the baseline."""
 
 FAINT, UNEVEN = 3.8, 1.4
-"""Thresholds of a touch that no single taxel shows: mean height of all taxels above their baselines, in standard deviations of the mean's
-noise, and scatter of the heights, in standard deviations of the noise. Noise alone gives 1 of both; a peg gripped with 10 N gives 7.6 and 1.8.
-Warming raises all taxels alike, and drift scatters them to either side. Source: docs/tried/angle.md.
+"""Thresholds of a touch that no single taxel shows; both must be exceeded. `FAINT` is the mean height of all taxels above their
+baselines, in standard deviations of the mean's noise. `UNEVEN` is the scatter of these heights, in standard deviations of the
+noise. Noise alone gives 1 of both; a peg gripped with 10 N gives 7.6 and 1.8. Warming raises all taxels alike, and drift
+scatters them to either side. Source: docs/tried/angle.md.
 """
 
 

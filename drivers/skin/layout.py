@@ -69,8 +69,8 @@ class SkinLayout(ConfigModel):
 def _shipped(module: Vector) -> SkinLayout:
     """Return the layout of a module and its image by half a turn about the centre.
 
-    The rubber ends at the outermost taxels along the finger and half a lattice spacing beyond them across it:
-    41 x 26 mm for the parallelogram, 47 x 26 mm base to base.
+    Along the finger, the rubber ends at the outermost taxels; across the finger, it ends half a lattice spacing beyond them.
+    Its size is 41 x 26 mm for the parallelogram, 47 x 26 mm base to base.
     """
     both = np.concatenate([module, -module])
     x, y = both.T

@@ -235,7 +235,7 @@ class CanopenNode:
             logger.warning("%s: SDO %04Xsub%X refused: %s", self.source, index, response[3], why)
 
     def _reject(self, cob: int, data: bytes) -> bool:
-        """Count a frame of a wrong length; return True if it is the first one of its kind."""
+        """Count a frame of a wrong length; return True if it is the first such frame with this COB-ID."""
         self.counts.malformed += 1
         is_first = cob not in self._told
         if is_first:

@@ -19,7 +19,7 @@ DIAGNOSTICS, SERVER_ID, MASK_WRITE, ENCAPSULATED = 8, 17, 22, 43  # 6.8, 6.13, 6
 
 _HEAD_LENGTH = dict.fromkeys((1, 2, 3, 4, 5, 6, DIAGNOSTICS), 5)
 _HEAD_LENGTH |= {15: 6, 16: 6, SERVER_ID: 1, MASK_WRITE: 7, 23: 10, ENCAPSULATED: 4}
-"""Length of each request, bytes; for functions in `_COUNTED` the length without data, up to and with the data's byte count."""
+"""Length of each request, bytes; for functions in `_COUNTED` the length up to the byte count, which the data follow."""
 _COUNTED = {15, 16, 23}
 _HEAD = struct.Struct(">BHH")
 """Function, address, and count or value."""

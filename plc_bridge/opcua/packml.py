@@ -1,7 +1,8 @@
 """The part of OPC 30050 that the cell uses: a table of names and NodeIds, and the nodes made from it.
 
 `packml.csv` holds the browse names and numeric NodeIds of the standard's namespace, version 1.01 [opc30050]: types with
-their members, and states with the NodeId of StateNumber (column type) and the PackML number (column rank).
+their members, and states. In the row of a state, the column type holds the NodeId of StateNumber, and the column rank
+holds the PackML number.
 """
 
 import csv

@@ -133,7 +133,7 @@ class CellServer(InternalServer):  # type: ignore[misc]
         self.bind_condition_methods = True
 
     def create_session(self, name: Any, **_: object) -> InternalSession:
-        """Return a session; it ends with its connection, because asyncua moves only external sessions to another one."""
+        """Return a session, which ends with its connection: asyncua moves only external sessions to a new connection."""
         return CellSession(self, self.aspace, self.subscription_service, name)
 
     def register_server(self, server: Any, conf: Any = None) -> None:

@@ -112,7 +112,7 @@ class Handshake:
         self._links[source] = Link(source, host, LinkWatchdog(self.now()), next(self._events))
 
     def closed(self, source: str) -> None:
-        """End a link; its lease and its run stay until its host returns or the time-outs pass."""
+        """End a link; its lease and its run remain until its host opens a new link or the time-outs pass."""
         link = self._links.pop(source, None)
         if link is not None:
             link.closed = next(self._events)

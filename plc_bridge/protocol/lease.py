@@ -57,7 +57,7 @@ class CellLease:
         return LeaseState.FREE if self.is_open_to(link) else LeaseState.TAKEN
 
     def take(self, link: Link) -> bool:
-        """Give the lease to `link` if it is open to it; return True if `link` holds it now."""
+        """Give the lease to `link` if `link` can take it; return True if `link` now holds the lease."""
         if not self.is_open_to(link):
             return False
         if self.holder is not link:
@@ -71,7 +71,7 @@ class CellLease:
             self.holder = link
 
     def release(self, link: Link) -> None:
-        """Free the lease if `link` holds it or can take it over; during a run the holder keeps it until the run ends."""
+        """Free the lease if `link` holds it or can take it; a holder with a run under way keeps it until the run ends."""
         if self.holder is not None and self.holder is self.runner:
             self.is_given_back |= self.holder is link
         elif self.is_open_to(link):

@@ -73,7 +73,7 @@ class LinkWatchdog:
         return self.torn_since is not None and now - self.torn_since > timeout
 
     def revive(self) -> None:
-        """Begin to watch a run: count its time from the last request, which has started it."""
+        """Begin to watch a run: the last request, which has started the run, counts as its first sign of life."""
         self.life_stamp = self.heard
 
     def follow(self, earlier: "LinkWatchdog") -> None:
