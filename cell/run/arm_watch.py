@@ -12,7 +12,7 @@ from skills.contract import Observation
 logger = logging.getLogger(__name__)
 
 MOVING = 0.03
-"""Joint velocity above which the torque contains full friction, rad/s."""
+"""Joint speed above which the joint's torque contains its full friction, rad/s."""
 
 
 class ArmWatch:
@@ -23,13 +23,13 @@ class ArmWatch:
     """
 
     def __init__(self, calibration: ArmCalibration | None, arm: ArmModel) -> None:
-        """Keep the calibration; without one, nothing is compared. `arm` holds the figures of its arm."""
+        """Store the calibration; if it is None, nothing is compared. `arm` is the model of the same arm."""
         self._calibration = calibration
         self._told = ""
         if calibration is not None:
             deviations = calibration.believed(arm)[1][:, :3]
-            # Largest deviation of the mean torque in one direction, in standard deviations of the calibration's
-            # prior.
+            # Largest permitted deviation of the mean torque in one direction of motion, shape (7,), N·m: three standard
+            # deviations of the calibration's prior.
             self._most = 3.0 * np.sqrt((deviations**2).sum(axis=1))
         self.begin()
 
@@ -47,8 +47,8 @@ class ArmWatch:
             self._counts[sense] += is_moving
 
     def end(self) -> str:
-        """Judge the run and return the largest misfit, one line, empty if all fits; without enough motion, keep the last verdict."""
-        # Least number of scans with motion in one direction before a joint is judged; one transfer has about as many.
+        """Return the largest misfit of the run, one line, empty if every joint fits; without enough motion, return the last verdict."""
+        # A joint is judged after at least this many scans of motion in one direction; one transfer has about as many.
         is_judged = self._counts >= 50
         if self._calibration is None or not is_judged.any():
             return self._told

@@ -1,4 +1,4 @@
-"""Bringing the arm of a cell to rest: by a request to the skill, or by a halt without it."""
+"""Brings the arm of a cell to rest, by a request to the running skill or directly by a halt."""
 
 import logging
 from collections.abc import Callable
@@ -44,11 +44,11 @@ class Brake:
         self._context.lead.rest.seek(self._cell.clock.now())
 
     def resume(self) -> None:
-        """Request the skill to lead the arm back from a hold."""
+        """Request that the skill returns the arm to where it was held, and continues."""
         self.request, self.resumed = Request.RESUME, self._cell.clock.now()
 
     def halt(self) -> None:
-        """Halt the arm in any state, unless it is at rest: a halt lets it sink by the error of its gravity model."""
+        """Halt the arm; do nothing if it is at rest, because a halt lets it sink by the error of its gravity model."""
         if self.is_at_rest:
             return
         try:

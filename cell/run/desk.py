@@ -1,4 +1,4 @@
-"""The desk between a cell and its line: PackML state, report, answers to commands, and the view for the page."""
+"""A cell's interface to its line, a PLC or a terminal: PackML state, report, answers to commands, and the view for the page."""
 
 import logging
 from dataclasses import replace
@@ -33,7 +33,7 @@ class CommandLine(Protocol):
         """Make the report readable; never waits."""
 
     def accept(self, command: Command) -> None:
-        """Confirm a command to its sender: the program starts or the control is executed; never waits."""
+        """Confirm to the sender of a command that the program starts or the control was executed; never waits."""
 
     def refuse(self, command: Command, refusal: Refusal) -> None:
         """Refuse a command to its sender, with the reason; never waits."""
@@ -45,7 +45,7 @@ class Desk:
     def __init__(
         self, line: CommandLine, live: Live, journal: Journal, clock: Clock, part: PartWatch, late: LateScans
     ) -> None:
-        """Start in IDLE; every report includes the peg's place, faults of the records, and late scans."""
+        """Start in IDLE. Every report contains the peg's place, warnings of the journal, and the number of late scans."""
         self._line, self._live, self._journal, self._part, self._late = line, live, journal, part, late
         self.poll, self.accept, self.show = line.poll, line.accept, live.show
         self.events = EventLog(journal, clock.now)
@@ -56,7 +56,7 @@ class Desk:
         self.report = Report(state=State.IDLE)
 
     def enter(self, event: Event) -> None:
-        """Make the transition of an event in the present state; change nothing if there is none."""
+        """Make the transition that an event causes in the present state; if there is none, change nothing."""
         before, self.state = self.state, after(self.state, event)
         if self.state is before:
             return
@@ -65,13 +65,13 @@ class Desk:
             self.report = replace(self.report, transition=Control[event.name])
 
     def leave_complete(self) -> None:
-        """Go from COMPLETE to IDLE; any other state stays."""
+        """Change from COMPLETE to IDLE; do nothing in any other state."""
         if self.state is State.COMPLETE:
             self.enter(Event.RESET)
             self.enter(Event.FINISHED)
 
     def open(self, command: Command, run: int = 0) -> None:
-        """Start the report on a command; `run` is the number of its run, 0 before it has one."""
+        """Start the report on a command; `run` is the number of the command's run, 0 before that is assigned."""
         before = self.report
         self.report = Report(sequence=command.sequence, run=run, transition=before.transition, warnings=before.warnings)
 

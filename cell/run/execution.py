@@ -78,7 +78,7 @@ class Execution:
     def run(self, command: Command, entry: Entry, config: CellConfig) -> CellError | None:
         """Run a program to its end.
 
-        Without a fault the cell is then in Complete, Stopped or another waiting state.
+        If no fault occurs, the cell is afterwards in Complete, Stopped or another waiting state.
 
         Returns:
             First fault of the run, which the caller must report; None if there is none.
@@ -261,9 +261,9 @@ class Execution:
 
 
 def progress_of(entry: Entry, stage: str, fraction: float) -> int:
-    """Return the completed share of a run, percent, after a completed fraction of a stage, 0 to 1.
+    """Return the progress of a run, percent, from the completed fraction of its present stage, 0 to 1.
 
-    All stages of a run without failure have equal weight; another stage, for example recovery, returns 0.
+    The stages of a run without failure have equal weight. In any other stage, for example recovery, the progress is 0.
     """
     stages = entry.stages if isinstance(entry, Program) else (entry.name,)
     if stage not in stages:

@@ -23,7 +23,7 @@ def is_local(host: str) -> bool:
 def exposures(
     plc: PlcConfig, page: Address | None = None, metrics: Address | None = None, opcua: Address | None = None
 ) -> list[str]:
-    """Return one line for each open port: what unknown computers can do there."""
+    """Return one line for each port that other computers can reach, with what any of them can do there."""
     modbus = None if plc.modbus.allow else (plc.modbus.host, plc.modbus.port)
     token = "everybody who has the token may move the cell"
     if plc.tls is None:
@@ -42,7 +42,7 @@ def exposures(
 
 
 def key_days(tls: TlsConfig | None) -> Mapping[str, float]:
-    """Return the remaining validity of each key file, days; negative after its end.
+    """Return the remaining validity of each key file, days; negative if the key has expired.
 
     Raises:
         DeviceNotOpenedError: A file cannot be read.

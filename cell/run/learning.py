@@ -60,7 +60,7 @@ class LearnedPlace(ConfigModel):
 
 
 class LearnedFile(ConfigModel):
-    """The file as a whole."""
+    """Content of the file."""
 
     version: Literal[1] = 1
     """Layout of the file."""
@@ -208,7 +208,7 @@ class Learning:
         self._kept.put(self._newest.text(), is_lasting=True)
 
     def _estimate(self, learned: LearnedFile | None, job: Job, recipe: int) -> PlaceEstimate | None:
-        """Return the learnt place of the hole, else the configured one; None without both."""
+        """Return the learnt place of the hole if it is usable, else the configured prior; None if both are missing."""
         configured = from_prior(job.hole.prior, self._learning) if job.hole.prior is not None else None
         place = learned.places.get(str(recipe)) if learned is not None else None
         if place is None:

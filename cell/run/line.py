@@ -1,4 +1,4 @@
-"""The cell's side of its lines: programs and controls by command code; and the line of a terminal."""
+"""Programs and controls by command code, for every line of a cell; and the line of a terminal."""
 
 from collections.abc import Callable
 
@@ -21,7 +21,7 @@ WORDS: dict[str, dict[int, str]] = {
     "report_stage": dict(CATALOGUE.stages),
     "report_reason": dict(CATALOGUE.reasons),
 }
-"""Meaning of the values of these registers."""
+"""Meaning of each value, by name of the register."""
 
 
 def _require_fits(catalogue: Catalogue) -> None:
@@ -50,17 +50,17 @@ _require_fits(CATALOGUE)
 
 
 class TerminalLine:
-    """A technician's terminal as the only line of a cell: it gives one command and passes all reports to a function."""
+    """A technician's terminal as the only line of a cell: it issues one command and passes all reports to a function."""
 
     def __init__(self, command: Command, watch: Callable[[Report], None]) -> None:
-        """Keep the command, which is given once, and the function to call with every report."""
+        """Store the command to issue, and the function to call with every report."""
         self._command: Command | None = command
         self._watch, self._has_scanned = watch, False
         self.refusal = Refusal.NONE
         """Reason of the refusal; NONE without one."""
 
     def poll(self) -> Command | None:
-        """Return the command once, after the first scan: that one loads compiled functions, for which no run must wait."""
+        """Return the command once, after the first scan; that scan loads compiled functions, so that no run waits for them."""
         if not self._has_scanned:
             return None
         command, self._command = self._command, None

@@ -1,4 +1,4 @@
-"""Exchange between scan and page: frozen views of the scan one way, cable requests the other, in bounded queues."""
+"""Exchange between scan and page in bounded queues: frozen views of scans to the page, cable requests to the scan."""
 
 from collections import deque
 from dataclasses import dataclass
@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from skills.contract import Observation
 
 KEPT = 512
-"""Largest number of waiting looks; the oldest are dropped if the viewer is slow."""
+"""Largest number of waiting looks, and of waiting cable requests; if a queue is full, its oldest entry is dropped."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -44,12 +44,12 @@ class StageClock:
         return True
 
     def end(self, stage: str, elapsed: float) -> None:
-        """Add the time counted by a stage, s; the skill may leave out the transfer to its place."""
+        """End a stage and add the time that it counted, s; a skill may exclude the transfer to its place."""
         self.times[stage] = self.times.get(stage, 0.0) + elapsed
         self._since = None
 
     def leave(self, now: float) -> None:
-        """Close a stage that has not ended by itself: all of its time counts."""
+        """End the present stage if it has not ended itself, and count all of its time."""
         if self._since is not None:
             self.end(self.stage, now - self._since)
 

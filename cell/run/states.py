@@ -7,7 +7,7 @@ from enum import Enum, IntEnum
 
 
 class State(IntEnum):
-    """Cell state, whose number the PLC reads."""
+    """Cell state; the PLC reads its number."""
 
     CLEARING = 1
     STOPPED = 2

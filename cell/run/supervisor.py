@@ -58,7 +58,7 @@ class Supervisor:
             line: Source of commands and reader of reports.
             journal: The opened journal.
             stop: Event that ends `serve`; None for a private one.
-            live: Slot for viewers; None for a private one.
+            live: Exchange with the page; None for a private one.
         """
         self._cell, self._loaded, self._journal = cell, loaded, journal
         self._context = cell.context(cell.config.first_seed)

@@ -11,7 +11,7 @@ from skills.guards.scan_guards import OVERRUN_WINDOW as WINDOW
 from skills.guards.scan_guards import ScanLimits
 
 GIVEN_UP = 2.0
-"""Longest wait for a scan when the program is to end, s."""
+"""Longest wait for a scan after the end of the process has been requested, s."""
 HANG = 60.0
 """Time without a scan beyond which an idle cell counts as blocked, s. A device may need seconds to reset or reconnect, and
 the templates of a new part take some seconds on a busy computer.
@@ -86,8 +86,8 @@ class ScanWatchdog:
                 infinite for a simulation that is not timed, because its first run may compile for a minute.
             is_simulated: True if the arm stands still while the scan waits.
             halt: Function that halts the arm; its argument is the reason.
-            stop: Event that is set when the program is to end.
-            give_up: Function that ends the program without the scan; its argument is the reason.
+            stop: Event that requests the end of the process.
+            give_up: Function that ends the process without the scan; its argument is the reason.
         """
         self._longest, self._is_simulated = longest, is_simulated
         self._halt, self._stop, self._give_up = halt, stop, give_up
@@ -112,7 +112,7 @@ class ScanWatchdog:
             self._thread = None
 
     def watch(self, is_program: bool) -> None:
-        """Set whether the following scans belong to a program, and clear an earlier blocked scan."""
+        """Set the limit for the scans of a program (True) or of an idle cell (False), and clear an earlier blocked state."""
         self._beats += 1
         self._allowed, self._blocked = self._longest if is_program else HANG, ""
 
