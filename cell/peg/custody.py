@@ -93,7 +93,7 @@ class Custody:
         self._become(proven(self.part, evidence, by))
 
     def clear(self) -> None:
-        """Register that a person has removed the peg; the devices count again from the next reading."""
+        """Register that a person has removed the peg; from the next reading on, the devices decide its place again."""
         told = "a person has taken the last peg away"
         self._become(PartState(PartPlace.RACK, told, basis=PartEvidence.PERSON))
         self.keep(is_lasting=True)

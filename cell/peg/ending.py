@@ -65,7 +65,7 @@ REASONS = {
 
 
 def explained(fault: int, reason: str) -> FaultText | None:
-    """Return meaning, cause and remedy of a recorded fault or reason; None if there is none, or it is a skill's own."""
+    """Return meaning, cause and remedy of a recorded fault or reason; None without both, and for a skill's own reason."""
     if fault:
         return FAULTS[FaultCode(fault)] if fault in set(FaultCode) else None
     return {known.name.lower(): text for known, text in REASONS.items()}.get(reason)
@@ -77,7 +77,7 @@ class Ending:
 
     outcome: Outcome
     stage: str
-    """Name of the stage that did not succeed, else of the last one."""
+    """Name of the first stage that failed and was not retried; if there is none, of the last stage."""
     reason: IntEnum
     """Reason of the end, a `Reason` or one of the skill's own."""
 
@@ -88,7 +88,10 @@ class Ending:
 
 
 def ending_of(records: Sequence[StageRecord], fault: CellError | None, stage: str) -> Ending:
-    """Return the ending of a run: that of the first failed stage that was not retried, else the last; or a fault in `stage`."""
+    """Return the ending of a run, from the first stage that failed and was not retried, else from the last stage.
+
+    After a fault, or without any stage, the outcome is FAULT in `stage`.
+    """
     if fault is not None or not records:
         return Ending(Outcome.FAULT, stage, Reason.NONE)
     last = next(

@@ -53,7 +53,7 @@ class PegEvidence:
     is_felt: bool | None = None
     """True if the skin measures a peg; None without a trusted frame."""
     is_inserting: bool = False
-    """True in a stage after the search, whose peg may lean in the hole."""
+    """True in a stage after the search, when the peg may lean in the hole."""
     push: float = 0.0
     """Axial force on the peg, away from its end, N; above the grip's friction limit the peg slides between the fingers."""
 
@@ -214,7 +214,7 @@ def by_hand_alone(
 
 
 def proven(before: PartState, evidence: str, by: PartEvidence) -> PartState:
-    """Return a released peg as seated, after the evidence `by` has proven the run's success; `before` itself if it shows that."""
+    """Return the state of a released peg as seated, because the evidence `by` proved the run's success; `before` itself if it already states both."""
     if before.place is PartPlace.SEATED and by in before.basis:
         return before
     told = f"{before.evidence}; {evidence}"
@@ -261,7 +261,7 @@ def _is_slack(seen: PegEvidence, places: Places) -> bool:
 
 
 def _may_be_same(before: PartState, places: Places) -> bool:
-    """Return True if a peg between the pads may be the last one: it was held, or the pads were as far apart without a grip."""
+    """Return True if the peg between the pads may be the last peg: the hand held it, or the pads were a peg's width apart without a grip."""
     return before.is_held or abs(before.width - places.thickness) <= WIDTH_TOLERANCE
 
 
@@ -319,9 +319,10 @@ def _fallen(before: PartState, places: Places, is_running: bool) -> tuple[PartPl
 
 
 def _left_alone(before: PartState, seen: PegEvidence, places: Places) -> PartState:
-    """Return the state of a free peg while the cell waits, `before` itself if nothing changed: if the switch opens, a person has removed the seated peg.
+    """Return the state of a free peg while the cell waits; `before` itself if nothing changed.
 
-    If the switch timed out during the run and is open at its next valid reading, it may have been open since then.
+    If the switch opens, a person has removed the seated peg. If the switch timed out during the run and is open at its
+    next valid reading, it may have opened during the run; the peg's place is then unknown.
     """
     if places.hole.evidence != "switch" or before.place is not PartPlace.SEATED:
         return before
@@ -386,7 +387,7 @@ class Remedy:
     """Remedy for a place of the peg."""
 
     text: str
-    """Text with the name of an action in braces where the words for it belong."""
+    """Text with placeholders for the words of actions: the name of the action in braces."""
     actions: tuple[Action, ...] = ()
     """Actions that can resolve the place, the preferred one first."""
 
@@ -419,7 +420,7 @@ REMEDIES = {
 """Remedy by the peg's place."""
 
 LOST_WITH_WORLD = (PartPlace.IN_HAND, PartPlace.IN_HOLE, PartPlace.ON_PLATE)
-"""Places at which the peg of a simulated cell is gone when its program ends."""
+"""Places from which the peg of a simulated cell vanishes when the process ends."""
 
 SIGNS = {
     PartEvidence.HAND_HOLDS: "the hand holds a peg",

@@ -27,13 +27,13 @@ from skills.seating.decision import depth_of
 logger = logging.getLogger(__name__)
 
 LONGEST_UNKNOWN = 0.5
-"""If a run needs the switch and it gives no valid reading for this time, the run ends, s."""
+"""Longest time without a valid reading of the switch in a run that needs it, s; after this time the run ends with a fault."""
 EARLY_SHARE = 0.5
-"""While a held peg is shallower than this share of the hole's depth, it cannot be on the switch, for any plate height; fraction."""
+"""Share of the hole's depth, 0 to 1; if a held peg is less deep, it cannot be on the switch, for any plate height."""
 FELT_WITHIN = 0.25
 """The skin counts as touched until the last frame with a peg is this old, s; about one of ten frames a second misses the peg."""
 PROVEN_BY_SWITCH = (Claim.SEATED, Claim.LEFT, Claim.INSERTED)
-"""Claims that the switch must prove."""
+"""Claims that must be proven by the switch, or by force if the hole has no switch."""
 
 
 class PartWatch:
@@ -49,7 +49,7 @@ class PartWatch:
         self.proof = ""
         """Evidence that proved the last run's success, in words; empty without success or if no proof was required."""
         self._unknown_since: float | None = None
-        """Time since when the switch has given no valid reading in the run, s; None if it has."""
+        """Time of the first reading since which the switch has given no valid one in the run, s; None while readings are valid."""
         self._hole, self._peak_force = (0.0, 0.0), 0.0
         self._switch = SwitchState.UNKNOWN
         self._felt_at, self._frame = -math.inf, -1

@@ -43,13 +43,13 @@ class Proof:
     was_open: bool = False
     """True if the switch was open at some time of the run."""
     seated_tip: Vector | None = None
-    """End of the held peg when the switch then closed, shape (3,), m, base frame."""
+    """Position of the held peg's end when the switch closed after that, shape (3,), m, base frame."""
     seated_hand: Vector | None = None
     """Position of the hand at that time, shape (3,), m, base frame."""
     footing: Footing = field(default_factory=Footing)
     """Contact of the held peg with the bottom while the switch is closed."""
     borne_tip: Vector | None = None
-    """End of the held peg after the bottom has supported it for long enough, shape (3,), m, base frame."""
+    """Position of the held peg's end when the bottom had supported it for long enough, shape (3,), m, base frame."""
 
     def after(self, seen: Observation, setpoint: ImpedanceSetpoint | None = None) -> "Proof":
         """Return the proof after one more scan and its setpoint; if the switch opens while the peg is held, the proof is void."""
@@ -65,7 +65,7 @@ class Proof:
         return replace(self, footing=footing)
 
     def _opened(self, is_held: bool) -> "Proof":
-        """Return the proof under an open switch."""
+        """Return the proof after a scan with an open switch."""
         is_kept = self.was_open and (self.seated_tip is None or not is_held)
         return self if is_kept else Proof(was_open=True)
 
@@ -114,14 +114,14 @@ class ForceProof:
     curve: StrokeCurve = field(default_factory=StrokeCurve)
     """Force against depth of the held peg."""
     seated_tip: Vector | None = None
-    """End of the held peg when it rested behind its latch, shape (3,), m, base frame."""
+    """Position of the held peg's end when it rested behind its latch, shape (3,), m, base frame."""
     seated_hand: Vector | None = None
     """Position of the hand at that time, shape (3,), m, base frame."""
     found: Signature | None = None
     """Signature of the latch found in the curve at that time."""
 
     def after(self, seen: Observation, setpoint: ImpedanceSetpoint | None = None) -> "ForceProof":
-        """Return the proof after one more scan and its setpoint; if the hand draws the held peg out, the proof is void."""
+        """Return the proof after one more scan and its setpoint; if the hand later sinks, or lifts the held peg, the proof is void."""
         if self.seated_hand is not None and not seen.gripper.is_gripping:
             return self
         curve = self.curve.after(seen, setpoint, self.latch)
@@ -165,7 +165,7 @@ SeatingProof = Proof | ForceProof
 
 
 def evidence_for(hole: Hole) -> SeatingProof:
-    """Return the kind of evidence that the hole's recipe requires, as at the start of a run."""
+    """Return evidence of the kind that the hole's recipe requires, still empty, for the start of a run."""
     return ForceProof(hole.latch) if hole.evidence == "force" and hole.latch is not None else Proof()
 
 
