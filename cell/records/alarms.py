@@ -1,4 +1,4 @@
-"""Past and present alarms, found among the events by their beginnings and ends."""
+"""Past and active alarms, computed from the events that begin and end them."""
 
 from dataclasses import dataclass
 
@@ -31,8 +31,8 @@ SELECT begun.time, begun.kind, begun.code, begun.name, begun.text, begun.run,
 FROM begun LEFT JOIN events AS ended ON ended.event = begun.last
 ORDER BY begun.event DESC
 """
-"""Alarms of a period. A fault is over when the cell leaves the states before a reset, a warning when it
-clears or comes again; both are over when the cell starts again."""
+"""Query for the alarms of a period. A fault is over when the cell leaves the states before a reset. A warning is over when
+it clears or comes again. Both are over when the cell starts again."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,4 +52,4 @@ class Alarm:
     state: str
     """`active`; `acknowledged`: cleared, not reset; or `over`."""
     duration: float | None
-    """Time until it was over, s; None before."""
+    """Time from the beginning to the end, s; None while the alarm is not over."""

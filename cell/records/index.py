@@ -87,8 +87,8 @@ class Index:
     def __init__(self, folder: Path, *, is_read_only: bool) -> None:
         """Open the index.
 
-        To write, create a missing index. To read, write nothing; a folder without an index
-        has no runs.
+        When opened to write, create the index if it is missing. When opened to read, write nothing; a folder without an
+        index then has no runs.
 
         Raises:
             DamagedIndexError: The index is not an SQLite file, or is damaged.
@@ -103,7 +103,7 @@ class Index:
         self._set_aside: set[str] = set()
 
     def trace(self, say: Callable[[str], None] | None) -> None:
-        """Pass every further statement to `say`, with its values; None passes it to nobody."""
+        """Call `say` with the text of every further statement, values included; None ends the tracing."""
         self._connection.set_trace_callback(say)
 
     def is_in_place(self) -> bool:
@@ -254,7 +254,7 @@ def _opened_to_read(path: Path) -> sqlite3.Connection:
 def _read_only(path: Path) -> sqlite3.Connection:
     """Open an index for reading, even in a folder without write permission.
 
-    To read an index in WAL mode, SQLite writes beside it unless the connection is declared immutable.
+    To read an index in WAL mode, SQLite writes files beside the index unless the connection is declared immutable.
     """
     for mode in ("mode=ro", "mode=ro&immutable=1"):
         place = f"{path.absolute().as_uri()}?{mode}"

@@ -15,10 +15,10 @@ OWNER_ONLY = 0o600
 
 
 class KeptFile:
-    """One file whose newest text is written whole or not at all; an older text still waiting is skipped."""
+    """One file. A text replaces its content wholly or not at all; a newer text replaces one that still waits."""
 
     def __init__(self, path: Path, what: str, is_void_if_late: bool = False) -> None:
-        """Keep the path and its use.
+        """Store the path and the use of its content.
 
         Args:
             path: The file.
@@ -28,7 +28,7 @@ class KeptFile:
         self.path, self._what, self._is_void_if_late = path, what, is_void_if_late
         self._changed = Condition()
         self._text: str | None = None
-        """Text that waits; None if there is none."""
+        """Text that waits to be written; None if there is none."""
         self._is_lasting, self._is_at_work = False, False
 
     def put(self, text: str, is_lasting: bool) -> None:

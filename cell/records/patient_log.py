@@ -32,7 +32,7 @@ class SparseFilter(logging.Filter):
         if now < due:
             self._kinds[kind] = due, left + 1
             return False
-        if len(self._kinds) > 100:  # kinds of lines that are counted
+        if len(self._kinds) > 100:  # largest number of kinds of lines that are counted
             self._kinds.clear()
         self._kinds[kind] = now + PERIOD, 0
         if left:

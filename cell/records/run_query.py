@@ -7,9 +7,9 @@ from datetime import UTC, datetime, timedelta
 from drivers.errors import ConfigError
 
 OUTCOMES = ("success", "failure", "aborted", "fault", "lost", "running")
-"""Outcomes of recorded runs, that of the present run included."""
+"""Outcomes of runs on record; the present run has the outcome `running`."""
 NEVER = "9999"
-"""Text after every wall time of the records."""
+"""Text that sorts after every wall time of the records."""
 _SPAN = re.compile(r"(\d{1,6})([mhdw])")
 _UNITS = {"m": "minutes", "h": "hours", "d": "days", "w": "weeks"}
 
@@ -32,7 +32,7 @@ class RunQuery:
     def where(self) -> tuple[str, list[object]]:
         """Return an SQL condition on the table `runs` and the values of its question marks."""
         times = {"started >= ?": self.since}
-        if self.until:  # an empty second limit would make SQLite sort all runs for the last ones
+        if self.until:  # with a second condition on time, SQLite would sort all runs to find the newest
             times["started < ?"] = self.until
         names = ("outcome", "fault", "serial", "program", "recipe")
         given = {f"{name} = ?": value for name in names if (value := getattr(self, name)) is not None}
@@ -40,10 +40,10 @@ class RunQuery:
 
 
 def moment(text: str, now: datetime, option: str = "--since") -> str:
-    """Return the wall time, in the format of records, for a date and time, or for a span before `now`, such as 7d.
+    """Return the wall time of a date and time, or of a span before `now` such as 7d, in the format of records.
 
     Raises:
-        ConfigError: The text is neither a span nor a date; the message names `option`, from which it came.
+        ConfigError: The text is neither a span nor a date; the message names `option`, the source of the text.
     """
     span = _SPAN.fullmatch(text)
     try:

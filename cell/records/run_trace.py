@@ -120,20 +120,20 @@ class RunTrace:
 
 
 def _is_over(seen: Observation, hole: Hole) -> bool:
-    """Return True if the tip is over the hole's area, with a margin of half its size on each side."""
+    """Return True if the tip is over the hole's area, with a margin of half the area's size on each side."""
     x, y = seen.tip[0] - hole.centre[0], seen.tip[1] - hole.centre[1]
     return bool(abs(x) <= hole.area[0] and abs(y) <= hole.area[1])
 
 
 def _facts(result: SkillResult) -> dict[str, object]:
-    """Return the fields that a skill adds to its result; a number that is not finite becomes None, because JSON has none."""
+    """Return the fields that a skill adds to its result; numbers that are not finite become None, because JSON cannot express them."""
     common = {each.name for each in fields(SkillResult)}
     told = {name: value for name, value in asdict(result).items() if name not in common}
     return {name: _finite(value) if isinstance(value, float) else value for name, value in told.items()}
 
 
 def _plain(value: object) -> object:
-    """Return a value without a JSON type as lists of numbers, or as text."""
+    """Return a value for which JSON has no type: an array as lists of numbers, any other value as text."""
     return value.tolist() if isinstance(value, np.ndarray | np.generic) else str(value)
 
 

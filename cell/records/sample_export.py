@@ -32,7 +32,7 @@ _UNITS = {
     "force_": "N",
     "taxel_": "counts",
 }
-"""Unit by the beginning of a column's name, of which the first that fits counts; other columns have no unit."""
+"""Unit by prefix of a column's name; the first prefix that fits decides. Columns without a fitting prefix have no unit."""
 _NOTES = {
     "stamp": "cell's clock",
     "stage": "number of the skill; the file's own metadata names them",
@@ -159,7 +159,7 @@ def _messages(row: RunRow, samples: dict[str, Vector]) -> Iterator[tuple[int, st
 
 
 def _turn(axis: Vector) -> dict[str, float]:
-    """Return the shortest rotation from z to a unit axis, as a quaternion."""
+    """Return the shortest rotation from z to a unit axis, as a quaternion; half a turn about x for -z and for NaN."""
     x, y, z = axis.tolist()
     if not math.isfinite(x + y + z) or z < -1.0 + 1e-9:
         return {"x": 1.0, "y": 0.0, "z": 0.0, "w": 0.0}

@@ -26,7 +26,7 @@ _SCHEMA = pa.schema(
 _FACTS = b"scene"
 """Key of the scene's facts in the head of the file."""
 _RUN, _ENDING = b"run", b"ending"
-"""Keys of the run's row in the head of the file and, with its stages, in the last block."""
+"""Keys of the run's row: in the head of the file, and together with the run's stages in the last block."""
 
 
 class SampleFile:
@@ -177,7 +177,7 @@ def read_rows(path: Path) -> tuple[bytes, bytes]:
 
 
 def _read(path: Path, is_whole: bool = True) -> tuple[pa.Schema, list[pa.RecordBatch], bytes]:
-    """Return the schema of a file of samples and, of the whole file, its undamaged blocks and the run's end from its last block."""
+    """Return the schema of a file of samples, its undamaged blocks, and the run's end from the last block; only the schema if not `is_whole`."""
     schema, batches, ending = _SCHEMA, [], b""
     try:
         with pa.OSFile(str(path), "rb") as file:
@@ -185,7 +185,7 @@ def _read(path: Path, is_whole: bool = True) -> tuple[pa.Schema, list[pa.RecordB
             schema = reader.schema
             while is_whole:
                 batch, told = reader.read_next_batch_with_custom_metadata()
-                batch.validate(full=True)  # without it, wrong lengths and offsets would be followed
+                batch.validate(full=True)  # without this check, readers would follow wrong lengths and offsets
                 batches.append(batch)
                 ending = ending if told is None else told.get(_ENDING, b"")
     except FileNotFoundError:

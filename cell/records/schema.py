@@ -43,9 +43,9 @@ class RunRow:
     outcome: str = RUNNING
     """`success`, `failure`, `aborted` or `fault`; `running` until the run ends; `lost` if the program was killed."""
     stage: str = ""
-    """Last skill that the run reached."""
+    """Stage that decided the outcome: the first that failed and was not retried, the one of a fault, else the last one."""
     reason: str = ""
-    """Reason of the outcome, named by the skill; empty for a success and a fault."""
+    """Reason of the outcome; empty for a success, a fault and a lost run."""
     fault: int = 0
     """Fault code; 0 for none."""
     message: str = ""
@@ -81,9 +81,9 @@ class RunRow:
     samples: int = 0
     """Number of scans whose samples reached the disk."""
     length: float | None = None
-    """Distance from the finger centre to the peg's end at the end of the run, m: the job's, corrected at the first touch-down."""
+    """Distance from the finger centre to the peg's end at the end of the run, m: the length of the job, corrected at the first touch-down."""
     proof: str = ""
-    """Evidence that proved a seated peg: the switch, or the force of the latch; empty if no proof was required."""
+    """Evidence that proved a seated peg: the switch, or the force of the latch; empty without success or if no proof was required."""
     part_evidence: str = ""
     """Evidence of `part`, one line."""
 
@@ -107,7 +107,7 @@ class StageRow:
     counted: float | None = None
     """Time counted by the skill, without the transfer to its place, s; None if the skill returned no result."""
     outcome: str = ""
-    """Outcome, one of a run's words; empty if a later stage ended in a fault, because then no result is on record."""
+    """Outcome, in the words of `RunRow.outcome`; empty if a later stage ended in a fault, because then no result is on record."""
     reason: str = ""
     retried: int = 0
     """1 if the program repeated the stage, else 0."""
@@ -222,7 +222,7 @@ def plain(row: Any) -> dict[str, Any]:
 
 
 def create(index: sqlite3.Connection) -> None:
-    """Create the tables of a new index; one of the present layout stays.
+    """Create the tables of a new index; leave an index of the present layout unchanged.
 
     Raises:
         JournalError: The index has another layout.

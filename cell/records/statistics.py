@@ -11,7 +11,7 @@ Z95 = 1.959963984540054
 
 
 FEW = {1: 12.706, 2: 4.303, 3: 3.182, 4: 2.776}
-"""Student's two-sided 95 % quantiles for few degrees of freedom, where the expansion of `student` is too coarse."""
+"""Student's two-sided 95 % quantiles by degrees of freedom, for few degrees: the expansion of `student` is too coarse there."""
 
 
 def student(freedom: int) -> float:
@@ -38,7 +38,7 @@ def mean(values: Iterable[float]) -> float | None:
 
 
 def spread(values: Sequence[float] | NDArray[np.float64]) -> dict[str, float] | None:
-    """Return mean, median and 95th percentile; None without values."""
+    """Return mean, median, 95th percentile and number of values; None without values."""
     if not len(values):
         return None
     median, p95 = np.percentile(found := np.asarray(values), [50, 95])

@@ -32,7 +32,7 @@ def sampled_runs(folder: Path) -> dict[int, Path]:
 
 
 def next_number(index: Index, folder: Path) -> int:
-    """Return the lowest unused run number."""
+    """Return the run number after the highest one in use."""
     given = index.execute("SELECT coalesce(max(seq), 0) FROM sqlite_sequence WHERE name = 'runs'")[0][0]
     return 1 + max(int(given), *sampled_runs(folder), 0)
 
@@ -104,9 +104,9 @@ def close_lost_runs(index: Index, folder: Path, under_way: Collection[int] = ())
 def delete_old(index: Index, folder: Path, keep: JournalConfig) -> None:
     """Delete the records beyond the limits.
 
-    The age of a record is the sum of the time steps between later records, up to the computer's clock. A step longer
-    than `keep.days`, or backward, does not age records: the clock was wrong or the cell was off. If the clock is ahead
-    by less than `keep.days`, its time counts.
+    The age of a record is the sum of the time steps from each record to the next, beginning with this record and ending
+    at the present time. A step backward, or longer than `keep.days`, counts as 0, because the clock was wrong or the cell
+    was off. If a wrong clock is ahead by less than `keep.days`, its error counts as age.
     """
     if keep.days > 0:
         _delete_aged(index, folder, keep.days)

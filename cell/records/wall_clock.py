@@ -15,7 +15,7 @@ def local(moment: str) -> str:
 
 
 def headed(name: str, moments: Iterable[str]) -> str:
-    """Return the head of a column of local times with the names of their zone, as "started (CET)"; ISO 8601, "" for none."""
+    """Return the head of a column of local times with their zones, as "started (CET)"; `moments` are ISO 8601, or "" if missing."""
     zones = dict.fromkeys(datetime.fromisoformat(each).astimezone().strftime("%Z") for each in moments if each)
     return f"{name} ({'/'.join(zones)})" if zones else name
 

@@ -139,7 +139,7 @@ class JournalWriter:
         self._add_row(lambda index: index.put(row))
 
     def keep_config(self, row: ConfigRow) -> None:
-        """Record a whole config, once."""
+        """Record a whole config, unless it is on record already."""
         self._add_row(lambda index: index.put(row, how="INSERT OR IGNORE"))
 
     def _add_row(self, job: Callable[[Index], object]) -> None:
@@ -151,7 +151,7 @@ class JournalWriter:
             self._changed.notify_all()
 
     def _add_block(self, job: Callable[[], None], droppable_of: int | None = None) -> None:
-        """Queue an action on samples; if too many wait, one that only writes samples of a run is dropped."""
+        """Queue an action on samples; if too many wait, drop an action that only writes samples of the run `droppable_of`."""
         with self._changed:
             if droppable_of is not None and len(self._blocks) >= MOST_BLOCKS:
                 self._samples.lose(droppable_of)
