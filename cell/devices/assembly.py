@@ -91,9 +91,9 @@ class Cell:
     skin: Skin
     switch: SuccessSwitch
     restock: Callable[[Job, int], None]
-    """Function that sets up the workpiece and pegs of the run with this seed; on hardware the line does it."""
+    """Function of a job and a run's seed that sets up workpiece and pegs; on hardware the line sets them up."""
     exchange: Callable[[], None] = _nothing
-    """Function that removes the workpiece with the seated peg; on hardware the line does it."""
+    """Function that removes the workpiece with the seated peg; on hardware the line removes it."""
     refill: Callable[[], None] = _nothing
     """Function that fills the rack; on hardware it does nothing, because a person fills the rack before reporting it."""
     empty: Callable[[], None] = _nothing
@@ -109,7 +109,7 @@ class Cell:
     sight: Callable[[], Sight] | None = None
     """Function that returns the true poses of peg and hole, for pictures of a run; None on hardware."""
     arm_calibration: ArmCalibration | None = None
-    """Calibration with which the arm's learning starts; None if the config names none."""
+    """Calibration with which the arm's control law starts; None if the config names none."""
     commissioning: str = ""
     """Reason in words why only a person at the cell may start motions; empty if the PLC may."""
     boards: tuple[Device, ...] = ()
@@ -351,7 +351,7 @@ def _serial_skin(config: SerialSkinConfig, line: ByteLink, clock: Clock) -> Skin
 def _world_skin(
     config: CellConfig, source: "SkinSource", rng: np.random.Generator, drawn: "Drawn | None" = None
 ) -> SkinLine:
-    """Return the skin of a simulated world: a simulated one, or a driver with an emulated board behind its wire."""
+    """Return the skin of a simulated world: a simulated skin, or the driver of an emulated or a real board."""
     skin, model, seed = config.skin, config.boards.skin, config.first_seed
     if isinstance(skin, CanSkinConfig) and skin.channel == EMULATED:
         from sim.boards.board_clock import BoardClock
@@ -427,7 +427,7 @@ def bench_skin(config: CellConfig, rod_half: float) -> "tuple[Skin, Clock, Calib
 def _switch(
     config: CellConfig, source: "SwitchSource", clock: Clock
 ) -> tuple[SuccessSwitch, Clock, tuple[Device, ...], Pluggable | None]:
-    """Return the switch, the clock that an emulated switch board runs on, that board if any, and the device with the cable."""
+    """Return the switch, the cell's clock, the emulated boards, and the device with the cable; an emulated board runs on that clock."""
     wired = config.switch
     if isinstance(wired, NoSwitchConfig):
         return AbsentSwitch(), clock, (), None

@@ -47,7 +47,7 @@ def verdict(reading: object, layout: Layout) -> str:
 
 
 def loop_verdict(figures: LoopFigures) -> str:
-    """Return "ok", or the missed times of the arm's torque loop."""
+    """Return "ok", or the missed states and the share of torques in time of the arm's torque loop."""
     # Largest permitted share of missed arm states, fraction; after twenty in a row the arm stops.
     if figures.missed <= 0.01 * figures.cycles and figures.success_rate >= LEAST_IN_TIME:
         return OK
@@ -64,9 +64,9 @@ def hand_verdicts(figures: LoopFigures, hand: Hand, force: float, most: float) -
         figures: Figures of the arm's loop.
         hand: The hand of the arm's file.
         force: Force that the arm reports in free air, N.
-        most: Largest permitted such force, N.
+        most: Largest permitted force in free air, N.
     """
-    # Largest difference between the masses in Desk and in the arm's file, kg; 1 N; chosen, not measured.
+    # Largest permitted difference between the masses in Desk and in the arm's file, kg, a weight of 1 N; chosen, not measured.
     most_weight_off = 0.1
     weight = hand.body.mass + 2.0 * hand.finger.mass
     off = figures.end_effector + figures.load - weight
