@@ -40,7 +40,7 @@ def parse(text: str | bytes) -> Ask:
         BadAskError: The text is not a valid request.
     """
     try:
-        data = from_json(text, allow_inf_nan=False)  # limits the depth, and refuses incomplete characters
+        data = from_json(text, allow_inf_nan=False)  # this parser limits the depth and refuses incomplete characters
     except ValueError:
         raise BadAskError("not JSON") from None
     if not isinstance(data, dict):

@@ -32,7 +32,7 @@ LOGGERS = (
 )
 """Names of the loggers for requests of other computers."""
 IDLE = 60.0
-"""A connection is closed after this time without a request, or if nothing that was sent is acknowledged for this time, s."""
+"""Time after which the server closes a connection, s: without a request, or without an acknowledgement of sent data."""
 
 
 OPEN_LINE = "a token is taken only over https or from the cell's own computer"
@@ -45,7 +45,7 @@ class Guarded(RequestHandler):
     """True if the request has passed the guard."""
 
     def set_default_headers(self) -> None:
-        """Send no header that names the server."""
+        """Set the guard's headers, and remove the one that names the server."""
         self.clear_header("Server")
         for name, value in headers(self.request.host if self.is_answered else "").items():
             self.set_header(name, value)
@@ -152,7 +152,7 @@ class HttpServer:
                 f"{self._what} {host}:{port}: cannot listen: {why}; another port allowed"
             ) from None
         self._socket.setblocking(False)
-        # Each connection inherits this. The kernel acknowledges, so that a busy browser does not lose its connection.
+        # Each connection inherits this. The browser's kernel acknowledges data, so that a busy browser stays connected.
         self._socket.setsockopt(sockets.IPPROTO_TCP, sockets.TCP_USER_TIMEOUT, round(1e3 * IDLE))
         for name in LOGGERS:
             logging.getLogger(name).addFilter(self._sparse)
@@ -193,7 +193,7 @@ class HttpServer:
         await is_over.wait()
 
     async def _serve(self, ready: Future[Callable[[], object]]) -> None:
-        """Serve until the function that `ready` receives is called, from any thread."""
+        """Serve until a thread calls the function that `ready` receives."""
         is_over = asyncio.Event()
         assert self._socket is not None
         server = HTTPServer(self.routes, max_body_size=MOST, idle_connection_timeout=IDLE, ssl_options=self._context)

@@ -16,7 +16,7 @@ _HOST = re.compile(r"(?:\[(?P<six>[0-9a-fA-F:.]+)\]|(?P<name>[\w.-]+))(?::\d{1,5
 
 
 def refusal(host: str, origin: str | None, names: Collection[str] = ()) -> str:
-    """Return the reason to refuse a request; empty if it names this cell and comes from the cell's own page, or from none.
+    """Return the reason to refuse a request; empty if it names this cell and comes from the cell's own page, or from no page.
 
     If the name is not the cell's own, another site may have pointed its DNS name here to read this page.
 
@@ -57,7 +57,7 @@ def is_private(protocol: str, peer: str) -> bool:
 
 
 def headers(host: str) -> dict[str, str]:
-    """Return the headers of an answer to a request with this Host; if `host` is empty, those of a refusal, without a name."""
+    """Return the headers of an answer to a request with this Host; for an empty `host`, those of a refusal, which name no host."""
     own = f"ws://{host} wss://{host}" if host else ""
     return {
         "Content-Security-Policy": POLICY.format(own=own),

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from cell.page.socket import PageSocket
 
 SPECTATOR = "page"
-"""Name of the page's own link; it sends no command, so that it reads the run of any other link."""
+"""Name of the server's own link; it sends no command, so that its report shows the run of any other link."""
 PERIOD = 0.1
 """Polling period, s; a change reaches a page within about this time."""
 PLACES = 32
@@ -74,7 +74,7 @@ class PageHub:
         self._ticks += 1
         looks = self._live.take()
         added = self.traces.add(looks)
-        # Without its life counter, so that equal contents compare equal.
+        # Without the life counter, reports with equal content compare equal.
         report = replace(self._bridge.report_for(SPECTATOR), life=0, life_tail=0)
         unplugged = self._live.unplugged
         if report != self._report or unplugged != self._unplugged:
@@ -94,7 +94,7 @@ class PageHub:
             page.look()
 
     def greet(self, page: "PageSocket") -> None:
-        """Send the whole view to a page that has just opened."""
+        """Send the whole view to a page, and admit it."""
         page.tell(_text("hello", self._hello()))
         for text in (self._state, self._summary):
             if text:
@@ -103,7 +103,7 @@ class PageHub:
         self.pages.append(page)
 
     def full(self, page: "PageSocket") -> str:
-        """Return the reason why a page without the token finds no place; empty if there is one."""
+        """Return an empty text if there is a place for a page without the token; else put it in the lobby and return the reason."""
         alike = sum(not each.is_unlocked and each.peer == page.peer for each in self.pages)
         if len(self.pages) < PLACES and alike < PLACES_OF_ONE:
             return ""

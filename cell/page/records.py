@@ -29,7 +29,7 @@ LAST = 12
 PRODUCT = PROGRAMS[FIRST_PROGRAM]
 """Program whose runs count for the yield."""
 SHIFT = timedelta(hours=8)
-"""Period up to now for the yield; runs that started in it count."""
+"""Period before the present time; the yield counts the runs that started in this period."""
 ALARMS = 200
 """Largest number of alarms in one answer."""
 OUTCOMES = tuple(str(each) for each in Outcome)
@@ -49,7 +49,7 @@ class Records:
         self._folder = folder
         self._reading, self._making = asyncio.Lock(), asyncio.Lock()
         self._films: dict[int, asyncio.Task[None]] = {}
-        """Films in work or waiting, by run."""
+        """Tasks of films that are being drawn or wait, by run."""
 
     def summary(self) -> dict[str, object]:
         """Return the last runs, the last alarm, and the yield of the shift; empty lists if the journal cannot be read."""
@@ -84,7 +84,7 @@ class Records:
             }
 
     def alarms(self, since: str) -> list[dict[str, object]]:
-        """Return the newest alarms since a span or a date, as the command line takes it; empty for all.
+        """Return the newest alarms since a span or a date, in the format of the command line; an empty text means all.
 
         Raises:
             ConfigError: `since` is neither a span nor a date.
@@ -95,7 +95,10 @@ class Records:
         return [{**asdict(alarm), "meaning": telling.meaning(alarm.code, "")} for alarm in found]
 
     async def report(self, since: str) -> Path | None:
-        """Make the report of the runs since a span or a date, empty for all, in another process; None if that fails."""
+        """Make the report of the runs since a span or a date in another process, and return its path; None if that fails.
+
+        An empty `since` means all runs.
+        """
         period = ["--since", since] if since else []
         async with self._making:
             return self.path_of_report if await self._make(["report", *period], self.path_of_report) else None
@@ -159,7 +162,7 @@ class Records:
 
     async def _make(self, command: Sequence[str], path: Path) -> bool:
         """Make a file by a command with --out; if the process is stopped, remove the partial file."""
-        part = path.with_stem(f"{path.stem}-part-{os.getpid()}")  # a server before this one may still write its own
+        part = path.with_stem(f"{path.stem}-part-{os.getpid()}")  # an earlier server may still write its own part
         try:
             if is_made := await _run([*command, "--json", "--journal", str(self._folder), "--out", str(part)]):
                 part.replace(path)

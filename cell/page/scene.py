@@ -45,7 +45,7 @@ def scene(facts: SceneFacts) -> dict[str, object]:
 
 
 def replay(path: Path) -> bytes:
-    """Return the samples of a run, thinned out as a live trace, after the scene and the names of the curves.
+    """Return the scene, the names of the curves, and then the samples of a run, thinned out like a live trace.
 
     The first four bytes are the length of a head in JSON, a multiple of 4; then follow the samples as 32-bit floats. All
     numbers are little-endian.
@@ -69,7 +69,7 @@ def replay(path: Path) -> bytes:
 
 
 def _curves(samples: dict[str, Vector], times: Vector, facts: SceneFacts) -> Vector:
-    """Return the values of `CURVES`, shape (n, curves); as live, the depth is NaN in stages that work away from the hole."""
+    """Return the values of `CURVES`, shape (n, curves); as in a live trace, the depth is NaN in stages that work away from the hole."""
     force = np.sqrt(sum(samples[f"force_{axis}"] ** 2 for axis in "xyz"))
     counted = [CATALOGUE.stage_number(stage) for stage in CATALOGUE.counted]
     depth = np.where(np.isin(samples["stage"], counted), facts.job.hole.centre[2] - samples["tip_z"], np.nan)
@@ -79,7 +79,7 @@ def _curves(samples: dict[str, Vector], times: Vector, facts: SceneFacts) -> Vec
 
 
 def _hole(samples: dict[str, Vector]) -> list[float] | None:
-    """Return the place of the hole's mouth, x and y, m: the true one if simulated, else the tip's when the switch first closed."""
+    """Return x and y of the hole's mouth, m: the true place if simulated, else the tip's when the switch first closed; None without both."""
     closed = np.flatnonzero(samples["switch"] == 1.0)
     for name, scans in (("true_hole", np.flatnonzero(np.isfinite(samples["true_hole_x"]))), ("tip", closed)):
         if scans.size:

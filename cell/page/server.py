@@ -108,7 +108,7 @@ class PageServer(HttpServer):
             token=self.token,
             build=build,
             compress_response=True,
-            # Three pings within the timeout of a link; an answer is a sign of life for the page's run, and a late one closes no page.
+            # Three pings within the timeout of a link; an answer is a sign of life for the page's run, and a late answer closes no page.
             websocket_ping_interval=self._loaded.cell.plc.life_timeout / 3,
             websocket_ping_timeout=0,
             websocket_max_message_size=MOST,
@@ -167,25 +167,25 @@ class FileHandler(RecordsHandler, StaticFileHandler):
         return KINDS[Path(self.path).suffix]
 
     def compute_etag(self) -> str | None:
-        """Return no version of the file: it can change."""
+        """Return None instead of a version, because the file can change."""
         return None
 
 
 class Static(FileHandler):
-    """Handler of the page's own files, which a browser keeps while the server confirms that they are of this version."""
+    """Handler of the page's own files; a browser keeps them, and the server confirms their version at each use."""
 
     def compute_etag(self) -> str | None:
-        """Return the version of the page; a page that a browser keeps would lose its socket meanwhile."""
+        """Return the version of the page's files; None for a page, because a page that a browser keeps loses its socket."""
         return None if self.path.endswith(".html") else f'"{self.settings["build"]}"'
 
     def set_extra_headers(self, path: str) -> None:
-        """Let a browser keep the file."""
+        """Let a browser keep any file except a page, and check its version at each use."""
         if not path.endswith(".html"):
             self.set_header("Cache-Control", "no-cache")
 
 
 class Page(Static):
-    """Handler of the pages, whose names are not in their routes."""
+    """Handler of the pages; a page's route does not contain the name of its file."""
 
     async def get(self, path: str = "", include_body: bool = True) -> None:
         """Send the page of a run, or of the cell."""
@@ -246,7 +246,7 @@ class RunReplay(RecordsHandler):
 
 
 class RunFilm(FileHandler):
-    """Handler of the film of a run: reading an existing one is free, drawing one needs the token."""
+    """Handler of the film of a run: drawing the film needs the token, reading it does not."""
 
     async def get(self, path: str, include_body: bool = True) -> None:
         """Send the film of the run with this number."""
@@ -256,7 +256,7 @@ class RunFilm(FileHandler):
         await super().get(film.name, include_body)
 
     async def post(self, number: str) -> None:
-        """Draw the film if it is missing; it takes minutes, so the answer does not wait for it."""
+        """Start to draw the film if it is missing; the answer does not wait, because drawing takes minutes."""
         self.require_token()
         with _found(int(number)):
             path = self.records.film(int(number))
@@ -265,7 +265,7 @@ class RunFilm(FileHandler):
 
 
 class ReportDocument(FileHandler):
-    """Handler of the report of a period: reading the last one is free, making one needs the token."""
+    """Handler of the report of a period: making a report needs the token, reading the last one does not."""
 
     async def get(self, path: str = "", include_body: bool = True) -> None:
         """Send the report; its style is inside it."""

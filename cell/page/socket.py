@@ -24,23 +24,23 @@ from plc_bridge.protocol.messages import FIRST_PROGRAM, Result
 logger = logging.getLogger(__name__)
 
 PATIENCE = 3.0
-"""Time for a page without a place to send the token, s."""
+"""Time within which a page that found no place must send the token, s."""
 TRIES = 5
 """Number of wrong tokens after which a page is closed."""
 _NUMBERS = count(1)
 """Numbers of the pages that have sent the token."""
 BEHIND = 256 * 1024
-"""Largest number of unsent bytes for a page, bytes; above it the page is closed and can reconnect."""
+"""Largest number of unsent bytes of a page; above this number the server closes the page, which can reconnect."""
 
 
 class PageSocket(WebSocketHandler):
-    """Sends the view to one page, and forwards its requests after it has sent the token."""
+    """Sends the view to one page, and forwards the page's requests after the page has sent the token."""
 
     def initialize(self, hub: PageHub, bridge: Bridge, token: str) -> None:
         """Keep the parts shared by all pages."""
         self._hub, self._bridge, self._token = hub, bridge, token
         self._source = ""
-        """Name of its link; empty until the page has sent the token."""
+        """Name of the page's link; empty until the page has sent the token."""
         self._tries = 0
         self._waiting = 0
         """Number of bytes queued and not yet sent."""
@@ -96,7 +96,7 @@ class PageSocket(WebSocketHandler):
             self._bridge.heard(self._source)
 
     def on_close(self) -> None:
-        """End the link; its run stops as after a timeout of a PLC."""
+        """End the link; a run that it started stops, as after a timeout of the PLC."""
         self._hub.leave(self)
         if self._source:
             self._bridge.closed(self._source)
@@ -105,7 +105,7 @@ class PageSocket(WebSocketHandler):
     # Calls of the hub.
 
     def tell(self, text: bytes) -> None:
-        """Send a text that later ones do not replace; close the page if too many bytes are unsent."""
+        """Send a text that must not be skipped; if too many bytes are unsent, close the page instead."""
         if self._waiting > BEHIND:
             self.close(1013, "too slow")
             return
@@ -124,7 +124,7 @@ class PageSocket(WebSocketHandler):
         sent.add_done_callback(done)
 
     def show(self, text: bytes) -> None:
-        """Send a text, but skip it while an earlier one is unsent; the page then gets the whole history later."""
+        """Send a text, or skip it while an earlier one is unsent; after a skip, send the whole history instead."""
         stream = self.ws_connection.stream if self.ws_connection else None
         if stream is not None and stream.writing():  # the kernel's buffer is full
             self._has_missed = True

@@ -150,7 +150,7 @@ def _fault(code: int, message: str) -> dict[str, object] | None:
 
 
 def own(image: Report) -> dict[str, object]:
-    """Return the part of a report for one page: its lease, and the result of its last command."""
+    """Return the part of a report for one page: its lease, the answer to its last command, and the buttons for a refusal."""
     refusal = Refusal(image.refusal)
     return {
         "lease": LeaseState(image.lease).name.lower(),
