@@ -60,7 +60,7 @@ class Loss:
     minutes: float
     """Time from the starts of these runs to the starts of the next ones, at most `queries.LONGEST_STOP` each, min."""
     cumulative: float
-    """Share of this kind and all kinds that cost more time in the lost time."""
+    """Share of the lost time that this kind and all more expensive kinds cost together, 0 to 1."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,7 +109,7 @@ class Trend:
     means: Mapping[str, float]
     """Mean of successful runs, s, by the start of the shift."""
     limits: tuple[float, float] | None
-    """Limits of a mean whose shift is like the others, s; None if there are too few shifts."""
+    """Limits within which a shift's mean differs from the others only by chance, s; None if there are too few shifts."""
 
     def is_beyond(self, shift: str) -> bool:
         """Return True if the mean of a shift is outside the limits."""
@@ -145,7 +145,7 @@ class Facts:
 
 
 def facts_of(journal: Journal, query: RunQuery, starts: Sequence[str] = queries.SHIFTS) -> Facts:
-    """Return the facts of the ended runs that a query selects; `starts` are those of the shifts, `HH:MM`, local time."""
+    """Return the facts of the ended runs that a query selects; `starts` are the times at which shifts start, `HH:MM`, local time."""
     ends = min(query.until or wall_clock.now_text(), wall_clock.now_text())
     for statement, values in queries.prepared(query, starts, ends):
         journal.ask(statement, values)
@@ -175,7 +175,7 @@ def facts_of(journal: Journal, query: RunQuery, starts: Sequence[str] = queries.
 
 
 def drift_of(time: Vector, value: Vector) -> Drift | None:
-    """Return the trend of residuals at times in days; None if there are too few runs, or all have the same time."""
+    """Return the trend of the residuals `value` over `time`, days; None if there are too few runs, or all have the same time."""
     if len(time) < LEAST_DRIFT:
         return None
     spent = time - time.mean()

@@ -1,6 +1,6 @@
-"""Questions of a report to the index of a journal, in SQL.
+"""SQL statements of a report on the index of a journal.
 
-The first statements make temporary tables, from which the others count. `cell report --sql` prints all of them.
+The first statements make temporary tables, and the others query these tables. `cell report --sql` prints all statements.
 """
 
 from collections.abc import Sequence
@@ -11,7 +11,7 @@ from skills.catalogue import CATALOGUE, GRASP
 SHIFTS = ("06:00", "14:00", "22:00")
 """Default starts of the shifts, local time."""
 LONGEST_STOP = 3600.0
-"""Longest time between two starts that counts as lost to the first run, s; a longer one is a break of the line."""
+"""Largest time until the next start that counts as lost by a run, s; of a longer break of the line, only this much counts."""
 CYCLE = "cycle"
 """Name of the cycle time among the trends."""
 
@@ -33,7 +33,7 @@ SELECT run, day, shift, is_good, {times},
     sum(counted) FILTER (WHERE name IN ({marks})) AS insertion, max(residual) FILTER (WHERE name = '{grasp}') AS residual
 FROM asked JOIN stages USING (run) GROUP BY run
 """
-"""All tries of each stage in a run together."""
+"""One row per run, over all tries of each stage: sums of times, and the largest residual of the grasp."""
 TREND = f"""
 CREATE TEMP TABLE trend AS
 WITH means AS MATERIALIZED (SELECT shift, {{means}} FROM tried WHERE is_good GROUP BY shift)
@@ -109,7 +109,7 @@ def prepared(query: RunQuery, shifts: Sequence[str], ends: str) -> list[tuple[st
 
 
 def by_shift(shifts: Sequence[str]) -> str:
-    """Return the question for the shifts: start, successes, runs, minutes lost, availability."""
+    """Return the query for the shifts: start, successes, runs, minutes lost, availability."""
     minutes = [60 * int(start[:2]) + int(start[3:]) for start in shifts]
     lengths = [(after - begun) % 1440 or 1440 for begun, after in zip(minutes, [*minutes[1:], minutes[0]], strict=True)]
     whens = " ".join(f"WHEN '{start}' THEN '{length} minutes'" for start, length in zip(shifts, lengths, strict=True))
