@@ -28,7 +28,7 @@ def colour(code: str) -> Colour:
 
 
 def blank(width: int, height: int, paper: Colour = PAPER) -> Image:
-    """Return an empty panel. It is the copy of a cached one, because NumPy takes ten times as long to fill a new one."""
+    """Return an empty panel, as a copy of a cached panel: NumPy takes ten times as long to fill a new one."""
     return _blank(width, height, paper).copy()
 
 

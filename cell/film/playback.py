@@ -23,7 +23,7 @@ class RunPlayback:
         self._asked = 0.0
 
     def scan_at(self, elapsed: float) -> int:
-        """Return the number of the scan to show at `elapsed`, s, after the start; after the end, the last one."""
+        """Return the number of the scan to show at `elapsed`, s, after the start; after the end of the run, its last scan."""
         is_growing = self.run.row.outcome == RUNNING
         # Period of reading new samples of the present run, s; the journal writes them once a second.
         if is_growing and elapsed > float(self.run.times[-1]) and elapsed - self._asked > 0.5:

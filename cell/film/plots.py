@@ -106,7 +106,7 @@ def _draw_plan(axes: Axes, samples: dict[str, Vector], stage: Vector) -> None:
     for skill in (SEARCH, INSERT, ADJUST):
         here = stage == skill.stage
         if here.any():
-            # With the approach in view, heights on the surface would be too small to read.
+            # The plan omits the approach, because movements on the surface would be too small to read beside it.
             # Largest height above the tip's median height at which the plan shows the tip, m.
             here &= samples["tip_z"] < np.median(samples["tip_z"][here]) + 0.005
             axes.plot(x[here], y[here], lw=0.8, color=_colour(skill.stage), label=skill.name)
@@ -134,6 +134,6 @@ def _colour(stage: int) -> str:
 
 
 def _hole_event(stage: Vector) -> int | None:
-    """Return the last scan of a search that was followed by a stage other than recovery."""
+    """Return the number of the last scan of the last search that an insertion followed; None if there is none."""
     found = np.flatnonzero((stage[:-1] == SEARCH.stage) & (stage[1:] == INSERT.stage))
     return int(found[-1]) if found.size else None
