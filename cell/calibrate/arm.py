@@ -35,7 +35,7 @@ REACH = 0.2
 RUN_UP = 0.2
 """Time of acceleration and of deceleration of a pass, s."""
 SETTLED = 0.5
-"""Time after the run-up before torques count, s; then overshoot in speed and rotor torque have decayed."""
+"""Time from the end of the run-up to the first evaluated torque, s; in it, overshoot of speed and rotor torque decay."""
 INSIDE = 0.02
 """Margin to the edge of the workspace, m, and to the joints' limits, rad."""
 AWAKE = 0.5
@@ -149,7 +149,7 @@ class JointMotion:
             ends[0][joint] -= half
             ends[1][joint] += half
             self._even_part(self._start, ends[0], speed)
-            # Two passes in each direction: the fit takes their scatter for the interval.
+            # Two passes in each direction: the fit computes the interval from their scatter.
             passes += [self._pass(ends[k % 2], ends[1 - k % 2], joint, speed) for k in range(4)]
             self._even_part(ends[0], self._start, speed)
         return passes
@@ -187,7 +187,7 @@ class JointMotion:
         return Pass(sense * speed, rate, float(np.mean([_unexplained(seen)[joint] for seen in scans])), drift)
 
     def _even_part(self, at: Vector, to: Vector, speed: float) -> list[Observation]:
-        """Move the joints straight between two positions, and return the scans of the constant-speed part."""
+        """Move the joints on a straight line in joint space, and return the scans of the constant-speed part."""
         way = to - at
         duration = float(np.abs(way).max()) / speed + RUN_UP
 
@@ -225,8 +225,8 @@ class JointMotion:
                     stiffness=stiffness,
                     damping_ratio=damping,
                     valid_until=seen.stamp + VALIDITY,
-                    # The null space is damped against the base, so that its goal must lead.
-                    # Lead of the commanded posture before the path, s; it compensates the lag of the null space.
+                    # The law damps the velocity in the null space, not its deviation from the path, so that the posture
+                    # lags. The commanded posture leads the path by NULL_DAMPING / NULL_STIFFNESS, s, to compensate this.
                     posture=q + (impedance.NULL_DAMPING / impedance.NULL_STIFFNESS) * dq,
                     is_free=True,
                     twist=Twist(twist[:3], twist[3:]),

@@ -48,7 +48,7 @@ class Finding:
 
 
 Look = Callable[["Memory", CellSighting], str | None]
-"""Function that returns the measurement when the requested action has happened, else None."""
+"""Function that returns the measurement when the requested action has happened, else None; it raises `StepFailedError`."""
 
 
 @dataclass(slots=True)
@@ -57,7 +57,7 @@ class Memory:
 
     began: CellSighting
     at: dict[str, float] = field(default_factory=dict)
-    """Time of the first observation of each thing, s."""
+    """Monotonic time of the first observation of each event, s, by name of the event."""
     run: Command | None = None
 
     def first(self, what: str, now: CellSighting) -> None:

@@ -11,7 +11,7 @@ from drivers.arm.learning import DRY_RATE, SMOOTH_RATE
 from drivers.quantities import Vector
 
 ROTOR = 0.3
-"""Assumed rotor inertia that the arm's model lacks, and also its uncertainty, kg·m²; published values are 0 to 0.61, see `config/arms/fr3.toml`."""
+"""Assumed inertia of a rotor, which the arm's model lacks, and its equally large uncertainty, kg·m²; published values are 0 to 0.61, see `config/arms/fr3.toml`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,8 +42,8 @@ class JointFit:
 def fit(passes: Sequence[Pass], speeds: Sequence[float]) -> JointFit:
     """Return the figures of one joint from its passes.
 
-    For any friction law, the friction at a speed is half the difference of the mean torques in the two directions. Half
-    their sum, averaged over the speeds, is the offset. The estimated rotor torque of the acceleration in a pass is
+    For any friction law, the friction at a speed is half the difference of the mean torques in the two directions. The
+    offset is half the sum of these torques, averaged over the speeds. The estimated rotor torque of the acceleration in a pass is
     subtracted, and the same amount is added to the interval. Dry and smooth friction are fitted to the passes, both >= 0.
 
     Args:

@@ -1,6 +1,6 @@
 """Places of plate and rack, measured by touching with pegs from the rack.
 
-The results are height and tilt of the plate, place of the slots, and length of the pegs, all from this arm's own joints.
+The results are height and tilt of the plate, place of the slots, and length of the pegs, all from the joints of this arm.
 One touch gives the plate's height for a peg of the stated length. With several pegs, the mean is attributed to the plate
 and the differences to the pegs.
 """
@@ -206,8 +206,8 @@ def mouth(hand: Pose, theta: float, offset: float, config: CellConfig) -> Vector
 
 
 def places_of(touched: Sequence[PegTouches], config: CellConfig, today: date) -> MeasuredPlaces:
-    """Return the results of all pegs; each gives the plane of its plate."""
-    repeated = 1e-4  # Repeatability of the arm, m, standard deviation: its maker's 0.1 mm.
+    """Return the results of all pegs; a plane is fitted to the touched points of each peg."""
+    repeated = 1e-4  # Repeatability of the arm, m, as a standard deviation; its maker states 0.1 mm.
     middle = np.array(config.hole.centre)
     planes = [plane_through(each.points - middle) for each in touched]
     heights = middle[2] + np.array([values[2] for values, _ in planes])
@@ -252,7 +252,7 @@ def implausible(found: MeasuredPlaces, config: CellConfig) -> str | None:
         (
             "plate: uneven by",
             found.uneven,
-            # Largest distance of a touched point from the fitted plane, m.
+            # Largest plausible rms distance of the touched points from the fitted plane, m.
             1e-3,
             "m",
             "check what lies on it, and whether the peg slips in the hand",

@@ -68,7 +68,7 @@ def prove_wrench(cell: Cell, ask: Callable[[str], None]) -> str:
 
 
 def prove_switch(cell: Cell, ask: Callable[[str], None]) -> str:
-    """Read the switch until it was open, closed and open again, as a person presses its lever; return the measurement in words.
+    """Read the switch while a person presses its lever, until it has reported open, closed and open; return the measurement in words.
 
     Raises:
         NotCalibratedError: The switch did not report the states in this order in time.

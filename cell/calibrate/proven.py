@@ -47,13 +47,13 @@ class Fact(ConfigModel):
 
 
 class Proven(ConfigModel):
-    """The facts that are proven of a cell, by name."""
+    """Proven facts of a cell, by name."""
 
     facts: Mapping[str, Fact] = {}
 
 
 def missing(config: CellConfig, proven: Proven) -> list[str]:
-    """Return the facts that are not proven of this config; empty for a simulated cell, which is never in commissioning."""
+    """Return the names of the facts that are not proven for this config; empty for a simulated cell, which is never in commissioning."""
     if config.is_simulated:
         return []
     return [name for name in FACTS if name not in proven.facts or proven.facts[name].of != _digest(config, name)]
@@ -66,11 +66,11 @@ def commissioning(config: CellConfig, proven: Proven) -> str:
 
 
 def in_force(loaded: LoadedConfig, path: Path) -> tuple[LoadedConfig, str]:
-    """Return the config as it may run now, and why the cell is in commissioning; empty if it is not.
+    """Return the config that may run now, and the reason why the cell is in commissioning; the reason is empty if it is not.
 
     Args:
         loaded: The cell and its recipes.
-        path: File of what is proven.
+        path: File of the proven facts.
     """
     why = "" if loaded.cell.is_simulated else commissioning(loaded.cell, read(path))
     if not why:

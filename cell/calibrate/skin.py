@@ -36,7 +36,7 @@ def calibrate_skin(
         config: Config of the cell.
         today: Date of the calibration.
         turned: Function called with the number of angles done and of all.
-        ask: Function that shows a request to a person and returns after it is done.
+        ask: Function that shows a request to a person, and returns when the person has done it.
 
     Raises:
         ConfigError: The readings do not match a rod.
