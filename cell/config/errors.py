@@ -18,7 +18,7 @@ _KEY = re.compile(r"[a-z_]+(?:\.[a-z_]+)+")
 def explain(error: ValidationError, given: Layers) -> str:
     """Return one line about the first fault of a config: file, key, the value found, and the permitted values.
 
-    If two keys conflict, it names the one from the later layer.
+    If two keys conflict, the line names the key from the later layer.
     """
     errors = error.errors(include_url=False)
     # A misspelt key is also reported as missing under its right name.
@@ -186,7 +186,7 @@ def schema_at(loc: tuple[int | str, ...], tree: Any) -> tuple[Place, Mapping[str
 
 
 def _item(schema: Mapping[str, Any], number: int) -> Mapping[str, Any]:
-    """Return the schema of an item of a list, or of the list if all of its items have the same."""
+    """Return the schema of an item of a list; if all items have the same schema, that of the list."""
     for branch in schema.get("anyOf", [schema]):
         items = branch.get("prefixItems", ())
         if number < len(items):
@@ -195,7 +195,7 @@ def _item(schema: Mapping[str, Any], number: int) -> Mapping[str, Any]:
 
 
 def follow(schema: Mapping[str, Any]) -> Mapping[str, Any]:
-    """Return a schema with its reference resolved; what stands beside the reference has priority."""
+    """Return a schema with its reference resolved; keywords beside the reference have priority."""
     if "$ref" in schema:
         return {**_schema()["$defs"][schema["$ref"].rsplit("/", 1)[1]], **schema}
     return schema

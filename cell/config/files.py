@@ -20,7 +20,13 @@ NOT_INHERITED = (("limits", "force"), ("limits", "low"), ("limits", "high"), ("h
 
 
 def layers(path: Path) -> list[tuple[str, dict[str, Any]]]:
-    """Return the layers of a cell, name and table: the file of its `base`, beside it or shipped, then its own file."""
+    """Return the layers of a cell, each with name and table: the file of its `base` if it names one, then its own file.
+
+    The base is a file beside the cell's file, else a shipped file.
+
+    Raises:
+        ConfigError: The base does not exist, or has a base of its own.
+    """
     tree = read_toml(path)
     name = tree.pop("base", None)
     if name is None:
@@ -49,7 +55,7 @@ def recipe_files(path: Path) -> dict[int, Path]:
     """Return the file of each recipe beside a cell's file, by number.
 
     Raises:
-        ConfigError: The name of a file is not a number that a PLC can request, or is that of another file, too.
+        ConfigError: The name of a file is not a number that a PLC can request, or two files have the same number.
     """
     files: dict[int, Path] = {}
     for file in sorted((path.parent / "recipes").glob("*.toml")):
@@ -76,7 +82,7 @@ def has_file(path: Path) -> bool:
 
 
 def presets(path: Path | None = None, kind: str = "preset") -> dict[str, Path]:
-    """Return the files of presets or worlds available to a cell's file, by name: those beside it, then the shipped ones."""
+    """Return the files of presets or worlds available to a cell's file, by name; a file beside it replaces the shipped one."""
     folders = [SHIPPED / f"{kind}s", (path or DEFAULT).parent / f"{kind}s"]
     return {file.stem: file for place in folders for file in sorted(place.glob("*.toml"))}
 

@@ -10,7 +10,7 @@ from drivers.errors import ConfigError
 from drivers.part.shapes import follow_shape
 
 Place = tuple[str, ...]
-"""Path of a key: the names of its sections, and its own."""
+"""Path of a key: the names of its sections, and its own name."""
 Origins = Mapping[Place, str]
 """Origin of each value, a file, `--set` or `parameter`, by the path of its key."""
 SET, SIMULATE = "--set", "--simulate"
@@ -28,13 +28,15 @@ class Layers:
     origins: dict[Place, str] = field(default_factory=dict)
     """Origin of each value."""
     order: list[str] = field(default_factory=list)
-    """Names of the layers, each laid over those before it."""
+    """Names of the layers; each layer replaces values of the earlier ones."""
 
     def lay(self, above: Mapping[str, Any], name: str) -> None:
-        """Lay a layer over those below. If it changes the peg's shape but no size, rename the size below to the new shape's key.
+        """Lay a layer over the earlier ones.
+
+        If the layer changes the peg's shape but states no size, rename the earlier size to the new shape's key.
 
         Raises:
-            ConfigError: The new shape cannot have the size below.
+            ConfigError: The new shape cannot have the earlier size.
         """
         self.order.append(name)
         _lay_over(self.tree, above, name, self.origins)
@@ -46,7 +48,7 @@ class Layers:
             self.origins[section, new] = self.origins.pop((section, old), name)
 
     def origin(self, place: Place) -> str:
-        """Return the origin of a key; if it has none, that of its innermost section with one; otherwise the cell's file."""
+        """Return the origin of a key, else of the innermost of its sections that has an origin, else the cell's file."""
         above = (place[:n] for n in range(len(place), 0, -1))
         return next((self.origins[each] for each in above if each in self.origins), self.file)
 

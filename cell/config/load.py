@@ -41,7 +41,7 @@ def load(
 
     Args:
         path: TOML file of the cell; None for the shipped simulated cell.
-        preset: Name of the preset that replaces the file's own.
+        preset: Name of a preset that replaces the preset of the file; None to keep that.
         sets: Single keys, `KEY=VALUE`; the value is TOML. A text can be written without quotes.
         simulate: Names of the devices that are simulated, whatever their kind in the file.
 

@@ -23,7 +23,7 @@ def as_toml(settings: Iterable[Setting]) -> str:
 
 
 def commented(text: str) -> str:
-    """Return a config file with the first clause of each key's meaning as a comment; lines that are only comment stay."""
+    """Return a config file with the first clause of each key's meaning as a comment; lines with only a comment stay unchanged."""
     return "".join(f"{line}\n" for line in _commented(text))
 
 

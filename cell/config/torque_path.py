@@ -31,13 +31,13 @@ MOST = 20.0
 
 @lru_cache(maxsize=64)
 def is_steady(gains: Gains | None, place: Place) -> bool:
-    """Return True if the loop is stable with `MARGIN` times its torques, peg tilted and upright; if `gains` is None, a holding arm's loop."""
+    """Return True if the loop is stable with `MARGIN` times its torques, peg tilted and upright; `gains` None means a holding arm's loop."""
     return _holds(_cycles(gains, place), MARGIN)
 
 
 @lru_cache(maxsize=64)
 def largest(gains: Gains | None, place: Place) -> float:
-    """Return the factor on all torques at which the loop becomes unstable, at most `MOST`; if `gains` is None, a holding arm's loop."""
+    """Return the factor on all torques at which the loop becomes unstable, at most `MOST`; `gains` None means a holding arm's loop."""
     cycles = _cycles(gains, place)
     return first_unstable(lambda factor: _holds(cycles, factor), MOST)
 
