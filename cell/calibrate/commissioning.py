@@ -48,7 +48,7 @@ class Finding:
 
 
 Look = Callable[["Memory", CellSighting], str | None]
-"""Function that returns the measurement when the requested action has happened, else None; it raises `StepFailedError`."""
+"""Function that returns the measurement when the requested action has happened, else None; it can raise `StepFailedError`."""
 
 
 @dataclass(slots=True)

@@ -204,7 +204,7 @@ def query_of(args: argparse.Namespace) -> RunQuery:
     """Return the selection of runs from the options.
 
     Raises:
-        ConfigError: A time in it is wrong.
+        ConfigError: A time in the options is wrong.
     """
     return RunQuery(*period_of(args), args.outcome, args.fault, args.part, args.program, args.recipe)
 
@@ -213,7 +213,7 @@ def fault_code(text: str) -> int:
     """Return the code of a fault.
 
     Raises:
-        ConfigError: It does not exist.
+        ConfigError: The fault does not exist.
     """
     require_known("--fault", text, [str(int(known)) for known in FaultCode if known])
     return int(text)
@@ -223,7 +223,7 @@ def require_recipe(number: int, loaded: "LoadedConfig") -> None:
     """Require that a cell has a recipe of this number.
 
     Raises:
-        ConfigError: It does not exist.
+        ConfigError: The recipe does not exist.
     """
     if number not in loaded.recipes:
         raise ConfigError(f"--recipe {number}: no such recipe; {', '.join(map(str, loaded.recipes))} allowed")

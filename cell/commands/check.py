@@ -35,7 +35,7 @@ STEPS = {
     "switch": 6,
     "proven": 8,
 }
-"""Step of docs/first-day.md that mends what is wrong."""
+"""Step of docs/first-day.md that repairs a fault, by name of the check."""
 LAST_STEP = 12
 """Step of the first day that connects the PLC."""
 
@@ -101,7 +101,7 @@ def _check(args: argparse.Namespace, loaded: LoadedConfig) -> int:
 
 
 def _report(args: argparse.Namespace, found: list[tuple[str, str]]) -> int:
-    """Show the verdicts, each bad one with the step that mends it; return GOOD if none is bad."""
+    """Show the verdicts, each fault with the step that repairs it; return GOOD if there is no fault."""
     found = [
         (name, text if text.startswith(OK) else f"{text}; docs/first-day.md, step {STEPS.get(name, LAST_STEP)}")
         for name, text in found
@@ -126,7 +126,7 @@ def _computer(loaded: LoadedConfig) -> list[tuple[str, str]]:
 
 
 def _proven(args: argparse.Namespace, loaded: LoadedConfig, found: dict[str, str]) -> list[tuple[str, str]]:
-    """Return what is proven of a physical cell, after a proof with --prove."""
+    """Return the verdict on the proven facts of a physical cell; with --prove, prove them first."""
     if loaded.cell.is_simulated:
         return []
     path = proven_file(args)

@@ -41,7 +41,7 @@ class CommandModule(Protocol):
 class Stop(ThreadEvent):
     """Stop flag set by SIGINT, SIGTERM and SIGHUP.
 
-    Once a command has read the flag, a signal only sets it, and the command ends in its own way.
+    Once a command has read the flag, a signal only sets it, and the command ends itself.
     Before that, for example during imports and compilation, a signal interrupts the command.
     """
 

@@ -141,7 +141,7 @@ def _is_in(name: str, section: str) -> bool:
 
 
 def _short(origin: str) -> str:
-    """Return a file relative to the working folder if it lies below it, else unchanged."""
+    """Return the path of a file below the working folder relative to this folder; any other origin is unchanged."""
     path = Path(origin)
     return str(path.relative_to(Path.cwd())) if path.is_relative_to(Path.cwd()) else origin
 

@@ -128,7 +128,7 @@ def _run_here(args: argparse.Namespace) -> int:
     from cell.devices.assembly import assemble, opened
     from cell.run.supervisor import Supervisor
 
-    loaded, _ = load_proven(args)  # slow and gentle until all is proven
+    loaded, _ = load_proven(args)  # with low speed and force until all facts are proven
     require_recipe(args.recipe, loaded)
     code = CATALOGUE[args.name].code if args.name in CATALOGUE else TOLD[args.name]
     command = Command(1, code, args.recipe, args.serial, source="terminal")

@@ -73,7 +73,7 @@ def _blocks(rows: Sequence[RunRow]) -> Group:
 
 
 def _export(args: argparse.Namespace, journal: Journal, rows: Sequence[RunRow], folder: Path) -> None:
-    """Write the runs as one table, and the samples of each run as one file, if it has any; name the files."""
+    """Write the samples of each run as one file, and, as CSV or Parquet, the runs as one table; print the first file names."""
     from cell.records import sample_export as to
     from cell.records.samples import export_csv, read_samples, torn
 

@@ -1,4 +1,4 @@
-"""Display of both fingers of the skin: in the terminal, as a picture, and their faults in words."""
+"""Display of both fingers of the skin in a terminal, live or from a recording, and their frames as data."""
 
 import time
 from collections.abc import Callable

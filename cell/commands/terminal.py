@@ -54,7 +54,7 @@ def filled(head: Sequence[str], rows: Iterable[Sequence[str | None]], **options:
 
 
 def _folded(part: "RenderableType") -> "RenderableType":
-    """Return a part of a picture, a table with long cells folded, not cut, on a narrow terminal."""
+    """Return a part of a picture; on a narrow terminal, a table folds its long cells instead of cutting them."""
     from rich.table import Table
 
     for column in part.columns if isinstance(part, Table) else ():

@@ -1,4 +1,4 @@
-"""Compilation for this computer, once, on two cores; for a scan on wall time every function, before an arm moves."""
+"""Compiles functions for this computer, once, on two cores; if the scan keeps wall time, all of them before an arm moves."""
 
 import json
 import logging
@@ -43,7 +43,7 @@ def compile_ahead() -> None:
 def warm_up(loaded: LoadedConfig) -> CellConfig:
     """Return the cell's config once its functions are compiled.
 
-    If the scan keeps wall time, a simulated peg is inserted by every recipe with functions not compiled yet.
+    If the scan keeps wall time, insert a simulated peg with every recipe whose functions are not compiled yet.
 
     Compilation during a program would delay its scan by seconds, and the watchdog would halt the arm.
     """
