@@ -9,7 +9,7 @@ from tests.fakes import Rig
 from tests.scripted import Watched
 
 WALL = 1e-3
-"""Depth from which on a hole has walls that hold the lowest point of the peg, m; a shallower dent lets it slide out."""
+"""Least depth of a hole whose walls hold the lowest point of the peg, m; from a shallower dent the point slides out."""
 Dent = tuple[Vector, float, float]
 """Middle, shape (2,), m, base frame, radius and depth, m."""
 
@@ -24,7 +24,7 @@ class Board(Watched):
         self.middle, self.level = np.array(job.hole.centre[:2]), float(job.hole.centre[2])
         self.dents: list[Dent] = []
         self.free = np.zeros(3)
-        """Force that the arm reports where nothing touches, N."""
+        """Force that the arm reports without contact, N."""
         self.longer = 0.0
         """Length by which the peg reaches further from the hand than the job says, m."""
         self._inside: Dent | None = None
@@ -58,7 +58,7 @@ class Board(Watched):
         arm.force = self.free + np.array([0.0, 0.0, 0.0 if arm.is_blocked else max(setpoint.stiffness[2] * below, 0.0)])
 
     def _ground(self, place: Vector) -> float:
-        """Return the height of what lies under a place, shape (2,), m."""
+        """Return the height of the surface under a place, shape (2,), m."""
         depths = (depth for middle, radius, depth in self.dents if np.linalg.norm(place - middle) < radius)
         return self.level - max(depths, default=0.0)
 

@@ -1,4 +1,4 @@
-"""A real browser without a screen, driven through its own driver; tests that need it skip, with the reason, where there is none."""
+"""A real browser without a screen, controlled by its own driver; if there is none, tests that need it skip with the reason."""
 
 import shutil
 from collections.abc import Callable, Iterator
@@ -12,7 +12,7 @@ from selenium.webdriver.support.ui import WebDriverWait
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 SIZE = (1024, 768)
 PATIENCE = 60.0
-"""Longest wait for what a page shall show, s: pictures are made by another process of low priority."""
+"""Longest wait for content of a page, s; another process draws the pictures at low priority."""
 
 
 @contextmanager
@@ -73,12 +73,12 @@ class PageView:
         element.click()
 
     def is_enabled(self, ask: str) -> bool:
-        """Return whether a control can be pressed."""
+        """Return True if a control can be pressed."""
         button = self.front().find_element("css selector", f"[data-ask={ask}]")
         return button.get_attribute("aria-disabled") == "false"
 
     def until(self, is_met: Callable[[], bool]) -> None:
-        """Wait until something holds."""
+        """Wait until a condition holds."""
         WebDriverWait(self.front(), PATIENCE, 0.02).until(lambda _: is_met())
 
     def until_text(self, name: str, part: str) -> None:
@@ -89,11 +89,11 @@ class PageView:
             raise AssertionError(f"{name}: {self.text(name)!r} has no {part!r}") from error
 
     def script(self, source: str) -> object:
-        """Return what a line of JavaScript returns in this tab."""
+        """Return the result of a line of JavaScript in this tab."""
         return self.front().execute_script(source)
 
     def complaints(self) -> list[str]:
-        """Return what the browser's console has had to say since the last call."""
+        """Return the messages of the browser's console since the last call."""
         found = [entry["message"] for entry in self.front().get_log("browser")]
         return [message for message in found if "GL Driver Message" not in message]  # how fast WebGL is here
 

@@ -1,4 +1,4 @@
-"""A CANopen node and its bridge without a bus: frames in by hand, frames out in a list, time that stands still."""
+"""A CANopen node and its bridge without a bus: tests pass frames in, sent frames go to a list, and time stands still."""
 
 from drivers.transport.wires import CanFrame
 from plc_bridge.bridge import Bridge
@@ -26,7 +26,7 @@ class Rig:
         self.node.boot()
 
     def take(self, cob=None):
-        """Return what was sent since, of one COB-ID if given."""
+        """Return the data of the frames sent since the last call; with `cob`, only of those with this COB-ID."""
         sent, self.sent[:] = list(self.sent), []
         return [frame.data for frame in sent if cob is None or frame.id == cob]
 

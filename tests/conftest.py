@@ -1,4 +1,4 @@
-"""What tests share."""
+"""Options and fixtures shared by all tests."""
 
 import fcntl
 import gc
@@ -82,7 +82,7 @@ def rig(loaded: LoadedConfig, tmp_path: Path) -> Rig:
 
 @pytest.fixture
 def seen(rig: Rig) -> Observation:
-    """Return what a scan of a cell of fakes observes."""
+    """Return the observation of one scan of a cell of fakes."""
     return rig.cell.context(0).observe()
 
 

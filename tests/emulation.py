@@ -1,4 +1,4 @@
-"""Tests that need the emulated chip skip where it cannot be built."""
+"""Skips tests that need the emulated chip if it cannot be built."""
 
 import pytest
 

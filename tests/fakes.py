@@ -36,12 +36,12 @@ HAND_DOWN = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, -1.0], [-1.0, 0.0, 0.0]])
 
 
 class FakeClock:
-    """Time that passes when somebody waits for it; what is due happens then."""
+    """Clock whose time passes only during waits; actions that become due are then executed."""
 
     def __init__(self) -> None:
         self.time = 0.0
         self.lag = 0.0
-        """Every wait takes so much longer, as on a busy computer, s."""
+        """Time by which every wait takes longer, as on a busy computer, s."""
         self.at: list[tuple[float, Callable[[], None]]] = []
         self.every: list[Callable[[], None]] = []
 
@@ -70,7 +70,7 @@ class FakeArm:
         self.fault: Exception | None = None
         self.is_blocked = False
         self.is_frozen = False
-        """Whether the readings have no noise."""
+        """True if the readings have no noise."""
         self.is_open = self.is_halted = False
         self.handed, self.valid_until = -math.inf, -math.inf
         self.resets = 0
@@ -244,7 +244,7 @@ class FakePlc:
         self._bridge.switched("plc", {"stop": False})
 
     def acknowledge(self) -> None:
-        """Say that the result has been read."""
+        """Acknowledge the result."""
         self._write(acknowledge=self._image.sequence)
 
     @property

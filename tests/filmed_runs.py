@@ -26,7 +26,7 @@ PERIOD = 0.01
 
 
 def require_rendering(run: RecordedRun) -> None:
-    """Skip the test, with the reason, where there is no OpenGL."""
+    """Skip the test, with the reason, if this computer has no OpenGL."""
     try:
         with Camera(Stage(run.facts, None)):
             pass

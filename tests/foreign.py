@@ -41,7 +41,7 @@ INSERT_PEG = re.compile(r"^#define CELL_CODE_INSERT_PEG (\d+)$", re.MULTILINE)
 
 
 def call(*command: object, folder: Path | None = None, longest: float = 240.0, **environment: str) -> str:
-    """Return what a program printed, and fail with that where it failed."""
+    """Return the output of a program; if the program failed, fail with this output."""
     done = subprocess.run(
         [str(word) for word in command],
         stdout=subprocess.PIPE,
@@ -73,13 +73,13 @@ def exported(kind: str, folder: Path) -> Path:
 
 
 def has_libmodbus() -> bool:
-    """Return whether libmodbus and a C compiler are installed."""
+    """Return True if libmodbus and a C compiler are installed."""
     tools = shutil.which("cc") and shutil.which("pkg-config")
     return bool(tools) and subprocess.run(["pkg-config", "--exists", "libmodbus"], check=False).returncode == 0
 
 
 def has_go() -> bool:
-    """Return whether Go and the packages of its client are on this computer."""
+    """Return True if Go and the packages of its client are on this computer."""
     offline = {**os.environ, "GOPROXY": "off"}
     quiet = subprocess.DEVNULL
     command = ["go", "mod", "download"]
@@ -89,12 +89,12 @@ def has_go() -> bool:
 
 
 def has_node() -> bool:
-    """Return whether Node is installed, and its client of OPC UA in tests/clients/node."""
+    """Return True if Node is installed, with its OPC UA client in tests/clients/node."""
     return bool(shutil.which("node")) and (NODE_CLIENT / "node_modules" / "node-opcua-client").is_dir()
 
 
 def has_matiec() -> bool:
-    """Return whether MATIEC was built and the libraries that its program links are installed."""
+    """Return True if MATIEC is built and the libraries that its program links are installed."""
     return (MATIEC / "iec2c").is_file() and has_libmodbus()
 
 

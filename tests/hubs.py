@@ -1,4 +1,4 @@
-"""Serial cables and CAN buses that need no kernel: hubs that pass on to everybody else what they get."""
+"""Serial cables and CAN buses without kernel support: hubs that forward received data to all other ends."""
 
 import os
 import select
@@ -31,7 +31,7 @@ class _Hub:
 
 
 class Cable(_Hub):
-    """Pseudo terminals that pass on to each other what they get; `ends` are their ports."""
+    """Pseudo terminals that forward received bytes to each other; `ends` are their ports."""
 
     def __init__(self, ends=2):
         pairs = [os.openpty() for _ in range(ends)]
@@ -67,7 +67,7 @@ class Cable(_Hub):
 
 
 class SlcanHub(Cable):
-    """Serial adapters of the LAWICEL kind, which pass on whole frames alone."""
+    """Serial adapters of the LAWICEL kind, which forward only whole frames."""
 
     def __init__(self):
         self._begun = {}

@@ -1,4 +1,4 @@
-"""Number of random inputs at a boundary: `INPUTS=100000 python -m pytest FILE` tries that many."""
+"""Number of random inputs at a boundary; `INPUTS=100000 python -m pytest FILE` sets it to 100000."""
 
 import os
 

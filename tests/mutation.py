@@ -40,7 +40,7 @@ def make(command: Sequence[str | Path]) -> None:
 
 
 def module_of(name: str) -> str:
-    """Return the module of a fault."""
+    """Return the name of the module that contains a fault."""
     return name.rpartition(".")[0]
 
 

@@ -49,7 +49,7 @@ def over(
 
 
 def driven(model: mujoco.MjModel, data: mujoco.MjData, drive: Drive, steps: int) -> float:
-    """Move the peg by a force, and return the deepest penetration in the bore or at its rim that lasted, m."""
+    """Move the peg by a force, and return the deepest lasting penetration in the bore or at its rim, m."""
     meters = metering.new_meters()
     for step in range(steps):
         data.qfrc_applied[:] = drive(step * DT, data.qpos, data.qvel)

@@ -41,7 +41,7 @@ def ask(client: socket.socket, *pdus: bytes) -> bytes:
 
 
 def is_closed(client: socket.socket) -> bool:
-    """Return whether the server has closed the connection without another answer."""
+    """Return True if the server has closed the connection without another answer."""
     try:
         return client.recv(1) == b""
     except OSError:

@@ -24,7 +24,7 @@ def here(
 
 @contextmanager
 def in_this_process() -> Iterator[None]:
-    """Let no study start a process."""
+    """Keep studies from starting processes."""
     with patch.object(trials, "on_processes", here), patch.object(workers, "on_processes", here):
         yield
 
@@ -44,5 +44,5 @@ def rows_of(file: Path) -> list[dict[str, str]]:
 
 
 def is_chart(file: Path) -> bool:
-    """Return whether a file is a picture with something on it."""
+    """Return True if a file is a picture that is not blank."""
     return file.read_bytes()[:4] == b"\x89PNG" and file.stat().st_size > 10_000

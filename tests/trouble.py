@@ -22,7 +22,7 @@ def full_disk() -> Iterator[None]:
 
 
 def until(happened: Callable[[], object]) -> None:
-    """Wait, letting other threads work, for what one of them or another process does."""
+    """Wait for the action of another thread or process; other threads work meanwhile."""
     deadline = time.monotonic() + PATIENCE
     while not happened():
         assert time.monotonic() < deadline, f"not within {PATIENCE:g} s"
