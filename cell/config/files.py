@@ -20,13 +20,7 @@ NOT_INHERITED = (("limits", "force"), ("limits", "low"), ("limits", "high"), ("h
 
 
 def layers(path: Path) -> list[tuple[str, dict[str, Any]]]:
-    """Return the layers of a cell, each with name and table: the file of its `base` if it names one, then its own file.
-
-    The base is a file beside the cell's file, else a shipped file.
-
-    Raises:
-        ConfigError: The base does not exist, or has a base of its own.
-    """
+    """Return the layers of a cell, each with name and table: the file of its `base` if it names one, beside it or shipped, then its own file."""
     tree = read_toml(path)
     name = tree.pop("base", None)
     if name is None:

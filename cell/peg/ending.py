@@ -88,10 +88,7 @@ class Ending:
 
 
 def ending_of(records: Sequence[StageRecord], fault: CellError | None, stage: str) -> Ending:
-    """Return the ending of a run, from the first stage that failed and was not retried, else from the last stage.
-
-    After a fault, or without any stage, the outcome is FAULT in `stage`.
-    """
+    """Return the ending of a run: FAULT in `stage` after a fault or without stages, else that of the first failed stage that was not retried, else that of the last stage."""
     if fault is not None or not records:
         return Ending(Outcome.FAULT, stage, Reason.NONE)
     last = next(
