@@ -42,7 +42,7 @@ class SkinModel(ConfigModel):
     drift: Annotated[float, Field(ge=0.0, le=0.01), Quantity("fraction"), Source("[cyskin]")] = 1.0e-3
     """Random walk of a taxel's offset in one second, fraction of full scale; 0.11 of the noise, as in [cyskin]."""
     dead_modules: Annotated[NonNegativeInt, Source("set for each trial")] = 0
-    """Number of modules, drawn at random, that read zero, as one module in [cyskin]."""
+    """Number of modules, drawn at random, that read zero, as one module of [cyskin] does."""
     pad: PadConfig = PadConfig()
     """The elastomer over the taxels."""
 
@@ -61,7 +61,7 @@ class SimSkinConfig(SkinModel):
     sensitivity: Annotated[float, Field(ge=1e-4, le=10.0), Quantity("counts/Pa"), Source("[cyskin]")] = 0.05
     """Sensitivity of a taxel, counts/Pa; set so that touch peaks equal those of [cyskin], see `full_scale`."""
     full_scale: Annotated[float, Field(ge=1e3, le=43e3), Quantity("counts"), Source("[cyskin]")] = 20e3
-    """Reading to which the fractions of noise and drift refer, counts; the highest published touch peak of [cyskin]."""
+    """Full scale for the fractions of noise and drift, counts; the highest published touch peak of [cyskin]."""
     offset: Annotated[float, Field(ge=0.0, le=43e3), Quantity("counts"), Source("[cyskin]; assumed")] = 5000.0
     """Mean raw reading of an unloaded taxel, counts; assumed, [cyskin] publishes readings without it."""
     dead_taxels: Annotated[NonNegativeInt, Source("set for each trial")] = 0
@@ -74,7 +74,7 @@ Instant = Annotated[float, Field(ge=0.0, le=1e6)]
 
 
 class WireFaults(ConfigModel):
-    """Faults that a technician can practise on the wire of an emulated board; times are the cell's, s."""
+    """Faults on the wire of an emulated board, for practice; times are on the cell's clock, s."""
 
     SOURCE: ClassVar[str] = "set for each trial"
 
@@ -212,7 +212,7 @@ class PlateConfig(ConfigModel):
 
 
 class SimConfig(ConfigModel):
-    """The simulated world."""
+    """Section [sim]: physics, clock and seed of the simulated cell."""
 
     timestep: Annotated[
         float, Field(ge=5e-5, le=1e-3), Quantity("s"), Source("decision 0002; measured by `cell study contact`")
@@ -240,14 +240,15 @@ class RealityConfig(ConfigModel):
     scale: Annotated[float, Field(ge=0.0, le=10.0), Quantity("ratio")] = 1.0
     """Scale of the drawn errors, ratio; 0 is an ideal cell, 1 realistic and 2 careless."""
     alone: str = ""
-    """Name of the only error to draw, such as `arm.gravity`; the others are ideal, and empty draws all. Late scans are
-    drawn together with their delay."""
+    """Name of the only error to draw, such as `arm.gravity`; the others are ideal. If it is empty, all are drawn. Late
+    scans are drawn together with their delay."""
     without: tuple[str, ...] = ()
     """Names of errors to leave ideal, such as `arm.sigmoid_friction`."""
     file: FilePath | None = None
-    """File with the distributions of the errors; none uses the `reality.toml` shipped with the program."""
+    """File with the distributions of the errors; if none, the `reality.toml` shipped with the program."""
     errors: dict[str, dict[str, dict[str, Any]]] = Field(default_factory=dict)
-    """Errors in place of the file's, each in its form, such as `errors.arm.gravity`; none takes all from the file."""
+    """Errors that replace those of the file, each in the form of the file, such as `errors.arm.gravity`; if none, all errors are
+    the file's."""
 
 
 class SimArmConfig(ConfigModel):

@@ -1,7 +1,7 @@
 """Readings of the arm, compiled: joint states with noise and zero errors, and the estimated external wrench.
 
-The law reads the joint states once every control period; a scan reads those of the newest cycle. Unmodelled joint torques
-add to the wrench when it is read: the least-squares wrench (J Jᵀ)⁻¹ J of those torques at the pose of that cycle.
+The law reads the joint states once every control period; a scan reads the states of the newest cycle. The wrench of a scan
+includes the least-squares wrench (J Jᵀ)⁻¹ J tau of the unmodelled joint torques tau, at the pose of the newest cycle.
 """
 
 import math
@@ -26,7 +26,7 @@ FORCE = 5
 """Index of three words: the force that the arm reports without contact, N."""
 ZERO, RATE_NOISE, UNMODELLED, WRENCH = 8, 15, 22, 29
 """Indices of seven words each: errors of the joints' zeros, rad; noise of the velocities, rad/s; error of the modelled
-torques, N·m; then six words of the low-passed wrench.
+torques, N·m. `WRENCH` is the index of six words: the low-passed wrench.
 """
 PLAY, ENCODER = 35, 36
 """Index of half the backlash of the wrist's joints, rad, and of seven words: encoder positions, rad."""
@@ -113,12 +113,12 @@ def scanned(words: Vector, arm: Vector, felt: Vector, law: Vector) -> Reading:
 
 @njit(cache=True)
 def _pack(words: Vector, arm: Vector, felt: Vector, law: Vector, packed: Vector) -> None:  # pragma: no cover
-    """Write the concatenated fields of `Reading`; compiled code takes a microsecond to return an array.
+    """Write the concatenated fields of `Reading` into `packed`, because compiled code takes a microsecond to return an array.
 
     Args:
         words: State of the readings.
         arm: Figures of the arm that the cell assumes, see `drivers.impedance.figures`.
-        felt: Joint torques that are missing in the arm's model and act on its joints, shape (7,), N·m.
+        felt: Torques on the joints that the arm's model does not contain, shape (7,), N·m.
         law: State of the torque law.
         packed: The fields; overwritten.
     """
@@ -147,7 +147,7 @@ def unexplained(
     Args:
         position: Tool centre point, shape (3,), m, base frame.
         axes: Axes of the joints, shape (7, 3), base frame.
-        origins: Points on them, shape (7, 3), m.
+        origins: A point on each of these axes, shape (7, 3), m, base frame.
         torque: Joint torques, shape (7,), N·m.
         wrench: Force, N, and torque, N·m, shape (6,); updated.
     """

@@ -1,14 +1,14 @@
 """The true arm of one trial: data for the physics, never for skills.
 
-The cell assumes an `ArmModel`, and that commanded torques act without delay on joints with dry friction. `ideal` is the
-arm for which these assumptions hold. Every other value is an error that a trial may draw.
+The cell assumes an `ArmModel`, and that commanded torques act without delay on joints with dry friction. `ideal` returns
+the arm for which these assumptions hold. Every deviation from it is an error that a trial may draw.
 
 Processing of torques in the maker's client, from its source (frankarobotics/libfranka 0.21.2): `Robot::control` with a
 callback has a low-pass of 100 Hz (`kDefaultCutoffFrequency`) and a rate limiter, off by default (control_loop.cpp).
-`startTorqueControl` and `writeOnce` send commands unchanged (active_torque_control.cpp). pylibfranka offers them and
-this cell's driver uses them, so neither filter nor limiter lies between the law and the network. The effect of the
-arm's own controller and motors is not published. The protocol adds one cycle of transport each way: a state is one
-cycle old when its torque is computed, and the torque acts in the next cycle.
+`startTorqueControl` and `writeOnce` send commands unchanged (active_torque_control.cpp). pylibfranka offers both calls
+and this cell's driver uses them, so neither filter nor limiter lies between the law and the network. The effect of the
+arm's own controller and motors is not published. The protocol adds one cycle of transport in each direction: a state is
+one cycle old when its torque is computed, and the torque acts in the next cycle.
 """
 
 import math
@@ -127,7 +127,7 @@ NEVER_NEGATIVE = (
     *("rotor_inertia", "friction.dry", "friction.span", "friction.slope", "friction.viscous"),
     *("reading.noise", "reading.backlash", "reading.rate_noise", "wrench.force_noise", "wrench.torque_noise"),
 )
-"""Figures of an arm, one or one per joint, that are 0 or more."""
+"""Figures of an arm, single ones or one per joint, that must be 0 or more."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -148,7 +148,7 @@ class ArmTruth:
     tcp_offset: Three = NOWHERE
     """Offset of the true midpoint of the pads from its assumed position, m, in the assumed hand frame."""
     tcp_turn: Three = NOWHERE
-    """Rotation vector of the real fingers about that point, in the same frame, rad."""
+    """Rotation of the true fingers about the midpoint of the pads, rotation vector, rad, in the assumed hand frame."""
 
     def __post_init__(self) -> None:
         """Reject figures outside their physical bounds.

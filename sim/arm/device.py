@@ -13,7 +13,7 @@ class SimArm:
     def __init__(self, world: World, law: Vector | None = None) -> None:
         """Attach to the world that carries the arm.
 
-        `law` is the initial state of the law; None starts it without any learnt state.
+        `law` is the initial state of the law; None starts the law without any learnt state.
         """
         self._world, self._elbow = world, world.arm.kinematics.elbow - 1
         if law is not None:

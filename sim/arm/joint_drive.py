@@ -4,9 +4,9 @@ Gravity is the residual torque after compensation. MuJoCo models dry friction an
 `sim.world.scene`.
 
 The smooth friction is explicit: a torque computed from the velocity at the beginning of a step. It is stable and free
-of ringing if slope · step is less than the joints' inertia. `stiffest` returns this ratio: 0.14 on the Panda without
-rotor inertia at 0.5 ms, 0.4 on the FR3. MuJoCo's own joint damping is implicit, but its step solves contacts with the
-undamped inertia and moves with the damped one. A contact would then lose its distance.
+of ringing if slope · step is less than the joints' inertia. `stiffest` returns the ratio of slope · step to inertia: 0.14
+on the Panda without rotor inertia at 0.5 ms, 0.4 on the FR3. MuJoCo's own joint damping is implicit, but its step solves
+contacts with the undamped inertia and moves with the damped inertia. A contact would then not keep its distance.
 """
 
 import math
@@ -133,7 +133,7 @@ def friction(words: Vector, joint: int, dq: float) -> float:  # pragma: no cover
     # f(dq) = viscous·dq + span / (1 + exp(-slope (dq + shift))) - f_rest.
     torque: float = words[VISCOUS + joint] * dq
     if words[SPAN + joint] > 0.0:
-        # The exponent is bounded; beyond the bounds the curve is constant to the last digit.
+        # The exponent is bounded; beyond the bounds the curve is constant within rounding.
         exponent = min(max(-words[SLOPE + joint] * (dq + words[SHIFT + joint]), -40.0), 40.0)
         torque += words[SPAN + joint] / (1.0 + math.exp(exponent)) - words[AT_REST + joint]
     return torque

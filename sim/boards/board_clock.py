@@ -1,4 +1,4 @@
-"""The cell's clock if emulated boards run beside the simulated world."""
+"""The cell's clock if emulated boards run together with the physics."""
 
 from typing import Protocol
 
@@ -9,17 +9,17 @@ class TimedBoard(Protocol):
     """A board that computes in its own time."""
 
     def due(self) -> float:
-        """Return the latest time of the board's next look at the world, s; infinite if it needs none."""
+        """Return the time at which the board next reads its inputs, s; infinite if the clock needs no extra stop for it."""
 
     def advance(self) -> None:
-        """Run up to the world's present time."""
+        """Run the board up to the present time of the physics."""
 
 
 class BoardClock:
-    """Advances the world and then every board to the same instant, so that all keep simulated time."""
+    """Advances the physics and then every board to the same instant, so that all keep simulated time."""
 
     def __init__(self, world: Clock, boards: tuple[TimedBoard, ...]) -> None:
-        """Store the world's clock and the boards, in the order of their advance."""
+        """Store the clock of the physics, and the boards in the order of their advance."""
         self._world, self.boards = world, boards
 
     def now(self) -> float:
@@ -27,11 +27,11 @@ class BoardClock:
         return self._world.now()
 
     def wait_until(self, stamp: float) -> None:
-        """Advance world and boards to `stamp`, with a stop at each time at which a board reads the world."""
+        """Advance physics and boards to `stamp`, with a stop at each time at which a board reads its inputs."""
         while (due := min((board.due() for board in self.boards), default=stamp)) < stamp:
             self._go(due)
             if min(board.due() for board in self.boards) <= due:
-                break  # the world's step is coarser than the board's
+                break  # the step of the physics is longer than the board's
         self._go(stamp)
 
     def _go(self, stamp: float) -> None:

@@ -2,7 +2,7 @@
 
 A link powers and connects its board, and replaces a CAN bus or a serial line on the driver's side. Transport takes as
 long as on the real wire. The cell's clock decides which items have arrived. The result is therefore independent of the
-computer's speed, and nothing waits.
+computer's speed, and no call waits for an item.
 """
 
 import math
@@ -59,7 +59,7 @@ class _Link(Generic[T]):
         self._is_open = False
 
     def due(self) -> float:
-        """Return the latest time of the board's next advance, s."""
+        """Return the time of the board's next scan, s; infinite if the board was not plugged at the last advance."""
         return self.board.next_scan if self._was_plugged else math.inf
 
     def is_plugged(self, at: float) -> bool:
@@ -109,7 +109,7 @@ class _Link(Generic[T]):
 
 
 class EmulatedCan(_Link[CanFrame]):
-    """A CAN bus with an emulated board, with the driver's bus interface."""
+    """A CAN bus to an emulated board, with the driver's bus interface."""
 
     def __init__(
         self, board: Board[CanFrame], now: Callable[[], float], bitrate: int, faults: WireFaults, seed: int
@@ -138,7 +138,7 @@ class EmulatedCan(_Link[CanFrame]):
 
 
 class EmulatedLine(_Link[int]):
-    """A serial line with an emulated board, with the driver's line interface; unplugging the board removes the line."""
+    """A serial line to an emulated board, with the driver's line interface; unplugging the board removes the line."""
 
     def __init__(
         self, board: Board[int], now: Callable[[], float], baud_rate: int, faults: WireFaults, seed: int

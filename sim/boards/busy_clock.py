@@ -7,7 +7,7 @@ from sim.world.reality import Drawn
 
 
 class BusyClock:
-    """Ends a wait late with a given probability; the delay is exponentially distributed, and simulated time goes on."""
+    """Ends a wait late with a given probability; the delay is exponentially distributed, and simulated time advances during it."""
 
     def __init__(self, clock: Clock, drawn: Drawn, rng: np.random.Generator) -> None:
         """Store the clock, and the probability and mean of the delay; `rng` draws both."""

@@ -1,8 +1,8 @@
 """An emulated CySkin hub with the answers of the makers' firmware to the makers' host program.
 
-Its bytes follow messages recorded with the makers' library [cyskin]. They share no code with the driver, so that both
-cannot have the same error. The hub sends only answers that the host program needs; it does not answer a new number or
-period.
+The bytes of the hub follow messages recorded with the makers' library [cyskin]. This module shares no code with the
+driver, so that one error cannot be in both. The hub sends only the answers that the host program needs; it does not
+acknowledge a new number or period.
 """
 
 import math

@@ -44,17 +44,17 @@ class Fingers:
 
 
 class Board(Protocol[T]):
-    """A board as its wire sees it."""
+    """Interface of a board to its wire."""
 
     @property
     def next_scan(self) -> float:
         """Time of the next measurement, s; infinite if the board is not measuring."""
 
     def power(self, at: float) -> None:
-        """Restart the board."""
+        """Restart the board at time `at`, s."""
 
     def take(self, item: T, at: float) -> list[T]:
-        """Process what has arrived; return the answer."""
+        """Process an item that has arrived at time `at`, s; return the answer."""
 
     def scan(self) -> list[T]:
         """Measure; return the board's output."""

@@ -1,16 +1,16 @@
-"""A device with faults, between any device and the cell, switched on and off at run time."""
+"""A wrapper that adds faults to any device, switched on and off at run time."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
 Change = Callable[[Any], Any]
-"""Function from a reading to the changed one."""
+"""Function that returns a changed reading."""
 
 
 @dataclass(slots=True)
 class FaultyDevice:
-    """A device with changed readings, which loses some commands."""
+    """A wrapper that changes a device's readings and loses some of its commands."""
 
     device: Any
     change: Change = lambda reading: reading
@@ -26,7 +26,7 @@ class FaultyDevice:
 
 
 def kept(*names: str) -> Change:
-    """Return the first reading forever: all of it, or these fields of it."""
+    """Return a change that repeats the first reading forever: the whole reading, or only the fields `names`."""
     first: list[Any] = []
 
     def change(reading: Any) -> Any:

@@ -96,7 +96,7 @@ class Chip:
 class EmulatedSwitchBoard:
     """The chip wired to the simulated hole, in simulated time and with configurable faults.
 
-    The board reads the lever once in every step of the cell's clock, and the chip sees it in the next step.
+    The board reads the lever once in every step of the cell's clock; the level is at the chip's pins in the next step.
     """
 
     def __init__(self, source: SwitchSource, faults: WireFaults = SOUND, seed: int = 0) -> None:
@@ -117,7 +117,7 @@ class EmulatedSwitchBoard:
         self._chip: Chip | None = None
         self._start = 0.0
         self.is_pressed = False
-        """True if the chip sees the lever pressed in the coming step."""
+        """True if the chip's pins show a pressed lever in the coming step."""
 
     def open(self) -> None:
         """Plug the board in, which powers it up; no effect if it is plugged in already."""
@@ -135,7 +135,7 @@ class EmulatedSwitchBoard:
             self._chip = None
 
     def due(self) -> float:
-        """Return the time of the chip's next look at the lever, s: every step of the cell's clock."""
+        """Return infinity: the board reads the lever in every step of the cell's clock and needs no extra stop."""
         return math.inf
 
     def advance(self) -> None:

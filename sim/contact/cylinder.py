@@ -2,8 +2,8 @@
 
 The features of a cylinder against a half-space with a bore are found in closed form. The set of possible contacts of
 the peg's end is complete: every point of the peg's rims must stay out of the plate (`sim.contact.peg_rims`), and every point of
-the hole's edges must stay out of the peg's side and chamfer (`sim.contact.hole_edges`). A chamfered end has two rims, otherwise
-one. A chamfered mouth has one edge at the surface and one at the bore, otherwise one.
+the hole's edges must stay out of the peg's side and chamfer (`sim.contact.hole_edges`). An end has two rims if it is
+chamfered, otherwise one. A mouth has two edges if it is chamfered, at the surface and at the bore, otherwise one.
 
 Nearly conformal surfaces (a flat peg on the plate, an aligned peg in the bore, one chamfer in the other) touch along
 circles. Fixed samples of the peg's rims and of the hole's edges represent these circles; samples that move with the
@@ -28,7 +28,7 @@ def collide(model, data, buffer, geom_plate, geom_peg, margin):  # type: ignore[
     e1, e2, v, c, g = peg_end(data, geom_plate, geom_peg, half)
     tilt = math.sqrt(v[0] * v[0] + v[1] * v[1])
     end = End(c, e1, e2, v, r - chamfer, tilt)
-    # The cylinder about the chamfered end reaches at least as low as the end.
+    # Lowest point of the cylinder that encloses the chamfered end, a lower bound for the end.
     lowest = c[2] - r * tilt
     if plate.mode == NONE or lowest > ABOVE:
         return 0

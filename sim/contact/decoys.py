@@ -1,8 +1,8 @@
 """Decoys drawn from the trial's seed, and the plate cut into tiles of one hole each.
 
-A decoy is a feature of the plate that a search can mistake for the hole. A tile is a separate plate with its outline,
-so that the closed form of one bore applies to each, and only plates with decoys cost time. All tiles share the surface:
-a contact point belongs to the tile on which it lies.
+A decoy is a feature of the plate that a search can mistake for the hole. A tile is a separate plate with its own
+outline, so that the closed form of one bore applies to each tile, and only plates with decoys cost time. All tiles share
+one surface: a contact point belongs to the tile on which it lies.
 """
 
 from collections.abc import Sequence
@@ -100,7 +100,10 @@ def cut(needed: Sequence[Rectangle], whole: Rectangle) -> list[Rectangle] | None
 
 
 def _cut_across(needed: Sequence[Rectangle], first: int, axis: int, whole: Rectangle) -> list[Rectangle] | None:
-    """Divide a rectangle by a cut across `axis` before the rectangle `first` of those in order; None if the cut would meet one."""
+    """Divide a rectangle by a cut across `axis`, before number `first` of the needed rectangles; None if the cut would cross one.
+
+    The needed rectangles are sorted along `axis`.
+    """
     ends, begins = max(float(high[axis]) for _, high in needed[:first]), float(needed[first][0][axis])
     if begins < ends:
         return None

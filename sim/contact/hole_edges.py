@@ -1,8 +1,8 @@
 """Contacts of a round hole's edges with a round peg's side and the chamfer of its end.
 
-Every point of an edge must stay out of the peg {d < r, d < r + s, s > -cp}: s is its height above the upper rim of the
-peg's chamfer along the peg's axis, d its distance from that axis. Without a chamfer, cp = 0: the rim is that of the
-end, and there is no cone.
+Every point of an edge must stay out of the peg {d < r, d < r + s, s > -cp}: s is the point's height above the upper rim
+of the peg's chamfer along the peg's axis, d its distance from that axis, r the peg's radius, and cp the height of the
+chamfer. Without a chamfer, cp = 0: the rim is that of the end, and there is no cone.
 """
 
 import math

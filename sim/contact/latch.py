@@ -6,8 +6,8 @@ x is 0 at the start of the latch and 1 at the bottom:
 - detent: F sin(2 pi x), the slope of the energy F h (1 - cos(2 pi x)) / (2 pi), so that the work up to the crest is
   returned after it. It models both ramps of a snap-fit, whose force rises with its deflection: the mating force W = P
   (mu + tan a) / (1 - mu tan a), [bayer], without friction.
-- press fit: up to F x against the motion, growing with the pressed length, as friction under even pressure does [you].
-  It acts as a spring until it slides, and therefore needs no division by a speed.
+- press fit: up to F x against the motion, in proportion to the pressed length, as friction under uniform pressure [you].
+  The fit acts as a spring until it slides, so that its force needs no division by a speed.
 
 Forces of 5 to 20 N are those of light latches; a plug of a data network takes up to 30 N (IEC 60512-13-1).
 """
@@ -25,11 +25,11 @@ from sim.contact.plate import Plate
 KINDS = {"detent": 1.0, "press": 2.0}
 """Number of each kind of latch; 0 is none."""
 KIND, FORCE, TOP, HEIGHT, REACH, STUCK = 0, 1, 2, 3, 4, 5
-"""Kind; largest force, N; depth at the start of the latch, and its length, m; distance from the axis within which an
-end is in the hole, m; depth at which a press fit sticks, m."""
+"""Indices of single words: kind; largest force, N; depth at the start of the latch, and length of the latch, m; distance
+from the hole's axis within which the peg's end is in the hole, m; depth at which a press fit sticks, m."""
 MOUTH, AXES, APPLIED = 6, 9, 18
-"""Centre of the hole's mouth, three words, m; axes of the plate, nine; force and torque of the last step on the peg's
-centre of mass, six, N and N·m."""
+"""Indices of several words: centre of the hole's mouth, three, m; axes of the plate, nine; force, N, and torque, N·m, on
+the peg's centre of mass in the last step, six."""
 WORDS = 24
 
 
@@ -87,7 +87,7 @@ def act(words: Vector, peg: PegView, mass_centre: Vector, load: Vector) -> None:
 
 @njit(cache=True, inline="always")
 def resistance(words: Vector, depth: float) -> float:  # pragma: no cover
-    """Return the force on an end at a depth, m, N, positive out of the hole; moves the sticking depth of a press fit."""
+    """Return the force on the peg's end at `depth`, m: N, positive out of the hole. Update the sticking depth of a press fit."""
     # Stiffness of a press fit before it slides, N/m; assumed equal to the pads' shear, which the same steps resolve.
     press_stiffness = 5e4
     # x = (depth - top) / height.

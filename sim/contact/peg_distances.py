@@ -7,8 +7,8 @@ from drivers.compiled import njit
 from drivers.quantities import Vector
 
 FAR = 0.003
-"""Distance of every point of the peg's end from the hole's edge beyond which the peg is far, m. In 1 ms the end moves
-less than a tenth of it."""
+"""Distance from the hole's edge, m; the peg is far if every point of its end is beyond it. In 1 ms the end moves less than
+a tenth of this distance."""
 
 
 class PegView(NamedTuple):

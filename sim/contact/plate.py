@@ -25,7 +25,7 @@ class Plate:
     rotation: Vector
     """Axes of the plate, shape (3, 3), z outward; x and y along the sides of a hole with sides."""
     half: tuple[float, float]
-    """Half the extents of the hole along x and y, m: the radius twice, or half of each side."""
+    """Half the extents of the hole along x and y, m: (radius, radius) of a round hole, or half of each side."""
     depth: float
     """Depth of the floor, m."""
 
@@ -36,7 +36,7 @@ class Plate:
     rubbing: contact.Rubbing = contact.EVEN
     """Change of the friction with speed and position."""
     tiles: tuple["Plate", ...] = ()
-    """Tiles of one hole each, the plate's own hole first, see `sim.contact.decoys`; empty for a plate with one hole."""
+    """Tiles with one hole each, see `sim.contact.decoys`; the first has the plate's own hole. Empty for a plate with one hole."""
 
     def is_below(self, place: Vector) -> bool:
         """True if the plate lies below a position, shape (3,), m, base frame."""

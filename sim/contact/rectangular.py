@@ -105,9 +105,9 @@ def _outward(e1, e2, n):  # type: ignore[no-untyped-def]
 def _least_way_out(start, along, length, inward, half):  # type: ignore[no-untyped-def]
     """Return the smallest displacement, m, up or into the bore, that moves an edge of the peg out of the solid.
 
-    The solid is that behind one wall. If no part of the edge is inside, the result is a large number. A contact along
-    the common normal of two edges needs at most this displacement. If a normal needs more, it belongs to an edge whose
-    end touches the surface beside the hole, or a wall below the rim.
+    Only the solid behind one wall counts. If no part of the edge is inside it, the result is a large number. A contact
+    along the common normal of two edges needs at most this displacement. If a normal needs more, the edge does not touch
+    the rim: its end touches the surface beside the hole, or a wall below the rim.
     """
     fall, rise = start[2], along[2]
     wall, inwards = half + _dot(start, inward), _dot(along, inward)
@@ -142,7 +142,8 @@ def _edges(meet, start, along, length, one, other):  # type: ignore[no-untyped-d
             t[0] * along[1] - t[1] * along[0],
         )
         sine = math.sqrt(_dot(n, n))
-        # Sine of the angle below which two edges have no common normal; their ends and perpendicular edges do instead.
+        # Sine of the angle below which two edges count as parallel and have no common normal. The contacts of their ends and
+        # of the perpendicular edges then represent them.
         if sine < 1e-6:
             continue
         scale = 1.0 / sine if n[2] + _dot(n, inward) > 0.0 else -1.0 / sine

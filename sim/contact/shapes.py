@@ -19,11 +19,11 @@ class Solid:
     name: str
     """MuJoCo's name of the peg's geom type."""
     geom: mujoco.mjtGeom
-    """Geom type of the peg; no other pair of geoms in the scene has this type and that of a plate."""
+    """Geom type of the peg; no other body of the scene has this type and collides with a plate."""
     size: Callable[[Part], str]
     """Sizes of the geom across its axis, in MuJoCo's order."""
     collide: Callable[..., Any]
-    """Finds the contacts with a plate, see `sim.world.native.collide_by`."""
+    """Function that finds the contacts with a plate, see `sim.world.native.collide_by`."""
 
 
 SOLIDS: Mapping[str, Solid] = {

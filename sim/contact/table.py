@@ -1,8 +1,8 @@
 """Contacts between a peg and plates with one hole, in MuJoCo's collision table: the part common to all shapes.
 
-With soft, faceted holes a peg can fall through the wall. Therefore `sim.contact.cylinder` and `sim.contact.rectangular` find the
-features of a peg against a half-space with a bore in closed form, inside the unmodified `mj_step`. `put` makes contacts
-of them.
+If a hole is modelled by soft facets, a peg can fall through its wall. Therefore `sim.contact.cylinder` and
+`sim.contact.rectangular` find the touching features of a peg and a half-space with a bore in closed form, inside the
+unmodified `mj_step`. `put` makes a contact of each pair of features.
 
 `mj_addContact` also adds contacts with a gap, if the coming steps can close it. The solver then slows the approach
 instead of correcting a penetration afterwards.
@@ -46,13 +46,13 @@ peg's tip to 0.25 m/s within a step of 0.5 ms. Only a contact that exists before
 SAMPLE_BAND = 2e-5
 """Gap below which a sample becomes a contact at any speed, m; samples only spread the load of conformal surfaces."""
 DEEPEST = 1e-3
-"""Depth in the plate or in the wall of its bore beyond which a point makes no contact, m. Such a point came in from the
-plate's side, which is not modelled, or through the plate. The trial becomes void; a contact force at this depth would
+"""Depth in the plate or in the wall of its bore beyond which a point makes no contact, m. Such a point has entered through
+the plate's side, which is not modelled, or through the plate. The trial becomes void; a contact force at this depth would
 throw the arm (decision 0002)."""
 ENDLESS = (0.0, 0.0, 0.1, 0.1)
-"""Outline of a plate that ends out of reach: its centre and half its extents along x and y, m, plate frame."""
+"""Outline of a plate with edges out of the peg's reach: centre and half the extents along x and y, m, plate frame."""
 ABOVE = 2e-3
-"""Height of the peg's lowest point above which nothing can touch in one step, m, from the surface."""
+"""Height of the peg's lowest point above the surface, m; beyond it nothing can touch in one step."""
 IMPEDANCE = 0.9999
 """Constraint impedance of the contacts, the maximum of MuJoCo, fraction."""
 FRICTION_LAG = 4.0
@@ -105,7 +105,7 @@ class Meeting(NamedTuple):
     rows: tuple[tuple[float, float, float], tuple[float, float, float], tuple[float, float, float]]
     """Rows of the rotation matrix from the plate's frame to the base frame."""
     centre: tuple[float, float, float]
-    """Point that moves at `velocity`, m, base frame."""
+    """Reference point of `velocity` on the peg, m, base frame."""
     turning: tuple[float, float, float]
     """Angular velocity of the peg, rad/s, base frame."""
     velocity: tuple[float, float, float]
@@ -210,7 +210,7 @@ def meeting(model, data, geom_plate, geom_peg, g, lever):  # type: ignore[no-unt
         g: Vector from the plate's origin to the centre of the peg's end, m, base frame.
         lever: Largest distance of a contact point from the centre of the peg's end, m.
     """
-    # MuJoCo finds contacts before it computes velocities; without this call they would be those of the last step.
+    # MuJoCo finds contacts before it computes velocities; without this call the velocities would be those of the last step.
     native.update_velocities(model, data)
     body = carray(native.pointer(native.load(model + native.MODEL_GEOM_BODYID)), (geom_peg + 1,), np.int32)[geom_peg]
     root = carray(native.pointer(native.load(model + native.MODEL_BODY_ROOTID)), (body + 1,), np.int32)[body]
@@ -292,7 +292,7 @@ def put(meeting, gap, p, n, kind, band):  # type: ignore[no-untyped-def]
 
     Args:
         meeting: Pair of plate and peg.
-        gap: Distance of the two features, m, negative when they penetrate.
+        gap: Distance of the two features, m, negative if they penetrate.
         p: Point of the peg, m, plate frame.
         n: Normal from plate to peg, plate frame.
         kind: Kind of the penetration, PENETRATION or SURFACE.

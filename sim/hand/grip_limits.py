@@ -10,11 +10,11 @@ from drivers.quantities import Vector
 
 LINE: Vector = np.array([[0.0, 1.0]])
 FACE: Vector = np.array([[-math.sqrt(0.6), 5 / 18], [0.0, 8 / 18], [math.sqrt(0.6), 5 / 18]])
-"""Points on -1 to 1 across a peg, and weights of a mean by Gauss-Legendre quadrature: a round peg, and a flat face."""
+"""Points across a round peg and across a flat face, from -1 to 1, and their weights in a mean (Gauss-Legendre), rows of two."""
 
 
 class GripLimits(NamedTuple):
-    """Largest force and moment that friction of the two pads transmits in their plane before the peg slips, each alone."""
+    """Largest force without a moment, and largest moment without a force, that the pads' friction bears in their plane."""
 
     force: float
     """Largest force along the pads, in any direction, N."""
@@ -30,7 +30,10 @@ class GripLimits(NamedTuple):
 def span(
     theta: float, offset: float, reach_tip: float, reach_back: float, half_length: float, half_width: float
 ) -> tuple[float, float]:  # pragma: no cover
-    """Return the ends of the contact line on a pad, see `grip_limits`; equal if the peg misses the pad."""
+    """Return the ends of the contact line on a pad, m along the peg from the finger centre; equal if the peg misses the pad.
+
+    The arguments are those of `grip_limits`.
+    """
     c, s = math.cos(theta), math.sin(theta)
     low, high = -reach_back, reach_tip
     for start, step, half in ((-offset * s, c, half_length), (offset * c, s, half_width)):
@@ -54,9 +57,9 @@ def grip_limits(
 ) -> GripLimits:  # pragma: no cover
     """Return the largest force and moment from friction in the pads, by Coulomb's law under uniform pressure.
 
-    The two pads' normal forces add up to twice the grip force N, so that a force slides the peg at 2·mu·N. A moment
-    rotates it about the centre of the contact, and each pad resists with mu·N·(integral of |r| ds)/l. For a line of
-    length l that is mu·N·l/4 per pad. A flat face consists of many such lines.
+    The two pads' normal forces add up to twice the grip force N, so that a force of 2·mu·N slides the peg. A moment
+    rotates the peg about the centre of the contact, and each pad resists with mu·N·(integral of |r| ds)/l. For a line of
+    length l, each pad resists with mu·N·l/4. A flat face consists of many such lines.
 
     Args:
         theta: In-hand angle, rad.

@@ -33,7 +33,7 @@ class SimGripper:
         world = self._world
         drive, width = world.control.drive, world.finger_gap()
         force = float(drive[engine.DRIVE_FORCE])
-        # Share of the set force on both pads from which the hand reports a grip, fraction.
+        # Share of the commanded force that must act on both pads before the hand reports a grip, fraction.
         is_gripping = force > 0.0 and world.pad_force() > 0.5 * force
         if force > 0.0:
             is_moving = not is_gripping and width > position_tolerance

@@ -78,7 +78,8 @@ def lie(  # noqa: C901  one Newton iteration, compiled, whose loops share its ar
     for i in range(m):
         energy -= wanted[i] * amounts[i]
         largest = max(largest, abs(wanted[i]))
-    # Share of the grip's own load below which Newton's method need not resolve loads, fraction.
+    # Residual load at which Newton's method ends: the factor 1e-4 is relative to the largest required load, or to 1e-3 of
+    # the pads' initial load if that is larger.
     enough = 1e-4 * max(largest, 1e-3 * pressed)
     matrix, missing, move = np.empty((m, m)), np.empty(m), np.empty(m)
     for _ in range(40):
@@ -151,7 +152,7 @@ def spread(
         pad: Stiffness of the pad's foundation, N/m², thickness, m, and exponent of force over depth.
         cells: Cells of the grid, shape (n, 2), m.
         weights: Share of each cell's pressure on a taxel, shape (2, taxels, n).
-        taxels: Pressures, shape (2, taxels), Pa, at zero; filled in.
+        taxels: Pressures, shape (2, taxels), Pa; must be zero before the call, filled in.
     """
     low, high = ends
     delta0, u, phi = pressing

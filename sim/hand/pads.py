@@ -38,7 +38,7 @@ class PadLoad:
     """Force on the peg along z of the finger frame, towards the left pad, N."""
     tilting: float
     """Moment of the forces across the pads about the finger centre, the sum of force times lever s along the peg, N·m;
-    at the tip s is L.
+    the lever of the tip is `reach_tip`.
     """
     reach_tip: float
     """Length of the peg from the finger centre towards its tip, m."""
@@ -135,9 +135,9 @@ class Pads:
     def press(self, load: PadLoad) -> Pressing:
         """Return position and depth of the peg under `load`.
 
-        A push across the pads leaves the fingers' distance as it is, as in a hand with self-locking gears: the pads
-        stiffen, and both together carry more than twice the grip force. Newton's method minimises the potential energy
-        of the pads. The energy is convex, so that the solution is unique.
+        A push across the pads does not change the distance between the fingers, as in a hand with self-locking gears: the
+        pads stiffen, and both together carry more than twice the grip force. Newton's method minimises the potential
+        energy of the pads. The energy is convex, so that the solution is unique.
         """
         low, high = contact_span(load, self.length, self.width)
         if high - low < CELL or load.grip_force <= 0.0:
@@ -163,7 +163,7 @@ class Pads:
         pressing = self.press(load)
         if pressing.high <= pressing.low:
             return np.zeros(self._weights.shape[:2])
-        # The pad's edges shorten a line; the grid limits a face, because it has no cells beyond the edges.
+        # The line of a round peg ends at the pad's edges. A face needs no such limit: the grid has no cells beyond them.
         ends = (-load.reach_back, load.reach_tip) if load.is_flat else (pressing.low, pressing.high)
         taxels = np.zeros(self._weights.shape[:2])
         spread(

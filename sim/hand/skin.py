@@ -103,9 +103,9 @@ class Taxels:
 class SimSkin:
     """Skin of both fingers; it measures when the world's clock passes the next frame's instant.
 
-    The simulated skin sees the world only during a read, so it must be read at least once per scan. It measures a frame
-    at the first read at or after the frame's instant, and stamps it with the time of that read. Frames without a read
-    in between are lost, as on a board that keeps only the newest.
+    The simulated skin measures only during a read, so it must be read at least once per scan. The first read at or after
+    a frame's instant measures the frame and stamps it with the time of the read. If the instants of several frames pass
+    between two reads, only the newest frame is measured, as on a board that keeps only the newest.
     """
 
     def __init__(
@@ -159,7 +159,7 @@ class SimSkin:
         passed = (now - self._start) * self._config.rate + 1e-6
         if passed >= self._due:
             self._measure(self._taxels, self._health, now, math.floor(passed))
-        # A board measures before it is opened, so that its first frame is available at once.
+        # A real board measures before it is opened; the first frame is therefore available at once, without its age.
         while self._under_way and (self._frame is None or now >= self._under_way[0].stamp + self._truth.age):
             self._frame = self._under_way.popleft()
         last = self._start if self._frame is None else self._frame.stamp

@@ -21,7 +21,8 @@ TURNING_INERTIA = MASS * 0.035**2 / 12
 
 
 FORCE, TORQUE, ALONG, BESIDE = 0, 1, 2, 3
-"""Largest force, N, and moment, N·m; position of the contact's centre along the peg, positive towards the finger, and beside it, m."""
+"""Largest force, N, and moment, N·m, of the friction; position of the contact's centre along the peg, positive towards the
+finger, and beside the peg, m."""
 STIFFNESS, TURNING, DAMPING, TURN_DAMPING = 4, 5, 6, 7
 """Stiffness of the shear along the pads, N/m, and about the closing axis, N·m/rad; its damping, N·s/m and N·m·s/rad."""
 STUCK, APPLIED = 8, 11
@@ -45,8 +46,9 @@ def grasp(
     pads: tuple[float, float, float, float],
     peg: tuple[float, float, float, float, float],
 ) -> None:
-    """Begin a grasp with the sticking point at the present place: rotation, rad, and position along and beside the peg's
-    axis, m; see `PADS` and `PEG` for the others.
+    """Begin a grasp with the sticking point at `place`: rotation, rad, and position along and beside the peg's axis, m.
+
+    `pads` and `peg` are the words of `PADS` and `PEG`.
     """
     words[:] = 0.0
     words[STUCK : STUCK + 3] = place

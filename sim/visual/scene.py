@@ -35,7 +35,7 @@ HATCH = 0.004
 """Distance between the hatching lines along x, m."""
 FINE = 'shadowsize="2048" offsamples="4"'
 COARSE = 'offsamples="0" numslices="20" numstacks="8"'
-"""Quality of single pictures and of films: smooth edges, and facets of the round shapes."""
+"""Quality settings of single pictures (`FINE`) and of films (`COARSE`): shadows, smooth edges, facets of round shapes."""
 CAMERA, LOOKS_AT = (0.88, -1.17, 0.60), (0.325, -0.02, 0.285)
 """Position of the camera of the whole cell, and its target point, m, base frame."""
 
@@ -329,7 +329,7 @@ def _mesh(name: str, mesh: shapes.Mesh) -> str:
 
 
 def _facing(where: tuple[float, float, float], at: tuple[float, float, float]) -> str:
-    """Return the x and y axes of an upright camera at one point that looks at another."""
+    """Return the x and y axes of an upright camera at `where` that looks at `at`, both m."""
     back = np.array(where) - np.array(at)
     back /= np.linalg.norm(back)
     right = np.cross([0.0, 0.0, 1.0], back)

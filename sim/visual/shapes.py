@@ -113,7 +113,7 @@ def _reached(polygon: Vector, rays: Vector) -> Vector:
 
 
 def _lofted(rings: list[Vector], closed: bool) -> Mesh:
-    """Return the surface between neighbouring rings; open rings get flat ends, fanned from the last ring's axis."""
+    """Return the surface between neighbouring rings; if the rings are open, two flat ends close it, each a fan of triangles."""
     count = len(rings[0])
     faces = []
     for k in range(len(rings) - 1):
@@ -125,7 +125,8 @@ def _lofted(rings: list[Vector], closed: bool) -> Mesh:
     if not closed:
         for i, is_first in ((0, True), (count - 1, False)):
             profile = [k * count + i for k in range(len(rings) - 1)]
-            # Order of the rings: bottom and top outside, mouth with chamfer, floor, axis below. The first sees all.
+            # Order of the rings: bottom and top outside, mouth with chamfer, floor, axis below. All points of the profile
+            # are visible from the first one, so that a fan from it fills the end.
             ends = [(profile[0], one, two) for one, two in pairwise(profile[1:])]
             faces += [end if is_first else end[::-1] for end in ends]
     used = np.array(faces, dtype=np.intp)

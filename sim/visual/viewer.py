@@ -70,7 +70,7 @@ class Window:
 
 
 def _require_display() -> None:
-    """Check that a window can be opened, because GLFW reports a failure only after a thread has failed.
+    """Check that a window can be opened; without this check, GLFW would report the failure only after a thread has failed.
 
     Raises:
         ConfigError: No window can be opened.

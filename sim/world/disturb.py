@@ -21,7 +21,7 @@ FIXTURE_STREAM = 7
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Draw:
-    """World of one trial."""
+    """True properties of the cell in one trial."""
 
     seed: int
     """Seed of the trial."""
@@ -68,7 +68,7 @@ def draw(
     cell: Drawn = AS_BELIEVED,
     part: Drawn = AS_BELIEVED,
 ) -> Draw:
-    """Return the world of the trial with this seed; random streams are independent, so that no draw shifts another.
+    """Return the draw of the trial with this seed; random streams are independent, so that no draw shifts another.
 
     Args:
         arm: The arm that the cell assumes.
@@ -104,13 +104,13 @@ def draw(
 
 
 def in_fixture(drawn: Draw, fixture: FixtureConfig, job: Job, first_seed: int, seed: int) -> Draw:
-    """Return the world of a trial whose plate lies in a fixture.
+    """Return the draw of a trial whose plate lies in a fixture.
 
     Args:
-        drawn: The world of the trial without a fixture.
+        drawn: The draw of the trial without a fixture.
         fixture: Distribution of the plate's position from part to part.
         job: The part and its assumed positions.
-        first_seed: Seed of the cell's first run; it determines the position of a fixture without a stated one.
+        first_seed: Seed of the cell's first run; it determines the position of a fixture if the config states none.
         seed: Seed of the trial.
     """
     half, centre = np.array(job.hole.area) / 2, np.array(job.hole.centre[:2])

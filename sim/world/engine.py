@@ -17,8 +17,8 @@ from sim.hand import slip
 from sim.world import metering, native
 
 DRIVE_FORCE, DRIVE_WIDTH, DRIVE_SPEED, DRIVE_OPENING = 0, 1, 2, 3
-"""Indices of the hand's drive: commanded closing force, N, where 0 opens to the commanded width, m; a finger's speed,
-m/s, and opening force, N, which are figures of the hand."""
+"""Indices of the hand's drive: commanded closing force, N; commanded width, m, in use if that force is 0; then figures of
+the hand: a finger's speed, m/s, and opening force, N."""
 FINGER_GAIN = 2e4
 """Gain of a finger's position loop during opening, N/m."""
 
@@ -32,9 +32,9 @@ class Models(NamedTuple):
     fine: int
     """Address of the mjModel of a single tick."""
     coarse: int
-    """Address of its twin with a time step `COARSE` times longer, or 0."""
+    """Address of a twin of that mjModel with a time step `COARSE` times longer; 0 if there is none."""
     hole: Vector
-    """Mouth of the hole near which the twin is not used, see `is_far`; a negative radius means no hole."""
+    """Mouth of the hole, see `is_far`; the twin is not used near it. A negative radius means no hole."""
 
 
 class Bodies(NamedTuple):
@@ -66,7 +66,7 @@ class Watched(NamedTuple):
     plates: int
     """Number of plates; their geoms come first."""
     hinge: int
-    """Index of the peg's hinge among the positions, or -1 if no hand holds it; the arm then feels no plate."""
+    """Index of the peg's hinge among the positions; -1 if no hand holds the peg, so that no plate force acts on the arm."""
     lost: float
     """Angle of the hinge at which the peg is lost, rad."""
     mass_centre: Vector
@@ -156,7 +156,7 @@ def advance(
         joint_drive.act(control.joints, qvel, qfrc, stride > 1)
         if watch.hinge >= 0:
             slip.act(control.grip, qpos, qvel, qfrc, watch.hinge)
-        # A peg out of the physics, with no hole near it, has no contact force.
+        # A peg that is left out of the physics has no contact force; its hole then has the radius minus infinity.
         is_latched = control.latch[latch.KIND] > 0.0 and models.hole[6] > -math.inf
         if is_latched:
             latch.act(control.latch, peg, watch.mass_centre, watch.load)

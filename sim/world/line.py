@@ -1,7 +1,6 @@
 """Surroundings of a simulated cell: a rack with slots, a line that exchanges workpieces, and a person who removes pegs.
 
-A new run removes nothing: a dropped peg stays at its place. The world has one peg, so that the rack's next slot is then
-empty.
+A new run does not remove a dropped peg. Because the simulation has only one peg, the rack's next slot is then empty.
 """
 
 import math
@@ -31,7 +30,7 @@ class SimLine:
     def stock(self, job: Job, seed: int) -> None:
         """Set up the workpiece and the peg for the run with this seed.
 
-        The job's slot holds a peg if one is left.
+        The job's slot then holds a peg, unless the slot or the rack is empty. If a peg lies about, nothing is set up.
         """
         if self.lies_about():
             return
@@ -57,7 +56,7 @@ class SimLine:
         self._is_empty = False
 
     def empty(self) -> None:
-        """Take the peg out of every slot of the rack, and of the feeder, until `refill`; the next run finds none."""
+        """Empty every slot of the rack, and the feeder, until `refill`; the next run finds no peg."""
         self._is_empty = True
 
     def clear(self) -> None:
@@ -81,7 +80,7 @@ class SimLine:
     def _is_in_slot(self) -> bool:
         if self._world.peg is not PegSituation.FREE:
             return False
-        # Largest displacement of the peg's centre at which it is still in its slot, m.
+        # Largest displacement of the peg's centre if the peg is still in its slot, m.
         return math.dist(self._world.peg_pose().position, self._stood) <= 2e-3
 
     def _is_in_bin(self) -> bool:

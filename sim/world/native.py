@@ -75,7 +75,7 @@ def library_path() -> Path:
 
 @cache
 def _collision(hook: Callable[..., Any]) -> Any:
-    """Return a function compiled with the signature of MuJoCo's collision table; kept for the life of the process."""
+    """Return `hook`, compiled with the signature of MuJoCo's collision table and kept for the life of the process."""
     integer, address = types.int32, types.intp
     signature = integer(address, address, address, integer, integer, types.float64)
     return cfunc(signature, cache=True)(hook)

@@ -8,7 +8,7 @@ class ClockPace:
     """Time of a simulated world."""
 
     def __init__(self, timestep: float, pace: float | Literal["max"]) -> None:
-        """Start at 0.
+        """Start at time 0.
 
         Args:
             timestep: Length of a tick, s.

@@ -51,7 +51,7 @@ class World(Stepper):
         self.restock(job, sim.seed)
 
     def restock(self, job: Job, seed: int) -> None:
-        """Place a fresh peg in the rack and draw the trial's world from `seed`; the arm keeps its pose."""
+        """Place a fresh peg in the rack and draw the trial's properties from `seed`; the arm keeps its pose."""
         part = self._errors.draw(seed)
         drawn = draw(self.arm, job, self._contact, self._grip, seed, self.drawn, part)
         if self._sim.fixture is not None:
@@ -59,7 +59,7 @@ class World(Stepper):
         self.begin(job, drawn)
 
     def begin(self, job: Job, drawn: Draw) -> None:
-        """Place a fresh peg in the rack of a world that is drawn already; the arm keeps its pose."""
+        """Begin a trial with given properties and a fresh peg in the rack; the arm keeps its pose."""
         self.job, self.draw = job, drawn
         shapes.install(job.peg.part)
         scene = TrialScene(self._sim, job, drawn, self.pad, self.has_twins)

@@ -27,7 +27,7 @@ from sim.config import RealityConfig
 REALITY_STREAM = 4
 """Key of the random streams of errors; the trial's position, readings, skin and search use lower keys."""
 USUAL_LAYOUT: Layout = "parallelogram"
-"""Layout of the skin where no cell states another."""
+"""Layout of the skin if the cell states no other."""
 RECORDED = ("trial", "axis", "joint", "module")
 """Kinds of draws recorded in a trial's row; values of single taxels follow from the seed."""
 
@@ -36,11 +36,11 @@ class ErrorKind(NamedTuple):
     """Rules for drawing and using one error."""
 
     each: str
-    """Object of one value: trial, axis, joint, module, taxel, or taxel_axis for both coordinates of a taxel."""
+    """Object that has one value each: trial, axis, joint, module, taxel, or taxel_axis (each coordinate of a taxel)."""
     ideal: float
     """Value in a cell that agrees with the software's assumptions."""
     part_of: str = ""
-    """Error without which this one has no effect; if that error is drawn alone, this one is drawn too."""
+    """Name of the error without which this error has no effect; if that one is drawn alone, this one is drawn too."""
 
     def shape(self, layout: Layout) -> tuple[int, ...]:
         """Return the shape of a draw in a cell with this skin."""
@@ -196,7 +196,7 @@ class Quantiles(ErrorModel):
         return self
 
     def figures(self) -> Mapping[str, Figure]:
-        """Return no figures, because none belongs to a joint, an axis or a module."""
+        """Return no figures, because `shares` and `values` are not one per joint, axis or module."""
         return {}
 
     def draw(self, rng: np.random.Generator, scale: float, shape: tuple[int, ...]) -> Vector:
@@ -220,7 +220,7 @@ class Range(ErrorModel):
 
 
 class Chance(ErrorModel):
-    """Draw of 1 with a given probability, otherwise 0."""
+    """1 with a given probability, otherwise 0."""
 
     distribution: Literal["chance"]
     probability: Fraction
@@ -255,8 +255,8 @@ class Reality:
         """Return the draw of the trial with this seed in a cell with this skin; the values are read-only.
 
         Raises:
-            ConfigError: `reality.alone` or `reality.without` names no error, or `alone` names one without effect of its
-                own.
+            ConfigError: `reality.alone` or `reality.without` names an unknown error, or `reality.alone` names an error
+                that has no effect without another one.
         """
         if reality.alone not in ("", *self.errors):
             raise ConfigError(f"reality.alone = {reality.alone!r}: no such error; {', '.join(self.errors)} allowed")
@@ -288,7 +288,8 @@ class Errors:
         """Return the draw of this seed.
 
         Raises:
-            ConfigError: `reality.alone` names no error.
+            ConfigError: `reality.alone` or `reality.without` names an unknown error, or `reality.alone` names an error
+                that has no effect without another one.
         """
         return self.reality.draw(seed, self.config, self.layout)
 
@@ -346,7 +347,7 @@ def _error(path: str, name: str, table: Any) -> AnyError:
     try:
         model = _Holder.model_validate({"error": table}).error
     except ValidationError as error:
-        # If a figure can be one number or several, the message at the deepest location is the one to report.
+        # If a figure can be one number or several, pydantic reports both forms; the message at the deepest location is right.
         first = max(error.errors(), key=lambda said: len(said["loc"]))
         key = first["loc"][2] if len(first["loc"]) > 2 else "distribution"
         said = first["msg"].removeprefix("Value error, ")

@@ -24,7 +24,7 @@ from sim.hand import slip
 from sim.world import native
 
 GRIP = "grip"
-"""Body at the finger centre that rotates with the held peg."""
+"""Name of the body at the finger centre that rotates with the held peg."""
 HINGE_RANGE = math.radians(100.0)
 """Range of the hinge's angle, rad; at its end the peg meets the palm and the grasp is lost."""
 RACK_CLEARANCE = 0.25e-3
@@ -33,7 +33,7 @@ PAD_MARGIN = 2e-4
 """Distance below which MuJoCo checks a pad and the peg, m; force needs contact. Without this margin, release 3.17
 treats a rare shallow contact of box and cylinder as a peg through the whole box."""
 PAD_THICKNESS = 0.004
-"""Thickness of the block that represents a finger's rubber, towards the peg, m; it has no effect on the physics."""
+"""Thickness of the block that represents a finger's rubber, along the closing axis, m; it has no effect on the physics."""
 FINGER_ARMATURE = 1.0
 """Inertia of the hand's drive at a finger, kg; not published, of the order of a geared motor's."""
 TOLERANCE = 1e-12
@@ -137,7 +137,7 @@ def _displaced(arm: ArmTruth, in_hand: str) -> str:
 
 
 def _inertial(body: Inertial) -> str:
-    """Return a body's inertial; without products of inertia MuJoCo keeps the axes."""
+    """Return a body's inertial element; without products of inertia, as a diagonal, so that MuJoCo keeps the axes."""
     main, products = body.inertia[:3], body.inertia[3:]
     inertia = f'fullinertia="{words(body.inertia)}"' if any(products) else f'diaginertia="{words(main)}"'
     return f'<inertial mass="{body.mass}" pos="{words(body.com)}" {inertia}/>'

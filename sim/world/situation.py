@@ -29,14 +29,15 @@ class PegSituation(Enum):
 
 
 def has_fallen(height: float, speeds: Vector) -> bool:
-    """Return True if only the end of a free peg's fall is still to be simulated.
+    """Return True if a free peg has toppled over, has left the plate, or spins too fast for the integration.
 
     Args:
-        height: Height of its back end above the surface below it, or of its lowest point above the table, m.
+        height: Height of the peg's back end above the surface below it, or of the peg's lowest point above the table,
+            whichever is smaller, m.
         speeds: Linear, then angular velocity of the peg, shape (6,), m/s and rad/s.
     """
-    # Angular velocity of a free peg that no fall reaches, rad/s. A peg that is squeezed out of pads or hole can, and
-    # explicit steps of its gyroscopic torque then grow without bound.
+    # Limit of the angular velocity, rad/s. A falling peg does not reach it. A peg squeezed out of the pads or the hole can
+    # exceed it; the explicit steps of its gyroscopic torque would then grow without bound.
     return height < 0.0 or float(np.abs(speeds[3:]).max()) > 100.0
 
 
@@ -62,12 +63,12 @@ def may_rest(is_resting: bool, gap: float, loose_for: float, speeds: Vector) -> 
         loose_for: Time since the peg was released or was last in reach, s.
         speeds: Linear, then angular velocity of the peg, shape (6,), m/s and rad/s.
     """
-    # Upper limits of the speeds of a peg at rest, m/s and rad/s; a falling peg would move at 0.2 m/s by then.
+    # Upper limits of the speeds of a peg at rest, m/s and rad/s; after 0.02 s of free fall a peg moves at 0.2 m/s.
     at_rest = (1e-4, 1e-2)
     # Gap between pads and peg that no hand closes in the 10 ms before the next check, m.
     if gap <= 0.01:
         return False
-    # Time for which a free peg must have settled before it is left at rest, s.
+    # Time since its release after which a free peg may be left out, s.
     if is_resting or loose_for < 0.02:
         return is_resting
     size = np.abs(speeds)

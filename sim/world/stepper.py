@@ -33,7 +33,7 @@ NO_NOISE: Vector = np.zeros((1, arm_senses.NOISES))
 
 
 class Stepper:
-    """Moves arm, hand and peg through successive trials; the arm keeps its pose between trials."""
+    """Steps the physics of arm, hand and peg through successive trials; the arm keeps its pose between trials."""
 
     running: Mechanism
     """Mechanism that is stepped; set by the first trial."""
@@ -134,8 +134,8 @@ class Stepper:
     def fall(self) -> None:
         """Place a lost peg flat on the surface below it, or leave it standing in its hole.
 
-        Only the end of the fall is simulated. A lying peg has no weight, because only its end and the edge of that end
-        have contacts with the plate: its back end would sink in.
+        The fall itself is not simulated, only its end. A lying peg has no weight, because only the peg's end and the rim
+        of that end have contacts with the plate: the back end would sink in.
         """
         width, plate = self.finger_gap(), self.scene.plate
         depth, is_in_hole = self.depth()
@@ -166,7 +166,7 @@ class Stepper:
     def _has_fallen(self, lowest: float) -> bool:
         """Return True if a free peg has toppled over, has left the plate, or spins faster than the integration can follow.
 
-        `lowest` is the height of its lowest point, m, base frame.
+        `lowest` is the height of the peg's lowest point, m, base frame.
         """
         place, ground = self._ground()
         size, axis = self.scene.size, self.peg_view.axes[:, 2]
@@ -249,7 +249,7 @@ class Stepper:
             self._models, self._state, self._watch, self.control, self.meters, self.beat, pace.ticks, ticks, noises
         )
         if not taken:
-            # Time goes on, because the reporter of the fault waits for the end of the scan.
+            # Time still advances, because the code that reports the fault waits for the end of the scan.
             pace.ticks += ticks
             raise SimulationUnstableError(
                 f"simulation at {pace.now():.3f} s: state not finite (time step {pace.timestep} s); reduce gains or sim.timestep"
@@ -259,7 +259,7 @@ class Stepper:
         return taken
 
     def _let_rest(self) -> None:
-        """Take a peg at rest and out of the pads' reach out of the physics; put it back before the pads reach it."""
+        """Leave the peg out of the physics if it is at rest and out of the pads' reach; put it back before the pads reach it."""
         mechanism = self.running
         if mechanism.twin is None:
             return

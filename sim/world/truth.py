@@ -6,12 +6,12 @@ from sim.world.situation import PegSituation
 
 VOID_PENETRATION = 10e-6
 VOID_SHARE = 0.2
-"""Penetrations, m and as a share of the radial clearance, that make a trial void if they last longer than 2 ms."""
+"""Penetration, m and as a share of the radial clearance, above which a trial is void if it lasts longer than 2 ms."""
 
 
 @dataclass(frozen=True, slots=True)
 class Truth:
-    """The true state of the world."""
+    """The true state of the cell."""
 
     peg: PegSituation
     theta: float
@@ -41,7 +41,7 @@ class Truth:
     jerk_contact: float
     """Largest jerk of the finger centre at all other times, m/s³, after the same low-pass."""
     plate_penetration: float
-    """Deepest penetration of a surface or a hole's floor that lasted longer than 2 ms, m; no criterion."""
+    """Deepest penetration of a surface or a hole's floor that lasted longer than 2 ms, m; `is_void` does not use it."""
     joint_speed: float
     """Speed of the fastest joint, rad/s."""
 
