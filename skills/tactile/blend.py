@@ -1,4 +1,4 @@
-"""Theta from frame to frame; between two frames, the moment on the peg twists it."""
+"""Theta, filtered from frame to frame and, between two frames, corrected for the twist of the peg by the moment on it."""
 
 import math
 from dataclasses import replace
@@ -11,7 +11,7 @@ from skills.tactile.pose import NO_PEG, PegPose
 from skills.tactile.twist import GripTwist
 
 FURTHEST = 2.0
-"""Largest in-hand angle of a held peg, rad; at larger angles the hand would be in the peg's way. Source: chosen, not measured."""
+"""Largest in-hand angle of a held peg, rad; at larger angles the peg would collide with the hand. Source: chosen, not measured."""
 
 
 class Smoothing(ConfigModel):
@@ -20,8 +20,9 @@ class Smoothing(ConfigModel):
     SOURCE: ClassVar[str] = "chosen, not measured"
 
     jump: Annotated[float, Field(gt=0.0), Quantity("rad"), Source("docs/tried/angle.md")] = 0.15
-    """Difference of a frame from the running estimate above which the frame counts only if the next one differs to the same side, rad. No held
-    peg turns so far between two frames. A value above pi/2 accepts every frame at once, as in [gibbons].
+    """Largest difference of a frame from the running estimate that is accepted at once, rad. A larger difference is a jump: it is accepted only
+    if the next frame jumps to the same side, too. No held peg turns so far between two frames. A value above pi/2 accepts every frame at once,
+    as in [gibbons].
     """
     softest: Annotated[float, Field(ge=0.0, le=10.0), Quantity("rad/(N·m)"), Source("assumed")] = 1.9
     """Twist of the peg in the softest pads by a moment about the closing axis, rad/(N·m); 0 holds theta between frames, as
@@ -31,8 +32,9 @@ class Smoothing(ConfigModel):
     def take(self, held: PegPose, new: PegPose) -> PegPose:
         """Return the running estimate after a new healthy frame.
 
-        A peg that is turned by 180 degrees gives the same frame, so the angle nearest to the present estimate is used. If that angle exceeds
-        `FURTHEST`, the present estimate came from a frame of closing fingers and was wrong: the new angle is used as it is.
+        A peg that is turned by 180 degrees gives the same frame. Of the two possible angles, the one nearer to the present estimate is used. If
+        that angle exceeds `FURTHEST`, the present estimate was wrong, from a frame of closing fingers: the angle of the new frame is used
+        unchanged.
         """
         if not held.healthy:
             return new
@@ -53,13 +55,13 @@ def _step(held: PegPose, new: PegPose) -> float:
 
 
 class Blend:
-    """Filters frames by `Smoothing`, and twists theta between them; a single frame cannot make theta jump."""
+    """Filters the estimates of frames by `Smoothing`, and twists theta between frames; a single frame cannot make theta jump."""
 
     def __init__(self, smoothing: Smoothing) -> None:
         """Start without any estimate."""
         self._smoothing, self._peg = smoothing, NO_PEG
         self._jump = 0.0
-        """Jump of the newest frame, rad; 0 if it was none."""
+        """Jump of the newest frame, rad; 0 if the frame did not jump."""
         self._twist, self._moment = GripTwist(smoothing.softest), 0.0
         """Compliance of the grip, and the moment at the time of the frame in use, N·m."""
 

@@ -14,7 +14,7 @@ from drivers.skin.layout import PITCH, Layout, finger_positions, layout_of
 from skills.tactile.pose import PegPose
 
 LATTICE_ERROR: dict[Layout, float] = {"parallelogram": 3.2e-6, "base_to_base": 4.9e-6}
-"""RMS error that the coarse lattice leaves in the image's second moments, m²; see `ImageEstimator`."""
+"""RMS error of the image's second moments from the coarse lattice of taxels, m²; see `ImageEstimator`."""
 
 
 class ImageParams(ConfigModel):
@@ -27,9 +27,9 @@ class ImageParams(ConfigModel):
     threshold: Annotated[Fraction, Quantity("fraction")] = 0.5
     """Brightness below which a pixel is background, fraction of the brightest."""
     least_peak: Annotated[float, Figure("fraction"), Field(exclude=True)] = 0.1
-    """Least brightness of the brightest pixel if the frame shows a peg, fraction of the skin's full scale, at which a pixel saturates."""
+    """Least brightness of the brightest pixel in a frame that shows a peg, fraction of the skin's full scale; a pixel saturates at full scale."""
     least_elongation: Annotated[float, Figure("ratio"), Field(exclude=True)] = 1.5
-    """Least ratio of the ellipse's axes for its direction to be used, ratio."""
+    """Least ratio of the ellipse's axes, ratio; below it the direction of the ellipse is not used."""
     most_width: Annotated[float, Figure("m"), Field(exclude=True)] = 4e-3
     """Largest standard deviation along the minor axis of a peg's ellipse, m; 2.4 mm for a diameter of 8 mm."""
     most_residual: Annotated[float, Figure("fraction"), Field(exclude=True)] = 0.4
@@ -37,12 +37,12 @@ class ImageParams(ConfigModel):
     least_trusted: Annotated[float, Figure("fraction"), Field(exclude=True)] = 0.5
     """Least share of trusted taxels for an estimate, fraction."""
     most_below: Annotated[float, Figure("fraction"), Field(exclude=True)] = 0.25
-    """Largest share of a frame's squares below the baseline if it shows a peg, fraction; noise alone gives one half."""
+    """Largest share of readings below the baseline in the sum of squares of a frame that shows a peg, fraction; noise alone gives one half."""
     least_pressed: Annotated[float, Figure("count"), Field(exclude=True)] = 3.0
     """Least effective number of taxels pressed by a peg, (sum y)² / sum y²."""
 
     def is_print(self, values: Vector, trusted: Mask) -> bool:
-        """Return True if the readings, counts, can be the print of a peg."""
+        """Return True if the readings, counts, can come from a peg between the pads."""
         # sum of y² over y < 0 <= most_below · sum of y², and (sum y)² / sum y² >= least_pressed over y > 0
         known = np.where(trusted, values, 0.0)
         pressed = np.maximum(known, 0.0)

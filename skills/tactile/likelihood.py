@@ -1,8 +1,9 @@
 """Maximum likelihood over templates: comparison of a frame with predicted frames of all angles and offsets.
 
-Each finger's load is a constant plus a part that rises along the peg. The four load amounts enter a frame linearly.
-Their priors are Gaussian: equal mean loads on both fingers, opposite rises. The loads are therefore integrated out
+Each finger's load is a constant plus a part that rises along the peg. A frame is linear in these four amounts. Their
+priors are Gaussian and expect equal mean loads on both fingers and opposite rises. The loads are therefore integrated out
 exactly for every angle and offset. The estimate is the mean and spread of the remaining posterior of angle and offset.
+The print of a peg is its trace of pressure on the taxels.
 """
 
 import math
@@ -18,7 +19,7 @@ from skills.tactile.templates import TemplateParams, Templates
 
 
 class RobustParams(ConfigModel):
-    """Model of an expected frame, prior of its faults, and limits beyond which a frame shows no peg."""
+    """Model of an expected frame, prior of a frame's faults, and limits beyond which a frame shows no peg."""
 
     SOURCE: ClassVar[str] = "chosen on simulated pads, its effect measured by `cell study tactile`"
 
@@ -29,7 +30,7 @@ class RobustParams(ConfigModel):
     offset_spread: Annotated[float, Figure("m"), Field(exclude=True)] = 7e-4
     """Standard deviation of the peg's offset from the finger centre, m."""
     off_centre: Annotated[float, Figure("fraction"), Field(exclude=True)] = 0.05
-    """Prior probability of an offset uniform over the templates' reach, fraction."""
+    """Prior probability that the offset is uniformly distributed over the templates' reach, fraction."""
     imbalance: Annotated[float, Figure("fraction"), Field(exclude=True)] = 0.3
     """Standard deviation of half the difference of the fingers' loads, fraction of their mean."""
     rise: Annotated[float, Figure("fraction"), Field(exclude=True)] = 0.6
@@ -41,12 +42,12 @@ class RobustParams(ConfigModel):
     least_load: Annotated[float, Figure("standard deviations"), Field(exclude=True)] = 5.0
     """Least mean load of a held peg, as the reading directly under the peg, standard deviations of a reading's noise."""
     most_sigma: Annotated[float, Figure("rad"), Field(exclude=True)] = 0.1
-    """Standard deviation of theta above which it is not reported, rad."""
+    """Largest standard deviation of theta in a healthy estimate, rad."""
     most_misfit: Annotated[float, Figure("ratio"), Field(exclude=True)] = 12.0
     """Misfit above which the frame does not show a peg, ratio of squared residuals to those expected."""
     most_residual: Annotated[float, Figure("fraction"), Field(exclude=True)] = 0.3
-    """Largest share of a frame's squares that a peg leaves unexplained, fraction; a larger share is accepted if the misfit is at most
-    `wide_misfit`, because noise then explains it, for example under a weak grip.
+    """Largest share of a frame's sum of squares that the template may leave unexplained, fraction. A larger share is accepted if the misfit is at
+    most `wide_misfit`, because noise then explains the rest, for example under a weak grip.
     """
     least_trusted: Annotated[float, Figure("fraction"), Field(exclude=True)] = 0.5
     """Least share of trusted taxels for an estimate, fraction."""
@@ -59,29 +60,33 @@ class RobustParams(ConfigModel):
     most_outliers: Annotated[int, Figure("count"), Field(exclude=True)] = 4
     """Largest number of readings to leave out."""
     reach_spread: Annotated[float, Figure("m"), Field(exclude=True), Source("docs/tried/angle.md")] = 1e-3
-    """Standard deviation of the peg's reach out of the hand, about its stated length, m."""
+    """Standard deviation of the peg's overhang (its length inside the hand, beyond the finger centre) about the stated one, m."""
     lowest: Annotated[float, Figure("standard deviations"), Field(exclude=True)] = -6.0
     """Reading below which a taxel is faulty, standard deviations; no pressure lowers a reading below its baseline."""
     silent: Annotated[float, Figure("standard deviations"), Field(exclude=True)] = 4.0
     """Largest reading of a possibly dead module, standard deviations of the noise."""
     most_surety: Annotated[float, Figure("1/variance"), Field(exclude=True)] = 20.0
-    """Largest precision of the estimated breadth, 1/variance (4 % of breadth), because the breadth changes with the load."""
+    """Largest precision of the estimated breadth of the print, 1/variance of its index in `robust.BREADTHS`: 4 % of breadth. The precision is
+    bounded because the breadth changes with the load.
+    """
     turned: Annotated[float, Figure("rad"), Field(exclude=True), Source("chosen, not measured")] = math.radians(5.0)
     """Least rotation of the peg between two updates of the estimates, rad; frames at the same angle have the same errors."""
     sure: Annotated[float, Figure("rad"), Field(exclude=True), Source("docs/tried/angle.md")] = math.radians(1.5)
-    """Largest sigma of a frame that updates the estimates of breadth and load, rad; if two angles give similar frames, an update from
-    the wrong one makes the next frame prefer it, too.
+    """Largest sigma of a frame that updates the estimates of breadth and load, rad. If two angles give similar frames, an update from
+    the wrong angle makes the next frame prefer the wrong angle, too.
     """
     learning: Annotated[float, Figure("fraction"), Field(exclude=True)] = 0.5
     """Share of a frame's information on the breadth used for an update, fraction; it allows for template errors."""
     load_spread: Annotated[float, Figure("ratio"), Field(exclude=True)] = 0.15
     """Prior standard deviation of the logarithm of a pad's load, ratio."""
     load_frames: Annotated[int, Figure("count"), Field(exclude=True)] = 4
-    """Number of frames that this prior is worth."""
+    """Weight of the prior `load_spread`, number of frames."""
     most_frames: Annotated[int, Figure("count"), Field(exclude=True)] = 20
-    """Largest number of frames that the load estimate is worth; it adapts to a changed grip in about as many frames."""
+    """Largest weight of the load estimate, number of frames; the estimate adapts to a changed grip in about as many frames."""
     steeper: Annotated[float, Figure("ratio"), Field(exclude=True)] = 3.5
-    """Factor on the rise of the loads along a short peg: it bears the same moment on 23 mm of the pads instead of 35 mm, (35/23)³."""
+    """Factor on the rise of the loads along a short peg, ratio: a short peg bears the same moment on 23 mm of the pads instead of 35 mm,
+    (35/23)³.
+    """
 
 
 class Found(NamedTuple):
@@ -102,7 +107,7 @@ class Found(NamedTuple):
     chance: float
     """Log posterior of the likeliest angle, up to a constant that depends on frame and weights."""
     place: float
-    """Index of the print in the bank, 0 for the first; interpolated between two prints."""
+    """Index of the likeliest print in the bank, 0 for the first; interpolated between two prints."""
     surety: float
     """Precision of `place`, 1/variance, including the prior."""
     whole: float
@@ -110,7 +115,7 @@ class Found(NamedTuple):
 
 
 UNKNOWN_LOAD = (0.0, 0.0)
-"""`Found.whole` and its precision 1/variance if no load is expected."""
+"""Expected `Found.whole` and its precision 1/variance if the load is unknown: precision 0."""
 
 
 class Bank:

@@ -1,8 +1,8 @@
-"""Detection of exchanged skin modules from the print of a newly grasped peg.
+"""Detection of exchanged skin modules from the print of a newly grasped peg: its trace of pressure on the taxels.
 
-The peg ends between the pads, so its print is longer towards the tip than towards the palm. If the two modules of a
-finger are exchanged, that finger's print is turned by half a turn. If the fingers are exchanged, the print is mirrored.
-A mirrored print equals that of a peg at the opposite angle, so one print cannot detect exchanged fingers.
+The back end of the peg is between the pads, so the print is longer towards the tip than towards the palm. If the two
+modules of a finger are exchanged, that finger's print is turned by half a turn. If the fingers are exchanged, the print
+is mirrored. A mirrored print equals that of a peg at the opposite angle, so one print cannot detect exchanged fingers.
 """
 
 import math
@@ -21,17 +21,17 @@ EXCHANGED = math.log(1000.0)
 
 @runtime_checkable
 class TellsOrder(Protocol):
-    """Estimator that can detect exchanged modules from a print; it needs templates."""
+    """Estimator with templates, which can therefore detect exchanged modules from a print."""
 
     def order_odds(self, frame: TaxelFrame) -> Vector:
-        """Return the log odds of each of `module_exchanges` against the configured order; 0 without a print."""
+        """Return the log odds of each of `module_exchanges` against the configured order; all 0 if the frame shows no print."""
 
 
 class PrintOrder:
     """Evidence of exchanged modules, collected over the frames of one grasp."""
 
     def __init__(self, estimator: object, layout: Layout) -> None:
-        """Start without a frame; if `estimator` has no `order_odds` or the layout no exchanges, the check is disabled."""
+        """Start without a frame; if `estimator` has no `order_odds` or `layout` has no exchanges, the check is disabled."""
         self._names = list(module_exchanges(layout))
         self._estimator = estimator if self._names and isinstance(estimator, TellsOrder) else None
         self._odds: list[Vector] = []

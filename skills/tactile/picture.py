@@ -12,9 +12,9 @@ from drivers.quantities import FINGERS, Mask, Vector
 from drivers.skin.layout import Layout, finger_positions, triangles
 
 Image = NDArray[np.integer[Any] | np.floating[Any]]
-"""Image in counts, single precision, with a resolution of a thousandth of a count."""
+"""Image, counts, single precision; the resolution is a thousandth of a count."""
 LEAST_KNOWN = 0.25
-"""Least share of a pixel's weights on trusted taxels, fraction; below it the pixel is black."""
+"""Least share of trusted taxels in the interpolation weights of a pixel, fraction; below it the pixel is black."""
 PRECISION = 1e-6
 """Relative precision of single-precision values; smaller differences count as zero."""
 
@@ -45,14 +45,14 @@ class Projector:
     """
 
     def __init__(self, layout: Layout, pixel: float, full_scale: float) -> None:
-        """Prepare pixels of side `pixel`, m, over the taxels of `layout`; they saturate at `full_scale`, counts."""
+        """Prepare pixels of side `pixel`, m, over the taxels of `layout`; pixels saturate at `full_scale`, counts."""
         taxels, corners = finger_positions(layout), triangles(layout)
         columns, rows = np.ceil(np.abs(taxels).max(axis=(0, 1)) / pixel - 1e-9).astype(int)
         x, y = np.meshgrid(np.arange(-columns, columns + 1), np.arange(-rows, rows + 1))
         self.centres: Vector = np.stack([x, y], axis=-1) * pixel
         """Centres of the pixels, shape (rows, columns, 2), m, finger frame."""
         self._pixel, self._middle, self._full_scale = pixel, (columns, rows), full_scale
-        # Both fingers share one source and one destination image, the right below the left.
+        # Both fingers share one source and one destination image, with the right finger below the left.
         a, b, c = np.eye(taxels[..., 0].size, dtype=np.float32)[
             np.concatenate([corners + taxels.shape[1] * finger for finger in range(FINGERS)]).T
         ]
@@ -72,7 +72,7 @@ class Projector:
     def image(self, values: Vector, trusted: Mask) -> Image:
         """Return the saturated sum of both fingers' images, [gibbons], Eq. (1), counts, shape (rows, columns).
 
-        If a corner of a pixel is not trusted, the remaining corners in both images are scaled up to replace it.
+        If a taxel at a corner of a pixel is not trusted, the pixel's other corners in both images are scaled up instead.
 
         Args:
             values: Readings, counts, shape (2, n).

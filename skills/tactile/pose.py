@@ -1,4 +1,4 @@
-"""Pose of the peg in the hand: its value, the protocol that estimates it from a frame, and the protocol that tracks it."""
+"""Pose of the peg in the hand: the value, the protocol of an estimator from one frame, and the protocol of a tracker."""
 
 import math
 from dataclasses import dataclass
@@ -30,7 +30,7 @@ NO_PEG = PegPose(theta=0.0, offset=0.0, sigma=math.inf, residual=1.0, healthy=Fa
 
 
 class Estimator(Protocol):
-    """Estimator of the peg's pose in the hand from frames; between frames it keeps only what it learnt about the pads."""
+    """Estimator of the peg's pose in the hand from single frames; it keeps only estimates about the pads between frames."""
 
     def estimate(self, frame: TaxelFrame) -> PegPose:
         """Return the pose of the peg in `frame`; `healthy` is False if the frame shows no peg."""
@@ -43,8 +43,8 @@ class Tracker(Protocol):
         """Return the present pose of the peg, at every scan; `healthy` is False until the first estimate.
 
         Args:
-            new: Healthy estimate from a new frame, if any. Its stamp can lie in the past. If it is not newer than the
-                estimate in use, it is ignored.
+            new: Healthy estimate from a new frame; None if there is none. Its stamp can lie in the past. If it is not newer
+                than the estimate in use, it is ignored.
             stamp: Time now, s.
             moment: Moment on the peg about the closing axis, N·m.
         """

@@ -14,11 +14,11 @@ from skills.tactile.templates import COARSE_OFFSET, COARSE_THETA
 COARSE_PRINT = 2
 """Step between the prints of the coarse search if no print is expected."""
 NEAR = 2
-"""Number of coarse offsets to try on either side of the finger centre; if none fits, all are tried."""
+"""Number of coarse offsets to try on either side of the finger centre, unless all offsets are to be tried."""
 FINE = 10
 """Number of templates to try on either side of a likely angle in the fine search."""
 MODES = 2
-"""Number of likely angles to refine; between the lattice's rows two angles can give similar frames."""
+"""Number of likely angles to refine; if the peg lies between two rows of taxels, two angles can give similar frames."""
 MANY_MODES = 4
 """Number of likely angles to refine if no print is expected: two angles can give similar frames with different prints."""
 RIVAL = 30.0
@@ -26,7 +26,7 @@ RIVAL = 30.0
 AMOUNTS = 6
 """Number of fitted quantities: four loads, angle and offset."""
 HOPELESS = 20.0
-"""Difference of log posterior to the best beyond which an angle is not refined."""
+"""Largest difference of log posterior from that of the best angle for which an angle is refined."""
 STIFFENING = 0.4
 """Curvature of the load along a peg that is pushed across the pads: ratio c·a/b² for the load a + b·s + c·s² at s along the peg.
 
@@ -40,7 +40,7 @@ LEAST_TURN = 0.15
 FAINT = 0.01
 """Reading below which a taxel is left out of the curvature, fraction of the reading directly under the peg."""
 OTHER_LOAD = 0.1
-"""Probability of a load other than the expected one, fraction: the hand is still closing, or the grip has changed."""
+"""Probability that the load is not the expected one, fraction: the hand is still closing, or the grip has changed."""
 NEVER = -1e30
 """Log likelihood of an impossible template."""
 
@@ -200,7 +200,7 @@ def _at(i, j, w, weights, weighed, prior, even, rising, along, borne, load, tigh
     """Return the log posterior at angle i, offset j and print w; i can exceed either end of the grid."""
     n, m = even.shape[1], even.shape[2]
     if i < 0 or i >= n:
-        # The angle wraps after half a turn; the offset then changes its sign.
+        # The grid of angles is periodic with half a turn; the offset then changes its sign.
         i, j = i % n, m - 1 - j
     middle = _middle(borne[w, i, j])
     found = (
@@ -215,8 +215,8 @@ def _at(i, j, w, weights, weighed, prior, even, rising, along, borne, load, tigh
 def _row(i, j, w, weights, weighed, prior, even, rising, along, borne, load, tightness, solution):  # type: ignore[no-untyped-def]
     """Find the maximum over prints and offsets at angle i by hill climbing from j and w.
 
-    Returns the log posterior with the offset integrated out at the best print, the mean index and the best index of
-    the offset, the best index of the print, the same interpolated between two prints, and its precision.
+    Returns the log posterior with the offset integrated out at the best print; the mean index and the best index of the
+    offset; the best index of the print, its index interpolated between two prints, and the precision of the latter.
     """
     last, m = even.shape[0] - 1, even.shape[2]
     j = min(max(j, 1), m - 2)

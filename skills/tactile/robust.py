@@ -1,13 +1,14 @@
 """Maximum likelihood that also considers faults of a frame if the misfit exceeds the level that noise explains.
 
-The faults are: a module that failed undetected, a peg far off centre, a peg that ends between the pads, and single
-taxels with arbitrary readings. Each fault has its own template bank or mask. The estimator selects the likeliest
+The faults are: a module that failed undetected, a peg far off centre, a peg whose back end is between the pads, and
+single taxels with arbitrary readings. Each fault has its own template bank or mask. The estimator selects the likeliest
 explanation and then leaves out readings that still do not fit.
 
-The breadth of the peg's print depends on the pads and the grip. It is the only property of the pads that affects theta,
-and one frame measures it only roughly. The estimator therefore compares templates of several breadths and keeps its
-estimate of the breadth from frame to frame. If the peg ends between the pads, its reach out of the hand also changes the
-print. The estimator therefore also compares pegs of longer and shorter reach.
+A print is the peg's trace of pressure on the taxels. Its breadth depends on the pads and the grip. The breadth is the only
+property of the pads that affects theta, and one frame measures it only roughly. The estimator therefore compares templates
+of several breadths and keeps its estimate of the breadth from frame to frame. If the peg's back end is between the pads,
+the peg's overhang also changes the print: its length inside the hand, beyond the finger centre. The estimator therefore
+also compares pegs that reach further into the hand, and less far.
 """
 
 import math
@@ -27,16 +28,17 @@ MEDIAN_OF_NORMAL = 0.6745
 BREADTHS = tuple(1.19**k for k in range(-3, 3))
 """Breadths of the compared prints, multiples of the configured breadth."""
 AT_FIRST = (float(BREADTHS.index(1.0)), 8.0)
-"""Prior of the breadth: its index in `BREADTHS` and the precision 1/variance of the index; the standard deviation is 6 % of breadth."""
+"""Prior of the breadth: its mean index in `BREADTHS`, and the precision 1/variance of that index; the standard deviation is 6 % of breadth."""
 OVERHANGS = tuple(1e-3 * k for k in range(-4, 9))
-"""Alternative lengths of the peg beyond the finger centre, m, compared with prints of the configured breadth. Source: chosen, not measured."""
+"""Overhangs of a peg whose back end is between the pads, m; negative if the end is short of the finger centre. Their prints have the
+configured breadth. Source: chosen, not measured."""
 REACH_STEP = 1.5e-3
 REACHES = tuple(REACH_STEP * k for k in range(-2, 3))
-"""Differences from the stated length of the peg beyond the finger centre, compared in every frame, m."""
+"""Differences from the stated overhang of the peg, compared in every frame, m."""
 
 
 class UsualPrints:
-    """Two families of prints: several breadths at the stated reach, and several reaches at the configured breadth.
+    """Two families of prints: several breadths at the stated overhang, and several overhangs at the configured breadth.
 
     The estimated breadth is the only state kept from frame to frame.
     """
@@ -57,8 +59,8 @@ class UsualPrints:
         reaching = self._reaches.compare(values, weights, is_wide, self._as_stated, load)
         # If the noise exceeds the configured noise, both log likelihoods are scaled down by the same factor.
         scale = max(1.0, min(broad.misfit, reaching.misfit))
-        # The prints of other reaches have the configured breadth. If the estimated breadth has moved away from it,
-        # they lose precision / 2 · (place - AT_FIRST)² of log likelihood.
+        # The prints of other overhangs have the configured breadth. If the estimated breadth differs from it, the log
+        # likelihood of these prints is reduced by precision / 2 · (place - AT_FIRST)².
         place, surety = self._believed
         unlikely = 0.5 * surety * (place - AT_FIRST[0]) ** 2
         odds = (_evidence(broad, self._believed) - _evidence(reaching, self._as_stated) + unlikely) / scale
@@ -77,7 +79,10 @@ class UsualPrints:
         )
 
     def learn(self, found: Found) -> None:
-        """Update the estimated breadth of the print with one frame: a Kalman filter of a constant."""
+        """Update the estimated breadth of the print with one frame, if the peg has turned since the last update.
+
+        The update is that of a Kalman filter of a constant.
+        """
         place, surety = self._believed
         if abs(math.remainder(found.theta - self._taught, math.pi)) < self._params.turned:
             return
@@ -169,7 +174,7 @@ class RobustEstimator:
         )
         self._short = Bank(steep, reaching.part(len(near), len(near) + len(short)))
         self._against_short = params.rarity + math.log(max(len(short), 1))
-        """Prior log odds against a peg that ends between the pads, for each of the compared lengths."""
+        """Prior log odds against each of the compared lengths of a peg whose back end is between the pads."""
         self._load = Load(params)
 
     def __copy__(self) -> Self:
@@ -221,7 +226,7 @@ class RobustEstimator:
         return readable
 
     def _silent(self, is_loud: Mask, weights: Vector) -> list[int]:
-        """Return the modules without any reading above the noise."""
+        """Return the indices of the modules that have trusted readings but none above the noise."""
         loud = np.bincount(self._module, is_loud)
         present = np.bincount(self._module, weights > 0.0)
         return [int(module) for module in np.flatnonzero((loud == 0) & (present > 0))]

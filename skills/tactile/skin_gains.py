@@ -1,8 +1,8 @@
 """Calibration of the taxels' gains and the pads' point spread from a sweep of a long rod over known angles; pure.
 
 The model is that of the templates. At every angle, the load of each finger is a constant plus a part that rises along
-the rod. A taxel's reading is its gain times the template of that angle. For each point spread, loads and gains are
-fitted alternately by linear least squares. The result is the point spread with the least residual.
+the rod. A taxel's reading is its gain times the template of that angle. For each candidate of the point spread, loads and
+gains are fitted alternately by linear least squares. The result is the point spread with the least residual, interpolated.
 """
 
 from collections.abc import Sequence
@@ -19,7 +19,7 @@ SPREADS = np.arange(0.6e-3, 2.41e-3, 0.2e-3)
 """Point spreads to try, m. Source: chosen, not measured."""
 ROUNDS = 20
 LEAST_SIGNAL = 0.3
-"""Least peak template reading of a taxel for its gain to be fitted, as a fraction of the largest peak of all taxels."""
+"""Least peak of a taxel's template readings, fraction of the largest peak of all taxels; below it the gain is not fitted."""
 
 END = 3e-3
 """Distance from a pad's ends within which the end of the rod's groove affects the taxels, m. Source: chosen, not measured."""
@@ -72,8 +72,8 @@ def fit_gains(
         before, at, after = left[best - 1 : best + 2] ** 2
         spread += 0.5 * float((before - after) / (before - 2 * at + after)) * float(spreads[1] - spreads[0])
     gains, measured, residual = fits[best]
-    # The model is least accurate at the pad's ends and has the same error at both ends of both fingers. Only the
-    # differences between these gains are used.
+    # At the pad's ends the model is least accurate, with the same error at both ends of both fingers. The gains there are
+    # therefore divided by their mean, so that only the differences between them count.
     along = np.abs(positions(layout)[:, 0])
     at_end = measured & (along > along.max() - END)
     if at_end.any():

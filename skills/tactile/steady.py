@@ -1,4 +1,4 @@
-"""Check that the skin shows a steady print of the peg after the hand has closed.
+"""Check that the skin shows a steady print of the peg, its trace of pressure, after the hand has closed.
 
 A single frame with random readings of a faulty module can resemble a print. If a peg rests in the hand, every frame
 shows its print and all modules repeat their readings to within noise.
@@ -13,7 +13,7 @@ from drivers.skin.layout import Layout, layout_of, module_of
 JUDGED = 8
 """Largest number of frames to judge after the first one: 0.8 s at 10 Hz."""
 NEEDED = 3
-"""Number of frames that decide: with the peg, the print is accepted; with a restless module, it is rejected.
+"""Number of frames that decide: so many frames with the peg accept the print; so many with a restless module end the check.
 
 If the skin is noisy or the grip weak, most frames show the peg, but not all. Source: docs/tried/grasp.md.
 """
@@ -25,7 +25,7 @@ Source: docs/tried/grasp.md.
 
 
 class GraspPrint:
-    """Frames of a closed hand at rest, judged until it is decided whether the skin shows the peg."""
+    """Check of successive frames of a closed hand at rest, until enough frames show the peg or a restless module."""
 
     def __init__(self, layout: Layout) -> None:
         """Start without a frame of a skin with this layout."""
@@ -60,7 +60,7 @@ class GraspPrint:
         """Check that enough frames show the peg.
 
         Raises:
-            SkinUntrustedError: Too few frames show the peg; the message names a restless module, if there is one.
+            SkinUntrustedError: Too few frames show the peg; the message names a module that is restless in most frames.
         """
         if self._agreed >= NEEDED:
             return

@@ -11,11 +11,11 @@ import numpy as np
 from drivers.compiled import njit
 
 HALF_LINE = 0.02
-"""Distance from the finger centre at which a load of unit rise has grown by 1, m. Source: chosen, a unit."""
+"""Distance from the finger centre at which a load with a rise of 1 has grown by 1, m. Source: chosen, a unit."""
 FAR = 25.0
-"""Squared distance beyond which a line load is neglected, in squared standard deviations of the blur."""
+"""Squared distance from a taxel beyond which a line load is neglected, in squared standard deviations of the blur."""
 SURE = 4.5
-"""Distance from an end of the line, in standard deviations times the root of two, beyond which the end is neglected; the error is 2e-10."""
+"""Distance from an end of the line beyond which the end is neglected, in standard deviations times sqrt(2); the error is 2e-10."""
 
 
 @njit(cache=True, inline="always")
@@ -30,7 +30,7 @@ def _end(distance):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, inline="always")
 def _spread(beside, groove, groove_weights, blur):  # type: ignore[no-untyped-def]
-    """Return the load of the blurred groove at the distance `beside` from its middle."""
+    """Return the load of the blurred groove at the distance `beside` from the groove's middle, m."""
     # sum over g of w_g exp(-((beside - groove_g) / blur)² / 2)
     spread = 0.0
     for g in range(groove.size):
@@ -59,11 +59,11 @@ def fill(  # type: ignore[no-untyped-def] # noqa: C901  compiled nested loops ov
     first,
     last,
 ):
-    """Fill in the readings of all taxels for every line length behind the finger centre, angle and offset.
+    """Fill in the readings of all taxels for every angle, offset and length of the line behind the finger centre (`backs`).
 
-    Angles run from `first` to before `last`. If the line misses the pad, its readings stay unchanged. Readings are in
-    units of the load over 2·sqrt(2 pi)·blur. `backs` must decrease, so that lines with the same end at the pad's edge
-    are adjacent.
+    The function fills the angles with index `first` to `last` - 1. If the line misses the pad, its readings stay unchanged.
+    Readings are in units of the load over 2·sqrt(2 pi)·blur. `backs` must decrease, so that lines with the same end at the
+    pad's edge are adjacent.
     """
     scale = 1.0 / (blur * math.sqrt(2.0))
     density = 1.0 / (scale * math.sqrt(math.pi))

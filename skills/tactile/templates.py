@@ -1,9 +1,9 @@
 """Model of the taxels' readings for a peg at any angle and offset, in closed form; estimators compare frames with it.
 
-The peg presses a line into each pad. Its load per metre is a constant plus a part that rises along the peg. Its groove
-has the parabolic pressure of a bed of springs. The elastomer blurs with a Gaussian, and a taxel averages over its disc.
-Along the line, the blurred load is a difference of error functions; disc and groove are small sums. A peg with flat
-sides presses a face, modelled as the mean of parallel lines.
+The peg presses a line into each pad. The line's load per metre is a constant plus a part that rises along the peg. Across
+the line, the groove has the parabolic pressure of a bed of springs. The elastomer blurs the pressure with a Gaussian, and
+a taxel averages it over its disc. Along the line, the blurred load is a difference of error functions; the averages over
+disc and groove are small sums. A peg with flat sides presses a face, modelled as the mean of parallel lines.
 """
 
 import math
@@ -27,7 +27,7 @@ MOST_THREADS = 8
 
 
 class TemplateParams(ConfigModel):
-    """The pad by its maker's data; the simulated pad can differ."""
+    """Properties of the pad, from its maker's data; those of the simulated pad can differ."""
 
     SOURCE: ClassVar[str] = "chosen on simulated pads, its effect measured by `cell study tactile`"
 
@@ -42,7 +42,7 @@ class TemplateParams(ConfigModel):
     offset_step: Annotated[float, Figure("m"), Field(exclude=True)] = 2.5e-4
     """Offset between neighbouring templates, m."""
     offset_reach: Annotated[float, Figure("m"), Field(exclude=True), Source("docs/tried/angle.md")] = 1e-2
-    """Largest distance of the peg's axis from the finger centre, m; beyond it the print of 8 mm leaves the pad."""
+    """Largest distance of the peg's axis from the finger centre, m; beyond it the print of an 8 mm peg leaves the pad."""
 
     def broader(self, factor: float) -> Self:
         """Return the pad with prints broader by `factor`, in both point spread and groove."""
@@ -51,7 +51,7 @@ class TemplateParams(ConfigModel):
 
 
 COARSE_THETA, COARSE_OFFSET = 5, 4
-"""Steps along angle and offset between the templates of the coarse search."""
+"""Steps of the coarse search along angle and offset, in steps of the templates."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -63,7 +63,7 @@ class Templates:
     offset: Vector
     """Offsets, shape (m,), m, evenly spaced about 0."""
     even: NDArray[np.float32]
-    """Readings for a load of 1 along the whole peg, shape (p, n, m, 2 taxels); 1 is the reading under an endless peg."""
+    """Readings for a load of 1 along the whole peg, shape (p, n, m, 2 taxels); unit: the reading under an infinitely long peg."""
     rising: NDArray[np.float32]
     """Readings for a load that rises from 0 at the finger centre to 1 at `HALF_LINE` towards the tip, shape (p, n, m, 2 taxels)."""
     along: NDArray[np.float32]
@@ -71,7 +71,7 @@ class Templates:
     borne: NDArray[np.float32]
     """Total load of one pad for the loads of `even` and of `rising`, shape (p, n, m, 2), m."""
     coarse: tuple[NDArray[np.float32], ...] = ()
-    """Copies of even, rising and borne at the coarse steps, including the middle offset.
+    """Copies of `even`, `rising` and `borne` at the coarse steps, including the middle offset.
 
     The copies fit in the processor's cache; the whole tables take a hundred megabytes.
     """
@@ -102,7 +102,7 @@ def make_templates(layout: Layout, peg: Peg, params: TemplateParams) -> Template
 
 @lru_cache(maxsize=2)
 def broad_templates(layout: Layout, peg: Peg, params: TemplateParams, factors: tuple[float, ...]) -> Templates:
-    """Return the templates of prints broader by each of `factors`."""
+    """Return the templates of prints that are broader by each of `factors`, p = the number of factors."""
     made = [_make(layout, peg, params.broader(factor), (peg.overhang,)) for factor in factors]
     even, rising, borne = (
         np.concatenate([getattr(each, table) for each in made]) for table in ("even", "rising", "borne")
@@ -112,7 +112,7 @@ def broad_templates(layout: Layout, peg: Peg, params: TemplateParams, factors: t
 
 @lru_cache(maxsize=4)
 def reaching_templates(layout: Layout, peg: Peg, params: TemplateParams, overhangs: tuple[float, ...]) -> Templates:
-    """Return the templates of pegs that reach beyond the finger centre by each of `overhangs`, m, instead of by `peg.overhang`."""
+    """Return the templates of pegs with each of `overhangs`, m, instead of `peg.overhang`."""
     return _make(layout, peg, params, overhangs)
 
 
@@ -134,7 +134,7 @@ def _make(layout: Layout, peg: Peg, params: TemplateParams, overhangs: tuple[flo
     groove, groove_weights = peg.part.face.groove(params.indentation)
     face = peg.part.face.strips(params.offset_step)
     lines = np.arange(-(side + face.size // 2), side + face.size // 2 + 1, dtype=np.float64) * params.offset_step
-    taxels = np.array(finger_positions(layout)[1])  # a copy that may be written, of the same type as the one below
+    taxels = np.array(finger_positions(layout)[1])  # a writable copy, of the same compiled type as the taxels below
     falling = np.argsort(overhangs)[::-1]
     backs = np.array(overhangs)[falling]
     arguments = (disc, disc_weights, groove, groove_weights, params.blur)
@@ -182,14 +182,14 @@ def _along(theta: Vector, layout: Layout) -> NDArray[np.float32]:
 def _borne(
     theta: Vector, offset: Vector, half: tuple[float, float], tip: float, overhangs: tuple[float, ...]
 ) -> NDArray[np.float32]:
-    """Return the total load of one pad under loads along the peg's axis, see `Templates.borne`.
+    """Return the total load of one pad for the two loads along the peg's axis, see `Templates.borne`.
 
     Args:
         theta: Angles, shape (n,), rad.
         offset: Offsets, shape (m,), m.
         half: Half the length and half the width of a pad, m.
         tip: Length of the peg from the finger centre to its tip, m.
-        overhangs: Lengths of the peg beyond the finger centre, shape (p,), m.
+        overhangs: Lengths of the peg beyond the finger centre, inside the hand, shape (p,), m.
     """
     from skills.tactile.template_fill import HALF_LINE  # imports the compiler as well
 

@@ -4,24 +4,24 @@ import math
 from collections import deque
 
 MEMORY = 10
-"""Number of frames over which the compliance is learnt."""
+"""Memory of the learnt compliance, frames: each new frame reduces the weight of the earlier frames by 1/`MEMORY`."""
 NOISE = 0.014
 """Standard deviation of the difference of theta between two frames, rad: sqrt(2) times the 0.01 rad of one frame. Source: assumed."""
 KEPT = 500
-"""Number of scans whose moments are kept; frames are younger."""
+"""Number of newest scans with stored moments; no frame is older than these scans."""
 
 
 class GripTwist:
     """Learns the compliance of the grip from frames: twist c M, with c by least squares under a normal prior about 0."""
 
     def __init__(self, softest: float) -> None:
-        """Start from a stiff grip; the softest one twists by `softest`, rad/(N·m)."""
+        """Start from a rigid grip; `softest` is the compliance of the softest grip, rad/(N·m)."""
         self._softest = softest
         self.moments = deque[tuple[float, float]](maxlen=KEPT)
         """Times, s, and moments, N·m, of the last scans."""
         self._crossed = self._squares = 0.0
         self.compliance = 0.0
-        """Twist by a moment, rad/(N·m)."""
+        """Compliance of the grip: twist of the peg over the moment, rad/(N·m)."""
 
     def moment(self, stamp: float) -> float:
         """Return the moment that was measured nearest to a time, N·m."""
