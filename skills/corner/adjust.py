@@ -1,8 +1,8 @@
 """Bring a peg with corners, one corner in its hole, upright between the walls, so that the hole guides it.
 
-At a small tilt, the peg rests at the depth of its corner. While the peg is raised, its corner is pushed into the hole's
-corner, which holds it at both walls. The yaw sweeps about the yaw found by the insertion. The depth gained by the tip
-shows when the peg is between the walls. From then on, the hole guides it like a round peg.
+At a small tilt, the peg rests at the depth of its corner. The skill raises the peg and pushes its corner into the hole's
+corner, which holds the peg's corner at two walls. Meanwhile it sweeps the yaw about the yaw found by the insertion. The
+depth gained by the tip shows when the peg is between the walls. From then on, the hole guides it like a round peg.
 """
 
 import math
@@ -24,11 +24,14 @@ from skills.search.surface import Plane, nominal
 from skills.seating.decision import is_seated
 
 STRAYED_FOR = 0.15
-"""Least time outside `strayed` for a loss of the hole, s: a few frames of the skin. Source: docs/tried/corners.md."""
+"""Time beyond the distance `strayed` after which the corner has left the hole, s: a few frames of the skin. Source: docs/tried/corners.md."""
 
 
 class CornerAdjustParams(SkillParams):
-    """Parameters of bringing a peg with corners between the walls of its hole. The skill uses no tactile measurements."""
+    """Parameters of bringing a peg with corners between the walls of its hole.
+
+    The skill uses the theta measured at its start, and later theta only to detect a slip in the hand.
+    """
 
     SOURCE: ClassVar[str] = "chosen, not measured; reason in docs/tried/corners.md"
 
@@ -45,13 +48,13 @@ class CornerAdjustParams(SkillParams):
     raise_rate: Annotated[PositiveFloat, Quantity("rad/s", Tempo.SPEED)]
     """Rate at which the setpoint of the axis moves to the normal, rad/s."""
     tilt: Annotated[float, Field(ge=0.0, lt=0.2), Quantity("rad")]
-    """Tilt to keep until the tip has sunk by `caught`, rad; if the peg is upright earlier, the corner is no deeper than the others and
-    leaves the hole.
+    """Tilt to keep until the tip has sunk by `caught`, rad. If the peg were upright earlier, its corner would be no deeper than the other
+    corners and would leave the hole.
     """
     caught: Annotated[PositiveFloat, Quantity("m")]
     """Depth gained at which the hole's walls guide the peg, m."""
     strayed: Annotated[PositiveFloat, Quantity("m")]
-    """Distance of the tip from its start, in the plate, at which the corner has left the hole, m."""
+    """Distance of the tip from its start, parallel to the plate, above which the corner has left the hole, m."""
     dither_radius: Annotated[NonNegativeFloat, Quantity("m")]
     """Largest radius of the dither of the finger centre, m; it fades within each period."""
     dither_rate: Annotated[float, Figure("rad/s", Tempo.SPEED, "dither_radius"), Field(exclude=True)] = 25.0
@@ -59,23 +62,25 @@ class CornerAdjustParams(SkillParams):
     dither_period: Annotated[float, Figure("s", Tempo.WAIT), Field(exclude=True)] = 0.5
     """Period of the dither, s; the radius fades to zero within it."""
     turn: Annotated[PositiveFloat, Quantity("rad")]
-    """Largest difference between the setpoint and the measured yaw, rad; times the stiffness it bounds the torque on the walls."""
+    """Largest difference between the setpoint and the measured yaw, rad; its product with the stiffness bounds the torque on the walls."""
     turn_rate: Annotated[PositiveFloat, Quantity("rad/s", Tempo.SPEED)]
     """Rate of the yaw sweep's setpoint about the normal, rad/s."""
     growth: Annotated[PositiveFloat, Quantity("rad")]
     """Increase of the yaw sweep's amplitude from one swing to the next, rad."""
     reach: Annotated[float, Field(gt=0.0, le=0.4), Quantity("rad")]
-    """Largest angle of the sweep to either side, rad; it exceeds the play of the peg at its insertion's tilt."""
+    """Largest angle of the sweep to either side, rad; it exceeds the play of the peg at the tilt of the insertion."""
     entered: Annotated[PositiveFloat, Quantity("m")]
     """Depth gained at which the peg is between the walls, m; it exceeds the slip along the fingers."""
     timeout: Annotated[PositiveFloat, Quantity("s", Tempo.LIMIT)]
-    """Longest time until the peg is between the walls, s; then the cell searches again and sweeps about another yaw."""
+    """Longest time until the peg is between the walls, s; if it passes, the cell searches again and sweeps about another yaw."""
     stands_for: Annotated[float, Figure("s", Tempo.WAIT), Field(exclude=True), Source("docs/tried/corners.md")] = 0.8
     """Time without depth gain after which a guided peg counts as stuck, s; the next skill frees it with a new theta."""
     sinks: Annotated[float, Figure("fraction"), Field(exclude=True), Source("docs/tried/corners.md")] = 0.25
-    """Least depth gained in `stands_for` by a peg that is still sinking, fraction of `caught`."""
+    """Least depth gained within `stands_for`, fraction of `caught`; a peg that gains less is not sinking any more."""
     turned: Annotated[float, Figure("rad"), Field(exclude=True), Source("chosen, not measured")] = 0.2
-    """Rotation in the hand above which the skill fails, because the tip no longer follows the hand, rad; several times the noise of theta."""
+    """Rotation of the peg in the hand above which the skill fails, rad; the tip then no longer follows the hand. Several times the noise of
+    theta.
+    """
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,11 +93,13 @@ class CornerAdjustResult(SkillResult):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Entry:
-    """Initial state of the peg, and the setpoints that follow from it; pure."""
+    """Initial state of the peg, and the setpoints computed from this state; pure."""
 
     params: CornerAdjustParams
     in_hand: InHandTip
-    """Pose of the peg in the hand at the start; it stays constant, because the estimate would drift with its bias while the peg is wedged."""
+    """Pose of the peg in the hand at the start. It is used throughout, because an updated estimate would drift with its bias while the peg is
+    wedged.
+    """
     normal: Vector
     """Normal of the plate, unit, shape (3,), base frame."""
     axis: Vector
@@ -102,13 +109,13 @@ class Entry:
 
     @property
     def lean(self) -> Vector:
-        """Direction of the peg's lean in the plate, unit, shape (3,)."""
+        """Direction of the peg's lean, parallel to the plate, unit, shape (3,), base frame."""
         lean = self.axis - float(self.axis @ self.normal) * self.normal
         return lean / max(float(np.linalg.norm(lean)), 1e-9)
 
     @property
     def lead(self) -> Vector:
-        """Lead of the tip's setpoint before any yaw, shape (3,), m."""
+        """Lead of the tip's setpoint at zero yaw, shape (3,), m, base frame."""
         return lead_to(self.lean, self.closing, self.normal, self.params.lead)
 
     def end_point(self, seen: Observation) -> tuple[Vector, Vector]:
@@ -160,7 +167,7 @@ class Entry:
 
 @dataclass(frozen=True, slots=True)
 class EntryWatch:
-    """State of the peg over the scans: corner in the hole, and guided by the walls but stuck; pure."""
+    """Detects over the scans that the corner has left the hole, or that the walls guide the peg but it is stuck; pure."""
 
     stall: Stall = field(default_factory=lambda: Stall(0.0))
     """Depth gained at the last progress, and its time."""
@@ -168,19 +175,19 @@ class EntryWatch:
     """Last time at which the tip was within `strayed`, s."""
 
     def after(self, elapsed: float, sunk: float, strayed: float, params: CornerAdjustParams) -> "EntryWatch":
-        """Return the state after one more scan; if the walls guide the peg, it cannot stray.
+        """Return the state after one more scan; a peg that the walls guide counts as inside `strayed`.
 
         Args:
             elapsed: Time of the scan, s.
             sunk: Depth gained by the tip, m.
-            strayed: Distance of the tip from its start, in the plate, m.
+            strayed: Distance of the tip from its start, parallel to the plate, m.
             params: Limits of the skill.
         """
         inside = elapsed if strayed <= params.strayed or sunk > params.caught else self.inside
         return EntryWatch(self.stall.after(sunk, elapsed, params.sinks * params.caught), inside)
 
     def has_strayed(self, elapsed: float) -> bool:
-        """Return True if the tip has strayed for longer than `STRAYED_FOR`, in which the skin measures any turn in the hand."""
+        """Return True if the tip has strayed for longer than `STRAYED_FOR`; within this time the skin measures any turn in the hand."""
         return elapsed - self.inside > STRAYED_FOR
 
     def is_caught(self, elapsed: float, params: CornerAdjustParams) -> bool:

@@ -1,8 +1,8 @@
 """Raise a peg with corners, one corner in a hole of unknown yaw, and turn the peg until it drops in.
 
-The skill raises the peg over its leading corner to a small tilt. There the peg rests at the depth of its corner. If its
-yaw matches the hole's to within the clearance, it sinks until its faces meet the walls. The hand sweeps the yaw about
-the plate's normal and pushes the corner towards the hole's corner until the tip sinks.
+The skill raises the peg over its leading corner to a small tilt. There the peg rests at the depth of its corner. If the
+peg's yaw matches the hole's to within the clearance, the peg sinks until its faces meet the walls. The hand sweeps the yaw
+about the plate's normal and pushes the corner towards the hole's corner until the tip sinks or the walls hold the peg.
 """
 
 import math
@@ -44,8 +44,8 @@ class CornerInsertParams(SkillParams):
     tilt: Annotated[float, Field(gt=0.0, lt=0.4), Quantity("rad"), Source("docs/tried/corners.md")]
     """Tilt to which the peg is raised, rad."""
     follow_rate: Annotated[float, Figure("1/s"), Field(exclude=True), Source("docs/tried/search.md")] = 2.0
-    """Rate at which the hand follows a rotation of the peg in the hand, 1/s; if walls hold the tip and the hand follows at once, the peg
-    only turns further in the pads.
+    """Rate at which the hand follows a rotation of the peg between the pads, 1/s. If walls held the tip and the hand followed at once, the
+    peg would only turn further between the pads.
     """
     integral_gain: Annotated[float, Figure("N·m/(rad·s)"), Field(exclude=True), Source("[gibbons], Eq. (6)")] = 5.0
     """Integral gain on orientation, N·m/(rad·s); K_I of [gibbons], Eq. (6)."""
@@ -61,21 +61,21 @@ class CornerInsertParams(SkillParams):
     """
     press: Annotated[NonNegativeFloat, Quantity("m"), Source("docs/tried/corners.md")] = 0.003
     """Lead of the tip's setpoint over the tip along the closing axis once the peg is raised, m; it must overcome the friction of joints and
-    plate. The pads are perpendicular to it.
+    plate. Because the pads are perpendicular to the closing axis, it does not turn the peg in the hand.
     """
     turn_rate: Annotated[PositiveFloat, Quantity("rad/s", Tempo.SPEED)]
     """Rate of the yaw sweep's setpoint about the normal, rad/s; slow enough for the peg to sink while its yaw matches
     the hole's.
     """
     centres: Annotated[tuple[Annotated[float, Field(ge=-1.0, le=1.0)], ...], Field(min_length=1), Quantity("fraction")]
-    """Middle of the yaw sweep in each successive attempt, fraction of the hole's largest yaw; if the sweep goes far
-    beyond the hole's yaw, the corner climbs out of the hole.
+    """Middle of the yaw sweep in each successive attempt, fraction of the hole's largest yaw. If a sweep went far beyond
+    the hole's yaw, the corner would climb out of the hole.
     """
     centre: Annotated[float, Figure("fraction"), Field(exclude=True)] = 0.0
     """Middle of the yaw sweep in this attempt, fraction of the hole's largest yaw."""
     yaw_sweep: Annotated[float, Field(ge=0.0, le=1.0), Quantity("fraction")]
-    """Reach of the yaw sweep to either side, fraction of the hole's largest yaw; the sweep must reach `felt`, otherwise
-    the lag of the hand cannot detect a wall.
+    """Reach of the yaw sweep to either side, fraction of the hole's largest yaw; at least `felt` is used, because the lag of
+    the hand cannot detect a wall within a smaller sweep.
     """
     margin: Annotated[NonNegativeFloat, Quantity("rad")]
     """Addition to the reach of the yaw sweep, rad."""
@@ -88,19 +88,19 @@ class CornerInsertParams(SkillParams):
     dither_period: Annotated[float, Figure("s", Tempo.WAIT), Field(exclude=True)] = 0.5
     """Period of the dither, s; the radius fades to zero within it."""
     growth: Annotated[PositiveFloat, Quantity("rad")]
-    """Increase of the yaw sweep's amplitude from one swing to the next, rad; small yaws of the hole are the likeliest
-    and are tried first.
+    """Increase of the yaw sweep's amplitude from one swing to the next, rad; yaws near the middle of the sweep are tried
+    first.
     """
     felt: Annotated[PositiveFloat, Quantity("rad"), Source("docs/tried/corners.md")]
-    """Lag of the hand behind its setpoint about the normal from which on walls hold the peg, rad; many times the lag
-    caused by the joints' friction.
+    """Lag of the hand behind its yaw setpoint above which walls hold the peg, rad; many times the lag caused by the joints'
+    friction.
     """
     sunk: Annotated[PositiveFloat, Quantity("m")]
-    """Depth gained at which the peg has dropped in without contact with a wall, m."""
+    """Depth gained since the highest position in the sweep above which the peg has dropped in, even if no wall holds it, m."""
     strayed: Annotated[PositiveFloat, Quantity("m")]
-    """Distance of the tip from the start of the sweep at which it has left the hole, m."""
+    """Distance of the tip from its position at the start of the sweep above which the tip has left the hole, m."""
     lost_height: Annotated[PositiveFloat, Quantity("m")]
-    """Height of the corner above the surface at which it has left the hole, m."""
+    """Height of the corner above the surface above which the corner has left the hole, m."""
     timeout: Annotated[PositiveFloat, Quantity("s", Tempo.LIMIT)]
     """Longest insertion, s."""
 
@@ -112,7 +112,7 @@ class CornerInsertResult(SkillResult):
     yaw: float
     """Yaw setpoint about the plate's normal relative to the start, rad."""
     phi: float
-    """Angle between the peg and the normal by the skin, rad."""
+    """Angle between the peg and the plate's normal, with theta measured by the skin, rad."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -128,29 +128,29 @@ class Raised:
     roll: Vector
     """Closing axis of the hand with the peg raised, unit, shape (3,), base frame."""
     lead: Vector
-    """Lead of the tip's setpoint before any yaw, shape (3,), m, base frame."""
+    """Lead of the tip's setpoint at zero yaw, shape (3,), m, base frame."""
     along: Vector
-    """Direction in the plate along the closing axis to the hole's corner before any yaw, unit, shape (3,), base frame."""
+    """Direction along the closing axis to the hole's corner at zero yaw, parallel to the plate, unit, shape (3,), base frame."""
     swing: float
     """Angle by which the peg is raised, rad; negative if it must be lowered to the tilt of the parameters."""
     risen: float
-    """Time at which the setpoint is raised, s."""
+    """Time at which the setpoint has reached the raised attitude, s."""
     settled: float
     """Time at which the raised peg has settled and the yaw sweep starts, s."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class YawSweep:
-    """Yaw sweep of one attempt, with the positions of the tip during it."""
+    """Yaw sweep of one attempt, with the start and the largest height of the tip during the sweep."""
 
     centre: float
     """Middle of the sweep, rad."""
     reach: float
     """Largest angle to either side of the middle, rad."""
     most: float = math.inf
-    """Largest yaw setpoint, rad: the largest yaw of a hole."""
+    """Largest magnitude of the yaw setpoint, rad: the largest yaw of a hole, at least `felt`, plus `margin`."""
     anchor: Vector | None = None
-    """Position of the tip at the start of the sweep, shape (3,), m, base frame; None before."""
+    """Position of the tip at the start of the sweep, shape (3,), m, base frame; None before the sweep."""
     highest: float = -math.inf
     """Largest height of the tip above the surface during the sweep, m."""
 
@@ -221,7 +221,7 @@ def raise_from(seen: Observation, normal: Vector, params: CornerInsertParams) ->
 def left_to_raise(params: CornerInsertParams, raised: Raised, elapsed: float) -> float:
     """Return the remaining angle of the raise after `elapsed` seconds, rad; negative if the peg must be lowered.
 
-    The rate is constant and falls linearly to zero within the stopping time `raise_stop`.
+    The rate of the raise is constant at first, and falls linearly to zero within the stopping time `raise_stop`.
     """
     # t = time left, w = raise_rate, s = raise_stop: w (t - s/2) for t >= s, else w t² / (2 s)
     left = max(raised.risen - elapsed, 0.0)
@@ -233,7 +233,7 @@ def left_to_raise(params: CornerInsertParams, raised: Raised, elapsed: float) ->
 
 
 def lead_at(params: CornerInsertParams, raised: Raised, elapsed: float) -> Vector:
-    """Return the lead of the tip's setpoint before any yaw after `elapsed` seconds, shape (3,), m.
+    """Return the lead of the tip's setpoint at zero yaw after `elapsed` seconds, shape (3,), m, base frame.
 
     The lead grows to `press` only after the peg is raised. If the corner pressed harder against a wall earlier, friction
     would hold it and the peg would climb out while it is raised.
@@ -251,9 +251,9 @@ def sweep_of(params: CornerInsertParams, most: float) -> YawSweep:
 
 
 def attitude(params: CornerInsertParams, raised: Raised, sweep: YawSweep, elapsed: float, length: float) -> Vector:
-    """Return the rotation, shape (3, 3), from the raised peg to its setpoint after `elapsed` seconds.
+    """Return the rotation, shape (3, 3), from the raised attitude of the peg to its setpoint after `elapsed` seconds.
 
-    It combines the remaining raise, the yaw and, once the peg has settled, the dither.
+    The rotation combines the remaining raise, the yaw and, once the peg has settled, the dither.
     """
     yawed = rotation_about(raised.normal, sweep.yaw(elapsed, raised.settled, params))
     turned: Vector = yawed @ rotation_about(raised.about, left_to_raise(params, raised, elapsed))
@@ -297,7 +297,7 @@ def lead_to(ahead: Vector, roll: Vector, normal: Vector, leads: tuple[float, flo
     """Return the lead of the tip's setpoint in the plane, shape (3,), m, on the side of `ahead`.
 
     Args:
-        ahead: Direction of the lead's side, shape (3,).
+        ahead: Direction that selects the signs of both leads, shape (3,).
         roll: Closing axis, unit, shape (3,).
         normal: Normal of the plane, unit, shape (3,).
         leads: Lead along the closing axis and across it, m.

@@ -1,1 +1,1 @@
-"""Search, insertion and adjustment with the printed equations of [gibbons]; the key `paper.skills` selects them."""
+"""Search, insertion and adjustment with the equations printed in [gibbons]; the key `paper.skills` selects them."""

@@ -1,4 +1,4 @@
-"""Push the peg and tilt it along a spiral about its end, which stays in place; the skin is not used: [gibbons], Sec. V.B."""
+"""Push the peg and tilt it along a spiral about its end, which stays in place, without the skin: [gibbons], Sec. V.B."""
 
 import numpy as np
 

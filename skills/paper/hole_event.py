@@ -1,8 +1,8 @@
 """Detection of the hole from a sudden change of the taxels' average: [gibbons], Sec. IV.
 
-The push loads one pad more and the other less. The pads stiffen with load, so the loaded pad gains more than the other
-loses: the average over all taxels follows the push. If the peg loses its support, the average falls. If the far wall
-then turns the peg in the hand, the average rises. [gibbons] prints "a sudden change" without a sign.
+The push loads one pad more and the other pad less. The pads stiffen with load, so that the reading of the first pad rises
+more than that of the second falls: the average over all taxels follows the push. If the peg loses its support, the average
+falls. If the far wall then turns the peg in the hand, the average rises. [gibbons] prints "a sudden change" without a sign.
 """
 
 from collections import deque
@@ -14,7 +14,7 @@ from drivers.quantities import TaxelFrame
 MEMORY = 10
 """Number of frames in the running average; chosen, not printed."""
 LEAST_COMMON = 10
-"""Least number of taxels trusted in all compared frames; with fewer, the change is unknown."""
+"""Least number of taxels trusted in all compared frames; if there are fewer, the change is unknown."""
 
 
 class HoleEvent:

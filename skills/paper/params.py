@@ -1,4 +1,4 @@
-"""Parameters of the printed method that [gibbons] leaves open; printed values are constants of the skills."""
+"""Parameters of the method of [gibbons]: those that it leaves open, and times and radii of Sec. VII. Other printed values are constants."""
 
 from typing import Annotated, ClassVar, Literal
 
@@ -61,7 +61,7 @@ class PaperAdjustParams(SkillParams):
     radius: Annotated[float, Figure("m"), Field(exclude=True), Source("[gibbons], Sec. VII")] = 0.025
     """Largest radius of the spiral, m."""
     growing_time: Annotated[float, Figure("s", Tempo.WAIT), Field(exclude=True), Source("[gibbons], Sec. VII")] = 20.0
-    """Growing time of the spiral, s; then the spiral restarts."""
+    """Growing time of the spiral, s; after this time the spiral restarts from radius 0."""
 
 
 class PaperParams(SkillParams):

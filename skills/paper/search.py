@@ -36,7 +36,7 @@ def run(params: PaperSearchParams, cell: SpraySearchParams, ctx: SkillContext) -
     event, along = HoleEvent(params.threshold), 0.0
     for seen in ctx.scan(cell.timeout, holding=True):
         x_p, down = seen.tip, cell.descent * seen.elapsed / (cell.height + OFFSET)
-        # x_p*: down to an offset below the surface, then along the path.
+        # x_p* moves down to an offset below the surface, then along the path.
         point, velocity = path.at(along)
         target = x_star(hole.centre[:2] + point, hole.centre[2])
         if down < 1.0:

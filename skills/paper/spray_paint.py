@@ -37,7 +37,7 @@ class SprayPaint:
 def spray_paint(
     half: tuple[float, float], pitch: float, speed: float, fast: int, start: tuple[float, float]
 ) -> SprayPaint:
-    """Return a path that starts at `start`, moves slowly to the nearer edge and then covers the rest of the rectangle.
+    """Return a path that starts at `start`, drifts along the slow axis to the nearer edge and then covers the whole rectangle.
 
     Args:
         half: Half the extents, m, > 0.
