@@ -1,1 +1,1 @@
-"""Checks of every scan and every setpoint, and the way to rest; they know no skill."""
+"""Checks of every scan and every setpoint, and braking to rest; independent of the skills."""

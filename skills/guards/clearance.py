@@ -18,7 +18,7 @@ RINGS, AROUND = 6, 12
 BALLS = 5
 """Number of balls that approximate a capsule of the hand."""
 DEEP = 1.0
-"""Depth of the boxes below their upper faces, m; it excludes paths below plate or rack. Source: chosen, not measured."""
+"""Depth of the boxes below their upper faces, m; no path can lead below such a box. Source: chosen, not measured."""
 TOLERANCE = 1e-4
 """Tolerance on the clearance, m, so that rounding does not reject a path exactly at the limit. Source: chosen, not measured."""
 _BALLS = np.linspace(-1.0, 1.0, BALLS)[:, None]
@@ -54,7 +54,7 @@ class Attitude:
     axis: Vector
     """Axis of the peg or of the bare hand, unit, shape (3,), base frame."""
     roll: Vector
-    """Closing axis before it is made orthogonal to `axis`, shape (3,), base frame."""
+    """Requested closing axis, not necessarily orthogonal to `axis`, shape (3,), base frame."""
 
 
 def boxes_of(job: Job) -> tuple[Box, Box]:
@@ -68,7 +68,7 @@ def boxes_of(job: Job) -> tuple[Box, Box]:
 
 
 def nearest(at: Attitude, job: Job, in_hand: InHandTip | None, boxes: Sequence[Box]) -> tuple[float, str, str]:
-    """Return the least distance of hand and peg from the boxes, m, the name of the part ("hand" or "peg"), and that of the box."""
+    """Return the least distance of hand and peg from the boxes, m, the name of the nearest part ("hand" or "peg"), and the box's name."""
     theta, length = (0.0, 0.0) if in_hand is None else (in_hand.theta, in_hand.length)
     closing = at.roll - (at.roll @ at.axis) * at.axis
     closing /= math.sqrt(float(closing @ closing))
@@ -77,7 +77,7 @@ def nearest(at: Attitude, job: Job, in_hand: InHandTip | None, boxes: Sequence[B
     rotation = peg @ finger_peg.rotation.T
     centre = at.tip - rotation @ finger_peg.position
     hand = job.hand
-    # Closed fingers span less than open ones, by their closing distance.
+    # Closed fingers span less than open fingers; the difference is the closing distance.
     closed = 0.0 if in_hand is None else max(hand.stroke - job.peg.part.thickness, 0.0)
     capsules = (
         (hand.body_offset, hand.body_radius, hand.half_span),
@@ -98,7 +98,8 @@ def nearest(at: Attitude, job: Job, in_hand: InHandTip | None, boxes: Sequence[B
 def require_clear(way: Sequence[Attitude], job: Job, in_hand: InHandTip | None, clearance: float) -> None:
     """Check the clearance of a path from plate and rack.
 
-    If the start or the end is nearer than `clearance`, for example over a slot, its distance is the limit instead.
+    If the start or the end of the path is nearer than `clearance`, for example over a slot, the smaller of their distances
+    is the limit instead.
 
     Args:
         way: Points along the path, including its start and its end.
@@ -107,7 +108,7 @@ def require_clear(way: Sequence[Attitude], job: Job, in_hand: InHandTip | None, 
         clearance: Least distance, m.
 
     Raises:
-        SetpointError: The path comes too near; the message names part, box, distance and position.
+        SetpointError: The path comes nearer than the limit; the message names part, box, distance and position.
     """
     boxes = boxes_of(job)
     seen = [nearest(at, job, in_hand, boxes) for at in way]

@@ -1,6 +1,6 @@
 """Compiled kinetic energy of the arm's deviation from the planned motion, evaluated by `skills.guards.passivity` at every scan.
 
-The module is separate so that the register map, which only names the skills, does not import the compiler.
+The module is separate so that the register map, which needs only the names of the skills, does not import the compiler.
 """
 
 import math
@@ -13,13 +13,13 @@ from drivers.quantities import Vector
 WRIST = 0.15
 """Distance behind the finger centre at which the arm's translational and rotational inertia decouple, m. Source: chosen, not measured."""
 MASS = 5.0
-"""Mass of the arm at the decoupling point, kg; 4 to 9 kg in the simulated arm over poses and directions, with the hand
-free to turn or not. Source: measured on the simulated arm.
+"""Mass of the arm at the decoupling point, kg; 4 to 9 kg in the simulated arm over poses and directions, with a hand that
+can turn freely and with one that cannot. Source: measured on the simulated arm.
 """
 INERTIA = 0.03
 """Inertia of the arm about the decoupling point, kg·m²; 0.007 to 0.08 kg·m² in the simulated arm over poses and directions. Source: measured on the simulated arm."""
 LEVER = 0.1
-"""Lever arm: the torque limit of the rotational spring is the force limit times this, m. Source: chosen, not measured."""
+"""Lever arm by which the force limit is multiplied to give the torque limit of the rotational spring, m. Source: chosen, not measured."""
 
 
 @njit(cache=True)
@@ -44,10 +44,10 @@ def energy(
         angular: Planned angular velocity, shape (3,), rad/s, base frame.
         theta: In-hand angle of the controlled point, rad.
         length: Distance from the finger centre to the controlled point, m.
-        p: Position of the finger centre at the first sample, shape (3,), m.
-        A: Axes of the finger frame at the first sample, shape (3, 3).
-        q: Position at the second sample.
-        D: Axes at the second sample.
+        p: Position of the finger centre at the first sample, shape (3,), m, base frame.
+        A: Axes of the finger frame at the first sample, shape (3, 3), base frame.
+        q: Position of the finger centre at the second sample, shape (3,), m, base frame.
+        D: Axes of the finger frame at the second sample, shape (3, 3), base frame.
         period: Time between the samples, s.
         force_limit: Largest external force at the TCP, N.
     """

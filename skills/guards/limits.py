@@ -1,4 +1,4 @@
-"""Limits of force and place that end a skill at once."""
+"""Limits of force and position that end a skill at once."""
 
 from typing import Annotated, ClassVar
 
@@ -9,7 +9,7 @@ from drivers.parts import Point
 
 
 class Limits(ConfigModel):
-    """Limits that end a skill at once; no defaults."""
+    """Limits that end a skill at once; every config must state them."""
 
     SOURCE: ClassVar[str] = "set for each cell"
 

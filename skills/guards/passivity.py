@@ -1,12 +1,12 @@
 """Passivity guard: it limits the kinetic energy that the held setpoint puts into the arm; pure.
 
-Plates and pads only dissipate energy. Kinetic energy beyond the planned motion comes from the springs of the held
-setpoint. A passive loop releases little more energy than errors and slips put in. If theta or the error is too old for
-the gains, the loop is not passive: the arm's energy grows with each oscillation.
+Plates and pads only dissipate energy. Kinetic energy beyond that of the planned motion comes from the springs of the held
+setpoint. A passive loop releases little more energy than errors and slips have stored in the springs. If the delay of theta
+or of the position error is too long for the gains, the loop is not passive: the arm's energy grows with each oscillation.
 
-The limit is the energy of a motion that reaches the force limit when the same spring stops it, m v²/2 = F²/(2 K).
+The limit is the energy of a motion that reaches the force limit F when the same spring stops it, m v²/2 = F²/(2 K).
 The guard therefore acts before the force limit does. The classical passivity observer sums force times velocity. At the
-scan rate, that sum is wrong for a fast oscillation, but any two samples give the kinetic energy.
+scan rate, that sum is wrong for a fast oscillation; the kinetic energy needs only two successive samples.
 """
 
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ import numpy as np
 from drivers.quantities import ImpedanceSetpoint, Pose, Twist
 
 SOFTEN, STOP = 0.75, 1.0
-"""Shares of the energy at the force limit at which the guard softens the motion and stops it, fraction."""
+"""Shares of the energy at the force limit above which the guard softens the motion, and above which it stops it, fraction."""
 SOFTENED = 0.5
 """Factor on the stiffness for the rest of a softened motion, fraction."""
 AT_REST = Twist(np.zeros(3), np.zeros(3))
@@ -55,7 +55,7 @@ def share_of_limit(setpoint: ImpedanceSetpoint, before: Pose, after: Pose, perio
 
 @dataclass(slots=True)
 class PassivityGuard:
-    """Guard over successive scans; one high scan is an impact, two in a row are an oscillation."""
+    """Guard over successive scans; high energy in one scan is an impact, in two successive scans an oscillation."""
 
     force_limit: float
     """Largest external force at the TCP, N."""

@@ -1,8 +1,8 @@
 """Bring an arm to rest: brake briefly, then hold; the same rule for hold, stop, abort and faults.
 
-A single halt holds the position at its time, so a fast arm would swing back to it. Halts at every scan move the held
-position along until the arm is slow. Then the last halt must hold: under repeated halts, errors of the gravity model
-would make the arm sink, and it would never rest.
+A halt holds the arm's position at the time of the halt, so a fast arm would swing back to that position. If the arm is
+halted again at every scan, the held position moves with the arm until it is slow. Then the last halt must hold: under
+repeated halts, errors of the gravity model would make the arm sink, and it would never rest.
 """
 
 from collections.abc import Callable
@@ -22,13 +22,13 @@ BRAKE_SPEED = 0.03
 swinging back. Source: decision 0014.
 """
 BRAKE_TIME = 0.1
-"""Longest time of repeated halts, s: five time constants of an arm with the assumed inertia. If the arm is still fast then, an external
-force pulls it and it must be held. Source: decision 0014.
+"""Longest time of repeated halts, s: five time constants of an arm with the assumed inertia. If the arm is still fast after this time, an
+external force pulls the arm, and the last halt must hold it. Source: decision 0014.
 """
 REST_TIME = 1.0
 """Time after which an arm that stays in place is at rest at any measured speed, s; the measured speed of a real arm may never be zero. Source: chosen, not measured."""
 PLACE_TIME = 0.1
-"""Time over which the arm must stay in place, s; the limit of its motion is `REST_SPEED` times that. Source: chosen, not measured."""
+"""Time over which the arm must stay in place, s; each joint may move by `REST_SPEED` times this time. Source: chosen, not measured."""
 LONGEST = 3.0
 """Longest time for an arm to come to rest, s; a longer motion is a fault. Source: chosen, not measured."""
 
@@ -41,12 +41,12 @@ class Rest:
         self._arm = arm
         self._since, self._calm = 0.0, 0
         self._place: tuple[Vector, float] | None = None
-        """Joint positions and time of the reference for staying in place."""
+        """Joint positions, rad, and time, s, with which the next positions are compared."""
         self._is_in_place = False
         self.is_sought = False
         """True if the arm is being brought to rest, or is at rest."""
         self.is_reached = False
-        """True if the arm is at rest and has not been released since."""
+        """True if the arm has come to rest and has not been released since."""
 
     def leave(self) -> None:
         """Release the arm: it may move from now on."""
@@ -93,10 +93,10 @@ class Rest:
             self._place = q, now
 
     def wait(self, clock: Clock, period: float, meanwhile: Callable[[], None] = lambda: None) -> None:
-        """Bring the arm to rest, unless it is at rest; call `meanwhile` at every scan, one a `period`, s.
+        """Bring the arm to rest, unless it is at rest; call `meanwhile` at every scan, once per `period`, s.
 
-        If the arm's state cannot be read, the arm is still halted at every scan of the braking time, because after a single
-        halt it would swing back.
+        If the arm's state cannot be read, this function still halts the arm at every scan of the braking time, because after
+        a single halt the arm would swing back.
 
         Raises:
             CellError: The arm times out, rejects the halt or keeps moving.
@@ -108,7 +108,7 @@ class Rest:
             meanwhile()
 
     def _take_newest(self, now: float) -> bool:
-        """Process the arm's newest state, or brake without a state; return True if the arm is at rest."""
+        """Process the arm's newest state; if it cannot be read during the braking time, halt. Return True if the arm is at rest."""
         try:
             arm = self._arm.read()
         except CellError:

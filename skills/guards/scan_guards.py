@@ -19,26 +19,26 @@ from skills.tactile.pose import PegPose
 OVERRUN_WINDOW = 100
 """Number of scans in the count of overruns."""
 LONGEST_STEP = 3.0
-"""Largest advance of a path in one scan, periods of the scan; if a scan is later, it slows the path. At the speed of a transfer the
-setpoint then jumps by 7.5 mm, which the arm follows with 11 N. Source: chosen, not measured.
+"""Largest advance of a path in one scan, periods of the scan; a later scan slows the path. At the speed of a transfer the setpoint
+then jumps by 7.5 mm, and the spring pulls the arm with 11 N. Source: chosen, not measured.
 """
 FREE_SHARE = 5
-"""Divisor of the number of a finger's taxels: at least this part of them is beside any peg."""
+"""Divisor of the number of a finger's taxels: at least one taxel in five is beside any peg."""
 MOST_COUNTS = 65535.0
 """Largest reading of a taxel, counts: that of a 16-bit converter. Source: derived for 16 bits."""
 WIDEST = 1.0
 """Largest distance between the pads of any hand, m. Source: chosen, not measured."""
 RESUME_TIME = 1.0
-"""Duration of the path from a hold back to the setpoint, s; if the peg left the plate while the arm braked, it returns slowly. Source: chosen, not measured."""
+"""Duration of the path from a hold back to the setpoint, s; slow, because the peg may have left the plate while the arm braked. Source: chosen, not measured."""
 
 
 class ScanLimits(ConfigModel):
-    """[scan]: limits on the lateness of scans; below them a late scan only slows the path."""
+    """[scan]: limits on the lateness of scans; within these limits a late scan only slows the path."""
 
     late: Annotated[Fraction, Quantity("fraction"), Source("decision 0015")] = 0.8
     """Largest share of the last 100 scans that may take longer than two periods, fraction; a larger share is a fault."""
     longest: Annotated[float, Field(gt=0.0, le=1.0), Quantity("s"), Source("decision 0015")] = 0.2
-    """Longest time from one scan to the next, s; if it is exceeded, the arm is halted and the run ends with a fault."""
+    """Longest time from one scan to the next, s; if a scan exceeds it, the cell halts the arm and the run ends with a fault."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +53,7 @@ class ScanSchedule:
 
 
 class ScanTiming:
-    """Lateness of the scans and advance of the path in each; one object serves one call of a skill's scan."""
+    """Lateness of the scans, and advance of the path in each scan; every call of `ctx.scan` makes a new object."""
 
     def __init__(self, schedule: ScanSchedule) -> None:
         """Start before the first scan."""
@@ -64,7 +64,7 @@ class ScanTiming:
         self.step = schedule.period
         """Advance of the path time in this scan, s: the time since the previous scan, at most `LONGEST_STEP` periods."""
         self.due = schedule.period
-        """Time of the next scan, s, on the cell's clock: one period after this scan, so late scans are not caught up."""
+        """Time of the next scan, s, on the cell's clock: one period after this scan, so that lost time is not made up."""
 
     def take(self, stamp: float) -> None:
         """Record the start of a scan on the cell's clock, s, and check the limits on lateness.
@@ -73,7 +73,7 @@ class ScanTiming:
             ScanOverrunError: This scan is later than allowed, or too many of the last scans were late.
         """
         if self._before is not None:
-            # Ticks of a simulated clock are not exact binary fractions; rounding makes punctual scans whole periods.
+            # The times of a simulated clock have rounding errors; `round` makes the time of a punctual scan exactly one period.
             self.passed = round(stamp - self._before, 9)
             self.step = min(self.passed, LONGEST_STEP * self._period)
         self._before, self.due = stamp, stamp + self._period
@@ -84,7 +84,7 @@ class ScanTiming:
                 f"scan: {1e3 * self.passed:.0f} ms after the one before; scan.longest = {self._limits.longest:g} s allowed: "
                 "stop other programs"
             )
-        # Only a late scan raises their number.
+        # Only a late scan increases the number of late scans, so only a late scan can exceed the limit.
         most = self._limits.late * OVERRUN_WINDOW
         if is_late and sum(self._late) > most + 1e-9:
             late = sum(self._late)
@@ -98,7 +98,8 @@ class ScanTiming:
 def way_back(paused: ArmState, held: ImpedanceSetpoint, now: ArmState, scan_period: float) -> ImpedanceSetpoint:
     """Return the present setpoint on the straight path from the arm's `paused` state back to the `held` setpoint.
 
-    The null space is only damped, except for its elbow: after a fast motion the joints do not come back to the held posture.
+    In the null space, only the elbow joint returns to the held posture; the other joints are only damped, because after a
+    fast motion they do not return to the held posture.
     """
     theta, length = (0.0, 0.0) if held.in_hand is None else (held.in_hand.theta, held.in_hand.length)
     tip, axis = end_point(paused.tcp, theta, length)
@@ -141,11 +142,11 @@ def require_finite_theta(pose: PegPose) -> None:
 
 
 def require_level_skin(frame: TaxelFrame, layout: Layout) -> None:
-    """Check that no finger has an offset on all taxels; a peg presses only some of them.
+    """Check that no finger has an offset on all taxels; a peg presses only some of a finger's taxels.
 
     Args:
         frame: The frame.
-        layout: Layout of its taxels, with the largest reading beside a held peg.
+        layout: Layout of the frame's taxels; it defines the largest reading beside a held peg.
 
     Raises:
         SkinUntrustedError: A finger has an offset; the message names the finger and the offset.

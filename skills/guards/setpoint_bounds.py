@@ -13,21 +13,21 @@ MOST_DAMPING_RATIO = 10.0
 3.6 ms is that of a 100 Hz low-pass and two cycles of transport. The skills request at most 7.5. Source: derived for that delay.
 """
 LONGEST_VALIDITY = 1.0
-"""Longest validity of a setpoint, s, from the time of the arm's state: ten scans at the slowest scan rate, 10 Hz. If the program ends, the arm stops
-within this time. Source: chosen, not measured.
+"""Longest validity of a setpoint, s, counted from the time of the arm's state: ten scans at the slowest scan rate, 10 Hz. If the program ends,
+the arm stops within this time. Source: chosen, not measured.
 """
 AGE_SLACK = 1e-3
 """Largest difference between two readings of a clock, s. Source: chosen, not measured."""
 MOST_THETA = math.pi
 """Largest magnitude of an in-hand angle, rad; this range covers every direction of the peg."""
 MOST_LENGTH = 0.5
-"""Largest distance from the finger centre to the peg's end, m: that of `peg.length`. Source: derived for `peg.length`."""
+"""Largest distance from the finger centre to the peg's end, m; more than the largest `peg.length`. Source: derived for `peg.length`."""
 MOST_ASKEW = 1.0
-"""Largest angle between the axis of a setpoint and that of the peg or hand, rad; a correct skill stays below 0.6. Source: chosen, not measured."""
+"""Largest angle between the axis of a setpoint and the axis of the peg or hand, rad; a correct skill stays below 0.6. Source: chosen, not measured."""
 LONGEST_STEP_TIME = 0.1
-"""Largest time used to compute the permitted step, s; a longer pause does not permit a larger step. Source: chosen, not measured."""
+"""Upper bound of the time since the previous setpoint in the permitted step, s; a longer pause does not permit a larger step. Source: chosen, not measured."""
 STEP_SLACK = 1e-3
-"""Addition to the longest step, m: an integral or a new frame of the skin can move a setpoint at rest. Source: chosen, not measured."""
+"""Addition to the longest step, m, because an integral or a new frame of the skin can move a setpoint at rest. Source: chosen, not measured."""
 LEAD = 0.02
 """Largest distance between a motion's first setpoint and the arm, m; a correct skill starts a push at most 13 mm ahead. Source: chosen, not measured."""
 TRACKING_LIMIT = 0.1
@@ -35,8 +35,8 @@ TRACKING_LIMIT = 0.1
 POSTURE_SLACK = 0.02
 """Addition to the longest step of a posture, rad. Source: chosen, not measured."""
 POSTURE_LEAD = 0.2
-"""Largest distance between a motion's first posture and a joint, rad: the null-space torque is then 2 N·m, a sixth of a wrist's
-limit. After a halt, a correct posture is 0.1 rad from the joints. The elbow's joint has its own goal and no such limit. Source: chosen, not measured.
+"""Largest difference between a motion's first posture and the joint positions, rad: the null-space torque is then 2 N·m, a sixth of a
+wrist joint's limit. After a halt, a correct posture differs by 0.1 rad. The elbow's joint has its own goal and no such limit. Source: chosen, not measured.
 """
 OUTWARD_SLACK = 1e-3
 """Tolerance for setpoints outside the workspace while the hand returns, m. Source: chosen, not measured."""
@@ -78,7 +78,7 @@ def require_numbers(
     """Check that all values are finite and from -`most` to `most`; `of_what` and `name` identify them in the message.
 
     Raises:
-        CellError: A value is not finite or is out of range; the error has the type `error` and names the first such value.
+        CellError: A value is not finite or is out of range. The error is of the class `error` and names the first such value.
     """
     for place, value in enumerate(values):
         if not (math.isfinite(value) and abs(value) <= most):

@@ -27,19 +27,19 @@ from skills.guards.setpoint_bounds import (
 )
 
 LONGEST_UNTAKEN = 0.2
-"""Longest time for which the arm may report an older setpoint than the last one sent, or none, s; its control loop takes milliseconds.
-Source: chosen, not measured; reason in decision 0013.
+"""Longest time for which the arm may report that it follows an older setpoint than the last one sent, or no setpoint, s; its control loop
+takes milliseconds. Source: chosen, not measured; reason in decision 0013.
 """
 
 
 LONGEST_UNCHANGED = 0.15
-"""Longest time for which the force of an arm, or all readings of one whose force has no noise and whose setpoint moves, may be identical to
-the last digit, s: 15 scans at 100 Hz, and a fault within 0.2 s. An exact zero has no noise: libfranka#25.
+"""Longest time for which readings of an arm may be identical to the last digit, s: 15 scans at 100 Hz, and a fault within 0.2 s. If the force
+has noise, only the force counts. If it has none, all readings count while the setpoint moves. A force of exactly zero has no noise: libfranka#25.
 Source: chosen, not measured.
 """
 MOVED, TURNED = 5e-4, 5e-3
-"""Distance, m, and angle, rad, by which the setpoint has moved meanwhile. The spring then pushes the hand with 0.2 N or turns it with 0.2 N·m
-more, so that a live arm reports another place or another force. At rest, readings can be identical: the makers publish neither resolution nor
+"""Distance, m, and angle, rad, above which a setpoint has moved since an earlier one. The spring then pushes the hand with 0.2 N or turns it with
+0.2 N·m more, so that a live arm reports another position or force. At rest, readings can be identical: the makers publish neither resolution nor
 noise of joint positions (franka_ros#112). Source: chosen, not measured.
 """
 
@@ -69,10 +69,10 @@ def pack_bounds(bounds: ArmBounds, limits: Limits) -> Vector:
 
 
 def require_readings(state: Vector) -> None:
-    """Name the first implausible reading of an arm; `state` is packed by `pack_state`.
+    """Check that every reading of an arm is plausible; `state` is packed by `pack_state`.
 
     Raises:
-        NotFiniteError: A reading is not plausible; the message names it.
+        NotFiniteError: A reading is not plausible; the message names the first one.
     """
     for name, first, count, most in rules.READINGS:
         require_numbers("arm", name, state[first : first + count].tolist(), NotFiniteError, most)
@@ -107,7 +107,7 @@ def _require_numbers(asked: Vector) -> None:
 
 
 def _message(rule: int, asked: Vector, bounds: Vector, found: Sequence[float]) -> str:
-    """Return what a setpoint asks for and what is allowed."""
+    """Return the message for a broken rule: the requested value and the permitted values."""
     if rule >= rules.RANGE:
         (name, unit), (value, least, most) = rules.RANGES[rule - rules.RANGE], found
         return f"{name} {value:.4g} {unit}".rstrip() + f"; {least:.4g} to {most:.4g} allowed"
@@ -115,7 +115,7 @@ def _message(rule: int, asked: Vector, bounds: Vector, found: Sequence[float]) -
     force, strongest = bounds[rules.MOST_FORCE], bounds[rules.STRONGEST]
     pressing = f"{1e3 * a:.0f} mm away presses with {b:.0f} N; limits.force = {force:g} N allowed"
     begins = f"a motion that begins {1e3 * a:.0f} mm from where the arm is"
-    # Places of a number that is not one of the figures: an axis or a joint.
+    # In these rules the first figure is the index of an axis or a joint.
     k = int(a) if rule in (rules.WORKSPACE, rules.JOINT_RANGE, rules.POSTURE_STEP) else 0
     low, high = bounds[rules.LOW + k % 3], bounds[rules.HIGH + k % 3]
     least, most = bounds[rules.Q_MIN + k], bounds[rules.Q_MAX + k]
@@ -159,11 +159,11 @@ class GatedArm:
         self._before = NOTHING
         """Words of the last setpoint sent, with the time of the arm's state used to check it."""
         self._untaken_since: float | None = None
-        """Time of the first setpoint that the arm has not adopted, s; None if it follows the last one sent."""
+        """Time of the first setpoint that the arm has not adopted, s; None if the arm follows the last setpoint sent."""
         self._unchanged: tuple[list[float], float, Vector] | None = None
-        """Readings, time, s, and setpoint of the first of the newest identical states; None before them."""
+        """Readings, time, s, and setpoint of the first state with the present readings; None if they are not compared yet."""
         self._is_noisy: bool | None = None
-        """True if the force differed between the first two readings, as torque sensors make it; None before them."""
+        """True if the force differed between the first two readings, which shows noise of torque sensors; None before the second."""
         # The first calls of a process compile code, which must not happen while the arm moves.
         rules.is_plausible(np.zeros(rules.STATE_WORDS))
         rules.broken_rule(NOTHING, np.zeros(rules.STATE_WORDS), NOTHING, self._bounds)
@@ -201,11 +201,11 @@ class GatedArm:
         """Return the newest state.
 
         Raises:
-            NotFiniteError: A reading is not plausible; the arm is halted, once.
-            TrackingError: The arm does not adopt its setpoints; it is halted, once.
-            ArmSilentError: The force is unchanged although it has noise, or all readings although the setpoint moves; the arm is
-                halted, once.
-            CellError: The arm's own `read` raised it.
+            NotFiniteError: A reading is not plausible; the gate halts the arm, once.
+            TrackingError: The arm does not adopt its setpoints; the gate halts the arm, once.
+            ArmSilentError: The force is unchanged although it has noise, or all readings are unchanged although the setpoint moves;
+                the gate halts the arm, once.
+            CellError: The `read` of the arm itself raised it.
         """
         state = self._arm.read()
         words = rules.pack_state(state)
@@ -221,7 +221,7 @@ class GatedArm:
         return state
 
     def _require_taken(self, state: ArmState) -> None:
-        """Check that the arm has adopted the last setpoint, while that is valid.
+        """Check that the arm has adopted the last setpoint, as long as this setpoint is valid.
 
         The lag of the hand is not checked here: a compliant or loaded arm lags although it adopts every setpoint.
         """
@@ -240,7 +240,7 @@ class GatedArm:
             raise TrackingError(f"arm: adopted no setpoint for {untaken:.2f} s; {LONGEST_UNTAKEN:g} s allowed")
 
     def _require_live(self, words: Vector, stamp: float) -> None:
-        """Check that a force with noise changes, at rest too, and that other readings change while the setpoint moves."""
+        """Check that the readings change: the force if it has noise, even at rest; otherwise all readings while the setpoint moves."""
         held, force = self._before, words[rules.FORCE : rules.TORQUE].tolist()
         is_noisy = self._is_noisy and force != [0.0, 0.0, 0.0]
         if held is NOTHING and not is_noisy:
@@ -256,7 +256,7 @@ class GatedArm:
             raise ArmSilentError(f"arm: readings unchanged to the last digit for {time:.2f} s")
 
     def _halt_once(self) -> None:
-        """Halt an arm that follows a setpoint; repeated halts would let it sink by the error of its gravity model."""
+        """Halt the arm only if it follows a setpoint; repeated halts would let it sink by the error of its gravity model."""
         if self._before is not NOTHING:
             self.halt()
 

@@ -60,7 +60,7 @@ Q, DQ, POSITION, ROTATION, FORCE, TORQUE, COMMANDED, UNEXPLAINED, STATE_STAMP, E
     47,
 )
 STATE_WORDS = 48
-"""Number of words of a packed state of the arm, and the indices of its parts before that."""
+"""Number of words of a packed state of the arm; the constants before it are the indices of the state's parts."""
 READINGS = (
     ("joint position", Q, 7, 100.0),
     ("joint velocity", DQ, 7, 1000.0),
@@ -78,15 +78,15 @@ _MOST = np.array([most for _, _, count, most in READINGS for _ in range(count)])
 SPEED, TURN_SPEED, STIFF, TURN_STIFF, STRONGEST, WEAKEST, TORQUE_RATE, MOST_FORCE = range(8)
 LOW, HIGH, Q_MIN, Q_MAX, JOINT_SPEEDS = 8, 11, 14, 21, 28
 BOUND_WORDS = 35
-"""Number of words of packed bounds, and the indices of their parts before that: largest values, torques of the strongest and of
-the weakest joint, corners of the workspace, ranges and speeds of the joints."""
+"""Number of words of packed bounds; the constants before it are the indices of their parts: largest values, torques of the strongest
+and of the weakest joint, corners of the workspace, ranges and speeds of the joints."""
 
 SOUND, NUMBER, UNIT_AXIS, NEGATIVE, VALIDITY, WORKSPACE, ASKEW, ROLLED, TURNING, JOINT_RANGE, POSTURE_STEP, TIP_STEP = (
     range(12)
 )
 PRESSING, BLOCKED, LAGGING, FIRST_BEGINNING, BEGINNING = range(12, 17)
 RANGE = 17
-"""Numbers of the rules; those of `RANGES` follow from `RANGE` on."""
+"""Numbers of the rules; the rules of `RANGES` have the numbers from `RANGE` on."""
 RANGES = (
     ("speed", "m/s"),
     ("turning rate", "rad/s"),
@@ -166,7 +166,7 @@ def _largest(words: Vector, first: int) -> float:  # pragma: no cover
 
 @njit(cache=True, inline="always")
 def _broken_value(asked: Vector, bounds: Vector, found: Vector) -> int:  # pragma: no cover
-    """Check that every value is finite and within its bounds."""
+    """Check that every value is finite and within its bounds; return the number of the first broken rule, or `SOUND`."""
     for k in range(STAMP):
         if not (math.isfinite(asked[k]) or (k == VALID_UNTIL and not math.isnan(asked[k]))):
             return NUMBER
@@ -177,8 +177,8 @@ def _broken_value(asked: Vector, bounds: Vector, found: Vector) -> int:  # pragm
     for k in range(STIFFNESS, VALID_UNTIL):
         if asked[k] < 0.0:
             return NEGATIVE
-    # The integral's torque is lasting, so the weakest joint must bear it. At an error of 1 rad it must grow no faster than the
-    # permitted torque rate.
+    # The torque of the integral persists, so the weakest joint must bear it. At an error of 1 rad, this torque must grow no
+    # faster than the permitted torque rate.
     ranges = (
         (_size(asked, TWIST), 0.0, bounds[SPEED]),
         (_size(asked, TWIST + 3), 0.0, bounds[TURN_SPEED]),
@@ -250,7 +250,7 @@ def _broken_direction(asked: Vector, state: Vector, bounds: Vector, found: Vecto
 
 @njit(cache=True, inline="always")
 def _time_since(asked: Vector, before: Vector) -> float:  # pragma: no cover
-    """Return the time since the previous setpoint that counts for a step, s."""
+    """Return the time since the previous setpoint for the permitted step, s, at most `LONGEST_STEP_TIME`."""
     passed: float = min(max(asked[STAMP] - before[STAMP], 0.0), LONGEST_STEP_TIME)
     return passed
 
@@ -259,8 +259,11 @@ def _time_since(asked: Vector, before: Vector) -> float:  # pragma: no cover
 def _broken_posture(
     asked: Vector, state: Vector, before: Vector, bounds: Vector, found: Vector
 ) -> int:  # pragma: no cover
-    """Check that a posture is in the joints' ranges or no further outside than the joint, and that it starts near the joints or
-    continues within their speed limits.
+    """Check the range and the step of a posture.
+
+    Each joint's value must be in the joint's range, or no further outside than the joint is. If the posture continues a motion, it
+    must be within the step that the joints' speed limits permit. The first posture of a motion must be near the joint positions, or
+    within that step of the previous posture.
     """
     far, far_joint, far_step, fast, fast_joint = 0.0, -1, 0.0, 0.0, -1
     worst, joint = 0.0, -1
@@ -292,7 +295,7 @@ def _broken_posture(
 def _broken_motion(
     asked: Vector, state: Vector, before: Vector, bounds: Vector, found: Vector
 ) -> int:  # pragma: no cover
-    """Check the step from the previous setpoint, the force of the spring, and the place where a motion begins."""
+    """Check the step from the previous setpoint, the force of the spring, and the distance of a motion's first setpoint from the arm."""
     c, s = math.cos(asked[THETA]), math.sin(asked[THETA])
     away, force, step, moved = 0.0, 0.0, 0.0, 0.0
     for k in range(3):
@@ -309,7 +312,7 @@ def _broken_motion(
         moved += (hand - last) ** 2
     away, force, step, moved = math.sqrt(away), math.sqrt(force), math.sqrt(step), math.sqrt(moved)
     allowed = bounds[SPEED] * _time_since(asked, before) + STEP_SLACK
-    # A setpoint continues a motion if it has the same id, and both are with a peg or both without.
+    # A setpoint continues a motion if both setpoints have the same id, and both state a pose in the hand or neither does.
     goes_on = asked[ID] == before[ID] and asked[HAS_HAND] == before[HAS_HAND]
     found[0], found[1], found[2] = step, allowed, 0.0
     if goes_on and step > allowed:

@@ -24,16 +24,16 @@ logger = logging.getLogger(__name__)
 SCANS = 20
 """Number of scans at rest used to zero the wrench."""
 GUARD = 4.0
-"""Least distance of a mean of readings from 0 to exceed noise, standard deviations."""
+"""Distance of a mean of readings from 0 above which it is not noise, standard deviations of the mean."""
 STILL = 2.0
-"""Largest change of the mean force from the first to the second half of the scans, N, in addition to noise. Source: chosen, not measured."""
+"""Largest change of the mean force from the first to the second half of the scans, N; the effect of noise is added. Source: chosen, not measured."""
 
 
 class WrenchConfig(ConfigModel):
     """[wrench]: limits on the offset and noise of the arm's estimated external wrench."""
 
     offset: Annotated[float, Field(gt=0.0, le=60.0), Quantity("N"), Source("docs/tried/search.md")] = 35.0
-    """Largest force that the arm may report in free air, N; a larger force is contact or a wrong payload, and not an offset."""
+    """Largest force that the arm may report in free air, N; the cause of a larger force is contact or a wrong payload."""
     noise: Annotated[float, Figure("N"), Field(exclude=True), Source("docs/tried/search.md")] = 5.0
     """Largest standard deviation of a component of the force in free air, N."""
 
@@ -114,7 +114,7 @@ class ZeroedWrench:
         self._reported.append(arm.wrench)
         zero = self.zero
         felt = Wrench(arm.wrench.force - zero.force, arm.wrench.torque - zero.torque)
-        # `dataclasses.replace` would take three times as long, at every scan.
+        # This runs at every scan, and `dataclasses.replace` would take three times as long.
         return ArmState(
             stamp=arm.stamp,
             q=arm.q,
