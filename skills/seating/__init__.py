@@ -1,1 +1,1 @@
-"""Evidence that the peg is seated: switch, depth, or the force of a latch."""
+"""Evidence that the peg is seated: the switch, the depth, or the force of a latch."""

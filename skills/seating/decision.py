@@ -1,4 +1,4 @@
-"""Decide whether the peg is seated: the switch decides, and the depth of the tip must agree; pure."""
+"""Decision on the seating of the peg: the switch decides, and the depth of the tip must agree; pure."""
 
 import math
 from dataclasses import dataclass
@@ -10,19 +10,19 @@ from drivers.skin.layout import SOFTEST_SHEAR
 from skills.contract import Observation
 
 CLOSED_TOLERANCE = 0.004
-"""Largest difference between the tip's depth, measured by the arm, and the hole's depth when the switch closes, m: the error of theta. Source: chosen, not measured."""
+"""Largest difference between the tip's depth, measured by the arm, and the hole's depth while the switch is closed, m; it allows for the error of theta. Source: chosen, not measured."""
 OPEN_TOLERANCE = 0.0015
-"""Distance from the hole's depth within which a resting tip should have closed the switch, m. Source: chosen, not measured."""
+"""Distance from the hole's depth, m; a tip that is nearer should have closed the switch. Source: chosen, not measured."""
 
 MOST_SHALLOW = 0.001
-"""Largest shortfall from the hole's depth at which a closed switch seats the peg at once, m, by the surface estimate of the search. Source: chosen, not measured."""
+"""Largest shortfall from the hole's depth, m, by the surface estimate of the search, at which the peg is seated as soon as the switch closes. Source: chosen, not measured."""
 DOUBTED = 0.002
-"""Largest shortfall from the hole's depth at which a peg at rest on the bottom is seated, m. Surface and tip are measured at two attitudes of
-the hand. Their difference errs by 0.4 mm, and by 0.5 mm in a cell with twice the errors. Source: decision 0021.
+"""Largest shortfall from the hole's depth at which a peg at rest on the bottom is seated, m. The arm measures surface and tip at two attitudes
+of the hand. The error of their difference is 0.4 mm, and 0.5 mm in a cell with twice the errors. Source: decision 0021.
 """
 MOST_DEEP = 0.002
-"""Largest depth beyond the hole's at which a closed switch seats the peg at once, m, by the surface estimate of the search. If the hole has
-pushed the peg up in the hand, it appears deeper. Beyond this limit the peg must rest on the bottom. Source: decision 0021.
+"""Largest depth beyond the hole's depth, m, by the surface estimate of the search, at which the peg is seated as soon as the switch closes. If the
+hole has pushed the peg up in the hand, the peg appears deeper. Beyond this limit it must rest on the bottom. Source: decision 0021.
 """
 BORNE_FOR = 0.2
 """Least time of a rest under a push, s; a guided peg descends by millimetres in this time. Source: chosen, not measured."""
@@ -31,7 +31,7 @@ BORNE_WITHIN = 3e-4
 LEAST_PUSH = 4.0
 """Least push during a rest, N; joint friction alone can hold the hand against a smaller push. Source: chosen, not measured."""
 GIVE = 1.0 / SOFTEST_SHEAR
-"""Distance that the hand sinks along a peg on the bottom in the softest pads, m/N. Source: derived for `SOFTEST_SHEAR`."""
+"""Compliance of the softest pads along a peg that is on the bottom: travel of the hand over the push, m/N. Source: derived for `SOFTEST_SHEAR`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +46,7 @@ class Footing:
     """Push at the start of the rest, N."""
 
     def after(self, seen: Observation, setpoint: ImpedanceSetpoint | None) -> "Footing":
-        """Return the footing after one more scan with the followed setpoint."""
+        """Return the footing after one more scan, in which the arm followed `setpoint`."""
         # Push of the spring along z: K_z (z - z*)
         height = float(seen.tip[2])
         push = 0.0 if setpoint is None else float(setpoint.stiffness[2] * (height - setpoint.tip[2]))
@@ -83,9 +83,9 @@ class Arrival:
         return Arrival(is_doubted, self.footing.after(seen, setpoint))
 
     def is_over(self, now: float) -> bool:
-        """Return True if a longer push gives no further information at the time `now`, s.
+        """Return True if a push beyond the time `now`, s, gives no further information.
 
-        This is so if the depth decides the seating, if the peg rests, or if the push is too weak for a rest.
+        This holds if the depth alone decides the seating, if the peg rests, or if the push is too weak for a rest.
         """
         return not self.is_doubted or self.footing.is_firm(now) or self.footing.since == math.inf
 
@@ -100,7 +100,8 @@ def is_seated(switch: SwitchState, depth: float, hole: Hole) -> bool:
 
     Args:
         switch: State of the switch.
-        depth: Depth of the tip, measured by the arm, below the surface estimate of the search, or else the stated surface, m.
+        depth: Depth of the tip, measured by the arm, m, below the surface estimate of the search if there is one, otherwise
+            below the stated surface.
         hole: The hole of the job.
 
     Raises:
@@ -120,7 +121,7 @@ def is_seated(switch: SwitchState, depth: float, hole: Hole) -> bool:
 
 
 def require_short_of_bottom(depth: float, hole: Hole) -> None:
-    """Check that an open switch is plausible when the time for seating the peg is over.
+    """Check, after the time for seating the peg, that an open switch is plausible.
 
     Raises:
         SwitchDisagreesError: The tip is at the bottom.

@@ -4,9 +4,10 @@
     one bottom --> force at    -->  likelihood of F f((y - s) / h) + c      -->  product over the strokes; its share  --> Signature.doubt
                    each height y    for every force F and height offset s        outside the stated latch
 
-The arm's reported force has an offset of some newtons, which is constant over a few millimetres; the constant c removes
-it. A leaning peg rubs on the walls with a force as large as the latch's, at different heights on each stroke. Rubbing
-only opposes the motion. Therefore all strokes count, each weighted by its deviation from the latch.
+F is the force of the latch, h its height and s its offset from the stated position; f is the shape of its force. The arm's
+reported force has an offset of some newtons, which is constant over a few millimetres; the constant c removes it. A leaning
+peg rubs on the walls with a force as large as that of the latch, at different heights on each stroke. Rubbing only opposes
+the motion. Therefore all strokes count, each weighted by its deviation from the latch.
 """
 
 from collections.abc import Sequence
@@ -22,42 +23,42 @@ from drivers.skin.layout import STIFFEST_SHEAR
 BEFORE = 0.0015
 """Length of the stroke above the latch used to measure the force offset, m. Source: chosen, not measured."""
 GRID = 1e-4
-"""Distance between the heights at which curve and latch are compared, m. Source: chosen, not measured."""
+"""Distance between the heights at which the measured force is compared with the latch's, m. Source: chosen, not measured."""
 FLOOR = 2e-4
-"""Height above the resting position below which the curve is ignored, m: there the bottom already bears the push. Source: chosen, not measured."""
+"""Height above the bottom below which the force is ignored, m, because the bottom already bears the push there. Source: chosen, not measured."""
 SHEAR = 1.0 / STIFFEST_SHEAR
 """Compliance of the pads along the fingers, m/N. An error of half its value changes the measured height by 0.1 mm. Source: derived for `STIFFEST_SHEAR`."""
 LEAST_POINTS = 8
-"""Least number of scans in the curve; fewer do not show its shape."""
+"""Least number of scans in a stroke; fewer do not show the shape of the force."""
 FORCE_SHARE = 0.5
 """Least measured force as a share of the stated force, fraction; its inverse is the largest. It is halfway between a worn-out latch and
 the stated one.
 """
 PLACE = 0.0005
-"""Largest difference between the measured and the stated height of the latch above the bottom, m: halfway to a bottom that is 1 mm higher. Source: chosen, not measured."""
+"""Largest difference between the estimated and the stated height of an accepted latch above the bottom, m: halfway to a bottom that is 1 mm higher. Source: chosen, not measured."""
 DOUBT = 1e-3
-"""Largest likelihood share of latches with another force or height for a seated peg, fraction. If half of the parts are seated, one in a
-thousand parts judged seated is not.
+"""Largest likelihood share of latches with another force or height if the peg counts as seated, fraction. If half of all parts are seated,
+one in a thousand parts judged as seated is not.
 """
 HANGING = 3.5e-4
 """Correlation length of the residual force, m; measured by `cell study seating`, see decision 0022. A leaning peg rubs over some tenths of a
 millimetre, so a stroke of 4.3 mm has the weight of twelve independent readings, fewer than its scans.
 """
 MOST_FORCE = 3.0
-"""Largest considered force of a latch, as a share of the stated one; it exceeds the largest accepted share, 2, by 1."""
+"""Largest considered force of a latch, share of the stated force; it exceeds the largest accepted share, 2, by 1."""
 FORCE_STEP = 0.1
-"""Step of the considered forces, as a share of the stated one."""
+"""Step of the considered forces, share of the stated force."""
 EXACT = 0.1
-"""Least sum a + b of a curve's deviations down and up, N: the best resolution of an arm's force. Source: chosen, not measured."""
+"""Least sum a + b of the scales of the residual force, see `unlikelihood`, N: the best resolution of an arm's force. Source: chosen, not measured."""
 MOST_WAYS = 64
-"""Number of strokes to keep: ten attempts with five strokes each, and some that ended elsewhere. The likelihoods of this many strokes are
-cached, because skill and gate evaluate them at every scan of a rest.
+"""Number of strokes to keep: ten attempts with five strokes each, and some that ended elsewhere. The likelihoods of as many strokes are
+cached, because the skill and the seating gate evaluate them at every scan of a rest.
 """
 
 
 @dataclass(frozen=True, slots=True)
 class Signature:
-    """Estimate of the latch from the curves of a resting peg."""
+    """Estimate of the latch from the insertion strokes of a resting peg."""
 
     force: float
     """Force of the latch, N."""
@@ -68,12 +69,12 @@ class Signature:
 
     @property
     def is_sure(self) -> bool:
-        """True if this is the stated latch with the bottom at its stated depth."""
+        """True if the strokes show the stated latch with the bottom at its stated depth."""
         return self.doubt <= DOUBT
 
     @property
     def is_refuted(self) -> bool:
-        """True if this is another latch, or another bottom."""
+        """True if the strokes show another latch, or another bottom."""
         return self.doubt >= 1.0 - DOUBT
 
 
@@ -93,7 +94,7 @@ class InsertionStroke:
         force = np.array(self.forces[::-1])
         # Height of the peg's end: that of the hand, corrected for the shear of the pads, z + SHEAR F.
         end = np.array(self.heights[::-1]) + SHEAR * force
-        # The bottom is the height at which the force rises to half the push; the fingers can have slid down the peg since.
+        # The bottom is the height at which the force rises to half the push; later the fingers can have slid down the peg.
         level = (float(np.median(force)) + float(force[0])) / 2.0
         bottom = max(int(np.argmax(force < level)) - 1, 0)
         end, force = end[bottom:], force[bottom:]
@@ -107,9 +108,9 @@ class InsertionStroke:
 def told_by(ways: Sequence[InsertionStroke], latch: Latch) -> Signature:
     """Return the estimate of the latch from several strokes to one bottom; strokes that do not show the latch are ignored.
 
-    The likelihoods of independent strokes are multiplied for every force and height. A stroke with rubbing therefore adds
-    little information and removes none. The share of unseated parts judged as seated stays below `DOUBT` for any
-    number of strokes.
+    The likelihoods of the strokes, which are independent, are multiplied for every force and height. A stroke with rubbing
+    therefore adds little information and removes none. The share of unseated parts among those judged as seated stays below
+    `DOUBT` for any number of strokes.
     """
     tables = [table for way in ways if (table := unlikelihood(way, latch)) is not None]
     shares, offsets = considered(latch)
@@ -135,9 +136,9 @@ def unlikelihood(way: InsertionStroke, latch: Latch) -> Vector | None:
 
     A wall only opposes the motion of a rubbing peg. The residual r of the force therefore has a scale b above the latch's
     curve and a scale a <= b below it: the density is exp(-r / b) / (a + b) for r > 0 and exp(r / a) / (a + b) for r < 0.
-    At the maximum of the likelihood, a + b = (sqrt(p) + sqrt(m))², where p is the mean of the positive part of r and m
-    that of its negative part. For n independent residuals the likelihood is (sqrt(p) + sqrt(m)) ** (-2 n). If a = b, this
-    is the law of least absolute deviations. The maximum over the constant c lies at one of the residuals.
+    At the maximum of the likelihood, a + b = (sqrt(p) + sqrt(m))²; p is the mean of the positive part of r, and m the mean
+    of its negative part. For n independent residuals the likelihood is (sqrt(p) + sqrt(m)) ** (-2 n). If a = b, this is the
+    law of least absolute deviations. At the maximum over the constant c, c equals one of the residuals.
 
     The result is None if the stroke does not show the latch.
     """

@@ -4,9 +4,9 @@
                   |-> they do not yet: draw the peg up through the latch and push again
                   `-> another latch or bottom, or too many strokes: give up
 
-Each stroke counts once, at the first rest on the bottom, and is judged together with the strokes before it. Judging each
-stroke alone until one passes would test too often, and so would extending a curve while the hand shakes the peg at the
-bottom.
+Each stroke counts once, at its first rest on the bottom, and is judged together with the strokes before it. If each stroke
+were judged alone until one passed, or if a stroke were extended while the hand shakes the peg at the bottom, so many tests
+would in the end accept a wrong part.
 """
 
 import math
@@ -20,11 +20,11 @@ from skills.seating.latch_likelihood import BEFORE, Signature
 from skills.seating.signature import StrokeCurve
 
 MOST_LOOKS = 5
-"""Largest number of strokes without a detected latch; chosen, not measured: strokes accumulate, and each takes two seconds.
-Source: decision 0022.
+"""Largest number of strokes without a detected latch; chosen, not measured: the evidence of the strokes accumulates, and each stroke takes
+two seconds. Source: decision 0022.
 """
 LEAST_LOOKS = 2
-"""Least number of strokes before the peg is given up, because the first can have wedged just above the bottom. Source: decision 0022."""
+"""Least number of strokes before the skill gives up the peg, because in the first stroke the peg can have wedged just above the bottom. Source: decision 0022."""
 TURNING_BACK = 0.05
 """Speed of the setpoint from push to pull and back, m/s. Source: chosen, not measured."""
 
@@ -38,7 +38,7 @@ class Looks:
     missed: int = 0
     """Number of strokes to the bottom after which the latch was not detected."""
     is_over: bool = False
-    """True when no further insertion stroke will be tried."""
+    """True if the skill tries no further insertion stroke."""
     is_shown: bool = False
     """True if the strokes have shown the latch, with the bottom behind it."""
     top: float = -math.inf
@@ -58,13 +58,13 @@ class Looks:
             seen: The scan.
             setpoint: Setpoint followed during the scan.
             latch: The latch of the recipe.
-            beyond: Depth of the tip minus the hole's depth, by the surface estimate of the search, m; a rest counts as at the bottom
-                if this is within `DOUBTED`.
+            beyond: Depth of the tip minus the hole's depth, by the surface estimate of the search, m; a rest is on the bottom if this
+                difference is within `DOUBTED`.
         """
         height, curve = float(seen.arm.tcp.position[2]), self.curve.after(seen, setpoint, latch)
         if self.is_lifting:
             return replace(self, curve=curve, top=self.top if height < self.top else -math.inf)
-        # The gate detects the same rest independently, possibly one scan later.
+        # The seating gate detects the same rest independently, possibly one scan later.
         told = curve.signature(latch, seen.stamp - BORNE_FOR)
         if told is None or abs(beyond) > DOUBTED:
             return replace(self, curve=curve)
@@ -75,7 +75,7 @@ class Looks:
         return replace(self, curve=curve, missed=missed, is_over=is_enough(missed, told), top=top)
 
     def pulling(self, push: float, period: float) -> "Looks":
-        """Return the looks with the pull for the present scan.
+        """Return the looks with the pull updated for the present scan.
 
         Args:
             push: Depth of a pushing setpoint below the tip, m.
@@ -88,5 +88,5 @@ class Looks:
 
 
 def is_enough(ways: int, told: Signature) -> bool:
-    """Return True if the peg is to be given up after this number of strokes without a detected latch."""
+    """Return True if the skill gives up the peg after `ways` strokes without a detected latch; `told` is the latest estimate."""
     return ways >= (LEAST_LOOKS if told.is_refuted else MOST_LOOKS)

@@ -25,7 +25,7 @@ LIFTED = 0.002
 
 @dataclass(frozen=True, slots=True)
 class StrokeCurve:
-    """Force against height of a held peg in its present stroke, its rest at the end of this stroke, and its earlier strokes."""
+    """Force against height of a held peg in the present stroke, its rest at the end of this stroke, and the earlier strokes."""
 
     heights: tuple[float, ...] = ()
     """Heights of the hand, decreasing, m, base frame."""
@@ -40,7 +40,7 @@ class StrokeCurve:
 
     @property
     def ways(self) -> tuple[InsertionStroke, ...]:
-        """Strokes of this held peg that have ended in a rest, including the present one."""
+        """Strokes of this held peg that have ended in a rest, including the present stroke if it has."""
         return (*self.earlier, *((self.present,) if self.has_rested else ()))[-MOST_WAYS:]
 
     @property
@@ -49,10 +49,10 @@ class StrokeCurve:
         return InsertionStroke(self.heights, self.forces)
 
     def after(self, seen: Observation, setpoint: ImpedanceSetpoint | None, latch: Latch) -> "StrokeCurve":
-        """Return the curve after one more scan with its followed setpoint.
+        """Return the curve after one more scan, in which the arm followed `setpoint`.
 
-        If the peg is not held, the curve is cleared. If the peg is drawn up, a new stroke starts. During a rest the curve is
-        unchanged, because further motion is the fingers sliding down the peg.
+        If the peg is not held, the curve is cleared. If the peg is drawn up, a new stroke starts. During a rest the heights and
+        forces are unchanged, because the fingers then slide down the peg.
         """
         height, force = float(seen.arm.tcp.position[2]), float(seen.arm.wrench.force[2])
         if not seen.gripper.is_gripping or not math.isfinite(height + force):
@@ -66,11 +66,11 @@ class StrokeCurve:
             return replace(self, footing=footing, has_rested=self.has_rested or footing.is_firm(seen.stamp))
         first = self._first_within(height + 1.5 * latch.height + BEFORE)
         heights, forces = (*self.heights[first:], height), (*self.forces[first:], force)
-        # If the support yields, it was not the bottom.
+        # The hand has sunk further: if the peg had rested, its support was not the bottom, and the rest is discarded.
         return StrokeCurve(heights, forces, footing, earlier=self.earlier)
 
     def _first_within(self, reach: float) -> int:
-        """Return the index of the first height at most `reach`; higher points show neither the latch nor the force offset above it."""
+        """Return the index of the first height of at most `reach`, m; points above it show neither the latch nor the force offset."""
         return next((at for at, above in enumerate(self.heights) if above <= reach), len(self.heights))
 
     def signature(self, latch: Latch, now: float) -> Signature | None:
