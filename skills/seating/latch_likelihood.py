@@ -31,8 +31,8 @@ SHEAR = 1.0 / STIFFEST_SHEAR
 LEAST_POINTS = 8
 """Least number of scans in a stroke; fewer do not show the shape of the force."""
 FORCE_SHARE = 0.5
-"""Least measured force as a share of the stated force, fraction; its inverse is the largest. It is halfway between a worn-out latch and
-the stated one.
+"""Least estimated force of an accepted latch, share of the stated force, fraction; the largest share is the inverse. The value is halfway
+between a worn-out latch and the stated one.
 """
 PLACE = 0.0005
 """Largest difference between the estimated and the stated height of an accepted latch above the bottom, m: halfway to a bottom that is 1 mm higher. Source: chosen, not measured."""
