@@ -1,6 +1,6 @@
 """Bounds of each phase of an insertion, from sizes, forces and masses; without side effects.
 
-Each bound limits every search, rotation or push under its stated assumptions: the wall force is limited, a push
+Each bound holds for every search, rotation or push that meets these assumptions: the wall force is limited, a push
 accelerates at least the hand's mass, lanes have no error.
 """
 
@@ -20,7 +20,7 @@ SPEEDS: Vector = np.arange(0.02, 0.6, 0.001)
 
 @dataclass(frozen=True, slots=True)
 class Dip:
-    """Conditions for the detected drop of a tilted round peg into a round hole."""
+    """Conditions of the drop of a tilted round peg into a round hole, up to its detection."""
 
     hole: float
     """Diameter of the hole, m."""
@@ -29,7 +29,7 @@ class Dip:
     tilt: float
     """Tilt of the peg from the plate's normal, rad, > 0."""
     depth: float
-    """Depth of its lowest point at which the drop is detected, m."""
+    """Depth of the peg's lowest point at which the drop is detected, m."""
     push: float
     """Push along the normal, N."""
     mass: float
@@ -41,12 +41,12 @@ class Dip:
         return math.sqrt(2.0 * self.depth * self.mass / self.push)
 
     def band(self, speed: float) -> float:
-        """Return the width across the lanes of the capture band of a peg that slides at `speed`, m/s, m; 0 if there is
-        none.
+        """Return the width of the capture band, across the lanes, of a peg that slides at `speed`: m; 0 if there is no
+        band.
 
-        A lane at the distance x from the band's centre crosses the hole along a chord 2 sqrt(R² - x²). The chord must
-        contain speed times the time of the drop, plus half the width of the peg's end at that depth.
-        Docs/tried/search.md.
+        A lane at the distance x from the band's centre crosses the hole along a chord 2 sqrt(R² - x²). The chord must be
+        at least as long as speed times the time of the drop, plus half the width of the peg's end at the depth of
+        detection. Source: docs/tried/search.md.
 
         Args:
             speed: Speed along the lane, m/s.
@@ -87,13 +87,13 @@ class Cover:
 
 
 def half_width(depth: float, peg: float, tilt: float) -> float:
-    """Return half the width, m, of a tilted round end, at a depth `depth`, m, above its lowest point.
+    """Return half the width, m, of a tilted round end at the height `depth`, m, above its lowest point.
 
-    The end is a disc of radius r, of which the segment up to `depth`/sin(tilt) from its lowest point is below: w =
-    sqrt(r² - (r - h/sin(tilt))²).
+    The end is a disc of radius r. The part of the disc below that height is a segment of height h/sin(tilt), h = `depth`;
+    half its chord is w = sqrt(r² - (r - h/sin(tilt))²).
 
     Args:
-        depth: Depth, m, at most that of the end's centre.
+        depth: Height above the lowest point, m, at most that of the end's centre.
         peg: Diameter of the peg, m.
         tilt: Tilt of the peg, rad, > 0.
     """
@@ -105,17 +105,17 @@ def half_width(depth: float, peg: float, tilt: float) -> float:
 def mobility(inertia: Vector, direction: Vector) -> float:
     """Return the effective mass, kg, along `direction`, unit, shape (3,), at a point about which the hand can rotate.
 
-    It is 1/(d W d) with W the upper left part of the inverse of `inertia`, the hand's at that point, shape (6, 6),
-    translation first.
+    The effective mass is 1/(dᵀ W d), with the direction d and the upper left 3 x 3 block W of the inverse of `inertia`:
+    the hand's inertia at that point, shape (6, 6), translation first.
     """
     return 1.0 / float(direction @ np.linalg.inv(inertia)[:3, :3] @ direction)
 
 
 def turning_force(inertia: Vector, axis: Vector) -> Vector:
-    """Return the force at a fixed point, shape (3,), N per rad/s², for an angular acceleration of the hand about it.
+    """Return the force at a fixed point, shape (3,), N per rad/s², for an angular acceleration of the hand about the point.
 
-    The law of motion f = L_vv a + L_vw alpha has a = 0 there, so that f = L_vw alpha. The hole's wall exerts the part
-    that the arm's law does not.
+    The law of motion is f = L_vv a + L_vw alpha. At the fixed point a = 0, so that f = L_vw alpha. The hole's wall exerts
+    the part of f that the arm's law does not exert.
 
     Args:
         inertia: Inertia of the hand at the point, shape (6, 6), translation first, kg, kg·m and kg·m².
@@ -126,7 +126,11 @@ def turning_force(inertia: Vector, axis: Vector) -> Vector:
 
 
 def turn_time(force: float, angle: float, coupling: float, push: float) -> float:
-    """Return the shortest time of a rotation about a fixed point, s, with a wall force of at most `force`, N, > push."""
+    """Return the shortest time of a rotation by `angle`, rad, about a fixed point, s.
+
+    The wall force is at most `force`, N, which must exceed `push`, N; `coupling` is the force per angular acceleration,
+    N per rad/s².
+    """
     return math.sqrt(2.0 * angle * coupling / math.sqrt(force**2 - push**2))
 
 
@@ -141,7 +145,7 @@ class Down:
     damping: float
     """Damping along the hole, N·s/m; 0 for inertia alone."""
     arrival: float = 0.0
-    """Distance from the end within which the damping is multiplied by `factor`, m."""
+    """Distance from the end of the descent within which the damping is multiplied by `factor`, m."""
     factor: float = 1.0
 
     def descent(
@@ -168,7 +172,8 @@ class Down:
 
 @dataclass(frozen=True, slots=True)
 class Upright:
-    """Tilted hand that its rotational stiffness turns upright about the tip, critically damped: lean'' = -w² lean - 2 w lean', w² = K/I."""
+    """Motion of a tilted hand, turned upright about the tip by its rotational stiffness K with critical damping and inertia I:
+    lean'' = -w² lean - 2 w lean', w² = K/I."""
 
     lean: float
     """Initial tilt, rad."""

@@ -162,7 +162,7 @@ def _scale(axes: Axes, panel: Panel) -> None:
 
 
 def draw_speed_accuracy(line: StageLine, path: Path) -> Path:
-    """Draw success with its Wilson 95 % interval against mean total time, this cell's beside the published one; return the file.
+    """Draw success with its Wilson 95 % interval against mean total time, for this cell and as published; return the file.
 
     Args:
         line: Last line of this cell's stage table.

@@ -1,4 +1,4 @@
-"""Variants of the cell on the same seeds: how they are run and summed up; the study of the stand-in's models."""
+"""Variants of the cell on the same seeds: their trials and summary; also the study of the stand-in's models."""
 
 import argparse
 import logging
@@ -48,17 +48,17 @@ class Variant:
     probe: MakeProbe = Probe
     """Function that prepares each trial and returns its probe."""
     program: Program = insert_peg
-    """Program of its trials."""
+    """Program of the variant's trials."""
 
     @property
     def folder(self) -> str:
-        """Folder of its trials."""
+        """Name of the folder of the variant's trials."""
         return re.sub(r"\W+", "-", f"{self.family} {self.name}").strip("-")
 
 
 @dataclass(frozen=True, slots=True)
 class VariantLine:
-    """Result of one variant; times are those of its successes, s, and NaN if there are none."""
+    """Result of one variant; times are over its successes, s, and NaN if there are no successes."""
 
     family: str
     variant: str
@@ -82,7 +82,7 @@ class VariantLine:
     theta: float
     """Median over all trials of the root mean square error of theta, rad."""
     tip: float
-    """Median over all trials of the root mean square error of the tip's place, m."""
+    """Median over all trials of the root mean square error of the tip's position, m."""
     turn_median: float
     """Median of the peg's largest rotation in the hand over all trials, rad."""
     turn_p95: float
@@ -113,7 +113,7 @@ def section(study: str) -> dict[str, Any]:
 
 
 def chosen(study: str, is_quick: bool, families: Sequence[str] = (), option: str = "--only") -> list[Variant]:
-    """Return the variants of the families that `option` names, of those for --quick, or all.
+    """Return the variants of `families`, which the user gave with `option`; if there are none, those for --quick, or all.
 
     Raises:
         ConfigError: A family is unknown.
@@ -146,7 +146,7 @@ def compared(
         args: Options of the study.
         tried: Variants to run.
         seeds: Seeds, one trial each, for every variant.
-        table: Name of the CSV file of the lines; an interrupted call keeps those of finished variants.
+        table: Name of the CSV file of the lines; after an interrupted call it contains the lines of the finished variants.
         test: Test that can end a variant's trials before the last seed; None runs every seed.
     """
     folder = out_folder(args.out)
@@ -222,8 +222,10 @@ def _line(variant: Variant, rows: Sequence[TrialRow], trouble: str, verdict: str
 
 
 def beside_first(found: Compared) -> Columns:
-    """Return columns that compare each line with the first: the difference of time on the seeds that both inserted, its median and its mean
-    with the 95 % half width, s, and the median computing time of a simulated second, ms.
+    """Return columns that compare each line with the first line.
+
+    The columns are the median, and the mean with its 95 % half width, of the difference of time on the seeds that both inserted, s; and
+    the median computing time of a simulated second, ms.
     """
     first = _times(found.rows[0])
     longer, costs = {}, {}

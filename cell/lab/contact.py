@@ -1,9 +1,9 @@
-"""The ladder of contact models, each measured on the same work: speed, accuracy, and where each fails.
+"""The ladder of contact models, each measured on the same tasks: speed, accuracy and failures.
 
-A rig pushes the cell's peg at five fixed tilts with 10 N into the cell's hole; sideways the peg is free. The depth is
-compared with the exact test by sections. A drag over solid plate reveals seams, and a peg that is 20 um too thick must
-stay out. A map of the limits of integration follows, beside the boundaries of theory. Every model stays in the table:
-if it penetrates, it is void; if it never comes to rest, it is unstable.
+A rig pushes the cell's peg at five fixed tilts with 10 N into the cell's hole; sideways the peg is free. The study compares
+the depth with the exact test by sections. A drag over solid plate reveals seams, and a peg that is 20 um too thick must
+stay out. A map shows the limits of integration, measured and from theory. Every model stays in the table: if bodies
+penetrate, it is void; if the peg never comes to rest, it is unstable.
 """
 
 import argparse
@@ -32,13 +32,13 @@ from sim.world.truth import VOID_PENETRATION, VOID_SHARE
 
 SHIPPED = "closed form, 0.5 ms"
 SHALLOW, STEEP = (1, 2, 5), (15, 45)
-"""Tilts, degrees: of a peg during release, and of a falling peg."""
+"""Tilts, degrees, of a peg during release (`SHALLOW`), and of a peg that drops into the hole (`STEEP`)."""
 PUSH, SECONDS = 10.0, 1.5
 """Force, N, and duration, s, of a push."""
 AT_REST = 1e-2
 """Speed below which a pushed peg is at rest, m/s."""
 EXACT_ENOUGH = 0.01
-"""Relative error of the depth that a skill tolerates."""
+"""Largest relative error of the depth that a skill tolerates, fraction."""
 MAP_SECONDS, MAP_TILT = 0.6, 5
 TIMESTEPS, STIFFNESSES = np.geomspace(1e-4, 4e-3, 12), np.geomspace(1e4, 1e8, 17)
 """Time steps of the map's columns, s, and stiffnesses of its rows, 1/s²."""
@@ -46,7 +46,7 @@ HOLES = {"exact": "contacts ahead of touch (shipped)", "unpredicted": "contacts 
 """Models of the hole on the map of integration."""
 VERDICTS = {"holds": GREEN, "penetrates": COLOURS[4], "unstable": RED}
 LOWEST, HIGHEST = 0.02, 1000.0
-"""Ends of the axis of errors, %; a model through which the peg falls stands at the upper end."""
+"""Ends of the axis of errors, %; a model through which the peg falls is drawn at the upper end."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,7 +66,7 @@ def model(**changes: Any) -> HoleModel:
 
 
 def ladder(peg: Part) -> list[Rung]:
-    """Return the rungs of the ladder that support a peg: models of the hole at several time steps, and softer contacts."""
+    """Return the rungs of the ladder that are possible for a peg: models of the hole at several time steps, and softer contacts."""
     kinds: list[tuple[str, str, HoleModel, tuple[float, ...]]] = [
         ("closed form", "closed form", model(), (2.5e-4, 5e-4, 1e-3, 2e-3)),
         ("unpredicted", "closed form, touching only", model(hole="unpredicted"), (2.5e-4, 5e-4, 1e-3, 2e-3)),
@@ -85,7 +85,7 @@ def ladder(peg: Part) -> list[Rung]:
 
 
 def boundary_bound(timestep: float) -> float:
-    """Return the stiffness, 1/s², at which a bound contact becomes unstable, with critical damping b = 2 sqrt(k).
+    """Return the stiffness k, 1/s², at which a permanently active contact becomes unstable, with critical damping b = 2 sqrt(k).
 
     MuJoCo's contact, [todorov], requires the acceleration -b v - k r; semi-implicit Euler gives v' = v - (b v + k r) dt
     and r' = r + v' dt. The eigenvalues leave the unit circle if k dt² + 2 b dt = 4: sqrt(k) dt = 2 (sqrt(2) - 1).
@@ -94,10 +94,10 @@ def boundary_bound(timestep: float) -> float:
 
 
 def boundary_bouncing(timestep: float) -> float:
-    """Return the stiffness, 1/s², at which a contact that begins only at touch adds energy, b = 2 sqrt(k).
+    """Return the stiffness k, 1/s², at which a contact that begins only at touch adds energy, with critical damping b = 2 sqrt(k).
 
-    A body that arrives with the speed v is at most v dt deep at the first contact, and leaves with (k dt² + b dt - 1)
-    v. Both speeds are equal if k dt² + b dt = 2, sqrt(k) dt = sqrt(3) - 1.
+    A body that arrives with the speed v is at most v dt deep at the first contact, and leaves with the speed
+    (k dt² + b dt - 1) v. Both speeds are equal if k dt² + b dt = 2: sqrt(k) dt = sqrt(3) - 1.
     """
     return ((math.sqrt(3.0) - 1.0) / timestep) ** 2
 
@@ -253,7 +253,7 @@ def measure_point(kind: str, timestep: float, stiffness: float, peg: Part, hole:
 
 
 def ladder_panel(rows: Sequence[RungRow], parts: str) -> Panel:
-    """Return error against speed, a colour for each family; hollow if the model fails a gate."""
+    """Return the panel of error against speed, with a colour for each family; a hollow mark is a model with a fault in its verdict."""
     families = list(dict.fromkeys(row.family for row in rows))
     colours = dict(zip(families, cycle((*COLOURS[1:], GREY)), strict=False))
     groups: dict[tuple[str, bool], list[RungRow]] = {}
@@ -283,7 +283,7 @@ def _rungs(rows: Sequence[RungRow], colour: str, label: str, size: float, is_hol
 
 
 def map_panels(rows: Sequence[MapRow]) -> list[Panel]:
-    """Return the result of integration by step and stiffness, and the boundaries of theory, for each model of `HOLES`."""
+    """Return a panel for each model of `HOLES`: the result of integration by step and stiffness, and the boundaries of theory."""
     return [_map_panel([row for row in rows if row.hole == hole], title) for hole, title in HOLES.items()]
 
 

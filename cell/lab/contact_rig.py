@@ -37,8 +37,8 @@ def tilted_peg(
     model: HoleModel = SHIPPED,
     is_judged: bool = True,
 ) -> mujoco.MjModel:
-    """Return the model of a peg over a hole, tilted by `tilt` towards `azimuth`; its end's centre is the slides'
-    origin.
+    """Return the model of a peg over a hole, tilted by `tilt` towards `azimuth`; the centre of the peg's end is the origin of
+    the slides.
 
     Args:
         peg: Cross-section of the peg.
@@ -48,7 +48,7 @@ def tilted_peg(
         friction: Coulomb coefficient.
         timestep: Time step of the physics, s.
         model: Model of the hole.
-        is_judged: True to meter the penetration for facets too.
+        is_judged: True to meter the penetration even if facets make the contacts.
     """
     shapes.install(peg)
     length, axes = 0.05, attitude(tilt, azimuth)
@@ -144,7 +144,7 @@ def drag(model: mujoco.MjModel, peg: Part, tilt: float, direction: float, beside
         peg: Cross-section of the peg.
         tilt: Tilt of the peg, rad.
         direction: Azimuth of the path, rad.
-        beside: Distance between the lowest point's path and the hole's axis, m.
+        beside: Distance between the path of the peg's lowest point and the hole's axis, m.
     """
     data, dt, speed, push_force = mujoco.MjData(model), model.opt.timestep, 0.05, 5.0
     way = np.array([math.cos(direction), math.sin(direction)])

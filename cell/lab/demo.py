@@ -1,4 +1,4 @@
-"""Main job on the embedded default: a PLC peer requests every insertion over Modbus TCP, and the cell executes it."""
+"""Main job with the built-in default config: a PLC peer requests every insertion over Modbus TCP, and the cell executes it."""
 
 import json
 import threading
@@ -65,13 +65,13 @@ def run_demo(
         loaded: A simulated cell.
         journal: The opened journal.
         trials: Number of insertions requested by the peer.
-        watch: Called by the peer's thread with the number of ended insertions and the report that it reads.
-        stop: Ends the demo if set; the arm is stopped first.
+        watch: Function that the peer's thread calls with the number of ended insertions and the report read by the peer.
+        stop: Event that ends the demo when it is set; the arm is stopped first.
 
     Raises:
         CellError: The port is in use, or the peer lost the cell.
     """
-    # compilation during the first insertion can halt peer and cell together for over a second: silence shows nothing
+    # compilation in the first insertion can halt both peer and cell for over a second, so silence is no sign of a lost PLC
     bridge = Bridge(loaded.cell.plc.model_copy(update={"life_timeout": LONGEST}), PROGRAMS, PARAMETERS)
     reports: list[Report] = []
     with opened(assemble(loaded.cell)) as cell:
@@ -117,7 +117,7 @@ def _be_plc(host: str, port: int, trials: int, reports: list[Report], watch: Cal
 
 
 def draw_demo(result: DemoResult, journal: Journal, folder: Path) -> list[Path]:
-    """Draw one trial, a successful one if available, and the chart; return the files."""
+    """Draw one trial, a successful one if there is one, and the chart; return the files."""
     pictures = []
     shown = next(
         (row for row in result.rows if row.outcome == Outcome.SUCCESS), result.rows[0] if result.rows else None

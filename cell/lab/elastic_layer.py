@@ -1,8 +1,8 @@
 """Pads as an elastic layer on a rigid backing: a more detailed, independent model of the taxels' pressure.
 
-It shares nothing with the simulation's bed of springs or with the estimators' templates. The layer is solved exactly
-per wavenumber (Airy's stress function in plane strain, frictionless above, bonded below). Conjugate gradients on the
-cells' nonnegative pressures determine the contact area ([polonsky]). A taxel measures the stress on the backing.
+The model shares nothing with the simulation's bed of springs or with the estimators' templates. The layer is solved
+exactly for each wavenumber (Airy's stress function in plane strain, frictionless above, bonded below). Conjugate gradients
+on the nonnegative pressures of the cells determine the contact area ([polonsky]). A taxel measures the stress on the backing.
 """
 
 import math
@@ -18,7 +18,7 @@ THICKNESS = 1e-3
 """Thickness of the elastomer, m; [gibbons], Sec. VI."""
 MODULUS, POISSON = 1.5e5, 0.45
 """Young's modulus, Pa, and Poisson's ratio of a soft silicone; assumed, so that 30 N press an 8 mm peg in by about half
-the layer."""
+the layer's thickness."""
 STIFF = 12.0
 """Wavenumber times thickness above which the layer acts as a half-space and no pressure reaches the backing."""
 
@@ -68,7 +68,7 @@ class LayerPads:
     """Two pads of elastic layer, divided into square cells."""
 
     def __init__(self, layout: Layout, poisson: float = POISSON, cell: float = 0.5e-3) -> None:
-        """Divide pads of this size into cells of this side, m, and solve the layer with this Poisson's ratio."""
+        """Divide pads of the size of `layout` into square cells of side `cell`, m, and solve the layer."""
         length, width = pad_size(layout)
         rows, columns = round(width / cell), round(length / cell)
         self._area = cell * cell

@@ -1,7 +1,7 @@
-"""False and true hole events: how often a search stops on a plate without a hole, and how soon it detects a drop.
+"""False and true hole events: number of stops of a search on a plate without a hole, and delay in the detection of a drop.
 
-A search slides over the plate without a stop, while its detector runs. Up to its first event, a
-search that obeys the detector follows the same path. Seeds with a dip on a plate without a hole run again with stops,
+A search slides over the plate without a stop, while its detector runs. Up to the first event, a search that obeys the
+detector follows the same path. If the detector reports an event on a plate without a hole, the seed runs again with stops,
 to measure the result of the judgement at rest.
 """
 
@@ -44,17 +44,17 @@ class HoleEventRow:
     seed: int
     has_hole: bool
     slid: float
-    """Time of sliding, s; with a hole, until the drop."""
+    """Time of sliding, s; on a plate with a hole, until the drop."""
     falsely: float
-    """Time of sliding at the first event over solid plate."""
+    """Time of sliding until the first event over solid plate, s."""
     fell: bool
     """True if the peg dropped into the hole while it slid."""
     delay: float
-    """Time from the start of the drop to its event."""
+    """Time from the start of the drop to its event, s."""
     rests: int = 0
-    """Number of stops of a search on the same plate that obeys its detector; 0 if it had nothing to obey."""
+    """Number of stops of the second search, which obeys its detector on the same plate; 0 if there was no false event."""
     found: bool = False
-    """True if that search reported a hole where there is none."""
+    """True if the second search reported a hole, although the plate has none."""
 
     @property
     def is_fall(self) -> bool:
@@ -63,7 +63,7 @@ class HoleEventRow:
 
 
 class _Watch(EdgeEvidence):
-    """Evidence that is recorded and not reported to the search, and the drop in the truth."""
+    """Evidence that is recorded but not reported to the search, and the true drop of the peg."""
 
     def __init__(self, cell: Cell, has_hole: bool, params: SpraySearchParams, ctx: SkillContext) -> None:
         super().__init__(params, SurfaceEstimate(), ctx.schedule.period)
@@ -86,7 +86,7 @@ class _Watch(EdgeEvidence):
         super().learn(edge)
 
     def update(self, seen: Observation, edge: Vector, is_likely: bool = False) -> tuple[float, bool]:
-        """Record whether there is evidence of an edge; the first call of a scan."""
+        """Record if there is evidence of an edge, and report none to the search; the first call of a scan."""
         _, is_edge = super().update(seen, edge, is_likely)
         self._now = seen.stamp
         if self._start is not None:
@@ -101,15 +101,15 @@ class _Watch(EdgeEvidence):
         return 0.0, False
 
     def _compare(self, seen: Observation, start: float) -> None:
-        """Check in the truth for a drop."""
+        """Detect a drop from the true state."""
         truth, now = self._cell.truth(), seen.stamp  # type: ignore[misc]
         _, axis = end_point(seen.arm.tcp, truth.theta, self._cell.config.peg.length)
         edge = self._cell.config.peg.part.lowest(np.array(truth.tip), axis, seen.arm.tcp.rotation[:, 2])
         depth = truth.depth + truth.tip[2] - edge[2]
-        # Depth of the peg's lowest point below the plate from which it is over the hole, m; the plate's contacts
-        # yield by a hundredth of it.
+        # Depth of the peg's lowest point below the plate above which the point is over the hole, m; the plate's contacts
+        # yield by a hundredth of this depth.
         if self._over is None and depth > 5e-5:
-            # Time since the start of sliding below which the peg came down in the hole, so that there is no drop, s.
+            # Time since the start of sliding, s; if it is shorter, the peg came down in the hole and there is no drop.
             self.began_in_hole = now - start < 0.05
             self._over, self._deepest, self.delay = now, 0.0, math.nan
         if self._over is None:
@@ -122,7 +122,7 @@ class _Watch(EdgeEvidence):
 
 
 def watch(config: CellConfig, has_hole: bool, seed: int) -> HoleEventRow:
-    """Let the search of this seed slide without a stop, and again with stops if an event was false."""
+    """Run the search of this seed without stops; if there was an event on a plate without a hole, run it again with stops."""
     cell = _cell(config, has_hole, seed)
     params = cell.config.params(SEARCH)
     with opened(cell):
@@ -177,11 +177,11 @@ class EventLine:
     searches: int
     """Number of searches without a hole."""
     stopped: int
-    """Number of those searches with a false event."""
+    """Number of these searches with a false event."""
     probes: int
-    """Number of their stops, judged at rest."""
+    """Number of stops in the second runs of these searches, judged at rest."""
     finds: int
-    """Number of searches that reported a hole at such a point."""
+    """Number of second runs that reported a hole at such a stop."""
     falls: int
     """Number of drops without an earlier false event."""
     detected: int

@@ -1,7 +1,7 @@
-"""Models of the hole beside the shipped one, for the ladder of `cell study contact`; no cell runs on them.
+"""Models of the hole besides the shipped one, for the ladder of `cell study contact`; no cell uses them.
 
-A ring of boxes tangent to the hole leaves a gap at every corner, R (1/cos(pi/N) - 1). Boxes use MuJoCo's contact of box
-and cylinder. The closed form can run in parallel as a probe, which makes no contacts and only meters the penetration.
+A ring of N boxes tangent to a hole of radius R leaves a gap R (1/cos(pi/N) - 1) at every corner. Boxes use MuJoCo's contact
+of box and cylinder. The closed form can run in parallel as a probe, which makes no contacts and only meters the penetration.
 """
 
 import math
@@ -31,14 +31,14 @@ class HoleModel:
     facets: int = 64
     """Number of facets of the ring of boxes."""
     native_ccd: bool = False
-    """True to collide facets with MuJoCo's newer path, which makes ghost contacts at seams."""
+    """True to use MuJoCo's newer collision code for facets, which makes ghost contacts at seams."""
     time_constant: float = CONTACT_STEPS
     """Time constant of the contacts, multiple of the time step."""
     contact_time: float = CONTACT_TIME
     """Lower bound of the contacts' time constant, s."""
     stiffness: float | None = None
-    """Stiffness of the contacts, 1/s²; force per penetration and effective mass, with critical damping. It replaces the
-    time constant."""
+    """Stiffness of the contacts with critical damping: force over penetration and effective mass, 1/s². It replaces the
+    time constant; None keeps it."""
 
     @property
     def has_facets(self) -> bool:

@@ -30,15 +30,15 @@ from skills.contract import Outcome, SkillContext
 MOVES = 0.0005
 """Standard deviation of the hole's position between parts if the config names no fixture, m."""
 WRONG = 0.0007
-"""Standard deviation of a wrong prior, m; it claims the precision of a learnt one."""
+"""Stated standard deviation of a wrong prior, m: the precision of a learnt prior."""
 EXCHANGED = 3
-"""Number of parts before the fixture's replacement for each part after it."""
+"""Number of parts before the fixture is replaced, divided by the number of parts afterwards."""
 SERIES = 1000
 """Seed offset between two series."""
 
 
 class Mode(StrEnum):
-    """Knowledge of the hole's position in a cell."""
+    """Prior knowledge of a cell about the hole's position."""
 
     LEARNS = "learns"
     PLAIN = "knows nothing"
@@ -65,7 +65,7 @@ class PartRow:
 
 
 def run_series(config: CellConfig, parts: int, mode: Mode, seed: int) -> list[PartRow]:
-    """Return the parts of one series, on a new cell and, with another fixture, on the same cell after a restart.
+    """Return the parts of one series: first on a new cell, then on the same cell after a restart with another fixture.
 
     Args:
         config: The cell; its fixture moves by `MOVES` if the config has no value.
@@ -100,7 +100,7 @@ def run_series(config: CellConfig, parts: int, mode: Mode, seed: int) -> list[Pa
 
 
 def _placed(config: CellConfig, mode: Mode, first: int) -> CellConfig:
-    """Return the cell with a fixture placed by the seed `first`; in the wrong-prior mode also with a displaced prior."""
+    """Return the cell with a fixture placed by the seed `first`; in the mode `WRONG`, its prior has a random mean in the area."""
     assert config.sim is not None
     sim = config.sim.model_copy(
         update={
@@ -121,7 +121,7 @@ def _placed(config: CellConfig, mode: Mode, first: int) -> CellConfig:
 def _run_part(
     config: CellConfig, cell: Cell, ctx: SkillContext, learning: Learning, number: int
 ) -> tuple[str, dict[str, float]]:
-    """Insert the part of a number, from 0, on a cell, and learn from it; return outcome and time of each counted stage, s."""
+    """Insert part `number`, counted from 0, and learn from the insertion; return the outcome and the time of each counted stage, s."""
     assert config.sim is not None
     seed, times = config.sim.seed + number, dict.fromkeys(CATALOGUE.counted, 0.0)
     ctx.job = learning.prepared(config.job(slot=number % config.rack.slots), 0)
@@ -160,7 +160,7 @@ class PartLine:
 
 
 def lines_of(rows: Sequence[PartRow], parts: int) -> list[PartLine]:
-    """Return mean times by mode, for parts before and after a position can be known, and with another fixture."""
+    """Return mean times by mode: for parts 1 and 2, for later parts, of which the position can be learnt, and with another fixture."""
     stretches = (("1 to 2", 1, 2), (f"3 to {parts}", 3, parts), ("other fixture", parts + 1, 10**9))
     lines = []
     for mode in Mode:

@@ -1,6 +1,6 @@
-"""Limits of each phase of an insertion: its bound from sizes, forces and masses beside the time that trials take.
+"""Limits of each phase of an insertion: the bound from sizes, forces and masses, compared with the time in trials.
 
-A probe observes each trial in the simulation's truth, and computes the bounds with the masses of that trial.
+A probe observes the true state in each trial, and computes the bounds with the masses of that trial.
 """
 
 import argparse
@@ -37,11 +37,12 @@ COVER, TURN, DOWN, DAMPED, WALLS = (
     "way down, damped",
     "way down, damped, walls",
 )
-"""Phases: a bound for each; the last two add the law's damping, and walls that wait until the hand is upright."""
+"""Names of the phases and bounds. The last two bounds also include the law's damping, and walls that let the peg down only as far
+as the hand is upright."""
 
 
 class Phases(Probe):
-    """Observes the phases of a trial in the simulation's truth."""
+    """Observes the phases of a trial by the true state."""
 
     def __init__(self, cell: Cell, ctx: SkillContext) -> None:
         """Begin without observations."""
@@ -97,7 +98,7 @@ class Phases(Probe):
         self._tilts.append((self._world.now(), angle_between(axis, normal)))
 
     def columns(self, records: Sequence[StageRecord]) -> dict[str, str]:
-        """Return time and bound of each phase, s, and the share of the first cover before the hole; empty if it was not reached."""
+        """Return time and bound of each phase, s, and the share of the first cover before the hole; empty if a phase was not reached."""
         found = {**self._covered(records), **self._turned(), **self._seated()}
         return {name: "" if math.isnan(value) else f"{value:.7g}" for name, value in found.items()}
 
@@ -153,9 +154,9 @@ class Phases(Probe):
         return {DOWN: time, **bounds}
 
     def _upright(self, stiffness: float) -> Upright:
-        """Return the righting of the hand by its stiffness, from the start of the adjustment."""
+        """Return the motion in which the rotational stiffness, N·m/rad, turns the hand upright, from the start of the adjustment."""
         start = self._scans[0]
-        # Time for the computation of the initial tilt rate of a downward motion, s.
+        # Time span over which the initial rate of the tilt is measured, s.
         later = next((scan for scan in self._scans if scan[0] >= start[0] + 0.05), self._scans[-1])
         rate = (later[2] - start[2]) / max(later[0] - start[0], 1e-6)
         moment = float(self._about @ self._inertia[3:, 3:] @ self._about)
@@ -176,7 +177,7 @@ class LimitsLine:
 
 
 def lines_of(variant: str, rows: Sequence[TrialRow]) -> list[LimitsLine]:
-    """Return each phase of the seated trials; a cover is the time of the search divided by its share."""
+    """Return each phase of the seated trials; the time of a whole cover is the time of the search divided by the share covered."""
     good = successes(rows)
 
     def of(name: str) -> list[float]:
@@ -185,8 +186,8 @@ def lines_of(variant: str, rows: Sequence[TrialRow]) -> list[LimitsLine]:
     covers = [
         row.search_time / float(share)
         for row in good
-        # Smallest share of a cover from which its time is estimated; shorter paths consist mostly of touch-down and
-        # rest.
+        # Smallest share of a cover from which the time of a whole cover is estimated; shorter paths consist mostly of
+        # touch-down and rest.
         if row.search_time and (share := row.more[f"{COVER}: share"]) and float(share) > 0.15
     ]
     times = {COVER: covers, TURN: of(TURN), **dict.fromkeys((DOWN, DAMPED, WALLS), of(DOWN))}
@@ -203,7 +204,7 @@ def lines_of(variant: str, rows: Sequence[TrialRow]) -> list[LimitsLine]:
 
 
 def panel(lines: Sequence[LimitsLine]) -> Panel:
-    """Return bound and result of every phase."""
+    """Return the panel with bound and result of every phase."""
     phases = list(dict.fromkeys(line.phase for line in lines))
     curves = []
     for number, (name, colour) in enumerate(

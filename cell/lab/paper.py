@@ -1,7 +1,7 @@
 """The published method under honest errors, in a laboratory that reproduces its figures, judged as in [gibbons].
 
-What [gibbons] does not print was fitted once, on other seeds than those that judge it; docs/tried/paper.md describes
-the fit. The method's own figures are in the preset `paper`, those of the laboratory in variants.toml.
+The figures that [gibbons] does not print were fitted once, on seeds that the judgement does not use; docs/tried/paper.md
+describes the fit. The figures of the method are in the preset `paper`, those of the laboratory in variants.toml.
 """
 
 import argparse
@@ -29,8 +29,8 @@ def tried(row: TrialRow) -> Tried:
 
 
 def run(args: argparse.Namespace) -> StudyReport:
-    """Run the method, write its stages beside Table I, and draw success against time."""
-    other_half = 500  # Offset from --seed to the first seed; the seeds before it were those of the fit.
+    """Run the method, write its stages next to those of [gibbons], Table I, and draw success against time."""
+    other_half = 500  # Offset from --seed to the first seed; the fit used the seeds before it.
     load_simulated(args)
     seeds = seeds_of(args, section(args.name)["trials"])
     seeds = range(seeds.start + other_half, seeds.stop + other_half)

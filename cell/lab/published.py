@@ -1,4 +1,4 @@
-"""Published insertions, [gibbons], Table I, and this cell's stages beside them; without side effects."""
+"""Published insertions, [gibbons], Table I, and the same stages of this cell; without side effects."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -8,7 +8,7 @@ from cell.records.statistics import mean
 
 @dataclass(frozen=True, slots=True)
 class PublishedStage:
-    """One row of [gibbons], Table I, or all of them together."""
+    """One row of [gibbons], Table I, or the total of its rows."""
 
     name: str
     label: str
@@ -39,7 +39,7 @@ class StageLine:
 
 @dataclass(frozen=True, slots=True)
 class Tried:
-    """Part of a trial for the stage table."""
+    """Data of one trial for the stage table."""
 
     succeeded: bool
     stage: str

@@ -20,9 +20,10 @@ class Verdict(StrEnum):
 class RateTest:
     """Sequential probability ratio test between two shares of lost trials, [wald].
 
-    If a setting loses the share `good`, the test calls it bad with probability `error` at most, approximately; and the
-    reverse for `bad`. Between the two shares, either answer is possible. Wilson intervals at the end of the test contain
-    the true share less often than those of a fixed number of trials: [siegmund].
+    If a setting loses the share `good`, the answer is BAD with a probability of at most about `error`; if it loses the share
+    `bad`, the answer is GOOD with a probability of at most about `error`. Between the two shares, either answer is possible.
+    Wilson intervals at the end of the test contain the true share less often than those of a fixed number of trials:
+    [siegmund].
     """
 
     good: float
@@ -32,7 +33,7 @@ class RateTest:
     error: float = 0.05
     """Probability of each wrong answer."""
     least: int = 1
-    """Least number of trials before an answer, so that the interval is not too wide."""
+    """Least number of trials before an answer, so that the interval of the success rate is not too wide."""
 
     def verdict(self, lost: int, trials: int) -> Verdict:
         """Return the answer after `trials` trials with `lost` lost ones."""
@@ -46,9 +47,9 @@ class RateTest:
         return Verdict.BAD if ratio > 0.0 else Verdict.GOOD
 
     def of(self, rows: Sequence[Ended]) -> Verdict:
-        """Return the answer of trials."""
+        """Return the answer for the trials in `rows`."""
         return self.verdict(len(rows) - len(successes(rows)), len(rows))
 
     def is_answered(self, rows: Sequence[Ended]) -> bool:
-        """Return True if trials are enough for an answer."""
+        """Return True if the trials in `rows` are enough for an answer."""
         return self.of(rows) is not Verdict.OPEN

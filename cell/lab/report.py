@@ -1,4 +1,4 @@
-"""Outcome of a study: a table for people, the same data for programs, and files."""
+"""Result of a study: a table for people, the same data for programs, and files."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

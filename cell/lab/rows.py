@@ -28,7 +28,7 @@ Outcomes = TypeVar("Outcomes", bound=Ended)
 
 
 def write_rows(rows: Iterable[Any], path: Path) -> Path:
-    """Write dataclasses or mappings, one row each, with the fields of the first as columns; return the file."""
+    """Write dataclasses or mappings, one row each, with the fields of the first row as columns; return the file."""
     cells = [asdict(row) if is_dataclass(row) and not isinstance(row, type) else row for row in rows]
     with path.open("w", newline="", encoding="utf-8") as file:
         if cells:
@@ -39,7 +39,7 @@ def write_rows(rows: Iterable[Any], path: Path) -> Path:
 
 
 def kept_rows(kind: type[Row], path: Path) -> list[Row]:
-    """Return the rows of one dataclass that an interrupted call has written; none if the file is missing or has another table."""
+    """Return the rows of the dataclass `kind` from the file of an interrupted call; none if the file is missing or has other columns."""
     try:
         with path.open(newline="", encoding="utf-8") as file:
             return TypeAdapter(list[kind]).validate_python(list(csv.DictReader(file)))  # type: ignore[valid-type]
@@ -64,7 +64,7 @@ def average(values: ArrayLike) -> float:
 
 
 def average_error(values: Sequence[float]) -> float:
-    """Return half the 95 % interval of the mean, normal; NaN for fewer than two values."""
+    """Return half the 95 % interval of the mean, by the normal distribution; NaN for fewer than two values."""
     return Z95 * float(np.std(values, ddof=1)) / math.sqrt(len(values)) if len(values) > 1 else math.nan
 
 

@@ -1,6 +1,6 @@
-"""Holes without a switch: seated parts that the force against depth misses, and other parts that it judges as seated.
+"""Holes without a switch: seated parts that the force against depth does not detect, and other parts that it accepts as seated.
 
-Each trial is judged twice: by the cell, and by the cell's gate for a skill that reports a success in any scan.
+Each trial is judged twice: by the cell as usual, and by its seating gate as if a skill reported a success in some scan.
 """
 
 import argparse
@@ -37,13 +37,13 @@ from skills.seating.latch_likelihood import GRID, InsertionStroke, Signature, re
 from skills.seating.signature import StrokeCurve as Force
 
 SEATED = "seated"
-"""Case in which a part on the bottom is seated; in all others the latch is worn out or the bottom is another one."""
+"""Name of the case in which a part on the bottom is seated; in all other cases the latch is worn out or the bottom is not the stated one."""
 SHOWN = 6
 """Largest number of curves of one case in the picture."""
 
 
 class Seating(Probe):
-    """Observes one trial as the gate does, and stores the result of the last curve of force against height."""
+    """Observes one trial as the seating gate does, and stores the result of the last curve of force against height."""
 
     def __init__(self, cell: Cell, ctx: SkillContext) -> None:
         """Begin with the evidence of the job."""
@@ -55,7 +55,7 @@ class Seating(Probe):
         self._curve, self._shown = Force(), Force()
         self._said: Signature | None = None
         self._proofs: list[SeatingProof] = []
-        """Evidence of a seated peg in some scan; a skill with false reports could have ended there."""
+        """Evidence at each scan with a seated peg; a skill that reports falsely could have ended at any of these scans."""
         self._truth: Truth = cell.truth()
 
     def record(self, seen: Observation, setpoint: ImpedanceSetpoint | None) -> None:
@@ -76,7 +76,7 @@ class Seating(Probe):
         """Return depth, judgements and curve; empty if the peg did not come to rest."""
         cell, said, shown = self._cell, self._said, self._shown
         look = LastLook(cell.gripper.read(), cell.arm.read().tcp.position, cell.switch.read())
-        # Largest distance of a seated peg's end from the bottom in the simulation, m.
+        # Largest true distance from the bottom of the end of a seated peg, m.
         is_on_bottom = self._truth.is_in_hole and self._truth.depth >= cell.config.hole.depth - 3e-4
         lowest = shown.heights[-1] if shown.heights else math.nan
         found: dict[str, float | None] = {
@@ -95,7 +95,7 @@ class Seating(Probe):
 
 
 def _is_believed(proof: SeatingProof, records: Sequence[StageRecord], look: LastLook, ctx: SkillContext) -> bool:
-    """Return True if the gate accepts a reported success of a seated peg."""
+    """Return True if the seating gate accepts a reported success with this evidence."""
     told, nobody = Ending(Outcome.SUCCESS, ADJUST.name, Reason.NONE), PartState(PartPlace.UNKNOWN, "")
     try:
         judged(Claim.SEATED, told, records, proof, look, nobody, ctx.job)
@@ -108,7 +108,7 @@ def hanging(way: InsertionStroke, latch: Latch) -> float | None:
     """Return the correlation length of a curve's deviations from its best-fit latch, m; None if the curve shows no
     latch.
 
-    It is the integral of their autocorrelation to its first zero, in both directions.
+    The correlation length is the integral of the deviations' autocorrelation, in both directions up to the first zero.
     """
     profile = way.profile(latch)
     if profile is None:
@@ -129,17 +129,17 @@ class SeatingLine:
     case: str
     trials: int
     seated: int
-    """Number of trials with a really seated part."""
+    """Number of trials with a truly seated part."""
     missed: int
-    """Number of really seated parts that the cell did not report as seated."""
+    """Number of truly seated parts that the cell did not report as seated."""
     false: int
-    """Number of parts judged as seated without being so, by the cell or by its gate for a skill with false reports."""
+    """Number of parts that are not seated but accepted as seated: by the cell, or by its gate after a false report of a skill."""
     least_doubt: float
-    """Smallest share of the likelihood for another force or position; NaN without a curve."""
+    """Smallest likelihood share of latches with another force or height, fraction; NaN if there is no curve."""
     hanging: float
     """Median correlation length of the deviations of the last curves, m."""
     ways: float
-    """Mean number of downward motions."""
+    """Mean number of insertion strokes."""
 
 
 def line_of(case: str, rows: Sequence[TrialRow]) -> SeatingLine:
@@ -167,7 +167,7 @@ def _column(rows: Sequence[TrialRow], name: str) -> Vector:
 
 
 def panel(cases: Mapping[str, Sequence[TrialRow]]) -> Panel:
-    """Return the curves of the first trials of every case, beside the latch that variants.toml states for all of them."""
+    """Return the panel with the curves of the first trials of every case, and the latch that variants.toml states for all cases."""
     curves, latch = [], load(sets=section("seating")["common"]).cell.hole.latch
     assert latch is not None
     for number, (case, rows) in enumerate(reversed(list(cases.items()))):

@@ -1,4 +1,4 @@
-"""Exact depth of a tilted peg in its hole, from sections and independent of any simulation."""
+"""Exact depth of a tilted peg in its hole, computed from sections, independent of any simulation."""
 
 import math
 from collections.abc import Callable
@@ -34,10 +34,10 @@ def deepest(fits: Callable[[float], bool]) -> float:
 def round_depth(peg: Part, hole: Part, tilt: float, points: int = 2001) -> float:
     """Return the exact depth of the lowest point of a round peg in a round hole, m, with or without chamfers.
 
-    The test follows every line of the peg's surface, from the rim of its end over its chamfer and up its side. The
-    hole's radius is piecewise linear in the height, with breaks at the surface and at the lower end of the chamfer. The
-    distance from an axis is convex along a line. A line therefore fits if its ends, its bend and its points at those
-    heights fit.
+    The test follows lines on the peg's surface, from the rim of its end over its chamfer and up its side. The hole's
+    radius is piecewise linear in the height, with breaks at the surface and at the lower end of the chamfer. The distance
+    from an axis is convex along a straight line. A line of the surface therefore fits if four kinds of points fit: its
+    ends, its bend, and its points at the heights of the breaks.
 
     Args:
         peg: Cross-section of the peg.
@@ -74,9 +74,9 @@ def round_depth(peg: Part, hole: Part, tilt: float, points: int = 2001) -> float
 
 
 def _at(start: Vector, end: Vector, level: float) -> Vector:
-    """Return the points of lines, from `start` to `end`, each of shape (3, n), at a height, m.
+    """Return the points of lines, from `start` to `end`, each of shape (3, n), m, at the height `level`, m.
 
-    A line that does not reach the height returns its start.
+    If a line does not reach the height, the result is its start.
     """
     with np.errstate(divide="ignore", invalid="ignore"):
         share = (level - start[2]) / (end[2] - start[2])
@@ -87,8 +87,8 @@ def _at(start: Vector, end: Vector, level: float) -> Vector:
 def polygonal_depth(peg: Part, hole: Part, axes: Vector) -> float:
     """Return the exact depth of the lowest corner by the full section test, m, in a rectangular hole along x and y.
 
-    The part of the peg below the surface, projected on the surface, must fit between the walls: the section is the
-    convex hull of the corners below the surface and the intersections of the peg's edges with it.
+    The projection of the part of the peg below the surface must fit between the walls. The projection is the convex hull
+    of the corners below the surface and of the intersections of the peg's edges with the surface.
 
     Args:
         peg: Cross-section of the peg, a polygon.

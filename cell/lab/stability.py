@@ -1,10 +1,10 @@
-"""Stability limits of the loop through the skin on the whole simulated arm, beside sampled-loop theory.
+"""Stability limits of the loop through the skin on the whole simulated arm, compared with the theory of sampled loops.
 
-The hand takes a peg from the rack and holds it over the plate, tilted as in the search. The setpoint of its tip, or of
-its axis, then steps aside, and the true motion is judged. Skin, estimator, the arm's law and the arm are those of every
-trial. Without the observer, the error of [gibbons], Eq. (5), is held between frames, and the joints have no dry friction,
-as in the theory; friction delays the growth of an oscillation and can hold a small one. With the observer, the cell works as usual:
-only theta is as old as the frame, with the configured smoothing, and x_p, v and J_p follow the joints at 1 kHz.
+The hand takes a peg from the rack and holds it over the plate, tilted as in the search. The setpoint of the peg's tip, or of
+its axis, then makes a step, and the study judges the true motion. Skin, estimator, the arm's law and the arm are those of
+every trial. Without the observer, the error of [gibbons], Eq. (5), is held between frames, and the joints have no dry friction,
+as in the theory; dry friction delays the growth of an oscillation and can stop a small one. With the observer, the cell works as
+usual: only theta is as old as the frame, with the configured smoothing, and x_p, v and J_p follow the joints at 1 kHz.
 """
 
 import argparse
@@ -52,7 +52,7 @@ STEPS = {"translation": 0.01, "rotation": 0.1}
 DIRECTIONS = {"translation": np.array([0.8, 0.6, 0.0]), "rotation": np.array([0.6, 0.8, 0.0])}
 """Directions of the step, translation along and rotation about, shape (3,), base frame."""
 LOST = 8.0
-"""Distance from the setpoint, in largest steps, at which a motion ends as unstable."""
+"""Distance from the setpoint, divided by the largest step, above which a motion ends as unstable."""
 PERIODS, LEAST_TIME = 60, 4.0
 """Duration of a case: number of frames, and shortest time, s."""
 
@@ -62,9 +62,9 @@ class Grid:
     """Cases of the map."""
 
     periods: tuple[float, ...]
-    """Periods of the frames, s; multiples of the scan's."""
+    """Periods of the frames, s; multiples of the scan's period."""
     delays: tuple[int, ...]
-    """Ages of a frame at its first use, in frames."""
+    """Ages of a frame at its first use, periods of the frames."""
     gains: Mapping[str, Sequence[float]]
     """Gains of translation, N/m, and of rotation, N·m/rad."""
 
@@ -88,7 +88,7 @@ class GridCase:
     period: float
     """Period of the frames, s."""
     delay: int
-    """Age of a frame at its first use, in frames."""
+    """Age of a frame at its first use, periods of the frames."""
     gain: float
     """Varied gain, N/m or N·m/rad."""
 
@@ -108,11 +108,11 @@ class StepTrace:
     peak: float
     """Largest distance from the setpoint after the step, m or rad."""
     softened_at: float | None
-    """Time after the step at which the guard would have softened the motion, s; NaN if never."""
+    """Time after the step at which the guard would have softened the motion, s; None if never."""
     stopped_at: float | None
-    """Time after the step at which the guard would have stopped the motion, s; NaN if never."""
+    """Time after the step at which the guard would have stopped the motion, s; None if never."""
     lost_at: float | None
-    """Time after the step at which the motion ended as unstable, s; NaN if never."""
+    """Time after the step at which the motion ended as unstable, s; None if never."""
 
 
 Theory = Mapping[tuple[str, float, int], float]
@@ -154,7 +154,7 @@ def measure(config: CellConfig, grid: Grid, workers: int) -> tuple[list[StepTrac
 
 
 def _column(config: CellConfig, cases: Sequence[GridCase]) -> tuple[list[StepTrace], Vector]:
-    """Run the cases of one column, with common period and observer; a cell that lost its peg is replaced."""
+    """Run the cases of one column, with common period and observer; a new cell replaces one that has lost its peg."""
     traces: list[StepTrace] = []
     while len(traces) < len(cases):
         with _held_peg(config, cases[0]) as bench:
@@ -194,7 +194,7 @@ class PegRig:
         return self.cell.config.peg.length
 
     def run(self, case: GridCase) -> StepTrace:
-        """Step the setpoint aside and return the result."""
+        """Make a step of the setpoint and return the result."""
         self._set_down()
         ctx, world = self.ctx, self.world
         theta = world.truth().theta
@@ -218,7 +218,7 @@ class PegRig:
                 frames.append(seen)
                 peg = _used(case, frames).peg
                 commanded = replace(plain, in_hand=replace(in_hand, theta=peg.theta))
-            elif case.observer and case.delay == 0:  # an observer has a new theta at every scan
+            elif case.observer and case.delay == 0:  # with the observer, theta is updated at every scan
                 commanded = replace(plain, in_hand=ctx.in_hand())
             ctx.devices.arm.follow(commanded)
             away.append(_distance(case.kind, end_point(seen.arm.tcp, theta, self.length), truth))
@@ -235,8 +235,8 @@ class PegRig:
         *_, before, swing = (float(np.std(quarter)) for quarter in np.array_split(away, 4))
         return StepTrace(
             case,
-            # Standard deviation in the last quarter of a case, in largest steps, below which a motion is stable even
-            # if it grows: noise of the skin causes as much.
+            # Standard deviation of the distance in the last quarter of a case, divided by the largest step. Below it, a
+            # motion is stable even if it grows, because noise of the skin causes as much.
             lost is None and swing < max(before, 0.15 * limit),
             max(away),
             verdicts.get(PassivityVerdict.SOFTEN),
@@ -276,7 +276,7 @@ class PegRig:
             world.wait_until(world.now() + world.arm.control_period)
 
     def _set_down(self) -> None:
-        """Restore the positions of arm and peg, at rest, and let the skin read them."""
+        """Restore the positions of arm and peg, at rest, and wait until the skin has measured them."""
         _, data = self.world.physics()
         data.qpos[:], data.qvel[:] = self.q, 0.0
         self.world.control.law[:] = impedance.new_state(self.world.arm)
@@ -285,7 +285,7 @@ class PegRig:
 
 
 def _used(case: GridCase, frames: Sequence[Observation]) -> Observation:
-    """Return the frame in use when the newest one arrives; it is an older one if frames are late."""
+    """Return the frame in use when the newest frame arrives: the newest, or an older one by the case's delay."""
     return frames[max(len(frames) - 1 - case.delay, 0)]
 
 
@@ -326,7 +326,7 @@ def _held_peg(config: CellConfig, case: GridCase) -> Iterator[PegRig]:
     }
     config = config.model_copy(update=changed)
     with opened(assemble(config)) as cell:
-        # The loop's limit is measured, so no guard limits the arm.
+        # The study measures the limit of the loop itself, so no guard limits the arm.
         ctx, world = cell.context(sim.seed), cell.clock
         ctx = replace(ctx, devices=replace(ctx.devices, arm=cell.arm))
         assert isinstance(world, World)
@@ -350,7 +350,10 @@ def limit_of(case: GridCase, theory: Theory) -> float:
 
 
 def compare(traces: Sequence[StepTrace], theory: Theory) -> dict[str, int]:
-    """Count the cases in which the arm agrees with theory; the theory describes the loop without the observer."""
+    """Count the stable and the unstable cases below and above the gain at which theory predicts instability.
+
+    Only cases without the observer count, because the theory describes that loop.
+    """
     counts = {"stable_below": 0, "unstable_above": 0, "stable_above": 0, "unstable_below": 0}
     for trace in traces:
         if not trace.case.observer:

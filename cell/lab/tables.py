@@ -20,7 +20,7 @@ PHASES = {
     "insertion": "insert_time",
     "adjustment and seating": "adjust_time",
 }
-"""Parts of the cycle with a column of their own."""
+"""Parts of the cycle that have a column of their own: name, and column."""
 ENDINGS = "endings other than success"
 Columns = Mapping[str, Callable[[Any], str]]
 """Function that returns the text of a row, by the name of the column."""
@@ -41,7 +41,7 @@ VARIANTS: Columns = {
     f"within {OVER_FORCE:g} N": lambda line: f"{line.within}/{line.trials}",
     ENDINGS: lambda line: line.error or line.endings,
 }
-"""Columns of the lines of variants: times are of the successes, forces each trial's largest."""
+"""Columns of the lines of variants: times are over the successes; the force is the largest of each trial."""
 TURNS: Columns = {
     "turn median (deg)": lambda line: f"{math.degrees(line.turn_median):.0f}",
     "p95 (deg)": lambda line: f"{math.degrees(line.turn_p95):.0f}",
@@ -55,9 +55,9 @@ def listed(title: str, heads: Sequence[str], rows: Iterable[Sequence[str]], capt
         title: Title of the table.
         heads: Heads of the columns.
         rows: Texts of each row.
-        caption: Text below.
-        names: Number of columns on the left that name the row; with several, the first leaves out a text equal to that
-            above it.
+        caption: Text below the table.
+        names: Number of columns on the left that name the row; if there are several, a text in the first column is left out
+            if it equals the text above it.
     """
     shown, before = Table(title=title, caption=caption), ""
     for number, head in enumerate(heads):
@@ -91,7 +91,7 @@ def plain(title: str, lines: Sequence[Any]) -> Table:
 
 
 def stages(lines: Sequence[StageLine], cycles: Sequence[float]) -> Table:
-    """Return this cell's stage table beside [gibbons], Table I, and below it the mean of the successful runs' cycle times, s."""
+    """Return this cell's stage table next to [gibbons], Table I; below it is the mean cycle time of the successful runs, s."""
     rows = []
     for line, theirs in zip(lines, (*PUBLISHED, PUBLISHED_TOTAL), strict=True):
         low, high = wilson(line.successes, line.attempts)

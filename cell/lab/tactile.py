@@ -1,9 +1,9 @@
-"""Accuracy and speed of each estimator of the peg's angle, and how often its sigma covers the error.
+"""Accuracy and speed of each estimator of the peg's angle, and the share of frames in which its sigma covers the error.
 
 Frames come from two models of the pads that differ from the estimators' templates: the simulation's bed of springs, and
 an independent, more detailed elastic layer. Both pass through the simulated taxels (gains, offsets, drift, noise,
-converter) and the health check of the live skin. Frames of one kind follow each other at random angles. An
-estimator that adapts to the pads starts again with each kind.
+converter) and the health check of the live skin. The frames of one kind have random angles, one after the other. An
+estimator that adapts to the pads starts anew with each kind.
 """
 
 import argparse
@@ -61,11 +61,11 @@ class Condition:
     sensitivity: float = 1.0
     """Multiple of the configured sensitivity; a high value saturates the converter."""
     dead: Literal["none", "known", "unknown"] = "none"
-    """Fault of one module, drawn for each skin: it reads zero from the start, or only noise after the baseline."""
+    """Fault of one module, drawn for each skin: `known` reads zero from the start, `unknown` reads only noise after the baseline."""
     off_centre: tuple[float, float] | None = None
-    """Range of the random offset to either side, m."""
+    """Range of the magnitude of the random offset, to either side, m; None for a normal offset about the finger centre."""
     reach_back: tuple[float, float] | None = None
-    """Range of the random length of the peg beyond the finger centre, m."""
+    """Range of the random length of the peg beyond the finger centre, inside the hand, m; None for the stated length."""
     forgets: bool = False
     """True if every frame is the estimator's first."""
 
@@ -145,7 +145,7 @@ def kinds() -> list[tuple[Model, Condition]]:
 
 
 def made(config: CellConfig, model: Model, condition: Condition, count: int) -> Iterator[tuple[float, TaxelFrame]]:
-    """Yield true angle, rad, and frame of each grasp, always the same ones.
+    """Yield the true angle, rad, and the frame of each grasp; repeated calls yield the same.
 
     Raises:
         ConfigError: The skin is not simulated.
@@ -207,8 +207,8 @@ def _pressed(
 def depths_of(peg: Peg, layout: Layout) -> tuple[float, float]:
     """Return the depths of a peg in the layer, m: `DEPTHS`, or for a flat face depths of equal load.
 
-    The load of a flat face is proportional to its depth, because it touches the layer over its whole area. It is scaled
-    so that the mean of both depths carries the grip force.
+    The load of a flat face is proportional to its depth, because the face touches the layer over its whole area. The depths
+    are scaled so that their mean carries the grip force.
     """
     face, reach = peg.part.face, (peg.length, peg.overhang)
     if not face.is_flat:
@@ -223,7 +223,7 @@ def reads_of(estimator: Estimator, frames: Sequence[tuple[float, TaxelFrame]], f
     """Return an estimator's results for frames, each given with the peg's true angle, rad.
 
     Args:
-        estimator: Estimator before its first frame; it stays so.
+        estimator: Estimator before its first frame; only a copy of it is used.
         frames: True angles, rad, and frames.
         forgets: True if every frame is the estimator's first.
     """
@@ -239,7 +239,7 @@ def reads_of(estimator: Estimator, frames: Sequence[tuple[float, TaxelFrame]], f
 
 
 def summed(layout: str, model: str, condition: str, estimator: str, reads: Sequence[Read]) -> TactileLine:
-    """Return the summary line of frames; NaN if no angle was reported."""
+    """Return the summary line of the results; its errors are NaN if no angle was reported."""
     told = [read for read in reads if read.healthy]
     error = np.abs([read.error for read in told]) if told else np.array([math.nan])
     sigma = np.array([read.sigma for read in told]) if told else np.array([math.nan])

@@ -42,7 +42,7 @@ class Probe:
     """Observes one trial and adds columns to its row; this one adds none."""
 
     def __init__(self, cell: Cell, ctx: SkillContext) -> None:
-        """Observe a trial that is about to begin; parts of its context may be replaced."""
+        """Prepare to observe a trial before it begins; a probe may replace parts of the trial's context."""
         self._cell, self._ctx = cell, ctx
 
     def record(self, seen: Observation, setpoint: ImpedanceSetpoint | None) -> None:
@@ -55,7 +55,7 @@ class Probe:
 
 MakeProbe = Callable[[Cell, SkillContext], Probe]
 Program = Callable[[Cell, SkillContext], list[StageRecord]]
-"""Function of a module that inserts a peg in an opened cell; a study can replace the cell's own program."""
+"""Function that inserts a peg in an opened cell; a study can use another one instead of the cell's own program."""
 
 
 def insert_peg(cell: Cell, ctx: SkillContext) -> list[StageRecord]:
@@ -66,7 +66,7 @@ def insert_peg(cell: Cell, ctx: SkillContext) -> list[StageRecord]:
 WATCHED = frozenset({"spray_search", "tactile_insert"})
 """Stages in which the estimate in use is compared with the truth."""
 VOID = "void"
-"""Outcome of a trial with penetration of bodies, instead of an `Outcome`."""
+"""Outcome of a trial in which bodies penetrated each other, instead of an `Outcome`."""
 LOADS = {
     "peak_contact_force": ("largest contact force (N)", 1),
     "time_over_20N": ("time above 20 N (s)", 2),
@@ -83,7 +83,7 @@ class TrialRow:
 
     seed: int
     outcome: str
-    """Outcome: an `Outcome`, with a fault as a failure, or `VOID`."""
+    """An `Outcome`, or `VOID`; a fault counts as a failure."""
     reason: str
     stage: str
     grasp_time: float | None
@@ -141,9 +141,9 @@ class Watcher:
     cell: Cell
     ctx: SkillContext
     probe: Probe
-    """Measures more in the same scans."""
+    """Probe that observes the same scans."""
     proof: SeatingProof
-    """Evidence of the trial so far, of the kind required for the job's hole."""
+    """Evidence of the peg's seating so far, of the kind that the job's hole requires."""
     clock: StageClock = field(default_factory=StageClock)
     ending: "Truth | None" = None
     """True state at the end of the insertion, before the removal of any part."""
@@ -193,7 +193,7 @@ class Watcher:
 
 
 def run_trial(config: CellConfig, seed: int, probe: MakeProbe = Probe, program: Program = insert_peg) -> TrialRow:
-    """Run a program once on a fresh cell of this seed, without sockets and without waiting for the wall clock."""
+    """Run a program once on a fresh cell drawn from `seed`, without sockets and without waiting for the wall clock."""
     wall = time.perf_counter()
     with opened(assemble(seeded(config, seed))) as cell:
         row = trial_in(cell, seed, probe=probe, program=program)
@@ -201,13 +201,13 @@ def run_trial(config: CellConfig, seed: int, probe: MakeProbe = Probe, program: 
 
 
 def seeded(config: CellConfig, seed: int) -> CellConfig:
-    """Return the config of a cell whose world is drawn from this seed, at full speed."""
+    """Return the config of a cell that is drawn from `seed` and runs at full speed."""
     assert config.sim is not None
     return config.model_copy(update={"sim": config.sim.model_copy(update={"seed": seed, "pace": "max"})})
 
 
 def _start_of(records: Sequence[StageRecord]) -> tuple[float | None, float | None]:
-    """Return x and y where the first search began, m, base frame, or None without a search."""
+    """Return x and y of the start of the first search, m, base frame; None if there was no search."""
     begun = (record.result.start for record in records if isinstance(record.result, SpraySearchResult))
     found = next(begun, None)
     return (float(found[0]), float(found[1])) if found else (None, None)
@@ -221,7 +221,7 @@ def trial_in(
 ) -> TrialRow:
     """Run a program once in an opened cell.
 
-    A fault ends the trial as a failure, with the fault's name as the reason. The whole time of its stage is included.
+    A fault ends the trial as a failure, with the fault's name as the reason. The times include the whole stage with the fault.
     """
     wall = time.perf_counter()
     assert cell.truth is not None
@@ -298,11 +298,11 @@ def run_trials(
         seeds: Seeds, one trial each.
         workers: Number of processes; the rows do not depend on it.
         folder: Folder of trials.csv and summary.json.
-        done: Called with every row, including those of an earlier call.
-        scheduler: Address of a Dask scheduler whose workers run the trials instead.
-        is_enough: Function that returns True if the rows of the first seeds are enough. The smallest sufficient number
-            ends the call, and only those rows are returned, independent of the number of processes. None runs every
-            seed.
+        done: Function called with every row, including those of an earlier call.
+        scheduler: Address of a Dask scheduler whose workers run the trials; None runs them on this computer.
+        is_enough: Function that returns True if the rows of the first seeds are enough. The call ends with the smallest
+            number of rows that is enough and returns only these rows, independent of the number of processes. None runs
+            every seed.
         probe: Function that prepares each trial and returns its probe.
         program: Program of every trial.
         run: Function that runs one trial, with the arguments of `run_trial`.
@@ -361,7 +361,7 @@ def _ending(
 def _resume(kept: TextIO, config: CellConfig) -> list[TrialRow]:
     """Return the rows of an interrupted call with the same config and versions, and prepare the file for appending.
 
-    Complete rows stay in the file, so that a call killed at this point loses none.
+    Complete rows stay in the file, so that no row is lost if the process is killed at this point.
     """
     head = json.dumps({"config": config_hash(config), "versions": versions()}) + "\n"
     kept.seek(0)

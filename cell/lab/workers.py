@@ -29,9 +29,9 @@ if TYPE_CHECKING:
 Row = TypeVar("Row")
 P = ParamSpec("P")
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
-"""Variables that make a worker single-threaded: one trial per core, and the same order of sums everywhere."""
+"""Environment variables that make a worker single-threaded: one trial per core, and the same order of sums everywhere."""
 BLAS = "OPENBLAS_NUM_THREADS"
-"""Variable among them that can change a sum; a Dask nanny sets it to 1."""
+"""The variable of `THREADS` that can change a sum; a Dask nanny sets it to 1."""
 CONNECT = 10.0
 """Longest wait for a scheduler's answer, s."""
 _TAKE_UP = "repeat the command to continue from the finished trials"
@@ -48,7 +48,8 @@ def on_processes(
         task: Function, pickled by its name.
         seeds: Seeds, one call each, started in this order.
         workers: Number of processes.
-        is_enough: Asked after each result; True ends the call. Results of the at most `workers` started calls are lost.
+        is_enough: Function called after each result; if it returns True, the call ends. The results of tasks in progress, at
+            most `workers`, are lost.
 
     Raises:
         CellError: A worker was killed.
@@ -93,7 +94,7 @@ class Pool(ProcessPoolExecutor):
     """Single-threaded processes that start on demand and always end with their parent."""
 
     def __init__(self, workers: int) -> None:
-        """Start no process yet."""
+        """Store the number of workers; no process starts yet."""
         context = multiprocessing.get_context("spawn")
         self._lifeline, self._held = context.Pipe(duplex=False)
         super().__init__(workers, context, initializer=_leave_with_parent, initargs=(self._lifeline,))
@@ -115,7 +116,7 @@ class Pool(ProcessPoolExecutor):
 
 
 _waiting: dict[int, Pool] = {}
-"""Pools of completed calls, by their number of processes."""
+"""Pools of completed calls, kept for the next call, by their number of processes."""
 
 
 def _leave_with_parent(lifeline: "Connection") -> None:
@@ -155,12 +156,12 @@ def on_cluster(
         task: Function, pickled by its name; the workers need this program with the same code and packages.
         seeds: Seeds, one call each.
         address: Address of the scheduler, as in tcp://192.0.2.1:8786.
-        is_enough: Asked after each result; True ends the call.
-        patience: Time to go on without any worker, s.
+        is_enough: Function called after each result; if it returns True, the call ends.
+        patience: Longest time without any worker, s.
 
     Raises:
         ConfigError: The packages of the extra `cluster` are missing.
-        CellError: No answer from the scheduler, no worker, or a worker that cannot reproduce the same rows.
+        CellError: The scheduler does not answer, there is no worker, or a worker cannot reproduce the same rows.
     """
     if not seeds:
         return
@@ -197,7 +198,7 @@ def _connected(address: str) -> "Client":
 
 
 def _next(client: "Client", finished: "SimpleQueue[Future]", address: str, patience: float) -> "Future":
-    """Return the next completed future, while workers exist."""
+    """Return the next completed future; wait as long as workers exist, and without a worker for at most `patience`, s."""
     while True:
         try:
             return finished.get(timeout=patience)
@@ -225,7 +226,7 @@ def _on_worker(task: Callable[[int], Row], wanted: dict[str, str], seed: int) ->
     """Run one seed on a cluster's worker.
 
     Raises:
-        CellError: The rows of this worker would differ from the others.
+        CellError: The rows of this worker would differ from those of the other workers.
     """
     here, found = f"worker on {platform.node()}", versions()
     for name, value in wanted.items():

@@ -1,1 +1,1 @@
-"""Study of the method's rules: each one replaced by its simplest form, alone, on paired seeds."""
+"""Study of the method's rules: one rule at a time is replaced by its simplest form, on paired seeds."""

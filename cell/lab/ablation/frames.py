@@ -12,13 +12,13 @@ from drivers.quantities import TaxelFrame
 
 NOMINAL = CONDITIONS[0]
 OTHER_LENGTH = Condition("end 4 mm off", reach_back=(0.011, 0.019))
-"""Pegs that end up to 4 mm from the stated place, between the pads."""
+"""Pegs whose back end, between the pads, is up to 4 mm from its stated position."""
 STUCK = 8000.0
 """Reading of a single wrong taxel, counts; a peg reads up to twice as much."""
 
 
 def measure(count: int, done: Callable[[int], None]) -> list[TactileLine]:
-    """Return the errors of `count` frames of each kind, with all rules of the estimator and without each."""
+    """Return the errors of `count` frames of each kind, with all rules of the estimator and without each rule in turn."""
     tables = list(_frames(count))
     lines = []
     of_frames = ("skills.tactile.robust", "skills.tactile.likelihood")
@@ -32,7 +32,7 @@ def measure(count: int, done: Callable[[int], None]) -> list[TactileLine]:
 def _frames(count: int) -> Iterator[tuple[str, list[tuple[float, TaxelFrame]]]]:
     for model, condition in [*kinds(), ("springs", OTHER_LENGTH), ("layer", OTHER_LENGTH)]:
         yield f"{model}, {condition.name}", _made("honest", model, condition, count)
-    # In these scenes the law of the pads differs from that of the templates; they are tested with nominal frames only.
+    # In these scenes the law of the pads differs from that of the templates; the study tests them with nominal frames only.
     for law in ("hertz", "foam"):
         yield law, _made(law, "springs", NOMINAL, count)
     yield (

@@ -1,7 +1,8 @@
-"""Rules of the method that are not insurance, and the scenes that they were made for, from rules.toml.
+"""Rules of the method, except checks and stops for safety, and the scenes that they were made for, from rules.toml.
 
-There are two kinds of functions here. A replacement is the simplest form of a rule's function, which is its first
-argument. A sign takes the result and the arguments of a rule's function, and returns True if the rule changed a decision.
+There are two kinds of functions here. A replacement is the simplest form of a rule's function; its first argument is the
+function that it replaces. A sign takes the result and the arguments of a rule's function, and returns True if the rule
+changed a decision.
 """
 
 import tomllib

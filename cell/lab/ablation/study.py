@@ -31,30 +31,30 @@ Rows = Mapping[int, TrialRow]
 
 @dataclass(frozen=True, slots=True)
 class Effect:
-    """Effect of switching one rule off in one scene; a difference is the value without the rule minus the value with it."""
+    """Effect of switching one rule off in one scene; a difference is the value without the rule minus the value with the rule."""
 
     rule: str
     scene: str
     trials: int
     """Number of paired seeds."""
     acted: int
-    """Number of these on which the rule acted."""
+    """Number of these seeds on which the rule acted."""
     lost: int
     """Number of seeds that succeed only with the rule."""
     gained: int
-    """Number of seeds that succeed only without it."""
+    """Number of seeds that succeed only without the rule."""
     most_lost: float
     """Upper bound of the share of seeds lost, one-sided 97.5 %, fraction."""
     time: float
     """Difference of the mean time of pairs that both succeed, fraction of the mean."""
     time_within: float
-    """Half width of its 95 % interval, fraction."""
+    """Half width of the 95 % interval of `time`, fraction."""
     p95: float
-    """Difference of the 95th percentile of the time, fraction."""
+    """Difference of the 95th percentile of the time of the same pairs, fraction."""
     force: float
-    """Difference of the mean force, N."""
+    """Mean difference of the largest contact force of the same pairs, N."""
     spent: float
-    """Time in the rule's function, s per scan."""
+    """Mean computing time in the rule's function, s per scan."""
 
 
 def watched(scene: str, config: CellConfig, seed: int, **given: Any) -> TrialRow:

@@ -18,24 +18,25 @@ class Rule:
 
     name: str
     target: str = ""
-    """Function that carries the rule, `module.qualified.name`; empty for a rule of the config."""
+    """Function that implements the rule, `module.qualified.name`; empty if keys of the config implement it."""
     off: Function | None = None
-    """Replacement of the target; its first argument is the original function. None leaves the target as it is."""
+    """Replacement of the target; its first argument is the original function. None does not replace the target."""
     acts: Function | None = None
-    """Function of the target's result and arguments, True if the rule changed a decision; None compares with the replacement."""
+    """Function of the target's result and arguments that returns True if the rule changed a decision. If None, the rule acts if its
+    replacement returns another result."""
     always: bool = False
     """True if the rule acts in every trial."""
     values: Mapping[str, Any] = field(default_factory=dict)
-    """Values of attributes, by `module.qualified.name`, instead of the target's replacement or with it."""
+    """Values that replace attributes without the rule, by `module.qualified.name`, alone or in addition to `off`."""
     keys: Sequence[str] = ()
-    """Keys of the config, `KEY=VALUE`, without the rule."""
+    """Keys of the config, `KEY=VALUE`, that switch the rule off."""
     scenes: Sequence[str] = ()
     """Scenes in which the rule is judged."""
 
 
 @dataclass(slots=True)
 class Watch:
-    """Rules that acted in a trial, and the time that they took."""
+    """Rules that acted in a trial, and the computing time of each."""
 
     acted: set[str] = field(default_factory=set)
     spent: dict[str, float] = field(default_factory=lambda: defaultdict(float))
@@ -79,7 +80,7 @@ def _replaced(off: Function, real: Function) -> Function:
 
 @contextmanager
 def watching(rules: Sequence[Rule]) -> Iterator[Watch]:
-    """Note which of the rules act while the block runs; the method stays as it is."""
+    """Record which of the rules act while the block runs; the method stays unchanged."""
     watch = Watch({rule.name for rule in rules if rule.always})
     with ExitStack() as stack:
         for rule in rules:

@@ -30,7 +30,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Run the insertions, draw one and the chart; GOOD if all of them succeeded."""
+    """Run the insertions, draw one of them and the chart; return GOOD if all succeeded."""
     from cell.commands import words
     from cell.lab.demo import draw_demo, run_demo
     from cell.lab.published import stage_table

@@ -127,7 +127,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Run the study; NOT_GOOD if it found an ending that must never occur, otherwise GOOD."""
+    """Run the study; return NOT_GOOD if it found an ending that must never occur, otherwise GOOD."""
     report = STUDIES[args.name].run(args)
     show(args, report.shown, report.result)
     written(args, report.written)

@@ -1,4 +1,4 @@
-"""`cell tune`: a recipe that fulfils a wish for time, force and success, with its evidence."""
+"""`cell tune`: search for a recipe that fulfils a wish for time, force and success, and its evidence."""
 
 import argparse
 from datetime import UTC, datetime
@@ -41,7 +41,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Search, judge, write the recipe; NOT_GOOD with the result reached if the wish is not fulfilled."""
+    """Search settings, judge the best one, write the recipe; if the wish is not fulfilled, print the result and return NOT_GOOD."""
     away = 1_000_000  # Distance between the seeds for the choice of settings and the seeds for judging the best one.
     from pydantic_core import to_jsonable_python
 

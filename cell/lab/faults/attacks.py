@@ -1,6 +1,6 @@
 """Attacks on the cell's Modbus servers from another address of this computer, each for a given time in its own process.
 
-They send only to the loopback range, and stop by themselves.
+The attacks send only to the loopback range, and stop by themselves.
 """
 
 import multiprocessing
@@ -19,7 +19,7 @@ FROM = "127.0.0.2"
 MOST = 200_000
 """Largest number of connections of one attack, whatever time remains."""
 READ_TEN = b"\x00\x01\x00\x00\x00\x06\x01\x03\x00\x00\x00\x0a"
-"""FC3 of 10 registers in its frame."""
+"""Modbus TCP frame that requests 10 holding registers (function code 3)."""
 
 
 def _connect(address: Address) -> socket.socket:
@@ -55,7 +55,7 @@ def _handshake(address: Address) -> socket.socket:
 
 
 class Attack(NamedTuple):
-    """Connections that are opened one after the other."""
+    """An attack that opens connections one after the other."""
 
     open: Callable[[Address], socket.socket]
     most: int

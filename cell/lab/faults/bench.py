@@ -35,8 +35,8 @@ from skills.guards.rest import REST_SPEED
 WAITING = (State.IDLE, State.COMPLETE, State.STOPPED, State.ABORTED, State.HELD)
 """States that wait for a command."""
 LIFE_TIMEOUT, PATIENCE = 2.0, 30.0
-"""Times after which a silent PLC counts as lost, s of wall time: for kinds with a silent PLC, and for all other kinds.
-The second is long for busy computers; it is also the PLC's timeout for an answer."""
+"""Times after which a silent PLC counts as lost, s of wall time: for kinds of faults with a silent PLC, and for all other
+kinds. The second time is long, for busy computers; it is also the PLC's timeout for an answer."""
 LEASE_TIMEOUT = 30.0
 """Silence after which the lease is free again, s of wall time."""
 CYCLE = 0.02
@@ -46,13 +46,13 @@ TURN = 0.0005
 GOING_ON = (State.STARTING, State.EXECUTE, State.COMPLETING)
 """States in which a program is running."""
 REST_LIMIT = 0.3
-"""Longest time from the report to rest, s."""
+"""Longest time from the detection of a fault to rest, s."""
 KEYS = ("skin.kind=can", "switch.kind=serial", "switch.port=emulated", "hole.area=[0.03,0.03]")
-"""Config keys of a cell with emulated wires whose hole is found within seconds."""
+"""Config keys of a cell with emulated wires, and with a small area in which the search finds the hole within seconds."""
 
 
 class Hurried(threading.Event):
-    """Event that requests the end of the program. Its `wait` returns early, because simulated time need not wait for the wall clock."""
+    """Event that requests the end of the program; `wait` returns early, because simulated time need not wait for the wall clock."""
 
     def wait(self, timeout: float | None = None) -> bool:
         """Yield to other threads, and return True if the end is requested."""
@@ -66,12 +66,12 @@ class Sighting:
 
     injected: float | None = None
     detected: float | None = None
-    """Time of the first report with a fault, of the start of the run's recovery, or of the end of the running
-    states."""
+    """Time of detection, whichever is first: a report with a fault, the start of the run's recovery, or the end of the
+    running states."""
     moved: float = 0.0
     """Time of the arm's last motion."""
     stood: Vector | None = None
-    """Position of the hand `REST_LIMIT` after the report, when it must be at rest, shape (3,), m, base frame."""
+    """Position of the hand `REST_LIMIT` after the detection, when the hand must be at rest, shape (3,), m, base frame."""
     creep: float = 0.0
     """Largest later distance of the hand from that position, m."""
     peak_force: float = 0.0
@@ -82,7 +82,7 @@ class Sighting:
 
 @dataclass(slots=True)
 class WatchedClock:
-    """The cell's clock; it injects a fault at a moment of a stage and observes the arm at every scan."""
+    """The cell's clock, which calls `look` at every scan, so that the bench can inject a fault and observe the arm."""
 
     clock: Clock
     look: Callable[[float], None] = lambda now: None
@@ -98,7 +98,7 @@ class WatchedClock:
 
 
 class FaultyPeer(Peer):
-    """A PLC that tears its command blocks for a while."""
+    """A PLC that writes torn command blocks until a given time."""
 
     torn_until = 0.0
     """Monotonic time until which the tail life counter of each block is older than the head, s."""
@@ -111,7 +111,7 @@ class FaultyPeer(Peer):
 
 @dataclass(slots=True)
 class FaultBench:
-    """The served cell with access for the faults."""
+    """The served cell, with access to its devices, its PLC and its program for the faults."""
 
     loaded: LoadedConfig
     cell: Cell
@@ -135,7 +135,7 @@ class FaultBench:
     plc_act: Callable[[], None] | None = None
     """Action of the PLC in its next cycle, on its own thread."""
     is_plc_lost: bool = False
-    """True if the PLC that started the run never reads its end."""
+    """True if the PLC that started the run never reads the end of the run."""
     _entered: float | None = None
     _before: int = 0
     """Number of the run before the run with the fault."""
@@ -147,7 +147,7 @@ class FaultBench:
         return self.cell.truth()
 
     def run(self, code: int) -> Report:
-        """Trigger a command and return its result or refusal; if the PLC is lost meanwhile, its later reading.
+        """Trigger a command and return its result or refusal; if the PLC is lost meanwhile, return the report after reconnecting.
 
         Raises:
             CellError: The cell does not answer.
@@ -210,7 +210,7 @@ class FaultBench:
         self.delay, self.inject, self.stage = delay, inject, CATALOGUE.stage_number(stage)
 
     def look(self, now: float) -> None:
-        """Inject due faults and observe the arm; once per scan."""
+        """Inject a fault that is due, and observe the arm after a fault; called once per scan."""
         if self.stage:
             self._inject_if_due(now)
         if self.seen.injected is not None:
@@ -244,7 +244,7 @@ class FaultBench:
 
 @contextmanager
 def bench(loaded: LoadedConfig, life_timeout: float = PATIENCE) -> Iterator[FaultBench]:
-    """Yield a served cell and close it at the end; the argument is the timeout of a silent PLC, s of wall time."""
+    """Yield a served cell and close it at the end; `life_timeout` is the timeout of a silent PLC, s of wall time."""
     plc = loaded.cell.plc
     patient = plc.model_copy(
         update={

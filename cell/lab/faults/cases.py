@@ -26,7 +26,7 @@ STAGES: dict[str, tuple[float, float]] = {
     "spiral_adjust": (0.05, 0.9),
     "release_and_retract": (0.05, 0.8),
 }
-"""First and last time from the first scan of each stage to a fault, s: in motion, in contact and while the hand works."""
+"""First and last time of a fault after the first scan of each stage, s: in motion, in contact and while the hand works."""
 TURNS = 4
 """Number of cases of each kind at each stage in a whole campaign."""
 LONGEST = 600.0
@@ -40,7 +40,7 @@ Planned = tuple[FaultKind, str, float]
 
 @dataclass(frozen=True, slots=True)
 class FaultCase:
-    """Result of one fault; the defaults are those of a cell that does not answer any more."""
+    """Result of one fault; the defaults describe a cell that does not answer any more."""
 
     kind: str
     stage: str
@@ -60,9 +60,9 @@ class FaultCase:
     """Time from the report to the arm's last motion, s; NaN if the run continued to a success or, after a failure, to
     its recovery."""
     rest_after: float = math.nan
-    """Time from the fault to the arm's last motion in the run, s; NaN if it continued as above."""
+    """Time from the fault to the arm's last motion in the run, s; NaN in the same cases as `rest`."""
     creep: float = math.nan
-    """Motion of the hand after the time at which it must be at rest, m; NaN if it continued as above."""
+    """Motion of the hand after the time at which it must be at rest, m; NaN in the same cases as `rest`."""
     peak_force: float = math.nan
     """Largest external force at the TCP after the fault, from the arm's own estimate, N."""
     contact_force: float = math.nan
@@ -91,9 +91,9 @@ class FaultCase:
 
 
 def planned(kinds: Sequence[FaultKind], number: int, seed: int) -> list[Planned]:
-    """Return this number of cases at random moments.
+    """Return `number` cases at random moments.
 
-    Every kind occurs once before any kind repeats, and at every stage before any stage repeats.
+    Every kind occurs once before any kind occurs again, and a kind occurs at every stage before it occurs again at any stage.
     """
     return list(islice(_drawn(kinds, np.random.default_rng(seed)), number))
 
@@ -108,7 +108,7 @@ def _drawn(kinds: Sequence[FaultKind], rng: np.random.Generator) -> Iterator[Pla
 
 
 def begun(tried: Sequence[Planned], folder: Path) -> list[FaultCase]:
-    """Return the rows of an interrupted call for the same cases and code; none if the table has other cases or other code."""
+    """Return the rows of an interrupted call; none if the table is for other cases or other code."""
     rows, code = kept_rows(FaultCase, folder / TABLE), versions()["code"]
     same = [
         (row.kind, row.stage, row.moment, row.code) == (kind.name, stage, moment, code)
@@ -149,12 +149,12 @@ def brought_back(peer: Peer, wait: Callable[[], None] = lambda: None) -> tuple[s
 
 
 def reset_if_needed(peer: Peer) -> str:
-    """Reset a cell if it requires it; return the result, or an empty text if no reset was needed."""
+    """Reset a cell if the cell requires a reset; return the result, or an empty text if no reset was needed."""
     if peer.look().state not in (State.ABORTED, State.STOPPED):
         return ""
     return word(peer.run(Control.RESET, timeout=LONGEST))
 
 
 def remedy(report: Report) -> int:
-    """Return the command required by the report of a refused start: release of the held peg, or action of a person."""
+    """Return the command that resolves the refusal of a start: release of the held peg, or removal by a person."""
     return RECOVER if report.part_evidence & PartEvidence.HAND_HOLDS else Control.CLEARED

@@ -75,7 +75,7 @@ def _put_back(away: Path, folder: Path) -> None:
     """Restore the folder as a remounted disk does: files that the cell created in its place disappear."""
     meanwhile = folder.with_name(f"{folder.name}-meanwhile")
     while away.exists():
-        with suppress(OSError):  # the cell can create it again between the two
+        with suppress(OSError):  # the cell can create the folder again between the two calls
             if folder.exists():
                 folder.rename(meanwhile)
             away.rename(folder)

@@ -1,4 +1,4 @@
-"""One kind of fault: its start, its repair by an operator, and the required result."""
+"""One kind of fault: its cause, its repair by an operator, and the required result."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -26,10 +26,10 @@ class FaultKind:
 
     name: str
     begin: "Callable[[FaultBench], Undo | None]" = lambda bench: None
-    """Function that causes the fault on the scan thread, and returns its repair; None if it needs none."""
+    """Function that causes the fault on the scan thread. It returns the function that repairs the fault, or None."""
     to_program: Callable[[ServedProgram], Undo | None] | None = None
-    """Function that causes the fault from outside, in a cell that is a separate program; None if `begin` causes it. It
-    returns the function to call after the run; None if the program has been ended."""
+    """Function that causes the fault from outside, in a cell that is a separate program; None if `begin` causes the fault.
+    The function returns another one to call after the run, or None if it has ended the program."""
     is_timed: bool = False
     """True if the fault can delay scans: the cell then runs in real time."""
     needs_tls: bool = False
@@ -37,12 +37,12 @@ class FaultKind:
     is_harmless: bool = False
     """True if the cell must continue without any effect."""
     status: int | None = None
-    """Required exit status of a program that the fault ends, after which it starts again; negative is the signal that
-    killed it. None if the program continues."""
+    """Required exit status if the fault ends the program, which then starts again; a negative status is the signal that
+    killed the program. None if the program continues."""
     silences_plc: bool = False
-    """True if the PLC falls silent; the cell of this kind detects this within seconds."""
+    """True if the PLC stops communicating; the cell then has a timeout of seconds, so that it detects the silence."""
     is_record_apart: bool = False
-    """True if the run's record is in another folder than the repaired cell reads."""
+    """True if the run's record is in a folder that the repaired cell does not read."""
     slow: str = ""
     """Reason why the arm may move for longer than a second after the fault; empty if it must not."""
 

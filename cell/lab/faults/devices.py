@@ -1,4 +1,4 @@
-"""Faults of devices as data: each changes the readings of a device, its commands or its wire, until it is repaired."""
+"""Faults of devices as data: each changes the readings of a device, its commands or its wire, until its repair."""
 
 import math
 from collections import deque
@@ -18,7 +18,7 @@ from sim.boards.faulty import Change, kept
 from sim.config import WireFaults
 
 AGES = 1e6
-"""End of a fault of a wire that lasts, s."""
+"""End time of a permanent fault of a wire, s."""
 FULL_SCALE = 42_000
 """Reading of a saturated taxel, counts."""
 LOOSE = tuple((0.4 * number, 0.4 * number + 0.2) for number in range(100))
@@ -26,7 +26,7 @@ LOOSE = tuple((0.4 * number, 0.4 * number + 0.2) for number in range(100))
 
 
 def raises(error: CellError) -> Change:
-    """Raise instead of returning a reading."""
+    """Return a change that raises `error` instead of returning a reading."""
 
     def change(reading: Any) -> Any:
         raise error
@@ -35,12 +35,12 @@ def raises(error: CellError) -> Change:
 
 
 def edited(**edits: Change) -> Change:
-    """Change single fields of each reading."""
+    """Return a change of single fields of each reading, by their names."""
     return lambda reading: replace(reading, **{name: edit(getattr(reading, name)) for name, edit in edits.items()})
 
 
 def behind(number: int) -> Change:
-    """Delay each reading by this number of reads."""
+    """Return a change that delays each reading by `number` reads."""
     last: deque[Any] = deque(maxlen=number + 1)
 
     def change(reading: Any) -> Any:
@@ -51,7 +51,7 @@ def behind(number: int) -> Change:
 
 
 def counted(edit: Callable[[Any, int], Any]) -> Change:
-    """Change each reading by its number since the fault."""
+    """Return a change by a function of each reading and the number of the reading since the fault."""
     numbers = count()
     return lambda reading: edit(reading, next(numbers))
 
@@ -227,6 +227,6 @@ LOST: Mapping[str, tuple[str, Callable[[], Callable[[str], bool]]]] = {
 
 
 def _some(arrives: Callable[[int], bool]) -> Callable[[str], bool]:
-    """Lose setpoints by their number since the fault."""
+    """Return a function that loses setpoints, depending on their number since the fault."""
     numbers = count()
     return lambda command: command != "follow" or arrives(next(numbers))

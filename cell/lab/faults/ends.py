@@ -33,7 +33,7 @@ from skills.catalogue import CATALOGUE
 from skills.guards.rest import REST_SPEED
 
 LAST = 1.0
-"""Time before a signal from which samples can be lost, s of wall time."""
+"""Time before the end of a program in which its samples can be lost, s of wall time."""
 ENDING = 30.0
 """Longest wait for the end of a program after a request, s of wall time."""
 RECORDED = 60.0
@@ -41,7 +41,7 @@ RECORDED = 60.0
 WARNED = 3.0
 """Longest time from the end of a run to its warning, s of wall time."""
 SCAN_RATE = 100.0
-"""Number of scans that the cell's sign of life counts in a second of its clock."""
+"""Number of scans that the cell's life counter counts in one second of the cell's clock."""
 STARTS = 5
 """Number of attempts to start an insertion, each after the reset or remedy that the refusal requires."""
 ENDS = {signal.SIGTERM: 0, signal.SIGINT: 0, signal.SIGHUP: 0, signal.SIGKILL: -signal.SIGKILL}
@@ -60,8 +60,8 @@ LEFT = {
     "on_plate": ("on_plate",),
     "unknown": ("unknown",),
 }
-"""Positions that the next start can report, by the last reported position. A peg can move on in the moment before the
-end, and a held peg has no known position after the hand is empty."""
+"""Positions of the peg that the next start can report, by the last reported position. The peg can move in the moment before
+the end of the program, and the position of a held peg is unknown once the hand is empty."""
 
 
 def _paused(program: ServedProgram) -> Undo:
@@ -86,7 +86,7 @@ def _attacked(attack: attacks.Attack, program: ServedProgram) -> Undo:
 
 
 def _full(then: Callable[[ServedProgram], None], program: ServedProgram) -> Undo:
-    """Let the disk seem full, and do something once the run has ended."""
+    """Make the disk appear full to the program, and call `then` once the run has ended."""
     program.limit(0)
     return lambda: then(program)
 
@@ -130,7 +130,7 @@ class Seen:
     warnings: int = 0
     """All warnings of the run combined."""
     lives: list[tuple[float, int]] = field(default_factory=list)
-    """Wall times, and the number of scans since the first of them, from the cell's sign of life."""
+    """Wall time of each reading, s, and number of scans since the first reading, from the cell's life counter."""
 
     @property
     def part(self) -> str:
@@ -152,7 +152,7 @@ class Seen:
     def scans_before(self, span: float) -> int:
         """Return the number of scans reported before the last `span`, s, of wall time.
 
-        If it is earlier, the limit is a block of samples: one second of the cell's clock.
+        The result is at least one block of samples (one second of the cell's clock) before the last scan, and at least 0.
         """
         now = time.monotonic()
         told = max((scans for moment, scans in self.lives if moment <= now - span), default=0)
@@ -160,7 +160,7 @@ class Seen:
 
 
 def tried(kind: FaultKind, stage: str, moment: float, arguments: Sequence[str], folder: Path) -> FaultCase:
-    """Serve a cell, cause the fault `moment` seconds after `stage` begins, and check the record and further production.
+    """Serve a cell, cause the fault `moment` seconds after `stage` begins; check the record and the return to production.
 
     Args:
         kind: A kind with `to_program`.
@@ -204,7 +204,8 @@ def tried(kind: FaultKind, stage: str, moment: float, arguments: Sequence[str], 
 def _broken(
     kind: FaultKind, stage: str, moment: float, program: ServedProgram, peer: Peer
 ) -> tuple[FaultCase, Seen, tuple[int, int]]:
-    """Run an insertion with the fault; return the readings, and the scans read until the fault and a second before it."""
+    """Run an insertion with the fault; return the case, the readings, and the numbers of scans read up to the fault and up to
+    `LAST` before it."""
     assert kind.to_program is not None
     seen, status, cycles = Seen(), None, list[float]()
     is_due = _lead_to(peer, stage, moment, seen)
@@ -240,10 +241,10 @@ def _broken(
 
 
 def _lead_to(peer: Peer, stage: str, moment: float, seen: Seen) -> bool:
-    """Run an insertion to a time after a stage's first report, s; return True if it gets there before it ends.
+    """Run an insertion until `moment`, s, after the stage's first report; return False if the insertion ends earlier.
 
     Raises:
-        CellError: The cell refuses it, does not answer or does not reach the stage.
+        CellError: The cell refuses the insertion, does not answer or does not reach the stage.
     """
     number, entered, deadline = CATALOGUE.stage_number(stage), math.inf, time.monotonic() + LONGEST
     report = _started(peer)
@@ -262,7 +263,7 @@ def _lead_to(peer: Peer, stage: str, moment: float, seen: Seen) -> bool:
 
 
 def _started(peer: Peer) -> Report:
-    """Start an insertion, and first remove what an earlier case left in its way, as a person does."""
+    """Start an insertion; if the cell refuses, reset it or act as the person at the cell, and try again."""
     peer.connect()
     peer.take()
     for _ in range(STARTS):
@@ -275,7 +276,7 @@ def _started(peer: Peer) -> Report:
 
 
 def _wait_for_warning(peer: Peer, seen: Seen) -> None:
-    """Read a moment longer, until the report has a warning about lost data."""
+    """Read until the report has a warning about lost data, at most `WARNED`."""
     deadline = time.monotonic() + WARNED
     while not seen.warnings & Warnings.NOT_RECORDED and time.monotonic() < deadline:
         seen.warnings |= peer.cycle().warnings
@@ -283,7 +284,7 @@ def _wait_for_warning(peer: Peer, seen: Seen) -> None:
 
 
 def _wait_for_record(folder: Path, run: int) -> None:
-    """Wait until the index contains the end of a run, or it is too late."""
+    """Wait until the index contains the end of a run, at most `RECORDED`."""
     deadline = time.monotonic() + RECORDED
     while time.monotonic() < deadline and (
         (row := _rows(folder, is_read_only=True).get(run)) is None or row.outcome == RUNNING
@@ -292,19 +293,19 @@ def _wait_for_record(folder: Path, run: int) -> None:
 
 
 def _rows(folder: Path, is_read_only: bool = False) -> dict[int, RunRow]:
-    """Return all runs; unless read-only, open ones are closed, as the program's next start does."""
+    """Return all runs; unless `is_read_only`, close runs that are still open, as the program's next start does."""
     with Journal(folder, is_read_only=is_read_only) as journal:
         return {row.run: row for row in journal.runs(1_000_000)}
 
 
 def _on_record(case: FaultCase, row: RunRow | None, folder: Path, kept: tuple[int, int], seen: Seen) -> FaultCase:
-    """Judge the record of a run: it has the PLC's ending or is lost, and only data of its last second are missing.
+    """Judge the record of a run: its ending must be the PLC's or `LOST`, and only data of the last second may be missing.
 
     Args:
         case: The PLC's readings.
         row: Row of the run.
         folder: Folder of the journal.
-        kept: Number of its scans that the PLC had read until the fault, and a second before.
+        kept: Numbers of the run's scans that the PLC had read up to the fault, and up to `LAST` before it.
         seen: The readings of the run.
     """
     if row is None:

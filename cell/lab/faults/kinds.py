@@ -81,7 +81,7 @@ def _lost(what: str, make: Callable[[], Callable[[str], bool]], bench: FaultBenc
 
 
 def _early(lead: float, bench: FaultBench) -> Undo:
-    """Close the switch at this distance before the peg is seated, m."""
+    """Close the switch at the distance `lead`, m, before the peg is seated."""
     depth = bench.cell.config.hole.depth - lead
     return _told("switch", lambda: lambda state: SwitchState.CLOSED if bench.truth.depth >= depth else state, bench)
 
@@ -126,7 +126,7 @@ SILENT = "a silent PLC counts as lost only after plc.life_timeout"
 
 def _silent(act: Callable[[FaultBench], None], bench: FaultBench) -> None:
     bench.plc_act = lambda: act(bench)
-    # Simulated time runs faster than the wall clock of the silence, so it stands still until the timeout.
+    # The silence is in wall time, and simulated time runs faster: the simulation stops until the timeout.
     time.sleep(LIFE_TIMEOUT)
 
 
@@ -138,7 +138,7 @@ def _killed(bench: FaultBench) -> None:
 
 def _frozen(bench: FaultBench) -> None:
     bench.is_plc_lost = True
-    raise CellSilentError("the PLC's program stands still")  # and its connection stays open until it returns
+    raise CellSilentError("the PLC's program stands still")  # the PLC's connection stays open until it reconnects
 
 
 def _torn(bench: FaultBench) -> Undo:
@@ -174,7 +174,7 @@ PLC_KINDS: tuple[FaultKind, ...] = (
 BLOCKED = 0.5
 """Time without a scan in a skill, s."""
 FAR, DEEP, DRIFT = 0.5, 0.09, 0.002
-"""Errors of a setpoint: sideways at once, downward at once, and downward increasing with each scan, m."""
+"""Errors of a setpoint, m: a sideways step, a downward step, and the downward increment of each scan."""
 DONE = (Outcome.SUCCESS, Reason.NONE, 0.0)
 Wrong = Callable[[ImpedanceSetpoint], ImpedanceSetpoint]
 
@@ -207,7 +207,7 @@ def _drifting() -> Wrong:
 
 
 def _lies(bench: FaultBench) -> Undo:
-    """Let every later skill, up to the last, report success without doing anything."""
+    """Make search, insertion and adjustment report success without doing anything."""
     said: tuple[tuple[ModuleType, SkillResult], ...] = (
         (spray_search, SpraySearchResult(*DONE, (0.5, 0.0, 0.1), (0.5, 0.0), 0, None)),
         (tactile_insert, TactileInsertResult(*DONE, 0.0, 0.0)),

@@ -1,4 +1,4 @@
-"""Import of this module loads and compiles all code of a served cell: one insertion at full speed, recorded and deleted."""
+"""Importing this module loads and compiles all code of a served cell, by one insertion at full speed; its record is deleted."""
 
 import os
 from contextlib import redirect_stderr, redirect_stdout

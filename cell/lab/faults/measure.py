@@ -19,11 +19,11 @@ from sim.world.truth import Truth
 from skills.catalogue import CATALOGUE
 
 CELL_CASES = 10
-"""Number of cases for one served cell before a new one, with newly drawn errors."""
+"""Number of cases for one served cell; then a new cell, with newly drawn errors, replaces it."""
 SEEN_ON = 1.5
 """Time of observation of the arm after the run, s."""
 MENDED = 2.5
-"""Time between repair and reset, s, in which a board is detected again; a skin's hub needs up to two seconds."""
+"""Time between repair and reset, s, long enough to detect a board again; a skin's hub needs up to two seconds."""
 
 
 def measure(
@@ -34,7 +34,7 @@ def measure(
     done: int = 0,
     arguments: Callable[[int], Sequence[str]] = lambda number: (),
 ) -> list[FaultCase]:
-    """Run every case except the first `done`; each cell serves a few, and a cell that does not recover is replaced.
+    """Run every case except the first `done`; each cell serves several cases, and a new cell replaces one that does not recover.
 
     Args:
         make: Function that returns the config of the cell with this number.
@@ -66,7 +66,7 @@ def _served(
         life_timeout = LIFE_TIMEOUT if any(kind.silences_plc for kind, _, _ in tried) else PATIENCE
         for kind, stage, moment in tried:
             if kind.to_program is not None:
-                stack.close()  # a cell of this process would use the processor time of the other
+                stack.close()  # a cell in this process would take processor time from the separate program
                 tested = None
             elif tested is None:
                 tested = stack.enter_context(bench(loaded, life_timeout))
@@ -128,9 +128,9 @@ def _case(tested: FaultBench, kind: FaultKind, stage: str, moment: float) -> Fau
 
 
 def _reported_part(tested: FaultBench, report: Report, outcome: str) -> PartPlace:
-    """Return the reported place of the peg: of a success at once, before the line removes the workpiece; else at rest.
+    """Return the reported position of the peg: after a success at once, before the line removes the workpiece; otherwise later, at rest.
 
-    A fallen peg and a switch that has just moved are reported a moment later.
+    The delay is needed because a fallen peg, or a switch that has just changed, appears in the report a moment later.
     """
     if outcome == "success":
         return PartPlace(report.part)
@@ -139,7 +139,7 @@ def _reported_part(tested: FaultBench, report: Report, outcome: str) -> PartPlac
 
 
 def _times(seen: Sighting, outcome: str) -> dict[str, Any]:
-    """Return the times and the creep of a detected fault; those without meaning are left out."""
+    """Return the times and the creep of a detected fault; values without meaning for the outcome are left out."""
     if seen.injected is None or seen.detected is None or outcome == "success":
         return {}
     found = {"detection": seen.detected - seen.injected}
@@ -157,7 +157,7 @@ def _outcome(tested: FaultBench, report: Report) -> str:
 
 
 def _is_true(place: PartPlace, truth: Truth, is_gripping: bool) -> bool:
-    """Return True if the peg can be at the reported position; an unknown position is never untrue."""
+    """Return True if the peg can be at the reported position; always True if the position is reported as unknown."""
     is_held = truth.peg is PegSituation.HELD or is_gripping
     match place:
         case PartPlace.UNKNOWN:

@@ -1,6 +1,6 @@
 """Starts of `cell serve` at a tenth of the cost: forks of a process that has loaded and compiled all code.
 
-Signals act on such a program as on any other; all files, records and servers are opened after the fork.
+Signals act on such a program as on any other program; it opens all files, records and servers after the fork.
 """
 
 import multiprocessing
@@ -30,7 +30,7 @@ class ServedProgram:
     """A program that serves a cell."""
 
     def __init__(self, process: "ForkServerProcess", address: tuple[str, int], secure: tuple[str, int]) -> None:
-        """Store the process, and the addresses of its server and of that with TLS, if it has one."""
+        """Store the process, and the addresses of its server and of its TLS server, which it need not have."""
         self._process, self.address, self.secure = process, address, secure
 
     @property
@@ -44,12 +44,12 @@ class ServedProgram:
         os.kill(self.pid, number)
 
     def limit(self, most: int = resource.RLIM_INFINITY) -> None:
-        """Limit its files to this number of bytes, which has the same effect as a full disk, but only on this program."""
+        """Limit the program's files to `most` bytes each: the effect of a full disk, but only on this program."""
         _, hard = resource.prlimit(self.pid, resource.RLIMIT_FSIZE)
         resource.prlimit(self.pid, resource.RLIMIT_FSIZE, (most, hard))
 
     def wait(self, timeout: float) -> int:
-        """Wait for the end, at most this time, s, and return the exit status; negative is the signal that killed it.
+        """Wait for the program's end, at most `timeout`, s; return the exit status, negative for the signal that killed the program.
 
         Raises:
             CellError: The program does not end.
@@ -62,7 +62,7 @@ class ServedProgram:
 
 @contextmanager
 def served(folder: Path, arguments: Sequence[str], tls: Sequence[str] = ()) -> Iterator[ServedProgram]:
-    """Yield a served cell in a separate process; `tls` holds the keys of its TLS server, if it has one.
+    """Yield a served cell in a separate process; `tls` are the config keys of its TLS server, empty for no such server.
 
     Raises:
         CellError: The cell does not start.

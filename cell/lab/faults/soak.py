@@ -28,19 +28,19 @@ from skills.catalogue import CATALOGUE
 
 TABLE = "soak.csv"
 SETTLED = 0.25
-"""Share of a piece after which caches are filled and growth is measured."""
+"""Share of a piece after which caches are filled; growth is measured from there on, fraction."""
 LATEST = 60
-"""Largest PLC cycle number for an event during a run."""
+"""Largest number of the PLC cycle, counted from the start of a run, in which an event occurs."""
 ENDED = tuple(state for state in WAITING if state is not State.HELD)
-"""States without a running run."""
+"""States in which no run is in progress or on hold."""
 OVER = {Control.HOLD: WAITING, Control.UNHOLD: ENDED, Control.STOP: ENDED, Control.ABORT: ENDED}
-"""States in which a control has been executed."""
+"""States that show that a control has been executed, by the control."""
 UNKNOWN_CODE, UNKNOWN_RECIPE = 9999, 999
 
 
 @dataclass(frozen=True, slots=True)
 class SoakGroup:
-    """One group of commands, and the program after it."""
+    """One group of commands, and the state of the program after it."""
 
     piece: int
     code: str
@@ -48,12 +48,12 @@ class SoakGroup:
     began: str
     """Start of the piece, ISO 8601."""
     wall: float
-    """Time since then, hours."""
+    """Wall time since the start of the piece, hours."""
     hours: float
-    """Simulated time since then, hours."""
+    """Simulated time since the start of the piece, hours."""
     name: str
     ending: str
-    """Result of the insertion after the commands; another one than `WENT_ON` if the cell did not insert again."""
+    """Result of the insertion after the commands; if it is not one of `WENT_ON`, the cell did not insert again."""
     memory: float
     """Memory of the program, MB."""
     handles: int
@@ -63,7 +63,7 @@ class SoakGroup:
 
 @dataclass(frozen=True, slots=True)
 class Piece:
-    """One piece of the soak; growth is per simulated hour after caches are filled."""
+    """One piece of the soak test; growth is per simulated hour, after caches are filled."""
 
     piece: int
     began: str
@@ -89,7 +89,7 @@ def earlier(path: Path) -> list[SoakGroup]:
     """Return the groups of earlier pieces.
 
     Raises:
-        ConfigError: They are of other code than this.
+        ConfigError: Other code than the present one wrote the groups.
     """
     rows, code = kept_rows(SoakGroup, path), versions()["code"]
     if any(row.code != code for row in rows):
@@ -98,7 +98,7 @@ def earlier(path: Path) -> list[SoakGroup]:
 
 
 def soak(loaded: LoadedConfig, piece: int, hours: float, seed: int) -> Iterator[SoakGroup]:
-    """Send random groups of commands to one cell for a number of simulated hours, and yield each when it has ended.
+    """Send random groups of commands to one cell for `hours` of simulated time, and yield each group when it has ended.
 
     Raises:
         CellError: The cell cannot be created, or does not answer any more.

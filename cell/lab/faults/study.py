@@ -19,7 +19,7 @@ QUICK = 150
 
 
 def run(args: argparse.Namespace) -> StudyReport:
-    """Run every case, write the table; with --soak run that instead."""
+    """Run every case and write the table; with --soak, run the soak test instead."""
     if args.soak > 0.0:
         return _soak(args)
     asked, folder = [*KEYS, *args.set], out_folder(args.out)
@@ -51,7 +51,7 @@ def run(args: argparse.Namespace) -> StudyReport:
 
 
 def _kinds(texts: list[str]) -> list[FaultKind]:
-    """Return the kinds whose name contains one of the texts; all of them without a text.
+    """Return the kinds whose name contains one of the texts; all kinds if there is no text.
 
     Raises:
         ConfigError: There is no such kind.

@@ -13,16 +13,16 @@ from cell.lab.faults.kinds import KINDS
 from cell.lab.tables import listed
 
 REST_AFTER_LIMIT, FORCE_SHARE = 1.0, 1.2
-"""Longest time to rest after the fault, s, and largest share of the force limit."""
+"""Longest time from the fault to rest, s, and largest permitted force, share of the force limit."""
 NEVER = ("wrong successes", "no record", "over force", "not back")
-"""Columns that must be zero on any computer. The reader of the table judges the moment of rest on a busy computer, and
-the position of a falling peg."""
+"""Columns that must be zero on any computer. The reader of the table judges the other columns: a busy computer can delay
+the moment of rest, and a falling peg changes its position."""
 HARMLESS = frozenset(kind.name for kind in KINDS if kind.is_harmless)
 SLOW = frozenset(kind.name for kind in KINDS if kind.slow)
 
 
 def lines(rows: Sequence[FaultCase], force_limit: float) -> list[dict[str, Any]]:
-    """Return one line for each kind and one for all; the columns from `wrong successes` on must be zero."""
+    """Return one line for each kind and one for all; the columns of `NEVER` must be zero."""
     kinds = list(dict.fromkeys(row.kind for row in rows))
     return [_line(kind, [row for row in rows if row.kind == kind], force_limit) for kind in kinds] + [
         _line("all", rows, force_limit)
@@ -50,7 +50,7 @@ COUNTED: Mapping[str, Callable[[FaultCase, float], bool]] = {
     "no record": lambda row, force_limit: not row.record,
     "not back": lambda row, force_limit: not row.is_back,
 }
-"""Columns with the number of cases that should not be; the second argument is the force limit, N."""
+"""Columns with a number of faulty cases, by name; the function returns True for such a case, and takes the force limit, N."""
 
 
 def _line(kind: str, rows: Sequence[FaultCase], force_limit: float) -> dict[str, Any]:

@@ -1,1 +1,1 @@
-"""Study of speed against accuracy."""
+"""Study of speed against accuracy, for several methods of insertion."""

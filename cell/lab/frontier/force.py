@@ -1,7 +1,7 @@
-"""Insertion by force alone, as makers of arms ship it: a spiral under a constant push, then compliance; theta is taken for 0.
+"""Insertion by force alone, as makers of arms ship it: a spiral under a constant push, then compliance; theta is set to 0.
 
 Flexiv's SearchHole and the spiral searches of Universal Robots and KUKA follow this scheme. The peg leans as in the
-cell's own search: in an area of 60 mm an upright peg would need turns of a tenth of a millimetre. Insertion and
+cell's own search, because in an area of 60 mm an upright peg would need a pitch of a tenth of a millimetre. Insertion and
 adjustment are the cell's own, without the skin.
 """
 
@@ -40,7 +40,8 @@ class ForceSearch:
     push: float = 6.0
     """Push on the plate, N."""
     drop: float = 0.0005
-    """Depth of the tip below the surface estimate at which the hand stops, and at which it then has found the hole, m."""
+    """Depth of the lowest point below the surface estimate above which the hand stops, m. If the depth still exceeds this value after
+    the rest, the hole is found."""
 
     def spiral(self, time: float, reach: float) -> Vector:
         """Return the point of the spiral after a time, s, shape (2,), m: outwards up to `reach`, m, and back again."""
@@ -49,15 +50,16 @@ class ForceSearch:
 
 
 def insert_by_force(cell: Cell, ctx: SkillContext, **figures: float) -> list[StageRecord]:
-    """Take a peg, search, turn it upright and press it down by force alone; search again as often as the cell's own program does.
+    """Take a peg, search, turn the peg upright and press it down, all by force alone; after a failure, search again as often as the
+    cell's own program does.
 
     Args:
         cell: The simulated cell.
         ctx: The skills' context.
-        figures: Fields of `ForceSearch` that differ from its own.
+        figures: Values of fields of `ForceSearch` that replace the defaults.
     """
     take_for_straight(cell, ctx)
-    # The plan of a later attempt, which gives a jammed peg the whole stall timeout.
+    # The plan of a later attempt (1) is used throughout, because it gives a jammed peg the whole stall timeout.
     skills, plan = cell.config.skill_set(), cell.config.plan(attempt=1)
     search = ForceSearch(**figures)
     search = replace(search, speed=search.speed * cell.config.speed_scale)
@@ -120,7 +122,7 @@ def find_by_force(params: ForceSearch, plan: InsertionPlan, ctx: SkillContext) -
             surface.learn(edge)
             along += seen.step
             goal = middle[:2] + params.spiral(along, reach)
-        # To a stop and back to the spiral, the setpoint moves at twice the speed of the spiral at most.
+        # To a stop, and back to the spiral, the setpoint moves at no more than twice the speed of the spiral.
         way = goal - target[:2]
         target[:2] += way * min(2.0 * params.speed * seen.step / max(math.hypot(*way), 1e-9), 1.0)
         ctx.callbacks.progress(seen.running / own.timeout)

@@ -1,6 +1,6 @@
-"""Hands with fewer frames, or with another theta than the measured one: 0, frozen, biased or exact.
+"""Hands with fewer frames, or with a theta that replaces the measured one: 0, frozen, biased or exact.
 
-Each function is a program of a study's trials. Nothing of this can be reached from a skill.
+The functions are programs of a study's trials, or parts of them. No skill can reach anything in this module.
 """
 
 import math
@@ -33,12 +33,12 @@ class Given:
 
 
 def _give(cell: Cell, ctx: SkillContext, given: Callable[[PegPose], PegPose]) -> None:
-    """Replace the measured pose of a held peg in this hand."""
+    """Replace the measured pose of a held peg by the result of `given`, for the rest of the trial."""
     ctx.perception = replace(ctx.perception, tracker=Given(make_tracker(cell.config), given))
 
 
 def take_for_straight(cell: Cell, ctx: SkillContext) -> None:
-    """Let the hand use 0 for theta."""
+    """Replace theta and the offset of a held peg by 0."""
     _give(cell, ctx, lambda measured: replace(measured, theta=0.0, offset=0.0))
 
 
@@ -56,7 +56,7 @@ def insert_with_frozen_theta(cell: Cell, ctx: SkillContext) -> list[StageRecord]
 
 
 def insert_with_exact_theta(cell: Cell, ctx: SkillContext) -> list[StageRecord]:
-    """Run the cell's own program with the true theta, the bound for every estimator."""
+    """Run the cell's own program with the true theta; no estimator can be better."""
     pivot = cell.pivot
     assert pivot is not None
 
@@ -69,13 +69,16 @@ def insert_with_exact_theta(cell: Cell, ctx: SkillContext) -> list[StageRecord]:
 
 
 def with_biased_theta(program: Program, bias: float, cell: Cell, ctx: SkillContext) -> list[StageRecord]:
-    """Run a program whose measured theta is wrong by a constant, rad."""
+    """Run a program with a constant error `bias`, rad, added to the measured theta."""
     _give(cell, ctx, lambda measured: replace(measured, theta=measured.theta + bias))
     return program(cell, ctx)
 
 
 def with_lost_frames(program: Program, arriving: float, cell: Cell, ctx: SkillContext) -> list[StageRecord]:
-    """Run a program whose skin delivers only a share of its frames, drawn from the trial's seed; a reader sees the last one that arrived."""
+    """Run a program whose skin delivers only the share `arriving` of its frames, drawn from the trial's seed.
+
+    If a frame is lost, a read returns the last frame that arrived.
+    """
     rng = np.random.default_rng([cell.config.first_seed, 7])
     newest, shown = -math.inf, list[TaxelFrame]()
 

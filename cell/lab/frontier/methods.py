@@ -19,12 +19,12 @@ from skills.contract import Request, SkillContext
 from skills.flow import StageRecord
 
 LONGEST = 120.0
-"""Time after which a trial is stopped and lost, the same for every method, s from its start."""
+"""Time from the start of a trial after which the trial is stopped and counts as lost, s, for every method."""
 SCALES = 1.0, 2.0, 0.5, 1.4, 2.8, 4.0, 0.7
-"""Values of `speed_scale`, about a factor of the square root of 2 apart; in this order, so that an interrupted study shows whole curves."""
+"""Values of `speed_scale`, about a factor of sqrt(2) apart. In this order, even an interrupted study shows points along the whole curve."""
 QUICK = (1.0,)
 TEST = RateTest(good=0.05, bad=0.25, least=6)
-"""Test that ends the trials of a point: clearly above 90 % or clearly below it."""
+"""Test that ends the trials of a point when its success is clearly above 90 % or clearly below it."""
 
 
 class Method(ConfigModel):
@@ -36,12 +36,12 @@ class Method(ConfigModel):
     program: str = "cell.lab.trials:insert_peg"
     preset: str | None = None
     tuned: Mapping[str, Mapping[str, float]] = {}
-    """Figures by scene; a scene without its own takes those of the first scene."""
+    """Tuned figures by scene; a scene without figures uses those of the first scene."""
     points: Mapping[str, str] = {}
     """Presets to mark, at the method's own speed, by the name on the chart."""
 
     def made(self, figures: Mapping[str, float]) -> Program:
-        """Return the program with the figures that are its own parameters."""
+        """Return the program with those of `figures` that are parameters of the program, stopped after `LONGEST`."""
         own = {name: value for name, value in figures.items() if "." not in name and name not in SECTIONS}
         return partial(timed, partial(resolve_name(self.program), **own))
 
@@ -50,7 +50,7 @@ class Method(ConfigModel):
         return Space(path, [*sets, *SCENES[scene].sets], self.ranges, self.preset, self.made)
 
     def figures(self, scene: str) -> Mapping[str, float]:
-        """Return the tuned setting for a scene; without one, that of the method as it was before."""
+        """Return the tuned figures for a scene; if there are none, those for the first scene, or an empty mapping."""
         return self.tuned.get(scene) or self.tuned.get(next(iter(SCENES))) or {}
 
 
@@ -90,7 +90,7 @@ def require_methods(methods: Sequence[str], scenes: Sequence[str]) -> None:
 
 
 def variants(methods: Sequence[str], scenes: Sequence[str], scales: Sequence[float]) -> list[Variant]:
-    """Return the points of the named methods in the named scenes; the order of speeds lets an interrupted study show every curve.
+    """Return the points of the named methods in the named scenes, speed by speed, so that an interrupted study shows every curve.
 
     Raises:
         ConfigError: A method or a scene does not exist.

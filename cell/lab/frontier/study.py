@@ -1,4 +1,4 @@
-"""`cell study frontier`: speed against accuracy, each method as a curve over its speed, with the errors behind it."""
+"""`cell study frontier`: speed against accuracy, one curve over the speed for each method, and the errors that explain it."""
 
 import argparse
 import math
@@ -18,9 +18,9 @@ TABLE = "frontier.csv"
 TIMES = (3, 4, 5, 6, 8, 10, 15, 20, 30, 40, 60, 80, 120)
 """Ticks of the logarithmic time axis, s."""
 SURE = 0.9
-"""Share of successes of a sure method."""
+"""Share of successes that counts as sure, fraction."""
 TITLED = "shipped", "theta frozen after the grasp", "force alone"
-"""Methods in the title."""
+"""Methods named in the title of the chart."""
 
 
 def success(line: VariantLine) -> float:
@@ -65,7 +65,7 @@ def draw(lines: Sequence[VariantLine], conditions: str, folder: Path) -> list[Pa
 def _panel(
     lines: Sequence[VariantLine], scene: str, name: str, value: Callable[[VariantLine], float], is_success: bool
 ) -> Panel:
-    """Return one quantity of all methods in a scene against time; of the success, with the presets and the real insertions."""
+    """Return the panel of one quantity of all methods in a scene against time; the success has the presets and the real insertions, too."""
     curves = [curve for method in METHODS for curve in _curves(lines, method, scene, value)]
     if is_success:
         curves += [mark for method in METHODS for mark in _marks(lines, method, scene)]
@@ -89,10 +89,10 @@ def _panel(
 def _curves(
     lines: Sequence[VariantLine], method: str, scene: str, value: Callable[[VariantLine], float]
 ) -> Iterator[Curve]:
-    """Yield one quantity of a method against time, from slow to quick; of the success, with its 95 % interval.
+    """Yield one quantity of a method against time, from slow to quick; the success has its 95 % interval, too.
 
-    A point with at most half inserted is hollow and not joined: the mean time of few successes says little. A method
-    without a success has its count in the legend.
+    A point with at most 50 % success is hollow and not joined, because the mean time of few successes is uncertain. If a
+    method has no success, the legend states its number of trials.
     """
     of = _swept(lines, method, scene)
     colour, inserted = METHODS[method].colour, [line for line in of if line.successes]
@@ -114,7 +114,7 @@ def _points(lines: Sequence[VariantLine], value: Callable[[VariantLine], float])
 
 
 def _label(method: str, of: Sequence[VariantLine]) -> str:
-    """Return the name of a method with points; without a success it has its count, as no point is drawn."""
+    """Return the label of a method's curve: empty without points; if no trial succeeded, with the count, as no point is drawn."""
     if not of:
         return ""
     return method if any(line.successes for line in of) else f"{method}: 0 of {sum(line.trials for line in of)}"
@@ -148,7 +148,7 @@ def _quickest(lines: Sequence[VariantLine]) -> str:
 
 
 def _scale(line: VariantLine) -> float:
-    """Return the speed of a point of a curve; 0 for a preset."""
+    """Return the `speed_scale` of a point of a curve; 0 for a preset."""
     found = [text.split("=")[1] for text in line.sets.split() if text.startswith("speed_scale=")]
     return float(found[0]) if found else 0.0
 

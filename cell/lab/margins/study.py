@@ -1,7 +1,8 @@
 """`cell study margins`: the level of each error at which a method falls to 90 % and to 50 % success, by bisection.
 
-The study assumes that success falls monotonically with the level. A sequential test ends the trials of a level when its
-answer is clear. The same seeds run at every level.
+The first level of an error is the honest one: for an error of config/reality.toml, its size there. The study assumes that
+success falls monotonically with the level. A sequential test ends the trials of a level when the answer is clear. The same
+seeds run at every level.
 """
 
 import argparse
@@ -34,7 +35,7 @@ from drivers.quantities import Vector
 from sim.world.reality import AnyError, read
 
 TESTS = {0.9: RateTest(good=0.05, bad=0.25, least=6), 0.5: RateTest(good=0.35, bad=0.65, least=6)}
-"""Test by share of successes."""
+"""Sequential test of a level, by the share of successes in question."""
 SCENE = next(iter(SCENES))
 TABLE = "margins.csv"
 
@@ -44,7 +45,7 @@ class Swept(ConfigModel):
 
     name: str
     unit: str = "times"
-    # Widths of a distribution, over the honest one.
+    # By default a level is the width of a distribution divided by the honest width.
     levels: tuple[float, ...] = (1.0, 1.4, 2.0, 2.8, 4.0, 5.6, 8.0, 11.0, 16.0)
     """Levels from the honest to the hardest one."""
     key: str = ""
@@ -57,7 +58,7 @@ class Swept(ConfigModel):
     factor: float = 1.0
     """Value = offset + factor · level, in SI units."""
     is_constant: bool = False
-    """True if `error` has the value at a level in every trial, instead of a wider distribution."""
+    """True if `error` is a constant with the value of the level in every trial, instead of a wider distribution."""
 
     def sets(self, level: float, errors: Mapping[str, AnyError]) -> tuple[str, ...]:
         """Return the keys of the config at a level."""
@@ -78,7 +79,7 @@ class Swept(ConfigModel):
 
 
 def wider(error: AnyError, times: float) -> dict[str, Any]:
-    """Return the data of an error whose distribution is `times` as wide, as `reality.scale` makes it."""
+    """Return the data of an error with a distribution `times` as wide, with the same effect as `reality.scale`."""
     data = error.model_dump()
     for key, power in (("sigma", False), ("low", False), ("high", False), ("spread", True), ("values", True)):
         if key in data:
@@ -107,10 +108,12 @@ def _told(figures: Vector) -> str:
 
 
 def boundary(holds: Callable[[int], bool], count: int) -> tuple[int, int]:
-    """Return the numbers of the last level that holds and the first that fails; -1 and `count` if there is none.
+    """Return the index of the last level that holds, or -1, and that of the first level that fails, or `count`.
+
+    The hardest level is tested first; then the boundary is bisected.
 
     Args:
-        holds: Function that tests the level of a number, from honest to hardest: the hardest first, then by bisection.
+        holds: Function that returns True if the level with an index, 0 for the honest one, holds.
         count: Number of levels.
     """
     last, first, number = -1, count, count - 1
@@ -140,13 +143,13 @@ class ErrorMargin:
     holds: float
     """Hardest level with at least this share of successes; NaN if the honest level has fewer."""
     fails: float
-    """Next level, with fewer; NaN if every level holds."""
+    """Next harder level, which has fewer successes; NaN if every level holds."""
     margin: float
-    """`holds` over the honest level, or the reverse if harder levels are smaller, >= 1; 0 without `holds`."""
+    """`holds` divided by the honest level, or the inverse if harder levels are smaller, >= 1; 0 if no level holds."""
     size: str
     """Size of the error at `holds`, in words."""
     seen: str
-    """Successes of the trials at both levels."""
+    """Successes and trials at both levels, in words."""
 
 
 class Levels:
@@ -161,7 +164,7 @@ class Levels:
         self._counts: dict[int, str] = {}
 
     def margin(self, share: float) -> ErrorMargin:
-        """Return the levels between which success falls to a share; run the trials of the levels in question."""
+        """Return the levels between which success falls to `share`, fraction; run the trials of the tested levels."""
         levels = self._swept.levels
         last, first = boundary(lambda number: self._holds(number, share), len(levels))
         holds = levels[last] if last >= 0 else math.nan
@@ -205,7 +208,7 @@ class Levels:
 
 
 def draw(margins: Sequence[ErrorMargin], title: str, path: Path) -> Path:
-    """Draw the margin of each error at 90 % as a bar and at 50 % as a ring, the least at the top; return the file."""
+    """Draw the margin of each error as a bar for 90 % success and a ring for 50 %, the smallest at the top; return the file."""
     at = {(line.method, line.error, line.share): line for line in margins}
     methods = list(dict.fromkeys(line.method for line in margins))
     order = sorted({line.error for line in margins}, key=lambda error: -at[methods[0], error, 0.9].margin)

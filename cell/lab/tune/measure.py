@@ -1,8 +1,8 @@
 """Settings within ranges, selected by an optimiser, and the best one judged on other seeds.
 
-The default ranges have two figures, one each for search and insertion, from 0, the preset `careful`, to 1, the cell's
-own. Every setting is therefore between shipped settings. The optimiser is Optuna's tree-structured Parzen estimator. If
-a setting is clearly worse than the best one on the same seeds, Optuna's Wilcoxon pruner ends it early.
+The default ranges have two figures, one for the search and one for the insertion: 0 is the preset `careful`, 1 the cell's
+own config. Every setting is therefore between shipped settings. The optimiser is Optuna's tree-structured Parzen estimator.
+If a setting is clearly worse than the best one on the same seeds, Optuna's Wilcoxon pruner ends it early.
 """
 
 import json
@@ -27,12 +27,12 @@ if TYPE_CHECKING:
     import optuna
 
 SECTIONS = ("search", "insert")
-"""Sections with a number of their own: those that `careful` changes."""
+"""Sections of the config that have a figure of their own; `careful` changes them."""
 Sets = tuple[str, ...]
 Ranges = Mapping[str, tuple[float, float]]
 """Least and largest value of each figure of a setting."""
 STYLED: Ranges = dict.fromkeys(SECTIONS, (0.0, 1.0))
-"""Ranges of the sections between `careful` and the cell's own figures."""
+"""Default ranges: each section from `careful`, 0, to the cell's own config, 1."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,14 +47,14 @@ class Candidate:
     cost: float
     """Mean cost of its trials, see `cell.lab.tune.wish`."""
     is_left: bool
-    """True if it ended before the last seed."""
+    """True if the optimiser ended the setting before the last seed."""
 
 
 class Space:
     """Settings of one cell, each a value for every figure of its ranges.
 
-    The figure of a section interpolates the section's keys. Any other figure is a key of the config if its name has a
-    dot, and else a parameter of the program.
+    The figure of a section interpolates the section's keys. If the name of another figure has a dot, the figure is a key of
+    the config; otherwise it is a parameter of the program.
     """
 
     def __init__(
@@ -65,7 +65,7 @@ class Space:
         preset: str | None = None,
         make: Callable[[Mapping[str, float]], Program] = lambda figures: insert_peg,
     ) -> None:
-        """Read a cell's file and single keys, as they are and with `careful` on top.
+        """Read a cell's file and single keys twice, with `preset` and with the preset `careful`.
 
         Args:
             path: TOML file of the cell.
@@ -103,7 +103,7 @@ class Space:
         return (*found, *keys)
 
     def starts(self) -> list[dict[str, float]]:
-        """Return the settings that are tested first: both ends of the sections, with the middle of the other ranges."""
+        """Return the first settings to test: both ends of the ranges of the sections, with the geometric middle of the others."""
         middle = {name: math.sqrt(low * high) for name, (low, high) in self.ranges.items() if name not in SECTIONS}
         styled = [name for name in self.ranges if name in SECTIONS]
         return [{**dict.fromkeys(styled, place), **middle} for place in ((1.0, 0.0) if styled else (1.0,))]
@@ -126,7 +126,7 @@ def tune(
     folder: Path,
     done: Callable[[int], None],
 ) -> list[Candidate]:
-    """Test settings, the shipped ones first, and return them, cheapest first; a repeated call reuses finished trials.
+    """Test settings, the shipped ones first, and return them in order of cost; a repeated call reuses finished trials.
 
     Args:
         space: Permitted settings.
@@ -198,14 +198,14 @@ class _Left:
         if len(rows) > self._told:
             self._told = len(rows)
             self._asked.report(cost(rows[-1], self._wishes), len(rows) - 1)
-        # Number of first trials after which a setting without a success ends. The pruner cannot end it, as long as no
-        # other is better.
+        # A setting ends if its first 4 trials, or more, have no success. The pruner cannot end such a setting, as long as no
+        # other setting is better.
         is_hopeless = len(rows) >= 4 and all(row.outcome != Outcome.SUCCESS for row in rows)
         return len(rows) == self._told and (is_hopeless or self._asked.should_prune())
 
 
 def _numbers(tree: Mapping[str, Any], at: str = "") -> Iterator[tuple[str, Vector]]:
-    """Return every figure, and every list of figures, of a config by its key."""
+    """Yield every figure and every list of figures of a config, with its key."""
     for key, value in tree.items():
         if isinstance(value, Mapping):
             yield from _numbers(value, f"{at}{key}.")

@@ -18,12 +18,12 @@ LOST = 3.0
 
 @dataclass(frozen=True, slots=True)
 class Kind:
-    """One quantity for a wish."""
+    """One quantity that a wish can limit."""
 
     sign: str
     unit: str
     value: Callable[[Sequence[TrialRow]], float]
-    """Function that returns the quantity of trials, in its unit; NaN if they have none."""
+    """Function that returns the quantity over trials, in its unit; NaN if the trials have no value."""
 
 
 def _times(rows: Sequence[TrialRow]) -> list[float]:
@@ -107,10 +107,10 @@ def _wish(term: str, text: str) -> Wish:
 
 
 def cost(row: TrialRow, wishes: Sequence[Wish]) -> float:
-    """Return the cost of one trial for a wish: 1 if it just fulfils it, more beyond it, less if it is faster.
+    """Return the cost of one trial for a wish: 1 if the trial just fulfils the wish, more beyond a limit, less if it is faster.
 
-    Time always contributes, so that the faster of two settings that fulfil the wish costs less. Time and force beyond
-    the limit contribute twice more, and a lost trial costs `LOST`.
+    Time always contributes, so that the faster of two settings that fulfil the wish costs less. The excess of the force over
+    its limit, and of the time over a limit of `p95`, is added twice. A lost trial costs `LOST`, and no trial costs more.
     """
     if row.outcome != Outcome.SUCCESS or row.total_time is None:
         return LOST
