@@ -1,1 +1,1 @@
-"""Simulated devices for every hardware device, behind the same protocols and driven by one MuJoCo world."""
+"""A simulated device for every hardware device, behind the same protocol, all driven by one MuJoCo simulation."""

@@ -1,4 +1,4 @@
-"""Config models of the simulated parts and of their common world; imports no physics."""
+"""Config models of the simulated devices and of their common physics; imports no physics code."""
 
 from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 

@@ -8,10 +8,10 @@ from sim.world.physics import World
 
 
 class SimArm:
-    """Runs the impedance law inside the world's loop, at the arm's control rate."""
+    """Runs the impedance law inside the loop of the physics, at the arm's control rate."""
 
     def __init__(self, world: World, law: Vector | None = None) -> None:
-        """Attach to the world that carries the arm.
+        """Attach to the physics of the cell with the arm.
 
         `law` is the initial state of the law; None starts the law without any learnt state.
         """

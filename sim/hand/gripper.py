@@ -9,7 +9,7 @@ class SimGripper:
     """Two fingers moved by one drive."""
 
     def __init__(self, world: World) -> None:
-        """Attach to the world that carries the hand."""
+        """Attach to the physics of the cell with the hand."""
         self._world = world
 
     def open(self) -> None:

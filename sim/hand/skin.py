@@ -56,7 +56,7 @@ def as_believed(layout: Layout) -> SkinTruth:
 
 
 class PadSource(Protocol):
-    """Part of the world that a skin measures."""
+    """Interface of the physics to a skin."""
 
     def now(self) -> float:
         """Return the time, s."""
@@ -101,7 +101,7 @@ class Taxels:
 
 
 class SimSkin:
-    """Skin of both fingers; it measures when the world's clock passes the next frame's instant.
+    """Skin of both fingers; it measures a frame when simulated time passes the instant of the next frame.
 
     The simulated skin measures only during a read, so it must be read at least once per scan. The first read at or after
     a frame's instant measures the frame and stamps it with the time of the read. If the instants of several frames pass

@@ -6,7 +6,7 @@ from drivers.quantities import SwitchState
 
 
 class SwitchSource(Protocol):
-    """Part of the world that the switch under the hole measures."""
+    """Interface of the physics to the switch under the hole."""
 
     def now(self) -> float:
         """Return the time, s."""
@@ -19,7 +19,7 @@ class SimSwitch:
     """Closes when the peg's end reaches the seated depth."""
 
     def __init__(self, world: SwitchSource) -> None:
-        """Attach to the world that has the hole."""
+        """Attach to the physics of the cell with the hole."""
         self._world = world
         self.is_unplugged = False
         """True if the board's cable is unplugged."""

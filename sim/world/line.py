@@ -20,7 +20,7 @@ class SimLine:
     """The line around one simulated cell."""
 
     def __init__(self, world: World, clock: Clock, bin_at: Point) -> None:
-        """Store the world, the cell's clock, and the position above the reject bin, m, base frame."""
+        """Store the physics, the cell's clock, and the position above the reject bin, m, base frame."""
         self._world, self._clock, self._bin = world, clock, bin_at
         self._emptied: set[int] = set()
         self._is_empty = False

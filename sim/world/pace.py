@@ -5,7 +5,7 @@ from typing import Literal
 
 
 class ClockPace:
-    """Time of a simulated world."""
+    """Clock of a simulated cell."""
 
     def __init__(self, timestep: float, pace: float | Literal["max"]) -> None:
         """Start at time 0.

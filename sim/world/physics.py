@@ -123,7 +123,7 @@ class World(Stepper):
         return in_hole and depth >= self.job.hole.depth and self.job.hole.evidence == "switch"
 
     def truth(self) -> Truth:
-        """Return the true state of the world."""
+        """Return the true state of the cell."""
         depth, in_hole = self.depth()
         theta, tip = self.pivot()
         lasting = float(self.meters[metering.SUSTAINED])

@@ -64,10 +64,10 @@ class TrialScene:
     """Plate, rack and models of one trial."""
 
     def __init__(self, sim: SimConfig, job: Job, drawn: Draw, pad: tuple[float, float], has_twins: bool) -> None:
-        """Compile the models of the drawn world.
+        """Compile the models of the drawn plate, rack, peg and arm.
 
         Args:
-            sim: Config of the simulated world.
+            sim: Config of the simulation.
             job: The part, its rack and its hole.
             drawn: Draw of the trial's seed.
             pad: Length and width of a pad, m.

@@ -54,7 +54,7 @@ class CornerAdjustParams(SkillParams):
     caught: Annotated[PositiveFloat, Quantity("m")]
     """Depth gained at which the hole's walls guide the peg, m."""
     strayed: Annotated[PositiveFloat, Quantity("m")]
-    """Distance of the tip from its start, parallel to the plate, above which the corner has left the hole, m."""
+    """Largest distance of the tip from its start, parallel to the plate, at which the corner is still in the hole, m."""
     dither_radius: Annotated[NonNegativeFloat, Quantity("m")]
     """Largest radius of the dither of the finger centre, m; it fades within each period."""
     dither_rate: Annotated[float, Figure("rad/s", Tempo.SPEED, "dither_radius"), Field(exclude=True)] = 25.0

@@ -88,19 +88,19 @@ class CornerInsertParams(SkillParams):
     dither_period: Annotated[float, Figure("s", Tempo.WAIT), Field(exclude=True)] = 0.5
     """Period of the dither, s; the radius fades to zero within it."""
     growth: Annotated[PositiveFloat, Quantity("rad")]
-    """Increase of the yaw sweep's amplitude from one swing to the next, rad; yaws near the middle of the sweep are tried
-    first.
+    """Increase of the yaw sweep's amplitude from one swing to the next, rad; the likeliest yaws, near the middle of the
+    sweep, are tried first.
     """
     felt: Annotated[PositiveFloat, Quantity("rad"), Source("docs/tried/corners.md")]
     """Lag of the hand behind its yaw setpoint above which walls hold the peg, rad; many times the lag caused by the joints'
     friction.
     """
     sunk: Annotated[PositiveFloat, Quantity("m")]
-    """Depth gained since the highest position in the sweep above which the peg has dropped in, even if no wall holds it, m."""
+    """Least depth gained since the highest position in the sweep by a peg that has dropped in, even if no wall holds it, m."""
     strayed: Annotated[PositiveFloat, Quantity("m")]
-    """Distance of the tip from its position at the start of the sweep above which the tip has left the hole, m."""
+    """Largest distance from its position at the start of the sweep at which the tip is still in the hole, m."""
     lost_height: Annotated[PositiveFloat, Quantity("m")]
-    """Height of the corner above the surface above which the corner has left the hole, m."""
+    """Largest height above the surface at which the corner is still in the hole, m."""
     timeout: Annotated[PositiveFloat, Quantity("s", Tempo.LIMIT)]
     """Longest insertion, s."""
 

@@ -1,4 +1,4 @@
-"""Error of theta on single frames with the whole estimator and without each of its rules; the frames are those of `cell study tactile`."""
+"""Error of theta on single frames, with the whole estimator and without each of its rules; `cell study tactile` uses the same frames."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace

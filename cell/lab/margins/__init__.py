@@ -1,1 +1,1 @@
-"""Study of margins: how large each error may be before a method fails."""
+"""Study of margins: the size of each error at which a method fails."""
