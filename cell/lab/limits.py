@@ -37,8 +37,8 @@ COVER, TURN, DOWN, DAMPED, WALLS = (
     "way down, damped",
     "way down, damped, walls",
 )
-"""Names of the phases and bounds. The last two bounds also include the law's damping, and walls that let the peg down only as far
-as the hand is upright."""
+"""Names of the phases and bounds. The last two bounds add the law's damping; the last one also adds walls, which let the peg down
+only as far as the tilt of the hand permits."""
 
 
 class Phases(Probe):

@@ -1,6 +1,6 @@
 """Holes without a switch: seated parts that the force against depth does not detect, and other parts that it accepts as seated.
 
-Each trial is judged twice: by the cell as usual, and by its seating gate as if a skill reported a success in some scan.
+Each trial is judged twice: by the cell as usual, and by its success gate as if a skill reported a success in some scan.
 """
 
 import argparse
@@ -43,7 +43,7 @@ SHOWN = 6
 
 
 class Seating(Probe):
-    """Observes one trial as the seating gate does, and stores the result of the last curve of force against height."""
+    """Observes one trial as the success gate does, and stores the result of the last curve of force against height."""
 
     def __init__(self, cell: Cell, ctx: SkillContext) -> None:
         """Begin with the evidence of the job."""
@@ -95,7 +95,7 @@ class Seating(Probe):
 
 
 def _is_believed(proof: SeatingProof, records: Sequence[StageRecord], look: LastLook, ctx: SkillContext) -> bool:
-    """Return True if the seating gate accepts a reported success with this evidence."""
+    """Return True if the success gate accepts a reported success with this evidence."""
     told, nobody = Ending(Outcome.SUCCESS, ADJUST.name, Reason.NONE), PartState(PartPlace.UNKNOWN, "")
     try:
         judged(Claim.SEATED, told, records, proof, look, nobody, ctx.job)

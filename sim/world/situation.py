@@ -68,7 +68,7 @@ def may_rest(is_resting: bool, gap: float, loose_for: float, speeds: Vector) -> 
     # Gap between pads and peg that no hand closes in the 10 ms before the next check, m.
     if gap <= 0.01:
         return False
-    # Time since its release after which a free peg may be left out, s.
+    # Least time since a free peg was released, or was last in reach of the pads, before it may be left out, s.
     if is_resting or loose_for < 0.02:
         return is_resting
     size = np.abs(speeds)

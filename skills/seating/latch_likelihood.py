@@ -52,7 +52,7 @@ EXACT = 0.1
 """Least sum a + b of the scales of the residual force, see `unlikelihood`, N: the best resolution of an arm's force. Source: chosen, not measured."""
 MOST_WAYS = 64
 """Number of strokes to keep: ten attempts with five strokes each, and some that ended elsewhere. The likelihoods of as many strokes are
-cached, because the skill and the seating gate evaluate them at every scan of a rest.
+cached, because the skill and the success gate evaluate them at every scan of a rest.
 """
 
 

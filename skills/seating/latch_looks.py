@@ -64,7 +64,7 @@ class Looks:
         height, curve = float(seen.arm.tcp.position[2]), self.curve.after(seen, setpoint, latch)
         if self.is_lifting:
             return replace(self, curve=curve, top=self.top if height < self.top else -math.inf)
-        # The seating gate detects the same rest independently, possibly one scan later.
+        # The success gate detects the same rest independently, possibly one scan later.
         told = curve.signature(latch, seen.stamp - BORNE_FOR)
         if told is None or abs(beyond) > DOUBTED:
             return replace(self, curve=curve)

@@ -152,7 +152,7 @@ class Seen:
     def scans_before(self, span: float) -> int:
         """Return the number of scans reported before the last `span`, s, of wall time.
 
-        The result is at least one block of samples (one second of the cell's clock) before the last scan, and at least 0.
+        The result excludes at least the last block of samples, one second of the cell's clock, and is at least 0.
         """
         now = time.monotonic()
         told = max((scans for moment, scans in self.lives if moment <= now - span), default=0)
