@@ -105,7 +105,7 @@ class Meeting(NamedTuple):
     rows: tuple[tuple[float, float, float], tuple[float, float, float], tuple[float, float, float]]
     """Rows of the rotation matrix from the plate's frame to the base frame."""
     centre: tuple[float, float, float]
-    """Reference point of `velocity` on the peg, m, base frame."""
+    """Reference point of `velocity`, m, base frame."""
     turning: tuple[float, float, float]
     """Angular velocity of the peg, rad/s, base frame."""
     velocity: tuple[float, float, float]
