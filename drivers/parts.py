@@ -188,9 +188,7 @@ class Rack(ConfigModel):
     depth: Annotated[float, Field(ge=0.002, le=0.1), Quantity("m")]
     """Depth of a slot, m."""
     refill: Literal["feeder", "asked"] = "feeder"
-    """Method of refilling slots: a feeder refills each slot before its next turn, or a person refills the rack and the
-    command REFILLED reports it.
-    """
+    """Method of refilling slots: by a feeder before each slot's next turn, or by a person, whom the command REFILLED reports."""
 
     @property
     def bounds(self) -> Bounds:
