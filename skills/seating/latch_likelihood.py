@@ -38,7 +38,7 @@ PLACE = 0.0005
 """Largest difference between the estimated and the stated height of an accepted latch above the bottom, m: halfway to a bottom that is 1 mm higher. Source: chosen, not measured."""
 DOUBT = 1e-3
 """Largest likelihood share of latches with another force or height if the peg counts as seated, fraction. If half of all parts are seated,
-one in a thousand parts judged as seated is not.
+one in a thousand parts judged as seated is not. Source: chosen, not measured.
 """
 HANGING = 3.5e-4
 """Correlation length of the residual force, m; measured by `cell study seating`, see decision 0022. A leaning peg rubs over some tenths of a
