@@ -32,6 +32,7 @@ class Layers:
 
     def lay(self, above: Mapping[str, Any], name: str) -> None:
         """Lay a layer over the earlier ones. If it changes the peg's shape but states no size, rename the earlier size to the new shape's key.
+
         Raises:
             ConfigError: The new shape cannot have the earlier size.
         """

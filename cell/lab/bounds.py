@@ -173,7 +173,8 @@ class Down:
 @dataclass(frozen=True, slots=True)
 class Upright:
     """Motion of a tilted hand, turned upright about the tip by its rotational stiffness K with critical damping and inertia I:
-    lean'' = -w² lean - 2 w lean', w² = K/I."""
+    lean'' = -w² lean - 2 w lean', w² = K/I.
+    """
 
     lean: float
     """Initial tilt, rad."""

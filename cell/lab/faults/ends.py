@@ -205,7 +205,8 @@ def _broken(
     kind: FaultKind, stage: str, moment: float, program: ServedProgram, peer: Peer
 ) -> tuple[FaultCase, Seen, tuple[int, int]]:
     """Run an insertion with the fault; return the case, the readings, and the numbers of scans read up to the fault and up to
-    `LAST` before it."""
+    `LAST` before it.
+    """
     assert kind.to_program is not None
     seen, status, cycles = Seen(), None, list[float]()
     is_due = _lead_to(peer, stage, moment, seen)
