@@ -18,7 +18,7 @@ import numpy as np
 from cell.commands.arguments import out_folder, require_known
 from cell.config.load import load
 from cell.lab.arguments import advancing, load_simulated, seeds_of
-from cell.lab.rate_test import RateTest
+from cell.lab.rate_test import LevelTest
 from cell.lab.report import StudyReport, reported
 from cell.lab.rows import average, average_error, known, quantile, successes, write_rows
 from cell.lab.tables import TURNS, VARIANTS, Columns, table
@@ -91,7 +91,7 @@ class VariantLine:
     error: str
     """Reason why the variant did not run; empty if it ran."""
     verdict: str
-    """Result of the sequential test that ended the trials; empty if every seed ran."""
+    """Result of the test that ended the trials; empty without one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,7 +136,7 @@ def compared(
     tried: Sequence[Variant],
     seeds: range,
     table: str = "variants.csv",
-    test: RateTest | None = None,
+    test: LevelTest | None = None,
 ) -> Compared:
     """Run every variant on the same seeds; finished trials in the folder of --out are reused.
 

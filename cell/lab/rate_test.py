@@ -1,4 +1,4 @@
-"""Sequential test of a share of lost trials; pure."""
+"""Sequential tests of a share of trials; pure."""
 
 import math
 from collections.abc import Sequence
@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 from cell.lab.rows import Ended, successes
+from cell.records.statistics import wilson
 
 
 class Verdict(StrEnum):
@@ -53,3 +54,28 @@ class RateTest:
     def is_answered(self, rows: Sequence[Ended]) -> bool:
         """Return True if the trials in `rows` are enough for an answer."""
         return self.of(rows) is not Verdict.OPEN
+
+
+@dataclass(frozen=True, slots=True)
+class LevelTest:
+    """Test between which of some levels a share of successes is, by its Wilson interval, evaluated at every `every`-th trial.
+
+    For a share more than 2 % from every level, the interval at the end contains the true share with at least 93 % probability.
+    """
+
+    levels: tuple[float, ...]
+    """Shares of successes, ascending, fraction."""
+    every: int
+
+    def of(self, rows: Sequence[Ended]) -> str:
+        """Return the levels on both sides of the interval, for example "50 to 90 %"; empty if the interval contains a level."""
+        low, high = wilson(len(successes(rows)), len(rows))
+        if any(low <= level <= high for level in self.levels):
+            return ""
+        below = max((level for level in self.levels if level < low), default=0.0)
+        above = min((level for level in self.levels if level > high), default=1.0)
+        return f"{100 * below:.0f} to {100 * above:.0f} %"
+
+    def is_answered(self, rows: Sequence[Ended]) -> bool:
+        """Return True if the trials in `rows` are enough for an answer."""
+        return len(rows) % self.every == 0 and self.of(rows) != ""

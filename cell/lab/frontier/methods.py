@@ -11,7 +11,7 @@ from pkgutil import resolve_name
 from cell.commands.arguments import require_known
 from cell.devices.assembly import Cell
 from cell.lab.compare import Variant
-from cell.lab.rate_test import RateTest
+from cell.lab.rate_test import LevelTest
 from cell.lab.trials import Program
 from cell.lab.tune.measure import SECTIONS, Ranges, Space
 from drivers.config_model import ConfigModel
@@ -23,8 +23,8 @@ LONGEST = 120.0
 SCALES = 1.0, 2.0, 0.5, 1.4, 2.8, 4.0, 0.7
 """Values of `speed_scale`, about a factor of sqrt(2) apart. In this order, even an interrupted study shows points along the whole curve."""
 QUICK = (1.0,)
-TEST = RateTest(good=0.05, bad=0.25, least=6)
-"""Test that ends the trials of a point when its success is clearly above 90 % or clearly below it."""
+TEST = LevelTest((0.5, 0.9), every=20)
+"""Test that ends the trials of a point when its success is clearly above 90 %, between 50 and 90 %, or below 50 %."""
 
 
 class Method(ConfigModel):

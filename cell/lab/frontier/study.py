@@ -161,7 +161,7 @@ def run(args: argparse.Namespace) -> StudyReport:
     """
     load_simulated(args)
     tried = variants(args.method or tuple(METHODS), args.scene or tuple(SCENES), QUICK if args.quick else SCALES)
-    found = compared(args, tried, seeds_of(args, 40), TABLE, TEST)
+    found = compared(args, tried, seeds_of(args, 200), TABLE, TEST)
     shown = table(found.title, {"curve": lambda line: line.family}, POINTS, found.lines)
     charts = draw(found.lines, found.title, found.folder)
     return reported(shown, found.folder, {TABLE: found.lines}, charts, title=found.title, lines=found.lines)

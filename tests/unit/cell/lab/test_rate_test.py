@@ -1,6 +1,8 @@
+from types import SimpleNamespace
+
 import pytest
 
-from cell.lab.rate_test import RateTest, Verdict
+from cell.lab.rate_test import LevelTest, RateTest, Verdict
 from cell.records.statistics import wilson
 
 TEST = RateTest(good=0.02, bad=0.25, least=6)
@@ -15,17 +17,22 @@ def test_a_setting_is_judged_after_so_many_trials(lost, trials, verdict):
     assert TEST.verdict(lost, trials) == verdict
 
 
-def endings(test: RateTest, share: float) -> dict[tuple[int, int], float]:
+def is_open(test: RateTest | LevelTest, lost: int, trials: int) -> bool:
+    ended = ["failure"] * lost + ["success"] * (trials - lost)
+    return not test.is_answered([SimpleNamespace(outcome=outcome) for outcome in ended])
+
+
+def endings(test: RateTest | LevelTest, share: float, most: int = MOST) -> dict[tuple[int, int], float]:
     """Return the probability of each ending (lost, trials) at a true share of lost trials, exactly."""
     ends: dict[tuple[int, int], float] = {}
     going = {0: 1.0}
-    for trials in range(1, MOST + 1):
+    for trials in range(1, most + 1):
         reached: dict[int, float] = {}
         for lost, chance in going.items():
             for more, of in ((0, 1.0 - share), (1, share)):
                 reached[lost + more] = reached.get(lost + more, 0.0) + chance * of
-        is_last = trials == MOST
-        ends |= {(k, trials): c for k, c in reached.items() if is_last or test.verdict(k, trials) is not Verdict.OPEN}
+        is_last = trials == most
+        ends |= {(k, trials): c for k, c in reached.items() if is_last or not is_open(test, k, trials)}
         going = {k: c for k, c in reached.items() if (k, trials) not in ends}
     return ends
 
@@ -36,11 +43,11 @@ def test_a_wrong_answer_is_as_rare_as_asked(share, wrong):
     assert found <= TEST.error / (1.0 - TEST.error)
 
 
-def coverage(test: RateTest, share: float) -> float:
-    """Return how often the Wilson interval of an ending holds the true share, exactly."""
+def coverage(test: RateTest | LevelTest, share: float, most: int = MOST) -> float:
+    """Return how often the Wilson interval of an ending contains the true share, exactly."""
     return sum(
         chance
-        for (lost, trials), chance in endings(test, share).items()
+        for (lost, trials), chance in endings(test, share, most).items()
         if wilson(lost, trials)[0] <= share <= wilson(lost, trials)[1]
     )
 
@@ -48,3 +55,20 @@ def coverage(test: RateTest, share: float) -> float:
 @pytest.mark.parametrize("test", [RateTest(good=0.02, bad=0.25, least=6), RateTest(good=0.01, bad=0.05, least=8)])
 def test_wilson_intervals_where_a_test_ends_hold_the_true_share_in_at_least_85_percent(test):
     assert min(coverage(test, share / 1000) for share in (2, 5, 10, 15, *range(20, 1000, 60))) > 0.85
+
+
+LEVELS = LevelTest((0.5, 0.9), every=20)
+
+
+@pytest.mark.parametrize(
+    ("lost", "trials", "answer"),
+    [(0, 35, "90 to 100 %"), (0, 34, ""), (5, 20, "50 to 90 %"), (6, 20, ""), (15, 20, "0 to 50 %"), (14, 20, "")],
+)
+def test_a_share_is_between_two_levels_if_its_interval_contains_none(lost, trials, answer):
+    ended = ["failure"] * lost + ["success"] * (trials - lost)
+    assert LEVELS.of([SimpleNamespace(outcome=outcome) for outcome in ended]) == answer
+    assert is_open(LEVELS, lost, trials) == (answer == "" or trials % 20 != 0)
+
+
+def test_intervals_contain_the_true_share_unless_it_is_at_a_level():
+    assert min(coverage(LEVELS, share / 100, 200) for share in (1, 5, 8, 12, 25, 40, 60, 90)) > 0.93
