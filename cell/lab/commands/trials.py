@@ -4,7 +4,7 @@ import argparse
 import json
 import os
 
-from cell.commands.arguments import add_config, folder_path, positive, scheduler
+from cell.commands.arguments import add_config, folder_path, out_folder, positive, scheduler
 from cell.commands.terminal import GOOD, show, written
 from cell.lab.arguments import SEED, add_options, advancing, load_simulated
 
@@ -30,14 +30,14 @@ def run(args: argparse.Namespace) -> int:
     from cell.lab.tables import loads, outcomes, phases, stages
     from cell.lab.trials import SUMMARY, TABLE, run_trials
 
-    config = load_simulated(args).cell
+    config, folder = load_simulated(args).cell, out_folder(args.out)
     seeds, workers = range(args.seed, args.seed + args.trials), args.workers or os.cpu_count() or 1
     with advancing("trials", args.trials) as done:
-        rows = run_trials(config, seeds, workers, args.out, lambda row: done(1), args.scheduler)
+        rows = run_trials(config, seeds, workers, folder, lambda row: done(1), args.scheduler)
     lines = stage_table([row.tried() for row in rows])
-    summary = json.loads((args.out / SUMMARY).read_text(encoding="utf-8"))
+    summary = json.loads((folder / SUMMARY).read_text(encoding="utf-8"))
     cycles = [row.cycle_time for row in rows if row.outcome == "success"]
     pace = f"{summary['trials_per_minute']:.1f} trials per minute"
     show(args, Group(stages(lines, cycles), phases(rows), outcomes(rows), loads(rows), pace), summary)
-    written(args, [args.out / TABLE, args.out / SUMMARY, draw_speed_accuracy(lines[-1], args.out / CHART)])
+    written(args, [folder / TABLE, folder / SUMMARY, draw_speed_accuracy(lines[-1], folder / CHART)])
     return GOOD

@@ -167,6 +167,7 @@ def test_a_question_about_what_does_not_exist_is_wrong_use(words, tmp_path, caps
         ["serve", "--journal", "FILE"],
         ["run", "home", "--journal", "FILE"],
         ["trials", "--trials", "1", "--out", "FILE"],
+        ["trials", "--trials", "1", "--out", "/proc/none"],
         ["tune", "--want", "fast", "--out", "FILE"],
         ["runs", "--export", "csv", "--out", "FILE"],
         ["show", "1", "--export", "FILE"],
