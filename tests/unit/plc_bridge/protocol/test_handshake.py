@@ -164,14 +164,16 @@ def test_commands_beyond_their_limits_are_refused_with_the_detail(line, changes,
 
 
 def test_torn_block_counts_once_it_is_whole_and_is_refused_after_the_timeout():
-    for now, tail_gives, refusal in ((0.5, True, Refusal.NONE), (1.1, False, Refusal.TORN)):
+    for now, tail_gives, refusal in ((1.0, True, Refusal.NONE), (1.01, False, Refusal.TORN)):
         line = Line()
         line.write(sequence=1, life=1, life_tail=1)
         line.write(sequence=2, code=INSERT, life=2)
+        line.now = 0.9
+        line.write(life=3)
         line.now = now
         assert line.poll() is None
         assert line.answer().refusal is refusal
-        assert line.write(life_tail=2).is_busy is tail_gives
+        assert line.write(life_tail=3).is_busy is tail_gives
 
 
 def test_a_known_number_in_a_block_that_stays_torn_changes_nothing(line):
@@ -220,6 +222,22 @@ def test_a_link_that_takes_the_lease_and_asks_for_nothing_loses_it(line):
         assert line.handshake.holder == holder
 
 
+@pytest.mark.parametrize(
+    ("host", "holder_closes", "is_taken"),
+    [("a", "first", True), ("a", "never", False), ("a", "last", False), ("b", "first", False)],
+)
+def test_only_a_link_opened_after_its_host_closed_the_holder_takes_over(host, holder_closes, is_taken):
+    line = Line()
+    line.connect("old", host)
+    line.write("old", lease=Lease.TAKE)
+    if holder_closes == "first":
+        line.handshake.closed("old")
+    line.connect("new", "a")
+    if holder_closes == "last":
+        line.handshake.closed("old")
+    assert (line.write("new", lease=Lease.TAKE).lease is LeaseState.YOURS) is is_taken
+
+
 def test_ready_is_true_if_a_start_of_this_link_would_be_taken():
     line = Line("a", "b")
     ready = lambda: tuple(line.handshake.inputs(source).ready for source in "ab")  # noqa: E731
@@ -266,6 +284,21 @@ def test_anybody_may_stop_once_under_a_first_and_under_a_known_number(code, sour
     line.write(source)
     commands = [line.poll(), line.poll()]
     assert (commands[0].code, commands[0].source, commands[1]) == (code, source, None)
+
+
+def test_first_come_first_served_and_what_follows_a_stop_waits_for_it(line):
+    line.write(sequence=1, code=Control.STOP)
+    line.write(sequence=2, code=INSERT)
+    line.write(sequence=3, code=Control.HOLD)
+    assert [command.code for command in iter(line.poll, None)] == [Control.STOP, INSERT, Control.HOLD]
+
+
+def test_two_stops_of_the_same_kind_are_decided_together():
+    line = Line("a", "b")
+    for source in "ab":
+        line.write(source, sequence=5, code=Control.STOP)
+    assert [command.code for command in iter(line.poll, None)] == [Control.STOP]
+    assert [line.answer(source).answered_result for source in "ab"] == [Result.SUCCESS] * 2
 
 
 def test_a_stop_goes_first_and_what_waited_never_runs():

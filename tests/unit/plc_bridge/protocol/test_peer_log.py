@@ -1,5 +1,7 @@
 import logging
 
+import pytest
+
 from plc_bridge.protocol.peer_log import HOSTS, LINES, PERIOD, PeerLog
 
 LOGGER = logging.getLogger("test")
@@ -27,6 +29,7 @@ def test_one_host_has_so_many_lines_in_a_period_and_hides_nobody_else(caplog):
     ]
 
 
-def test_what_is_remembered_of_hosts_is_bounded(caplog):
-    log, _ = told(caplog, [0.0], [str(n) for n in range(3 * HOSTS)])
-    assert len(log._hosts) == HOSTS
+@pytest.mark.parametrize(("others", "is_forgotten"), [(HOSTS - 1, False), (HOSTS, True)])
+def test_the_host_heard_longest_ago_is_forgotten_beyond_the_limit(caplog, others, is_forgotten):
+    _, lines = told(caplog, [0.0], ["a"] * LINES + [str(n) for n in range(others)] + ["a"])
+    assert (lines[-1] == "a: bad") is is_forgotten

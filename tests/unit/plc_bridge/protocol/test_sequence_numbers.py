@@ -77,8 +77,7 @@ def test_whether_a_block_is_late_or_of_a_new_program_is_seen_at_its_life_counter
     assert seen(*BEFORE, *blocks)[len(BEFORE) :] == meanings
 
 
-def test_numbers_are_remembered_in_bounded_room():
-    numbers = SequenceNumbers()
-    for n in range(10 * KEPT):
-        numbers.see(n, RUN, n + 1)
-    assert len(numbers._count.seen) == KEPT
+@pytest.mark.parametrize(("number", "meaning"), [(KEPT, NEW), (KEPT - 1, DOUBT)])
+def test_the_commands_of_so_many_numbers_are_remembered_and_no_more(number, meaning):
+    counted = [(n, RUN, n + 1) for n in range(2 * KEPT)]
+    assert seen(*counted, (0, None, 1), (number, OTHER, number + 1))[-2:] == [ANEW, meaning]
