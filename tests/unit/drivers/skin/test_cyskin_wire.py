@@ -23,6 +23,7 @@ from drivers.skin.cyskin_wire import (
 from drivers.transport.crc import Crc8
 from drivers.transport.wires import CanFrame
 from sim.boards.cyskin_board import EmulatedHub
+from tests.damage import each_bit_flipped
 
 WIRE = SkinWireConfig()
 HUB = WIRE.hub
@@ -32,14 +33,6 @@ messages = st.builds(Message, st.integers(0x10, 0xFF), st.binary(max_size=255))
 MODULES = [Module(number, 3535 + number, 12) for number in range(4)]
 RECORD = bytes.fromhex("02112233440C500FFEF002")
 """Record of a module that the makers' library reads as below; see `tests.cyskin_makers`."""
-
-
-def flipped(data):
-    """Yield `data` with every single bit turned."""
-    for bit in range(8 * len(data)):
-        spoilt = bytearray(data)
-        spoilt[bit // 8] ^= 1 << bit % 8
-        yield bytes(spoilt)
 
 
 def heard(frames):
@@ -101,7 +94,7 @@ def test_every_truncation_of_a_message_is_refused(message, wire):
 @settings(max_examples=60)
 @given(messages, wires)
 def test_every_flipped_bit_of_a_message_is_refused(message, wire):
-    for spoilt in flipped(encode(message, wire)):
+    for spoilt in each_bit_flipped(encode(message, wire)):
         with pytest.raises(WireError):
             decode(spoilt, wire)
 
@@ -134,7 +127,7 @@ def test_lost_frame_costs_its_own_message_only(message, following, data):
 def test_flipped_bit_in_a_can_frame_is_never_another_message(message, following):
     frames, more = to_can(encode(message, WIRE), HUB), to_can(encode(following, WIRE), HUB)
     for number, frame in enumerate(frames):
-        spoilt = [CanFrame(frame.id, data) for data in flipped(frame.data)]
+        spoilt = [CanFrame(frame.id, data) for data in each_bit_flipped(frame.data)]
         spoilt += [CanFrame(frame.id ^ 1 << bit, frame.data) for bit in range(11)]
         for wrong in spoilt:
             taken, assembler = heard([*frames[:number], wrong, *frames[number + 1 :], *more])

@@ -5,6 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.switch.wire import LENGTH, TIME_RANGE, Contacts, Decoder, SwitchReport, decode, encode
+from tests.damage import each_bit_flipped, flipped, pieces
 
 reports = st.builds(
     SwitchReport,
@@ -21,14 +22,6 @@ reports = st.builds(
 CLOSED = encode(SwitchReport(1, Contacts.CLOSED, 1234, normally_open=True))
 
 
-def flipped(packet: bytes, *bits: int) -> bytes:
-    """Return the packet with some of its 80 bits turned over."""
-    spoiled = bytearray(packet)
-    for bit in bits:
-        spoiled[bit // 8] ^= 1 << bit % 8
-    return bytes(spoiled)
-
-
 @given(reports)
 def test_what_is_written_is_read(report):
     assert decode(encode(report)) == report
@@ -43,8 +36,7 @@ def test_every_truncation_is_refused(report):
 
 @given(reports)
 def test_every_flipped_bit_is_refused(report):
-    packet = encode(report)
-    assert all(decode(flipped(packet, bit)) is None for bit in range(8 * LENGTH))
+    assert all(decode(packet) is None for packet in each_bit_flipped(encode(report)))
 
 
 def test_any_two_or_three_flipped_bits_are_refused():
@@ -54,11 +46,8 @@ def test_any_two_or_three_flipped_bits_are_refused():
 
 @given(st.lists(reports, min_size=1, max_size=5), st.data())
 def test_pieces_of_any_size_give_the_same_reports(sent, data):
-    stream, decoder, found = b"".join(map(encode, sent)), Decoder(), []
-    while stream:
-        size = data.draw(st.integers(1, len(stream)))
-        found += decoder.feed(stream[:size])
-        stream = stream[size:]
+    decoder = Decoder()
+    found = [report for piece in pieces(b"".join(map(encode, sent)), data) for report in decoder.feed(piece)]
     assert (found, decoder.refused) == (sent, 0)
 
 

@@ -4,6 +4,7 @@ from hypothesis import strategies as st
 
 from drivers.transport.cobs import Deframer, frame, unframe
 from drivers.transport.crc import crc16
+from tests.damage import each_bit_flipped, pieces
 
 contents = st.one_of(
     st.binary(max_size=300), st.integers(0, 600).map(bytes), st.integers(0, 600).map(lambda n: b"x" * n)
@@ -25,13 +26,9 @@ def test_longest_run_costs_one_byte_each_254_and_the_crc_is_that_of_the_catalogu
 
 @given(st.lists(contents, max_size=5), st.data())
 def test_frames_come_whole_however_the_bytes_are_cut(sent, data):
-    line, deframer, got = b"".join(map(frame, sent)), Deframer(600), []
-    while line:
-        size = data.draw(st.integers(1, len(line)))
-        got += deframer.feed(line[:size])
-        line = line[size:]
-    assert got == sent
-    assert deframer.broken == 0
+    deframer = Deframer(600)
+    got = [content for piece in pieces(b"".join(map(frame, sent)), data) for content in deframer.feed(piece)]
+    assert (got, deframer.broken) == (sent, 0)
 
 
 @given(st.binary(min_size=1, max_size=60))
@@ -47,12 +44,9 @@ def test_truncated_frame_is_counted_and_the_next_one_read(content):
 @given(st.binary(max_size=60), st.binary(max_size=20))
 def test_flipped_bit_never_gives_another_frame(content, following):
     """A bit turned in the delimiter joins two frames, hence the third."""
-    line = frame(content)
-    for bit in range(8 * len(line)):
-        spoilt = bytearray(line)
-        spoilt[bit // 8] ^= 1 << bit % 8
+    for spoilt in each_bit_flipped(frame(content)):
         deframer = Deframer(300)
-        got = deframer.feed(bytes(spoilt) + frame(following) + frame(b"third"))
+        got = deframer.feed(spoilt + frame(following) + frame(b"third"))
         assert got in ([following, b"third"], [b"third"])
         assert deframer.broken >= 1
 
