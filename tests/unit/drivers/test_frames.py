@@ -19,14 +19,10 @@ from drivers.quantities import Pose
 
 
 @pytest.mark.parametrize("theta", [-1.2, -0.3, 0.0, 0.7, 1.5])
-def test_the_peg_in_the_hand_is_a_rigid_transform(theta: float) -> None:
-    rotation = peg_in_finger(theta, 0.05).rotation
-    np.testing.assert_allclose(rotation.T @ rotation, np.eye(3), atol=1e-15)
-    assert np.linalg.det(rotation) == pytest.approx(1.0)
-
-
-def test_the_axis_points_from_the_tip_to_the_finger() -> None:
-    T = peg_in_finger(0.4, 0.05)
+def test_a_held_peg_is_rigid_and_its_axis_points_from_the_tip_to_the_finger(theta: float) -> None:
+    T = peg_in_finger(theta, 0.05)
+    np.testing.assert_allclose(T.rotation.T @ T.rotation, np.eye(3), atol=1e-15)
+    assert np.linalg.det(T.rotation) == pytest.approx(1.0)
     np.testing.assert_allclose(T.position + 0.05 * T.rotation[:, 2], 0.0, atol=1e-15)
 
 

@@ -51,9 +51,9 @@ def jacobian(q: Vector, theta: float, length: float) -> Vector:
     return np.array(rows).T
 
 
-def settled(words: Vector, q: Vector, dq: Vector, now: float = 0.0) -> Vector:
+def settled(words: Vector, q: Vector, dq: Vector, now: float = 0.0, law: Vector | None = None) -> Vector:
     """Return the torque once the rate limit has let it through; the integral is off."""
-    state = np.zeros(impedance.STATE_WORDS)
+    state = np.zeros(impedance.STATE_WORDS) if law is None else law
     for _ in range(200):
         tau: Vector = impedance.torque(ARM, words, state, q, dq, now, PERIOD)
     return tau
@@ -89,13 +89,10 @@ def test_a_setpoint_past_its_validity_is_replaced_by_holding_still() -> None:
 
 
 def held_torque(q: Vector, dq: Vector, law: Vector | None = None) -> Vector:
-    """Return the torque of an arm that began to hold still at `Q`, once the rate limit has let it through."""
+    """Return the settled torque of an arm that began to hold still at `Q`."""
     state = impedance.new_state(PANDA) if law is None else law
-    words = holding_words()
-    impedance.torque(ARM, words, state, Q, np.zeros(7), 0.0, PERIOD)
-    for _ in range(200):
-        tau: Vector = impedance.torque(ARM, words, state, q, dq, 0.0, PERIOD)
-    return tau
+    impedance.torque(ARM, holding_words(), state, Q, np.zeros(7), 0.0, PERIOD)
+    return settled(holding_words(), q, dq, law=state)
 
 
 def test_an_arm_that_holds_still_is_drawn_back_and_slowed_down_alike_in_every_direction() -> None:
@@ -147,9 +144,7 @@ def test_a_halt_anew_holds_where_the_arm_is_then() -> None:
     state, moved = impedance.new_state(PANDA), Q + 0.01
     held_torque(moved, np.zeros(7), state)
     state[impedance.IS_HOLDING] = 0.0
-    for _ in range(200):
-        tau = impedance.torque(ARM, holding_words(), state, moved, np.zeros(7), 0.0, PERIOD)
-    np.testing.assert_allclose(tau, 0.0, atol=1e-12)
+    np.testing.assert_allclose(settled(holding_words(), moved, np.zeros(7), law=state), 0.0, atol=1e-12)
 
 
 def test_the_integral_is_saturated_and_a_new_id_empties_it() -> None:

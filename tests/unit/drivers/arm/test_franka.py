@@ -1,5 +1,6 @@
 import math
 import os
+import subprocess
 
 import pytest
 
@@ -43,7 +44,7 @@ def test_a_record_under_way_is_not_settled(ends):
 @pytest.mark.parametrize(
     ("module", "device"), [(arm, FrankaArm(ARM, FR3, FakeClock())), (gripper, FrankaGripper(GRIPPER, FR3.hand.stroke))]
 )
-def test_the_missing_library_is_told(monkeypatch, module, device):
+def test_a_missing_library_is_named_with_its_command(monkeypatch, module, device):
     monkeypatch.setattr(module, "find_spec", lambda name: None)
     with pytest.raises(DeviceNotOpenedError, match=r"pylibfranka is not installed: pip install '[^\n]*\[franka\]'$"):
         device.open()
@@ -68,13 +69,16 @@ def test_devices_that_were_never_opened_are_silent_and_take_a_halt():
 @pytest.mark.parametrize(
     ("answer", "told"), [("done move 0", "the hand did not open"), ("failed no power", "no power")]
 )
-def test_a_command_that_came_to_nothing_is_told_once_although_states_follow(monkeypatch, answer, told):
-    hand = FrankaGripper(GRIPPER, FR3.hand.stroke)
-    answers = iter(([answer, "state 0.008 0"], ["state 0.008 0"]))
-    monkeypatch.setattr(hand, "_listen", lambda: [hand._hear(line) for line in next(answers)])
+def test_a_failed_command_is_reported_once_although_states_follow(monkeypatch, answer, told):
+    start, hand = subprocess.Popen, FrankaGripper(GRIPPER, FR3.hand.stroke)
+    loop = f"echo {answer}; while echo state 0.008 0; do sleep 0.05; done"
+    monkeypatch.setattr(gripper, "find_spec", lambda name: True)
+    monkeypatch.setattr(subprocess, "Popen", lambda command, **pipes: start(["sh", "-c", loop], **pipes))
+    hand.open()
     with pytest.raises(GripperSilentError, match=rf"^gripper at 127\.0\.0\.1: {told}$"):
         hand.read()
     assert hand.read() == GripperState(0.008, False, False)
+    hand.close()
 
 
 def test_collision_limits_have_no_default():

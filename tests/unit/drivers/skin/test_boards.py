@@ -4,13 +4,14 @@ import numpy as np
 import pytest
 
 from drivers.errors import DeviceNotOpenedError, SkinSilentError
-from drivers.skin.boards import CanSkin
+from drivers.skin.boards import CanSkin, SerialSkin
 from drivers.skin.health import BASELINE_FRAMES, SkinHealth, SkinHealthConfig
 from drivers.skin.layout import LAYOUTS
 from drivers.transport.wires import CanFrame
 from sim.config import WireFaults
 from tests.cyskin_makers import SENT
-from tests.skins import WIRED, BoardRig, can_config, held_peg, serial_config
+from tests.plc_bytes import SerialWire
+from tests.skins import WIRED, BoardRig, ScriptedWorld, can_config, held_peg, serial_config
 
 STEADY = SkinHealthConfig().model_copy(update={"drift_time": 1e5})
 """A baseline that follows nothing."""
@@ -166,14 +167,11 @@ def test_wrong_dialect_is_named_by_its_key(dialect, said):
         skin.open()
 
 
-def test_wrong_baud_rate_is_guessed_from_noise():
-    rig = BoardRig(serial_config())
-    rig.link.faults = WireFaults(corrupt=1.0)
-    rig.skin._port.link.open()
-    rig.link._send(rig.link._to_host, list(bytes(range(1, 200))), 0.0)
-    rig.link.open = lambda: setattr(rig.link, "_is_open", True)
+def test_bytes_without_a_frame_suggest_another_baud_rate():
+    line = SerialWire()
+    line.pieces = [bytes(range(1, 200))]
     with pytest.raises(SkinSilentError, match="199 bytes heard and no frame among them: another baud rate"):
-        rig.skin.open()
+        SerialSkin(serial_config(), line, ScriptedWorld()).open()
 
 
 def test_start_up_of_a_firmware_without_boot_loaders_is_a_key():

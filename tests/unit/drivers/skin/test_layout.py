@@ -121,15 +121,3 @@ def test_file_that_is_no_calibration_is_told_in_one_line(path, old, new, said):
     path.write_text(text.replace(old, new))
     with pytest.raises(ConfigError, match=rf"\A[^\n]*{said}[^\n]*\Z"):
         read_calibration(path, "parallelogram")
-
-
-def test_missing_file_is_told(path):
-    with pytest.raises(ConfigError, match="cannot be read"):
-        read_calibration(path, "parallelogram")
-
-
-def test_place_that_cannot_be_written_is_told(tmp_path):
-    file = tmp_path / "file"
-    file.write_text("")
-    with pytest.raises(ConfigError, match="cannot be written"):
-        FOUND.write(file / "skin.toml")

@@ -195,13 +195,3 @@ def test_a_board_that_hung_is_on_record(switch, board, clock, caplog):
     with caplog.at_level(logging.WARNING):
         passed(clock, switch, 0.2)
     assert ["watchdog" in message for message in caplog.messages] == [True]
-
-
-def test_closing_twice_and_opening_again_is_harmless(switch):
-    switch.open()
-    switch.open()
-    switch.close()
-    switch.close()
-    assert switch.read() is SwitchState.UNKNOWN
-    switch.open()
-    assert switch.read() is SwitchState.OPEN
