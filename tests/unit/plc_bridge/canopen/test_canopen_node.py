@@ -61,6 +61,15 @@ def test_the_heartbeat_follows_object_1017(rig, milliseconds, number):
     assert beats(rig, 1.0) == number
 
 
+def test_a_late_look_brings_one_heartbeat_and_no_burst(rig):
+    rig.wait(0.01)
+    rig.take()
+    rig.now += 1.0
+    for _ in range(2):
+        rig.node.tick(rig.now)
+    assert len(rig.take(HEARTBEAT)) == 1
+
+
 @pytest.mark.parametrize(
     ("command", "state"),
     [(START, NmtState.OPERATIONAL), (STOP, NmtState.STOPPED), (PRE_OPERATIONAL, NmtState.PRE_OPERATIONAL)],
@@ -240,6 +249,15 @@ def test_a_heartbeat_in_time_or_that_never_was_is_not_lost(rig, has_beaten):
             rig.beat()
         rig.wait(0.5)
     assert rig.node.state is NmtState.OPERATIONAL
+
+
+@pytest.mark.parametrize(("silence", "state"), [(0.5, NmtState.OPERATIONAL), (0.51, NmtState.PRE_OPERATIONAL)])
+def test_the_heartbeat_of_the_plc_is_lost_after_its_time(rig, silence, state):
+    rig.nmt(START)
+    rig.beat()
+    rig.now += silence
+    rig.node.tick(rig.now)
+    assert rig.node.state is state
 
 
 def test_a_heartbeat_that_returns_clears_the_error(rig):

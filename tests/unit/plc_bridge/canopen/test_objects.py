@@ -26,25 +26,6 @@ def test_every_register_but_the_tails_is_an_object_of_its_own():
             assert register.name.endswith("life_tail")
 
 
-@pytest.mark.parametrize(
-    ("name", "index", "subindex"),
-    [
-        ("command_life", 0x2000, 1),
-        ("command_sequence", 0x2000, 2),
-        ("command_serial", 0x2000, 9),
-        ("command_parameter_1", 0x2000, 10),
-        ("report_sequence", 0x2001, 3),
-        ("report_run", 0x2001, 13),
-        ("report_holder", 0x2001, 15),
-        ("diagnostics_refusals", 0x2002, 4),
-        ("stop", 0x2003, 2),
-        ("busy", 0x2004, 1),
-    ],
-)
-def test_objects_stay_where_plc_programs_expect_them(name, index, subindex):
-    assert (PLACES[name].index, PLACES[name].subindex) == (index, subindex)
-
-
 def test_limits_of_a_parameter_are_those_of_the_command():
     found = OBJECTS[0x2000]["command_parameter_1"]
     assert (found.min, found.max, found.factor, found.unit) == (10, 5000, 1e-4, "m/s")

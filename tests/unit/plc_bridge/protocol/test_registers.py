@@ -32,30 +32,34 @@ def test_each_block_fits_one_request_and_ends_below_the_mirror():
 
 
 @pytest.mark.parametrize(
-    ("name", "table", "address"),
+    ("name", "table", "address", "index", "subindex"),
     [
-        ("command_life", "holding", 0),
-        ("command_sequence", "holding", 1),
-        ("command_code", "holding", 2),
-        ("command_recipe", "holding", 3),
-        ("command_life_tail", "holding", 40),
-        ("report_life", "input", 0),
-        ("report_sequence", "input", 2),
-        ("report_answered", "input", 3),
-        ("report_result", "input", 5),
-        ("report_run", "input", 12),
-        ("report_life_tail", "input", 72),
-        ("report_part_evidence", "input", 73),
-        ("report_part_width", "input", 74),
-        ("packml_state", "input", 201),
-        ("diagnostics_refusals", "input", 106),
-        ("execute", "coil", 0),
-        ("stop", "coil", 1),
-        ("busy", "discrete", 0),
+        ("command_life", "holding", 0, 0x2000, 1),
+        ("command_sequence", "holding", 1, 0x2000, 2),
+        ("command_code", "holding", 2, 0x2000, 3),
+        ("command_recipe", "holding", 3, 0x2000, 4),
+        ("command_serial", "holding", 8, 0x2000, 9),
+        ("command_parameter_1", "holding", 24, 0x2000, 10),
+        ("command_life_tail", "holding", 40, 0, 0),
+        ("report_life", "input", 0, 0x2001, 1),
+        ("report_sequence", "input", 2, 0x2001, 3),
+        ("report_answered", "input", 3, 0x2001, 4),
+        ("report_result", "input", 5, 0x2001, 6),
+        ("report_run", "input", 12, 0x2001, 13),
+        ("report_holder", "input", 15, 0x2001, 15),
+        ("report_life_tail", "input", 72, 0, 0),
+        ("report_part_evidence", "input", 73, 0x2001, 39),
+        ("report_part_width", "input", 74, 0x2001, 40),
+        ("packml_state", "input", 201, 0x2005, 2),
+        ("diagnostics_refusals", "input", 106, 0x2002, 4),
+        ("execute", "coil", 0, 0x2003, 1),
+        ("stop", "coil", 1, 0x2003, 2),
+        ("busy", "discrete", 0, 0x2004, 1),
     ],
 )
-def test_registers_stay_where_plc_programs_expect_them(name, table, address):
-    assert (PLACES[name].table, PLACES[name].address) == (table, address)
+def test_registers_and_objects_stay_where_plc_programs_expect_them(name, table, address, index, subindex):
+    place = PLACES[name]
+    assert (place.table, place.address, place.index, place.subindex) == (table, address, index, subindex)
 
 
 def test_a_plc_of_map_2_0_reads_the_whole_block_with_its_tail_at_the_end():
