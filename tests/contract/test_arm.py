@@ -5,9 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from drivers.quantities import ImpedanceSetpoint
-
-STIFFNESS = np.array([1500.0, 1500.0, 1500.0, 60.0, 60.0, 60.0])
+from tests.setpoints import risen
 
 
 @pytest.fixture
@@ -16,19 +14,6 @@ def opened(arm_bench):
     arm_bench.device.open()
     arm_bench.clock.wait_until(arm_bench.clock.now() + 0.2)
     return arm_bench
-
-
-def setpoint(bench, offset=(0.0, 0.0, 0.0), valid=10.0, number=1):
-    """Return what holds the arm where it is, moved by `offset`."""
-    state = bench.device.read()
-    return ImpedanceSetpoint(
-        id=number,
-        tip=state.tcp.position + np.array(offset),
-        axis=-state.tcp.rotation[:, 0],
-        stiffness=STIFFNESS,
-        damping_ratio=np.ones(6),
-        valid_until=bench.clock.now() + valid,
-    )
 
 
 def test_state_is_whole_and_of_now(opened):
@@ -40,22 +25,24 @@ def test_state_is_whole_and_of_now(opened):
     assert np.allclose(state.tcp.rotation.T @ state.tcp.rotation, np.eye(3), atol=1e-9)
 
 
-def test_an_arm_stands_still_until_it_is_told_a_setpoint_goes_towards_it_and_stands_still_once_halted(opened):
+def test_an_arm_stands_still_but_for_a_setpoint_until_it_is_halted(opened):
+    arm, clock = opened.device, opened.clock
+
     def moved(seconds):
-        before = opened.device.read().tcp.position
-        opened.clock.wait_until(opened.clock.now() + seconds)
-        return opened.device.read().tcp.position - before
+        before = arm.read().tcp.position
+        clock.wait_until(clock.now() + seconds)
+        return arm.read().tcp.position - before
 
     assert np.linalg.norm(moved(1.0)) < 1e-3
-    assert opened.device.read().setpoint_age == math.inf
-    start = opened.device.read().tcp.position
-    opened.device.follow(setpoint(opened, (0.0, 0.0, 0.02)))
+    assert arm.read().setpoint_age == math.inf
+    start = arm.read().tcp.position
+    arm.follow(risen(arm.read(), 0.02, clock.now() + 10.0))
     moved(2.0)
-    assert (opened.device.read().tcp.position - start)[2] > 0.01
-    opened.device.follow(setpoint(opened, (0.0, 0.0, -0.02)))
+    assert (arm.read().tcp.position - start)[2] > 0.01
+    arm.follow(risen(arm.read(), -0.02, clock.now() + 10.0))
     moved(0.2)
-    opened.device.halt()
-    opened.device.halt()
+    arm.halt()
+    arm.halt()
     moved(0.5)
     assert np.linalg.norm(moved(1.0)) < 1e-3
 

@@ -12,11 +12,9 @@ import time
 from dataclasses import asdict
 from typing import Any
 
-import numpy as np
-
 from cell.config.load import load
-from drivers.quantities import ImpedanceSetpoint
 from tests.franka.simulated import address, arm_at, served
+from tests.setpoints import risen
 
 
 def main() -> None:
@@ -39,17 +37,7 @@ def held(seconds: float) -> dict[str, Any]:
     with served(load(sets=["reality.scale=0.0"]).cell, host) as (world, server):
         arm = arm_at(host, world.world.arm, world)
         arm.open()
-        state = arm.read()
-        arm.follow(
-            ImpedanceSetpoint(
-                id=1,
-                tip=state.tcp.position + np.array([0.0, 0.0, 0.01]),
-                axis=-state.tcp.rotation[:, 0],
-                stiffness=np.array([1500.0, 1500.0, 1500.0, 60.0, 60.0, 60.0]),
-                damping_ratio=np.ones(6),
-                valid_until=world.now() + seconds,
-            )
-        )
+        arm.follow(risen(arm.read(), 0.01, world.now() + seconds))
         server.is_patient = False
         time.sleep(seconds)  # The loop is measured against wall time; nothing here waits for an event.
         found = {"simulated": world.now(), **asdict(arm.figures())}

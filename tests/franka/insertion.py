@@ -18,6 +18,7 @@ from cell.config.load import load
 from cell.devices.assembly import Cell
 from cell.devices.assembly import opened as cell_opened
 from cell.lab.trials import run_trial
+from cell.peg.ending import ending_of
 from drivers.arm.franka import FrankaArm
 from drivers.errors import CellError
 from drivers.gripper.franka import FrankaGripper
@@ -91,18 +92,19 @@ def inserted(host: str, seed: int, sets: Sequence[str] = ()) -> dict[str, Any]:
     """Run `insert_peg` with arm and hand on `host`, an address of the loopback; return what `main` prints."""
     config = load(sets=["sim.pace=max", "reality.scale=0.0", f"sim.seed={seed}", *sets]).cell
     with opened(config, host) as wired:
-        began, fault = time.monotonic(), ""
+        began = time.monotonic()
+        fault: CellError | None = None
         records: list[StageRecord] = []
         try:
             records = CATALOGUE["insert_peg"].run(config.skill_set(), wired.cell.context(seed))
         except CellError as error:
-            fault = f"{error.code.name}: {error}"
+            fault = error
         figures, truth = asdict(wired.arm.figures()), wired.bench.truth()
         return {
             "seed": seed,
-            "outcome": _outcome(records, fault),
+            "outcome": "success" if ending_of(records, fault, "").outcome is Outcome.SUCCESS else "failure",
             "stages": [[r.name, r.result.outcome, r.result.reason.name, r.result.elapsed] for r in records],
-            "fault": fault,
+            "fault": "" if fault is None else f"{fault.code.name}: {fault}",
             "depth": truth.depth,
             "switch_closed": bool(truth.switch_closed),
             "is_void": bool(truth.is_void),
@@ -111,11 +113,6 @@ def inserted(host: str, seed: int, sets: Sequence[str] = ()) -> dict[str, Any]:
             "largest_torque_rate": wired.bench.largest_rate(),
             "loop": figures,
         }
-
-
-def _outcome(records: Sequence[StageRecord], fault: str) -> str:
-    failed = [r for r in records if r.result.outcome is not Outcome.SUCCESS and not r.retried]
-    return "failure" if fault or failed or not records else "success"
 
 
 def main() -> None:

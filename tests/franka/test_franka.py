@@ -25,10 +25,10 @@ from drivers.arm.link import LoopPhase
 from drivers.errors import ArmReflexError, ArmSilentError, ArmStoppedError, CellError, DeviceNotOpenedError
 from drivers.gripper.franka import FrankaGripper
 from drivers.gripper.franka_config import FrankaGripperConfig
-from drivers.quantities import ImpedanceSetpoint
 from tests.emulation import emulated_or_skip
 from tests.franka.insertion import inserted, opened
 from tests.franka.simulated import address, arm_at, served
+from tests.setpoints import risen
 
 HOST = address(1)
 FIGURES = load(sets=["reality.scale=0.0"]).cell.arm_model()
@@ -68,16 +68,8 @@ def gripper(arm):
 
 
 def moved(world, arm, rise, valid=10.0):
-    """Ask for a tip so much higher, m, and return what the arm then is to follow."""
-    state = arm.read()
-    setpoint = ImpedanceSetpoint(
-        id=1,
-        tip=state.tcp.position + np.array([0.0, 0.0, rise]),
-        axis=-state.tcp.rotation[:, 0],
-        stiffness=np.array([1500.0, 1500.0, 1500.0, 60.0, 60.0, 60.0]),
-        damping_ratio=np.ones(6),
-        valid_until=world.now() + valid,
-    )
+    """Send and return a setpoint above the present place, m."""
+    setpoint = risen(arm.read(), rise, world.now() + valid)
     arm.follow(setpoint)
     return setpoint
 
@@ -133,6 +125,7 @@ def test_a_setpoint_past_its_validity_makes_the_arm_hold_still(simulated, arm):
 
 def test_a_loop_that_stalls_is_a_reflex_that_only_a_reset_leaves(simulated, arm):
     world, server = simulated
+    refused = risen(arm.read(), 0.03, world.now() + 10.0)
     server.is_patient = False
     os.kill(arm._process.pid, signal.SIGSTOP)
     world.wait_until(world.now() + 0.05)
@@ -142,16 +135,7 @@ def test_a_loop_that_stalls_is_a_reflex_that_only_a_reset_leaves(simulated, arm)
     with pytest.raises(ArmReflexError, match="communication_constraints_violation"):
         arm.read()
     before = world.world.tcp().position
-    arm.follow(
-        ImpedanceSetpoint(
-            id=2,
-            tip=before + 0.03,
-            axis=np.array([0.0, 0.0, 1.0]),
-            stiffness=np.full(6, 100.0),
-            damping_ratio=np.ones(6),
-            valid_until=world.now() + 5.0,
-        )
-    )
+    arm.follow(refused)
     world.wait_until(world.now() + 0.5)
     world.horizon = math.inf
     assert np.linalg.norm(world.world.tcp().position - before) < 1e-3
