@@ -2,7 +2,7 @@
 
 import asyncio
 import struct
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from drivers.transport.wires import CanFrame
@@ -143,13 +143,7 @@ class Cell:
             self.bridge.refuse(command, Refusal.NOT_READY)
 
     def _show(self, state: int) -> None:
-        self.report = Report(
-            sequence=self.report.sequence,
-            state=state,
-            result=self.report.result,
-            fault=self.report.fault,
-            run=self.report.run,
-        )
+        self.report = replace(self.report, state=state)
         self.bridge.publish(self.report)
 
 
@@ -182,11 +176,9 @@ class SerialWire:
         self.waits: list[float] = []
         """Longest waits of the server, s."""
 
-    def open(self) -> None:
-        """Do nothing."""
+    def open(self) -> None: ...
 
-    def close(self) -> None:
-        """Do nothing."""
+    def close(self) -> None: ...
 
     def read(self, timeout: float) -> bytes:
         """Return what was sent to the server, one piece for each read."""
@@ -222,8 +214,7 @@ class Rtu(Client):
 
 
 class _Socket:
-    def setsockopt(self, *_: int) -> None:
-        """Do nothing."""
+    def setsockopt(self, *_: int) -> None: ...
 
 
 class _Transport(asyncio.Transport):
@@ -241,14 +232,11 @@ class _Transport(asyncio.Transport):
     def is_closing(self) -> bool:
         return self.is_aborted
 
-    def set_write_buffer_limits(self, high: int | None = None, low: int | None = None) -> None:
-        pass
+    def set_write_buffer_limits(self, high: int | None = None, low: int | None = None) -> None: ...
 
-    def pause_reading(self) -> None:
-        pass
+    def pause_reading(self) -> None: ...
 
-    def resume_reading(self) -> None:
-        pass
+    def resume_reading(self) -> None: ...
 
 
 class Tcp(Client):
