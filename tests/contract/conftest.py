@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -57,7 +58,7 @@ def skin_bench(request) -> Iterator[Bench]:
     elif request.param == "fake":
         clock = FakeClock()
         skin = FakeSkin(clock)
-        bench = Bench(skin, clock, lambda: setattr(skin, "fault", SkinSilentError("told so")))
+        bench = Bench(skin, clock, lambda: setattr(skin, "fault", SkinSilentError("silenced")))
     elif request.param == "sim":
         world, lost = ScriptedWorld(), []
         config = SimSkinConfig(kind="sim")
@@ -145,35 +146,19 @@ def gripper_bench(request) -> Iterator[Bench]:
     bench.clear()
 
 
-class Lever:
-    """The world, as far as the switch under the hole sees it."""
-
-    def __init__(self, clock: Clock) -> None:
-        self.is_pressed = False
-        self.now = clock.now
-
-    def is_switch_pressed(self) -> bool:
-        return self.is_pressed
-
-
 @pytest.fixture(params=["fake", "sim", "firmware", "hardware"])
 def switch_bench(request) -> Iterator[Bench]:
     """Yield a switch with nothing on it, not yet open."""
-    clock = FakeClock()
-    lever = Lever(clock)
+    clock, fake = FakeClock(), FakeSwitch()
 
     def press(pressed: bool) -> None:
-        lever.is_pressed = pressed
+        fake.state = SwitchState.CLOSED if pressed else SwitchState.OPEN
 
+    lever = SimpleNamespace(now=clock.now, is_switch_pressed=lambda: fake.state is SwitchState.CLOSED)
     if request.param == "hardware":
         bench = _hardware(request, "switch")
     elif request.param == "fake":
-        switch = FakeSwitch()
-
-        def tell(pressed: bool) -> None:
-            switch.state = SwitchState.CLOSED if pressed else SwitchState.OPEN
-
-        bench = Bench(switch, clock, press=tell)
+        bench = Bench(fake, clock, press=press)
     elif request.param == "sim":
         bench = Bench(SimSwitch(lever), clock, press=press)
     else:
@@ -190,7 +175,6 @@ def switch_bench(request) -> Iterator[Bench]:
 
 @pytest.fixture(params=["fake", "sim", "board"])
 def clock(request) -> Clock:
-    """Return a clock."""
     if request.param == "fake":
         return FakeClock()
     if request.param == "sim":

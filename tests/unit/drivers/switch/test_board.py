@@ -1,4 +1,5 @@
 import logging
+from dataclasses import replace
 
 import pytest
 
@@ -14,7 +15,7 @@ HEARTBEAT = 0.025
 
 
 class Board:
-    """Talks as the firmware does, in the clock's time, from a port of its own."""
+    """Sends as the firmware does, in the clock's time, from a port of its own."""
 
     def __init__(self, clock: FakeClock) -> None:
         self.clock, self.terminal = clock, Terminal("test-switch")
@@ -23,18 +24,13 @@ class Board:
         self.due = HEARTBEAT
         self.delay = 0.0
         self.terminal.plug_in()
-        clock.every.append(self.talk)
+        clock.every.append(self.send)
 
-    def talk(self) -> None:
+    def send(self) -> None:
         while self.due <= self.clock.now():
             time = round((self.due - self.delay) * 1000)
-            self.terminal.send(self.noise if self.report is None else encode(replaced(self.report, time=time)))
+            self.terminal.send(self.noise if self.report is None else encode(replace(self.report, time=time)))
             self.due += HEARTBEAT
-
-
-def replaced(report: SwitchReport, **changes: object) -> SwitchReport:
-    values = {name: getattr(report, name) for name in SwitchReport.__slots__} | changes
-    return SwitchReport(**values)
 
 
 @pytest.fixture
@@ -59,7 +55,7 @@ def switch(board, clock):
 @pytest.fixture
 def closed(switch, board):
     """Return the opened switch of a board whose contacts are closed."""
-    board.report = replaced(board.report, contacts=Contacts.CLOSED)
+    board.report = replace(board.report, contacts=Contacts.CLOSED)
     switch.open()
     return switch
 
@@ -82,7 +78,7 @@ def refused(switch: SerialSuccessSwitch) -> str:
     return str(caught.value)
 
 
-def test_closed_open_and_broken_are_told_apart(switch, board, clock):
+def test_closed_open_and_broken_contacts_are_distinguished(switch, board, clock):
     switch.open()
     assert switch.read() is SwitchState.OPEN
     for contacts, state in (
@@ -91,7 +87,7 @@ def test_closed_open_and_broken_are_told_apart(switch, board, clock):
         (Contacts.OPEN, SwitchState.OPEN),
         (Contacts.UNKNOWN, SwitchState.UNKNOWN),
     ):
-        board.report = replaced(board.report, contacts=contacts)
+        board.report = replace(board.report, contacts=contacts)
         assert passed(clock, switch, 0.05)[-1] is state
 
 
@@ -126,8 +122,8 @@ def test_a_board_without_reports_is_not_opened(switch, board, noise, told):
     ],
 )
 def test_a_board_that_cannot_be_believed_is_not_opened(switch, board, changes, told):
-    board.report = replaced(board.report, contacts=Contacts.CLOSED)
-    board.report = replaced(board.report, **changes)
+    board.report = replace(board.report, contacts=Contacts.CLOSED)
+    board.report = replace(board.report, **changes)
     assert told in refused(switch)
 
 
@@ -150,20 +146,20 @@ def test_reports_that_come_late_are_as_stale_as_none(closed, board, clock):
     assert passed(clock, closed, 0.1)[-1] is SwitchState.CLOSED
 
 
-def test_a_report_said_again_and_again_grows_stale(closed, board, clock):
-    board.noise, board.report = encode(replaced(board.report, time=round(clock.now() * 1000))), None
+def test_a_repeated_report_grows_stale(closed, board, clock):
+    board.noise, board.report = encode(replace(board.report, time=round(clock.now() * 1000))), None
     assert passed(clock, closed, 2 * STALE)[-1] is SwitchState.UNKNOWN
 
 
-def test_what_piled_up_while_nobody_read_is_judged_by_its_newest_report(switch, board, clock):
+def test_of_waiting_reports_the_newest_counts(switch, board, clock):
     switch.open()
     clock.wait_until(clock.now() + 2.0)
-    board.report = replaced(board.report, contacts=Contacts.CLOSED)
+    board.report = replace(board.report, contacts=Contacts.CLOSED)
     clock.wait_until(clock.now() + HEARTBEAT)
     assert switch.read() is SwitchState.CLOSED
 
 
-def test_what_piled_up_and_overflowed_is_not_believed(closed, board, clock):
+def test_waiting_reports_that_overflowed_are_not_trusted(closed, board, clock):
     clock.wait_until(clock.now() + 20.0)
     assert closed.read() is SwitchState.UNKNOWN
     assert passed(clock, closed, 0.1)[-1] is SwitchState.CLOSED
@@ -182,7 +178,7 @@ def test_a_board_unplugged_and_plugged_in_again_is_unknown_meanwhile(closed, boa
         board.terminal.unplug()
         assert set(passed(clock, closed, 2.0)) == {SwitchState.UNKNOWN}
     assert len(caplog.messages) == 1
-    board.report = replaced(board.report, contacts=Contacts.OPEN)
+    board.report = replace(board.report, contacts=Contacts.OPEN)
     board.terminal.plug_in()
     states = passed(clock, closed, REOPEN_PERIOD + 0.1)
     assert set(states) == {SwitchState.UNKNOWN, SwitchState.OPEN}
@@ -191,7 +187,7 @@ def test_a_board_unplugged_and_plugged_in_again_is_unknown_meanwhile(closed, boa
 
 def test_a_board_that_hung_is_on_record(switch, board, clock, caplog):
     switch.open()
-    board.report = replaced(board.report, was_hung=True)
+    board.report = replace(board.report, was_hung=True)
     with caplog.at_level(logging.WARNING):
         passed(clock, switch, 0.2)
     assert ["watchdog" in message for message in caplog.messages] == [True]
