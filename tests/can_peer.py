@@ -46,7 +46,6 @@ class _Wire(canopen.Network):
         self._thread = threading.Thread(target=self._serve, name="plc", daemon=True)
 
     def begin(self) -> None:
-        """Send the boot-up message, then heartbeats."""
         self.send_message(0x700 + self._node, bytes([NmtState.INITIALISING]))
         self._thread.start()
 
@@ -130,12 +129,10 @@ class CanPeer(Peer):
         return REPORT.value_of(values)
 
     def read_diagnostics(self) -> Diagnostics:
-        """Return the cell's counts; writes nothing."""
         names = [name for name in self._places if name.startswith("diagnostics_")]
         return Diagnostics(**{name.removeprefix("diagnostics_"): int(self._number(name)) for name in names})
 
     def stop(self) -> None:
-        """Stop the cell, independent of the lease."""
         with self._asking() as node:
             node.network.send_message(RPDO_BASES[len(RPDOS) - 1] + self._config.node_id, b"\x01")
         self._read("report_holder")

@@ -34,7 +34,6 @@ class Rig:
         self.node.receive(CanFrame(cob, bytes(data)), self.now)
 
     def wait(self, seconds, step=1 / 128):
-        """Let time pass, tick by tick."""
         end = self.now + seconds
         while self.now < end - 1e-9:
             self.now = min(self.now + step, end)
@@ -47,7 +46,6 @@ class Rig:
         self.give(0x700 + PLC, [state])
 
     def ask(self, request):
-        """Return the response to an SDO request."""
         self.take()
         self.give(0x600 + NODE, request)
         answers = self.take(0x580 + NODE)

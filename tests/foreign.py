@@ -138,18 +138,15 @@ Place = tuple[str, int]
 
 
 def by_libmodbus(folder: Path, place: Place, hub: Place, pegs: int) -> str:
-    """Insert pegs by libmodbus."""
     return call(libmodbus_client(folder), "tcp", *place, pegs, longest=LONGEST * pegs)
 
 
 def by_go(folder: Path, place: Place, hub: Place, pegs: int) -> str:
-    """Insert pegs by simonvetter's client."""
     program = go_client(folder)
     return call(program, f"tcp://{place[0]}:{place[1]}", pegs, folder / "cell_map.h", longest=LONGEST * pegs)
 
 
 def by_canopen(folder: Path, place: Place, hub: Place, pegs: int) -> str:
-    """Insert pegs by canopen."""
     (code,) = INSERT_PEG.findall(exported("h", folder).read_text(encoding="utf-8"))
     channel = f"{hub[0]}:{hub[1]}/can0"
     words = ["socketcand", channel, exported("eds", folder), NODE, code, pegs]
@@ -157,7 +154,6 @@ def by_canopen(folder: Path, place: Place, hub: Place, pegs: int) -> str:
 
 
 def by_matiec(folder: Path, place: Place, hub: Place, pegs: int) -> str:
-    """Insert pegs by the compiled line."""
     return call(soft_plc(folder), *place, pegs, round(LONGEST * pegs), longest=LONGEST * pegs)
 
 

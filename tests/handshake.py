@@ -50,7 +50,6 @@ class Conversation:
                 changes.append((now, value))
 
     def note(self, text: str) -> None:
-        """Record an event."""
         self.notes.append((time.perf_counter() - self.began, text))
 
     def until(self, is_met: Callable[[], bool]) -> None:
@@ -61,7 +60,6 @@ class Conversation:
             time.sleep(CYCLE)
 
     def rest(self, cycle: Callable[[], object], cycles: int) -> None:
-        """Cycle this number of times."""
         for _ in range(cycles):
             cycle()
             time.sleep(CYCLE)
@@ -162,7 +160,6 @@ def draw(trace: Conversation, path: Path) -> None:
 
 
 def draw_signal(axes: Axes, row: int, trace: Conversation, name: str, colour: str) -> None:
-    """Draw one signal in its row."""
     times, values = zip(*trace.signals[name], strict=True)
     if name in BITS:
         levels = [row + 0.6 * value for value in (*values, values[-1])]

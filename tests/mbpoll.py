@@ -18,7 +18,6 @@ class Mbpoll:
 
     @classmethod
     def tcp(cls, address: tuple[str, int]) -> "Mbpoll":
-        """Return mbpoll for a cell on Modbus TCP."""
         return cls("-m", "tcp", "-p", str(address[1]), address[0])
 
     def command(self, kind: str, address: int, *options: str, values: Sequence[int] = ()) -> list[str]:
@@ -33,12 +32,10 @@ class Mbpoll:
         return done.returncode, done.stdout + done.stderr
 
     def write(self, kind: str, address: int, *values: int) -> None:
-        """Write values in one request."""
         status, said = self.said(kind, address, values=values)
         assert status == 0, said
 
     def read(self, kind: str, address: int, count: int = 1) -> list[int]:
-        """Return values that were read in one request."""
         status, said = self.said(kind, address, "-c", str(count))
         assert status == 0, said
         return [int(line.split("\t")[1]) for line in said.splitlines() if line.startswith("[")]

@@ -79,7 +79,6 @@ class Cell:
     # The loop of the server.
 
     def time(self) -> float:
-        """Return the held time, s."""
         return self.now
 
     def call_later(self, delay: float, function: Any) -> None:
@@ -249,13 +248,11 @@ class Tcp(Client):
         self.open()
 
     def open(self) -> None:
-        """Connect."""
         self.transport = _Transport((self.host, next(self.ports)))
         self.connection: Any = self.cell.tcp.receive()
         self.connection.connection_made(self.transport)
 
     def close(self) -> None:
-        """Disconnect."""
         self.connection.connection_lost(None)
 
     def ask(self, request: bytes) -> bytes:
@@ -273,7 +270,6 @@ class Can:
         self.nmt(1)
 
     def give(self, cob: int, data: bytes) -> None:
-        """Send a frame."""
         self.cell.node.receive(CanFrame(cob, data), self.cell.now)
 
     def nmt(self, command: int) -> None:

@@ -43,13 +43,11 @@ def at_once(seconds: float) -> None:
 
 @contextmanager
 def modbus_tcp() -> Iterator[PlcLine]:
-    """Modbus TCP."""
     yield PlcLine(_patient(), lambda bridge: Peer(*bridge.address, timeout=TIMEOUT, wait=at_once), "127.0.0.1:")
 
 
 @contextmanager
 def modbus_tls() -> Iterator[PlcLine]:
-    """Modbus/TCP Security; the peer has the role that may command."""
     with tempfile.TemporaryDirectory() as folder:
         authority = Authority(Path(folder))
         context = authority.client(*authority.sign("plc", utf8(ROLE)))

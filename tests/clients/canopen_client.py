@@ -37,7 +37,6 @@ class Plc:
         self.cycle(sequence=self.cell.sdo["report"]["report_sequence"].raw)
 
     def hear(self, pdo: canopen.pdo.PdoMap) -> None:
-        """Take a TPDO."""
         for variable in pdo:
             self.told[variable.name.rpartition(".")[2]] = variable.raw
         self.has_news.set()
@@ -74,7 +73,6 @@ class Plc:
 
 
 def main() -> None:
-    """Connect, run, print the outcome."""
     interface, channel, eds, node, code, count = sys.argv[1:]
     bus: dict[str, object] = {"interface": interface, "channel": channel}
     if interface == "socketcand":

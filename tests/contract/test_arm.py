@@ -10,7 +10,6 @@ from tests.setpoints import risen
 
 @pytest.fixture
 def opened(arm_bench):
-    """Yield the bench with its arm open and at rest."""
     arm_bench.device.open()
     arm_bench.clock.wait_until(arm_bench.clock.now() + 0.2)
     return arm_bench

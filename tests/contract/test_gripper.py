@@ -12,7 +12,7 @@ def wait_for_rest(bench, longest=5.0):
     return bench.device.read()
 
 
-def test_fingers_go_to_the_width_that_they_are_told_and_hold_nothing_where_they_meet(gripper_bench):
+def test_fingers_reach_their_width_and_grip_nothing_if_they_meet(gripper_bench):
     device = gripper_bench.device
     device.open()
     for _ in range(2):  # a command that is repeated is harmless

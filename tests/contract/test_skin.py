@@ -11,7 +11,6 @@ from drivers.skin.layout import shape_of
 
 @pytest.fixture
 def opened(skin_bench):
-    """Yield the bench with its skin open."""
     skin_bench.device.open()
     return skin_bench
 

@@ -23,7 +23,7 @@ def press(bench, pressed):
     bench.press(pressed)
 
 
-def test_a_switch_that_nothing_presses_is_open_whenever_it_is_read_or_opened_again(switch_bench):
+def test_an_untouched_switch_is_open_also_when_opened_again(switch_bench):
     switch_bench.device.open()
     before = switch_bench.clock.now()
     assert switch_bench.device.read() is SwitchState.OPEN

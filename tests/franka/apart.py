@@ -34,15 +34,12 @@ class Bench:
         self._line = SimLine(self._arm.world, _Standing(), config.params(RECOVER).bin)
 
     def close(self) -> None:
-        """End the service."""
         self._stack.close()
 
     def now(self) -> float:
-        """Return the time of the world, s."""
         return self._seen.now()
 
     def wait_until(self, stamp: float) -> None:
-        """Let the world go on until `stamp`, s."""
         self._seen.wait_until(stamp)
 
     def let_go(self) -> None:
@@ -50,15 +47,12 @@ class Bench:
         self._arm.horizon = math.inf
 
     def pad_load(self) -> Any:
-        """Return what the pads feel."""
         return self._seen.pad_load()
 
     def is_switch_pressed(self) -> bool:
-        """Return whether the lever of the switch is pressed."""
         return self._seen.is_switch_pressed()
 
     def skin_noise(self) -> Any:
-        """Return the random generator of the skin."""
         return self._seen.draw.skin
 
     def stock(self, job: Job, seed: int) -> None:
@@ -66,7 +60,6 @@ class Bench:
         self._arm.between_steps(self._line.stock)(job, seed)
 
     def act(self, name: str) -> None:
-        """Do what `SimLine` has this name for."""
         self._arm.between_steps(getattr(self._line, name))()
 
     def cut(self) -> None:
@@ -74,7 +67,6 @@ class Bench:
         self._server.cut()
 
     def truth(self) -> Any:
-        """Return the true state of the world."""
         with self._arm.lock:
             return self._arm.world.truth()
 

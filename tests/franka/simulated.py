@@ -66,7 +66,6 @@ class TorqueWorld(World):
         self.beat = self.beat._replace(law_every=NEVER)
 
     def step(self, torque: Vector) -> None:
-        """Advance by one control period with these joint torques, N·m."""
         self.command(torque)
         self.wait_until(self.now() + self.arm.control_period)
 
@@ -346,7 +345,6 @@ class Server(FrankaSimServer):  # type: ignore[misc]  # no hints
             self.robot_state.state["robot_mode"] = RobotMode.kUserStopped.value
 
     def cut(self) -> None:
-        """End the connection from this side, as a pulled plug does in the end."""
         self.client_socket.shutdown(socket.SHUT_RDWR)
 
     @property

@@ -50,7 +50,6 @@ OVER = np.array([0.0, 0.0, 0.1])
 
 
 def commands(step):
-    """Return the commands of a step of the page."""
     (section,) = re.findall(rf"^## {step}\. .*?(?=^## )", PAGE, re.MULTILINE | re.DOTALL)
     return re.findall(r"^cell .*$", section, re.MULTILINE)
 
@@ -116,7 +115,6 @@ class Person:
         return run.returncode
 
     def operate(self, asked, keys):
-        """Let the PLC do what a step asks."""
         if "/9 connection" in asked:
             self.plc = Plc(load(self.boards.folder / "cell_01.toml").cell.plc.modbus.port)
             self.plc.start()
@@ -196,7 +194,6 @@ def _read(end):
 
 @pytest.fixture
 def person(tmp_path):
-    """Yield a person at a desk."""
     emulated_or_skip()
     with desk(8, tmp_path) as boards:
         yield Person(boards)

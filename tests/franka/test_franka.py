@@ -145,7 +145,7 @@ def test_a_loop_that_stalls_is_a_reflex_that_only_a_reset_leaves(simulated, arm)
     assert until(world, lambda: np.linalg.norm(arm.read().tcp.position - wanted.tip) < 0.004)
 
 
-def test_a_pressed_stop_is_told_apart_from_a_reflex(simulated, arm):
+def test_a_pressed_stop_is_distinguished_from_a_reflex(simulated, arm):
     world, server = simulated
     server.press_stop()
     assert until(world, raises(arm, ArmStoppedError))
@@ -166,7 +166,7 @@ def test_thresholds_refused_by_a_pressed_stop_are_set_after_a_reset(simulated, a
     assert (server.thresholds_set, arm.phase) == (1, LoopPhase.RUNNING)
 
 
-def test_closed_brakes_are_told_with_what_to_do_in_desk(simulated, arm):
+def test_closed_brakes_are_reported_with_the_remedy_in_desk(simulated, arm):
     _, server = simulated
     arm.close()
     server.is_braked = True
@@ -215,7 +215,7 @@ def test_a_killed_cell_ends_the_motion_of_an_arm_that_stands_still(simulated, ar
     assert world.speed_at_end < 0.02
 
 
-def test_a_system_of_another_version_is_named_with_the_one_that_is_needed(simulated, arm):
+def test_a_system_of_another_version_is_named_with_the_remedy(simulated, arm):
     _, server = simulated
     arm.close()
     server.system = 9
@@ -247,14 +247,14 @@ def test_keys_jog_the_arm_and_the_dead_man_ends_it(simulated, arm):
 @pytest.mark.parametrize(
     "lose", [lambda server, arm: server.cut(), lambda server, arm: os.kill(arm._process.pid, signal.SIGKILL)]
 )
-def test_a_lost_connection_or_a_killed_loop_is_a_silent_arm_until_a_reset(simulated, arm, lose):
+def test_a_lost_connection_or_killed_loop_is_silent_until_reset(simulated, arm, lose):
     lose(simulated[1], arm)
     assert comes_to(raises(arm, ArmSilentError))
     arm.reset()
     assert arm.phase is LoopPhase.RUNNING
 
 
-def test_no_arm_at_an_address_is_told(simulated):
+def test_an_address_without_an_arm_is_named(simulated):
     world, _ = simulated
     with pytest.raises(DeviceNotOpenedError, match=r"^arm at 127\.254\.254\.254: [^\n]+$"):
         arm_at("127.254.254.254", world.world.arm, world).open()
@@ -273,7 +273,7 @@ def test_a_grasp_that_closes_on_nothing_grips_nothing(simulated, gripper):
 
 
 @pytest.mark.skipif(Path("/sys/kernel/realtime").exists(), reason="this kernel is a real-time kernel")
-def test_a_kernel_that_is_not_real_time_is_told(simulated):
+def test_a_kernel_without_real_time_is_refused(simulated):
     world, _ = simulated
     with pytest.raises(DeviceNotOpenedError, match="kernel does not have realtime capabilities"):
         arm_at(HOST, world.world.arm, world, "enforce").open()

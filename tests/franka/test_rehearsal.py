@@ -24,7 +24,7 @@ from tests.simulated_line import running
 pytestmark = [pytest.mark.alone, pytest.mark.by_hand, pytest.mark.timeout(3600)]
 
 
-def test_whatever_is_killed_in_the_middle_ends_in_its_fault_and_serves_again_after_a_reset(tmp_path):
+def test_killed_devices_end_the_run_in_their_fault_until_a_reset(tmp_path):
     emulated_or_skip()
     loaded = load(sets=["sim.pace=max", "reality.scale=0.0", "sim.seed=2"])
     with opened(loaded.cell, address(5)) as wired, running(wired.cell, loaded, tmp_path) as rehearsal:

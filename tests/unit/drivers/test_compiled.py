@@ -43,7 +43,7 @@ def run(project: Path) -> list[str]:
     return done.stdout.split()
 
 
-def test_a_function_is_compiled_anew_when_what_it_calls_in_another_file_changes(project: Path) -> None:
+def test_a_function_is_compiled_anew_if_a_called_file_changes(project: Path) -> None:
     first, again = run(project), run(project)
     (project / "drivers" / "callee.py").write_text(CALLEE.format(word=2))
     assert (first, again, run(project)) == (["1", "0"], ["1", "1"], ["2", "0"])
@@ -54,13 +54,13 @@ def test_a_function_that_cannot_be_kept_is_compiled_at_each_start(project: Path)
     assert [run(project), run(project)] == [["1.0", "0"]] * 2
 
 
-def test_a_cache_that_somebody_else_may_write_is_not_used(project: Path) -> None:
+def test_a_cache_that_others_may_write_is_not_used(project: Path) -> None:
     run(project)
     (project / "home" / "tactile-cell" / "compiled").chmod(0o777)
     assert run(project) == ["1", "0"]
 
 
-def test_an_engine_is_made_of_the_law_and_of_the_files_behind_it() -> None:
+def test_the_sources_of_an_engine_include_the_law() -> None:
     names = {path.name for path in compiled.sources(compiled.PROJECT / "sim" / "world" / "engine.py")}
     assert {"engine.py", "table.py", "impedance.py", "joint_drive.py", "model.py", "errors.py"} <= names
 

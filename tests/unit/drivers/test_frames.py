@@ -19,7 +19,7 @@ from drivers.quantities import Pose
 
 
 @pytest.mark.parametrize("theta", [-1.2, -0.3, 0.0, 0.7, 1.5])
-def test_a_held_peg_is_rigid_and_its_axis_points_from_the_tip_to_the_finger(theta: float) -> None:
+def test_the_transform_of_a_held_peg_is_rigid_along_its_axis(theta: float) -> None:
     T = peg_in_finger(theta, 0.05)
     np.testing.assert_allclose(T.rotation.T @ T.rotation, np.eye(3), atol=1e-15)
     assert np.linalg.det(T.rotation) == pytest.approx(1.0)

@@ -63,7 +63,7 @@ def settled(words: Vector, q: Vector, dq: Vector, now: float = 0.0, law: Vector 
 @pytest.mark.parametrize(
     ("pull", "turn"), [((0.0, 0.0, 0.0), 0.0), ((0.004, -0.002, 0.003), 0.0), ((0.0, 0.0, 0.0), 0.1)]
 )
-def test_springs_at_the_tip_pull_it_and_turn_the_axis_towards_the_setpoint(theta, pull, turn) -> None:
+def test_springs_pull_the_tip_and_turn_the_axis_to_the_setpoint(theta, pull, turn) -> None:
     """As printed, v x v* with -K e would turn it away."""
     tip, axis = tip_of(Q, theta, 0.05)
     normal = np.cross(axis, [0.0, 1.0, 0.0])
@@ -74,7 +74,7 @@ def test_springs_at_the_tip_pull_it_and_turn_the_axis_towards_the_setpoint(theta
     np.testing.assert_allclose(settled(words, Q, np.zeros(7)), expected, atol=1e-3)
 
 
-def test_no_step_changes_a_torque_by_more_than_the_arm_allows() -> None:
+def test_no_torque_exceeds_the_rate_and_level_of_the_arm() -> None:
     tip, axis = tip_of(Q, 0.0, 0.05)
     words = setpoint_words.pack(setpoint(tip + 0.5, axis), 0.0)
     tau = impedance.torque(ARM, words, np.zeros(impedance.STATE_WORDS), Q, np.zeros(7), 0.0, PERIOD)
@@ -95,7 +95,7 @@ def held_torque(q: Vector, dq: Vector, law: Vector | None = None) -> Vector:
     return settled(holding_words(), q, dq, law=state)
 
 
-def test_an_arm_that_holds_still_is_drawn_back_and_slowed_down_alike_in_every_direction() -> None:
+def test_a_holding_arm_is_drawn_back_and_damped_alike_everywhere() -> None:
     """The inertia is that of where it began."""
     dq = np.array([0.02, -0.03, 0.01, 0.04, -0.02, 0.05, 0.03])
     away = 1e-3 * np.array([1.0, -2.0, 0.5, 1.5, -1.0, 2.0, 3.0])
@@ -107,9 +107,7 @@ def test_an_arm_that_holds_still_is_drawn_back_and_slowed_down_alike_in_every_di
 @pytest.mark.parametrize(
     ("learnt", "deviation", "rotor"), [(0.06, 0.02, 0.04), (0.06, 0.08, 0.0), (-0.06, 0.02, 0.0), (9.0, 0.02, 0.1)]
 )
-def test_an_arm_that_holds_still_counts_on_the_rotors_that_it_has_shown_for_sure(
-    learnt: float, deviation: float, rotor: float
-) -> None:
+def test_a_holding_arm_uses_learnt_rotors_less_their_deviation(learnt: float, deviation: float, rotor: float) -> None:
     """No more than five times the least that may show: 0.125 kg·m² in the wrist, where 0.025 is the model's."""
     figures, deviations = np.zeros((7, learning.FIGURES)), learning.doubts(PANDA)
     figures[6, learning.ROTOR], deviations[6, learning.ROTOR] = learnt, deviation
@@ -127,7 +125,7 @@ def coriolis(q: Vector, dq: Vector) -> Vector:
     return torques
 
 
-def test_the_omitted_coriolis_torques_are_small_at_the_largest_speed_of_a_transfer() -> None:
+def test_omitted_coriolis_torques_are_small_at_transfer_speed() -> None:
     rng, torque, force = np.random.default_rng(1), 0.0, 0.0
     for _ in range(20):
         q, way = Q + rng.uniform(-0.5, 0.5, 7), rng.normal(size=3)

@@ -38,7 +38,6 @@ class GatewayPlc(Plc):
         self.take_report()
 
     def until(self, is_reached, **inputs):
-        """Cycle until something is reached."""
         self.v.update(inputs)
         for _ in range(LONGEST):
             if is_reached():

@@ -48,7 +48,7 @@ def test_names_are_identifiers_of_the_standard():
     assert all(0 <= number <= 0xFFFF for number in NAMES.values())
 
 
-def test_structured_text_has_no_anonymous_array_and_no_keyword_for_a_variable():
+def test_structured_text_names_its_arrays_and_avoids_keywords():
     types, _, block = as_structured_text(REGISTERS, NAMES).partition("FUNCTION_BLOCK")
     declared = re.findall(r"^    (\w+) : (\w+)", block, re.M)
     assert not [name for name, kind in declared if kind == "ARRAY"]
@@ -66,7 +66,7 @@ def test_siemens_types_are_as_large_as_the_blocks(udt, block):
     assert size == block.words
 
 
-def test_siemens_source_knows_no_address():
+def test_siemens_source_has_no_address():
     block = as_scl(REGISTERS, NAMES).partition("BEGIN")[2].partition("END_FUNCTION_BLOCK")[0]
     assert not re.search(r"(Command|Report)\[", block)
     assert "(*" not in block

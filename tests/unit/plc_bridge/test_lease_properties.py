@@ -158,7 +158,7 @@ class Cell:
 
 @settings(max_examples=150)
 @given(st.lists(ACTIONS, min_size=20, max_size=80))
-def test_only_the_holder_starts_and_the_holder_is_who_the_table_says(actions):
+def test_only_the_holder_by_the_table_starts(actions):
     cell = Cell()
     for action, link, seconds in actions:
         getattr(cell, action)(link, seconds)

@@ -25,7 +25,7 @@ from sim.world import scene
 SHIPPED = sorted(ARMS.glob("*.toml"))
 
 
-def test_every_shipped_arm_is_a_whole_one_of_its_own_and_its_file_names_its_sources():
+def test_every_shipped_arm_is_plausible_and_names_its_sources():
     arms = [read_arm(file) for file in SHIPPED]
     assert len({arm.name for arm in arms}) == len(arms) >= 2
     assert all(10.0 < sum(link.mass for link in arm.link) < 25.0 for arm in arms)
@@ -52,7 +52,7 @@ def test_the_second_finger_is_the_first_after_half_a_turn():
         ("[joints]", "[joints", "not TOML"),
     ],
 )
-def test_figures_that_no_arm_has_are_told_in_one_line(tmp_path, line, wrong, told):
+def test_implausible_figures_of_an_arm_are_refused_in_one_line(tmp_path, line, wrong, told):
     text = arm_file("panda").read_text(encoding="utf-8")
     assert line in text
     file = tmp_path / "bent.toml"
@@ -100,7 +100,7 @@ def test_the_links_are_where_the_laws_own_kinematics_have_them(arm):
 
 
 @pytest.mark.parametrize("tilt", [0.0, 0.7854])
-def test_the_joints_found_hold_the_peg_as_asked_within_their_limits(arm, tilt):
+def test_the_joints_found_hold_the_peg_within_their_limits(arm, tilt):
     tip, (axis, closing) = np.array([0.5, 0.03, 0.1]), Round(0.008).leaning(0.4, tilt)
     q = joints_at(arm, tip, axis, closing, LENGTH, ELBOW)
     position, finger, _, _ = impedance.forward(impedance.figures(arm), q)
@@ -138,7 +138,7 @@ def test_the_arms_inertia_is_that_of_the_physics(arm, q, loaded):
     np.testing.assert_allclose(joint_inertia(arm, q), M[:7, :7], rtol=1e-9, atol=1e-9)
 
 
-def test_a_push_at_the_tip_moves_it_as_its_inertia_says(arm, q):
+def test_a_push_accelerates_the_tip_by_its_inertia(arm, q):
     length, push = 0.05, np.array([3.0, -2.0, 1.0, 0.1, 0.2, -0.1])
     position, finger, axes, origins = impedance.forward(impedance.figures(arm), q)
     tip = position + length * finger[:, 0]
@@ -157,7 +157,7 @@ def compiled(arm, q):
     return dynamics.joint_inertia(figures[impedance.MASSES :], rotations, origins)
 
 
-def test_the_loops_inertia_is_that_of_the_plain_one_in_joints_and_at_the_tip(arm, q):
+def test_compiled_and_plain_inertia_agree_in_joints_and_at_the_tip(arm, q):
     length, made = 0.05, compiled(arm, q)
     np.testing.assert_allclose(made, joint_inertia(arm, q) + np.diag(arm.joints.rotor_inertia), rtol=1e-12, atol=1e-12)
     position, finger, axes, origins = impedance.forward(impedance.figures(arm), q)
@@ -186,7 +186,7 @@ def test_the_damping_does_not_depend_on_the_units_that_stiffness_comes_in(arm, q
     )
 
 
-def test_a_direction_without_stiffness_is_hardly_damped_and_the_others_are_as_before(arm, q):
+def test_a_direction_without_stiffness_is_hardly_damped(arm, q):
     L = tip_inertia(arm, q, 0.05)
     loose = dynamics.critical_damping(np.diag(np.diag(L)), np.array([*STIFFNESS[:5], 0.0]))
     whole = dynamics.critical_damping(np.diag(np.diag(L)), STIFFNESS)

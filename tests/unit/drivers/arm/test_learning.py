@@ -23,7 +23,6 @@ ROTOR = np.array([0.08, 0.02, 0.1, -0.03, 0.03, 0.02, 0.04])
 
 @pytest.fixture
 def state():
-    """Return the state of an observer that begins."""
     begun = np.zeros(learning.WORDS)
     learning.begin(begun, PANDA)
     return begun
@@ -63,7 +62,7 @@ def test_what_is_learnt_lies_within_its_own_interval(state):
     assert (np.abs(figures - truth) < 3.0 * deviations + 0.02).all()
 
 
-def test_a_push_teaches_nothing_while_the_hand_is_not_said_to_be_free(state):
+def test_a_push_teaches_nothing_while_the_hand_is_in_contact(state):
     before = moved(state, 3.0)[0]
     after = moved(state, 3.0, is_free=False, pushed=4.0)[0]
     np.testing.assert_array_equal(after, before)
@@ -83,7 +82,7 @@ def test_a_joint_at_rest_within_its_friction_teaches_nothing(state):
     np.testing.assert_array_equal(rested(state, 2.0, OFFSET + 0.5 * DRY)[0], before)
 
 
-def test_a_joint_that_moved_one_way_and_sticks_before_it_moves_back_separates_friction_from_offset(state):
+def test_sticking_before_the_return_separates_friction_from_offset(state):
     for _ in range(300):
         state[learning.COMMANDED : learning.COMMANDED + JOINTS] = (
             OFFSET + DRY + SMOOTH * math.tanh(0.5 / learning.SMOOTH_RATE)
@@ -97,7 +96,7 @@ def test_a_joint_that_moved_one_way_and_sticks_before_it_moves_back_separates_fr
     assert error.max() < 0.2
 
 
-def test_an_arm_that_is_held_back_learns_no_more_than_a_plausible_joint_has(state):
+def test_an_arm_held_back_learns_no_implausible_figures(state):
     figures, _ = rested(state, 1.0, np.full(JOINTS, 20.0))
     doubts = learning.doubts(PANDA)[:, : learning.ROTOR]
     assert (np.abs(figures[:, : learning.ROTOR]).sum(axis=1) <= 3.0 * np.sqrt((doubts**2).sum(axis=1))).all()
@@ -110,7 +109,7 @@ def test_joints_that_warm_up_are_learnt_anew(state):
     np.testing.assert_allclose(together, 0.5 * DRY + SMOOTH, atol=0.08)
 
 
-def test_friction_is_fed_forward_along_the_commanded_motion_and_an_offset_always(state):
+def test_friction_is_fed_forward_in_motion_and_an_offset_always(state):
     figures, _ = moved(state, 3.0)
     at_rest, there, back = (learning.feed_forward(state, 1, wanted) for wanted in (0.0, 0.5, -0.5))
     assert at_rest == pytest.approx(figures[1, learning.OFFSET])
@@ -119,7 +118,7 @@ def test_friction_is_fed_forward_along_the_commanded_motion_and_an_offset_always
     assert 0.5 * (there + back) == pytest.approx(at_rest)
 
 
-def test_a_new_arm_is_left_alone_and_what_was_learnt_outlasts_a_restart_of_the_loop(state):
+def test_a_new_arm_has_no_feed_forward_and_a_pause_forgets_nothing(state):
     assert learning.feed_forward(state, 3, 0.7) == 0.0
     before = moved(state, 3.0)
     learning.pause(state)
@@ -181,7 +180,7 @@ def test_a_file_that_cannot_be_written_leaves_the_old_one(tmp_path, monkeypatch)
     assert read_arm_calibration(tmp_path / "arm.toml", PANDA, "at 172.16.0.2") == calibration()
 
 
-def test_learning_begins_surer_than_with_nothing_but_not_as_sure_as_was_measured():
+def test_a_calibration_narrows_the_prior_less_than_its_own_intervals():
     figures, deviations = calibration().believed(PANDA)
     likely = learning.doubts(PANDA)
     np.testing.assert_allclose(figures[:, :3], [[0.4, 0.05, 0.2]] * 7)

@@ -70,7 +70,7 @@ def test_the_lowest_point_of_a_chamfered_peg_is_that_of_the_lower_rim(degrees: f
     assert np.linalg.norm(points - lowest, axis=1).min() < 5e-6
 
 
-def test_an_upright_chamfered_peg_is_lowest_in_its_middle_and_its_slot_has_no_chamfer() -> None:
+def test_an_upright_chamfered_peg_is_lowest_in_its_middle() -> None:
     np.testing.assert_array_equal(Round(0.008, 7e-4).lowest(np.ones(3), UP, np.array([1.0, 0.0, 0.0])), np.ones(3))
     assert Round(0.008, 7e-4).grown(1e-4) == Round(0.0082)
 
@@ -94,7 +94,7 @@ def test_the_clearance_is_the_narrower_one(part: Part, hole: Part) -> None:
 
 
 @pytest.mark.parametrize("part", PARTS)
-def test_the_load_of_a_face_is_shared_out_wholly_and_evenly_about_its_axis(part: Part) -> None:
+def test_the_load_of_a_face_is_shared_wholly_and_evenly(part: Part) -> None:
     places, shares = part.face.groove(8.5e-4)
     strips = part.face.strips(2.5e-4)
     assert (shares.sum(), strips.sum()) == (pytest.approx(1.0), pytest.approx(1.0))

@@ -103,7 +103,7 @@ def test_board_that_was_unplugged_comes_back_with_the_old_baseline(rig, seconds)
     assert back[-1].sequence > before.sequence
 
 
-def test_a_skin_that_is_not_read_for_a_while_never_starts_from_the_beginning(rig):
+def test_a_skin_not_read_for_seconds_is_not_started_again(rig):
     for _ in range(5):
         rig.clock.wait_until(rig.clock.now() + 1.0)
         assert None not in rig.scan(1.5)
@@ -111,7 +111,7 @@ def test_a_skin_that_is_not_read_for_a_while_never_starts_from_the_beginning(rig
     assert rig.skin.read().stamp > rig.clock.now() - 0.15
 
 
-def test_what_is_wrong_is_said_while_the_skin_is_silent(rig):
+def test_a_silent_skin_is_reported_with_the_cause(rig):
     rig.unplug(10.0)
     rig.scan(1.0)
     with pytest.raises(
@@ -120,7 +120,7 @@ def test_what_is_wrong_is_said_while_the_skin_is_silent(rig):
         rig.skin.read()
 
 
-def test_exchanged_modules_are_told_until_the_skin_is_opened_again():
+def test_exchanged_modules_are_reported_until_the_skin_is_opened_again():
     rig = BoardRig(can_config())
     rig.skin.open()
     rig.hub.replace_modules((9, 8, 7, 6))
@@ -231,7 +231,7 @@ def test_skin_that_could_not_be_opened_can_be_opened_later(rig):
     assert rig.skin.read().sequence == 0
 
 
-def test_reading_before_opening_is_a_fault_and_figures_are_empty():
+def test_a_skin_that_is_not_open_has_no_readings_and_figures():
     skin = BoardRig(can_config()).skin
     with pytest.raises(DeviceNotOpenedError, match="read before it was opened"):
         skin.read()
@@ -241,7 +241,7 @@ def test_reading_before_opening_is_a_fault_and_figures_are_empty():
 
 
 @pytest.mark.parametrize("number", range(len(SENT)))
-def test_whatever_got_lost_while_the_board_was_started_is_said_again(number):
+def test_any_frame_lost_during_the_start_is_sent_again(number):
     rig, sent = BoardRig(can_config(open_timeout=6.0)), []
     real = rig.link.write
 
@@ -257,7 +257,7 @@ def test_whatever_got_lost_while_the_board_was_started_is_said_again(number):
     assert rig.skin.figures().rate == pytest.approx(10.0, rel=0.05)
 
 
-def test_what_was_lost_while_nobody_listened_is_no_silence_but_a_silent_board_still_is(rig):
+def test_a_pause_of_the_reader_is_no_silence_of_the_board(rig):
     rig.skin.open()
     rig.unplug(20.0)
     rig.clock.wait_until(rig.clock.now() + 19.9)

@@ -192,7 +192,7 @@ def test_sensor_data_that_do_not_fit_the_modules_are_refused(payload):
 
 
 @given(st.data())
-def test_parts_of_two_scans_are_never_mixed_and_scans_without_a_part_are_counted(data):
+def test_parts_of_two_scans_are_never_mixed(data):
     """Scan n reads n everywhere; parts get lost at random."""
     halves = ScanAssembler(2, 0.05)
     for stamp in (0.0, 0.1, 0.2):

@@ -36,7 +36,7 @@ def test_dead_and_stuck_taxels_are_masked_from_the_start():
     ("count", "is_trusted"),
     [(CONFIG.saturation - 1, True), (CONFIG.saturation, False), (ERROR_COUNT, False), (65535, False)],
 )
-def test_a_reading_at_the_rail_or_in_error_is_masked_and_one_below_is_not(count, is_trusted):
+def test_a_reading_is_masked_from_the_rail_on(count, is_trusted):
     raw = _still(1)[0]
     raw[5] = count
     values, trusted = _health().update(raw, 0.1)
@@ -72,7 +72,7 @@ def test_a_skin_is_trusted_again_once_it_measures(count, frames):
     assert trusted.all()
 
 
-def test_the_baseline_keeps_up_with_the_drift_of_a_skin_that_is_gripped_most_of_the_time():
+def test_the_baseline_follows_drift_between_long_grips():
     """Forty parts, each in the hand for 20 s, with 5 s of an open hand before the next; noise and drift as in [cyskin]."""
     rng, noise, period = np.random.default_rng(7), 200.0, 0.1
     offset, stamp = np.full(TAXELS, 5000.0), 0.0
@@ -88,7 +88,7 @@ def test_the_baseline_keeps_up_with_the_drift_of_a_skin_that_is_gripped_most_of_
     assert np.std(behind[10:]) < 0.4 * noise
 
 
-def test_a_quiet_taxel_that_drifted_during_a_grip_does_not_stop_the_baseline():
+def test_drift_during_a_grip_does_not_stop_the_baseline():
     rng, still = np.random.default_rng(1), _still()
     still[:, 0] = 5000 + rng.integers(-20, 21, len(still))
     health = _health(still)
@@ -105,7 +105,7 @@ def test_a_skin_that_is_wholly_trusted_is_given_back():
     assert require_trust(frame, "parallelogram") is frame
 
 
-def test_dead_modules_and_single_taxels_are_named_each_as_what_it_is():
+def test_dead_modules_and_single_taxels_are_named():
     trusted = np.ones((2, 20), dtype=bool)
     trusted[1, 10:] = trusted[0, [3, 7]] = False
     with pytest.raises(SkinUntrustedError) as told:
@@ -121,7 +121,7 @@ def test_dead_modules_and_single_taxels_are_named_each_as_what_it_is():
     [(slice(24), True), (slice(25), False), (slice(0, None, 3), True), (slice(1, None), False), (slice(50), False)],
     ids=["less than half", "half", "every third", "all but one", "all"],
 )
-def test_readings_at_the_rail_are_left_out_and_too_many_give_no_baseline(at_rail, is_usable):
+def test_readings_at_the_rail_are_left_out_of_the_baseline(at_rail, is_usable):
     still = _still()
     before = still[:, 2].astype(float)
     still[at_rail, 2] = CONFIG.saturation
@@ -132,7 +132,7 @@ def test_readings_at_the_rail_are_left_out_and_too_many_give_no_baseline(at_rail
     assert (health.baseline[2], health.noise[2]) == pytest.approx(expected, abs=1e-6)
 
 
-def test_the_baseline_does_not_eat_a_print_that_no_taxel_shows_by_itself():
+def test_the_baseline_does_not_follow_a_faint_print():
     """A third of the taxels at three times their noise is the print of a grip of 10 N."""
     health, pressed = _health(_still(taxels=40)), 900.0 * (np.arange(40) % 3 == 0)
     before = health.baseline.copy()
@@ -205,11 +205,11 @@ def test_zero_is_a_measurement_only_within_a_touch_of_the_baseline(level, raw, t
         ((10, 39, 10, 38), False),
     ],
 )
-def test_the_baseline_follows_up_to_exactly_a_touch_of_one_taxel_and_a_faint_and_even_one_of_all(above, is_followed):
+def test_the_baseline_follows_up_to_a_touch_of_one_or_all_taxels(above, is_followed):
     assert follows(even(5000), above) is is_followed
 
 
-def test_taxels_that_are_not_trusted_do_not_hide_a_print_of_the_others():
+def test_untrusted_taxels_do_not_hide_a_print_of_the_others():
     still = _still(taxels=40)
     still[:, 10:] = 0
     health = _health(still)

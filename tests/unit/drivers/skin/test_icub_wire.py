@@ -53,6 +53,6 @@ def test_counts_rise_with_pressure(value, counts):
 
 
 @pytest.mark.parametrize(("faults", "marked"), [({"out_of_range": 1 << 4}, [4]), ({"error": 1}, list(range(12)))])
-def test_a_taxel_out_of_range_or_all_of_a_triangle_in_error_are_marked(faults, marked):
+def test_taxels_out_of_range_or_in_error_are_marked(faults, marked):
     counts = TriangleReading((0xF0,) * 12, **faults).counts()
     assert np.flatnonzero(counts >= ERROR_COUNT).tolist() == marked

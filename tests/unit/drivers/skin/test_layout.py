@@ -17,7 +17,7 @@ def _areas(layout):
 
 
 @pytest.mark.parametrize("layout", LAYOUTS)
-def test_taxels_are_a_pitch_apart_about_the_finger_centre_and_the_left_ones_mirror_the_right(layout):
+def test_taxels_are_a_pitch_apart_and_mirrored_between_the_fingers(layout):
     taxels, (left, right) = positions(layout), finger_positions(layout)
     distance = np.linalg.norm(taxels[:, None] - taxels, axis=-1) + np.eye(20)
     assert distance.min(axis=1) == pytest.approx(PITCH)
@@ -114,7 +114,7 @@ def test_calibration_of_another_layout_is_refused(path):
         ("date = ", "date ", "not TOML"),
     ],
 )
-def test_file_that_is_no_calibration_is_told_in_one_line(path, old, new, said):
+def test_a_file_that_is_no_calibration_is_refused_in_one_line(path, old, new, said):
     FOUND.write(path)
     text = path.read_text()
     assert old in text

@@ -42,7 +42,7 @@ def test_taxels_that_change_places_between_two_frames_are_named(exchange):
         order.require()
 
 
-def test_an_exchange_is_told_once_for_some_frames_also_if_nobody_has_asked_and_then_taken_for_known():
+def test_an_exchange_is_reported_for_some_frames_and_then_accepted():
     raws = [as_told(raw, "the two fingers") for raw in frames(ASLANT, TOLD + 6)]
     unasked, order = (taken(TaxelOrder("parallelogram", NOISE), [*frames(ASLANT, 2, 2), *raws[:2]]) for _ in range(2))
     for raw in raws[2 : TOLD + 3]:
@@ -68,7 +68,7 @@ def test_a_hand_that_closes_and_a_peg_that_turns_change_no_order():
     taken(TaxelOrder("parallelogram", NOISE), [*empty, *held, *empty]).require()
 
 
-def test_a_taxel_that_is_not_trusted_says_nothing_of_the_order():
+def test_untrusted_taxels_show_no_exchange():
     raws, order = frames(ASLANT, 4), TaxelOrder("parallelogram", NOISE)
     for raw in (*raws[:2], *(as_told(raw, "the two fingers") for raw in raws[2:])):
         order.take(raw, raw - REST, ~TRUSTED)

@@ -62,14 +62,14 @@ def test_recording_that_has_not_begun_or_has_ended_cannot_be_read(path):
 
 
 @pytest.mark.parametrize("text", ["", "1 2 3", "1 2 3\n0 0.0 1 2", "a b\n0 0.1 1 2", "1 2\n0 0.1 1 x"])
-def test_file_that_is_no_recording_is_told_in_one_line(tmp_path, text):
+def test_a_file_that_is_no_recording_is_refused_in_one_line(tmp_path, text):
     file = tmp_path / "patch.txt"
     file.write_text(text)
     with pytest.raises(ConfigError, match=r"patch\.txt: no recording"):
         _opened(file)
 
 
-def test_missing_file_and_missing_modules_are_told(path):
+def test_missing_file_and_missing_modules_are_named(path):
     with pytest.raises(ConfigError, match="cannot be read"):
         _opened(path.with_name("other.txt"))
     uid, *rows = (line.split() for line in path.read_text().splitlines())

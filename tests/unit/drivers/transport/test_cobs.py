@@ -19,7 +19,7 @@ def test_content_comes_back_and_only_the_end_is_zero(content):
 
 
 @pytest.mark.parametrize("length", [252, 253, 508, 509])
-def test_longest_run_costs_one_byte_each_254_and_the_crc_is_that_of_the_catalogue(length):
+def test_a_frame_is_at_most_one_byte_in_254_longer(length):
     assert len(frame(b"x" * length)) <= length + 2 + 3 + 1
     assert crc16(b"123456789") == 0xD64E
 

@@ -77,7 +77,7 @@ def test_recorded_wire_is_played_back_bit_for_bit(name, tmp_path):
     assert play.differing == 0
 
 
-def test_file_says_what_came_when(tmp_path):
+def test_a_recording_has_every_frame_with_its_time(tmp_path):
     path = tmp_path / "traffic"
     recorded("can", path, seconds=1.0)
     lines = path.read_text().splitlines()
@@ -108,19 +108,19 @@ def test_recording_that_was_cut_off_plays_up_to_there(tmp_path):
         ("# cell traffic 1 can\n< 101 00\n@ 2.0\n", "line 2"),
     ],
 )
-def test_file_that_is_no_traffic_is_told_in_one_line(tmp_path, text, said):
+def test_a_file_that_is_no_traffic_is_refused_in_one_line(tmp_path, text, said):
     path = tmp_path / "traffic"
     path.write_text(text)
     with pytest.raises(ConfigError, match=said):
         TrafficPlayback(path)
 
 
-def test_file_that_cannot_be_written_is_told(tmp_path):
+def test_a_recording_that_cannot_be_written_is_refused(tmp_path):
     with pytest.raises(ConfigError, match="traffic cannot be written"):
         Recorder(tmp_path / "no" / "folder", "can", BoardRig(WIRED["can"]).clock).open()
 
 
-def test_driver_that_says_something_else_is_noticed(tmp_path):
+def test_a_driver_that_sends_other_frames_is_noticed(tmp_path):
     path = tmp_path / "traffic"
     recorded("can", path, seconds=1.0)
     play = PlaybackCan(path)

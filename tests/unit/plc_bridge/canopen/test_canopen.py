@@ -114,7 +114,7 @@ def test_a_lost_bus_is_opened_again_and_the_node_goes_on(rig):
     assert late.count(HEARTBEAT) >= 4
 
 
-def test_pauses_grow_while_the_bus_stays_away_and_the_loss_is_told_once(rig, caplog):
+def test_pauses_grow_and_the_loss_is_logged_once(rig, caplog):
     rig.bus.is_cut = True
     rig.run(0.02)
     rig.bus.is_missing = True
@@ -144,7 +144,7 @@ def test_only_a_bus_that_has_spoken_and_falls_silent_is_opened_anew(rig, spoken,
     assert len(rig.bus.opened) == opened
 
 
-def test_a_bus_that_is_missing_at_the_start_is_said_at_once():
+def test_a_bus_missing_at_the_start_is_refused_at_once():
     bus = FakeBus()
     bus.is_missing = True
     server = CanopenServer(CONFIG, REGISTERS, bus, Bridge(PlcConfig(), {}))

@@ -178,14 +178,14 @@ def test_a_wish_for_the_lease_that_there_is_not_is_refused(operational, wish):
     assert (operational.read(0x2000, 6), operational.bridge.holder) == (0, "")
 
 
-def test_a_pdo_that_is_too_short_is_not_processed_and_said_once(operational):
+def test_a_short_pdo_is_left_and_reported_once(operational):
     for _ in range(2):
         operational.give(0x200 + NODE, bytes(7))
     assert [numbers(data[:2]) for data in operational.take(EMCY)] == [[0x8210]]
     assert operational.node.counts.malformed == 2
 
 
-def test_each_kind_of_refusal_is_logged_once_with_who_what_and_why(rig, caplog):
+def test_each_kind_of_refusal_is_logged_once(rig, caplog):
     for _ in range(3):
         rig.write(0x2000, PLACES["command_parameter_1"].subindex, 5001, 4)
         rig.give(0, [START])
@@ -208,7 +208,7 @@ def test_anybody_may_stop_in_any_state(rig, command):
     assert rig.bridge.poll() == Command(UNNUMBERED, Control.STOP, source=ANYBODY)
 
 
-def test_somebody_who_stops_is_no_sign_of_life_of_the_plc(rig):
+def test_the_stop_of_another_node_is_no_sign_of_life(rig):
     rig.start()
     rig.now += 0.9
     rig.give(STOP_OBJECT, b"\x00")
@@ -233,7 +233,7 @@ def test_a_run_stops_when_the_heartbeat_of_the_plc_ends(rig, behaviour):
 
 
 @pytest.mark.parametrize(("behaviour", "state"), [(0, 127), (1, 5), (2, 4)])
-def test_object_1029_says_where_a_lost_heartbeat_leads(rig, behaviour, state):
+def test_object_1029_sets_the_state_after_a_lost_heartbeat(rig, behaviour, state):
     rig.write(0x1029, 1, behaviour, 1)
     rig.nmt(START)
     rig.beat()
@@ -352,7 +352,7 @@ def test_the_life_counter_keeps_its_inhibit_time(rig):
 
 
 @pytest.mark.parametrize(("fault", "said"), [(1001, "01ff 91 e903 7011 01"), (2002, "02ff 81 d207 7011 01")])
-def test_a_fault_is_shouted_with_its_code_and_run_once_the_node_may_speak(rig, fault, said):
+def test_a_fault_is_sent_as_emergency_once_the_node_may_send(rig, fault, said):
     """A fault of the skin or its wire, 1xxx, is one of communication too."""
     rig.nmt(STOP)
     rig.take()
@@ -369,7 +369,7 @@ def test_a_fault_is_shouted_with_its_code_and_run_once_the_node_may_speak(rig, f
     assert [data[:3] for data in rig.take(EMCY)] == [bytes(3)]
 
 
-def test_after_a_lost_bus_everything_is_told_again(operational):
+def test_after_a_lost_bus_everything_is_sent_again(operational):
     operational.node.recover()
     operational.wait(0.01)
     sent = [frame.id for frame in operational.sent]

@@ -196,7 +196,7 @@ def test_what_is_written_in_segments_is_read_in_segments(data):
         (b"\x20\x00\x20\x02\xff\xff\xff\xff", b"\x0b\x34\x12\x00\x00\x00\x00\x00"),
     ],
 )
-def test_a_client_that_does_not_say_how_long_a_value_is_writes_as_much_as_the_object_holds(requests):
+def test_a_value_of_unstated_length_fills_its_object(requests):
     objects = Memory()
     server = SdoServer(objects)
     answers = [server.answer(request, 0.0) for request in requests]

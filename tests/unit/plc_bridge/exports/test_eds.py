@@ -51,7 +51,7 @@ def test_the_checker_reads_the_same_mapping(path):
         assert [pdo.cob_id for pdo in pdos.values()] == [base + NODE for base in bases]
 
 
-def test_lines_end_as_the_standard_asks():
+def test_lines_end_as_the_standard_requires():
     text = as_eds(table())
     assert text.count("\n") == text.count("\r\n") > 100
 

@@ -51,7 +51,6 @@ class Plc:
         self.v["Report"] = self.bridge.report_words(self.source)
 
     def spoil(self, name, value):
-        """Put another value into the report."""
         self.v["Report"][next(r.address for r in REPORT.registers if r.name == f"report_{name}")] = value
 
     def connect(self):
@@ -239,7 +238,7 @@ def test_run_waits_while_hold_is_true(kind, before):
     assert plc.ended(run, Result.ABORTED) == ["CommandAborted"]
 
 
-def test_hold_before_a_run_and_after_it_asks_for_nothing(plc):
+def test_hold_without_a_run_requests_nothing(plc):
     plc.publish(Report(state=4))
     plc.cycle(5, Hold=True)
     assert plc.bridge.poll() is None
@@ -249,7 +248,7 @@ def test_hold_before_a_run_and_after_it_asks_for_nothing(plc):
     assert [plc.bridge.poll().code, plc.bridge.poll()] == [Control.ACKNOWLEDGE, None]
 
 
-def test_hold_that_is_refused_is_not_asked_for_again(plc):
+def test_a_refused_hold_is_not_requested_again(plc):
     run = plc.runs(3)
     plc.cycle(3, Hold=True)
     plc.bridge.refuse(plc.bridge.poll(), Refusal.NOT_READY)
@@ -371,6 +370,6 @@ def test_wide_values_are_put_together(plc):
     assert plc.v["StageTime"][1:4] == [1.5, 2.25, 0.0]
 
 
-def test_comments_close_where_they_shall():
+def test_comments_are_closed():
     assert TEXT.isascii()
     assert TEXT.count("(*") == TEXT.count("*)")

@@ -54,7 +54,7 @@ def station():
         ("08 0000 A537 0001", "08 0000 A537 0001"),
     ],
 )
-def test_requests_are_answered_as_the_specification_says(station, request_, response):
+def test_requests_are_answered_by_the_specification(station, request_, response):
     assert respond(bytes.fromhex(request_), station) == bytes.fromhex(response)
 
 
@@ -137,7 +137,7 @@ def test_server_id_is_the_product_and_whether_it_runs(station):
     ("code", "first", "numbers"),
     [(1, 0, [0, 1, 2]), (1, 2, [2]), (1, 9, [0, 1, 2]), (2, 0, [0, 1, 2, 4, 5]), (3, 0, [0, 1, 2, 4, 5]), (4, 4, [4])],
 )
-def test_the_device_says_who_it_is(station, code, first, numbers):
+def test_the_device_identifies_itself(station, code, first, numbers):
     answer = respond(bytes([43, 14, code, first]), station)
     assert answer[:7] == bytes([43, 14, code, 0x82, 0, 0, len(numbers)])
     found, rest = [], answer[7:]
@@ -161,7 +161,7 @@ def test_largest_read_and_write_are_served(station, request_, response):
     assert respond(bytes.fromhex(request_), station) == bytes.fromhex(response)
 
 
-def test_what_a_client_has_no_right_to_is_no_function_for_it(station):
+def test_without_the_right_a_function_does_not_exist(station):
     def refuse(address, words):
         raise PermissionError
 

@@ -52,7 +52,7 @@ def test_request_is_answered_with_its_unit_and_check_sum():
 @pytest.mark.parametrize(
     ("unit", "value"), [("02", "0000"), ("F7", "0000"), ("F8", "0000"), ("FF", "0000"), ("00", "0007")]
 )
-def test_broadcast_alone_is_done_unanswered_and_other_units_are_left(rtu, unit, value):
+def test_a_broadcast_is_obeyed_unanswered_and_other_units_are_ignored(rtu, unit, value):
     assert rtu.ask(f"{unit} 06 0003 0007") == []
     assert rtu.ask("01 03 0003 0001") == [bytes.fromhex("01 03 02" + value)]
 
@@ -90,7 +90,7 @@ def test_request_is_put_together_over_one_pause_and_given_up_after_two(rtu):
 
 
 @pytest.mark.parametrize(("unit", "answers"), [("01", ["01 03 02 0007"]), ("02", [])])
-def test_late_reader_serves_both_requests_and_answers_the_last_if_it_is_its_own(rtu, unit, answers):
+def test_a_late_reader_serves_both_and_answers_its_last(rtu, unit, answers):
     late = bytes.fromhex("01 06 0003 0007"), bytes.fromhex(f"{unit} 03 0003 0001")
     assert rtu.hear(b"".join(map(with_check_sum, late))) == [bytes.fromhex(each) for each in answers]
 
@@ -113,7 +113,7 @@ def test_noise_never_changes_a_register_and_never_makes_the_line_deaf(rtu):
 
 
 @pytest.mark.parametrize("error", [LineLostError("serial port: gone"), ZeroDivisionError("what nobody foresaw")])
-def test_whatever_breaks_the_line_is_opened_again_and_no_thread_is_dead(caplog, error):
+def test_a_broken_line_is_opened_again_and_its_thread_lives(caplog, error):
     opened, is_served = [], threading.Event()
 
     class BreakingLine(SerialWire):

@@ -42,7 +42,7 @@ def test_broken_frame_does_not_hide_the_next():
 
 
 @pytest.mark.parametrize("request_", ["01 2B 0E 01 00", "01 03 0000 00", "01 07", "01 10 0001 0002 04 0001"])
-def test_request_of_unknown_function_or_length_is_handed_on_when_it_comes_alone(request_):
+def test_an_unknown_request_alone_is_handed_on(request_):
     request = bytes.fromhex(request_)
     assert received(with_check_sum(request))[0] == [request]
 

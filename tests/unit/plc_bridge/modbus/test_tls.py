@@ -63,7 +63,7 @@ def test_wrong_settings_are_rejected(authority, wrong):
         config(authority, **wrong)
 
 
-def test_context_asks_for_certificates_and_for_tls_1_2(authority):
+def test_certificates_and_tls_1_2_are_required(authority):
     context = server_context(config(authority))
     assert (context.verify_mode, context.minimum_version) == (ssl.CERT_REQUIRED, ssl.TLSVersion.TLSv1_2)
 

@@ -128,7 +128,7 @@ def test_result_and_its_details_give_way_to_the_next_command():
     assert (answer.run, answer.stage, answer.stage_times, answer.state) == (0, 0, (), 17)
 
 
-def test_report_of_the_run_before_does_not_end_the_next_of_the_same_number():
+def test_a_late_report_does_not_end_the_next_run():
     line = Line("a", "b").ended(source="a")
     line.write("a", lease=Lease.RELEASE)
     line.ask(source="b")
@@ -163,7 +163,7 @@ def test_commands_beyond_their_limits_are_refused_with_the_detail(line, changes,
     assert line.handshake.diagnostics.refusals == (refusal is not Refusal.NONE)
 
 
-def test_torn_block_counts_once_it_is_whole_and_is_refused_after_the_timeout():
+def test_a_torn_block_counts_once_whole_until_the_timeout():
     for now, tail_gives, refusal in ((1.0, True, Refusal.NONE), (1.01, False, Refusal.TORN)):
         line = Line()
         line.write(sequence=1, life=1, life_tail=1)
@@ -200,7 +200,7 @@ def test_reconnected_plc_finds_the_result_of_the_same_command_only(recipe, resul
 # The lease, and links side by side.
 
 
-def test_a_link_reads_any_run_before_its_first_write_and_its_own_after():
+def test_a_link_reads_any_run_until_its_first_write():
     line = Line("a", "b", "screen")
     line.run(source="a")
     assert (line.answer("screen").sequence, line.answer("screen").answered) == (2, 2)
@@ -211,7 +211,7 @@ def test_a_link_reads_any_run_before_its_first_write_and_its_own_after():
     assert (line.answer("a").sequence, line.answer("a").result) == (2, Result.SUCCESS)
 
 
-def test_a_link_that_takes_the_lease_and_asks_for_nothing_loses_it(line):
+def test_an_idle_holder_loses_the_lease(line):
     line.now = 3.0
     line.connect("panel")
     assert line.write("panel", is_numbered=False, lease=Lease.TAKE).lease is LeaseState.YOURS
@@ -257,7 +257,7 @@ def test_ready_is_true_if_a_start_of_this_link_would_be_taken():
 # A user of the page, whose orders have no numbers of their own.
 
 
-def test_a_user_reads_any_run_before_the_first_order_and_the_own_after():
+def test_a_user_reads_any_run_until_the_first_order():
     line = Line("plc", "page")
     line.run(7)
     assert line.answer("page").sequence == 7
@@ -347,7 +347,7 @@ def test_refusal_of_a_control_leaves_the_run_and_its_result_alone(line, is_over)
     assert line.answer().result is Result.SUCCESS
 
 
-def test_a_control_refused_behind_the_next_command_does_not_answer_for_it():
+def test_a_refused_control_does_not_answer_the_next_command():
     line = Line().ended()
     line.write(sequence=3, code=Control.UNHOLD)
     control = line.handshake.poll()
@@ -371,7 +371,7 @@ def test_a_life_counter_that_stands_still_loses_run_and_lease(line, silence, is_
     assert line.handshake.holder == ("" if is_lost else "plc")
 
 
-def test_a_number_after_a_loss_is_adopted_and_told_once_what_to_do(line, caplog):
+def test_a_number_after_a_loss_is_adopted_with_the_remedy(line, caplog):
     line.run(life=1)
     line.now = 1.5
     assert line.poll().code == Control.LOST
@@ -384,7 +384,7 @@ def test_a_number_after_a_loss_is_adopted_and_told_once_what_to_do(line, caplog)
 
 
 @pytest.mark.parametrize("refusal", [each for each in Refusal if each is not Refusal.NONE])
-def test_every_refusal_says_what_to_do(refusal):
+def test_every_refusal_has_a_remedy(refusal):
     assert REMEDIES[refusal]
 
 
@@ -452,7 +452,7 @@ def test_execute_coil_acknowledges_when_it_falls_but_not_before_the_end(line):
     assert line.coils(execute=False).result is Result.NONE
 
 
-def test_a_refused_reset_is_an_error_also_beside_a_control_that_execute_gave(line):
+def test_a_refused_reset_beside_a_served_execute_is_an_error(line):
     line.write(sequence=1, code=Control.STOP)
     line.poll()
     line.write(sequence=2, code=0)
@@ -472,7 +472,7 @@ def test_a_refused_reset_is_an_error_also_beside_a_control_that_execute_gave(lin
     "later", [[(3, Control.HOLD)], [(3, Control.HOLD), (4, Control.UNHOLD)], [(3, INSERT)], [(3, Control.NONE)]]
 )
 @pytest.mark.parametrize("again", [False, True])
-def test_a_run_is_found_by_the_number_that_its_connection_had_come_to(line, later, again):
+def test_a_run_is_found_by_the_last_number_of_its_connection(line, later, again):
     line.run()
     for sequence, code in later:
         line.write(sequence=sequence, code=code)
@@ -500,7 +500,7 @@ def test_another_number_or_command_does_not_find_the_run(line, changed):
     assert (answer.refusal, answer.sequence) == (Refusal.ADOPTED, changed.get("sequence", 3))
 
 
-def test_a_stop_that_stands_in_the_block_of_a_new_connection_stops_again(line):
+def test_a_stop_in_the_block_of_a_new_connection_stops_again(line):
     line.run()
     line.write(sequence=3, code=Control.STOP)
     line.poll()

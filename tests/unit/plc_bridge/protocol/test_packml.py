@@ -27,7 +27,7 @@ def test_time_is_counted_for_the_state_that_was():
         (Report(state=4, transition=Control.RESET), 0),
     ],
 )
-def test_why_the_cell_stopped_is_told_until_it_goes_on(report, reason):
+def test_the_reason_of_a_stop_is_shown_until_the_restart(report, reason):
     tags = PackTags()
     tags.record(report, 0.0)
     assert values(tags)["stop_reason"] == reason

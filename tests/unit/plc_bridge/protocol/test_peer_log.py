@@ -17,7 +17,7 @@ def told(caplog, now, hosts):
     return log, [record.getMessage() for record in caplog.records]
 
 
-def test_one_host_has_so_many_lines_in_a_period_and_hides_nobody_else(caplog):
+def test_the_lines_about_one_host_are_limited(caplog):
     now = [0.0]
     log, lines = told(caplog, now, ["a"] * 1000 + ["b"])
     assert lines == ["a: bad"] * LINES + [f"a: no more lines about it for {PERIOD:g} s", "b: bad"]
@@ -30,6 +30,6 @@ def test_one_host_has_so_many_lines_in_a_period_and_hides_nobody_else(caplog):
 
 
 @pytest.mark.parametrize(("others", "is_forgotten"), [(HOSTS - 1, False), (HOSTS, True)])
-def test_the_host_heard_longest_ago_is_forgotten_beyond_the_limit(caplog, others, is_forgotten):
+def test_the_oldest_host_is_forgotten_beyond_the_limit(caplog, others, is_forgotten):
     _, lines = told(caplog, [0.0], ["a"] * LINES + [str(n) for n in range(others)] + ["a"])
     assert (lines[-1] == "a: bad") is is_forgotten

@@ -62,7 +62,7 @@ def test_registers_and_objects_stay_where_plc_programs_expect_them(name, table, 
     assert (place.table, place.address, place.index, place.subindex) == (table, address, index, subindex)
 
 
-def test_a_plc_of_map_2_0_reads_the_whole_block_with_its_tail_at_the_end():
+def test_a_plc_of_map_2_0_finds_its_block_unchanged():
     image = Report(life=7, part=4, part_depth=0.012, life_tail=7, part_evidence=0x55, part_width=0.008)
     words = REPORT.words_of(image)
     assert (words[0], words[72], words[73:]) == (7, 7, [0x55, 80])

@@ -39,7 +39,7 @@ def test_numbers_wrap_and_a_late_one_is_not_taken_for_the_last(blocks, meanings)
     ("before", "after", "meanings"),
     [((10,), [(9, RUN), (11, RUN)], [LATE, FIRST]), ((10, RUN), [(10, RUN), (11, RUN)], [SAME, NEW])],
 )
-def test_after_a_loss_the_next_number_is_adopted_unless_the_last_comes_again(before, after, meanings):
+def test_after_a_loss_a_new_number_is_adopted(before, after, meanings):
     numbers = SequenceNumbers()
     numbers.see(*before)
     numbers.forget()
@@ -73,7 +73,7 @@ BEFORE = ((4, None, 8), (5, RUN, 9), (6, RUN, 11), (6, RUN, 12))
         ([(4, None, 13), (5, RUN, 14)], [ANEW, NEW]),
     ],
 )
-def test_whether_a_block_is_late_or_of_a_new_program_is_seen_at_its_life_counter(blocks, meanings):
+def test_the_life_counter_separates_late_blocks_from_a_new_program(blocks, meanings):
     assert seen(*BEFORE, *blocks)[len(BEFORE) :] == meanings
 
 
