@@ -102,7 +102,7 @@ def request(rng: random.Random) -> bytes:
 
 
 def is_harmless(pdu: bytes) -> bool:
-    """Return whether a PDU keeps its connection apart: it does not request to share the block of its host."""
+    """Return True if a PDU does not request to share the block of its host."""
     oracle = Oracle()
     oracle.answer(pdu)
     return oracle.words[LEASE] != 2
@@ -162,7 +162,7 @@ def attack_socket(connect: Callable[[], socket.socket], frames: int, seed: int, 
 def attack_handshake(
     address: tuple[str, int], connect: Callable[[], socket.socket], knocks: int, seed: int
 ) -> Counter[str]:
-    """Knock at the door of TLS with whatever is no handshake, and leave; afterwards the next client is served."""
+    """Send bytes that are no TLS handshake, and leave; afterwards the next client is served."""
     rng, seen = random.Random(seed), Counter[str]()
     beginnings = [
         bytes.fromhex(text) for text in ("", "16", "16 0301 0005 010000", "17 0303 4000", "15 0303 0002 0228")

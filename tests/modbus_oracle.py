@@ -21,14 +21,14 @@ MOST = {1: 2000, 2: 2000, 3: 125, 4: 125, 15: 1968, 16: 123}
 
 
 class Oracle:
-    """One connection's own block; `answer` says what a request gets and does what it asks for."""
+    """One connection's own block; `answer` returns the answer to a request and executes it."""
 
     def __init__(self) -> None:
         self.words = [0] * COMMAND_WORDS
         self.coils = [0] * COILS
 
     def answer(self, pdu: bytes) -> tuple[bytes, int]:
-        """Return how the answer begins and how long it is as a whole; what the report holds is not foreseen."""
+        """Return the beginning and the whole length of the answer; the content of the report is not foreseen."""
         function = pdu[0]
         if function in (8, 17, 43):
             told = self._tell(function, pdu)

@@ -1,7 +1,7 @@
 """`python -m tests.mutation`: small faults in the modules that guard or command, drawn with a seed, and how many the tests notice.
 
 mutmut makes the faults, as `[tool.mutmut]` in pyproject.toml says, and runs for each the tests beside the modules that reach
-it. Names of faults after the options try these alone.
+it. If names of faults follow the options, only these are tried.
 """
 
 import argparse

@@ -5,7 +5,7 @@ from plc_bridge.protocol.messages import Command, Report
 
 
 def take(bridge: Bridge) -> Command | None:
-    """Take the next command and accept it, as a cell does that can do everything."""
+    """Take the next command and accept it."""
     command = bridge.poll()
     if command is not None:
         bridge.accept(command)

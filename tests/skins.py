@@ -24,7 +24,7 @@ _BUSES = count()
 
 
 class ScriptedWorld:
-    """Time that passes when somebody waits, and a load between the pads; a Clock and a PadSource."""
+    """A Clock whose time passes only during waits, and a PadSource with a scripted load."""
 
     def __init__(self) -> None:
         self.time = 0.0
@@ -151,7 +151,7 @@ class BoardRig:
         return getattr(self.link.board, "hub", self.link.board)
 
     def scan(self, seconds: float, period: float = 0.01):
-        """Read once a scan for so long; return what was read, None where the skin was silent."""
+        """Return the frames read once a scan for `seconds`; None while the skin is silent."""
         frames = []
         for _ in range(round(seconds / period)):
             self.clock.wait_until(self.clock.now() + period)
@@ -162,7 +162,7 @@ class BoardRig:
         return frames
 
     def unplug(self, seconds: float) -> None:
-        """Take the board away from now on for so long."""
+        """Unplug the board for `seconds` from now on."""
         now = self.clock.now()
         self.link.faults = self.link.faults.model_copy(update={"unplugged": ((now, now + seconds),)})
 

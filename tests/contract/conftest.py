@@ -30,16 +30,16 @@ from tests.skins import WIRED, BoardRig, ScriptedWorld
 
 @dataclass
 class Bench:
-    """One device on the bench, with the clock that it keeps, and what can be done to it."""
+    """A device under test, its clock, and functions that act on it."""
 
     device: Any
     clock: Clock
     silence: Callable[[], None] | None = None
-    """Make it fall silent; None where the test cannot."""
+    """Function that silences the device; None if the test cannot."""
     press: Callable[[bool], None] | None = None
-    """Press or release a switch; None where the test cannot."""
+    """Function that presses or releases the switch; None if the test cannot."""
     clear: Callable[[], None] = lambda: None
-    """Clear the bench when all is done."""
+    """Function that clears the bench at the end."""
 
 
 def _hardware(request, name):

@@ -16,7 +16,7 @@ def opened(skin_bench):
 
 
 def scanned(bench, seconds, period=0.01):
-    """Yield what scans for so long read, its age when it is read, and how long the reading took, s."""
+    """Yield each frame read during `seconds`, its age when it is read, and the duration of the reading, s."""
     for _ in range(round(seconds / period)):
         bench.clock.wait_until(bench.clock.now() + period)
         now = bench.clock.now()

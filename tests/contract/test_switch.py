@@ -9,7 +9,7 @@ ANSWER_TIME = 0.05
 
 
 def wait(bench, time):
-    """Let so much time pass, s, read in every scan, and return what is read last."""
+    """Read in every scan for `time`, s, and return the last state."""
     end = bench.clock.now() + time
     while bench.clock.now() < end:
         bench.clock.wait_until(min(bench.clock.now() + 0.01, end))

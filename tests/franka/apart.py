@@ -15,7 +15,7 @@ from tests.franka.simulated import Seen, served
 
 
 class _Standing:
-    """Clock of a line whose acts take no time here: the cell lets their time pass."""
+    """Clock of a line whose acts take no time; the cell waits for them."""
 
     def now(self) -> float:
         return 0.0
@@ -43,7 +43,7 @@ class Bench:
         self._seen.wait_until(stamp)
 
     def let_go(self) -> None:
-        """Let the world go on as states are asked for, whatever the cell does."""
+        """Let the world go on with every state requested, independent of the cell."""
         self._arm.horizon = math.inf
 
     def pad_load(self) -> Any:

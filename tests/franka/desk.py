@@ -68,7 +68,7 @@ class Person:
         return self._bench.pad_load()
 
     def look(self) -> None:
-        """Do what the files state, and put a peg into the slot under the hand."""
+        """Act as the files state, and put a peg into the slot under the hand."""
         self.force = self._numbers("push", 3)
         self.is_pressing = (self._folder / "lever").exists()
         if (self._folder / "rod").exists():

@@ -59,7 +59,7 @@ def opened(config: CellConfig, host: str) -> Iterator[WiredCell]:
         gripper = FrankaGripper(FrankaGripperConfig(kind="franka", host=host), model.hand.stroke)
 
         def act(name: str, seconds: float) -> Callable[[], None]:
-            """Return an act of whoever stands around the cell, and the time that it takes, in which the boards go on."""
+            """Return an act of a person at the cell, which takes time in which the boards go on."""
 
             def done() -> None:
                 bench.act(name)
@@ -116,7 +116,7 @@ def inserted(host: str, seed: int, sets: Sequence[str] = ()) -> dict[str, Any]:
 
 
 def main() -> None:
-    """Print what came of the insertions."""
+    """Print the results of the insertions."""
     parser = argparse.ArgumentParser()
     parser.add_argument("--host", default="127.0.0.1", help="address of the loopback that arm and hand get")
     parser.add_argument("--seed", type=int, default=2, help="of the first insertion")

@@ -181,7 +181,7 @@ class Arm:
             self.lock.notify_all()
 
     def between_steps(self, act: Callable[P, None]) -> Callable[P, None]:
-        """Return an act of whoever stands around the cell that never happens within a step."""
+        """Return an act of a person at the cell that never happens within a step."""
 
         def locked(*args: P.args, **kwargs: P.kwargs) -> None:
             with self.lock:

@@ -55,7 +55,7 @@ def commands(step):
 
 
 class Plc(threading.Thread):
-    """Does what `cell check --plc` asks of a PLC, and cycles meanwhile."""
+    """Acts as `cell check --plc` requests of a PLC, and cycles meanwhile."""
 
     def __init__(self, port):
         super().__init__(daemon=True)

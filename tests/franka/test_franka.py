@@ -75,7 +75,7 @@ def moved(world, arm, rise, valid=10.0):
 
 
 def until(world, condition):
-    """Let the world go on until something holds, and say whether it came to that."""
+    """Let the world go on until a condition holds; return True if it does."""
     end = world.now() + LONGEST
     while not condition() and world.now() < end:
         world.wait_until(world.now() + 0.01)
@@ -84,7 +84,7 @@ def until(world, condition):
 
 
 def comes_to(condition):
-    """Wait, in wall time, for what happens while the world stands still, and say whether it did."""
+    """Wait, in wall time, until a condition holds while the world stands still; return True if it does."""
     end = time.monotonic() + LONGEST
     while not condition() and time.monotonic() < end:
         os.sched_yield()

@@ -26,7 +26,7 @@ UNKEPT = (
 
 @pytest.fixture
 def project(tmp_path: Path) -> Path:
-    """Return a project of its own with the cache under test, a compiled function and one that it calls."""
+    """Return a project with the cache under test, a compiled function and its caller."""
     drivers = tmp_path / "drivers"
     drivers.mkdir()
     shutil.copy(compiled.__file__, drivers / "compiled.py")
@@ -36,7 +36,7 @@ def project(tmp_path: Path) -> Path:
 
 
 def run(project: Path) -> list[str]:
-    """Run the caller in a process of its own; return what it returned, and how often it was found in the cache."""
+    """Run the caller in its own process; return its result, and the number of cache hits."""
     environment = os.environ | {"PYTHONPATH": str(project), "XDG_CACHE_HOME": str(project / "home")}
     command = [sys.executable, "-m", "drivers.caller"]
     done = subprocess.run(command, cwd=project, env=environment, capture_output=True, text=True, check=True)

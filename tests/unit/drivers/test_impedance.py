@@ -39,7 +39,7 @@ def tip_of(q: Vector, theta: float, length: float) -> tuple[Vector, Vector]:
 
 
 def jacobian(q: Vector, theta: float, length: float) -> Vector:
-    """Return how tip and finger turn with the joints, by differences, shape (6, 7)."""
+    """Return the Jacobian of tip and finger by differences, shape (6, 7)."""
     h, rows = 1e-6, []
     for i in range(7):
         step = np.zeros(7)
@@ -52,7 +52,7 @@ def jacobian(q: Vector, theta: float, length: float) -> Vector:
 
 
 def settled(words: Vector, q: Vector, dq: Vector, now: float = 0.0, law: Vector | None = None) -> Vector:
-    """Return the torque once the rate limit has let it through; the integral is off."""
+    """Return the torque after 200 cycles, when the rate limit has no effect any more; the integral is off."""
     state = np.zeros(impedance.STATE_WORDS) if law is None else law
     for _ in range(200):
         tau: Vector = impedance.torque(ARM, words, state, q, dq, now, PERIOD)

@@ -46,7 +46,7 @@ class GatewayPlc(Plc):
         raise AssertionError(self.shown)
 
     def run(self):
-        """Let one peg be inserted and return what the block shows of it."""
+        """Insert one peg and return the outputs of the block."""
         self.until(lambda: self.v["Busy"], Execute=True)
         commands = []
         self.until(lambda: commands.append(take(self.bridge)) or commands[-1] is not None)

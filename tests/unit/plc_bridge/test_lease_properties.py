@@ -21,7 +21,7 @@ ACTIONS = st.tuples(
 
 
 class Cell:
-    """The handshake, and beside it which connection should hold the lease."""
+    """The handshake, and beside it a model of the holder of the lease."""
 
     def __init__(self) -> None:
         self.now, self.holder, self.running, self.is_given_back = 0.0, "", None, False
@@ -42,18 +42,18 @@ class Cell:
         self.send(host)
 
     def is_open_to(self, host):
-        """Return whether a host's connection may take the lease: the host's closed connection passes it on, except during a run."""
+        """Return True if a host's connection may take the lease, also from its closed one, except during a run."""
         if self.holder in ("", self.sources[host]):
             return True
         return self.holder.partition("#")[0] == host and (not self.is_runner or self.is_given_back)
 
     @property
     def is_runner(self):
-        """The holder's own run is under way: it keeps the lease to the end."""
+        """True if the holder's own run is under way: it keeps the lease to the end."""
         return self.running is not None and self.running.source == self.holder
 
     def send(self, host, code=0):
-        """Write the block as it stands; a wish for the lease stands in it until it is taken back."""
+        """Write the block as it stands; its request for the lease stays until it is taken back."""
         (sequence, wish), source = self.images[host], self.sources[host]
         self.expire()
         self.heard[source] = self.now
@@ -112,7 +112,7 @@ class Cell:
         self.poll()
 
     def stop(self, host, _):
-        """Anybody may, and it gives nobody the lease."""
+        """Every link may stop; a stop gives no link the lease."""
         source = self.sources[host]
         self.expire()
         self.heard[source] = self.now
@@ -126,7 +126,7 @@ class Cell:
         self.end(Result.SUCCESS)
 
     def reconnect(self, host, _):
-        """The new connection of the same host may have what the old one held; it has to ask or to start."""
+        """The new connection of the host gets the lease of the old one only by a request or a start."""
         self.expire()
         self.handshake.closed(self.sources[host])
         self.open(host)

@@ -14,7 +14,7 @@ def cell():
 
 
 def seated(cell, plc, number=3, life=0):
-    """Let a program under `number` succeed, of which the PLC has not read the end."""
+    """Let a program under `number` succeed; the PLC has not read the end."""
     step = bool(life)
     plc.write((life, number - 1, 0), (life + step, number, 100))
     cell.scan()

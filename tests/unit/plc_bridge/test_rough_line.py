@@ -13,7 +13,7 @@ STEPS, SEEDS = 25_000, range(1, 5)
 
 @pytest.fixture(autouse=True)
 def quiet(caplog):
-    """Write no lines about clients that misbehave."""
+    """Log nothing about clients that misbehave."""
     caplog.set_level(logging.CRITICAL)
 
 

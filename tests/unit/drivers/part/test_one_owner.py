@@ -20,13 +20,13 @@ def modules() -> list[str]:
 
 
 def is_of_part(node: ast.expr) -> bool:
-    """Whether an expression is called peg, hole, bore or part."""
+    """Return True if an expression is called peg, hole, bore or part."""
     name = node.attr if isinstance(node, ast.Attribute) else node.id if isinstance(node, ast.Name) else ""
     return name.strip("_") in {"peg", "hole", "bore", "part"}
 
 
 def decisions(source: str, may_key_tables: bool = False) -> list[str]:
-    """Return what in a module's source decides on a part's shape."""
+    """Return the places in a module's source that decide on a part's shape."""
     tree, found = ast.parse(source), []
     keys = {
         id(key)

@@ -27,7 +27,7 @@ def rig(request):
 
 
 def spied(rig):
-    """Return a list that everything which the board's converters measure from now on goes to."""
+    """Return a list that receives time, s, and counts of each measurement of the board from now on."""
     measured, real = [], rig.hub.measure
 
     def measure():

@@ -172,7 +172,7 @@ def even(level):
 
 
 def follows(health, above):
-    """Return whether the baseline follows a skin that reads so many counts above it."""
+    """Return True if the baseline follows a skin that reads so many counts above it."""
     before = health.baseline.copy()
     for stamp in (10.0, 11.0):
         health.update(np.rint(before + np.array(above)).astype(np.uint16), stamp)

@@ -22,7 +22,7 @@ PERIOD = 0.1
 
 
 class HostProgram:
-    """Writes a sample every 100 ms of the clock that it is; a Clock."""
+    """A Clock that writes a sample every 100 ms, as the makers' program does."""
 
     def __init__(self, path, suis=SUIS):
         self.path, self.time, self.is_hub_silent = path, 0.0, False
@@ -31,7 +31,7 @@ class HostProgram:
         self.begin(suis)
 
     def begin(self, suis=SUIS):
-        """Start, which begins the file anew."""
+        """Start with a new file."""
         self.uids = [sui << 4 | name for sui in suis for name in range(12)]
         self.path.write_text(" ".join(map(str, self.uids)) + " \n")
         self.number, self.is_running, self._next = 0, True, self.time + PERIOD
@@ -54,7 +54,7 @@ class HostProgram:
         self.time = max(self.time, stamp)
 
     def scans(self, skin, seconds):
-        """Read once in 10 ms for so long; None where the skin was silent."""
+        """Read every 10 ms for `seconds`; None while the skin is silent."""
         frames = []
         for _ in range(round(seconds / 0.01)):
             self.wait_until(self.time + 0.01)

@@ -14,13 +14,13 @@ TRUSTED = np.ones((2, 20), dtype=bool)
 
 
 def frames(load, count, seed=1):
-    """Return so many raw frames of a peg that is held."""
+    """Return raw frames of a held peg."""
     rng = np.random.default_rng(seed)
     return [REST + readings("parallelogram", load, rng) for _ in range(count)]
 
 
 def taken(order, raws):
-    """Let the order take raw frames."""
+    """Pass raw frames to the order and return it."""
     for raw in raws:
         order.take(raw, raw - REST, TRUSTED)
     return order

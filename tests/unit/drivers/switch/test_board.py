@@ -61,7 +61,7 @@ def closed(switch, board):
 
 
 def passed(clock: FakeClock, switch: SerialSuccessSwitch, time: float) -> list[SwitchState]:
-    """Read in every scan of 10 ms for so long."""
+    """Return the states read in every scan of 10 ms for `time`, s."""
     states = []
     for _ in range(round(time / 0.01)):
         clock.wait_until(clock.now() + 0.01)
@@ -70,7 +70,7 @@ def passed(clock: FakeClock, switch: SerialSuccessSwitch, time: float) -> list[S
 
 
 def refused(switch: SerialSuccessSwitch) -> str:
-    """Return why the switch does not open."""
+    """Return the reason why the switch does not open."""
     with pytest.raises(DeviceNotOpenedError) as caught:
         switch.open()
     assert "\n" not in str(caught.value)

@@ -19,7 +19,7 @@ OTHER_CLOCK = 1 / 3
 
 
 def recorded(name, path, seconds=9.0):
-    """Record a skin that is touched, loses data, and is unplugged for a while; return what was read."""
+    """Record a skin that is touched, loses data and is unplugged for a while; return the frames."""
     rig, is_can = BoardRig(WIRED[name]), name != "serial"
     rig.clock.wait_until(OTHER_CLOCK)
     recorder = Recorder(path, "can" if is_can else "serial", rig.clock)
@@ -39,7 +39,7 @@ def recorded(name, path, seconds=9.0):
 
 
 def played(name, path):
-    """Return what the same driver reads from the recording, and the recording."""
+    """Return the frames that the same driver reads from the recording, and the recording."""
     if name == "serial":
         play = PlaybackLine(path, 10.0 / WIRED[name].baud_rate)
         skin = SerialSkin(WIRED[name], play, play)

@@ -97,7 +97,7 @@ class Plc:
         assert self.cycle(3).shown == ["Busy"]
 
     def ended(self, run, result):
-        """Return what is shown after the cell has ended a run."""
+        """Return the outputs after the cell has ended a run."""
         state = 17 if result is Result.SUCCESS else 2
         self.publish(Report(sequence=run.sequence, state=state, result=result))
         return self.cycle(2).shown

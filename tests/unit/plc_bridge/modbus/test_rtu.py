@@ -26,7 +26,7 @@ class Rtu:
         self.server = RtuServer(RtuConfig(port="-", **settings), self.line, self.bridge, now=lambda: self.now)
 
     def hear(self, *pieces):
-        """Let the pieces arrive, SILENCE between them where it is given; return what was answered."""
+        """Send the pieces, with SILENCE between them if given; return the answers."""
         self.line.pieces += pieces
         self.line.sent.clear()
         while self.line.pieces:

@@ -9,7 +9,7 @@ FIRST, SAME, NEW, LATE, ANEW, DOUBT = (
 
 
 def seen(*blocks):
-    """Return what each block of number, command and life counter means after those before it."""
+    """Return the meaning of each block of number, command and life counter after those before it."""
     numbers = SequenceNumbers()
     return [numbers.see(*block) for block in blocks]
 
