@@ -202,24 +202,16 @@ def insert(name: str, pegs: int, sets: Sequence[str]) -> bool:
     if not has():
         sys.stdout.write(f"{name}: not on this computer\n")
         return False
-    hub = SocketcandHub()
-    try:
-        with tempfile.TemporaryDirectory() as name_of_folder:
-            folder = Path(name_of_folder)
-            bus = (
-                'plc.can.interface="socketcand"',
-                f'plc.can.channel="127.0.0.1:{hub.port}/can0"',
-                "plc.can.plc_timeout=20",
-            )
-            keys = secured(folder) if name == "node" else []
-            with served(folder / "runs", [*SETTINGS, *bus, *keys, *sets], name == "node") as place:
-                began = time.monotonic()
-                said = run(folder, place, ("127.0.0.1", hub.port), pegs)
-                seconds = time.monotonic() - began
-            with Journal(folder / "runs", is_read_only=True) as journal:
-                ended = [row.outcome for row in journal.runs(2 * pegs)]
-    finally:
-        hub.close()
+    with SocketcandHub() as hub, tempfile.TemporaryDirectory() as name_of_folder:
+        folder, channel = Path(name_of_folder), f"127.0.0.1:{hub.port}/can0"
+        bus = ('plc.can.interface="socketcand"', f'plc.can.channel="{channel}"', "plc.can.plc_timeout=20")
+        keys = secured(folder) if name == "node" else []
+        with served(folder / "runs", [*SETTINGS, *bus, *keys, *sets], name == "node") as place:
+            began = time.monotonic()
+            said = run(folder, place, ("127.0.0.1", hub.port), pegs)
+            seconds = time.monotonic() - began
+        with Journal(folder / "runs", is_read_only=True) as journal:
+            ended = [row.outcome for row in journal.runs(2 * pegs)]
     good = ended.count(Outcome.SUCCESS)
     sys.stdout.write(f"{name}: {said}; on record {len(ended)} runs, {good} successes; {seconds:.0f} s\n")
     sys.stdout.flush()

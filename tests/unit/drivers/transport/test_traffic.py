@@ -20,13 +20,10 @@ OTHER_CLOCK = 1 / 3
 
 def recorded(name, path, seconds=9.0):
     """Record a skin that is touched, loses data and is unplugged for a while; return the frames."""
-    rig, is_can = BoardRig(WIRED[name]), name != "serial"
+    rig = BoardRig(WIRED[name])
     rig.clock.wait_until(OTHER_CLOCK)
-    recorder = Recorder(path, "can" if is_can else "serial", rig.clock)
-    if is_can:
-        rig.skin = CanSkin(WIRED[name], RecordedWire(rig.link, recorder), recorder)
-    else:
-        rig.skin = SerialSkin(WIRED[name], RecordedWire(rig.link, recorder), recorder)
+    recorder = Recorder(path, "serial" if name == "serial" else "can", rig.clock)
+    rig.skin = type(rig.skin)(WIRED[name], RecordedWire(rig.link, recorder), recorder)
     recorder.open()
     rig.skin.open()
     rig.link.faults = WireFaults(drop=0.002, corrupt=0.002)
@@ -40,12 +37,9 @@ def recorded(name, path, seconds=9.0):
 
 def played(name, path):
     """Return the frames that the same driver reads from the recording, and the recording."""
-    if name == "serial":
-        play = PlaybackLine(path, 10.0 / WIRED[name].baud_rate)
-        skin = SerialSkin(WIRED[name], play, play)
-    else:
-        play = PlaybackCan(path)
-        skin = CanSkin(WIRED[name], play, play)
+    is_serial = name == "serial"
+    play = PlaybackLine(path, 10.0 / WIRED[name].baud_rate) if is_serial else PlaybackCan(path)
+    skin = (SerialSkin if is_serial else CanSkin)(WIRED[name], play, play)
     skin.open()
     frames = []
     while True:

@@ -21,14 +21,6 @@ def path(tmp_path_factory):
     return path
 
 
-@pytest.fixture(scope="module")
-def sheet(path):
-    sheet = configparser.RawConfigParser()
-    sheet.optionxform = str
-    sheet.read(path, encoding="ascii")
-    return sheet
-
-
 def test_canopen_loads_the_very_dictionary_of_the_node(path):
     columns = ("index", "subindex", "name", "data_type", "access_type", "min", "max", "default", "pdo_mappable")
     loaded, own = canopen.import_od(str(path), NODE), dictionary(REGISTERS, NODE)
@@ -63,6 +55,8 @@ def test_no_line_is_longer_than_the_standard_allows(tmp_path):
     assert lint(parse_file(str(path)))
 
 
-def test_the_version_of_the_map_is_the_revision_of_the_node(sheet):
+def test_the_version_of_the_map_is_the_revision_of_the_node(path):
+    sheet = configparser.RawConfigParser()
+    sheet.read(path, encoding="ascii")
     assert int(sheet["DeviceInfo"]["RevisionNumber"]) == VERSION_MAJOR << 16 | VERSION_MINOR
     assert sheet["1018sub3"]["DefaultValue"] == f"0x{VERSION_MAJOR << 16 | VERSION_MINOR:08X}"

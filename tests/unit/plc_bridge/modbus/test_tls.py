@@ -4,7 +4,6 @@ import pytest
 from pydantic import ValidationError
 
 from drivers.errors import DeviceNotOpenedError
-from plc_bridge.config import TlsConfig
 from plc_bridge.modbus.tls import BadRoleError, rights_of, role_of, server_context
 from tests.certificates import Authority, utf8
 
@@ -16,11 +15,6 @@ def authority(tmp_path_factory):
 
 def der(authority, *roles):
     return ssl.PEM_cert_to_DER_cert(authority.sign("client", *roles)[0].read_text())
-
-
-def config(authority, /, **settings):
-    certificate, key = authority.sign("cell")
-    return TlsConfig(**{"certificate": certificate, "key": key, "authority": authority.certificate, **settings})
 
 
 @pytest.mark.parametrize("role", ["Operator", "Leitstand Süd", "x" * 64, ""])
@@ -51,7 +45,7 @@ def test_anything_but_one_printable_string_is_no_role(authority, value):
 
 
 def test_role_that_the_table_does_not_name_may_do_nothing(authority):
-    table = config(authority, roles={"Operator": ["read", "command"]}, without_role=["read"])
+    table = authority.cell(roles={"Operator": ["read", "command"]}, without_role=["read"])
     assert rights_of("Operator", table) == {"read", "command"}
     assert rights_of("operator", table) == frozenset()
     assert rights_of("", table) == {"read"}
@@ -60,17 +54,17 @@ def test_role_that_the_table_does_not_name_may_do_nothing(authority):
 @pytest.mark.parametrize("wrong", [{"roles": {"": ["read"]}}, {"roles": {"a": ["write"]}}, {"key": None}])
 def test_wrong_settings_are_rejected(authority, wrong):
     with pytest.raises(ValidationError):
-        config(authority, **wrong)
+        authority.cell(**wrong)
 
 
 def test_certificates_and_tls_1_2_are_required(authority):
-    context = server_context(config(authority))
+    context = server_context(authority.cell())
     assert (context.verify_mode, context.minimum_version) == (ssl.CERT_REQUIRED, ssl.TLSVersion.TLSv1_2)
 
 
 @pytest.mark.parametrize("key", ["certificate", "key", "authority"])
 def test_file_that_is_missing_or_something_else_is_named(authority, tmp_path, key):
-    settings = config(authority, **{key: tmp_path / "odd.pem"})
+    settings = authority.cell(**{key: tmp_path / "odd.pem"})
     with pytest.raises(DeviceNotOpenedError, match=rf"^plc\.tls\.{key} = [^\n]*: No such file"):
         server_context(settings)
     (tmp_path / "odd.pem").touch(mode=0o600)
@@ -81,12 +75,12 @@ def test_file_that_is_missing_or_something_else_is_named(authority, tmp_path, ke
 
 def test_key_of_another_certificate_is_refused(authority):
     with pytest.raises(DeviceNotOpenedError, match="its own PEM key"):
-        server_context(config(authority, key=authority.sign("other")[1]))
+        server_context(authority.cell(key=authority.sign("other")[1]))
 
 
 @pytest.mark.parametrize("mode", [0o640, 0o620, 0o604, 0o602])
 def test_key_that_is_open_to_others_is_refused_in_one_line(authority, mode):
-    settings = config(authority)
+    settings = authority.cell()
     for permitted in (0o600, 0o400):
         settings.key.chmod(permitted)
         assert server_context(settings)
