@@ -219,8 +219,8 @@ def test_the_stop_of_another_node_is_no_sign_of_life(rig):
 # The PLC's heartbeat.
 
 
-@pytest.mark.parametrize("behaviour", [0, 1, 2])
-def test_a_run_stops_when_the_heartbeat_of_the_plc_ends(rig, behaviour):
+@pytest.mark.parametrize(("behaviour", "state"), [(0, 127), (1, 5), (2, 4)])
+def test_a_lost_heartbeat_ends_the_run_and_leads_where_object_1029_states(rig, behaviour, state):
     rig.write(0x1029, 1, behaviour, 1)
     rig.beat()
     assert rig.start() is not None
@@ -229,16 +229,7 @@ def test_a_run_stops_when_the_heartbeat_of_the_plc_ends(rig, behaviour):
         rig.wait(0.01)
     assert rig.bridge.poll() == Command(2, Control.LOST, source=f"node {PLC}")
     assert [numbers(data[:2]) for data in rig.take(EMCY)] == [[0x8130]]
-    assert rig.bridge.diagnostics.lost == 1
-
-
-@pytest.mark.parametrize(("behaviour", "state"), [(0, 127), (1, 5), (2, 4)])
-def test_object_1029_sets_the_state_after_a_lost_heartbeat(rig, behaviour, state):
-    rig.write(0x1029, 1, behaviour, 1)
-    rig.nmt(START)
-    rig.beat()
-    rig.wait(0.6)
-    assert rig.node.state == state
+    assert (rig.bridge.diagnostics.lost, rig.node.state) == (1, state)
 
 
 @pytest.mark.parametrize("has_beaten", [True, False])
@@ -251,8 +242,12 @@ def test_a_heartbeat_in_time_or_that_never_was_is_not_lost(rig, has_beaten):
     assert rig.node.state is NmtState.OPERATIONAL
 
 
-@pytest.mark.parametrize(("silence", "state"), [(0.5, NmtState.OPERATIONAL), (0.51, NmtState.PRE_OPERATIONAL)])
-def test_the_heartbeat_of_the_plc_is_lost_after_its_time(rig, silence, state):
+@pytest.mark.parametrize(
+    ("milliseconds", "silence", "state"),
+    [(500, 0.5, NmtState.OPERATIONAL), (500, 0.51, NmtState.PRE_OPERATIONAL), (0, 60.0, NmtState.OPERATIONAL)],
+)
+def test_the_heartbeat_of_the_plc_is_lost_after_its_time(rig, milliseconds, silence, state):
+    rig.write(0x1016, 1, PLC << 16 | milliseconds, 4)
     rig.nmt(START)
     rig.beat()
     rig.now += silence

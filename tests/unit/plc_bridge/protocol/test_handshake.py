@@ -98,13 +98,6 @@ def line():
     return Line()
 
 
-def test_first_sequence_number_is_adopted_and_never_run(line):
-    answer = line.write(sequence=7, code=INSERT)
-    assert line.poll() is None
-    assert (answer.answered, answer.result) == (7, Result.REFUSED)
-    assert (answer.refusal, answer.refusal_detail) == (Refusal.ADOPTED, 0)
-
-
 def test_next_sequence_number_runs_once_and_is_busy_until_its_result(line):
     assert line.ask(recipe=3, serial="A-17", parameters=((0, 250),)).is_busy
     assert line.poll() == Command(2, INSERT, 3, "A-17", (("search.speed", pytest.approx(0.025)),), "plc")
@@ -193,7 +186,7 @@ def test_reconnected_plc_finds_the_result_of_the_same_command_only(recipe, resul
     line = Line().ended(recipe=1)
     line.reconnect()
     answer = line.write(AGAIN, sequence=2, code=INSERT, recipe=recipe)
-    assert (answer.sequence, answer.result, answer.refusal) == (2, result, refusal)
+    assert (answer.sequence, answer.result, answer.refusal, answer.refusal_detail) == (2, result, refusal, 0)
     assert line.poll() is None
 
 
