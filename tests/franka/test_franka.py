@@ -67,11 +67,11 @@ def gripper(arm):
     made.close()
 
 
-def moved(world, arm, rise, valid=10.0):
-    """Send and return a setpoint above the present place, m."""
-    setpoint = risen(arm.read(), rise, world.now() + valid)
+def reaches(world, arm, rise):
+    """Return True if the arm comes to a setpoint `rise`, m, above its place."""
+    setpoint = risen(arm.read(), rise, world.now() + LONGEST)
     arm.follow(setpoint)
-    return setpoint
+    return until(world, lambda: np.linalg.norm(arm.read().tcp.position - setpoint.tip) < 0.004)
 
 
 def until(world, condition):
@@ -105,8 +105,7 @@ def raises(arm, error, text=""):
 def test_the_arm_follows_within_the_permitted_torque_rate(simulated, arm):
     world, _ = simulated
     world.largest_rate = 0.0
-    wanted = moved(world, arm, 0.03)
-    assert until(world, lambda: np.linalg.norm(arm.read().tcp.position - wanted.tip) < 0.004)
+    assert reaches(world, arm, 0.03)
     assert 0.0 < world.largest_rate < FIGURES.joints.torque_rate[0]
     assert arm.figures().missed == 0
 
@@ -114,7 +113,7 @@ def test_the_arm_follows_within_the_permitted_torque_rate(simulated, arm):
 def test_a_setpoint_past_its_validity_makes_the_arm_hold_still(simulated, arm):
     world, _ = simulated
     start = arm.read().tcp.position
-    moved(world, arm, 0.05, valid=0.05)
+    arm.follow(risen(arm.read(), 0.05, world.now() + 0.05))
     world.wait_until(world.now() + 1.0)
     held = arm.read().tcp.position
     world.wait_until(world.now() + 1.0)
@@ -141,8 +140,7 @@ def test_a_loop_that_stalls_is_a_reflex_that_only_a_reset_leaves(simulated, arm)
     assert np.linalg.norm(world.world.tcp().position - before) < 1e-3
     arm.reset()
     assert arm.phase is LoopPhase.RUNNING
-    wanted = moved(world, arm, 0.02)
-    assert until(world, lambda: np.linalg.norm(arm.read().tcp.position - wanted.tip) < 0.004)
+    assert reaches(world, arm, 0.02)
 
 
 def test_a_pressed_stop_is_distinguished_from_a_reflex(simulated, arm):
@@ -197,10 +195,9 @@ def test_a_recovery_that_outlasts_its_reset_starts_no_motion(simulated, arm, mon
 @pytest.mark.parametrize("loss", [0.01, 0.05])
 def test_lost_torques_never_exceed_the_permitted_rate(simulated, arm, loss):
     world, server = simulated
-    wanted = moved(world, arm, 0.05)
     world.largest_rate, server.loss = 0.0, loss
     try:
-        assert until(world, lambda: np.linalg.norm(arm.read().tcp.position - wanted.tip) < 0.004)
+        assert reaches(world, arm, 0.05)
     finally:
         server.loss = 0.0
     assert 0.0 < world.largest_rate < FIGURES.joints.torque_rate[0]
@@ -208,7 +205,7 @@ def test_lost_torques_never_exceed_the_permitted_rate(simulated, arm, loss):
 
 def test_a_killed_cell_ends_the_motion_of_an_arm_that_stands_still(simulated, arm):
     world, _ = simulated
-    moved(world, arm, 0.05)
+    arm.follow(risen(arm.read(), 0.05, world.now() + 10.0))
     assert until(world, lambda: np.abs(arm.read().dq).max() > 0.1)
     world.speed_at_end = math.inf
     arm.close()  # The loop notices the end of its standard input, which closes with the cell.
