@@ -1,6 +1,7 @@
 """Plates end: beyond its outline a plate is not there, and two of them at different heights stand beside each other."""
 
 import math
+from dataclasses import replace
 
 import mujoco
 import numpy as np
@@ -67,11 +68,9 @@ def test_outline_covers_the_rectangle_also_for_a_plate_that_is_turned() -> None:
 def test_a_rack_beside_the_plate_at_another_height_disturbs_nothing() -> None:
     """The rack stands 0.05 m higher than the plate, within 0.1 m of the hole: its surface is no ceiling over the plate."""
     world = world_of("rack.first=[0.5, -0.09, 0.15]", "rack.slots=1")
-    stepper = world
     peg = world.peg_pose()
-    under = peg.position.copy()
-    under[1], under[2] = -0.05, 0.12 + stepper.scene.size.half
-    stepper.enter_free(0.08, type(peg)(under, peg.rotation))
+    under = np.array([peg.position[0], -0.05, 0.12 + world.scene.size.half])
+    world.enter_free(0.08, replace(peg, position=under))
     world.wait_until(0.01)
     assert world.physics()[1].ncon == 0
-    assert abs(float(stepper.end()[2]) - 0.12) < 1e-3
+    assert abs(float(world.end()[2]) - 0.12) < 1e-3

@@ -19,17 +19,6 @@ SIDES = ((8, 8), (4, 4), (16, 16), (12, 8), (16, 10), (4, 20), (20, 12))
 PEGS = [Rectangular(1e-3 * a, 1e-3 * b) for a, b in SIDES]
 
 
-def depth_against_oracle(
-    peg: Rectangular, hole: Rectangular, degrees: float, azimuth: float, yaw: float
-) -> tuple[float, float, float]:
-    """Return depth of a peg whose lowest corner starts over the hole, the oracle's depth, and the penetration, m."""
-    axes = attitude(math.radians(degrees), azimuth)
-    lead: np.ndarray = peg.lowest(np.zeros(3), axes[:, 2], axes[:, 0])
-    start = (rotation_about(UP, yaw) @ (0.7 * lead) - lead)[:2]
-    depth, lasted = pushed(plate_with(hole, yaw), peg, axes, start)
-    return depth, deepest(peg, hole, axes, yaw), lasted
-
-
 LEANS = [(1, 0.0), (5, 0.0), (15, 0.0), (45, 0.0), (10, 0.02), (20, 0.05), (30, -0.17)]
 """Leans of the peg, degrees, and turns of the hole, rad."""
 
@@ -44,19 +33,24 @@ LEANS = [(1, 0.0), (5, 0.0), (15, 0.0), (45, 0.0), (10, 0.02), (20, 0.05), (30, 
     + [(peg, 20, 0.05, (0.5, peg.azimuth(0.0))) for peg in PEGS],
     ids=str,
 )
-def test_a_tilted_peg_goes_as_deep_as_its_section_fits_also_into_a_hole_that_is_turned(
+def test_a_tilted_peg_goes_as_deep_as_its_section_fits(
     peg: Rectangular, degrees: int, yaw: float, azimuths: tuple[float, float]
 ) -> None:
+    """Its lowest corner starts over the hole."""
+    hole = peg.grown(GAP)
     for azimuth in azimuths:
-        depth, exact, lasted = depth_against_oracle(peg, peg.grown(GAP), degrees, azimuth, yaw)
-        assert depth == pytest.approx(exact, rel=0.01)
+        axes = attitude(math.radians(degrees), azimuth)
+        lead: np.ndarray = peg.lowest(np.zeros(3), axes[:, 2], axes[:, 0])
+        start = (rotation_about(UP, yaw) @ (0.7 * lead) - lead)[:2]
+        depth, lasted = pushed(plate_with(hole, yaw), peg, axes, start)
+        assert depth == pytest.approx(deepest(peg, hole, axes, yaw), rel=0.01)
         assert lasted < 2e-6
 
 
 @pytest.mark.parametrize("excess", [(2e-5, 2e-5), (2e-5, -1e-4), (-1e-4, 2e-5)])
 @pytest.mark.parametrize("hole", [Rectangular(0.0081, 0.0081), Rectangular(0.0121, 0.0081)], ids=str)
 @pytest.mark.parametrize("degrees", [0, 5])
-def test_a_peg_that_is_too_thick_by_a_fiftieth_of_a_millimetre_along_one_side_never_enters(
+def test_a_peg_too_thick_along_one_side_never_enters(
     hole: Rectangular, excess: tuple[float, float], degrees: int
 ) -> None:
     thick = Rectangular(hole.a + excess[0], hole.b + excess[1])
@@ -100,9 +94,7 @@ def test_an_edge_that_slides_past_a_corner_of_the_hole_does_not_dip_into_the_rim
     ],
     ids=str,
 )
-def test_an_upright_peg_enters_only_when_it_is_turned_as_the_hole_is(
-    peg: Rectangular, yaw: float, expected: float
-) -> None:
+def test_an_upright_peg_enters_only_if_turned_as_the_hole_is(peg: Rectangular, yaw: float, expected: float) -> None:
     """8 (cos y + sin y) = 8.1 at y = 0.0127, and 12 sin y + 8 cos y = 8.1 at y = 0.00837; a quarter turn fits nothing."""
     depth, lasted = pushed(plate_with(peg.grown(GAP), yaw), peg, np.eye(3), np.zeros(2), 0.0, 4000)
     assert depth == pytest.approx(expected, abs=2e-6)
@@ -135,7 +127,7 @@ def test_a_peg_that_leans_little_is_as_deep_in_rim_and_walls_as_its_section_says
     peg, hole, rng = Rectangular(0.016, 0.010), Rectangular(0.0161, 0.0101), np.random.default_rng(5)
     model, data = over(plate_with(hole), peg, np.eye(3), 0.2, "<freejoint/>")
     errors: list[float] = []
-    while len(errors) < 800:
+    while len(errors) < 400:
         posed = nearly_touching(rng, peg, hole)
         if posed is None:
             continue
