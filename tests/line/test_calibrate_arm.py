@@ -1,4 +1,4 @@
-"""`cell calibrate arm`: what it finds of a simulated arm is true within its intervals, and a run notices where it is not."""
+"""`cell calibrate arm`: its figures are true within their intervals, and a run detects an arm that has changed."""
 
 import math
 import re
@@ -55,7 +55,7 @@ def test_friction_and_offset_are_what_was_drawn_within_their_intervals(measured)
     assert np.all(np.abs(np.array(found.offset.value) - true) < found.offset.interval)
 
 
-def test_a_run_of_an_arm_that_has_changed_says_so_and_puts_it_on_record(measured, capsys, tmp_path):
+def test_a_run_of_a_changed_arm_warns_and_records_it(measured, capsys, tmp_path):
     changed = ["--set", "reality.scale=0", "--set", f"calibration.arm={measured[1]}"]
     main(["run", "grasp_from_rack", *SEED, *changed, "--journal", str(tmp_path)])
     assert re.search(r"^cell: warning: calibration\.arm of .* does not fit: joint \d", capsys.readouterr().err, re.M)
@@ -63,28 +63,28 @@ def test_a_run_of_an_arm_that_has_changed_says_so_and_puts_it_on_record(measured
         assert next(e.text for e in journal.events() if e.name == "arm calibration").startswith("calibration.arm of")
 
 
-def test_a_calibration_that_is_too_old_is_refused_in_one_line(measured, capsys, tmp_path):
-    found, _ = measured
-    found.model_copy(update={"date": date.today() - timedelta(days=366)}).write(tmp_path / "arm.toml")
-    status = main(["check", *SEED, "--set", f"calibration.arm={tmp_path / 'arm.toml'}"])
+@pytest.mark.parametrize(
+    ("days", "seed", "why"),
+    [
+        (366, 80001, "366 days ago; 0 to 365 days of calibration.longest_age allowed"),
+        (0, 80002, "of another arm"),
+    ],
+)
+def test_a_calibration_that_is_too_old_or_of_another_arm_is_refused(measured, capsys, tmp_path, days, seed, why):
+    measured[0].model_copy(update={"date": date.today() - timedelta(days=days)}).write(tmp_path / "arm.toml")
+    words = ("--set", f"sim.seed={seed}", "--set", f"calibration.arm={tmp_path / 'arm.toml'}")
+    assert main(["check", *words]) == WRONG_USE
     error = capsys.readouterr().err
-    assert status == WRONG_USE
-    assert "366 days ago; 0 to 365 days of calibration.longest_age allowed" in error
-    assert error.count("\n") == 1
+    assert (why in error, error.count("\n")) == (True, 1), error
 
 
-def test_the_calibration_of_another_arm_is_refused(measured, capsys):
-    assert main(["check", "--set", "sim.seed=80002", "--set", f"calibration.arm={measured[1]}"]) == WRONG_USE
-    assert "of another arm" in capsys.readouterr().err
-
-
-def test_a_force_that_nothing_explains_ends_the_calibration_without_a_file(capsys, tmp_path):
+def test_an_unexplained_force_ends_the_calibration_without_a_file(capsys, tmp_path):
     assert main(["calibrate", "arm", *SEED, "--set", "limits.force=3", "--out", str(tmp_path)]) == NOT_GOOD
     assert "FORCE_LIMIT" in capsys.readouterr().err
     assert list(tmp_path.iterdir()) == []
 
 
-def test_an_arm_that_tells_no_torques_is_not_calibrated(monkeypatch):
+def test_an_arm_that_reports_no_torques_is_not_calibrated(monkeypatch):
     monkeypatch.setattr("drivers.impedance.unexplained", lambda law: None)
     with pytest.raises(NotCalibratedError, match="does not report the torques"):
         calibrate_arm(load(sets=["reality.scale=0"]).cell, date.today(), lambda done, of: None, SHORT)

@@ -1,4 +1,4 @@
-"""`cell calibrate places`: what it touches off is what was drawn, with bounded force, and nothing is written of what is none."""
+"""`cell calibrate places`: it finds the drawn places with bounded force, and writes nothing if it finds none."""
 
 import json
 import math
@@ -25,7 +25,7 @@ def errors(folder, **figures):
     return ["--set", f"reality.file={json.dumps(str(reality_of(folder, **figures)))}"]
 
 
-def test_plate_and_rack_are_where_they_were_drawn_and_the_force_is_bounded(tmp_path, capsys, monkeypatch):
+def test_plate_and_rack_are_found_where_drawn_with_bounded_force(tmp_path, capsys, monkeypatch):
     felt = []
     touch_off = module.touch_off
 
@@ -47,20 +47,20 @@ def test_plate_and_rack_are_where_they_were_drawn_and_the_force_is_bounded(tmp_p
     assert found["write"].startswith("[hole]\ncentre = [0.50000, 0.00000, 0.10")
 
 
-def test_a_plate_that_is_not_there_is_told_and_nothing_is_written(tmp_path, capsys):
+def test_nothing_is_written_of_a_plate_that_is_not_there(tmp_path, capsys):
     drawn = errors(tmp_path, place_plate_height=-0.02)
     assert main(["calibrate", "places", *FAST, *drawn, "--out", str(tmp_path / "new")]) == NOT_GOOD
     assert "nothing to touch at x = 0.450" in capsys.readouterr().err
     assert not (tmp_path / "new").exists()
 
 
-def test_too_much_force_ends_it(monkeypatch):
+def test_too_much_force_ends_the_calibration(monkeypatch):
     monkeypatch.setattr(module, "MOST_FORCE", 2.0)
     with pytest.raises(NotCalibratedError, match=r"no peg from slot 1: FORCE_LIMIT|FORCE_LIMIT at 2 N allowed"):
         calibrate_places(load(sets=["sim.seed=80001"]).cell, date.today(), lambda done, of: None, 2)
 
 
-def test_whoever_breaks_it_off_finds_the_arm_at_rest_and_the_old_file(tmp_path, monkeypatch, capsys):
+def test_an_interruption_leaves_the_arm_at_rest_and_the_old_file(tmp_path, monkeypatch, capsys):
     old, seen = tmp_path / f"places_{date.today().isoformat()}.toml", []
     old.write_text("old\n", encoding="utf-8")
 

@@ -1,8 +1,9 @@
-"""The simulated arm: where it is, and how it is moved and taught by keys on standard input."""
+"""The simulated arm: its place, and motion and teaching by keys on standard input."""
 
 import io
 import json
 import tomllib
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -17,6 +18,8 @@ from drivers.frames import quaternion
 ELSEWHERE = ["--set", "rack.first=[0.45, 0.2, 0.1]"]
 """A rack beside the plate wherever that is shown."""
 IDEAL = ["--set", "reality.scale=0", "--set", "sim.pace=max"]
+SQUARE = "h" + 10 * "x" + 10 * "y" + "hw"
+"""Keys that show two corners of a hole's area and write them."""
 
 
 @pytest.fixture
@@ -26,8 +29,8 @@ def typed(monkeypatch, capsys):
     def run(text, *arguments):
         monkeypatch.setattr("sys.stdin", io.StringIO(text))
         status = main([*arguments, *IDEAL])
-        told = capsys.readouterr()
-        return status, told.out, told.err
+        printed = capsys.readouterr()
+        return status, printed.out, printed.err
 
     return run
 
@@ -36,28 +39,25 @@ def where(typed):
     return json.loads(typed("", "where", "--json")[1])
 
 
-def test_where_tells_joints_and_the_pose_that_belongs_to_them(typed):
+def test_where_prints_joints_and_the_pose_that_belongs_to_them(typed):
     found, arm = where(typed), load().cell.arm_model()
     position, rotation, _, _ = impedance.forward(impedance.figures(arm), np.array(found["q"]))
     assert found["position"] == pytest.approx(position)
     assert found["quaternion"] == pytest.approx(quaternion(rotation))
     assert found["q"] == pytest.approx(arm.home, abs=0.01)
-    _, told, _ = typed("", "where")
-    assert "finger centre (m)" in told
-    assert "end of a straight peg (m)" in told
-
-
-def place_of(told):
-    return [float(word) for word in told.rpartition("finger centre at ")[2].removesuffix(" m\n").split(", ")]
+    printed = typed("", "where")[1]
+    assert all(place in printed for place in ("finger centre (m)", "end of a straight peg (m)"))
 
 
 def test_ten_keys_jog_the_tool_by_ten_steps(typed):
     start = where(typed)["position"]
-    status, told, _ = typed("x" * 10 + "q", "jog")
+    status, printed, _ = typed("x" * 10 + "q", "jog")
     assert status == GOOD
-    # The tool comes after its setpoint, less what joint friction holds back.
-    assert place_of(told)[0] - start[0] == pytest.approx(10 * JOG_SPEED * DEAD_MAN, rel=0.25)
-    assert place_of(told)[1:] == pytest.approx(start[1:], abs=2e-3)
+    place = printed.rpartition("finger centre at ")[2].removesuffix(" m\n").split(", ")
+    way = np.subtract([float(word) for word in place], start)
+    # The tool follows its setpoint, less what joint friction holds back.
+    assert way[0] == pytest.approx(10 * JOG_SPEED * DEAD_MAN, rel=0.25)
+    assert way[1:] == pytest.approx([0.0, 0.0], abs=2e-3)
 
 
 def test_keys_close_and_open_the_fingers():
@@ -68,33 +68,24 @@ def test_keys_close_and_open_the_fingers():
             widths.append(cell.gripper.read().width)
             return True
 
-        moved_by_keys(cell, Typed("kg" + 200 * "-" + "ko" + 200 * "-" + "kq"), act, is_guided=False)
+        typed = iter("kg" + 200 * "-" + "ko" + 200 * "-" + "kq")  # one key in each scan, `-` for none
+        keys = SimpleNamespace(next=lambda is_waiting: next(typed).replace("-", ""))
+        moved_by_keys(cell, keys, act, is_guided=False)
     assert widths[1] < 0.001 < 0.039 < widths[2]
-
-
-class Typed:
-    """A person who types a key in each scan, or none for `-`."""
-
-    def __init__(self, text):
-        self._keys = iter(text)
-
-    def next(self, is_waiting):
-        return next(self._keys).replace("-", "")
 
 
 class Push:
     """A person who pushes the hand along x from 1 to 3 s with a force, N, and lets it be until 5 s."""
 
     def __init__(self, cell, force):
-        self.cell, self.force, self.began = cell, force, cell.clock.now()
+        self.world, self.force, self.began = cell.arm._world, force, cell.clock.now()
         self.places = []
 
     def next(self, is_waiting):
-        time = self.cell.clock.now() - self.began
-        world = self.cell.arm._world
-        model, data = world.physics()
+        time = self.world.now() - self.began
+        model, data = self.world.physics()
         data.xfrc_applied[model.body("link7").id, 0] = self.force if 1.0 < time < 3.0 else 0.0
-        self.places.append((time, *world.tcp().position))
+        self.places.append((time, *self.world.tcp().position))
         return "q" if time > 5.0 else ""
 
     def at(self, time):
@@ -114,31 +105,23 @@ def test_an_arm_with_honest_errors_follows_a_push_and_stays_where_it_is_left(for
 
 
 def test_corners_shown_by_keys_are_written(typed, tmp_path):
-    status, told, _ = typed("h" + 10 * "x" + 10 * "y" + "hw", "teach", "--out", str(tmp_path), "--json", *ELSEWHERE)
+    status, printed, _ = typed(SQUARE, "teach", "--out", str(tmp_path), "--json", *ELSEWHERE)
     assert status == GOOD
     (file,) = tmp_path.iterdir()
     found = tomllib.loads(file.read_text(encoding="utf-8"))["hole"]
-    assert json.loads(told)["file"] == str(file)
+    assert json.loads(printed)["file"] == str(file)
     assert found["area"] == pytest.approx([0.04, 0.04], rel=0.25)
 
 
-def test_without_a_key_to_write_nothing_is_written(typed, tmp_path):
-    status, _, said = typed("hxxxxxhq", "teach", "--out", str(tmp_path))
-    assert (status, said) == (NOT_GOOD, "cell: teach: nothing written\n")
-    assert not list(tmp_path.iterdir())
-
-
-def test_a_place_outside_the_workspace_is_one_line(typed, tmp_path):
-    status, _, said = typed("1w", "teach", "--out", str(tmp_path), "--length", "0.6")
-    assert status == NOT_GOOD
-    assert said.startswith("cell: teach: 1: hand at z = -0.")
-    assert said.count("\n") == 1
-    assert not list(tmp_path.iterdir())
-
-
-def test_a_rack_shown_on_the_plate_is_one_line(typed, tmp_path):
-    status, _, said = typed("h" + 10 * "x" + 10 * "y" + "hw", "teach", "--out", str(tmp_path))
-    assert status == WRONG_USE
-    assert "the rack overlaps the plate" in said
-    assert said.count("\n") == 1
+@pytest.mark.parametrize(
+    ("keys", "options", "status", "line"),
+    [
+        ("hxxxxxhq", (), NOT_GOOD, "teach: nothing written"),  # no key to write
+        ("1w", ("--length", "0.6"), NOT_GOOD, "teach: 1: hand at z = -0."),  # outside the workspace
+        (SQUARE, (), WRONG_USE, "the rack overlaps the plate"),
+    ],
+)
+def test_places_that_cannot_be_written_are_refused_in_one_line(typed, tmp_path, keys, options, status, line):
+    found, _, said = typed(keys, "teach", "--out", str(tmp_path), *options)
+    assert (found, line in said, said.count("\n")) == (status, True, 1), said
     assert not list(tmp_path.iterdir())
