@@ -1,4 +1,4 @@
-"""A plate with decoys: every one of its holes is as exact as a hole alone, and nothing is felt where two tiles meet."""
+"""A plate with decoys: each hole is as exact as a hole alone, and the seam of two tiles exerts no force."""
 
 import math
 
@@ -111,7 +111,7 @@ def test_decoys_are_drawn_from_the_seed_and_shift_nothing_else():
         (("sim.plate.decoys.number=[5,5]", "hole.area=[0.01,0.01]"), "no room beside the hole in hole.area"),
     ],
 )
-def test_decoys_that_cannot_be_are_refused_in_one_line(sets, said):
+def test_impossible_decoys_are_refused_in_one_line(sets, said):
     with pytest.raises(ConfigError, match=said):
         world_of(*sets)
 

@@ -36,7 +36,7 @@ def holding(theta: float = 0.0, beside: float = 0.0) -> World:
 
 
 def slipped(world: World, load: Vector, seconds: float = 0.5, far: bool = False) -> float:
-    """Load the peg by turn, along and beside, as shares of what is borne of each, and return how far out it gave way.
+    """Load the peg in rotation, along and beside, by shares of each bound, and return the slip.
 
     Args:
         world: With a peg in the hand.
@@ -82,9 +82,7 @@ LOADS = {
 
 @pytest.mark.parametrize("name", LOADS)
 @pytest.mark.parametrize("place", [(0.0, 0.0), (0.3, 1.5e-3)])
-def test_a_load_just_inside_the_limit_surface_holds_and_one_just_outside_slips(
-    name: str, place: tuple[float, float]
-) -> None:
+def test_the_grip_holds_below_the_limit_surface_and_slips_above(name: str, place: tuple[float, float]) -> None:
     world = holding(*place)
     assert slipped(world, 0.98 * np.array(LOADS[name])) < 1e-3
     assert world.truth().grip_slip < 1e-6
@@ -107,7 +105,7 @@ def test_a_peg_is_held_where_it_was_grasped() -> None:
     assert load.theta == pytest.approx(0.3, abs=1e-4)
 
 
-def test_how_far_the_peg_slipped_is_told_and_stays_told() -> None:
+def test_the_slip_of_the_peg_is_measured_and_kept() -> None:
     world = holding()
     slipped(world, np.array([0.0, 0.0, 1.03]))
     told = world.truth().grip_slip
@@ -123,7 +121,7 @@ def test_a_peg_that_slips_out_of_the_pads_is_lost() -> None:
     assert world.peg is PegSituation.FREE
 
 
-def test_a_peg_under_half_of_the_bound_does_not_creep_in_a_minute() -> None:
+def test_a_peg_under_half_the_bound_does_not_creep() -> None:
     world = holding()
     assert slipped(world, np.array([0.3, -0.3, 0.3]), 30.0) == 0.0
 

@@ -1,4 +1,4 @@
-"""Plates end: beyond its outline a plate is not there, and two of them at different heights stand beside each other."""
+"""Outlines of plates: nothing is beyond them, and plates of different heights stand side by side."""
 
 import math
 from dataclasses import replace
@@ -45,7 +45,7 @@ def test_a_peg_rests_on_a_plate_and_falls_beside_it(place: tuple[float, float], 
     assert (height_at(place) < 0.0) == is_on_it
 
 
-def test_a_peg_that_came_in_from_the_side_is_not_thrown_out_of_the_plate() -> None:
+def test_a_peg_in_the_plate_from_the_side_is_not_thrown_out() -> None:
     """Its end goes through the plate, which has no side, into the wall of the hole, and would be pushed into the bore at metres a second."""
     model = rig.tilted_peg(Round(0.008), Round(0.0081), 0.1, 0.0, 0.2, 5e-4)
     data = mujoco.MjData(model)

@@ -1,4 +1,4 @@
-"""Exact contacts of a square or rectangular peg, held against an oracle by polygon clipping: how deep, and that no side gives way."""
+"""Exact contacts of square and rectangular pegs, compared with an oracle by polygon clipping."""
 
 import math
 
@@ -70,7 +70,7 @@ def test_a_peg_too_thick_along_one_side_never_enters(
         (0.008, 0.0081, 75, math.pi / 4, -0.17),
     ],
 )
-def test_an_edge_that_slides_past_a_corner_of_the_hole_does_not_dip_into_the_rim(
+def test_an_edge_sliding_past_a_corner_does_not_dip_into_the_rim(
     side: float, hole: float, degrees: float, azimuth: float, yaw: float
 ) -> None:
     peg, mouth, axes = Rectangular(side, side), Rectangular(hole, hole), attitude(math.radians(degrees), azimuth)
@@ -104,7 +104,7 @@ def test_an_upright_peg_enters_only_if_turned_as_the_hole_is(peg: Rectangular, y
 def nearly_touching(
     rng: np.random.Generator, peg: Rectangular, hole: Rectangular
 ) -> tuple[np.ndarray, np.ndarray] | None:
-    """Return axes and place of a peg that leans little, is turned nearly as the hole is, and has two walls within 15 um; None where it is wedged."""
+    """Return axes and place of a nearly upright, nearly aligned peg with two walls within 15 um; None if it is wedged."""
     azimuth, turn = (
         rng.choice([rng.uniform(-3.2, 3.2), rng.integers(4) * math.pi / 2]),
         rng.choice([0.02, 1e-3]) * rng.normal(),
@@ -122,7 +122,7 @@ def nearly_touching(
     return axes, place
 
 
-def test_a_peg_that_leans_little_is_as_deep_in_rim_and_walls_as_its_section_says() -> None:
+def test_a_slightly_leaning_peg_penetrates_as_its_section_says() -> None:
     """An end's corner that stands on the surface beside the hole is behind no wall, and one in the bore hides no deeper edge above it."""
     peg, hole, rng = Rectangular(0.016, 0.010), Rectangular(0.0161, 0.0101), np.random.default_rng(5)
     model, data = over(plate_with(hole), peg, np.eye(3), 0.2, "<freejoint/>")

@@ -1,4 +1,4 @@
-"""A peg that slides over a plate lies on it: no height that depends on speed, on friction, or on the length of the step."""
+"""A peg that slides over a plate lies on it, whatever the speed, the friction and the time step."""
 
 import math
 
@@ -88,9 +88,7 @@ class Slider:
     ("friction", "speed", "long_steps"),
     [(0.1, 0.05, "true"), (0.1, 0.2, "true"), (0.4, 0.05, "true"), (0.4, 0.2, "true"), (0.4, 0.2, "false")],
 )
-def test_a_sliding_peg_lies_on_the_plate_near_the_hole_and_far_from_it(
-    friction: float, speed: float, long_steps: str
-) -> None:
+def test_a_sliding_peg_lies_on_the_plate_everywhere(friction: float, speed: float, long_steps: str) -> None:
     """Along the lane long steps alternate with short ones: the peg's end comes within 3 mm of the hole's edge."""
     slider = Slider(0.0105, f"contact.friction={friction}", f"sim.model.long_steps={long_steps}")
     rows = slider.drag(speed)
@@ -100,8 +98,8 @@ def test_a_sliding_peg_lies_on_the_plate_near_the_hole_and_far_from_it(
     assert slider.steps == ({5e-4, 1e-3} if long_steps == "true" else {5e-4})
 
 
-def test_what_a_plate_is_penetrated_by_is_told() -> None:
-    """A peg pressed onto the plate, whose contacts are taken for softer than they are, sinks in, and the meter says so."""
+def test_penetration_of_a_plate_is_measured() -> None:
+    """Contacts softer than the model assumes let a pressed peg sink in."""
     slider = Slider(0.0105, "contact.friction=0.2")
     plate, held = slider.world.plate, slider.world.scene.held
     for model in (held.model, held.twin):

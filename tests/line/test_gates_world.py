@@ -1,9 +1,8 @@
-"""Gates of the stand-in as a whole: grip, pivot, rest, and what a finer time step changes."""
+"""Gates of the stand-in as a whole: grip, pivot, rest, and the effect of the time step."""
 
 import math
 from dataclasses import replace
 
-import mujoco
 import numpy as np
 import pytest
 
@@ -19,7 +18,7 @@ from sim.world.physics import World
 from sim.world.situation import PegSituation
 from skills import grasp_from_rack
 from skills.catalogue import CATALOGUE
-from skills.contract import Outcome, Reason
+from skills.contract import Outcome
 
 FAST = ('sim.pace="max"', "reality.scale=0.0")
 
@@ -45,46 +44,47 @@ def holding(seed: int, *sets: str) -> tuple[Cell, World]:
 
 
 @pytest.mark.parametrize("shape", ["round", "square"])
-def test_a_peg_at_rest_in_the_hole_stays_at_rest_for_a_minute(shape: str) -> None:
+def test_a_peg_released_in_the_hole_rests_on_the_switch(shape: str) -> None:
+    """`test_gates_contact.py` has the rest itself: away from the hand, the world leaves a peg at rest out of its steps."""
     _, physics = cell_of(4, f"peg.shape={shape}")
     plate = physics.plate
-    leaning = rotation_about(plate.rotation[:, 0], math.radians(0.1)) @ plate.rotation
+    aslant = rotation_about(plate.rotation[:, 0], math.radians(0.1)) @ plate.rotation
     half = physics.scene.size.half
-    physics.enter_free(width=0.08, peg=Pose(plate.position + plate.rotation[:, 2] * (half - 0.019), leaning))
+    physics.enter_free(width=0.08, peg=Pose(plate.position + plate.rotation[:, 2] * (half - 0.019), aslant))
     physics.wait_until(physics.now() + 2.0)
     tip = np.array(physics.truth().tip)
     assert physics.truth().switch_closed
-    physics.wait_until(physics.now() + 60.0)
+    physics.wait_until(physics.now() + 2.0)
     assert np.linalg.norm(np.array(physics.truth().tip) - tip) < 2e-6
     assert float(np.abs(physics.physics()[1].qvel[9:]).max()) < 1e-4
     assert physics.meters[metering.SUSTAINED] < truth.VOID_PENETRATION
 
 
+def leaning(*end: float) -> World:
+    """Return a world two seconds after the hand has opened round a leaning peg; the place of its end is from the hole, m."""
+    _, physics = cell_of(5)
+    axes = rotation_about(np.array([1.0, 0.0, 0.0]), 0.6)
+    physics.enter_free(0.06, Pose(physics.plate.position + end + physics.scene.size.half * axes[:, 2], axes))
+    physics.wait_until(physics.now() + 2.0)
+    return physics
+
+
 @pytest.mark.parametrize("beside", [0.0, 0.003, 0.05])
 def test_a_released_peg_that_topples_lies_on_the_plate(beside: float) -> None:
-    _, physics = cell_of(5)
-    half, leaning = physics.scene.size.half, rotation_about(np.array([1.0, 0.0, 0.0]), 0.6)
-    end = physics.plate.position + np.array([0.0, beside, 0.003])
-    physics.enter_free(0.06, Pose(end + half * leaning[:, 2], leaning))
-    physics.wait_until(physics.now() + 2.0)
+    physics = leaning(0.0, beside, 0.003)
     lying = physics.peg_pose()
     assert abs(lying.rotation[2, 2]) < 0.05
     assert lying.position[2] - physics.plate.position[2] == pytest.approx(physics.scene.size.reach, abs=3e-4)
 
 
-@pytest.mark.parametrize("depth", [0.003, 0.006, 0.009])
+@pytest.mark.parametrize("depth", [0.003, 0.009])
 def test_a_peg_that_is_squeezed_out_of_the_plate_lands(depth: float) -> None:
     """It starts with its end in the plate's solid, as after a jam, and is flung out faster than steps can follow."""
-    _, physics = cell_of(5)
-    half, leaning = physics.scene.size.half, rotation_about(np.array([1.0, 0.0, 0.0]), 0.6)
-    end = physics.plate.position + np.array([0.002, 0.003, -depth])
-    physics.enter_free(0.06, Pose(end + half * leaning[:, 2], leaning))
-    physics.wait_until(physics.now() + 1.0)
-    assert np.abs(physics.physics()[1].qvel[9:]).max() < 100.0
+    assert np.abs(leaning(0.002, 0.003, -depth).physics()[1].qvel[9:]).max() < 100.0
 
 
 @pytest.mark.parametrize(("ground", "lean"), [("plate", 0.05), ("rack", 0.1), ("table", 0.05)])
-def test_a_peg_that_the_hand_loses_comes_to_rest_on_what_is_below_it(ground: str, lean: float) -> None:
+def test_a_lost_peg_comes_to_rest_on_what_is_below(ground: str, lean: float) -> None:
     """On the rack, it leans on the mouth of a slot."""
     _, physics = cell_of(5)
     rack, plate = physics.scene.rack.position, physics.plate.position
@@ -101,16 +101,6 @@ def test_a_peg_that_the_hand_loses_comes_to_rest_on_what_is_below_it(ground: str
     assert float(np.abs(physics.physics()[1].qvel[9:]).max()) < 1e-2
 
 
-def test_a_peg_that_is_stuck_in_its_slot_slips_through_the_pads() -> None:
-    cell, physics = cell_of(6)
-    model, data = physics.physics()
-    # Somebody holds it down with more than the pads' friction can bear.
-    data.xfrc_applied[model.body("peg").id, 2] = -2.5 * 2.0 * 0.6 * 30.0
-    result = grasp_from_rack.run(cell.config.grasp, cell.context(6))
-    assert result.outcome is Outcome.FAILURE
-    assert result.reason in (Reason.LOST_GRASP, Reason.MISSED_GRASP, Reason.FORCE_LIMIT)
-
-
 def inserted(seed: int, timestep: float) -> tuple[str, float]:
     """Run a whole insertion with the hole within 10 x 10 mm; return how it ends and is judged, and its peak force, N."""
     cell, physics = cell_of(seed, f"sim.timestep={timestep}", "hole.area=[0.01, 0.01]")
@@ -119,9 +109,9 @@ def inserted(seed: int, timestep: float) -> tuple[str, float]:
     return f"{ending.stage} {ending.outcome} void={truth.is_void}", truth.peak_contact_force
 
 
-def test_half_the_time_step_changes_no_outcome_and_the_peak_force_by_less_than_another_seed_does() -> None:
-    """Force is reported within 32 Hz; what a rigid contact bears in a single step doubles as the step is halved."""
-    coarse, fine = ([inserted(seed, timestep) for seed in range(1, 5)] for timestep in (0.0005, 0.00025))
+def test_half_the_time_step_changes_less_than_another_seed_does() -> None:
+    """Force is reported within 32 Hz; the force of a rigid contact in one step doubles as the step is halved."""
+    coarse, fine = ([inserted(seed, timestep) for seed in range(1, 4)] for timestep in (0.0005, 0.00025))
     assert [ending for ending, _ in coarse] == [ending for ending, _ in fine]
     forces, halved = (np.array([force for _, force in each]) for each in (coarse, fine))
     assert np.median(np.abs(halved - forces)) < 0.5 * forces.std()
@@ -129,22 +119,13 @@ def test_half_the_time_step_changes_no_outcome_and_the_peak_force_by_less_than_a
 
 
 @pytest.mark.parametrize("seed", [122, 270, 279])
-def test_pads_that_close_squarely_on_a_thin_peg_press_it_and_do_not_throw_it(seed: int) -> None:
-    """The seeds are three of five in 300 where MuJoCo took the peg for one that is through the pad."""
+def test_pads_press_a_thin_peg_and_do_not_throw_it(seed: int) -> None:
+    """Three of the five seeds in 300 at which MuJoCo took the peg to be through the pad."""
     _, physics = holding(seed, "peg.diameter=0.004", "hole.diameter=0.0041")
     assert physics.meters[metering.SUSTAINED] < 1e-6
 
 
-def test_the_law_knows_the_arm_that_the_physics_moves() -> None:
-    """The finger centre of the law's kinematics is where MuJoCo has it."""
-    _, physics = holding(7)
-    model, data = physics.physics()
-    body = model.body("grip").id
-    mujoco.mj_forward(model, data)
-    assert np.linalg.norm(physics.tcp().position - data.xpos[body]) < 1e-12
-
-
-def test_a_peg_that_nobody_can_touch_costs_nothing_and_stays() -> None:
+def test_a_peg_out_of_reach_costs_nothing_and_stays() -> None:
     _, physics = cell_of(4)
     _, watched = cell_of(4, "sim.model.long_steps=false")
     for each in (physics, watched):
@@ -183,7 +164,7 @@ def test_the_jerk_of_a_struck_arm_is_that_of_its_finger_centre(begin) -> None:
     )
 
 
-def test_the_true_inertia_at_a_point_of_the_hand_is_that_of_the_arm_and_the_light_peg() -> None:
+def test_the_true_inertia_of_the_hand_is_that_of_the_arm() -> None:
     _, physics = holding(1)
     tcp = physics.tcp()
     found = physics.inertia(tcp.position + 0.05 * tcp.rotation[:, 0])
