@@ -2,7 +2,6 @@
 
 import socket
 import struct
-import time
 
 from cell.run.states import State
 from plc_bridge.protocol.images import COMMAND, REPORT, CommandImage, command_words
@@ -10,7 +9,7 @@ from plc_bridge.protocol.messages import Control
 from plc_bridge.protocol.registers import COILS, DISCRETE_INPUTS
 from tests.quick_cell import CODE
 from tests.sockets import PATIENCE, answer, frame
-from tests.trouble import until
+from tests.trouble import first, until
 
 
 class Wire:
@@ -24,7 +23,7 @@ class Wire:
         self.socket.close()
 
     def ask(self, *pdus):
-        """Send requests in one segment and return the answers."""
+        """Send requests in one segment, and return the answers."""
         self.socket.sendall(b"".join(frame(pdu, n) for n, pdu in enumerate(pdus)))
         return [answer(self.socket)[2] for _ in pdus]
 
@@ -46,10 +45,7 @@ class Wire:
 
     def until(self, is_met):
         """Return the first report for which `is_met` holds."""
-        deadline = time.monotonic() + PATIENCE
-        while not is_met(report := self.report()):
-            assert time.monotonic() < deadline, report
-        return report
+        return first(self.report, is_met)
 
     def answer(self, sequence):
         """Return the report that first answers a number."""

@@ -1,11 +1,13 @@
-"""Trouble with the disk, and the wait for what another thread does about it."""
+"""Trouble with the disk, and waits for the actions of other threads."""
 
 import resource
 import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from typing import TypeVar
 
+Answer = TypeVar("Answer")
 PATIENCE = 60.0
 """Longest wait, s."""
 
@@ -19,6 +21,14 @@ def full_disk() -> Iterator[None]:
         yield
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+
+
+def first(ask: Callable[[], Answer], is_met: Callable[[Answer], object]) -> Answer:
+    """Return the first answer for which `is_met` holds."""
+    deadline = time.monotonic() + PATIENCE
+    while not is_met(answer := ask()):
+        assert time.monotonic() < deadline, answer
+    return answer
 
 
 def until(happened: Callable[[], object]) -> None:

@@ -3,7 +3,6 @@
 import json
 import math
 import random
-from contextlib import contextmanager
 from dataclasses import dataclass, field
 from itertools import groupby
 
@@ -24,7 +23,7 @@ LENGTHS = {
     "spiral_adjust": 100,
     "release_and_retract": 80,
 }
-"""Scans that a stage takes about; one that is over sooner is interrupted where it ends."""
+"""Approximate scans of a stage; a shorter one is interrupted at its end."""
 BRAKING = 60
 """Scans from a command to an arm at rest, at most."""
 PAUSE = 50
@@ -47,12 +46,10 @@ class Braking:
 class Controlled:
     """A simulated cell and a PLC that interferes at a chosen scan of a stage."""
 
-    def __init__(self, line, folder):
-        self.line, self.folder = line, folder
+    def __init__(self, line):
+        self.line = line
         line.clock.every.append(self._look)
-        self._plan, self._scans_of_stage = {}, 0
-        self.brakings: list[Braking] = []
-        self._is_braking = False
+        self._plan, self._scans_of_stage, self._is_braking = {}, 0, False
 
     def run(self, control, plan):
         """Run `insert_peg`, with `control` at each scan of a stage that `plan` names, and return its record."""
@@ -93,12 +90,6 @@ class Controlled:
             self.line.plc.trigger(Control.UNHOLD)
 
 
-@contextmanager
-def controlled(folder, seed):
-    with line(folder, seed=seed) as made:
-        yield Controlled(made, folder)
-
-
 def moments(seed):
     """Return a scan of each stage, by the stage's number."""
     draw = random.Random(seed)
@@ -106,7 +97,7 @@ def moments(seed):
 
 
 def assert_halted(braking, state):
-    """The arm holds no setpoint from the first scan on, is at rest before `state` is reported, and stays where it is."""
+    """The arm has no setpoint from the first scan on, is at rest before `state` is reported, and stays there."""
     assert set(braking.ages) == {math.inf}
     rest = braking.states.index(state)
     assert rest <= BRAKING, f"stage {braking.stage}"
@@ -117,8 +108,9 @@ def assert_halted(braking, state):
 
 
 def test_every_skill_holds_and_goes_on(tmp_path):
-    """The peg leaves the plate while the arm brakes; coming down at once, it would hit with 60 N."""
-    with controlled(tmp_path, 30) as cell:
+    """The peg leaves the plate while the arm brakes; if it came down at once, it would strike with 60 N."""
+    with line(tmp_path, seed=30) as made:
+        cell = Controlled(made)
         row = cell.run(Control.HOLD, moments(1030))
     assert (row.outcome, row.fault) == ("success", 0)
     assert len(cell.brakings) == len(LENGTHS)
@@ -131,9 +123,10 @@ def test_every_skill_holds_and_goes_on(tmp_path):
 ENDS = [(Control.STOP, State.STOPPING, State.STOPPED), (Control.ABORT, State.ABORTING, State.ABORTED)]
 
 
-def test_every_skill_is_ended_by_stop_or_abort_and_after_a_reset_the_next_run_starts(tmp_path):
+def test_stop_or_abort_ends_every_skill_until_a_reset(tmp_path):
     """The two take turns: either is the same interruption to a skill."""
-    with controlled(tmp_path, 13) as cell:
+    with line(tmp_path, seed=13) as made:
+        cell = Controlled(made)
         for run, (stage, scan) in enumerate(moments(13).items(), 1):
             control, acting, final = ENDS[run % 2]
             row = cell.run(control, {stage: scan})
@@ -141,18 +134,13 @@ def test_every_skill_is_ended_by_stop_or_abort_and_after_a_reset_the_next_run_st
             assert cell.states == [State.STARTING, State.EXECUTE, acting, final]
             assert (row.run, row.outcome, row.reason) == (run, "aborted", "stopped")
             assert CATALOGUE.stage_number(row.stage) == cell.brakings[0].stage
-            assert_complete(row, cell)
-            assert cell.line.plc.report.result == Result.ABORTED
+            # Every stage has its time and its samples, and no scan is missing.
+            samples = read_samples(tmp_path / f"run-{row.run:06d}.arrows")
+            times = [CATALOGUE.stage_number(name) for name, _ in json.loads(row.stage_times)]
+            assert times == sorted(set(samples["stage"]))
+            assert np.diff(samples["stamp"]).max() == pytest.approx(1.0 / made.cell.config.scan_rate)
+            assert made.plc.report.result == Result.ABORTED
             if control is Control.ABORT:
-                assert cell.line.command(Control.CLEAR).state == State.STOPPED
-            assert cell.line.command(Control.RESET).state == State.IDLE
-            assert cell.line.command(Control.CLEARED).part == PartPlace.RACK  # somebody takes the peg out of the hand
-
-
-def assert_complete(row, cell):
-    """Every stage has its time and its samples, and no scan is missing."""
-    times = dict(json.loads(row.stage_times))
-    samples = read_samples(cell.folder / f"run-{row.run:06d}.arrows")
-    assert [CATALOGUE.stage_number(name) for name in times] == sorted(set(samples["stage"]))
-    period = 1.0 / cell.line.cell.config.scan_rate
-    assert np.diff(samples["stamp"]).max() == pytest.approx(period)
+                assert made.command(Control.CLEAR).state == State.STOPPED
+            assert made.command(Control.RESET).state == State.IDLE
+            assert made.command(Control.CLEARED).part == PartPlace.RACK  # somebody takes the peg out of the hand

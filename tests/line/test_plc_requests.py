@@ -50,7 +50,7 @@ def test_a_torn_stop_is_answered_once_its_block_is_whole(plc):
     assert (plc.answer(2).refusal, plc.report().result) == (Refusal.NONE, Result.SUCCESS)
 
 
-def test_a_torn_block_whose_code_is_the_last_stop_is_not_answered_as_if_it_were_that(plc, served):
+def test_a_torn_block_with_the_last_stop_is_not_answered_as_that(plc):
     block(plc, life=1, sequence=1)
     block(plc, life=2, sequence=2, code=Control.STOP)
     plc.until(lambda report: report.state == State.STOPPED)
@@ -60,10 +60,7 @@ def test_a_torn_block_whose_code_is_the_last_stop_is_not_answered_as_if_it_were_
     assert (report.refusal, report.result) == (Refusal.NOT_READY, Result.REFUSED)
 
 
-# Done belongs to a run that this rising edge started.
-
-
-def test_execute_that_is_1_in_its_first_write_is_an_error_with_a_reason(plc, served):
+def test_execute_that_is_1_in_its_first_write_is_an_error(plc, served):
     ladder(plc)
     plc.coil("execute", 1)
     assert (plc.bits(), plc.report().refusal) == ({"error"}, Refusal.ADOPTED)
@@ -89,38 +86,27 @@ def test_done_waits_for_its_reader_when_execute_fell_before_the_end(plc, connect
     assert plc.bits() == set()
 
 
-# A stop is a level.
-
-
-@pytest.mark.parametrize("code", [CODE, Control.RESET, Control.CLEAR, Control.UNHOLD])
-def test_while_a_stop_coil_is_1_nothing_starts_or_resets_whoever_asks(plc, connect, served, code):
-    other = connect()
-    plc.order((1, Control.NONE))
-    other.coil("stop", 1)
-    plc.until(lambda report: report.state == State.STOPPED)
-    plc.order((2, code))
-    report = plc.answer(2)
-    assert (report.refusal, report.result, report.state) == (Refusal.STOP_HELD, Result.REFUSED, State.STOPPED)
-    assert served.program.runs == []
-
-
 @pytest.mark.parametrize("is_closed", [False, True])
-def test_when_the_stop_coil_falls_by_itself_or_with_its_connection_reset_and_start_are_obeyed(
-    plc, connect, served, is_closed
-):
+def test_nothing_starts_or_resets_until_the_stop_coil_falls(plc, connect, served, is_closed):
+    """It falls by itself or with its connection."""
     other = connect()
     plc.order((1, Control.NONE))
     other.coil("stop", 1)
     plc.until(lambda report: report.state == State.STOPPED)
+    for sequence, code in enumerate((CODE, Control.RESET, Control.CLEAR, Control.UNHOLD), 2):
+        plc.order((sequence, code))
+        report = plc.answer(sequence)
+        assert (report.refusal, report.result, report.state) == (Refusal.STOP_HELD, Result.REFUSED, State.STOPPED)
     served.bridge.opened("page", "page")
     assert served.bridge.submit("page", CommandImage(code=Control.RESET)) is Refusal.STOP_HELD
+    assert served.program.runs == []
     if is_closed:
         other.close()
         until(lambda: served.bridge.diagnostics.connections == 1)
     else:
         other.coil("stop", 0)
-    plc.order((2, Control.RESET), (3, CODE))
-    assert plc.until(lambda report: report.sequence == 3 and report.result != Result.NONE).result == Result.SUCCESS
+    plc.order((6, Control.RESET), (7, CODE))
+    assert plc.until(lambda report: report.sequence == 7 and report.result != Result.NONE).result == Result.SUCCESS
 
 
 def test_pack_tags_are_read_whole_and_one_by_one(plc):
