@@ -7,11 +7,9 @@ import pytest
 from prometheus_client.parser import text_string_to_metric_families
 
 from cell.page.server import MetricsServer
-from drivers.errors import DeviceNotOpenedError
 from plc_bridge.protocol.intervals import Intervals
 from plc_bridge.protocol.messages import Control
 from tests.certificates import Authority
-from tests.plc_wire import Wire
 from tests.quick_cell import CODE
 from tests.trouble import until
 
@@ -22,8 +20,7 @@ def read(address):
     return {(sample.name, *sample.labels.values()): sample.value for family in families for sample in family.samples}
 
 
-def test_figures_are_those_of_the_cell(served, loaded):
-    plc = Wire(served.bridge.address)
+def test_figures_are_those_of_the_cell(served, plc, loaded):
     plc.order((1, Control.NONE), (2, CODE))
     plc.until(lambda report: report.result != 0)
     plc.order((3, 77))
@@ -31,7 +28,6 @@ def test_figures_are_those_of_the_cell(served, loaded):
         address = server.address
         figures = read(address)
         until(lambda: read(address)["cell_scan_interval_seconds_count",] > figures["cell_scan_interval_seconds_count",])
-    plc.close()
     assert (figures["cell_insertions_total",], figures["cell_insertions_defective_total",]) == (1, 0)
     assert (figures["cell_refusals_total",], figures["cell_connections",]) == (1, 1)
     assert 0.0 < figures["cell_modbus_seconds_total",] < 10.0
@@ -45,15 +41,6 @@ def test_the_age_of_the_keys_is_a_figure(served, loaded, tmp_path):
     cell = loaded.cell.model_copy(update={"plc": loaded.cell.plc.model_copy(update={"tls": tls})})
     with MetricsServer(("127.0.0.1", 0), served.bridge, cell) as server:
         assert read(server.address)["cell_key_days", "plc.tls.certificate"] == pytest.approx(50.0, abs=0.01)
-
-
-def test_a_port_in_use_is_said_in_one_line(served, loaded):
-    with (
-        MetricsServer(("127.0.0.1", 0), served.bridge, loaded.cell) as server,
-        pytest.raises(DeviceNotOpenedError, match=f"--metrics 127.0.0.1:{server.address[1]}: "),
-        MetricsServer(server.address, served.bridge, loaded.cell),
-    ):
-        pass
 
 
 def test_intervals_are_counted_in_their_ranges():
