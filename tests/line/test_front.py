@@ -1,8 +1,8 @@
-"""The guard in front of every route: only a name of this cell, asked for by the cell's own page, is answered."""
+"""The guard in front of every route: it answers only requests of the cell's own page under a name of the cell."""
 
-import http.client
 import http.server
 import threading
+import urllib.request
 from collections.abc import Iterator
 
 import pytest
@@ -15,6 +15,7 @@ from cell.page.guard import is_private
 from cell.page.server import MetricsServer, PageServer
 from tests.browser import browsing
 from tests.certificates import Authority
+from tests.page_user import get
 from tests.quick_cell import QuickCell
 
 EXAMPLES = {
@@ -31,7 +32,12 @@ EXAMPLES = {
     "/metrics$": "/metrics",
 }
 """A path of each route."""
-UPGRADE = {"Upgrade": "websocket", "Connection": "Upgrade", "Sec-WebSocket-Version": "13"}
+UPGRADE = {
+    "Upgrade": "websocket",
+    "Connection": "Upgrade",
+    "Sec-WebSocket-Version": "13",
+    "Sec-WebSocket-Key": "dGhlIHNhbXBsZSBub25jZQ==",
+}
 FOREIGN = [
     {"Host": "evil.example"},
     {"Host": "evil.example", "Origin": "http://evil.example"},
@@ -42,12 +48,14 @@ FOREIGN = [
 ]
 
 
+def page(served: QuickCell, loaded: LoadedConfig, host: str = "127.0.0.1", port: int = 0) -> PageServer:
+    return PageServer((host, port), served.bridge, served.live, loaded, served.folder)
+
+
 @pytest.fixture(params=["page", "metrics"])
 def server(request, served: QuickCell, loaded) -> Iterator[HttpServer]:
-    made: HttpServer = MetricsServer(("127.0.0.1", 0), served.bridge, loaded.cell)
-    if request.param == "page":
-        made = PageServer(("127.0.0.1", 0), served.bridge, served.live, loaded, served.folder)
-    with made:
+    is_page = request.param == "page"
+    with page(served, loaded) if is_page else MetricsServer(("127.0.0.1", 0), served.bridge, loaded.cell) as made:
         yield made
 
 
@@ -56,12 +64,7 @@ def pattern(rule: Rule) -> str:
 
 
 def status(server: HttpServer, method: str, path: str, headers: dict[str, str]) -> int:
-    connection = http.client.HTTPConnection(*server.address, timeout=10)
-    more = {**UPGRADE, "Sec-WebSocket-Key": "dGhlIHNhbXBsZSBub25jZQ=="} if path == "/live" else {}
-    connection.request(method, path, headers={**more, **headers})
-    found = connection.getresponse().status
-    connection.close()
-    return found
+    return get(server.address, path, method, **(UPGRADE if path == "/live" else {}), **headers)[0].status
 
 
 def test_a_foreign_name_or_page_gets_421_on_every_route(server):
@@ -79,7 +82,7 @@ def test_every_route_answers_its_own_page(server):
 
 
 def with_keys(loaded, folder, **page):
-    """Return the config of a cell that has keys, and the context of whoever trusts them."""
+    """Return the config of a cell with keys, and a client's context that trusts them."""
     authority = Authority(folder)
     plc = loaded.cell.plc.model_copy(update={"tls": authority.cell()})
     cell = loaded.cell.model_copy(update={"plc": plc, "page": PageConfig(**page)})
@@ -88,19 +91,17 @@ def with_keys(loaded, folder, **page):
 
 def test_a_page_for_other_computers_speaks_tls_with_the_keys_of_the_cell(served, loaded, tmp_path):
     keyed, trust = with_keys(loaded, tmp_path / "keys")
-    with PageServer(("0.0.0.0", 0), served.bridge, served.live, keyed, served.folder) as server:
+    with page(served, keyed, "0.0.0.0") as server:
         assert server.url.startswith("https://")
-        connection = http.client.HTTPSConnection("127.0.0.1", server.address[1], timeout=10, context=trust)
-        connection.request("GET", "/")
-        assert connection.getresponse().status == 200
-        connection.close()
-    with PageServer(("127.0.0.1", 0), served.bridge, served.live, keyed, served.folder) as server:
+        with urllib.request.urlopen(f"https://127.0.0.1:{server.address[1]}/", timeout=10, context=trust) as answer:
+            assert answer.status == 200
+    with page(served, keyed) as server:
         assert server.url.startswith("http://")
 
 
 def test_a_name_of_the_config_is_answered_as_a_proxy_sends_it(served, loaded, tmp_path):
     named, _ = with_keys(loaded, tmp_path / "keys", names=["Cell-7.plant.example"])
-    with PageServer(("127.0.0.1", 0), served.bridge, served.live, named, served.folder) as server:
+    with page(served, named) as server:
         own = {"Host": "cell-7.plant.example", "Origin": "https://cell-7.plant.example"}
         assert status(server, "GET", "/", own) == 200
         assert status(server, "GET", "/", {"Host": "cell-8.plant.example"}) == 421
@@ -121,14 +122,12 @@ def test_a_token_is_taken_where_nobody_on_the_way_reads_it(protocol, peer, may):
 
 
 class Attacker(http.server.BaseHTTPRequestHandler):
-    """The site of somebody whose name leads to the cell later on."""
+    """A foreign site whose name leads to the cell later."""
 
     def do_GET(self) -> None:
-        body = b"<!doctype html><title>attack</title>"
         self.send_response(200)
-        self.send_header("Content-Length", str(len(body)))
         self.end_headers()
-        self.wfile.write(body)
+        self.wfile.write(b"<!doctype html><title>attack</title>")
 
     def log_message(self, *_: object) -> None:
         pass
@@ -156,7 +155,7 @@ def test_a_rebound_name_reads_nothing_in_a_real_browser(served, loaded):
         site.shutdown()
         thread.join()
         site.server_close()
-        with PageServer(("127.0.0.1", port), served.bridge, served.live, loaded, served.folder) as server:
+        with page(served, loaded, port=port) as server:
             paths = [EXAMPLES[pattern(rule)] for rule in server.routes.wildcard_router.rules]
             found = browser.execute_async_script(ATTACK, paths)
             assert found == {**dict.fromkeys(paths, 421), "socket": "closed"}

@@ -54,7 +54,7 @@ def page(open_page, server) -> PageView:
     return page
 
 
-def test_a_run_is_held_let_go_on_and_ended_from_the_page(served, page):
+def test_a_run_is_held_resumed_and_ended_from_the_page(served, page):
     serial = "SN-0123456789-ABCDEFGHIJKLMNOPQR"
     assert len(serial) == 32
     page.front().find_element("id", "serial").send_keys(serial)
@@ -74,7 +74,7 @@ def test_a_run_is_held_let_go_on_and_ended_from_the_page(served, page):
     assert page.complaints() == []
 
 
-def test_a_film_that_is_asked_for_is_shown_when_it_is_drawn_and_at_once_later(served, page, tmp_path):
+def test_a_requested_film_is_shown_once_drawn_and_at_once_later(served, page, tmp_path):
     page.press("start")
     page.until_text("run-rows", "success")
     with Journal(served.folder, is_read_only=True) as journal:
@@ -86,15 +86,9 @@ def test_a_film_that_is_asked_for_is_shown_when_it_is_drawn_and_at_once_later(se
     # As the page's own process does, which has low priority and may take minutes.
     assert main(["film", "1", "--journal", str(served.folder), "--out", str(tmp_path / "film.mp4")]) == GOOD
     (tmp_path / "film.mp4").replace(served.folder / "run-000001.mp4")
+    film = "const film = document.getElementById('film'); return film.readyState >= 2 && film.videoWidth"
     for reload in (True, False):
-        page.until(
-            lambda: (
-                page.script(
-                    "const film = document.getElementById('film'); return film.readyState >= 2 && film.videoWidth"
-                )
-                == 1280
-            )
-        )
+        page.until(lambda: page.script(film) == 1280)
         assert page.front().find_element("id", "film").is_displayed()
         assert not page.front().find_element("id", "make-film").is_displayed()
         assert page.text("film-note") == ""
@@ -103,7 +97,7 @@ def test_a_film_that_is_asked_for_is_shown_when_it_is_drawn_and_at_once_later(se
     assert page.complaints() == []
 
 
-def test_a_fault_says_what_to_do_and_is_reset_from_the_page(served, page):
+def test_a_fault_shows_its_remedy_and_is_reset_from_the_page(served, page):
     served.program.may_end.clear()
     served.program.fault = SkinSilentError(WIRE_CUT)
     page.press("start")
@@ -175,7 +169,7 @@ def test_a_page_without_the_token_may_only_look(served, open_page):
     assert served.bridge.run == 0
 
 
-def test_two_pages_show_the_same_and_one_of_them_holds_the_lease(served, page, open_page, server):
+def test_two_pages_show_the_same_and_one_holds_the_lease(served, page, open_page, server):
     other = open_page(server.token)
     served.program.may_end.clear()
     page.press("start")
@@ -187,7 +181,7 @@ def test_two_pages_show_the_same_and_one_of_them_holds_the_lease(served, page, o
     served.program.may_end.set()
 
 
-def test_the_page_loads_from_the_cell_alone_and_everything_is_reached_by_keyboard_and_has_a_name(page):
+def test_the_page_loads_from_the_cell_and_every_control_has_a_name(page):
     hosts = page.script(
         "return [...new Set(performance.getEntriesByType('resource').map((e) => new URL(e.name).host))]"
     )
@@ -198,10 +192,8 @@ def test_the_page_loads_from_the_cell_alone_and_everything_is_reached_by_keyboar
         " (e.labels && e.labels.length))).map((e) => e.outerHTML)"
     )
     assert nameless == []
-    assert (
-        page.script("document.querySelector('[data-ask=hold]').focus(); return document.activeElement.textContent")
-        == "Hold"
-    )
+    focused = "document.querySelector('[data-ask=hold]').focus(); return document.activeElement.textContent"
+    assert page.script(focused) == "Hold"
 
 
 WAYS = [
@@ -211,9 +203,9 @@ WAYS = [
     (["reset"], "Idle"),
     (["start", "abort"], "Aborted"),
 ]
-"""Controls that are pressed one after another, and the state that follows."""
+"""Controls pressed one after another, and the state that follows."""
 SIZES = [(360, 740, "dark"), (360, 740, "light"), (1024, 768, "light"), (1920, 1080, "light")]
-"""Width and height of the view, pixels, and the colours that its owner prefers."""
+"""Width and height of the view, pixels, and the colours that the user prefers."""
 PLACE = """
 const r = document.querySelector(`[data-ask=${arguments[0]}]`).getBoundingClientRect();
 return [r.left, r.top, r.right, r.bottom, innerWidth, innerHeight];
@@ -221,23 +213,18 @@ return [r.left, r.top, r.right, r.bottom, innerWidth, innerHeight];
 RED = "return getComputedStyle(document.querySelector('[data-ask=stop]')).backgroundColor"
 
 
-def place_of_stop(page, down):
-    """Return left, top, right, bottom of Stop and of Abort and the size of the view, pixels, of a page scrolled so far."""
-    page.script(f"scrollTo(0, {down})")
-    return [page.front().execute_script(PLACE, ask) for ask in ("stop", "abort")]
-
-
 def places_of_stop(page):
-    """Return these places in views of every size."""
+    """Return left, top, right, bottom of Stop and Abort and the size of the view, pixels, in views of every size."""
     places = []
     for width, height, scheme in SIZES:
         size = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": True}
         page.front().execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
         media = {"features": [{"name": "prefers-color-scheme", "value": scheme}]}
         page.front().execute_cdp_cmd("Emulation.setEmulatedMedia", media)
-        top, end = (place_of_stop(page, down) for down in ("0", "document.body.scrollHeight"))
-        assert top == end
-        places.append(top)
+        for down in ("0", "document.body.scrollHeight"):  # scrolled to either end
+            page.script(f"scrollTo(0, {down})")
+            places.append([page.front().execute_script(PLACE, ask) for ask in ("stop", "abort")])
+        assert places[-2] == places[-1]
         assert page.script(RED) == "rgb(179, 38, 30)"
         assert page.script("return document.documentElement.scrollWidth") <= width
     return places
@@ -260,14 +247,14 @@ def test_stop_and_abort_stay_in_view_at_one_place_in_every_state(served, page):
 @contextmanager
 def serving_page(folder, port):
     """Yield a process that serves a cell with its page at a port."""
+
+    def is_open():
+        with closing(socket.socket()) as client:
+            return client.connect_ex(("127.0.0.1", port)) == 0
+
     with program.served(folder, ["--set", "sim.pace=max", "--page", f"127.0.0.1:{port}"]) as running:
-        until(lambda: is_open(port))
+        until(is_open)
         yield running
-
-
-def is_open(port):
-    with closing(socket.socket()) as client:
-        return client.connect_ex(("127.0.0.1", port)) == 0
 
 
 def test_a_real_run_is_watched_and_a_page_outlives_a_killed_server(browser, tmp_path):
