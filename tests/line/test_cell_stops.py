@@ -1,4 +1,4 @@
-"""Whatever ends the program, the arm stands still and the record of the run is closed first."""
+"""Whatever ends the program: the arm comes to rest and the record of the run is closed first."""
 
 import threading
 from contextlib import closing
@@ -21,16 +21,19 @@ from skills.contract import Outcome, Reason, SkillResult
 from skills.entry import Program
 from skills.flow import run_stage
 from skills.guards.rest import REST_SPEED
+from tests.trouble import first
 
 PATIENCE = 10.0  # s
 GRASP = CATALOGUE["grasp_from_rack"].code
 
 
-class Ended(TerminalLine):
-    """A terminal that gives one command and notes what is reported; `at` is called with every report."""
+def grasping(at):
+    """Return a terminal that gives one command and calls `at` with every report."""
+    return TerminalLine(Command(1, GRASP), at)
 
-    def __init__(self, at):
-        super().__init__(Command(1, GRASP), at)
+
+def faults(journal):
+    return [event for event in journal.events() if event.kind == "fault"]
 
 
 @pytest.fixture
@@ -47,7 +50,7 @@ def moving(cell):
     return float(np.max(np.abs(cell.arm.read().dq)))
 
 
-def test_the_arm_stands_still_before_a_program_that_shall_end_ends(world):
+def test_the_arm_stands_still_before_the_program_ends(world):
     loaded, cell, journal = world
     stop, fastest = threading.Event(), []
 
@@ -56,13 +59,13 @@ def test_the_arm_stands_still_before_a_program_that_shall_end_ends(world):
             fastest.append(moving(cell))
             stop.set()
 
-    Supervisor(cell, loaded, Ended(at), journal, stop).serve()
+    Supervisor(cell, loaded, grasping(at), journal, stop).serve()
     assert fastest[0] > 0.3
     assert moving(cell) < REST_SPEED
     assert (journal.find(1).outcome, journal.find(1).reason) == ("aborted", "stopped")
 
 
-def test_an_error_in_the_supervisor_itself_is_a_fault_with_the_record_closed(world, monkeypatch):
+def test_an_error_in_the_supervisor_is_a_fault_on_record(world, monkeypatch):
     loaded, cell, journal = world
 
     def at(report):
@@ -72,15 +75,13 @@ def test_an_error_in_the_supervisor_itself_is_a_fault_with_the_record_closed(wor
     def broken(outcome):
         raise RuntimeError(f"nobody thought of {outcome}")
 
-    supervisor = Supervisor(cell, loaded, Ended(at), journal)
+    supervisor = Supervisor(cell, loaded, grasping(at), journal)
     monkeypatch.setattr(supervisor._execution, "_settle", broken)
     supervisor.serve()
     assert moving(cell) < REST_SPEED
     assert (supervisor.report.state, supervisor.report.fault) == (State.ABORTED, FaultCode.SOFTWARE)
     assert journal.find(1).outcome == "success"
-    assert [event.text for event in journal.events() if event.kind == "fault"] == [
-        "RuntimeError: nobody thought of success"
-    ]
+    assert [event.text for event in faults(journal)] == ["RuntimeError: nobody thought of success"]
 
 
 def test_physics_that_diverge_end_the_program_with_the_run_on_record(world, tmp_path):
@@ -93,13 +94,13 @@ def test_physics_that_diverge_end_the_program_with_the_run_on_record(world, tmp_
             physics.physics()[1].qvel[:7] = np.inf
 
     with pytest.raises(SimulationUnstableError):
-        Supervisor(cell, loaded, Ended(at), journal).serve()
+        Supervisor(cell, loaded, grasping(at), journal).serve()
     assert journal.find(1).outcome == "fault"
-    assert [event.code for event in journal.events() if event.kind == "fault"][-1] == FaultCode.SIMULATION_UNSTABLE
+    assert faults(journal)[-1].code == FaultCode.SIMULATION_UNSTABLE
     assert not list(tmp_path.glob("MUJOCO*"))
 
 
-def test_a_skill_that_blocks_halts_the_arm_and_is_told_by_its_name(served, monkeypatch):
+def test_a_skill_that_blocks_halts_the_arm_and_is_named(served, monkeypatch):
     goes_on = threading.Event()
 
     def block(ctx):
@@ -112,17 +113,10 @@ def test_a_skill_that_blocks_halts_the_arm_and_is_told_by_its_name(served, monke
     with closing(Peer(*served.bridge.address)) as plc:
         plc.connect()
         plc.trigger(GRASP)
-        blocked = until(plc.cycle, lambda report: report.fault == FaultCode.SCAN_OVERRUN)
+        blocked = first(plc.cycle, lambda report: report.fault == FaultCode.SCAN_OVERRUN)
         assert blocked.state == State.ABORTING
         goes_on.set()
-        ended = until(plc.cycle, lambda report: report.result != Result.NONE)
+        ended = first(plc.cycle, lambda report: report.result != Result.NONE)
         assert (ended.result, ended.fault) == (Result.FAULT, FaultCode.SCAN_OVERRUN)
         assert served.record(ended.run).message.startswith("grasp_from_rack: no scan for 0.2")
         assert plc.run(Control.RESET, timeout=PATIENCE).result == Result.SUCCESS
-
-
-def until(ask, is_met):
-    """Return the first answer for which `is_met` holds."""
-    while not is_met(answer := ask()):
-        pass
-    return answer

@@ -1,7 +1,6 @@
 """Guarantees to a PLC, written once and held over every bus, against the real bridge and supervisor."""
 
 import contextlib
-import time
 from dataclasses import replace
 
 import pytest
@@ -17,6 +16,7 @@ from skills.contract import Outcome, Reason
 from tests.page_user import take_lease
 from tests.plc_lines import PLC_LINES
 from tests.quick_cell import CODE, STAGE, quick_cell
+from tests.trouble import first
 
 PATIENCE = 10.0  # s
 FORCE = 0
@@ -42,14 +42,6 @@ def plc(line, served):
         yield plc
 
 
-def until(ask, is_met):
-    """Return the first report for which `is_met` holds."""
-    deadline = time.monotonic() + PATIENCE
-    while not is_met(report := ask()):
-        assert time.monotonic() < deadline, report
-    return report
-
-
 def in_state(state):
     return lambda report: report.state == state
 
@@ -58,20 +50,20 @@ def begin(plc, served, **what):
     """Start a run that goes on until it is let go, and return the report of its first scans."""
     served.program.may_end.clear()
     plc.trigger(CODE, **what)
-    return until(plc.cycle, lambda report: report.state == State.EXECUTE and report.run > 0)
+    return first(plc.cycle, lambda report: report.state == State.EXECUTE and report.run > 0)
 
 
 def test_first_number_is_adopted_and_never_run(line, served):
     with contextlib.closing(line.connect(served.bridge)) as plc:
         plc._open()
         plc._image = CommandImage(sequence=7, code=CODE, version=VERSION)
-        report = until(plc.cycle, lambda report: report.answered == 7)
+        report = first(plc.cycle, lambda report: report.answered == 7)
         assert (report.refusal, report.result) == (Refusal.ADOPTED, Result.REFUSED)
         assert plc.run(CODE, timeout=PATIENCE).sequence == 8
     assert len(served.program.runs) == 1
 
 
-def test_start_busy_done_held_until_acknowledged_idle_and_the_same_command_sent_again_never_runs_again(plc, served):
+def test_a_result_is_held_until_acknowledged_and_never_runs_again(plc, served):
     busy = begin(plc, served)
     assert (busy.answered, busy.sequence, busy.code, busy.result) == (busy.sequence, busy.sequence, CODE, Result.NONE)
     served.program.may_end.set()
@@ -80,7 +72,7 @@ def test_start_busy_done_held_until_acknowledged_idle_and_the_same_command_sent_
     held = [plc.cycle() for _ in range(20)]
     assert {(report.result, report.state) for report in held} == {(Result.SUCCESS, State.COMPLETE)}
     plc.acknowledge()
-    assert until(plc.cycle, in_state(State.IDLE)).result == Result.NONE
+    assert first(plc.cycle, in_state(State.IDLE)).result == Result.NONE
     for _ in range(20):
         plc.cycle()
         plc._write(plc._image)
@@ -105,7 +97,7 @@ REFUSED = [
 ]
 
 
-def test_what_cannot_be_done_is_refused_with_its_reason_and_counted_and_the_next_command_runs(plc, served):
+def test_an_impossible_command_is_refused_and_the_next_runs(plc, served):
     for what, refusal in REFUSED:
         report = plc.run(**what, timeout=PATIENCE)
         assert (report.result, report.refusal) == (Result.REFUSED, refusal)
@@ -121,7 +113,7 @@ def test_parameter_beyond_its_limits_is_refused(plc, served, count):
     assert served.program.runs == []
 
 
-def test_parameters_at_their_limits_and_the_serial_number_reach_run_and_record(plc, served, line):
+def test_parameters_and_serial_number_reach_run_and_record(plc, served, line):
     for count in (10, 700):
         report = plc.run(CODE, 1, f"PEG-{count}", [(FORCE, count)], timeout=PATIENCE)
         assert report.result == Result.SUCCESS
@@ -139,25 +131,25 @@ def test_plc_of_another_major_version_is_refused(plc, served):
 
 def test_another_command_while_busy_is_refused_and_the_run_goes_on(plc, served):
     run = begin(plc, served)
-    refused = plc.trigger(CODE)
-    refused = until(plc.cycle, lambda report: report.refusal != Refusal.NONE)
+    plc.trigger(CODE)
+    refused = first(plc.cycle, lambda report: report.refusal != Refusal.NONE)
     assert (refused.answered, refused.refusal) == (run.sequence + 1, Refusal.BUSY)
     served.program.may_end.set()
-    done = until(plc.cycle, lambda report: report.result != Result.NONE)
+    done = first(plc.cycle, lambda report: report.result != Result.NONE)
     assert (done.sequence, done.result) == (run.sequence, Result.SUCCESS)
     assert len(served.program.runs) == 1
 
 
-def test_without_the_lease_nobody_starts_and_the_holder_is_named_and_whoever_stops_needs_none(plc, served):
+def test_a_start_needs_the_lease_and_a_stop_does_not(plc, served):
     take_lease(served.bridge)
     report = plc.run(CODE, timeout=PATIENCE)
     assert (report.refusal, report.holder, report.lease) == (Refusal.NOT_HOLDER, "page", LeaseState.TAKEN)
     assert served.program.runs == []
     served.program.may_end.clear()
     served.bridge.submit("page", CommandImage(code=CODE))
-    until(plc.read_report, in_state(State.EXECUTE))
+    first(plc.read_report, in_state(State.EXECUTE))
     plc.stop()
-    report = until(plc.cycle, in_state(State.STOPPED))
+    report = first(plc.cycle, in_state(State.STOPPED))
     assert report.holder == "page"
     assert served.record(1).outcome == "aborted"
 
@@ -169,7 +161,7 @@ def test_lease_is_taken_shown_and_released(plc, served, line):
     assert report.holder.startswith(line.source)
     assert not take_lease(served.bridge)
     plc.release()
-    assert until(plc.cycle, lambda report: report.lease == LeaseState.FREE).holder == ""
+    assert first(plc.cycle, lambda report: report.lease == LeaseState.FREE).holder == ""
     assert take_lease(served.bridge)
     assert not plc.take()
 
@@ -190,19 +182,19 @@ def test_hold_waits_and_unhold_goes_on(plc, served):
     run = begin(plc, served)
     held = plc.run(Control.HOLD, timeout=PATIENCE)
     assert (held.sequence, held.result) == (run.sequence + 1, Result.SUCCESS)
-    assert until(plc.cycle, in_state(State.HELD)).sequence == run.sequence
+    assert first(plc.cycle, in_state(State.HELD)).sequence == run.sequence
     served.program.may_end.set()
     assert plc.read_report().transition == Control.HOLD
     assert {plc.cycle().state for _ in range(20)} == {State.HELD}
     plc.trigger(Control.UNHOLD)
-    done = until(plc.cycle, lambda report: report.result != Result.NONE)
+    done = first(plc.cycle, lambda report: report.result != Result.NONE)
     assert (done.sequence, done.result) == (run.sequence, Result.SUCCESS)
 
 
 def test_abort_then_clear_then_reset(plc, served):
     begin(plc, served)
     plc.trigger(Control.ABORT)
-    assert until(plc.cycle, in_state(State.ABORTED)).result == Result.ABORTED
+    assert first(plc.cycle, in_state(State.ABORTED)).result == Result.ABORTED
     assert plc.read_report().transition == Control.ABORT
     assert plc.run(CODE, timeout=PATIENCE).refusal == Refusal.NOT_READY
     assert plc.run(Control.CLEAR, timeout=PATIENCE).state == State.STOPPED
@@ -211,17 +203,17 @@ def test_abort_then_clear_then_reset(plc, served):
     assert plc.run(CODE, timeout=PATIENCE).result == Result.SUCCESS
 
 
-def test_fault_has_its_word_and_its_stage_until_a_reset_and_a_stop_that_finds_nothing_to_stop_leaves_it(plc, served):
+def test_a_fault_stays_until_a_reset_also_if_somebody_stops(plc, served):
     served.program.fault = SkinSilentError("nothing heard")
     plc.trigger(CODE)
     report = plc.wait_for_result(PATIENCE)
     assert (report.result, report.fault, report.stage) == (Result.FAULT, FaultCode.SKIN_SILENT, 1)
-    assert until(plc.cycle, in_state(State.ABORTED)).fault == FaultCode.SKIN_SILENT
+    assert first(plc.cycle, in_state(State.ABORTED)).fault == FaultCode.SKIN_SILENT
     row = served.record(report.run)
     assert (row.outcome, row.fault, row.stage) == ("fault", FaultCode.SKIN_SILENT, STAGE)
     plc.stop()
     scans = plc.read_report().life
-    after = until(plc.cycle, lambda report: (report.life - scans) % 0x10000 > 2)
+    after = first(plc.cycle, lambda report: (report.life - scans) % 0x10000 > 2)
     assert (after.sequence, after.result, after.refusal) == (report.sequence, Result.FAULT, Refusal.NONE)
     served.program.fault = None
     assert plc.run(Control.RESET, timeout=PATIENCE).fault == FaultCode.NONE
@@ -234,13 +226,13 @@ def test_life_that_stands_still_stops_the_run_and_frees_the_lease(line, loaded, 
         plc.connect()
         served.program.may_end.clear()
         plc.trigger(CODE)
-        report = until(plc.read_report, in_state(State.ABORTED))
+        report = first(plc.read_report, in_state(State.ABORTED))
         assert (report.result, report.fault, report.lease) == (Result.FAULT, FaultCode.PLC_LOST, LeaseState.FREE)
         assert plc.read_diagnostics().lost == 1
         assert served.record(1).fault == FaultCode.PLC_LOST
 
 
-def test_run_goes_on_over_a_new_connection_and_its_result_is_found_there(plc, served, line):
+def test_a_run_and_its_result_outlive_the_connection(plc, served, line):
     run = begin(plc, served, serial="PEG-7")
     plc.close()
     with contextlib.closing(line.connect(served.bridge)) as again:
@@ -252,6 +244,6 @@ def test_run_goes_on_over_a_new_connection_and_its_result_is_found_there(plc, se
         done = again.wait_for_result(PATIENCE)
         assert (done.sequence, done.result, done.run) == (run.sequence, Result.SUCCESS, run.run)
         again.acknowledge()
-        assert until(again.cycle, in_state(State.IDLE)).result == Result.NONE
+        assert first(again.cycle, in_state(State.IDLE)).result == Result.NONE
         assert again.run(CODE, timeout=PATIENCE).sequence == run.sequence + 1
     assert len(served.program.runs) == 2
