@@ -3,9 +3,9 @@
 import asyncio
 import math
 import struct
-from contextlib import asynccontextmanager
-from dataclasses import dataclass
+from contextlib import asynccontextmanager, closing
 from pathlib import Path
+from typing import NamedTuple
 
 import pytest
 
@@ -24,14 +24,13 @@ ua = asyncua.ua
 from asyncua.crypto.security_policies import SecurityPolicyBasic256Sha256  # noqa: E402
 from asyncua.crypto.uacrypto import CertProperties  # noqa: E402
 
-CELL_URI, PACKML = "urn:tactile-insertion-cell", "http://opcfoundation.org/UA/PackML/"
+CELL_URI = "urn:tactile-insertion-cell"
 RUN = 100
 PLC = "urn:test:plc"
-LONGEST = 20.0
+LONGEST = 20.0  # s
 
 
-@dataclass
-class Served:
+class Served(NamedTuple):
     cell: QuickCell
     url: str
     keys: dict[str, tuple[Path, Path]]
@@ -81,9 +80,7 @@ class Unit:
         return await self.node(path).read_value()
 
     async def call(self, path, *values):
-        parent, _, _ = f"Cell.{path}".rpartition(".")
-        place = self.client.get_node(ua.NodeId(parent, self.node("").nodeid.NamespaceIndex))
-        return await place.call_method(self.node(path).nodeid, *values)
+        return await self.node(path.rpartition(".")[0]).call_method(self.node(path).nodeid, *values)
 
     async def command(self, sequence, code, recipe=0, serial="", parameters=()):
         words = [word(each) for each in (sequence, code, recipe)]
@@ -133,9 +130,13 @@ async def connected(served, name="plc"):
 
 
 @played
-async def test_run_by_number_is_answered_once(opcua):
+async def test_first_number_of_a_session_is_never_run_and_the_next_once(opcua):
     async with connected(opcua) as unit:
-        sequence, before = await unit.begin(), len(opcua.cell.program.runs)
+        before = len(opcua.cell.program.runs)
+        answered, refusal, remedy = await unit.command(1, RUN)
+        assert (answered, refusal, len(opcua.cell.program.runs)) == (1, Refusal.ADOPTED, before)
+        assert "next number" in remedy
+        sequence = await unit.begin()
         answers = [await unit.command(sequence, RUN, serial="A-7") for _ in range(3)]
         assert answers == [(sequence, Refusal.NONE, "")] * 3
         found = await unit.result(sequence)
@@ -161,37 +162,25 @@ async def test_result_is_held_for_the_next_session(opcua):
 
 
 @played
-async def test_first_number_of_a_session_is_never_run(opcua):
-    async with connected(opcua) as unit:
-        before = len(opcua.cell.program.runs)
-        answered, refusal, remedy = await unit.command(900, RUN)
-        assert (answered, refusal, len(opcua.cell.program.runs)) == (900, Refusal.ADOPTED, before)
-        assert "next number" in remedy
-
-
-@played
 async def test_lease_of_modbus_is_obeyed(opcua):
     async with connected(opcua) as unit:
         await unit.call("Lease", word(Lease.RELEASE))
-    wire = Wire(opcua.cell.bridge.address)
-    try:
-        wire.ask(struct.pack(">BHH", 6, 5, 1))
+    with closing(Wire(opcua.cell.bridge.address)) as wire:
+        wire.ask(struct.pack(">BHH", 6, 5, Lease.TAKE))
         async with connected(opcua) as unit:
             with pytest.raises(ua.UaStatusCodeError):
                 await unit.call("BaseStateMachine.MachineState.Reset")
             await unit.command(1, 0)
             assert (await unit.command(2, RUN))[1] is Refusal.NOT_HOLDER
             assert (await unit.answer())["Holder"].startswith("127.0.0.1:")
-    finally:
-        wire.ask(struct.pack(">BHH", 6, 5, 3))
-        wire.close()
+        wire.ask(struct.pack(">BHH", 6, 5, Lease.RELEASE))
 
 
 @played
-async def test_machine_is_stopped_and_reset_by_methods_of_packml(opcua):
-    async with connected(opcua) as unit:
+async def test_a_guard_stops_and_an_operator_resets_by_methods_of_packml(opcua):
+    async with connected(opcua) as unit, connected(opcua, "guard") as guard:
         await unit.begin()
-        await unit.call("BaseStateMachine.MachineState.Stop")
+        await guard.call("BaseStateMachine.MachineState.Stop")
         state = "BaseStateMachine.MachineState.CurrentState"
         await unit.until("Report.State", 2)
         await unit.until(state, lambda text: text.Text == "Stopped")
@@ -207,25 +196,21 @@ async def test_machine_is_stopped_and_reset_by_methods_of_packml(opcua):
 @played
 async def test_counters_and_times_are_packml_tags(opcua):
     async with connected(opcua, "") as unit:
-        (processed,), times = (
-            await unit.read("Admin.ProdProcessedCount"),
-            await unit.read("Admin.StateCumulativeTime"),
-        )
+        (processed,) = await unit.read("Admin.ProdProcessedCount")
         assert processed.Count == opcua.cell.bridge.figures.tags.processed
-        assert len(times[1]) == 18
+        assert len((await unit.read("Admin.StateCumulativeTime"))[1]) == 18
         assert await unit.read("Status.UnitModeCurrent") == 1
 
 
-class Events:
-    def __init__(self):
-        self.queue = asyncio.Queue()
+class Events(asyncio.Queue):
+    """Events of a subscription."""
 
     def event_notification(self, event):
-        self.queue.put_nowait(event)
+        self.put_nowait(event)
 
     async def next(self):
         async with asyncio.timeout(LONGEST):
-            return await self.queue.get()
+            return await self.get()
 
 
 @played
@@ -273,15 +258,6 @@ async def test_client_without_the_right_may_not_command(opcua, name):
         with pytest.raises(ua.UaStatusCodeError):
             await unit.node("Report.State").write_value(word(4))
         assert len(opcua.cell.program.runs) == before
-
-
-@played
-async def test_guard_may_stop(opcua):
-    async with connected(opcua) as unit:
-        await unit.begin()
-    async with connected(opcua, "guard") as unit:
-        await unit.call("BaseStateMachine.MachineState.Stop")
-        await unit.until("Report.State", 2)
 
 
 WHOLE = [word(2), word(RUN), word(0), ua.Variant(""), ua.Variant([], ua.VariantType.Double)]
