@@ -121,7 +121,7 @@ def test_a_fault_in_a_run_halts_the_arm_until_clear_and_reset(rig, code):
     assert rig.command(GRASP).result == Result.SUCCESS
 
 
-def test_a_fault_while_idle_keeps_the_last_result_and_the_skin_is_read_on(rig):
+def test_an_idle_fault_keeps_the_result_and_the_skin_is_read(rig):
     rig.command(GRASP)
     rig.skin.fault = SkinSilentError("skin: silent")
     report = rig.scan()

@@ -1,4 +1,4 @@
-"""Requests of a PLC to the whole cell of fakes, through the bridge's mailbox, what it reads, and what its runs leave on record."""
+"""Requests of a PLC to the whole cell of fakes: reports and records of its runs."""
 
 import json
 from itertools import groupby
@@ -9,9 +9,9 @@ import pytest
 from cell.records.schema import EventKind
 from cell.run.states import State
 from drivers.errors import ArmReflexError, FaultCode, SkinSilentError
-from drivers.quantities import Pose
+from drivers.quantities import Pose, SwitchState
 from plc_bridge.protocol.images import PACKML
-from plc_bridge.protocol.messages import Control, PartEvidence, PartPlace, Result, Warnings
+from plc_bridge.protocol.messages import Control, PartEvidence, PartPlace, Refusal, Result, Warnings
 from skills.catalogue import CATALOGUE
 from skills.contract import Outcome, Reason, SkillResult
 from skills.entry import Program
@@ -37,9 +37,19 @@ def test_a_limit_exceeded_in_the_scan_of_a_hold_ends_the_run(rig):
     assert (report.result, report.reason, report.state) == (Result.FAILURE, Reason.FORCE_LIMIT, State.COMPLETE)
 
 
+@pytest.mark.parametrize(
+    ("state", "refusal"), [(SwitchState.CLOSED, Refusal.HOLE_OCCUPIED), (SwitchState.UNKNOWN, Refusal.SWITCH_UNKNOWN)]
+)
+def test_a_closed_or_unknown_switch_refuses_a_start_before_any_motion(rig, state, refusal):
+    rig.switch.state, before = state, rig.arm.tcp
+    report = rig.command(100)
+    assert (report.refusal, report.result) == (refusal, Result.REFUSED)
+    assert rig.arm.tcp is before
+
+
 @pytest.fixture
 def reports(rig):
-    """Return what the PLC has read in each scan."""
+    """Return the reports that the PLC has read, one a scan."""
     read = []
     rig.clock.every.append(lambda: read.append(rig.plc.report))
     return read
@@ -84,7 +94,7 @@ def searched_twice(skills, ctx):
 
 
 @pytest.mark.parametrize("is_stopped", [False, True])
-def test_the_times_of_a_run_never_fall_and_stay_when_it_has_ended(rig, reports, monkeypatch, is_stopped):
+def test_the_times_of_a_run_never_fall_and_stay_afterwards(rig, reports, monkeypatch, is_stopped):
     monkeypatch.setitem(CATALOGUE.by_code, GRASP, Program(name="twice", code=GRASP, run=searched_twice))
     if is_stopped:
         rig.at(1.5, rig.plc.stop)
@@ -112,7 +122,7 @@ def test_states_commands_refusals_and_faults_are_events(rig):
     assert events["state"][-1] == ("ABORTED", State.ABORTED, "", 0)
 
 
-def test_a_run_on_a_full_disk_goes_on_and_the_plc_reads_the_warning(rig):
+def test_a_run_on_a_full_disk_goes_on_with_a_warning(rig):
     with full_disk():
         report = rig.command(GRASP)
         until(lambda: rig.journal.trouble)
