@@ -17,39 +17,18 @@ from sim.arm.device import SimArm
 from skills.catalogue import CATALOGUE
 from tests.rigs import world_of
 
-SOFT = 400.0
-"""Stiffness that shows what pulls at the arm, N/m."""
 HEAVY = 10.0
-"""Factor of the believed inertia of the rotors over the shipped one that late torques turn into a swing where no rotors help."""
+"""Factor of the believed inertia of the rotors over the shipped one at which late torques become a swing if there are no rotors."""
 NEVER = 2**40
 """Ticks until the law commands."""
 CURVE = JointFriction.published_curve(load().cell.arm_model().joints)
 
 
 def departing(timestep=5e-4, **departure):
-    """Return a world whose arm differs from the cell's model, at rest where it waits."""
+    """Return a world whose arm differs from the cell's model, at rest at its start."""
     world = world_of(f"sim.timestep={timestep}")
     world.begin(world.job, replace(world.draw, arm=replace(world.draw.arm, **departure)))
     return world
-
-
-def hold_softly(arm):
-    """Let the arm follow a setpoint where it is, with little stiffness."""
-    tcp = arm.read().tcp
-    stiffness = np.array([SOFT, SOFT, SOFT, 60.0, 60.0, 60.0])
-    arm.follow(ImpedanceSetpoint(1, tcp.position, -tcp.rotation[:, 0], stiffness, np.ones(6), math.inf))
-
-
-def torqued(world, torque, seconds):
-    """Command constant joint torques from outside for so long; yield after every control period."""
-    world.beat = world.beat._replace(law_every=NEVER)
-    if world.now() == 0.0:
-        # The law's one turn; it commands nothing at all.
-        world.wait_until(world.arm.control_period)
-    for _ in range(round(seconds / world.arm.control_period)):
-        world.command(torque)
-        world.wait_until(world.now() + world.arm.control_period)
-        yield world
 
 
 def test_a_rotors_inertia_adds_to_that_of_its_joint():
@@ -60,32 +39,33 @@ def test_a_rotors_inertia_adds_to_that_of_its_joint():
         model, data = world.physics()
         M = np.zeros((model.nv, model.nv))
         mujoco.mj_fullM(model, data, M)
-        bare = M[:7, :7] - np.diag(inertia)
-        for _ in torqued(world, tau, 0.001):
-            rates.append(world.dq)
-        np.testing.assert_allclose(
-            rates[-1] / 0.001, np.linalg.solve(bare + np.diag(inertia), tau), rtol=0.01, atol=0.01
-        )
+        bare, period = M[:7, :7] - np.diag(inertia), world.arm.control_period
+        world.beat = world.beat._replace(law_every=NEVER)
+        world.wait_until(period)  # the law's one turn, in which it commands nothing
+        world.command(tau)
+        world.wait_until(2 * period)
+        rates.append(world.dq / period)
+        np.testing.assert_allclose(rates[-1], np.linalg.solve(bare + np.diag(inertia), tau), rtol=0.01, atol=0.01)
     assert (np.abs(rates[1]) < np.abs(rates[0])).all()
 
 
-def test_fingers_beside_their_place_are_there_in_the_physics_and_unknown_to_the_cell():
+def test_fingers_beside_their_place_are_so_in_physics_alone():
     offset, turn = (0.0005, -0.0008, 0.001), (0.01, 0.005, -0.02)
     arm = ideal(load().cell.arm_model()).model
     longer = arm.model_copy(update={"kinematics": arm.kinematics.model_copy(update={"flange": 0.1073})})
     world = departing(model=longer, tcp_offset=offset, tcp_turn=turn)
     model, data = world.physics()
     fingers = [model.body(name).id for name in ("left", "right")]
-    real, told = world.tcp(), SimArm(world).read().tcp
+    real, believed = world.tcp(), SimArm(world).read().tcp
     np.testing.assert_allclose(real.position, data.xpos[fingers].mean(axis=0), atol=1e-12)
     # The finger frame has the hand's axes y, z and x.
     np.testing.assert_allclose(real.rotation, data.xmat[fingers[0]].reshape(3, 3)[:, [2, 0, 1]], atol=1e-12)
-    way = told.rotation.T @ (real.position - told.position)
+    way = believed.rotation.T @ (real.position - believed.position)
     np.testing.assert_allclose(way, [offset[2] + 0.0003, offset[0], offset[1]], atol=1e-12)
 
 
 @pytest.mark.parametrize(("times", "share", "swings"), [(1.0, 0.0, False), (HEAVY, 0.0, True), (HEAVY, 0.4, False)])
-def test_late_torques_swing_a_halted_arm_only_where_it_believes_in_more_inertia_than_it_has(times, share, swings):
+def test_late_torques_swing_a_halted_arm_only_if_inertia_is_overestimated(times, share, swings):
     believed = times * np.array(load().cell.arm_model().joints.rotor_inertia)
     world = departing(friction=JointFriction(), rotor_inertia=tuple(share * believed), path=TorquePath(2, 100.0))
     first = impedance.MASSES + dynamics.ROTORS
@@ -102,7 +82,7 @@ def test_late_torques_swing_a_halted_arm_only_where_it_believes_in_more_inertia_
 
 
 def motion(timestep):
-    """Return where the tip goes, m, when a departing arm holds still against residual gravity, at one time step."""
+    """Return places of the tip of a softly held departing arm under residual gravity at one time step, shape (30, 3), m."""
     world = departing(
         timestep,
         friction=CURVE,
@@ -110,9 +90,9 @@ def motion(timestep):
         path=TorquePath(1, 100.0),
         gravity=(0.0, 2.0, 0.0, 2.0, 0.0, 1.0, 0.0),
     )
-    arm = SimArm(world)
-    hold_softly(arm)
-    places = []
+    arm, stiffness = SimArm(world), np.array([400.0, 400.0, 400.0, 60.0, 60.0, 60.0])
+    tcp, places = arm.read().tcp, []
+    arm.follow(ImpedanceSetpoint(1, tcp.position, -tcp.rotation[:, 0], stiffness, np.ones(6), math.inf))
     for k in range(1, 31):
         world.wait_until(0.02 * k)
         places.append(world.tcp().position)
@@ -146,7 +126,7 @@ DEPARTURES = {
 @pytest.mark.parametrize(
     ("name", "timestep"), [*((name, 5e-4) for name in DEPARTURES), ("everything a little", 2.5e-4)]
 )
-def test_the_peg_stays_out_of_the_wall_at_the_step_and_at_half_of_it(name, timestep):
+def test_the_peg_stays_out_of_the_wall_at_both_steps(name, timestep):
     sets = ["sim.pace=max", "reality.scale=0.0", "sim.seed=7", f"sim.timestep={timestep}", "hole.area=[0.01, 0.01]"]
     config = load(sets=sets).cell
     with opened(assemble(config)) as cell:
