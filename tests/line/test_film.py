@@ -48,7 +48,7 @@ def gold(image):
     return (red > 90) & (red - blue > 55) & (green - blue > 35) & (red - green < 80)
 
 
-def test_the_section_shows_the_peg_as_deep_as_it_is_and_how_it_leans(short):
+def test_the_section_shows_depth_and_tilt_of_the_peg(short):
     with Journal(short, is_read_only=True) as journal:
         facts = recorded(journal, 1).facts
     stage, half = Stage(facts, HOLE), (facts.job.peg.length + facts.job.peg.overhang) / 2
@@ -78,10 +78,10 @@ def test_the_section_shows_the_peg_as_deep_as_it_is_and_how_it_leans(short):
 def test_a_run_of_the_simulated_cell_becomes_a_picture(grasped, tmp_path, capsys):
     file = tmp_path / "pictures" / "grasp.png"
     assert main(["film", "1", "--journal", str(grasped), "--at", "2.9", "--out", str(file), "--json"]) == GOOD
-    told = json.loads(capsys.readouterr().out)
+    printed = json.loads(capsys.readouterr().out)
     picture = cv2.imread(str(file))[..., ::-1]
-    assert (told["pictures"], picture.shape) == (1, (HEIGHT, WIDTH, 3))
-    # In the picture of the cell the arm stands white before sky and bench, with the peg in its hand.
+    assert (printed["pictures"], picture.shape) == (1, (HEIGHT, WIDTH, 3))
+    # In the picture of the cell, the arm is white before sky and bench, with the peg in its hand.
     cell = picture[54:640, 10:810]
     assert (cell.min(axis=2) > 200).mean() > 0.05
     assert gold(cell).sum() > 20
@@ -106,34 +106,27 @@ def test_a_film_for_a_page_goes_round_for_ever_in_real_time(short, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("wrong", "told"),
+    ("wrong", "said"),
     [
-        (["--out", "run.avi"], "run.avi: *.mp4, *.webp, *.png allowed"),
-        (["--out", "run.png", "--at", "7"], "--at 7: run 1 has 0 to 0.29 s"),
-        (["--out", "run.mp4", "--at", "0.2"], "--at 0.2: a film shows the whole run"),
+        ("film 1 --out run.avi", "run.avi: *.mp4, *.webp, *.png allowed"),
+        ("film 1 --out run.png --at 7", "--at 7: run 1 has 0 to 0.29 s"),
+        ("film 1 --out run.mp4 --at 0.2", "--at 0.2: a film shows the whole run"),
+        ("view", "needs a display"),
     ],
 )
-def test_wrong_use_is_told_in_one_line(short, capsys, tmp_path, monkeypatch, wrong, told):
+def test_wrong_use_is_answered_in_one_line(short, capsys, tmp_path, monkeypatch, wrong, said):
     monkeypatch.chdir(tmp_path)
+    for display in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(display, raising=False)
     before = sorted(tmp_path.iterdir())
-    assert main(["film", "1", "--journal", str(short), *wrong]) == WRONG_USE
+    assert main([*wrong.split(), "--journal", str(short)]) == WRONG_USE
     error = capsys.readouterr().err
-    assert (told in error, error.count("\n")) == (True, 1)
+    assert (said in error, error.count("\n")) == (True, 1)
     assert sorted(tmp_path.iterdir()) == before
 
 
-def test_a_run_of_an_earlier_version_is_told(tmp_path, capsys):
+def test_a_run_of_an_earlier_version_is_refused(tmp_path, capsys):
     with Journal(tmp_path) as journal:
-        row = journal.writer.begin(ROW)
-        journal.writer.finish(row)
-        run = row.run
-    assert main(["film", str(run), "--journal", str(tmp_path), "--out", str(tmp_path / "a.png")]) == FAULT
+        journal.writer.finish(journal.writer.begin(ROW))
+    assert main(["film", "1", "--journal", str(tmp_path), "--out", str(tmp_path / "a.png")]) == FAULT
     assert "recorded by another version" in capsys.readouterr().err
-
-
-def test_a_window_without_a_display_is_told_in_one_line(short, capsys, monkeypatch):
-    monkeypatch.delenv("DISPLAY", raising=False)
-    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
-    assert main(["view", "--journal", str(short)]) == WRONG_USE
-    error = capsys.readouterr().err
-    assert ("needs a display" in error, error.count("\n")) == (True, 1)
