@@ -24,7 +24,7 @@ def served(loaded: LoadedConfig, tmp_path: Path) -> Iterator[QuickCell]:
 
 @pytest.fixture
 def connect(served: QuickCell) -> Iterator[Callable[[], Wire]]:
-    """Yield what opens a connection to it."""
+    """Yield a function that opens a connection to it."""
     opened = []
 
     def connect() -> Wire:

@@ -1,4 +1,4 @@
-"""Calls of the command `cell` at a tenth of the cost: forks of one process that has loaded what all of them need.
+"""Calls of the command `cell` at a tenth of the cost: forks of one process that has loaded all modules.
 
     python tests/line/forked.py FOLDER MODULE...
 

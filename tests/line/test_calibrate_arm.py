@@ -34,7 +34,7 @@ def measured(tmp_path_factory):
 
 
 def torques(speed):
-    """Return what each joint of the drawn arm takes at a velocity, shape (7,), N·m."""
+    """Friction and gravity torque of the drawn arm's joints at a velocity, shape (7,), N·m."""
     config = load(sets=["sim.seed=80001"]).cell
     arm = drawn_arm(config.arm_model(), read(SHIPPED_FILES / ERRORS_FILE).draw(80001, config.reality))
     words = joint_drive.words_of(arm, (5e-4, 2e-3))

@@ -1,4 +1,4 @@
-"""The same cell and the same PLC over every interface that a config can name; hubs of ours where the kernel has no CAN."""
+"""One cell and one PLC over every CAN interface of the config; hubs of the tests replace kernel support."""
 
 import socket
 import time

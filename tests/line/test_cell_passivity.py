@@ -18,21 +18,20 @@ PUMPING = {
     "twisting_search": ("search", Gains(translation=1500.0, rotation=1000.0)),
     "twisting_insertion": ("insert", Gains(translation=1500.0, rotation=1500.0)),
 }
-"""Far beyond the bounds of a config: so they are put in behind the check, on an arm whose limits permit such stiffness.
+"""Gains far beyond the bounds of a config, set after its check on an arm that permits such stiffness.
 
-Twisting pumps where the hand turns at once after a peg that turns in it, as it did before docs/tried/search.md.
-
-An insertion with 100 kN/m is not among them: there the error of one frame, 0.6 mm, presses with the force limit.
+Rotational gains pump if the hand follows a rotation of the peg at once, as before docs/tried/search.md. An insertion with
+100 kN/m is left out: an error of 0.6 mm in one frame reaches the force limit.
 """
 
 
 GUARDS = ("not_passive", "setpoint", "tracking")
-"""What ends such a run before it presses: the energy guard, or the gate where an error of 1.5 mm is the force limit."""
+"""Endings before the peg is pressed: the energy guard, or the gate if an error of 1.5 mm reaches the force limit."""
 
 
 @pytest.fixture
 def stiff_arm(tmp_path):
-    """Return the key that names an arm which takes any of these gains."""
+    """Return the key of an arm that permits these gains."""
     text = arm_file("panda").read_text(encoding="utf-8")
     for figure in ("stiffness = 3000.0", "turn_stiffness = 300.0"):
         assert f"\n{figure}\n" in text
@@ -48,9 +47,7 @@ def with_gains(config, section, gains):
 
 
 @pytest.mark.parametrize("name", PUMPING)
-def test_a_gain_beyond_the_boundary_ends_the_run_mostly_by_the_guard_before_the_force_limit(
-    name, stiff_arm, monkeypatch
-):
+def test_the_guard_ends_most_runs_with_gains_beyond_the_boundary(name, stiff_arm, monkeypatch):
     monkeypatch.setattr(SearchSweep, "_turned", lambda self, seen, axis: axis)  # the hand turns after the peg at once
     config = load(sets=["reality.scale=0.0", stiff_arm]).cell.with_params(INSERT, follow_rate=100.0)
     reasons = [run_trial(with_gains(config, *PUMPING[name]), seed).reason for seed in range(9001, 9004)]
@@ -61,8 +58,8 @@ def test_a_gain_beyond_the_boundary_ends_the_run_mostly_by_the_guard_before_the_
     assert len(guarded) >= 0.75 * len(ended)
 
 
-def test_a_motion_that_is_softened_stays_as_soft_however_often_its_setpoint_is_handed_on(monkeypatch):
-    """Waiting hands the held setpoint on; only the guard's word is put into its mouth."""
+def test_a_softened_motion_stays_as_soft_while_its_setpoint_is_repeated(monkeypatch):
+    """Waiting repeats the held setpoint; the verdict of the guard is scripted."""
     monkeypatch.setattr(PassivityGuard, "update", lambda self, setpoint, tcp, stamp: PassivityVerdict.SOFTEN)
     config = load(sets=["sim.pace=max"]).cell
     cell = assemble(config)

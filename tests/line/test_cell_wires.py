@@ -26,7 +26,7 @@ def wired(tmp_path):
         yield rehearsal, wires, cell.truth
 
 
-def test_killed_and_revived_boards_end_runs_in_their_fault_and_only_those_back_in_time_serve_a_success(wired):
+def test_killed_boards_end_runs_in_their_fault_unless_back_in_time(wired):
     rehearsal, wires, truth = wired
 
     def pull_both():

@@ -48,7 +48,7 @@ def test_switch(cell):
 REAL = PAGE["options"].replace("cell.toml", str(ROOT / "config" / "cell_01.toml"))
 
 
-def test_the_example_the_page_and_each_fault_of_the_fixture_pass_and_a_real_cell_is_refused(tmp_path):
+def test_the_example_passes_and_a_real_cell_is_refused(tmp_path):
     """With the plugin as it is installed or, in a checkout that was installed before it existed, by name."""
     is_installed = PLUGIN in [each.value for each in entry_points(group="pytest11")]
     plugin = [] if is_installed else ["-p", PLUGIN]

@@ -1,4 +1,4 @@
-"""The cell goes on serving: the hand comes to the rack from where it let the last peg go, not from home."""
+"""Repeated service: the hand comes to the rack from the place of the last release, not from home."""
 
 import math
 from dataclasses import replace

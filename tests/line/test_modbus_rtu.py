@@ -38,7 +38,7 @@ def bridge(cable):
         yield bridge
 
 
-def test_port_that_is_missing_or_in_use_is_said_in_one_line(bridge, cable):
+def test_a_port_missing_or_in_use_is_reported_in_one_line(bridge, cable):
     with pytest.raises(DeviceNotOpenedError, match=r"^serial port /dev/ttyNONE: no such port[^\n]*$"):
         start("/dev/ttyNONE")
     with pytest.raises(DeviceNotOpenedError, match="in use by another program"):

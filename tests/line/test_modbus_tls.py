@@ -178,7 +178,7 @@ def test_plain_client_of_the_same_address_inherits_nothing(bridge, contexts):
 
 
 @pytest.mark.parametrize(("idle_timeout", "said"), [(0.05, b""), (60.0, b"\x16\x03\x01")])
-def test_handshake_that_never_ends_is_cut_off_by_time_or_by_the_end_of_the_cell(authority, idle_timeout, said):
+def test_an_endless_handshake_ends_by_time_or_with_the_cell(authority, idle_timeout, said):
     bridge = start(authority, idle_timeout=idle_timeout)
     with knock(bridge) as silent:
         silent.sendall(said)

@@ -1,4 +1,4 @@
-"""The commands on the pages for people do what the pages state."""
+"""The commands of the documents succeed as printed."""
 
 import os
 import subprocess

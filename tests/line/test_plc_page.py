@@ -71,7 +71,7 @@ def test_certificates_by_the_recipe_let_the_plc_in_with_its_role(tmp_path):
         bridge.close()
 
 
-def test_every_refusal_stands_there_with_what_to_do():
+def test_every_refusal_is_listed_with_its_remedy():
     section = TEXT.partition("## Refusals")[2].partition("\n## ")[0]
     rows = re.findall(r"^\| (\d+) ([A-Z_]+) \| (.*) \|$", section, re.M)
     assert rows == [(str(each.value), each.name, REMEDIES[each]) for each in Refusal if each is not Refusal.NONE]

@@ -1,4 +1,4 @@
-"""Searches of a whole simulated cell: where they begin, on hold, and again after a peg that did not seat."""
+"""Searches of a whole simulated cell: their beginning, a hold, and repetition after a peg that did not seat."""
 
 import math
 from dataclasses import replace
@@ -24,7 +24,7 @@ PARTS = {
 
 
 @pytest.mark.parametrize("part", PARTS)
-def test_peg_comes_down_on_the_plate_even_where_the_hole_is_known_well_and_finds_it(part: str) -> None:
+def test_peg_comes_down_beside_a_well_known_hole_and_finds_it(part: str) -> None:
     touched: list[float] = []
     with at_work(102, "hole.area=[0.001, 0.001]", *PARTS[part]) as (cell, ctx):
         assert cell.truth is not None
@@ -48,7 +48,7 @@ RUNNING, HELD, RESUMED = 0.3, 1.0, 1.0
 """s."""
 
 
-def test_setpoint_of_a_search_that_was_held_anywhere_goes_on_without_a_step() -> None:
+def test_setpoint_of_a_held_search_goes_on_without_a_step() -> None:
     """A plate without a hole and the smallest dip threshold: most of the time the search probes."""
     sets = ("reality.scale=1.0", "sim.plate.present=false", "search.timeout=6", "search.dip_threshold=2e-5")
     steps: list[float] = []
@@ -76,7 +76,7 @@ def test_setpoint_of_a_search_that_was_held_anywhere_goes_on_without_a_step() ->
     assert max(steps) < 5e-3
 
 
-def test_peg_that_stands_in_the_hole_is_pulled_out_before_it_is_led_aside():
+def test_a_peg_in_the_hole_is_pulled_out_before_it_moves_aside():
     """From the bottom, gripped as the adjustment left it: the tip leaves along the bore, well below the force limit."""
     deep, outside = [], []
     with at_work(105) as (cell, ctx):
@@ -100,7 +100,7 @@ def test_peg_that_stands_in_the_hole_is_pulled_out_before_it_is_led_aside():
     assert peak < 0.75 * cell.config.limits.force
 
 
-def test_peg_that_goes_no_deeper_is_given_up_after_the_patience_and_not_after_the_timeout():
+def test_peg_that_goes_no_deeper_is_given_up_before_the_timeout():
     with at_work(104, "search.timeout=1") as (cell, ctx):
         config = cell.config
         GRASP.run(config.skill_set(), ctx)
@@ -112,7 +112,7 @@ def test_peg_that_goes_no_deeper_is_given_up_after_the_patience_and_not_after_th
     assert config.adjust.stall_timeout <= ended.elapsed < config.adjust.timeout / 2
 
 
-def test_peg_that_jams_along_a_wrongly_felt_normal_is_freed_where_it_rests():
+def test_a_peg_jammed_by_a_wrong_normal_is_freed():
     """The hole stands upright, the plate was felt 3 degrees off: along that the peg fits 2 mm deep and no further."""
     with at_work(105, "grip.friction=0.6") as (cell, ctx):
         config = cell.config

@@ -1,4 +1,4 @@
-"""A skin that talks nonsense or falls silent on the way: the skill stops with a fault, soon, and never pushes blindly on."""
+"""A skin that reports nonsense during the search ends it with a fault within the longest blind time."""
 
 from dataclasses import replace
 
@@ -20,7 +20,7 @@ NONSENSE = {
     "frozen": lambda raw, rng: np.full_like(raw, 7000) + np.arange(raw.size, dtype=np.uint16).reshape(raw.shape) * 40,
     "drawn at random": lambda raw, rng: rng.integers(0, 40_000, raw.shape).astype(np.uint16),
 }
-"""One kind that no taxel is trusted with, and one that the estimator does not believe; tests of the estimators have every kind."""
+"""One kind without a trusted taxel, and one that the estimator rejects; tests of the estimators have every kind."""
 
 
 @pytest.mark.parametrize("kind", NONSENSE)

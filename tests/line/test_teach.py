@@ -75,7 +75,7 @@ def test_keys_close_and_open_the_fingers():
 
 
 class Push:
-    """A person who pushes the hand along x from 1 to 3 s with a force, N, and lets it be until 5 s."""
+    """A person who pushes the hand along x from 1 to 3 s with a force, N, and not from then to 5 s."""
 
     def __init__(self, cell, force):
         self.world, self.force, self.began = cell.arm._world, force, cell.clock.now()
@@ -93,7 +93,7 @@ class Push:
 
 
 @pytest.mark.parametrize(("force", "is_followed"), [(5.0, False), (15.0, True)])
-def test_an_arm_with_honest_errors_follows_a_push_and_stays_where_it_is_left(force, is_followed):
+def test_an_arm_follows_a_push_and_stays_where_it_is_left(force, is_followed):
     config = load(sets=["sim.pace=max", "sim.seed=7"]).cell
     with opened(assemble(config), "arm") as cell:
         push = Push(cell, force)
