@@ -1,4 +1,4 @@
-"""The technician's commands about the skin: what they show, and what they say is wrong and how to mend it."""
+"""The technician's commands about the skin: its picture, its calibration, and each fault with its repair."""
 
 import io
 import json
@@ -31,7 +31,7 @@ CAN = [*FAST, "--set", "skin.kind=can"]
 SERIAL = [*FAST, "--set", "skin.kind=serial"]
 
 
-def told(capsys, *arguments, status=GOOD):
+def printed(capsys, *arguments, status=GOOD):
     """Return the output of a command with --json."""
     assert main([*arguments, "--json"]) == status
     return json.loads(capsys.readouterr().out)
@@ -43,12 +43,6 @@ def complaint(capsys, *arguments):
     return capsys.readouterr().err
 
 
-def checked(capsys, *arguments, status=FAULT):
-    """Return what `check` finds about the skin."""
-    found = told(capsys, "check", "--set", "plc.modbus.port=0", *arguments, status=status)
-    return next(line["found"] for line in found if line["device"] == "skin")
-
-
 SOFT = 1.7e-3
 """Point spread of a pad softer than the estimators assume, m."""
 OF_SOFT_PADS = ["skin.kind=can", f"boards.skin.pad.blur={SOFT}"]
@@ -56,19 +50,19 @@ OF_SOFT_PADS = ["skin.kind=can", f"boards.skin.pad.blur={SOFT}"]
 
 @pytest.fixture(scope="module")
 def calibrated(tmp_path_factory):
-    """Return what the calibration of a skin with such pads printed, and the folder of the user's data."""
+    """Return the output of the calibration of a skin with such pads, and the folder of the user's data."""
     folder = tmp_path_factory.mktemp("data")
-    with pytest.MonkeyPatch.context() as here, redirect_stdout(io.StringIO()) as printed:
+    with pytest.MonkeyPatch.context() as here, redirect_stdout(io.StringIO()) as out:
         here.setenv("XDG_DATA_HOME", str(folder))
         assert main(["calibrate", "skin", "--json", *(w for key in OF_SOFT_PADS for w in ("--set", key))]) == GOOD
-    return json.loads(printed.getvalue()), folder
+    return json.loads(out.getvalue()), folder
 
 
-def test_calibration_is_written_with_its_date_to_the_users_data_and_can_be_used(calibrated, capsys):
+def test_calibration_is_written_to_the_users_data_and_can_be_used(calibrated, capsys):
     found, folder = calibrated
     assert found["file"] == str(folder / "tactile-insertion-cell" / "calibration" / f"skin_{found['date']}.toml")
     assert found["point_spread"] == pytest.approx(SOFT, abs=0.1e-3)
-    assert told(capsys, "skin", *CAN, "--set", f"calibration.skin={found['file']}")["figures"]["lost"] == 0
+    assert printed(capsys, "skin", *CAN, "--set", f"calibration.skin={found['file']}")["figures"]["lost"] == 0
 
 
 def test_calibration_brings_the_taxels_together(calibrated):
@@ -86,7 +80,7 @@ def error_of_theta(*sets):
     """Return the RMSE of theta over frames of soft pads, rad."""
     config, rng, errors = load(sets=sets).cell, np.random.default_rng(5), []
     estimator, pads, peg = make_estimator(config), Pads(PadConfig(blur=SOFT), config.skin.layout), config.peg
-    for _ in range(100):
+    for _ in range(50):
         theta, offset = rng.uniform(-1.3, 1.3), rng.normal(0.0, 0.7e-3)
         pressure = pads.pressure(PadLoad(theta, offset, 30.0, 0.0, 0.0, peg.length, peg.overhang, peg.diameter))
         counts = 0.05 * pressure + rng.normal(0.0, 300.0, pressure.shape)
@@ -108,7 +102,7 @@ def test_a_real_skin_is_calibrated_by_somebody_at_a_terminal(capsys, monkeypatch
     assert "CAN bus socketcan can-none" in capsys.readouterr().err
 
 
-def test_a_rod_held_by_hand_is_turned_as_asked_while_the_board_is_listened_to():
+def test_a_hand_held_rod_is_read_at_every_requested_angle():
     rig, angles, half = BoardRig(can_config()), rod_angles(STEP_BY_HAND), ROD_HALF
 
     def turn(text):
@@ -120,9 +114,8 @@ def test_a_rod_held_by_hand_is_turned_as_asked_while_the_board_is_listened_to():
         rig.skin.open()
         rod = HandHeldRod(rig.skin, rig.clock, 0.01, turn)
         readings, trusted = sweep(rig.skin, rig.clock, rod, angles, 0.01, lambda done, of: None)
-    found = fit_gains(
-        angles.tolist(), readings, trusted, Peg(diameter=0.008, length=half, overhang=half, mass=0.02), "parallelogram"
-    )
+    peg = Peg(diameter=0.008, length=half, overhang=half, mass=0.02)
+    found = fit_gains(angles.tolist(), readings, trusted, peg, "parallelogram")
     assert found.point_spread == pytest.approx(1.2e-3, abs=0.15e-3)
     assert rig.world.load is None  # a rod left between the pads would hide the print of the next peg
 
@@ -138,30 +131,25 @@ def test_both_fingers_are_shown_and_a_picture_is_saved(kind, capsys, tmp_path):
     assert picture.read_bytes()[1:4] == b"PNG"
 
 
-def test_recorded_traffic_plays_back_to_the_same_last_frame(capsys, tmp_path):
+def test_recorded_traffic_plays_back_to_the_same_frame(capsys, tmp_path):
     file = str(tmp_path / "traffic")
-    live = told(capsys, "skin", *SERIAL, "--record", file)
-    again = told(capsys, "skin", *SERIAL, "--replay", file)
+    live = printed(capsys, "skin", *SERIAL, "--record", file)
+    again = printed(capsys, "skin", *SERIAL, "--replay", file)
     assert {**again, "figures": None} == {**live, "figures": None}
-
-
-def test_traffic_of_another_wire_is_told(capsys, tmp_path):
-    file = str(tmp_path / "traffic")
-    told(capsys, "skin", *SERIAL, "--record", file)
     assert 'skin.kind = "can"' in complaint(capsys, "skin", *CAN, "--replay", file)
     assert 'skin.kind = "can" or "serial" needed, not "sim"' in complaint(capsys, "skin", *FAST, "--replay", file)
 
 
 @pytest.fixture
 def nobody():
-    """Yield a serial port at which nobody answers."""
+    """Yield a serial port without a device."""
     far, near = pty.openpty()
     yield os.ttyname(near)
     os.close(far)
     os.close(near)
 
 
-HUB_SILENT = "fault 1001: skin: hub 1 does not answer: check its supply"
+HUB_SILENT, SHORT = "fault 1001: skin: hub 1 does not answer: check its supply", "skin.open_timeout=0.2"
 FINDINGS = {
     "sound on CAN": (CAN, [], "ok"),
     "sound on a serial line": (SERIAL, [], "ok"),
@@ -171,28 +159,20 @@ FINDINGS = {
     "unplugged adapter": (SERIAL, ["boards.skin.faults.unplugged=[[0.0, 100.0]]"], ".*no such port: plug it in"),
     "slow wire": (SERIAL, ["skin.rate=100", "skin.baud_rate=57600"], ".*80% of skin.rate"),
     "losses": (SERIAL, ["boards.skin.faults.corrupt=0.003"], ".*messages refused: mend the wiring"),
-    "no port": (
-        SERIAL,
-        ["skin.port=/dev/ttyNO7"],
-        "fault 1007: serial port /dev/ttyNO7: no such port: .*; docs/first-day.md, step 5$",
-    ),
-    "nobody on the line": (
-        SERIAL,
-        ["skin.port={nobody}", "skin.open_timeout=0.2"],
-        f"{HUB_SILENT} and cable.*skin.baud_rate",
-    ),
+    "no port": (SERIAL, ["skin.port=/dev/ttyNO7"], "fault 1007: serial port /dev/ttyNO7: no such port: .*, step 5$"),
+    "nobody on the line": (SERIAL, ["skin.port={nobody}", SHORT], f"{HUB_SILENT} and cable.*skin.baud_rate"),
     "nobody on the bus": (
         CAN,
-        ["skin.interface=virtual", "skin.channel=nobody", "skin.open_timeout=0.2"],
+        ["skin.interface=virtual", "skin.channel=nobody", SHORT],
         f"{HUB_SILENT}, the wires with a terminator",
     ),
 }
-"""Skins: the options of their wire, keys of what is wrong, and the beginning of what `check` finds."""
+"""Skins: options of their wire, keys of the fault, and the beginning of the line of `check`."""
 
 
 @pytest.mark.parametrize("skin", FINDINGS)
-def test_check_names_what_is_wrong_with_the_skin(skin, capsys, nobody):
+def test_check_names_the_fault_of_the_skin(skin, capsys, nobody):
     wire, keys, found = FINDINGS[skin]
-    words = [word for key in keys for word in ("--set", key.format(nobody=nobody))]
-    status = GOOD if found.startswith("ok") else FAULT
-    assert re.match(found, checked(capsys, *wire, *words, status=status))
+    words = [word for key in ("plc.modbus.port=0", *keys) for word in ("--set", key.format(nobody=nobody))]
+    lines = printed(capsys, "check", *wire, *words, status=GOOD if found.startswith("ok") else FAULT)
+    assert re.match(found, next(line["found"] for line in lines if line["device"] == "skin"))
