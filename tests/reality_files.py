@@ -1,4 +1,4 @@
-"""Files of errors of which a test sets some to one value."""
+"""Files of errors in which a test sets some to one value."""
 
 import json
 import tomllib
@@ -13,11 +13,11 @@ NOTHING |= {
 }
 
 
-def reality_of(folder, *, alone=True, **figures):
-    """Write a file in which these errors have one value, and no other is drawn where they are `alone`; return its path."""
+def errors(folder, *, alone=True, **figures):
+    """Write a file in which these errors have one value and, if `alone`, no other is drawn; return the key that names it."""
     lines = []
-    for group, errors in tomllib.loads(Path("config/reality.toml").read_text(encoding="utf-8")).items():
-        for name, error in errors.items():
+    for group, drawn_errors in tomllib.loads(Path("config/reality.toml").read_text(encoding="utf-8")).items():
+        for name, error in drawn_errors.items():
             value = figures.get(f"{group}_{name}")
             drawn = NOTHING[error["distribution"]] if alone else {}
             if value is not None:
@@ -27,4 +27,4 @@ def reality_of(folder, *, alone=True, **figures):
             lines += [f"{key} = {json.dumps(entry, ensure_ascii=False)}" for key, entry in (error | drawn).items()]
     path = folder / "reality.toml"
     path.write_text("\n".join(lines), encoding="utf-8")
-    return path
+    return f'reality.file="{path}"'

@@ -1,4 +1,4 @@
-"""The skin of the page for engineers: five sensors on each finger in a file of figures, and the port of their board in one module."""
+"""The skin of the page for engineers: a file with five sensors on each finger, and their board's port in one module."""
 
 import re
 from dataclasses import replace
@@ -73,12 +73,7 @@ class Board:
 
     def __init__(self, skin):
         self._skin, self._sent = skin, -1
-
-    def open(self):
-        self._skin.open()
-
-    def close(self):
-        self._skin.close()
+        self.open, self.close = skin.open, skin.close
 
     def read(self, timeout):
         frame = self._skin.read()
@@ -89,7 +84,7 @@ class Board:
         return " ".join(f"{value:.0f}" for value in fields.ravel()).encode() + b"\n"
 
 
-def test_a_port_of_one_module_inserts_a_peg_with_sensors_of_three_axes(magnetic):
+def test_a_skin_of_magnetometers_inserts_a_peg(magnetic):
     (code,) = re.findall(r"```python drivers/skin/magnetometers\.py\n(.*?)```", PAGE, re.DOTALL)
     module = ModuleType("magnetometers")
     exec(code, module.__dict__)  # what the page prints

@@ -14,42 +14,38 @@ from cell.calibrate.places import MOST_FORCE, calibrate_places
 from cell.commands.cli import GOOD, NOT_GOOD, main
 from cell.config.load import load
 from drivers.errors import NotCalibratedError
-from tests.reality_files import reality_of
+from tests.reality_files import errors
 
 RACK = (0.0015, -0.001, 0.0)
-FAST = ["--pegs", "2"]
 
 
-def errors(folder, **figures):
-    """Return the options of a cell with these errors and no others."""
-    return ["--set", f"reality.file={json.dumps(str(reality_of(folder, **figures)))}"]
+def calibrate(key, folder, *options):
+    """Return the status of a calibration with two pegs, a key and a folder for the file."""
+    return main(["calibrate", "places", "--pegs", "2", "--set", key, "--out", str(folder), *options])
 
 
 def test_plate_and_rack_are_found_where_drawn_with_bounded_force(tmp_path, capsys, monkeypatch):
-    felt = []
-    touch_off = module.touch_off
+    forces, touch_off = [], module.touch_off
 
     def touched(place, transfer, touch, ctx):
-        ctx.callbacks = replace(
-            ctx.callbacks, record=lambda seen, setpoint: felt.append(np.linalg.norm(seen.arm.wrench.force))
-        )
+        record = lambda seen, setpoint: forces.append(np.linalg.norm(seen.arm.wrench.force))  # noqa: E731
+        ctx.callbacks = replace(ctx.callbacks, record=record)
         return touch_off(place, transfer, touch, ctx)
 
     monkeypatch.setattr(module, "touch_off", touched)
     drawn = errors(tmp_path, place_plate_height=0.002, place_plate_tilt=0.01, place_rack=RACK)
-    assert main(["calibrate", "places", "--pegs", "2", *drawn, "--out", str(tmp_path / "new"), "--json"]) == GOOD
+    assert calibrate(drawn, tmp_path / "new", "--json") == GOOD
     found = json.loads(capsys.readouterr().out)
     assert abs(found["height"] - 0.102) < found["height_interval"] < 1.2e-3
     assert [math.hypot(*lean) for lean in found["lean"]] == pytest.approx([0.01, 0.01], abs=1.5e-3)
     assert np.all(np.abs(np.subtract(found["rack"], RACK[:2])) < found["rack_interval"])
-    assert max(felt) < MOST_FORCE
+    assert max(forces) < MOST_FORCE
     assert (tmp_path / "new" / f"places_{found['date']}.toml").read_text(encoding="utf-8").endswith(found["write"])
     assert found["write"].startswith("[hole]\ncentre = [0.50000, 0.00000, 0.10")
 
 
 def test_nothing_is_written_of_a_plate_that_is_not_there(tmp_path, capsys):
-    drawn = errors(tmp_path, place_plate_height=-0.02)
-    assert main(["calibrate", "places", *FAST, *drawn, "--out", str(tmp_path / "new")]) == NOT_GOOD
+    assert calibrate(errors(tmp_path, place_plate_height=-0.02), tmp_path / "new") == NOT_GOOD
     assert "nothing to touch at x = 0.450" in capsys.readouterr().err
     assert not (tmp_path / "new").exists()
 
@@ -69,7 +65,7 @@ def test_an_interruption_leaves_the_arm_at_rest_and_the_old_file(tmp_path, monke
         signal.raise_signal(signal.SIGINT)
 
     monkeypatch.setattr(module, "touch_off", broken_off)
-    assert main(["calibrate", "places", *FAST, "--set", "reality.scale=0", "--out", str(tmp_path)]) == NOT_GOOD
+    assert calibrate("reality.scale=0", tmp_path) == NOT_GOOD
     assert capsys.readouterr().err == "cell: stopped\n"
     assert [file.read_text(encoding="utf-8") for file in tmp_path.iterdir()] == ["old\n"]
     assert seen[0].lead.rest.is_reached
