@@ -1,4 +1,4 @@
-"""Skills and an estimator that somebody adds, each one file and one entry, at work from terminal and PLC."""
+"""Added skills and an estimator, each one file and one entry, run from terminal and PLC."""
 
 import json
 import os
@@ -19,12 +19,10 @@ PACKAGES = ("cell", "config", "drivers", "plc_bridge", "sim", "skills")
 EXTEND = {block.info: block.text for block in blocks() if block.page == ROOT / "docs" / "extend.md"}
 CODE, STAGE = max(CATALOGUE.by_code) + 2, max(CATALOGUE.stages) + 2
 OWN = max(99, *CATALOGUE.reasons) + 1
-"""Numbers that nothing has in the catalogue with the skill of that page, which has the next ones."""
+"""Numbers that are free in the catalogue with the skill of that page, which has the next ones."""
 PATIENCE = 60.0
 
-STIFF = "translation=500.0, rotation=4000.0"
-
-SKILL = f'''"""Hold still for a while and see whether the peg is held at an angle."""
+SKILL = f'''"""Hold still for a while and compare the in-hand angle with a parameter."""
 
 from dataclasses import dataclass
 from enum import IntEnum
@@ -35,14 +33,10 @@ from skills.motion import VALIDITY, Gains
 
 
 class Unexpected(IntEnum):
-    """Its own words for why it ended so."""
-
     OTHER_ANGLE = {OWN}
 
 
 class LookParams(SkillParams):
-    """How to look."""
-
     seconds: float = 0.5
     theta: float = 0.25
     gains: Gains = Gains(translation=500.0, rotation=20.0)
@@ -50,13 +44,10 @@ class LookParams(SkillParams):
 
 @dataclass(frozen=True, slots=True)
 class LookResult(SkillResult):
-    """What was seen."""
-
     theta: float
 
 
 def run(params: LookParams, ctx: SkillContext) -> LookResult:
-    """Hold the hand where it is and look."""
     tcp, identity, theta = ctx.observe().arm.tcp, ctx.new_id(), 0.0
     for seen in ctx.scan(params.seconds):
         theta = seen.peg.theta
@@ -75,7 +66,7 @@ SKILL_ENTRY = """    Skill(
         steered=("gains",), counts=True, reasons=look.Unexpected,
     ),
 """
-ESTIMATOR = '''"""Tells the angle that it was told."""
+ESTIMATOR = '''"""Estimates the configured angle from every frame."""
 
 from drivers.config_model import ConfigModel
 from drivers.quantities import TaxelFrame
@@ -83,20 +74,14 @@ from skills.tactile.pose import PegPose
 
 
 class FixedParams(ConfigModel):
-    """What to tell."""
-
     theta: float = 0.25
 
 
 class FixedEstimator:
-    """Tells one angle of every frame."""
-
     def __init__(self, params: FixedParams) -> None:
-        """Take the angle."""
         self._params = params
 
     def estimate(self, frame: TaxelFrame) -> PegPose:
-        """See `skills.tactile.pose.Estimator`."""
         return PegPose(self._params.theta, 0.0, 0.01, 0.0, True, frame.stamp)
 '''
 ESTIMATOR_ENTRY = """    EstimatorEntry("{name}", fixed.FixedParams, lambda params, setup: fixed.FixedEstimator(params)),
@@ -105,13 +90,15 @@ ESTIMATOR_ENTRY = """    EstimatorEntry("{name}", fixed.FixedParams, lambda para
 
 def put(file, before, text):
     """Put a text behind the only `before` in the file."""
-    told = file.read_text(encoding="utf-8")
-    assert told.count(before) == 1
-    file.write_text(told.replace(before, before + text), encoding="utf-8")
+    content = file.read_text(encoding="utf-8")
+    assert content.count(before) == 1
+    file.write_text(content.replace(before, before + text), encoding="utf-8")
 
 
-def build(folder):
-    """Copy the program, its map with room for one more stage, and add to the copy what an engineer adds."""
+@pytest.fixture(scope="module")
+def house(tmp_path_factory):
+    """Return a copy of the program with these additions, its map with room for one more stage."""
+    folder = tmp_path_factory.mktemp("house")
     for package in PACKAGES:
         shutil.copytree(ROOT / package, folder / package)
     table = folder / "plc_bridge" / "protocol" / "messages.py"
@@ -130,62 +117,47 @@ def build(folder):
     return folder
 
 
-def told(cell, *words):
-    """Return what a call of `cell` gives."""
-    return subprocess.run([cell, *words], capture_output=True, text=True, check=False)
-
-
 @pytest.fixture(scope="module")
-def house(tmp_path_factory):
-    return build(tmp_path_factory.mktemp("house"))
-
-
-@pytest.fixture(scope="module")
-def cell(house, tmp_path_factory):
+def call(house, tmp_path_factory):
+    """Yield a function that runs the program of `house`."""
     with forked(tmp_path_factory.mktemp("bin"), house) as command:
-        yield command
+        yield lambda *words: subprocess.run([command, *words], capture_output=True, text=True, check=False)
 
 
-@pytest.fixture
-def served(house, tmp_path):
-    """Yield where the cell listens as it is in `house`."""
-    sets = [f"plc.life_timeout={PATIENCE}", "insert.estimator=fixed", "sim.pace=max"]
-    with process(tmp_path, sets, cwd=house, env={**os.environ, "PYTHONPATH": str(house)}) as (_, (address,)):
-        yield address
-
-
-def test_the_skill_of_the_page_runs_after_the_edits_that_it_names(cell, tmp_path):
+def test_the_skill_of_the_page_runs_after_the_edits_that_it_names(call, tmp_path):
     (command,) = EXTEND["console after-the-edit"].splitlines()
-    done = told(cell, *command.split()[1:], "--json", "--journal", str(tmp_path))
+    done = call(*command.split()[1:], "--json", "--journal", str(tmp_path))
     assert (done.returncode, json.loads(done.stdout)["stage"]) == (0, "lift"), done.stderr
 
 
-def test_the_terminal_runs_them(cell, tmp_path):
-    words = ("run", "look", "--json", "--journal", str(tmp_path), "--set", "sim.pace=max")
-    good = told(cell, *words, "--set", "insert.estimator=fixed", "--set", "fixed.theta=0.1", "--set", "look.theta=0.1")
+def test_the_terminal_runs_skill_and_estimator(call, tmp_path):
+    kept = ("--json", "--journal", str(tmp_path))
+    words = ("run", "look", *kept, "--set", "sim.pace=max", "--set", "insert.estimator=fixed")
+    good = call(*words, "--set", "fixed.theta=0.1", "--set", "look.theta=0.1")
     row = json.loads(good.stdout)
     assert (good.returncode, row["outcome"], row["stage"]) == (0, "success", "look")
     assert row["stage_times"] == [["look", pytest.approx(0.5)]]
-    (stage,) = json.loads(told(cell, "show", str(row["run"]), "--json", "--journal", str(tmp_path)).stdout)["stages"]
+    (stage,) = json.loads(call("show", str(row["run"]), *kept).stdout)["stages"]
     assert stage["facts"] == {"theta": pytest.approx(0.1)}
-    bad = told(cell, *words, "--set", "insert.estimator=fixed", "--set", "fixed.theta=0.2")
+    bad = call(*words, "--set", "fixed.theta=0.2")
     row = json.loads(bad.stdout)
     assert (bad.returncode, row["outcome"], row["reason"]) == (1, "failure", "other_angle")
 
 
-def test_a_plc_runs_them_and_reads_the_time_back(house, served):
+def test_a_plc_runs_them_and_reads_their_time(house, tmp_path):
     """The default recipe expects the estimator's angle, and recipe 2 does not."""
-    with closing(Peer(*served, timeout=PATIENCE)) as peer:
+    sets = [f"plc.life_timeout={PATIENCE}", "insert.estimator=fixed", "sim.pace=max"]
+    where = {"cwd": house, "env": {**os.environ, "PYTHONPATH": str(house)}}
+    with process(tmp_path, sets, **where) as (_, (address,)), closing(Peer(*address, timeout=PATIENCE)) as peer:
         peer.connect()
         seen, unseen = (peer.run(CODE, recipe=recipe, timeout=PATIENCE) for recipe in (0, 2))
     assert (seen.result, seen.stage, seen.reason) == (Result.SUCCESS, STAGE, 0)
     assert (unseen.result, unseen.stage, unseen.reason) == (Result.FAILURE, STAGE, OWN)
-    for report in (seen, unseen):
-        assert report.total_time == pytest.approx(0.5)
+    assert (seen.total_time, unseen.total_time) == pytest.approx((0.5, 0.5))
 
 
-def test_the_map_names_them(cell):
-    words = json.loads(told(cell, "map", "--format", "json").stdout)
+def test_the_map_names_their_numbers(call):
+    words = json.loads(call("map", "--format", "json").stdout)
     meanings = {entry["name"]: entry["meaning"] for entry in words}
     assert f"{CODE} look" in meanings["command_code"]
     assert f"{STAGE} look" in meanings["report_stage"]
@@ -195,13 +167,13 @@ def test_the_map_names_them(cell):
 @pytest.mark.parametrize(
     ("key", "words"),
     [
-        (f"look.gains={{{STIFF}}}", ("look.gains.rotation = 4000", "unstable")),
+        ("look.gains={translation=500.0, rotation=4000.0}", ("look.gains.rotation = 4000", "unstable")),
         ("look.seconds=long", ("look.seconds = 'long'", "a number")),
         ("insert.estimator=eye", ("insert.estimator = 'eye'", '"fixed", "image", "robust" allowed')),
     ],
 )
-def test_a_wrong_value_is_told_as_of_any_other(cell, key, words):
-    wrong = told(cell, "run", "look", "--set", key)
+def test_a_wrong_value_of_them_is_refused_as_any_other(call, key, words):
+    wrong = call("run", "look", "--set", key)
     assert (wrong.returncode, wrong.stderr.count("\n")) == (2, 1)
     assert all(word in wrong.stderr for word in words), wrong.stderr
 
@@ -216,7 +188,7 @@ def test_a_wrong_value_is_told_as_of_any_other(cell, key, words):
         ({"name": "limits"}, ("[limits]", "a key of every cell")),
     ],
 )
-def test_a_clash_ends_every_command_with_one_line(house, cell, changes, words):
+def test_a_clash_ends_every_command_with_one_line(house, call, changes, words):
     numbers = {"code": CODE, "stage": STAGE, "name": "fixed"}
     with ExitStack() as before:
         for path, entry in (("skills/catalogue.py", SKILL_ENTRY), ("skills/tactile/estimators.py", ESTIMATOR_ENTRY)):
@@ -224,6 +196,6 @@ def test_a_clash_ends_every_command_with_one_line(house, cell, changes, words):
             before.callback((house / path).write_text, text, encoding="utf-8")
             other = text.replace(entry.format(**numbers), entry.format(**{**numbers, **changes}))
             (house / path).write_text(other, encoding="utf-8")
-        clash = told(cell, "run", "recover")
+        clash = call("run", "recover")
     assert (clash.returncode, clash.stdout, clash.stderr.count("\n")) == (2, "", 1)
     assert all(word in clash.stderr for word in words), clash.stderr
