@@ -65,9 +65,7 @@ def test_dead_module_of_the_quiet_patch_is_found():
 
 @pytest.mark.parametrize("name", TOUCHED)
 def test_injected_error_counts_are_masked_and_nothing_else_is(name):
-    _, frames = _recording(name)
-    rng = np.random.default_rng(0)
-    raw = frames[10].copy()
+    rng, raw = np.random.default_rng(0), _recording(name)[1][10].copy()
     health, clean = _patch_health(), _patch_health()
     _, before = clean.update(raw, 1.0)
     spoiled = rng.choice(np.flatnonzero(before), 20, replace=False)
@@ -88,7 +86,7 @@ def test_touched_recordings_give_finite_poses(layout):
                 assert np.isfinite([pose.theta, pose.offset, pose.sigma, pose.residual]).all()
 
 
-def test_touch_is_seen_in_the_touched_recordings_and_not_in_the_untouched():
+def test_touch_is_seen_in_the_touched_recordings_alone():
     projector = Projector("parallelogram", ImageParams().pixel, LAYOUTS["parallelogram"].full_scale)
 
     def brightest(name):
@@ -101,7 +99,7 @@ def test_touch_is_seen_in_the_touched_recordings_and_not_in_the_untouched():
 
 
 @pytest.mark.parametrize("name", [*UNTOUCHED, *TOUCHED, "cyskin_quiet_patch.txt"])
-def test_recording_plays_as_a_skin_from_its_first_frame_to_its_last(name):
+def test_a_recording_plays_as_a_skin_to_its_end(name):
     clock = ScriptedWorld()
     skin = RecordedSkin(RECORDINGS / name, clock)
     skin.open()
@@ -135,10 +133,9 @@ def _hiss(name):
     return frames - frames.mean(axis=0)
 
 
-def _simulated_hiss(count, elapsed=0.1):
-    skin = SimSkinConfig(kind="sim")
-    taxels, rest = Taxels(skin, np.random.default_rng(5)), np.zeros((2, 20))
-    frames = np.array([taxels.measure(rest, elapsed).ravel() for _ in range(count)], dtype=float)
+def _simulated_hiss(count):
+    taxels, rest = Taxels(SimSkinConfig(kind="sim"), np.random.default_rng(5)), np.zeros((2, 20))
+    frames = np.array([taxels.measure(rest, 0.1).ravel() for _ in range(count)], dtype=float)
     return frames - frames.mean(axis=0)
 
 
@@ -154,7 +151,7 @@ def _between(frames):
 
 
 @pytest.mark.parametrize("name", UNTOUCHED)
-def test_noise_is_white_in_time_and_from_taxel_to_taxel_on_both_skins(name):
+def test_noise_of_both_skins_is_white_in_time_and_space(name):
     real = _hiss(name)
     simulated = _simulated_hiss(len(real))
     for frames in (real, simulated):
