@@ -20,11 +20,11 @@ from skills.catalogue import CATALOGUE
 
 INSERT = CATALOGUE["insert_peg"].code
 LOCKED = "import ctypes; lock = (ctypes.CDLL(None).pthread_mutex_lock, ctypes.create_string_buffer(64)); lock[0](lock[1]); lock[0](lock[1])"
-"""What waits for ever outside the interpreter, which then runs no handler of a signal."""
+"""Waits for ever outside the interpreter, which then runs no handler of a signal."""
 
 
 def serve_hanging(method, mark, wait, words, told):
-    """Serve a cell whose switch hangs in one of its methods as long as a file is there."""
+    """Serve a cell whose switch hangs in one of its methods while a file exists."""
     called = getattr(SimSwitch, method)
 
     def hang(switch):
@@ -39,7 +39,7 @@ def serve_hanging(method, mark, wait, words, told):
 
 @pytest.fixture
 def served(tmp_path, monkeypatch):
-    """Return what serves a cell at the pace of the wall clock, its switch hanging in a method as long as `mark` is there."""
+    """Return a function that serves a cell in real time; its switch hangs in a method while `mark` exists."""
 
     def served(method="", wait="time.sleep(0.01)"):
         if method:
@@ -54,17 +54,15 @@ def faults(folder):
         return [event for event in journal.events() if event.kind == EventKind.FAULT]
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGHUP])
-def test_a_signal_right_after_the_start_ends_the_cell_without_a_fault(served, tmp_path, number):
+def test_a_signal_right_after_the_start_ends_the_cell_without_a_fault(served, tmp_path):
+    """`test_study_faults.py` has SIGHUP."""
     with served() as running:
-        running.signal(number)
+        running.signal(signal.SIGINT)
         assert running.wait(30) == 0
     assert faults(tmp_path) == []
 
 
-def test_whoever_connects_first_meets_a_cell_that_has_scanned_and_a_signal_in_the_middle_of_a_run_stops_it_first(
-    served, tmp_path
-):
+def test_a_served_cell_has_scanned_and_a_signal_stops_its_run_first(served, tmp_path):
     with served() as running:
         with closing(Peer(*running.address)) as peer:
             assert peer.look().state == State.IDLE
