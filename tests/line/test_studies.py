@@ -1,4 +1,4 @@
-"""Studies in their smallest form: each measures what it says, counts it rightly, and writes its tables and charts."""
+"""Studies in their smallest form: measurements, counts, tables and charts."""
 
 import json
 import math
@@ -24,9 +24,7 @@ from tests.trial_rows import SEATED
 NAN = math.nan
 
 
-def test_stability_of_the_whole_arm_is_as_theory_says_and_the_observer_and_the_guard_take_away_what_crosses_it(
-    tmp_path,
-):
+def test_stability_is_as_theory_says_and_observer_and_guard_extend_it(tmp_path):
     found = studied(tmp_path, "stability", "--quick")
     rows = rows_of(tmp_path / "stability.csv")
     assert len(rows) == found["cases"]
@@ -50,7 +48,7 @@ def test_stability_of_the_whole_arm_is_as_theory_says_and_the_observer_and_the_g
     assert all(is_chart(tmp_path / f"stability_{kind}.png") for kind in ("translation", "rotation"))
 
 
-def test_every_estimator_meets_every_condition_on_both_layouts_and_the_robust_one_reaches_its_goals(tmp_path):
+def test_every_estimator_meets_every_condition_and_the_robust_one_its_goals(tmp_path):
     found = studied(tmp_path, "tactile", "--quick")
     rows = rows_of(tmp_path / "tactile.csv")
     assert len(rows) == len(found["lines"]) == 2 * len(ESTIMATORS) * (len(CONDITIONS) + len(ON_LAYER))
@@ -67,7 +65,7 @@ def test_every_estimator_meets_every_condition_on_both_layouts_and_the_robust_on
         assert lines[condition]["rmse"] < 1.2
 
 
-def test_every_phase_of_an_insertion_takes_at_least_the_time_of_its_bound(tmp_path):
+def test_every_phase_takes_at_least_the_time_of_its_bound(tmp_path):
     found = studied(tmp_path, "limits", "--quick", "--seed", "5", "--set", "hole.area=[0.02,0.02]")
     bounded = [line for line in found["lines"] if line["phase"] in (TURN, DOWN, DAMPED)]
     assert len(bounded) == 3
@@ -78,18 +76,12 @@ def test_every_phase_of_an_insertion_takes_at_least_the_time_of_its_bound(tmp_pa
     assert is_chart(tmp_path / "limits.png")
 
 
+SHIPPED = ("--trials", "1", "--method", "shipped")
+
+
 def test_a_method_that_fails_at_the_honest_level_has_no_margin(tmp_path):
-    words = (
-        "--trials",
-        "1",
-        "--method",
-        "shipped",
-        "--error",
-        "all errors together",
-        "--set",
-        "search.timeout=0.1",
-    )
-    for margin in studied(tmp_path, "margins", *words)["margins"]:
+    words = ("--error", "all errors together", "--set", "search.timeout=0.1")
+    for margin in studied(tmp_path, "margins", *SHIPPED, *words)["margins"]:
         assert (margin["holds"], margin["fails"], margin["margin"]) == (None, 1.0, 0.0)
         assert margin["seen"] == "0/1 at 1"
     assert len(rows_of(tmp_path / "margins.csv")) == 2
@@ -97,13 +89,13 @@ def test_a_method_that_fails_at_the_honest_level_has_no_margin(tmp_path):
 
 
 def test_a_method_that_holds_at_the_hardest_level_has_the_whole_range(tmp_path):
-    words = ("--trials", "1", "--seed", "5", "--method", "shipped", "--error", "torque path: transport")
-    at_90, at_50 = studied(tmp_path, "margins", *words, "--set", "reality.scale=0")["margins"]
+    words = ("--seed", "5", "--error", "torque path: transport", "--set", "reality.scale=0")
+    at_90, at_50 = studied(tmp_path, "margins", *SHIPPED, *words)["margins"]
     assert (at_90["holds"], at_90["fails"], at_90["size"]) == (16.0, None, "0.016 to 0.032 s")
     assert at_50["margin"] == 16.0
 
 
-def test_the_peg_falls_only_if_there_is_a_hole_and_the_fall_is_detected(tmp_path):
+def test_a_fall_needs_a_hole_and_is_detected(tmp_path):
     """The seed is that of a search that slides over the hole within four seconds."""
     words = ("--quick", "--trials", "1", "--seed", "101", "--set", "reality.scale=0")
     line = studied(tmp_path, "events", *words)["line"]
@@ -128,7 +120,7 @@ def test_a_fall_after_a_false_event_does_not_count():
     assert (line.falls, line.detected, line.delay) == (2, 1, 0.01)
 
 
-def test_a_cell_that_learns_finds_its_third_part_at_once_and_notices_another_fixture(tmp_path):
+def test_a_learning_cell_finds_its_third_part_and_detects_another_fixture(tmp_path):
     config = load(sets=["reality.scale=0.0"]).cell
     rows = run_series(config, 3, Mode.LEARNS, 3)
     assert [row.outcome for row in rows] == ["success"] * 4
@@ -163,13 +155,13 @@ FOUND = replace(SEATED, found_error=3e-3)
         (replace(FOUND, found_error=1.01 * paper.NEAR, stage=ADJUST, switch_closed=False), False, SEARCH),
     ],
 )
-def test_a_trial_counts_as_in_the_paper_by_the_switch_and_by_where_the_hole_was_found(row, succeeded, stage):
+def test_a_trial_counts_as_in_the_paper_by_switch_and_found_hole(row, succeeded, stage):
     found = paper.tried(row)
     assert (found.succeeded, found.stage) == (succeeded, stage)
     assert set(found.times) == ({SEARCH} if stage == SEARCH else {SEARCH, INSERT, ADJUST})
 
 
-def test_the_published_method_is_judged_stage_by_stage_with_printed_figures_on_seeds_of_its_own(tmp_path):
+def test_the_published_method_is_judged_by_stage_on_its_own_seeds(tmp_path):
     cell = load(None, "paper").cell
     search = cell.params(catalogue.SEARCH)
     assert (search.tilt, search.timeout) == (pytest.approx(math.radians(45), abs=1e-3), 100.0)
@@ -183,19 +175,17 @@ def test_the_published_method_is_judged_stage_by_stage_with_printed_figures_on_s
     assert is_chart(tmp_path / "paper.png")
 
 
-SMALL = ["--set", "hole.area=[0.01, 0.01]", "--candidates", "3", "--trials", "1", "--judge", "1"]
-
-
-def test_a_wish_ends_in_a_recipe_with_its_evidence_and_is_taken_up_again(tmp_path, capsys):
-    command = ["tune", "--want", "p95<=30 s, force<=60 N", "--seed", "5", "--out", str(tmp_path), "--json", *SMALL]
+def test_tuning_writes_a_recipe_with_evidence_and_can_be_continued(tmp_path, capsys):
+    small = ["--set", "hole.area=[0.01, 0.01]", "--candidates", "3", "--trials", "1", "--judge", "1"]
+    words = ["--seed", "5", "--out", str(tmp_path), *small]
     with in_this_process():
-        assert main(command) == 0
-    told = json.loads(capsys.readouterr().out)
+        assert main(["tune", "--want", "p95<=30 s, force<=60 N", "--json", *words]) == 0
+    printed = json.loads(capsys.readouterr().out)
     recipe = (tmp_path / "recipe.toml").read_text()
-    assert [line["holds"] for line in told["judged"]] == [True, True]
-    assert len(told["tried"]) == 3
+    assert [line["holds"] for line in printed["judged"]] == [True, True]
+    assert len(printed["tried"]) == 3
     assert "seeds 1000005 to 1000005" in recipe
     assert recipe.startswith("# Wished: p95<=30 s, force<=60 N.")
     with in_this_process():
-        assert main(["tune", "--want", "p95<=0.1 s", "--seed", "5", "--out", str(tmp_path), *SMALL]) == 1
+        assert main(["tune", "--want", "p95<=0.1 s", *words]) == 1
     assert "not fulfilled by any of 3 settings; nearest: p95<=0.1 s: " in capsys.readouterr().err

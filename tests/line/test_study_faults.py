@@ -1,4 +1,4 @@
-"""The campaign of faults, with one case of it: what must hold on any computer holds."""
+"""The campaign of faults with a few cases, and its counts."""
 
 import json
 from collections import Counter
@@ -22,7 +22,6 @@ from plc_bridge.protocol.messages import Control, LeaseState
 BY_NAME = {kind.name: kind for kind in KINDS}
 KIND = BY_NAME["skin: unplugged"]
 HONEST = (*KEYS, "sim.pace=max", "sim.seed=97950", "hole.area=[0.02,0.02]")
-IDEAL = (*KEYS, "reality.scale=0.0", "sim.pace=max")
 
 
 SOUND = FaultCase(
@@ -51,12 +50,12 @@ SOUND = FaultCase(
 COUNTED = tuple(tables.COUNTED)
 
 
-def program_case(kind, folder, stage="grasp_from_rack", moment=1.5):
+def program_case(kind, folder):
     words = [word for key in (*KEYS, "sim.seed=97950") for word in ("--set", key)]
-    return ends.tried(kind, stage, moment, words, folder / "journal")
+    return ends.tried(kind, "grasp_from_rack", 1.5, words, folder / "journal")
 
 
-def test_a_program_that_a_signal_ends_has_its_arm_at_rest_and_its_run_on_record(tmp_path):
+def test_a_signal_leaves_the_arm_at_rest_and_the_run_on_record(tmp_path):
     for run in (1, 2):  # the second finds the records of the first, whose peg nobody has found since
         if run == 2:
             file = tmp_path / "journal" / "part-sim.json"
@@ -67,7 +66,7 @@ def test_a_program_that_a_signal_ends_has_its_arm_at_rest_and_its_run_on_record(
         assert (case.record, case.part_untrue, case.is_back) == (True, False, True)
 
 
-def test_a_program_that_does_not_end_when_it_is_asked_to_is_no_sound_case(tmp_path, monkeypatch):
+def test_a_program_that_does_not_end_in_time_is_no_sound_case(tmp_path, monkeypatch):
     monkeypatch.setattr(ends, "ENDING", 0.1)
     deaf = FaultKind("process: deaf", to_program=lambda program: None, status=0)
     assert not program_case(deaf, tmp_path).record
@@ -84,11 +83,8 @@ def test_a_slice_of_the_campaign_has_zeros_where_there_must_be(tmp_path):
     Of an arm that takes no setpoint when the peg is nearly in, no distance reveals it: the hand stands where the setpoint
     is, which goes on so slowly that it is not 61 mm away for 79 s.
     """
-    tried = [
-        ("arm: deaf", "spiral_adjust", 0.3),
-        ("skill: lies", "grasp_from_rack", 1.5),
-    ]
-    cases = measure(lambda number: load(sets=list(HONEST)), [(BY_NAME[name], *when) for name, *when in tried], tmp_path)
+    tried = [(BY_NAME["arm: deaf"], "spiral_adjust", 0.3), (BY_NAME["skill: lies"], "grasp_from_rack", 1.5)]
+    cases = measure(lambda number: load(sets=list(HONEST)), tried, tmp_path)
     line = tables.lines(cases, load().cell.limits.force)[-1]
     assert line["n"] == len(tried)
     # Where the peg is after the fault depends on how far the peg had come, and so on the computer's load.
@@ -101,8 +97,9 @@ def test_a_slice_of_the_campaign_has_zeros_where_there_must_be(tmp_path):
     assert deaf.rest < REST_LIMIT
 
 
-def test_the_plc_of_the_campaign_stays_connected_while_the_line_brings_the_next_workpiece():
-    with bench(load(sets=[*IDEAL, "plc.modbus.idle_timeout=1.0"])) as tested:
+def test_the_plc_of_the_campaign_stays_connected_between_workpieces():
+    sets = [*KEYS, "reality.scale=0.0", "sim.pace=max", "plc.modbus.idle_timeout=1.0"]
+    with bench(load(sets=sets)) as tested:
         tested.let_pass(30.0)
         assert tested.peer.trigger(Control.RESET).lease == LeaseState.YOURS
 
@@ -131,13 +128,13 @@ def test_each_shortfall_is_counted_in_its_own_column(change, column):
 @pytest.mark.parametrize(
     "kind", ["plc: killed", "switch: never", "skill: lies", "arm: place drifts", "skin: a frame in twenty lost"]
 )
-def test_what_nobody_can_know_at_once_may_take_longer(kind):
+def test_a_fault_that_cannot_show_at_once_may_take_longer(kind):
     rows = [replace(SOUND, kind=kind, rest_after=3.0)]
     assert tables.lines(rows, 60.0)[-1]["late after"] == 0
 
 
 @pytest.mark.parametrize("number", [1, len(KINDS), len(KINDS) + 5])
-def test_of_cases_that_are_drawn_each_kind_comes_once_before_one_comes_twice(number):
+def test_each_kind_of_fault_is_drawn_once_before_one_is_drawn_twice(number):
     tried = planned(KINDS, number, 7)
     assert tried == planned(KINDS, number, 7)
     counts = Counter(kind.name for kind, _, _ in tried)
@@ -145,7 +142,7 @@ def test_of_cases_that_are_drawn_each_kind_comes_once_before_one_comes_twice(num
     assert max(counts.values()) - (min(counts.values()) if len(counts) == len(KINDS) else 0) <= 1
 
 
-def test_of_cases_that_are_drawn_each_kind_comes_at_every_stage_before_it_comes_to_one_again():
+def test_each_kind_of_fault_is_drawn_at_every_stage_before_one_again():
     tried = planned(KINDS, len(KINDS) * len(STAGES), 7)
     assert set(Counter((kind.name, stage) for kind, stage, _ in tried).values()) == {1}
     assert all(first <= moment <= last for _, stage, moment in tried for first, last in [STAGES[stage]])
@@ -166,32 +163,33 @@ def test_a_run_that_ended_before_the_fault_is_not_counted():
     assert tables.lines([replace(SOUND, outcome="not reached")], 60.0)[-1]["n"] == 0
 
 
-def group(piece, began, number, **changes):
-    made = SoakGroup(piece, versions()["code"], began, 0.05 * number, float(number), "insert", "success", 100.0, 20, 5)
-    return replace(made, **changes)
+BEGAN = "2026-01-01T10:00:00+00:00"
+GROUP = SoakGroup(1, versions()["code"], BEGAN, 0.0, 0.0, "insert", "success", 100.0, 20, 5)
 
 
-def test_growth_is_counted_once_caches_are_filled_and_gaps_are_told():
+def group(number, **changes):
+    """Return a group of the soak; each took 0.05 h."""
+    return replace(GROUP, wall=0.05 * number, hours=float(number), **changes)
+
+
+def test_growth_is_counted_after_caches_are_filled_beside_the_gaps():
     """Memory that comes in the first quarter and stays is none; a handle at every look after it is."""
-    first = [
-        group(1, "2026-01-01T10:00:00+00:00", n, memory=100.0 if n < 2 else 130.0, handles=20 + max(n - 5, 0))
-        for n in range(20)
-    ]
-    one, two = pieces([*first, group(2, "2026-01-01T12:00:00+00:00", 1)])
+    first = [group(n, memory=100.0 if n < 2 else 130.0, handles=20 + max(n - 5, 0)) for n in range(20)]
+    one, two = pieces([*first, group(1, piece=2, began=BEGAN.replace("10:", "12:"))])
     assert (one.memory, one.handles, one.threads) == pytest.approx((0.0, 1.0, 0.0), abs=1e-9)
     assert (one.gap, one.wall, two.gap) == pytest.approx((0.0, 0.95, 1.05))
 
 
 def test_groups_are_counted_by_their_endings():
     endings = ["success", "failure", "success", "fault", "CellSilentError: no answer"]
-    (piece,) = pieces([group(1, "2026-01-01T10:00:00+00:00", n, ending=ending) for n, ending in enumerate(endings)])
+    (piece,) = pieces([group(n, ending=ending) for n, ending in enumerate(endings)])
     assert (piece.groups, piece.seated, piece.failed, piece.lost) == (5, 2, 1, 2)
 
 
 def test_pieces_of_other_code_are_not_continued(tmp_path):
-    write_rows([group(1, "2026-01-01T10:00:00+00:00", 1)], tmp_path / "soak.csv")
+    write_rows([group(1)], tmp_path / "soak.csv")
     assert len(earlier(tmp_path / "soak.csv")) == 1
-    write_rows([group(1, "2026-01-01T10:00:00+00:00", 1, code="other")], tmp_path / "soak.csv")
+    write_rows([group(1, code="other")], tmp_path / "soak.csv")
     with pytest.raises(ConfigError, match="pieces of other code"):
         earlier(tmp_path / "soak.csv")
 

@@ -1,4 +1,4 @@
-"""The study of the frontier, with a few short trials: every point is shown, and what was run is not run again."""
+"""The study of the frontier with a few short trials: every point is shown, and no trial is repeated."""
 
 import argparse
 
@@ -13,20 +13,17 @@ from tests.studies import in_this_process, is_chart, rows_of, studied
 
 SETS = ("search.timeout=1.0",)
 NAMES = ("shipped", "force alone"), ("firm grip",)
-TWO = ("--method", "shipped", "--method", "force alone")
 
 
 def args_of(folder, *sets):
     return argparse.Namespace(config=None, set=list(sets), out=folder, workers=1)
 
 
-def test_every_point_has_a_row_of_its_own_trials_and_what_was_run_is_taken_up_and_other_seeds_are_run_anew(
-    monkeypatch, tmp_path
-):
-    found = studied(tmp_path, "frontier", "--quick", *TWO, "--scene", "firm grip", "--set", *SETS)
-    assert [row["variant"] for row in rows_of(tmp_path / "frontier.csv")] == [
-        line["variant"] for line in found["lines"]
-    ]
+def test_every_point_has_its_trials_and_those_are_not_run_again(monkeypatch, tmp_path):
+    methods = [word for method in NAMES[0] for word in ("--method", method)]
+    found = studied(tmp_path, "frontier", "--quick", *methods, "--scene", *NAMES[1], "--set", *SETS)
+    shown = [row["variant"] for row in rows_of(tmp_path / "frontier.csv")]
+    assert shown == [line["variant"] for line in found["lines"]]
     for line in found["lines"]:
         of_line = rows_of(tmp_path / line["folder"] / TABLE)
         assert line["trials"] == len(of_line) == 1
@@ -40,7 +37,7 @@ def test_every_point_has_a_row_of_its_own_trials_and_what_was_run_is_taken_up_an
     assert all(line.error for line in compared(args_of(tmp_path, *SETS), points, range(2, 3)).lines)
 
 
-def test_a_variant_that_faults_or_is_refused_is_shown_and_the_others_go_on(tmp_path):
+def test_a_variant_that_fails_is_shown_and_the_others_go_on(tmp_path):
     tried = [Variant("refused", sets=("skin.rate=0",)), Variant("blind", sets=("skin.dead_taxels=40",))]
     with in_this_process():
         refused, blind = compared(args_of(tmp_path), tried, range(1, 2)).lines
@@ -50,7 +47,7 @@ def test_a_variant_that_faults_or_is_refused_is_shown_and_the_others_go_on(tmp_p
     assert "skin_untrusted" in blind.endings
 
 
-def test_trials_end_where_the_test_answers_and_are_taken_up_with_it(tmp_path):
+def test_trials_end_once_decided_and_are_continued_so(tmp_path):
     tried = [Variant("blind", sets=("skin.dead_taxels=40",))]
     with in_this_process():
         found, again = (compared(args_of(tmp_path), tried, range(1, 100), test=TEST) for _ in range(2))
@@ -59,7 +56,7 @@ def test_trials_end_where_the_test_answers_and_are_taken_up_with_it(tmp_path):
 
 
 @pytest.mark.parametrize("method", ["theta known exactly", "force alone"])
-def test_theta_is_what_the_method_says_and_not_what_the_skin_measures(method):
+def test_a_method_replaces_the_measured_theta(method):
     [tried] = variants([method], ["firm grip"], (1.0,))
     row = run_trial(load(None, tried.preset, [*tried.sets, *SETS, "sim.pace=max"]).cell, 1, program=tried.program)
     assert (row.theta_rmse == 0.0) == (method == "theta known exactly")
