@@ -1,4 +1,4 @@
-"""Trials on real worker processes and on a real Dask scheduler on loopback: the same rows whoever is killed or interrupted."""
+"""Trials on worker processes and on a Dask scheduler: the same rows if any of them is killed or interrupted."""
 
 import json
 import logging
@@ -69,11 +69,12 @@ def config():
 
 @pytest.fixture(scope="module")
 def by_pool(config, tmp_path_factory):
-    """Return the rows of another process, without their wall times."""
+    """Return the rows of another process."""
     return timeless(run_trials(config, SEEDS, 1, tmp_path_factory.mktemp("pool"), lambda row: None))
 
 
 def timeless(rows):
+    """Return rows without their wall times."""
     return [replace(row, wall_time=0.0) for row in rows]
 
 
@@ -82,7 +83,7 @@ STUCK = partial(signal.sigtimedwait, {signal.SIGUSR1})
 
 
 def test_a_killed_call_loses_no_finished_trial_and_leaves_no_process(config, tmp_path):
-    """The same call once more takes up what was finished as it is."""
+    """The repeated call keeps finished trials as they are."""
     with running("-c", KILLED.format(sets=SHORT, folder=str(tmp_path))) as call:
         finished = [int(call.stdout.readline()) for _ in range(2)]
         call.kill()
@@ -96,7 +97,7 @@ def test_a_killed_call_loses_no_finished_trial_and_leaves_no_process(config, tmp
     assert {row["wall_time"] for row in kept if row["seed"] in finished} <= {row.wall_time for row in rows}
 
 
-def test_a_cluster_gives_the_same_rows_and_runs_those_of_a_dead_worker_on_another(config, by_pool, tmp_path):
+def test_a_cluster_gives_the_same_rows_also_if_a_worker_dies(config, by_pool, tmp_path):
     port = free_port()
     address = f"tcp://127.0.0.1:{port}"
     start = ("-m", "distributed.cli.dask_scheduler", *LOCAL, "--port", str(port))
@@ -114,9 +115,9 @@ def test_a_cluster_gives_the_same_rows_and_runs_those_of_a_dead_worker_on_anothe
                 list(rows)
 
 
-def test_a_cluster_without_workers_or_with_one_whose_rows_may_differ_is_refused(monkeypatch):
+def test_a_cluster_without_workers_or_with_other_versions_is_refused(monkeypatch):
     """Scheduler and worker are threads of this process, which looks its versions up first and the worker then."""
-    told = iter([{"code": "another"}, versions()])
+    found = iter([{"code": "another"}, versions()])
     with LocalCluster(n_workers=0, processes=False, dashboard_address=None) as cluster:
 
         def refused(said, patience=30.0):
@@ -127,30 +128,32 @@ def test_a_cluster_without_workers_or_with_one_whose_rows_may_differ_is_refused(
         cluster.scale(1)
         monkeypatch.setenv(workers.BLAS, "2")
         refused(f"{workers.BLAS} = 2; 1 allowed")
-        monkeypatch.setattr(workers, "versions", lambda: next(told))
+        monkeypatch.setattr(workers, "versions", lambda: next(found))
         refused(r"code .*; another, as on the computer that requested the trials, allowed")
 
 
-def test_an_address_where_nobody_schedules_is_told_in_one_line(capsys, monkeypatch, tmp_path):
+def test_an_address_without_a_scheduler_is_reported_in_one_line(capsys, monkeypatch, tmp_path):
     monkeypatch.setattr(workers, "CONNECT", 0.2)
     address = f"tcp://127.0.0.1:{free_port()}"
     assert main(["trials", "--trials", "1", "--scheduler", address, "--out", str(tmp_path)]) == FAULT
     logging.getLogger().handlers.clear()
-    told = capsys.readouterr()
-    assert (told.out, told.err.count("\n")) == ("", 1)
-    assert f"scheduler {address}: no answer" in told.err
+    printed = capsys.readouterr()
+    assert (printed.out, printed.err.count("\n")) == ("", 1)
+    assert f"scheduler {address}: no answer" in printed.err
 
 
-def test_rows_do_not_depend_on_the_process_and_every_seed_draws_its_own_hole_and_start(config, by_pool):
+def test_rows_do_not_depend_on_the_process_but_on_the_seed(config, by_pool):
     assert timeless(run_trial(config, seed) for seed in SEEDS) == by_pool
     assert len({(row.hole_x, row.hole_y) for row in by_pool}) == len(SEEDS)
     assert len({(row.start_x, row.start_y) for row in by_pool}) == len(SEEDS)
 
 
-def test_whoever_interrupts_does_not_wait_for_trials_under_way():
+def test_an_interruption_does_not_wait_for_trials_under_way():
     rows = on_processes(STUCK, [0, 100_000, 100_001], 2)
     assert next(rows) is None
-    rows.close()  # as an interruption does; it would wait for a day
+    rows.close()  # as an interruption does; the trials would last for a day
+    with Pool(1) as pool:
+        pool.submit(STUCK, 100_000)
 
 
 def test_processes_of_a_call_that_had_enough_serve_the_next():
@@ -161,11 +164,6 @@ def test_processes_of_a_call_that_had_enough_serve_the_next():
         served.append({process.pid for process in multiprocessing.active_children()})
         assert len(rows) == 2
     assert served[0] == served[1] != set()
-
-
-def test_a_pool_that_is_left_waits_for_none_of_its_tasks():
-    with Pool(1) as pool:
-        pool.submit(STUCK, 100_000)
 
 
 def test_workers_leave_a_ctrl_c_to_their_parent():
