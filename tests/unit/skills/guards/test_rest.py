@@ -47,29 +47,32 @@ def take_at(rest, arm, now, speed, place=0.0):
     return rest.take(replace(arm.read(), q=np.full(7, place), dq=np.full(7, -speed)), now)
 
 
-def taken(rest, arm, speeds):
-    """Return the state after each scan with these speeds of the joints, rad/s."""
-    return [take_at(rest, arm, PERIOD * scan, speed) for scan, speed in enumerate(speeds, 1)]
+def taken(rest, arm, speeds, place=lambda n: 0.0):
+    """Return the state after each scan with these speeds of the joints, rad/s, and places, rad, by the number of the scan."""
+    return [take_at(rest, arm, PERIOD * n, speed, place(n)) for n, speed in enumerate(speeds, 1)]
 
 
-def test_rest_is_told_after_so_many_slow_scans_in_a_row(arm, rest):
+def test_rest_is_reached_after_some_slow_scans_in_a_row_and_left(arm, rest):
     slow = 0.99 * REST_SPEED
     told = taken(rest, arm, [slow] * (REST_SCANS - 1) + [REST_SPEED] + [slow] * REST_SCANS)
     assert told == [False] * (2 * REST_SCANS - 1) + [True]
+    assert rest.is_reached
+    rest.leave()
+    assert (rest.is_sought, rest.is_reached, take_at(rest, arm, 1.0, 0.0)) == (False, False, False)
 
 
 @pytest.mark.parametrize(
     ("speed", "halts"), [(0.0, 1), (BRAKE_SPEED, 1), (1.01 * BRAKE_SPEED, 1 + round(BRAKE_TIME / PERIOD))]
 )
-def test_an_arm_is_halted_anew_while_it_is_too_fast_to_be_held_and_brakes(arm, rest, speed, halts):
+def test_an_arm_is_halted_anew_while_it_is_fast_and_brakes(arm, rest, speed, halts):
     taken(rest, arm, [speed] * round(2 * BRAKE_TIME / PERIOD))
     assert arm.halts == halts
 
 
 def test_an_arm_is_halted_anew_until_exactly_the_end_of_the_braking(arm, rest):
-    take_at(rest, arm, BRAKE_TIME, 0.5)
-    take_at(rest, arm, BRAKE_TIME + 1e-9, 0.5)
-    assert arm.halts == 2
+    for now in (BRAKE_TIME, BRAKE_TIME + 1e-9):
+        take_at(rest, arm, now, 0.5)
+        assert arm.halts == 2
 
 
 def test_an_arm_whose_state_cannot_be_read_is_braked_without_it(arm):
@@ -80,51 +83,29 @@ def test_an_arm_whose_state_cannot_be_read_is_braked_without_it(arm):
     assert arm.clock.now() == pytest.approx(BRAKE_TIME, abs=2 * PERIOD)
 
 
-def test_an_arm_that_is_silent_for_a_moment_is_still_brought_to_rest(arm):
-    arm.silent = 3
-    rest = Rest(arm)
-    rest.wait(arm.clock, PERIOD)
-    assert rest.is_reached
-
-
-@pytest.mark.parametrize(("share", "is_at_rest"), [(0.99, True), (1.01, False)])
-def test_an_arm_that_creeps_is_not_told_to_rest(arm, rest, share, is_at_rest):
-    """It reads twice the speed of rest."""
-    speed = share * REST_SPEED
-    scans = range(1, round(LONGEST / PERIOD) + 1)
-    told = [take_at(rest, arm, PERIOD * n, 2.0 * REST_SPEED, speed * PERIOD * n) for n in scans]
-    assert any(told) == is_at_rest
-
-
-def test_rest_is_left_where_the_arm_is_to_move(arm, rest):
-    taken(rest, arm, [0.0] * REST_SCANS)
-    assert rest.is_reached
-    rest.leave()
-    assert (rest.is_sought, rest.is_reached) == (False, False)
-
-
-def test_waiting_brings_a_moving_arm_to_rest(arm):
-    clock, meanwhile = FakeClock(), []
-    arm.dq[3] = 1.0
+def test_waiting_brings_an_arm_to_rest_that_moves_and_is_silent_for_a_moment(arm):
+    meanwhile, arm.silent, arm.dq[3] = [], 3, 1.0
 
     def calm():
-        meanwhile.append(clock.now())
+        meanwhile.append(arm.clock.now())
         arm.dq[3] *= 0.5
 
-    Rest(arm).wait(clock, PERIOD, calm)
+    rest = Rest(arm)
+    assert (rest.is_reached, rest.is_sought) == (False, False)
+    rest.wait(arm.clock, PERIOD, calm)
+    assert rest.is_reached
     assert len(meanwhile) == 7 + REST_SCANS - 1  # 0.5 to the power of 7 is below the limit
 
 
-def test_an_arm_that_nobody_has_halted_is_not_at_rest(arm):
-    rest = Rest(arm)
-    assert (rest.is_reached, rest.is_sought, rest.take(arm.read(), 0.0)) == (False, False, False)
+@pytest.mark.parametrize(("share", "is_at_rest"), [(0.99, True), (1.01, False)])
+def test_an_arm_that_creeps_is_not_at_rest(arm, rest, share, is_at_rest):
+    """It reads twice the speed of rest."""
+    way = share * REST_SPEED * PERIOD
+    assert any(taken(rest, arm, [2.0 * REST_SPEED] * round(LONGEST / PERIOD), lambda n: way * n)) == is_at_rest
 
 
-def test_an_arm_whose_encoders_jitter_is_in_place_whenever_it_was_halted(arm):
-    rest = Rest(arm)
-    rest.seek(100.0)
-    scans = range(1, round(1.3 * REST_TIME / PERIOD))
-    told = [take_at(rest, arm, 100.0 + PERIOD * n, 2.0 * REST_SPEED, 3e-4 * (n % 2)) for n in scans]
+def test_an_arm_whose_encoders_jitter_in_place_comes_to_rest(arm, rest):
+    told = taken(rest, arm, [2.0 * REST_SPEED] * round(1.3 * REST_TIME / PERIOD), lambda n: 3e-4 * (n % 2))
     assert told.index(True) == pytest.approx(REST_TIME / PERIOD, abs=2)
 
 

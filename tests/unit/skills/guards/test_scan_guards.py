@@ -41,15 +41,12 @@ def timed(*waits):
     return timing
 
 
-def test_the_next_scan_is_due_one_period_after_this_one():
-    assert timed(0.023).due == pytest.approx(5.023 + PERIOD)
-
-
-def test_a_path_goes_on_by_the_time_that_has_passed_as_far_as_it_may_step():
+def test_a_path_goes_on_by_the_time_that_has_passed_up_to_the_longest_step():
     assert timed().step == PERIOD
-    assert timed(1.7 * PERIOD).step == pytest.approx(1.7 * PERIOD)
-    assert timed(9.0 * PERIOD).step == pytest.approx(LONGEST_STEP * PERIOD)
-    assert timed(9.0 * PERIOD).passed == pytest.approx(9.0 * PERIOD)
+    for late, step in ((1.7, 1.7), (9.0, LONGEST_STEP)):
+        timing = timed(late * PERIOD)
+        assert (timing.step, timing.passed) == pytest.approx((step * PERIOD, late * PERIOD))
+        assert timing.due == pytest.approx(5.0 + (late + 1.0) * PERIOD)
 
 
 @pytest.mark.parametrize(
@@ -66,60 +63,42 @@ def test_scans_may_be_as_late_as_the_limits_say_and_no_later(at, beyond, words):
         timed(*beyond)
 
 
-def test_a_scan_after_exactly_two_periods_is_not_late():
-    timed(*[2.0 * PERIOD] * OVERRUN_WINDOW)
-
-
-def test_what_is_older_than_the_window_is_forgiven():
+def test_two_periods_are_not_late_and_scans_before_the_window_do_not_count():
     late = [2.1 * PERIOD] * 30
-    timed(*late, *[PERIOD] * OVERRUN_WINDOW, *late)
+    timed(*late, *[2.0 * PERIOD] * OVERRUN_WINDOW, *late)
 
 
-# The way back from a hold, and what an arm and its setpoint have to agree in.
-GAINS = np.array([800.0, 800.0, 800.0, 40.0, 40.0, 40.0])
+# The path back from a hold.
 
 
-def state_at(position, stamp=0.0):
-    """Return the state of an arm whose hand points down at a place."""
-    tcp = Pose(np.asarray(position, dtype=float), HAND_DOWN)
-    return ArmState(stamp, np.zeros(7), np.zeros(7), tcp, Wrench(np.zeros(3), np.zeros(3)), 2, 0.0)
+PAUSED = ArmState(
+    4.0, np.zeros(7), np.zeros(7), Pose(np.array([0.5, 0.0, 0.3]), HAND_DOWN), Wrench(np.zeros(3), np.zeros(3)), 2, 0.0
+)
+HELD = ImpedanceSetpoint(
+    *(7, np.array([0.5, 0.02, 0.25]), np.array([math.sin(0.4), 0.0, math.cos(0.4)]), np.ones(6), np.ones(6), 1.0),
+    twist=Twist(np.ones(3), np.zeros(3)),
+    posture=np.full(7, 0.3),
+)
 
 
-def held_at(tip, axis=UP, in_hand=None):
-    """Return a setpoint that was held."""
-    still = Twist(np.ones(3), np.zeros(3))
-    return ImpedanceSetpoint(7, np.asarray(tip, dtype=float), axis, GAINS, np.ones(6), 1.0, in_hand, None, still)
+def back(share, **held):
+    """Return the setpoint after this share of the time of the path back."""
+    now = replace(PAUSED, stamp=4.0 + share * RESUME_TIME, q=np.full(7, 0.1))
+    return way_back(PAUSED, replace(HELD, **held), now, PERIOD)
 
 
-def test_the_way_back_begins_where_the_arm_paused_and_ends_at_its_setpoint():
-    paused, held = state_at([0.5, 0.0, 0.3], 4.0), held_at([0.5, 0.02, 0.28])
-    passed = (0.0, 0.25 * RESUME_TIME, RESUME_TIME, 3.0)
-    way = [way_back(paused, held, state_at([0.5, 0.0, 0.3], 4.0 + time), PERIOD) for time in passed]
-    np.testing.assert_allclose(
-        [setpoint.tip for setpoint in way],
-        [[0.5, 0.0, 0.3], [0.5, 0.005, 0.295], [0.5, 0.02, 0.28], [0.5, 0.02, 0.28]],
-    )
-
-
-def test_the_way_back_turns_by_unit_axes_stands_still_and_is_valid_for_ten_scans():
-    tilted = np.array([math.sin(0.4), 0.0, math.cos(0.4)])
-    there = [0.5, 0.0, 0.3]
-    half = way_back(state_at(there), held_at(there, tilted), state_at(there, 0.5 * RESUME_TIME), PERIOD)
+def test_half_way_back_the_setpoint_stands_still_with_the_axis_half_turned():
+    half = back(0.5)
+    np.testing.assert_allclose(half.tip, [0.5, 0.01, 0.275])
     np.testing.assert_allclose(half.axis, [math.sin(0.2), 0.0, math.cos(0.2)], atol=1e-12)
-    assert (half.twist, half.id, half.valid_until) == (None, 7, pytest.approx(0.5 * RESUME_TIME + 10 * PERIOD))
+    assert (half.twist, half.id, half.valid_until) == (None, 7, pytest.approx(4.0 + 0.5 * RESUME_TIME + 10 * PERIOD))
+    np.testing.assert_allclose(half.posture, [0.1, 0.1, 0.3, 0.1, 0.1, 0.1, 0.1])  # only the elbow goes back
 
 
-def test_the_way_back_of_a_held_peg_is_that_of_its_end():
+def test_the_path_back_of_a_held_peg_is_that_of_its_end():
     in_hand = InHandTip(0.0, 0.05)
-    paused = state_at([0.5, 0.0, 0.3])
-    first = way_back(paused, held_at([0.5, 0.02, 0.25], in_hand=in_hand), paused, PERIOD)
-    np.testing.assert_allclose(first.tip, [0.5, 0.0, 0.25], atol=1e-12)
-
-
-def test_the_way_back_leaves_the_joints_where_they_are_but_for_the_elbow():
-    paused = state_at([0.5, 0.0, 0.3])
-    held, now = replace(held_at([0.5, 0.0, 0.3]), posture=np.full(7, 0.3)), replace(paused, q=np.full(7, 0.1))
-    np.testing.assert_allclose(way_back(paused, held, now, PERIOD).posture, [0.1, 0.1, 0.3, 0.1, 0.1, 0.1, 0.1])
+    np.testing.assert_allclose(back(0.0, in_hand=in_hand).tip, [0.5, 0.0, 0.25], atol=1e-12)
+    np.testing.assert_allclose(back(3.0, in_hand=in_hand).tip, HELD.tip)
 
 
 # A finger that reads an offset.
@@ -137,8 +116,8 @@ def test_a_peg_leaves_a_fifth_of_each_finger_free_however_it_is_held(layout, wid
 
 
 @pytest.mark.parametrize(("finger", "name"), [(0, "left"), (1, "right")])
-@pytest.mark.parametrize("offset", [4000.0, 2500.0, -2500.0, -4000.0])
-def test_an_offset_of_one_finger_is_told_by_its_name_whatever_the_angle(finger, name, offset):
+@pytest.mark.parametrize("offset", [4000.0, 2500.0, -2500.0])
+def test_an_offset_names_its_finger_at_any_angle(finger, name, offset):
     rng = np.random.default_rng(6)
     for theta in np.radians(np.linspace(-80.0, 80.0, 9)):
         values = readings("parallelogram", pushed(rng, theta, 0.0), rng)
@@ -158,26 +137,16 @@ def finger(side=1, first=0, last=20, value=MOST_LEVEL, untrusted=()):
     return framed(values, trusted)
 
 
-SOME = range(16, 20)
 OFFSETS = {
     "limit": (finger(), finger(value=MOST_LEVEL + 1.0), "right finger"),
     "below the baseline": (finger(value=-MOST_LEVEL), finger(value=-MOST_LEVEL - 1.0), "right finger"),
     "a fifth free": (finger(first=4, value=2e3), finger(first=3, value=2e3), "right finger: offset of 2000 counts"),
     "a fifth of the trusted free": (
-        finger(first=4, value=2e3, untrusted=SOME),
-        finger(first=3, value=2e3, untrusted=SOME),
+        *(finger(first=first, value=2e3, untrusted=range(16, 20)) for first in (4, 3)),
         "right finger: offset of 2000 counts",
     ),
-    "half below": (
-        finger(0, last=10, value=-2e3),
-        finger(0, last=11, value=-2e3),
-        "left finger: offset of -2000 counts",
-    ),
-    "beside": (
-        finger(value=4e3, untrusted=range(20)),
-        finger(value=np.linspace(2e3, 3.9e3, 20)),
-        "offset of 2300 counts",
-    ),
+    "half below": (*(finger(0, last=last, value=-2e3) for last in (10, 11)), "left finger: offset of -2000 counts"),
+    "beside": (finger(value=4e3, untrusted=range(20)), finger(value=np.linspace(2e3, 3.9e3, 20)), "of 2300 counts"),
     "by the middle": (finger(value=0.0), finger(value=-np.linspace(2e3, 3.9e3, 20)), "offset of -2900 counts"),
 }
 """Frames at the limit and one beyond it, and the words of the fault."""
@@ -190,47 +159,43 @@ def test_an_offset_of_a_finger_is_borne_up_to_its_limit(at, beyond, words):
         require_level_skin(beyond, "parallelogram")
 
 
-def test_a_finger_that_nobody_trusts_hides_no_offset_of_the_other():
-    values, trusted = np.zeros((2, 20)), np.ones((2, 20), dtype=bool)
-    trusted[0], values[1] = False, 4000.0
+def test_an_untrusted_finger_hides_no_offset_of_the_other():
+    frame = finger(value=4000.0)
+    frame.trusted[0] = False
     with pytest.raises(SkinUntrustedError, match="right finger"):
-        require_level_skin(framed(values, trusted), "parallelogram")
+        require_level_skin(frame, "parallelogram")
 
 
 CONFIG = load().cell
 
 
-def late_cell(lateness, **limits):
+def late_cell(lateness):
     """Return the context of a fake cell in which the wait of the n-th scan ends `lateness(n)` seconds late."""
     clock, scans = FakeClock(), iter(range(10**6))
     clock.every.append(lambda: setattr(clock, "lag", lateness(next(scans))))
-    return context_of(CONFIG, FakeArm(clock), FakeGripper(0.008), ScanLimits(**limits))
+    return context_of(CONFIG, FakeArm(clock), FakeGripper(0.008))
 
 
 def moved(ctx):
-    """Move the hand by 60 mm; return the time that it took on the path, s, each tip of a setpoint, and the goal."""
+    """Move the hand by 60 mm; return the time that it took on the path, s, and the distance of the last setpoint from the goal, m."""
     goal = Goal(ctx.devices.arm.tcp.position + np.array([0.0, 0.06, 0.0]), UP, np.array([0.0, -1.0, 0.0]))
-    ways = [(seen.running, ctx.lead.held.tip.copy()) for seen in move(goal, Transfer(), ctx, None)]
-    return ways[-1][0], np.array([tip for _, tip in ways]), goal.tip
+    *_, last = move(goal, Transfer(), ctx, None)
+    return last.running, math.dist(ctx.lead.held.tip, goal.tip)
 
 
 @pytest.mark.parametrize("mean", [0.003, 0.01])
 def test_a_path_on_a_busy_computer_ends_at_its_goal_in_about_its_time(mean):
     rng = np.random.default_rng(3)
-    punctual, _, _ = moved(late_cell(lambda n: 0.0))
-    time, tips, goal = moved(late_cell(lambda n: rng.exponential(mean)))
-    np.testing.assert_allclose(tips[-1], goal, atol=1e-4)
+    punctual, _ = moved(late_cell(lambda n: 0.0))
+    time, missed = moved(late_cell(lambda n: rng.exponential(mean)))
+    assert missed < 1e-4
     assert time == pytest.approx(punctual, rel=0.12)
 
 
-def test_a_timeout_is_counted_on_the_cells_clock():
+def test_a_timeout_is_counted_on_the_cells_clock_until_too_many_scans_are_late():
     ctx = late_cell(lambda n: 0.04)
     seen = list(ctx.scan(1.0))
     assert ctx.devices.clock.now() == pytest.approx(1.0, abs=0.05)
     assert seen[-1].elapsed == pytest.approx(seen[-1].running * LONGEST_STEP / 5.0, rel=0.05)
-
-
-@pytest.mark.parametrize(("lateness", "limits"), [(0.011, {"late": 0.5}), (0.3, {})])
-def test_beyond_the_limits_the_run_ends_with_a_fault(lateness, limits):
     with pytest.raises(ScanOverrunError):
-        list(late_cell(lambda n: lateness, **limits).scan(5.0))
+        list(ctx.scan(5.0))

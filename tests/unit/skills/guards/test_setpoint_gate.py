@@ -11,9 +11,8 @@ import pytest
 from drivers import setpoint_words
 from drivers.errors import ArmSilentError, NotFiniteError, SetpointError, TrackingError
 from drivers.frames import UP, end_point
-from drivers.quantities import ArmState, ImpedanceSetpoint, InHandTip, Pose, TaxelFrame, Twist, Wrench
+from drivers.quantities import ArmState, ImpedanceSetpoint, InHandTip, Pose, Twist, Wrench
 from skills.guards.limits import Limits
-from skills.guards.scan_guards import require_finite_skin
 from skills.guards.setpoint_bounds import (
     AGE_SLACK,
     LEAD,
@@ -327,16 +326,6 @@ def test_what_is_no_number_or_no_setpoint_is_named(named):
 def test_a_reading_of_the_arm_that_no_sensor_can_give_is_named(named, changes):
     with pytest.raises(NotFiniteError, match=f"arm: {named}"):
         require_readings(pack_state(replace(arm_at(), **changes)))
-
-
-def test_a_trusted_taxel_that_is_no_number_is_named_and_an_untrusted_one_is_borne():
-    values, trusted = np.zeros((2, 20)), np.ones((2, 20), dtype=bool)
-    for wrong in (math.nan, -math.inf, 65536.0):
-        values[1, 7] = wrong
-        with pytest.raises(NotFiniteError, match=f"skin: right taxel 7: {wrong}"):
-            require_finite_skin(TaxelFrame(values, trusted, 0.0, 1))
-    trusted[1, 7] = False
-    require_finite_skin(TaxelFrame(values, trusted, 0.0, 1))
 
 
 # The gate between the skills and an arm.

@@ -11,7 +11,7 @@ from drivers.parts import HolePrior
 from skills.paths import TURN_TIME
 from skills.search.belief import TRIES, Belief
 from skills.search.course import ANYWHERE, make_course
-from skills.search.tour import Left, Leg, Rows, Tour, beside, first_look, outwards, tour
+from skills.search.tour import Left, Rows, Tour, beside, first_look, outwards, tour
 
 CONFIG = load().cell
 JOB, PARAMS = CONFIG.job(), CONFIG.plan().search
@@ -82,7 +82,7 @@ def test_the_way_has_no_jumps_and_keeps_to_a_bounded_speed():
     assert steps == pytest.approx((told[1:] + told[:-1]) / 2 * period, abs=0.05 * PARAMS.speed * period)
 
 
-def test_a_place_that_failed_is_tried_again_and_then_left_for_the_rest_of_the_area():
+def test_a_place_that_failed_is_tried_again_and_then_left():
     path = make_course(PARAMS, JOB, np.random.default_rng(7)).path
     belief = ANYWHERE
     for _ in range(TRIES - 1):
@@ -124,7 +124,7 @@ def about(across: float, along: float = 0.0, deviation: float = 1e-3) -> HolePri
         (1.0, 0, (25, 15, 5, -5, -15, -25)),
     ],
 )
-def test_strokes_go_from_the_likely_one_to_its_neighbours_to_the_nearer_border_and_to_the_other(across, near, order):
+def test_strokes_go_from_the_likely_one_outwards_the_nearer_border_first(across, near, order):
     assert ROWS.order(across, near) == pytest.approx([place * 1e-3 for place in order])
 
 
@@ -134,36 +134,38 @@ def test_strokes_lie_a_pitch_apart_at_most_and_half_as_far_from_the_borders():
 
 
 @pytest.mark.parametrize(("deviation", "others"), [(1e-4, 0), (1.66e-3, 0), (1.67e-3, 1), (4.99e-3, 1), (5.01e-3, 2)])
-def test_as_many_strokes_lie_on_either_side_as_three_deviations_ask_for(deviation, others):
+def test_strokes_on_either_side_cover_three_deviations(deviation, others):
     assert beside(HolePrior(mean=(0.0, 0.0), deviation=(deviation, 0.09)), ROWS) == others
 
 
-@pytest.mark.parametrize(("way", "begin"), [(1.0, 0.005 - 0.028), (-1.0, 0.020 + 0.007)])
-def test_the_first_look_goes_there_and_back_over_three_deviations_from_outside_of_the_hole(way, begin):
-    """Along y 6 mm about the place on either side, and half a hole; 15 mm more before it, no further than 7 mm outside the area."""
-    strokes = first_look(about(0.004, 0.005, 2e-3), HERE, ROWS, width=8e-3, outside=7e-3, way=way)
-    end, near, far = 0.005 + way * 0.010, 0.005 + way * 0.010, 0.005 - way * 0.010
-    expected = [
-        ((0.004, begin), (0.004, end)),
-        ((0.014, near), (0.014, far)),
-        ((-0.006, far), (-0.006, near)),
-    ]
-    assert np.array(strokes) == pytest.approx(np.array(expected))
+THERE, FAR = 0.015, -0.005
+"""Ends of the strokes over a place 5 mm along: three deviations of 2 mm on either side, and half of a hole, m."""
 
 
-def test_the_first_look_ends_at_the_border_and_begins_no_further_outside_than_the_peg_has_to():
-    strokes = first_look(about(0.028, 0.019, 2e-3), HERE, ROWS, width=8e-3, outside=7e-3, way=1.0)
-    expected = [((0.028, -0.009), (0.028, 0.02)), ((0.018, 0.024), (0.018, 0.009))]
-    assert np.array(strokes) == pytest.approx(np.array(expected))
-    beyond = first_look(about(0.09, -0.09, 1e-4), HERE, ROWS, width=8e-3, outside=7e-3, way=1.0)
-    assert np.array(beyond) == pytest.approx(np.array([((0.03, -0.027), (0.03, -0.0157))]))
-    wide = first_look(about(0.0, 0.0, 0.011), HERE, ROWS, width=8e-3, outside=7e-3, way=1.0)
-    assert wide[0] == ((0.0, pytest.approx(-0.027)), (0.0, pytest.approx(0.02)))
-    assert wide[1] == ((0.01, pytest.approx(0.024)), (0.01, pytest.approx(-0.02)))
+@pytest.mark.parametrize(
+    ("likely", "way", "strokes"),
+    [
+        (about(0.004, 0.005, 2e-3), 1.0, [(0.004, -0.023, THERE), (0.014, THERE, FAR), (-0.006, FAR, THERE)]),
+        (about(0.004, 0.005, 2e-3), -1.0, [(0.004, 0.027, FAR), (0.014, FAR, THERE), (-0.006, THERE, FAR)]),
+        (about(0.028, 0.019, 2e-3), 1.0, [(0.028, -0.009, 0.02), (0.018, 0.024, 0.009)]),
+        (about(0.09, -0.09, 1e-4), 1.0, [(0.03, -0.027, -0.0157)]),
+        (
+            HolePrior(mean=HERE, deviation=(2e-3, 0.011)),
+            1.0,
+            [(0.0, -0.027, 0.02), (0.01, 0.024, -0.02), (-0.01, -0.024, 0.02)],
+        ),
+    ],
+    ids=["there and back", "from the other side", "at the border", "beyond the border", "wide"],
+)
+def test_the_first_look_covers_three_deviations_from_outside_of_the_hole_on(likely, way, strokes):
+    """The first stroke is 15 mm longer before the place, but begins no further than 7 mm outside the area."""
+    found = first_look(likely, HERE, ROWS, width=8e-3, outside=7e-3, way=way)
+    expected = [((across, begin), (across, end)) for across, begin, end in strokes]
+    assert np.array(found) == pytest.approx(np.array(expected))
 
 
 @pytest.mark.parametrize("way", [1.0, -1.0])
-def test_the_strokes_over_the_area_turn_at_its_borders_and_what_lies_before_the_first_comes_last(way):
+def test_the_strokes_turn_at_the_borders_and_end_before_the_first(way):
     strokes = outwards(about(0.006), HERE, ROWS, start=way * -0.012, way=way)
     assert [begin[0] for begin, _ in strokes] == pytest.approx([0.005, 0.015, 0.025, -0.005, -0.015, -0.025, 0.005])
     along = [(way * begin[1], way * end[1]) for begin, end in strokes]
@@ -181,22 +183,13 @@ def test_the_strokes_over_the_area_turn_at_its_borders_and_what_lies_before_the_
     ],
     ids=["border", "outside", "beyond the far border"],
 )
-def test_a_first_stroke_from_outside_has_nothing_before_it_or_is_left_out(start, first, last):
+def test_a_first_stroke_from_outside_is_whole_or_left_out(start, first, last):
     strokes = outwards(about(0.006), HERE, ROWS, start=start, way=1.0)
     assert len(strokes) == 6
     assert np.array([strokes[0], strokes[-1]]) == pytest.approx(np.array([first, last]))
 
 
-def test_a_leg_goes_from_point_to_point_with_the_velocities_that_it_is_given():
-    leg = Leg(1.0, 0.5, ((0.0, 0.0), (0.1, -0.2)), ((0.3, 0.1), (-0.2, 0.4)))
-    assert leg.at(1.0) == (pytest.approx((0.0, 0.0)), pytest.approx((0.3, 0.1)))
-    assert leg.at(1.5) == (pytest.approx((0.1, -0.2)), pytest.approx((-0.2, 0.4)))
-    for time in (1.1, 1.25, 1.4):
-        rate = (leg.at(time + 1e-6)[0] - leg.at(time - 1e-6)[0]) / 2e-6
-        assert leg.at(time)[1] == pytest.approx(rate, abs=1e-6)
-
-
-def test_strokes_take_the_time_of_their_length_and_are_joined_by_one_turn_where_they_are_near():
+def test_near_strokes_are_joined_by_one_turn():
     """The turn is 12 mm wide: a time and a half of what it takes at full speed. Where the path behind goes on, no turn is left."""
     onward = tour([((0.01, 0.0), (0.01, 0.05))], 0.1, Left(tour_end(), 0.0))
     way = tour([((0.0, 0.0), (0.0, 0.03)), ((0.012, 0.03), (0.012, 0.0))], 0.1, Left(tour_end(), 0.0))
@@ -211,28 +204,12 @@ def test_strokes_take_the_time_of_their_length_and_are_joined_by_one_turn_where_
 
 def test_far_apart_there_is_a_stop_a_straight_line_and_a_start():
     way = tour([((0.0, 0.0), (0.0, 0.03)), ((0.08, 0.0), (0.08, 0.03))], 0.1, Left(tour_end(), 0.0))
-    stop, line, start = way.legs[1:4]
-    assert (stop.duration, start.duration) == pytest.approx((TURN_TIME / 2, TURN_TIME / 2))
-    assert stop.points == (pytest.approx((0.0, 0.03)), pytest.approx((0.0, 0.0325)))
-    assert line.points == (pytest.approx((0.0, 0.0325)), pytest.approx((0.08, -0.0025)))
-    assert start.points == (pytest.approx((0.08, -0.0025)), pytest.approx((0.08, 0.0)))
-    assert line.duration == pytest.approx(1.5 * math.hypot(0.08, 0.035) / 0.1)
-    assert line.velocities == ((0.0, 0.0), (0.0, 0.0))
-    assert [leg.began for leg in way.legs[1:5]] == pytest.approx([0.3, 0.35, 0.35 + line.duration, 0.4 + line.duration])
+    line = 1.5 * math.hypot(0.08, 0.035) / 0.1
+    assert [leg.duration for leg in way.legs[:5]] == pytest.approx([0.3, TURN_TIME / 2, line, TURN_TIME / 2, 0.3])
+    assert way.legs[2].points == (pytest.approx((0.0, 0.0325)), pytest.approx((0.08, -0.0025)))
 
 
-def test_behind_the_strokes_the_rest_of_the_other_path_follows_without_a_jump():
-    rest = Left(make_course(PARAMS, JOB, np.random.default_rng(7)).path, 1.3)
-    way = tour([((0.0, 0.0), (0.0, 0.03))], 0.1, rest)
-    place, rate = rest.path.at(1.3)
-    before, after = way.at(way.duration - 1e-9), way.at(way.duration)
-    assert (before[0], before[1]) == (pytest.approx(place, abs=1e-7), pytest.approx(rate, abs=1e-6))
-    assert (after[0], after[1]) == (pytest.approx(place), pytest.approx(rate))
-    assert way.at(way.duration + 0.4)[0] == pytest.approx(rest.path.at(1.7)[0])
-    assert tour([], 0.1, rest).duration == 0.0
-
-
-def test_the_area_is_covered_once_the_strokes_and_the_rest_of_the_path_are_over():
+def test_the_area_is_covered_after_the_strokes_and_the_rest():
     whole = make_course(PARAMS, JOB, np.random.default_rng(7)).path
     strokes = [((0.0, 0.0), (0.0, 0.03))]
     for since, rest in ((1.3, whole.cover - 1.3), (whole.cover, 0.0), (whole.cover + 5.0, 0.0)):
