@@ -35,15 +35,9 @@ def corner_hand(
     theta: float = 0.0,
     is_turned_round: bool = False,
 ) -> Pose:
-    """Return the hand whose square peg has its tip there, m, and leans by `tilt`, rad, over its corner, all turned by `yaw`, rad.
+    """Return the hand whose square peg has its tip there, m, and leans by `tilt`, rad, over its corner, at `theta` in the hand, rad.
 
-    Args:
-        tip: End point of the peg, shape (3,), m, base frame.
-        tilt: Tilt of the peg, rad.
-        direction: Azimuth of the hand's closing axis before the yaw, rad; the corner lies an eighth of a turn further.
-        yaw: Turn of all of it about the vertical, rad.
-        theta: In-hand angle of the peg, rad.
-        is_turned_round: Whether the fingers have changed sides.
+    The hand closes along the azimuth `direction`, and the corner lies an eighth of a turn further; `yaw` turns both, rad.
     """
     axis, closing = SQUARE.cell.peg.part.leaning(direction, tilt)
     closing = -closing if is_turned_round else closing
@@ -69,6 +63,14 @@ class Watched:
         """Let the skin measure another in-hand angle, rad, from a time on, s."""
         self.rig.clock.at.append((time - 1e-9, lambda: setattr(self.skin, "theta", theta)))
 
+    def lost_in(self, skill: Callable[[], object], after: float = 0.1) -> Reason:
+        """Let the hand lose its peg some time, s, after a skill begins; return why that was interrupted, with the arm halted."""
+        self.rig.at(after, lambda: self.rig.gripper.release(0.04))
+        with pytest.raises(Interrupted) as ended:
+            skill()
+        assert self.rig.arm.is_halted
+        return ended.value.reason
+
     def _followed(self, setpoint: ImpedanceSetpoint) -> None:
         self.commanded.append(setpoint)
         self._follow(setpoint)
@@ -86,11 +88,3 @@ class ScriptedHand(Watched):
     def move(self) -> None:
         """Put the hand where it is now."""
         self.rig.arm.tcp = self.way(self.rig.clock.now())
-
-    def lost_in(self, skill: Callable[[], object]) -> Reason:
-        """Let the hand lose its peg 0.1 s after a skill begins; return why that was interrupted, with the arm halted."""
-        self.rig.at(0.1, lambda: self.rig.gripper.release(0.04))
-        with pytest.raises(Interrupted) as ended:
-            skill()
-        assert self.rig.arm.is_halted
-        return ended.value.reason

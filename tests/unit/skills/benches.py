@@ -3,7 +3,10 @@
 from collections.abc import Callable, Iterator
 from typing import Any
 
+import numpy as np
+
 from cell.config.cell_config import CellConfig
+from drivers.frames import UP
 from drivers.quantities import ImpedanceSetpoint, Pose, Vector
 from skills.contract import Observation, SkillContext, SkillParams
 from skills.search.surface import Plane
@@ -26,6 +29,13 @@ class SkillBench(ScriptedHand):
     def scans(self) -> Iterator[tuple[Observation, ImpedanceSetpoint]]:
         """Return each observation with the setpoint that followed on it."""
         return zip(self.seen, self.commanded, strict=True)
+
+
+def corner_axes(closing: Vector, corner: Vector) -> tuple[Vector, Vector]:
+    """Return the closing axis and the one across it, in the plane, each towards the corner over which the peg leans."""
+    along = closing * [1.0, 1.0, 0.0] / np.linalg.norm(closing[:2])
+    across = np.cross(UP, along)
+    return along * np.sign(along @ corner), across * np.sign(across @ corner)
 
 
 class WatchedArm(FakeArm):
@@ -59,10 +69,12 @@ class WatchedHand(FakeGripper):
             super().release(width)
 
 
-def watched(config: CellConfig, tcp: Pose, grip: float = 30.0) -> SkillContext:
+def watched(
+    config: CellConfig, tcp: Pose | None = None, grip: float = 30.0, make: type[WatchedArm] = WatchedArm
+) -> SkillContext:
     """Return the context of a cell whose arm and hand are watched; the hand holds a peg if it grips, N."""
-    arm = WatchedArm(FakeClock())
-    arm.tcp = tcp
+    arm = make(FakeClock())
+    arm.tcp = tcp or arm.tcp
     hand = WatchedHand(config.peg.part.thickness, arm)
     if grip:
         hand.grip(grip)

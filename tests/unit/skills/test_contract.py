@@ -16,7 +16,8 @@ from skills.guards.deviation import MASS
 from skills.guards.passivity import SOFTEN, STOP
 from skills.guards.scan_guards import RESUME_TIME
 from skills.held_peg import HeldPeg
-from tests.fakes import PERIOD, FakeArm, FakeClock, FakeGripper, context_of
+from tests.fakes import PERIOD, FakeClock
+from tests.unit.skills.benches import watched
 
 CONFIG = load().cell
 SOFT = np.array([800.0, 800.0, 800.0, 40.0, 40.0, 40.0])  # N/m, N·m/rad
@@ -26,9 +27,7 @@ FORCE = CONFIG.limits.force
 @pytest.fixture
 def ctx():
     """Return the context of a fake cell whose hand holds a peg in the middle of the workspace."""
-    hand = FakeGripper(CONFIG.peg.part.thickness)
-    hand.grip(30.0)
-    return context_of(CONFIG, FakeArm(FakeClock()), hand)
+    return watched(CONFIG)
 
 
 def here(ctx, number=1, stiffness=SOFT):

@@ -12,7 +12,7 @@ from skills.contract import Interrupted, Outcome, Reason, SkillParams, SkillResu
 from skills.entry import Catalogue, Skill
 from skills.flow import StageRecord, in_order, run_stage
 from skills.motion import Gains
-from tests.fakes import FakeArm, FakeClock, FakeGripper, context_of
+from tests.unit.skills.benches import watched
 
 CODE = max(CATALOGUE.by_code) + 1
 STAGE = max(CATALOGUE.stages) + 1
@@ -56,15 +56,14 @@ def clash(*entries):
         ({"reasons": IntEnum("Taken", {"NO_HOLE": OWN})}, (f"knock: reason {OWN} NO_HOLE", "an unused name")),
     ],
 )
-def test_a_clash_is_told_in_one_line_that_names_both(changes, words):
+def test_a_clash_is_refused_in_one_line_that_names_both(changes, words):
     line = clash(knock(**changes))
     assert all(word in line for word in words), line
 
 
 def test_two_skills_cannot_give_one_reason_two_numbers():
-    other = knock(
-        name="ring", code=CODE + 1, stage=STAGE + 1, section="ring", reasons=IntEnum("Ring", {"NOBODY_HOME": OWN + 1})
-    )
+    reasons = IntEnum("Ring", {"NOBODY_HOME": OWN + 1})
+    other = knock(name="ring", code=CODE + 1, stage=STAGE + 1, section="ring", reasons=reasons)
     assert "ring: reason NOBODY_HOME is that of knock" in clash(knock(reasons=KnockReason), other)
 
 
@@ -76,13 +75,13 @@ def test_tables_derive_from_the_entries():
     assert found.in_places({"knock": 2.5, "grasp_from_rack": 1.0}) == (1.0, *[0.0] * (STAGE - 2), 2.5)
 
 
-def test_a_stage_that_no_skill_has_is_told():
+def test_a_stage_of_no_skill_is_refused():
     assert CATALOGUE.stage_number("") == 0
     with pytest.raises(ConfigError, match=r"stage 'knock': no such skill; grasp_from_rack, .* allowed"):
         CATALOGUE.stage_number("knock")
 
 
-def test_an_end_that_the_line_has_no_number_for_is_told():
+def test_an_end_without_a_number_for_the_line_is_refused():
     found = Catalogue(knock(reasons=KnockReason), SEARCH, GRASP)
     ended = StageRecord("knock", SkillResult(Outcome.FAILURE, KnockReason.NOBODY_HOME, 1.0), 0.0, 1.0)
     found.require_known(ended)
@@ -99,8 +98,7 @@ FAILED = SkillResult(Outcome.FAILURE, Reason.NO_HOLE, 2.0)
 
 @pytest.fixture
 def ctx():
-    clock = FakeClock()
-    return context_of(CELL, FakeArm(clock), FakeGripper(CELL.peg.part.thickness))
+    return watched(CELL)
 
 
 def taking(seconds, result):
@@ -115,7 +113,7 @@ def taking(seconds, result):
     return step
 
 
-def test_a_stage_is_on_record_with_its_times_and_reported_when_it_begins_and_ends(ctx):
+def test_a_stage_is_recorded_and_reported_with_its_times(ctx):
     ctx.devices.clock.wait_until(7.0)
     told = []
     ctx.callbacks = replace(
@@ -132,13 +130,13 @@ def test_a_stage_is_on_record_with_its_times_and_reported_when_it_begins_and_end
 @pytest.mark.parametrize(
     ("reason", "outcome"), [(Reason.STOPPED, Outcome.ABORTED), (Reason.FORCE_LIMIT, Outcome.FAILURE)]
 )
-def test_an_interruption_is_the_result_of_its_stage_and_only_a_stop_aborts(ctx, reason, outcome):
+def test_an_interruption_ends_its_stage_and_only_a_stop_aborts(ctx, reason, outcome):
     ctx.devices.clock.wait_until(7.0)
     result = run_stage("search", taking(2.0, reason), ctx).result
     assert (result.outcome, result.reason, result.elapsed) == (outcome, reason, 2.0)
 
 
-def test_a_step_that_returns_no_result_is_a_fault_with_its_name_and_what_it_returned(ctx):
+def test_a_step_that_returns_no_result_is_a_fault(ctx):
     ended = []
     ctx.callbacks = replace(ctx.callbacks, ended=lambda stage, elapsed: ended.append(stage))
     with pytest.raises(CellError, match=r"^search: run returned str; a SkillResult allowed$"):
@@ -149,7 +147,4 @@ def test_a_step_that_returns_no_result_is_a_fault_with_its_name_and_what_it_retu
 def test_steps_follow_one_another_until_one_does_not_succeed(ctx):
     steps = [("a", taking(1.0, DONE)), ("b", taking(1.0, FAILED)), ("c", taking(1.0, DONE))]
     records = in_order(steps, ctx)
-    assert [(record.name, record.result, record.started) for record in records] == [
-        ("a", DONE, 0.0),
-        ("b", FAILED, 1.0),
-    ]
+    assert [(each.name, each.result, each.started) for each in records] == [("a", DONE, 0.0), ("b", FAILED, 1.0)]

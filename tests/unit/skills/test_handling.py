@@ -41,20 +41,20 @@ def plan(cell=CELL, attempt=0, grip_share=1.0, force=None, inserting=60.0, retri
 @pytest.mark.parametrize(
     ("attempt", "retries", "share"), [(0, 4, FIRST_STALL), (1, 4, 1.0), (4, 4, 1.0), (0, 0, 1.0), (0, 1, FIRST_STALL)]
 )
-def test_a_jam_is_given_up_sooner_where_a_first_attempt_is_not_the_last(attempt, retries, share):
+def test_a_jam_of_a_first_attempt_is_given_up_sooner(attempt, retries, share):
     adjust = plan(attempt=attempt, retries=retries, stall_timeout=5.0).adjust
     assert (adjust.stall_timeout, adjust.stall_at_bottom) == pytest.approx((5.0 * share, 10.0 * share))
 
 
 @pytest.mark.parametrize("cell", [CELL, SQUARE.cell])
-def test_a_weak_grip_searches_with_what_the_pads_bear_and_as_much_slower(cell):
+def test_a_weak_grip_searches_with_less_push_and_slower(cell):
     firm, weak = plan(cell).search, plan(cell, grip_share=WEAK).search
     bears = grip_of(cell.params(GRASP), WEAK).bears_over_plate(weak.tilt, weak.dip_threshold)
     assert weak.push_stiffness * weak.push_offset == pytest.approx(bears)
     assert weak.speed / firm.speed == pytest.approx(weak.push_stiffness / firm.push_stiffness)
 
 
-def test_a_thin_peg_is_pushed_harder_and_told_by_a_shallower_fall():
+def test_a_thin_peg_is_pushed_harder_and_falls_less():
     thin = load(sets=["peg.diameter=0.004", "hole.diameter=0.0041"]).cell
     search, stated = plan(thin, force=200.0).search, thin.params(SEARCH)
     push = search.push_stiffness * search.push_offset
@@ -63,40 +63,32 @@ def test_a_thin_peg_is_pushed_harder_and_told_by_a_shallower_fall():
     assert search.fall == pytest.approx(stated.fall * 0.004 / stated.stated)
 
 
-def test_a_round_peg_is_searched_again_as_often_as_its_recipe_says_and_steered_by_the_insertion_alone():
+def test_a_round_peg_has_the_retries_of_its_recipe():
     round_peg = plan()
     assert (round_peg.retries, round_peg.steered, round_peg.corner) == (RETRIES, {}, None)
 
 
 @pytest.mark.parametrize(("attempt", "has_failed"), [(0, False), (1, True), (4, True)])
-def test_a_peg_that_is_turned_fast_is_turned_upright_more_slowly_where_a_try_has_failed(attempt, has_failed):
+def test_a_peg_is_turned_upright_more_slowly_after_a_failure(attempt, has_failed):
     insert = load().cell.plan(attempt).insert
     rate = insert.steady_rate if has_failed else 1.0
     assert (insert.turn_rate, insert.turn_run_up) == pytest.approx((rate, 0.4 / rate))
 
 
-def test_a_peg_with_corners_is_searched_again_and_steered_as_its_own_section_says():
+def test_a_peg_with_corners_has_the_retries_of_its_section():
     square, corner = plan(SQUARE.cell), SQUARE.cell.corner
     assert (square.retries, square.insert) == (corner.retries, None)
-    assert square.steered == {
-        "corner.insert.gains": corner.insert.gains,
-        "corner.adjust.gains": corner.adjust.gains,
-    }
+    assert square.steered == {f"corner.{name}.gains": getattr(corner, name).gains for name in ("insert", "adjust")}
     assert (square.search.tilt, square.search.lag) == (corner.tilt, corner.lag)
 
 
 class Bench(ScriptedHand):
     """A peg that leans in the hole's mouth by default."""
 
-    def insert(self, plane=None, attempt=0, **changes):
-        """Insert it by the plan of an attempt, with these changes."""
+    def run(self, skill, plane=None, attempt=0, **changes):
+        """Insert or adjust it by the plan of an attempt, with these changes."""
         self.move()
-        return insert(plan(self.rig.cell.config, attempt, **changes), self.ctx, plane)
-
-    def adjust(self, plane=None, attempt=0, **changes):
-        """Adjust it by the plan of an attempt, with these changes."""
-        self.move()
-        return adjust(plan(self.rig.cell.config, attempt, **changes), self.ctx, plane)
+        return skill(plan(self.rig.cell.config, attempt, **changes), self.ctx, plane)
 
     @property
     def pushes(self):
@@ -121,21 +113,21 @@ def either(request):
 
 @pytest.mark.parametrize("attempt", [0, 1])
 def test_an_insertion_counts_from_the_plate_that_was_felt(either, attempt):
-    ended = either.insert(LOWER, attempt)
+    ended = either.run(insert, LOWER, attempt)
     assert (ended.reason, ended.elapsed) == (Reason.NOT_ALIGNED, 0.0)
 
 
 @pytest.mark.parametrize("attempt", [0, 1])
 def test_a_weak_grip_inserts_with_a_weaker_push(either, attempt):
     cell = either.rig.cell.config
-    either.insert(attempt=attempt, grip_share=WEAK, inserting=0.05)
+    either.run(insert, attempt=attempt, grip_share=WEAK, inserting=0.05)
     bears = grip_of(cell.params(GRASP), WEAK).bears
     assert either.pushes.max() * cell.params(INSERT).push_offset < 1.001 * bears
 
 
-def test_an_adjustment_goes_by_the_plate_that_was_felt_with_a_push_that_the_grip_bears(bench):
+def test_an_adjustment_follows_the_felt_plate_and_the_grip(bench):
     bench.way = lambda time: hand()
-    bench.adjust(FELT, timeout=0.05, grip_share=WEAK)
+    bench.run(adjust, FELT, timeout=0.05, grip_share=WEAK)
     np.testing.assert_allclose(bench.commanded[0].axis, FELT.normal, atol=1e-9)
     assert bench.pushes[0] * CELL.params(ADJUST).push_offset < grip_of(CELL.params(GRASP), WEAK).bears
 
@@ -149,11 +141,11 @@ SETTLED = (
 
 
 @pytest.mark.parametrize(("attempt", "later"), [(0, True), (1, False)])
-def test_each_attempt_to_insert_a_peg_with_corners_sweeps_about_another_middle(square, attempt, later):
-    """A hand that does not turn lags by more than is felt at once, where the middle is so far off, or later."""
+def test_each_attempt_with_corners_sweeps_about_another_middle(square, attempt, later):
+    """A hand that does not turn lags behind a far middle at once, behind a near one later."""
     given = SQUARE.cell.corner.insert
     square.way = lambda time: corner_hand(HOLE, SQUARE.cell.corner.tilt if time < 0.5 else given.tilt)
-    ended = square.insert(attempt=attempt)
+    ended = square.run(insert, attempt=attempt)
     assert ended.outcome is Outcome.SUCCESS
     sweeping = given.felt / given.turn_rate if later else 0.0
     assert ended.elapsed == pytest.approx(SETTLED + sweeping, abs=3 * PERIOD)
@@ -172,10 +164,10 @@ def entering(time):
     return corner_hand(HOLE - deep * UP, 0.0, yaw=0.2 * (time - ENTERED))
 
 
-def test_a_peg_with_corners_is_seated_once_it_is_between_the_walls_and_turns_as_they_have_it(square):
+def test_a_peg_with_corners_is_seated_once_between_the_walls(square):
     square.way = entering
     square.rig.at(0.3, lambda: setattr(square.rig.switch, "state", SwitchState.CLOSED))
-    ended = square.adjust()
+    ended = square.run(adjust)
     assert isinstance(ended, SpiralAdjustResult)
     assert (ended.outcome, ended.elapsed) == (Outcome.SUCCESS, pytest.approx(0.3, abs=1.1 * PERIOD))
     seating = [each for each in square.commanded if each.id == square.commanded[-1].id]
@@ -184,18 +176,18 @@ def test_a_peg_with_corners_is_seated_once_it_is_between_the_walls_and_turns_as_
     assert angle_between(seating[0].roll, seating[-1].roll) > 0.02
 
 
-def test_a_peg_with_corners_that_does_not_get_between_the_walls_is_not_seated(square):
+def test_a_peg_with_corners_outside_the_walls_is_not_seated(square):
     strays = 1.1 * SQUARE.cell.corner.adjust.strayed
     square.way = lambda time: corner_hand(HOLE + (strays * SIDE if time > 0.05 else 0.0), 0.12)
-    ended = square.adjust()
+    ended = square.run(adjust)
     assert isinstance(ended, CornerAdjustResult)
     assert (ended.outcome, ended.reason) == (Outcome.FAILURE, Reason.NOT_SEATED)
     assert len({each.id for each in square.commanded}) == 1
 
 
-def test_both_parts_of_the_adjustment_of_a_peg_with_corners_go_by_the_felt_plate_and_the_grip(square):
+def test_both_parts_of_an_adjustment_follow_the_felt_plate_and_grip(square):
     square.way = entering
-    square.adjust(FELT, timeout=0.05, grip_share=WEAK)
+    square.run(adjust, FELT, timeout=0.05, grip_share=WEAK)
     first, then = square.commanded[0], square.commanded[-1]
     seating = next(each for each in square.commanded if each.id == then.id)
     assert first.id != then.id

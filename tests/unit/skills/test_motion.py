@@ -23,15 +23,14 @@ from skills.motion import (
     tilted_by,
 )
 from skills.paths import TURN_TIME, Lanes, dither, lanes, spiral, spiral_at_speed
-from tests.fakes import FakeClock, FakeGripper, context_of
-from tests.unit.skills.benches import WatchedArm
+from tests.unit.skills.benches import watched
 
 CONFIG = load().cell
 SIDE = np.array([1.0, 0.0, 0.0])
 
 
 @pytest.mark.parametrize(("breadth", "stray"), [(0.004, STRAY), (0.008, STRAY), (0.02, 0.01)])
-def test_a_setpoint_follows_the_tip_as_far_as_a_leaning_peg_s_end_goes_while_it_is_turned_upright(breadth, stray):
+def test_a_setpoint_follows_the_tip_as_far_as_its_end_can_go(breadth, stray):
     found = np.array([0.5, 0.1, 0.08])
     for way, kept in ((0.5 * stray, 0.5 * stray), (3.0 * stray, stray)):
         tip = anchored(found + np.array([0.6 * way, -0.8 * way, -0.01]), found, breadth)
@@ -40,7 +39,7 @@ def test_a_setpoint_follows_the_tip_as_far_as_a_leaning_peg_s_end_goes_while_it_
 
 @pytest.fixture
 def ctx():
-    return context_of(CONFIG, WatchedArm(FakeClock()), FakeGripper(0.008))
+    return watched(CONFIG, grip=0.0)
 
 
 TRANSFER = CONFIG.params(GRASP).transfer
@@ -62,7 +61,7 @@ def beside(ctx, way, turn=0.0):
 
 
 @pytest.mark.parametrize(("way", "turn"), [((0.0, 0.06, 0.1), 0.0), ((0.0, 0.02, 0.0), 1.2), ((0.0, 0.0, 0.0), -0.4)])
-def test_a_move_gets_to_its_goal_within_the_speeds_of_its_transfer_fed_forward_by_its_own_rate(ctx, way, turn):
+def test_a_move_reaches_its_goal_within_the_speeds_of_its_transfer(ctx, way, turn):
     goal, start = beside(ctx, way, turn), ctx.devices.arm.tcp
     told = moved(ctx, goal)
     last, tips = told[-1][1], np.array([each.tip for _, each in told])
@@ -93,7 +92,7 @@ def test_a_move_is_over_once_it_has_settled(ctx, settle):
     assert moved(ctx, goal, settle=settle)[-1][0] == pytest.approx(duration + settle, abs=0.011)
 
 
-def test_the_axis_turns_about_one_line_and_back_through_any_other_from_one_end_to_the_opposite():
+def test_a_move_turns_the_axis_to_the_opposite_evenly():
     for start in (UP, SIDE, np.array([0.6, 0.0, 0.8])):
         across = np.cross(start, np.array([0.0, 1.0, 0.0]))
         way = TransferPath(Goal(np.zeros(3), start, across), Goal(np.zeros(3), -start, across))
@@ -113,7 +112,7 @@ def test_only_a_way_out_goes_without_the_limits(ctx):
 
 
 @pytest.mark.parametrize("is_held", [True, False])
-def test_a_peg_that_is_lost_on_the_way_ends_the_move_of_a_hand_that_holds_one(ctx, is_held):
+def test_a_lost_peg_ends_the_move_of_a_hand_with_a_peg(ctx, is_held):
     ctx.devices.gripper.grip(30.0)
     goal = beside(ctx, (0.0, 0.1, 0.0))
     ctx.devices.clock.at.append((0.1, lambda: setattr(ctx.devices.gripper, "has_peg", False)))
@@ -125,26 +124,26 @@ def test_a_peg_that_is_lost_on_the_way_ends_the_move_of_a_hand_that_holds_one(ct
     assert ended.value.reason is Reason.LOST_GRASP
 
 
-def test_a_trim_adds_up_what_is_missing_up_to_its_limit_on_either_side():
+def test_a_trim_integrates_the_error_up_to_its_limits():
     trim = Trim(rate=2.0, limit=0.01).after(0.1, 0.01).after(0.1, 0.01)
     assert trim.value == pytest.approx(2 * 2.0 * 0.1 * 0.01)
     assert trim.after(-0.2, 0.01).value == pytest.approx(0.0)
     assert (trim.after(10.0, 1.0).value, trim.after(-10.0, 1.0).value) == (0.01, -0.01)
 
 
-def test_the_spiral_stands_where_it_was_drawn_and_a_minimum_jerk_move_begins_and_ends_at_rest():
+def test_a_tilt_stands_where_it_was_drawn_and_moves_end_at_rest():
     np.testing.assert_allclose(0.05 * tilted_by(np.array([0.006, -0.008]), 0.05)[:2], [0.006, -0.008], atol=1e-15)
     assert [minimum_jerk(share) for share in (0.0, 0.5, 1.0)] == [(0.0, 0.0), (0.5, 1.875), (1.0, 0.0)]
 
 
 @pytest.mark.parametrize("rate", [0.0, 0.7, -2.0])
-def test_the_spin_between_two_rotations_is_the_rate_at_which_one_becomes_the_other(rate):
+def test_the_spin_between_two_rotations_is_their_rate(rate):
     before = rotation_about(SIDE, 0.4)
     assert spin_between(before, rotation_about(UP, 0.01 * rate) @ before, 0.01) == pytest.approx(rate * UP, abs=1e-3)
 
 
 @pytest.mark.parametrize(("share", "angle"), [(0.0, 0.0), (0.5, math.pi / 4), (1.0, math.pi / 2)])
-def test_a_direction_between_two_is_of_unit_length_and_nearer_to_what_weighs_more(share, angle):
+def test_a_direction_between_two_is_unit_and_weighted(share, angle):
     assert between(SIDE, UP, share) == pytest.approx(math.cos(angle) * SIDE + math.sin(angle) * UP)
 
 
@@ -165,7 +164,7 @@ def test_circles_swell_from_nothing_and_fade_to_nothing() -> None:
 
 
 @pytest.mark.parametrize("fast", [0, 1])
-def test_lanes_begin_before_the_nearest_corner_turn_at_the_border_and_leave_no_place_far_from_them(fast: int) -> None:
+def test_lanes_begin_at_the_nearest_corner_and_miss_no_place(fast: int) -> None:
     pitch, speed, run_in = 0.005, 0.1, 0.004
     path = lanes(HALF, pitch, speed, fast, (-0.02, 0.01), run_in)
     first = np.array([-0.03, 0.03]) * (1.0 - 1.0 / path.lanes)
@@ -185,7 +184,7 @@ def middle_of(path: Lanes, lane: int) -> float:
     return (lane + 0.5) * (path.cover - TURN_TIME / 4) / path.lanes - TURN_TIME / 4
 
 
-def test_every_second_cover_runs_between_the_lanes_of_the_others_and_along_both_borders() -> None:
+def test_every_second_cover_runs_between_the_lanes_before() -> None:
     path = lanes(HALF, 0.005, 0.1, 1, (0.0275, 0.03), 0.0)
     first = [path.at(middle_of(path, lane))[0][0] for lane in range(path.lanes)]
     second = [path.at(middle_of(path, path.lanes + lane))[0][0] for lane in range(path.lanes + 1)]

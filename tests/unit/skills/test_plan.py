@@ -29,7 +29,7 @@ def test_a_plan_lists_the_speeds_that_the_arm_caps():
 
 
 @pytest.mark.parametrize(("dip", "share"), [(1.0, 1.0), (2.0, 1.0), (0.25, 2.0)])
-def test_a_peg_crosses_so_much_of_the_hole_while_it_falls_by_the_dip_threshold(dip, share):
+def test_the_dip_threshold_sets_the_fastest_search(dip, share):
     """Under a constant push a quarter of the fall takes half the time."""
     search = CELL.plan().search
     search = search.model_copy(update={"dip_threshold": dip * search.crossed_dip})
@@ -90,7 +90,7 @@ def figure(name, pace):
         *((name, scale, factor) for name in LIMITS for scale, factor in ((0.5, 2.0), (2.0, 1.0))),
     ],
 )
-def test_a_pace_multiplies_speeds_divides_waits_and_lengthens_timeouts_in_a_slower_plan_alone(name, scale, factor):
+def test_a_pace_scales_speeds_waits_and_timeouts(name, scale, factor):
     assert figure(name, Pace(scale)) == pytest.approx(factor * figure(name, Pace()))
 
 

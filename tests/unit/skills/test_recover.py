@@ -37,10 +37,9 @@ def ctx():
     return ctx
 
 
-@pytest.fixture
-def free():
-    """Return what makes the context of a hand whose peg ends so high above the plate, m, and that is free to move."""
-    return lambda height: watched(CONFIG, with_end_at(height))
+def free(height):
+    """Return the context of a hand whose peg ends so high above the plate, m, and that is free to move."""
+    return watched(CONFIG, with_end_at(height))
 
 
 def ended(ctx):
@@ -55,7 +54,7 @@ def opened(ctx):
     return [place for _, place in ctx.devices.gripper.opened]
 
 
-def test_a_peg_that_slips_out_of_the_hand_while_it_is_pulled_is_left_behind_by_an_open_hand(ctx):
+def test_a_peg_that_slips_out_while_pulled_is_left_behind(ctx):
     def slip():
         ctx.devices.gripper.has_peg, ctx.devices.arm.is_blocked = False, False
 
@@ -73,7 +72,7 @@ def test_a_stop_while_the_peg_is_pulled_stops(ctx):
 
 
 @pytest.mark.parametrize(("opens", "reason"), [(True, Reason.JAMMED), (False, Reason.STILL_HELD)])
-def test_a_hand_around_a_peg_in_the_hole_opens_before_it_is_drawn_up(free, opens, reason):
+def test_a_hand_around_a_peg_opens_before_it_rises(opens, reason):
     """It does not grip the peg; if it does not open, it stays where it is."""
     ctx = free(-0.02)
     ctx.devices.gripper.has_peg, ctx.devices.gripper.opens = False, opens
@@ -84,7 +83,7 @@ def test_a_hand_around_a_peg_in_the_hole_opens_before_it_is_drawn_up(free, opens
 
 
 @pytest.mark.parametrize("normal", [UP, np.array([0.0, 0.06, 1.0]) / np.linalg.norm([0.0, 0.06, 1.0])])
-def test_a_peg_is_pulled_along_the_normal_of_the_plate_that_was_felt_and_straight_up_from_one_that_was_not(ctx, normal):
+def test_a_peg_is_pulled_along_the_normal_of_the_felt_plate(ctx, normal):
     ctx.peg = HeldPeg(surface=None if normal is UP else Plane(HOLE, normal))
     tip = ctx.observe().tip
     assert pull_out(HOLE[2], PULL, GAINS, ctx) == pytest.approx(tip)
@@ -93,7 +92,7 @@ def test_a_peg_is_pulled_along_the_normal_of_the_plate_that_was_felt_and_straigh
     assert ways[-1] == pytest.approx(PULL.share * ctx.limits.force / GAINS.translation * normal)
 
 
-def test_a_held_peg_in_the_air_is_drawn_up_and_dropped_into_the_bin_and_nowhere_else(free):
+def test_a_held_peg_in_the_air_is_dropped_into_the_bin():
     ctx = free(0.1)
     ctx.devices.clock.wait_until(5.0)
     start, way = ctx.devices.arm.tcp.position, []
@@ -109,32 +108,29 @@ def test_a_held_peg_in_the_air_is_drawn_up_and_dropped_into_the_bin_and_nowhere_
 
 
 @pytest.mark.parametrize(("height", "pulls"), [(0.9 * PARAMS.clear, True), (1.1 * PARAMS.clear, False)])
-def test_a_peg_whose_end_may_touch_the_plate_is_pulled_along_the_hole_first(free, height, pulls):
+def test_a_peg_near_the_plate_is_pulled_along_the_hole_first(height, pulls):
     ctx = free(height)
     assert ended(ctx) == (Outcome.SUCCESS, Reason.NONE, True)
     assert any(setpoint.in_hand is not None for _, setpoint in ctx.devices.arm.told) == pulls
     assert opened(ctx) == [pytest.approx(PARAMS.bin, abs=1e-6)]
 
 
-def test_a_seated_peg_is_let_go_where_it_is_and_left_there(free):
+def test_a_seated_peg_is_let_go_where_it_is_and_left_there():
     ctx = free(-CONFIG.hole.depth)
     ctx.devices.switch.state, start = SwitchState.CLOSED, ctx.devices.arm.tcp.position
     assert ended(ctx) == (Outcome.SUCCESS, Reason.NONE, False)
     assert opened(ctx) == [pytest.approx(start), pytest.approx(PARAMS.bin, abs=1e-6)]
 
 
-def test_an_arm_that_has_pulled_in_vain_holds_still_before_the_hand_lets_go(ctx):
-    states, release = [], ctx.devices.gripper.release
-    ctx.devices.gripper.release = lambda width: (
-        states.append((ctx.devices.arm.is_halted, ctx.lead.held)),
-        release(width),
-    )
+def test_after_a_vain_pull_the_arm_rests_before_the_hand_opens(ctx):
+    states, arm, release = [], ctx.devices.arm, ctx.devices.gripper.release
+    ctx.devices.gripper.release = lambda width: (states.append((arm.is_halted, ctx.lead.held)), release(width))
     ctx.devices.clock.every.append(lambda: setattr(ctx.devices.arm, "is_blocked", not states))
     assert ended(ctx) == (Outcome.FAILURE, Reason.JAMMED, False)
     assert states[0] == (True, None)
 
 
-def test_an_empty_hand_is_drawn_up_and_opened_over_the_bin(free):
+def test_an_empty_hand_is_drawn_up_and_opened_over_the_bin():
     ctx = free(-0.01)
     ctx.devices.gripper.has_peg, ctx.devices.gripper.width = False, 0.0
     assert ended(ctx) == (Outcome.SUCCESS, Reason.NONE, False)
@@ -142,13 +138,13 @@ def test_an_empty_hand_is_drawn_up_and_opened_over_the_bin(free):
 
 
 @pytest.mark.parametrize(("height", "state"), [(0.1, SwitchState.OPEN), (-CONFIG.hole.depth, SwitchState.CLOSED)])
-def test_a_hand_that_does_not_open_is_told_and_has_dropped_nothing(free, height, state):
+def test_a_hand_that_does_not_open_has_dropped_nothing(height, state):
     ctx = free(height)
     ctx.devices.switch.state, ctx.devices.gripper.opens = state, False
     assert ended(ctx) == (Outcome.FAILURE, Reason.STILL_HELD, False)
 
 
-def test_the_hand_is_drawn_up_no_further_than_a_margin_within_the_workspace(free):
+def test_the_hand_is_drawn_up_within_the_workspace():
     ctx = free(0.1)
     top, way = ctx.limits.high[2], []
     ctx.devices.arm.tcp = Pose(np.array([0.5, 0.0, top + 0.02]), HAND_DOWN)
@@ -167,7 +163,7 @@ def test_only_a_pull_out_of_a_violation_goes_without_the_limits(ctx):
 
 
 @pytest.mark.parametrize(("turned", "moves"), [(0.0, 1), (0.05, 1), (0.5, 2)])
-def test_a_peg_that_turned_in_the_hand_on_the_way_up_is_moved_to_its_place_again(free, turned, moves):
+def test_a_peg_that_turned_on_the_way_up_is_moved_again(turned, moves):
     ctx = free(0.03)
     ctx.devices.clock.at.append((0.1, lambda: setattr(ctx.perception.estimator, "theta", turned)))
     goal = Goal(HOLE + np.array([0.02, 0.0, 0.02]), UP, HAND_DOWN[:, 2])

@@ -36,23 +36,18 @@ class SlowHand(WatchedHand):
         return GripperState(THICKNESS if is_moving else self.width, self.force > 0.0, is_moving)
 
 
-@pytest.fixture
-def make():
-    """Return what makes the context of a hand that grips a seated peg."""
-
-    def made(opens_for=0.0, opens=True):
-        arm = WatchedArm(FakeClock())
-        arm.tcp = Pose(PLACE.copy(), SLANT)
-        hand = SlowHand(arm, opens_for, opens)
-        hand.grip(30.0)
-        ctx = context_of(CELL, arm, hand)
-        ctx.devices.switch.state = SwitchState.CLOSED
-        return ctx
-
-    return made
+def make(opens_for=0.0, opens=True):
+    """Return the context of a hand that grips a seated peg."""
+    arm = WatchedArm(FakeClock())
+    arm.tcp = Pose(PLACE.copy(), SLANT)
+    hand = SlowHand(arm, opens_for, opens)
+    hand.grip(30.0)
+    ctx = context_of(CELL, arm, hand)
+    ctx.devices.switch.state = SwitchState.CLOSED
+    return ctx
 
 
-def test_the_hand_opens_where_it_is_and_draws_straight_back_up_without_turning(make):
+def test_the_hand_opens_where_it_is_and_draws_straight_up():
     ctx = make()
     ctx.devices.clock.wait_until(3.0)
     ended = run(PARAMS, ctx)
@@ -73,7 +68,7 @@ def test_the_hand_opens_where_it_is_and_draws_straight_back_up_without_turning(m
     ],
     ids=["stays", "comes along", "answers late", "answers too late"],
 )
-def test_a_peg_was_left_seated_if_the_switch_says_so_in_time(make, state, changes, reason):
+def test_a_peg_counts_as_left_seated_if_the_switch_confirms(state, changes, reason):
     """The hand is drawn back within a second."""
     ctx, (when, later) = make(), changes
     ctx.devices.switch.state = state
@@ -83,14 +78,14 @@ def test_a_peg_was_left_seated_if_the_switch_says_so_in_time(make, state, change
     assert ended.outcome is (Outcome.SUCCESS if stayed else Outcome.FAILURE)
 
 
-def test_a_hole_without_a_switch_asks_none(make):
+def test_a_hole_without_a_switch_asks_none():
     ctx = make()
     force = load(sets=["hole.evidence=force", "hole.latch={kind='detent',force=5.0,height=0.003}"])
     ctx.job, ctx.devices.switch.state = force.cell.job(), SwitchState.UNKNOWN
     assert run(PARAMS, ctx).outcome is Outcome.SUCCESS
 
 
-def test_a_hand_that_does_not_open_is_not_drawn_away(make):
+def test_a_hand_that_does_not_open_is_not_drawn_away():
     ctx = make(opens=False)
     ended = run(PARAMS, ctx)
     assert (ended.outcome, ended.reason, ended.stayed) == (Outcome.FAILURE, Reason.STILL_HELD, True)
@@ -98,13 +93,13 @@ def test_a_hand_that_does_not_open_is_not_drawn_away(make):
 
 
 @pytest.mark.parametrize(("takes", "is_open"), [(0.2, True), (HAND_TIME + 1.0, False)])
-def test_a_hand_is_waited_for_as_long_as_its_fingers_may_take(make, takes, is_open):
+def test_let_go_waits_for_the_fingers(takes, is_open):
     ctx = make(opens_for=takes)
     assert let_go(PARAMS.opening, ctx) is is_open
     assert ctx.devices.clock.now() == pytest.approx(min(takes, HAND_TIME), abs=2 * PERIOD)
 
 
-def test_the_arm_keeps_its_setpoint_at_rest_while_the_fingers_move(make):
+def test_the_arm_keeps_its_setpoint_at_rest_while_the_fingers_move():
     ctx = make(opens_for=0.3)
     ctx.follow(ImpedanceSetpoint(5, PLACE, UP, np.full(6, 100.0), np.ones(6), 0.05, roll=SLANT[:, 2]))
     let_go(PARAMS.opening, ctx)
@@ -114,7 +109,7 @@ def test_the_arm_keeps_its_setpoint_at_rest_while_the_fingers_move(make):
     assert {setpoint.id for _, setpoint in kept} == {5}
 
 
-def test_letting_go_goes_without_the_limits_of_force_and_workspace(make):
+def test_letting_go_goes_without_the_limits_of_force_and_workspace():
     ctx = make(opens_for=0.1)
     ctx.devices.arm.force = np.array([0.0, 0.0, 2.0 * CELL.limits.force])
     assert let_go(PARAMS.opening, ctx)

@@ -85,7 +85,7 @@ def test_a_run_is_one_motion_with_the_gains_of_its_recipe(kind, bench):
             assert (setpoint.integral_gain, setpoint.integral_limit) == (4.0, 2.0)
 
 
-def test_two_runs_are_two_motions_and_an_arm_at_rest_has_none_of_them(bench):
+def test_two_runs_are_two_motions_of_their_own(bench):
     bench.run(timeout=0.05)
     bench.run(timeout=0.05)
     assert list(dict.fromkeys(setpoint.id for setpoint in bench.commanded)) == [1, 2]
@@ -114,13 +114,13 @@ def test_a_switch_that_closes_at_the_holes_depth_ends_it_well(kind, bench):
 @pytest.mark.parametrize(
     ("state", "error"), [(SwitchState.CLOSED, SwitchDisagreesError), (SwitchState.UNKNOWN, SwitchUnknownError)]
 )
-def test_a_switch_that_closes_at_the_surface_or_does_not_answer_is_a_fault(bench, state, error):
+def test_a_switch_closed_too_early_or_unknown_is_a_fault(bench, state, error):
     bench.rig.switch.state = state
     with pytest.raises(error, match=r"^switch"):
         bench.run()
 
 
-def test_a_peg_that_the_hand_loses_ends_it_at_once_with_the_arm_halted(kind, bench):
+def test_a_peg_that_the_hand_loses_ends_it_at_once(kind, bench):
     assert bench.lost_in(lambda: bench.run(**kind.going_on)) is Reason.LOST_GRASP
     assert len(bench.commanded) == pytest.approx(0.1 / PERIOD, abs=1)
 
@@ -130,7 +130,7 @@ def test_a_peg_that_the_hand_loses_ends_it_at_once_with_the_arm_halted(kind, ben
     [("insert", {"turn_rate": 1e-6, "turn_run_up": 0.0}), ("corner insert", {"raise_rate": 1e-9, **UNFELT})],
 )
 @pytest.mark.parametrize("rate", [4.0, 1e3])
-def test_the_hand_turns_after_a_peg_that_has_turned_in_it_at_the_follow_rate(name, still, rate, tmp_path):
+def test_the_hand_turns_after_the_peg_at_the_follow_rate(name, still, rate, tmp_path):
     """The peg's axis stays as it was, for the hand is where the test puts it."""
     kind = KINDS[name]
     bench = SkillBench(Rig(kind.loaded, tmp_path), kind.skill, kind.params, lambda time: kind.at(1e-3))
@@ -148,7 +148,7 @@ def test_the_hand_turns_after_a_peg_that_has_turned_in_it_at_the_follow_rate(nam
 @pytest.mark.parametrize(("above", "goes_on"), [(-1e-5, True), (1e-5, False)])
 @pytest.mark.parametrize("raises", [0.0, 2e-3])
 @pytest.mark.parametrize("name", ["insert", "corner insert"])
-def test_a_peg_above_the_lost_height_over_the_felt_plate_is_out_of_the_hole(name, above, goes_on, raises, tmp_path):
+def test_a_peg_above_the_lost_height_is_out_of_the_hole(name, above, goes_on, raises, tmp_path):
     kind, peg = KINDS[name], KINDS[name].loaded.cell.peg.part
     height = kind.params.lost_height + (peg.reach if name == "insert" else peg.widest) * math.sin(kind.lean) + above
     bench = SkillBench(Rig(kind.loaded, tmp_path), kind.skill, kind.params, lambda time: kind.at(-height - raises))

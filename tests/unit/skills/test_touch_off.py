@@ -14,8 +14,8 @@ from skills.contract import Interrupted, Reason
 from skills.grasp_from_rack import ACROSS_RACK
 from skills.motion import VALIDITY
 from skills.touch_off import TouchOff, touch_off
-from tests.fakes import HAND_DOWN, PERIOD, FakeClock, FakeGripper, context_of
-from tests.unit.skills.benches import WatchedArm
+from tests.fakes import HAND_DOWN, PERIOD
+from tests.unit.skills.benches import WatchedArm, watched
 
 CELL = load().cell
 TRANSFER = CELL.params(GRASP).transfer
@@ -39,11 +39,9 @@ class Spring(WatchedArm):
 @pytest.fixture
 def ctx():
     """Return the context of a hand whose peg ends 50 mm above a place, at which the surface lies."""
-    arm, hand = Spring(FakeClock()), FakeGripper(CELL.peg.part.thickness)
-    arm.tcp = Pose(PLACE + (0.05 + LENGTH) * UP, HAND_DOWN)
-    arm.force, arm.floor = OFFSET * UP, PLACE[2]
-    hand.grip(30.0)
-    return context_of(CELL, arm, hand)
+    ctx = watched(CELL, Pose(PLACE + (0.05 + LENGTH) * UP, HAND_DOWN), make=Spring)
+    ctx.devices.arm.force, ctx.devices.arm.floor = OFFSET * UP, PLACE[2]
+    return ctx
 
 
 def down(ctx):
@@ -52,7 +50,7 @@ def down(ctx):
 
 
 @pytest.mark.parametrize("height", [-0.008, 0.0, 0.005])
-def test_a_surface_is_told_where_it_is_and_the_peg_is_clear_of_it_afterwards(ctx, height):
+def test_a_surface_is_measured_and_the_peg_clear_afterwards(ctx, height):
     ctx.devices.arm.floor = PLACE[2] + height
     np.testing.assert_allclose(touch_off(PLACE, TRANSFER, TOUCH_OFF, ctx), PLACE + height * UP, atol=1e-4)
     clear = PLACE + (max(height, 0.0) + TOUCH_OFF.clear) * UP
@@ -61,7 +59,7 @@ def test_a_surface_is_told_where_it_is_and_the_peg_is_clear_of_it_afterwards(ctx
     assert max(setpoint.twist.linear[2] for setpoint in up) <= TOUCH_OFF.speed + 1e-9
 
 
-def test_the_peg_comes_down_slowly_and_is_fed_forward_until_the_surface_bears_it(ctx):
+def test_the_peg_comes_down_slowly_until_the_surface_bears_it_and_rests(ctx):
     touch_off(PLACE, TRANSFER, TOUCH_OFF, ctx)
     moving = [setpoint for _, setpoint in down(ctx) if setpoint.twist is not None]
     steps = -np.diff([setpoint.tip[2] for setpoint in moving])
@@ -69,24 +67,17 @@ def test_the_peg_comes_down_slowly_and_is_fed_forward_until_the_surface_bears_it
     assert moving[0].tip[2] == pytest.approx(PLACE[2] + TOUCH_OFF.clear, abs=2 * TOUCH_OFF.speed * PERIOD)
     assert all(setpoint.twist.linear == pytest.approx(-TOUCH_OFF.speed * UP) for setpoint in moving)
     assert not any(setpoint.twist.angular.any() for setpoint in moving)
-
-
-def test_it_rests_with_the_setpoint_where_it_was_before_the_height_is_told(ctx):
-    touch_off(PLACE, TRANSFER, TOUCH_OFF, ctx)
+    # It then rests with the setpoint where it was.
     resting = [(now, setpoint) for now, setpoint in down(ctx) if setpoint.twist is None]
     assert len({setpoint.tip[2] for _, setpoint in resting}) == 1
     assert resting[-1][0] - resting[0][0] == pytest.approx(TOUCH_OFF.rest, abs=3 * PERIOD)
     # The mean force of the last scans was over the threshold, from what free air shows on, and hardly more.
     press = STIFFNESS * (PLACE[2] - resting[0][1].tip[2])
-    assert (
-        TOUCH_OFF.force
-        < press
-        < TOUCH_OFF.force + (TOUCH_OFF.scans + 1) * STIFFNESS * TOUCH_OFF.speed * PERIOD
-        < TOUCH_OFF.most
-    )
+    least, scan = TOUCH_OFF.force, STIFFNESS * TOUCH_OFF.speed * PERIOD
+    assert least < press < least + (TOUCH_OFF.scans + 1) * scan < TOUCH_OFF.most
 
 
-def test_the_setpoint_leads_a_tip_that_friction_holds_by_no_more_than_the_bound_allows(ctx):
+def test_the_setpoint_leads_a_tip_held_by_friction_within_its_bound(ctx):
     """The arm does not report what it presses with, as if its joints took the force."""
     ctx.devices.arm.reported = 0.0
     assert touch_off(PLACE, TRANSFER, TOUCH_OFF, ctx) is None
@@ -102,9 +93,8 @@ def test_a_wrench_of_reversed_sign_ends_the_touch(ctx):
 def test_where_there_is_no_surface_the_peg_turns_back(ctx):
     ctx.devices.arm.floor = -np.inf
     assert touch_off(PLACE, TRANSFER, TOUCH_OFF, ctx) is None
-    assert min(setpoint.tip[2] for _, setpoint in down(ctx)) == pytest.approx(
-        PLACE[2] - TOUCH_OFF.deepest, abs=TOUCH_OFF.speed * PERIOD
-    )
+    lowest = min(setpoint.tip[2] for _, setpoint in down(ctx))
+    assert lowest == pytest.approx(PLACE[2] - TOUCH_OFF.deepest, abs=TOUCH_OFF.speed * PERIOD)
     assert ctx.devices.arm.tcp.position - LENGTH * UP == pytest.approx(PLACE + TOUCH_OFF.clear * UP)
 
 

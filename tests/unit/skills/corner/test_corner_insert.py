@@ -1,6 +1,7 @@
 """Setpoints of the insertion of a peg with corners, scan by scan, and its endings; the hand is where the test puts it."""
 
 import math
+from itertools import pairwise
 from types import SimpleNamespace
 
 import numpy as np
@@ -9,17 +10,17 @@ import pytest
 from drivers.frames import UP, angle_between, rotation_about, rotation_by
 from skills.catalogue import SEARCH
 from skills.contract import Outcome, Reason
-from skills.corner.insert import left_to_raise, raise_from, run, sweep_of, to_and_fro, turned_by
+from skills.corner.insert import left_to_raise, raise_from, run, sweep_of, to_and_fro
 from skills.paths import dither
 from skills.search.surface import Plane
 from tests.fakes import PERIOD, Rig
 from tests.scripted import HOLE, SQUARE, corner_hand
-from tests.unit.skills.benches import SkillBench
+from tests.unit.skills.benches import SkillBench, corner_axes
 
 CELL, PARAMS = SQUARE.cell, SQUARE.cell.corner.insert
 
 
-def test_turns_go_to_either_side_further_each_time_and_never_beyond_their_reach() -> None:
+def test_turns_to_either_side_grow_up_to_their_reach() -> None:
     rate, growth, reach = 0.25, 0.035, 0.1
     angles = np.array([to_and_fro(t, rate, growth, reach) for t in np.arange(0.0, 12.0, 0.01)])
     assert angles[0] == 0.0
@@ -29,14 +30,7 @@ def test_turns_go_to_either_side_further_each_time_and_never_beyond_their_reach(
     np.testing.assert_allclose(ends[:4], [0.035, -0.07, 0.1, -0.1], atol=3e-3)
 
 
-@pytest.mark.parametrize("angle", [-0.2, 0.0, 0.15])
-def test_how_far_a_hand_has_turned_about_the_normal_does_not_depend_on_how_it_leans(angle: float) -> None:
-    _, closing = CELL.peg.part.leaning(0.3, 0.12)
-    turned = rotation_about(UP, angle) @ closing
-    assert turned_by(turned, closing, UP) == pytest.approx(angle)
-
-
-def test_each_attempt_sweeps_about_its_own_middle_and_at_least_as_far_as_a_wall_is_felt() -> None:
+def test_each_attempt_sweeps_about_its_own_middle() -> None:
     cell, most = CELL, math.radians(10.0)
     sweeps = [sweep_of(cell.plan(attempt).corner.insert, most) for attempt in range(4)]
     assert [sweep.centre for sweep in sweeps] == pytest.approx([0.0, 0.6 * most, -0.6 * most, 0.0])
@@ -44,7 +38,7 @@ def test_each_attempt_sweeps_about_its_own_middle_and_at_least_as_far_as_a_wall_
     assert sweep_of(params, 0.0).reach == pytest.approx(params.felt + params.margin)
 
 
-def test_the_first_sweep_covers_every_yaw_that_the_hole_can_have_within_its_timeout_and_no_sweep_goes_beyond() -> None:
+def test_the_first_sweep_covers_every_yaw_of_the_hole_in_time() -> None:
     cell, most = CELL, math.radians(10.0)
     for attempt in range(3):
         params = cell.plan(attempt).corner.insert
@@ -56,7 +50,7 @@ def test_the_first_sweep_covers_every_yaw_that_the_hole_can_have_within_its_time
 
 @pytest.mark.parametrize("stop", [0.0, 0.3])
 @pytest.mark.parametrize("tilt", [0.05, 0.5])
-def test_a_peg_begins_where_it_leans_and_goes_to_its_tilt_from_either_side(tilt: float, stop: float) -> None:
+def test_a_peg_goes_from_its_lean_to_its_tilt(tilt: float, stop: float) -> None:
     params = CELL.corner.insert.model_copy(update={"raise_stop": stop})
     axis, closing = CELL.peg.part.leaning(0.0, tilt)
     hand = np.column_stack([-axis, np.cross(closing, -axis), closing])
@@ -68,7 +62,7 @@ def test_a_peg_begins_where_it_leans_and_goes_to_its_tilt_from_either_side(tilt:
     assert np.all(np.diff(leans) * (params.tilt - tilt) >= -1e-12)
 
 
-def test_a_search_with_a_corner_has_the_keys_of_its_section_and_otherwise_those_of_a_round_peg() -> None:
+def test_a_search_with_a_corner_has_the_keys_of_its_section() -> None:
     corner = CELL.corner
     stated = CELL.params(SEARCH).model_copy(update={"fast_axis": "y", "tilt_azimuth": 0.0})
     search = corner.searching(stated)
@@ -80,9 +74,7 @@ def test_a_search_with_a_corner_has_the_keys_of_its_section_and_otherwise_those_
 @pytest.mark.parametrize(
     ("azimuth", "fast"), [(0.0, "x"), (0.78, "x"), (0.79, "y"), (2.35, "y"), (2.36, "x"), (-0.79, "y"), (-3.0, "x")]
 )
-def test_a_peg_with_corners_is_swept_along_the_axis_that_is_nearest_to_its_closing_axis(
-    azimuth: float, fast: str
-) -> None:
+def test_a_peg_with_corners_is_swept_along_the_nearest_axis(azimuth: float, fast: str) -> None:
     stated = CELL.params(SEARCH).model_copy(update={"tilt_azimuth": azimuth})
     assert CELL.corner.searching(stated).fast_axis == fast
 
@@ -119,6 +111,11 @@ def left_at(time):
     return rate * max(RISEN - time, 0.0) ** 2 / (2.0 * stop)
 
 
+def swept(time, reach=1.0):
+    """Return the yaw of the sweep, rad, which begins once the peg has settled."""
+    return to_and_fro(max(time - SETTLED, 0.0), PARAMS.turn_rate, PARAMS.growth, reach)
+
+
 @pytest.fixture
 def bench(tmp_path):
     return SkillBench(Rig(SQUARE, tmp_path), run, PARAMS, lambda time: hand())
@@ -130,14 +127,13 @@ def centred(attempt):
 
 
 @pytest.mark.parametrize("attempt", [0, 1])
-def test_the_hand_is_raised_over_its_corner_and_then_sweeps_its_yaw_about_the_middle_of_the_attempt(bench, attempt):
-    rate, growth, reach = PARAMS.turn_rate, PARAMS.growth, 1.0 + PARAMS.margin
+def test_the_hand_is_raised_over_its_corner_and_then_sweeps(bench, attempt):
     centre = PARAMS.centres[attempt] * CELL.hole.yaw
     bench.run(dither_radius=0.0, **centred(attempt))
     axis, closing = bench.seen[0].axis, bench.seen[0].arm.tcp.rotation[:, 2]
     for seen, setpoint in bench.scans():
         time = seen.running
-        yaw = centre * min(time / SETTLED, 1.0) + to_and_fro(max(time - SETTLED, 0.0), rate, growth, reach)
+        yaw = centre * min(time / SETTLED, 1.0) + swept(time, 1.0 + PARAMS.margin)
         turned = rotation_about(UP, yaw) @ rotation_about(DOWN, LEAN - PARAMS.tilt - left_at(time))
         np.testing.assert_allclose(setpoint.axis, turned @ axis, atol=1e-9)
         np.testing.assert_allclose(setpoint.roll, turned @ closing, atol=1e-9)
@@ -158,7 +154,7 @@ def test_the_finger_centre_is_dithered_once_the_peg_has_settled(bench):
 @pytest.mark.parametrize("attempt", [0, 2])
 def test_the_motion_of_the_setpoint_is_fed_forward(bench, attempt):
     bench.run(**centred(attempt))
-    for before, after in zip(bench.commanded, bench.commanded[1:], strict=False):
+    for before, after in pairwise(bench.commanded):
         turn = rotation_by(PERIOD * before.twist.angular)
         np.testing.assert_allclose(turn @ before.axis, after.axis, atol=1e-5)
         np.testing.assert_allclose(turn @ before.roll, after.roll, atol=1e-5)
@@ -167,28 +163,23 @@ def test_the_motion_of_the_setpoint_is_fed_forward(bench, attempt):
 
 @pytest.mark.parametrize("is_turned_round", [False, True])
 @pytest.mark.parametrize(("press", "pressed"), [(3e-3, 3e-3), (5e-4, 1e-3)])
-def test_the_tip_is_led_into_the_holes_own_corner_and_pressed_along_the_closing_axis_as_the_peg_settles(
-    bench, is_turned_round, press, pressed
-):
+def test_the_tip_is_led_into_the_corner_and_pressed(bench, is_turned_round, press, pressed):
     lead, offset, way = (1e-3, 2.5e-3), 7e-3, np.array([1e-3, -1e-3, 2e-4])
     bench.way = lambda time: hand(HOLE + time * way, is_turned_round=is_turned_round)
     bench.run(lead=lead, press=press, push_offset=offset, **centred(1))
     centre = PARAMS.centres[1] * CELL.hole.yaw
-    upright = rotation_about(DOWN, LEAN - PARAMS.tilt) @ bench.seen[0].arm.tcp.rotation[:, 2] * [1.0, 1.0, 0.0]
-    along = upright / np.linalg.norm(upright)
-    along, across = along * np.sign(along @ CORNER), np.cross(UP, along)
-    across *= np.sign(across @ CORNER)
+    closing = rotation_about(DOWN, LEAN - PARAMS.tilt) @ bench.seen[0].arm.tcp.rotation[:, 2]
+    along, across = corner_axes(closing, CORNER)
     for seen, setpoint in bench.scans():
         time = seen.running
-        sweep = to_and_fro(max(time - SETTLED, 0.0), PARAMS.turn_rate, PARAMS.growth, 1.0)
-        turn = rotation_about(UP, centre * min(time / SETTLED, 1.0) + sweep)
+        turn = rotation_about(UP, centre * min(time / SETTLED, 1.0) + swept(time))
         share = min(max((time - RISEN) / PARAMS.settle, 0.0), 1.0)
         led = ((1.0 - share) * lead[0] + share * pressed) * along + lead[1] * across
         np.testing.assert_allclose(setpoint.tip, seen.tip + turn @ led - offset * UP, atol=1e-9)
     assert share == 1.0
 
 
-def test_on_a_plate_that_is_not_level_all_of_it_goes_by_its_normal(bench):
+def test_on_a_tilted_plate_all_of_it_goes_by_its_normal(bench):
     normal = rotation_about(np.array([0.6, -0.8, 0.0]), 0.05) @ UP
     bench.run(Plane(HOLE, normal), dither_radius=0.0, **centred(0))
     last, seen = bench.commanded[-1], bench.seen[-1]
@@ -222,17 +213,14 @@ def test_a_lag_while_the_peg_is_raised_is_no_wall(bench):
 
 
 def test_a_hand_that_keeps_up_with_the_sweep_feels_no_wall(bench):
-    bench.way = lambda time: raised(
-        time, yaw=to_and_fro(max(time - SETTLED, 0.0), PARAMS.turn_rate, PARAMS.growth, 0.2)
-    )
+    bench.way = lambda time: raised(time, yaw=swept(time, 0.2))
     ended = bench.run(timeout=2.0)
     assert (ended.outcome, ended.reason, ended.elapsed) == (Outcome.FAILURE, Reason.NOT_ALIGNED, 2.0)
-    yaw = to_and_fro(1.99 - SETTLED, PARAMS.turn_rate, PARAMS.growth, 0.2)
-    assert (ended.yaw, ended.phi) == pytest.approx((yaw, PARAMS.tilt), abs=1e-6)
+    assert (ended.yaw, ended.phi) == pytest.approx((swept(1.99, 0.2), PARAMS.tilt), abs=1e-6)
 
 
 @pytest.mark.parametrize(("more", "has_sunk"), [(1e-6, True), (-1e-6, False)])
-def test_a_tip_that_sinks_from_its_highest_in_the_sweep_has_dropped_in(bench, more, has_sunk):
+def test_a_tip_that_sinks_in_the_sweep_has_dropped_in(bench, more, has_sunk):
     def height(time):
         """A peg that climbs by 0.3 mm in the sweep, and had stood higher before it, drops."""
         if time < SETTLED:
@@ -247,12 +235,13 @@ def test_a_tip_that_sinks_from_its_highest_in_the_sweep_has_dropped_in(bench, mo
 
 @pytest.mark.parametrize(("share", "has_strayed"), [(1.01, True), (0.99, False)])
 @pytest.mark.parametrize("way", [CORNER, UP])
-def test_a_tip_that_strays_from_where_the_sweep_began_has_left_the_hole(bench, share, has_strayed, way):
-    bench.way = lambda time: raised(
-        time, HOLE + (2e-3 if time < SETTLED else 0.0 if time < 1.4 - 1e-9 else share * PARAMS.strayed) * way
-    )
+def test_a_tip_that_strays_in_the_sweep_has_left_the_hole(bench, share, has_strayed, way):
+    def strayed(time):
+        return 2e-3 if time < SETTLED else 0.0 if time < 1.4 - 1e-9 else share * PARAMS.strayed
+
+    bench.way = lambda time: raised(time, HOLE + strayed(time) * way)
     ended = bench.run(timeout=2.0, felt=1.0, lost_height=1.0)
     assert (ended.outcome, ended.reason) == (Outcome.FAILURE, Reason.NOT_ALIGNED)
     assert ended.elapsed == pytest.approx(1.4 if has_strayed else 2.0, abs=1e-9)
-    yaw = to_and_fro((1.4 if has_strayed else 1.99) - SETTLED, PARAMS.turn_rate, PARAMS.growth, 1.0)
+    yaw = swept(1.4 if has_strayed else 1.99)
     assert (ended.yaw, ended.phi) == pytest.approx((yaw, PARAMS.tilt), abs=1e-6)

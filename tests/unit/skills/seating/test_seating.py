@@ -87,7 +87,7 @@ HOLE = load().cell.job().hole
 
 
 @pytest.mark.parametrize("off", [-CLOSED_TOLERANCE, CLOSED_TOLERANCE])
-def test_a_switch_that_closes_elsewhere_than_at_the_holes_depth_is_told_with_both_depths(off):
+def test_a_switch_that_closes_elsewhere_is_named_with_both_depths(off):
     assert is_seated(SwitchState.CLOSED, HOLE.depth + 0.999 * off, HOLE)
     assert not is_seated(SwitchState.OPEN, HOLE.depth, HOLE)
     found = 1e3 * (HOLE.depth + 1.05 * off)
@@ -96,13 +96,13 @@ def test_a_switch_that_closes_elsewhere_than_at_the_holes_depth_is_told_with_bot
         is_seated(SwitchState.CLOSED, HOLE.depth + 1.05 * off, HOLE)
 
 
-def test_a_switch_that_gives_no_answer_is_told_with_what_is_needed():
+def test_a_switch_without_an_answer_is_a_fault():
     with pytest.raises(SwitchUnknownError, match=r"^switch: state unknown; closed or open needed$"):
         is_seated(SwitchState.UNKNOWN, HOLE.depth, HOLE)
 
 
 @pytest.mark.parametrize("off", [-OPEN_TOLERANCE, OPEN_TOLERANCE])
-def test_a_switch_that_stays_open_at_the_bottom_is_told_with_both_depths(off):
+def test_an_open_switch_at_the_bottom_is_named_with_both_depths(off):
     require_short_of_bottom(HOLE.depth + 1.001 * off, HOLE)
     found = 1e3 * (HOLE.depth + 0.95 * off)
     expected = rf"^switch open with the tip {found:.1f} mm deep; closed expected at 20\.0 mm \+- 1\.5 mm$"
