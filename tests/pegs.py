@@ -10,15 +10,23 @@ from cell.config.load import load
 from drivers.quantities import TaxelFrame
 from sim.config import SimSkinConfig
 from sim.hand.pads import PadLoad, Pads
+from skills.tactile.robust import RobustEstimator, RobustParams
 
 LOAD = PadLoad(0.0, 0.0, 30.0, 0.0, 0.0, 0.05, 0.015, 0.008)
 SKIN = SimSkinConfig(kind="sim")
 ALL = np.ones((2, 20), dtype=bool)
+TAXELS = np.arange(40).reshape(2, 20)
 
 
 @lru_cache
 def shipped():
     return load(sets=["reality.scale=0.0"]).cell
+
+
+@lru_cache
+def untaught(layout):
+    """Return the estimator by prints, which has learnt nothing yet; what teaches it uses a copy."""
+    return RobustEstimator(RobustParams(), layout, shipped().peg)
 
 
 @lru_cache
@@ -63,29 +71,14 @@ def rms_degrees(errors):
     return float(np.degrees(np.sqrt(np.mean(np.square(errors)))))
 
 
-def nonsense(kind, rng):
-    """Return readings that show no peg, counts."""
-    return {
-        "all zero": lambda: np.zeros((2, 20)),
-        "noise alone": lambda: rng.normal(0.0, 300.0, (2, 20)),
-        "loud noise": lambda: rng.normal(0.0, 3000.0, (2, 20)),
-        "all at the rail": lambda: np.full((2, 20), 38000.0),
-        "pressed all over": lambda: 8000.0 + rng.normal(0.0, 300.0, (2, 20)),
-        "drawn at random": lambda: rng.uniform(0.0, 20000.0, (2, 20)),
-        "below the baseline": lambda: np.full((2, 20), -5000.0),
-        "one taxel alone": lambda: np.where(
-            np.arange(40).reshape(2, 20) == 7, 15000.0, rng.normal(0.0, 300.0, (2, 20))
-        ),
-    }[kind]()
-
-
-NONSENSE = (
-    "all zero",
-    "noise alone",
-    "loud noise",
-    "all at the rail",
-    "pressed all over",
-    "drawn at random",
-    "below the baseline",
-    "one taxel alone",
-)
+NONSENSE = {
+    "all zero": lambda rng: np.zeros((2, 20)),
+    "noise alone": lambda rng: rng.normal(0.0, 300.0, (2, 20)),
+    "loud noise": lambda rng: rng.normal(0.0, 3000.0, (2, 20)),
+    "all at the rail": lambda rng: np.full((2, 20), 38000.0),
+    "pressed all over": lambda rng: 8000.0 + rng.normal(0.0, 300.0, (2, 20)),
+    "drawn at random": lambda rng: rng.uniform(0.0, 20000.0, (2, 20)),
+    "below the baseline": lambda rng: np.full((2, 20), -5000.0),
+    "one taxel alone": lambda rng: np.where(TAXELS == 7, 15000.0, rng.normal(0.0, 300.0, (2, 20))),
+}
+"""Readings that show no peg, counts, drawn with a generator."""

@@ -7,21 +7,17 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
+from cell.config.load import load
 from cell.devices.assembly import make_estimator
 from drivers.skin.layout import LAYOUTS
-from tests.pegs import LOAD, NONSENSE, folded, framed, nonsense, readings, shipped
+from tests.pegs import LOAD, NONSENSE, TAXELS, folded, framed, readings
 
 NAMES = ("image", "robust")
 
 
 @lru_cache
 def _estimator(name, layout):
-    config = shipped()
-    skin, insert = (
-        part.model_copy(update=change)
-        for part, change in ((config.skin, {"layout": layout}), (config.insert, {"estimator": name}))
-    )
-    return make_estimator(config.model_copy(update={"skin": skin, "insert": insert}))
+    return make_estimator(load(sets=[f"skin.layout={layout}", f"insert.estimator={name}"]).cell)
 
 
 @pytest.mark.parametrize("layout", LAYOUTS)
@@ -29,7 +25,8 @@ def _estimator(name, layout):
 @pytest.mark.parametrize("kind", NONSENSE)
 def test_nonsense_is_never_a_healthy_pose(name, layout, kind):
     rng = np.random.default_rng(6)
-    poses = [_estimator(name, layout).estimate(framed(nonsense(kind, rng))) for _ in range(40)]
+    estimator = _estimator(name, layout)
+    poses = [estimator.estimate(framed(NONSENSE[kind](rng))) for _ in range(40)]
     assert not any(pose.healthy for pose in poses)
     assert np.isfinite([(p.theta, p.offset, p.sigma, p.residual) for p in poses]).all()
 
@@ -50,7 +47,7 @@ def test_pose_of_a_plain_frame_is_whole(name, layout):
 @pytest.mark.parametrize("trusted", [0, 10, 19])
 @pytest.mark.parametrize("name", NAMES)
 def test_too_few_trusted_taxels_show_no_pose(name, trusted):
-    frame = framed(readings("parallelogram", LOAD), np.arange(40).reshape(2, 20) >= 40 - trusted)
+    frame = framed(readings("parallelogram", LOAD), TAXELS + trusted >= 40)
     assert not _estimator(name, "parallelogram").estimate(frame).healthy
 
 

@@ -13,34 +13,35 @@ from drivers.part.round import Round
 from drivers.skin.layout import LAYOUTS, finger_positions, module_of, pad_size
 from sim.config import PadConfig
 from sim.hand.pads import Pads, contact_span
-from skills.tactile.likelihood import UNKNOWN_LOAD, Bank, Found, RobustParams, pose_of, weights_of
+from skills.tactile.likelihood import UNKNOWN_LOAD, Found, RobustParams
 from skills.tactile.robust import Load, RobustEstimator
 from skills.tactile.template_fill import HALF_LINE
 from skills.tactile.templates import TemplateParams, make_templates
-from tests.pegs import ALL, LOAD, SKIN, folded, framed, pushed, readings, rms_degrees, shipped, swept
-
-NOISE = LAYOUTS["parallelogram"].noise * LAYOUTS["parallelogram"].full_scale
-
+from tests.pegs import ALL, LOAD, SKIN, folded, framed, pushed, readings, rms_degrees, shipped, swept, untaught
 
 PARAMS = RobustParams()
 
 
-@lru_cache
-def _made(layout):
-    return RobustEstimator(PARAMS, layout, shipped().peg)
-
-
 def _estimator(layout):
     """Return one that has learnt nothing yet."""
-    return copy(_made(layout))
+    return copy(untaught(layout))
 
 
 @pytest.mark.parametrize(
-    ("layout", "rms", "worst", "least"), [("parallelogram", 0.8, 5.0, 0.92), ("base_to_base", 1.6, 15.0, 0.87)]
+    ("layout", "shape", "rms", "worst", "least"),
+    [
+        ("parallelogram", "round", 0.8, 5.0, 0.92),
+        ("base_to_base", "round", 1.6, 15.0, 0.87),
+        ("parallelogram", "square", 0.8, 3.0, 0.9),
+        ("base_to_base", "square", 1.2, 5.0, 0.9),
+    ],
 )
-def test_theta_and_offset_follow_the_peg_over_the_whole_range(layout, rms, worst, least):
+def test_theta_and_offset_follow_the_peg_over_the_whole_range(layout, shape, rms, worst, least):
     """The recorded noise of most taxels is lower than the noise that the estimator assumes, so sigma is rather too large."""
-    error, sigma, offset, healthy = swept(_estimator(layout), layout)
+    is_square = shape == "square"
+    square = shipped().peg.model_copy(update={"shape": "square", "diameter": None, "sides": (0.008, 0.008)})
+    estimator = RobustEstimator(PARAMS, layout, square) if is_square else _estimator(layout)
+    error, sigma, offset, healthy = swept(estimator, layout, peg=replace(LOAD, is_flat=is_square))
     assert healthy.all()
     assert rms_degrees(error) < rms
     assert np.degrees(np.abs(error).max()) < worst
@@ -60,7 +61,7 @@ def test_peg_far_off_centre_is_found(theta, offset):
 
 @pytest.mark.parametrize("layout", LAYOUTS)
 @pytest.mark.parametrize("theta", [-math.pi / 2, 1.565])
-def test_peg_across_the_finger_has_one_of_the_two_ends_of_the_range(layout, theta):
+def test_a_peg_across_the_finger_is_at_an_end_of_the_range(layout, theta):
     frame = framed(readings(layout, replace(LOAD, theta=theta), np.random.default_rng(1)))
     pose = _estimator(layout).estimate(frame)
     assert abs(folded(pose.theta - theta)) < 0.03
@@ -104,19 +105,8 @@ def test_templates_are_what_the_blurred_groove_adds_up_to(layout, rises):
     assert np.abs(scale * read - made).max() < 0.02 * np.abs(made).max()
 
 
-@pytest.mark.parametrize(("layout", "rms", "worst"), [("parallelogram", 0.8, 3.0), ("base_to_base", 1.2, 5.0)])
-def test_theta_follows_a_square_peg_by_the_print_of_its_faces(layout, rms, worst):
-    peg = shipped().peg.model_copy(update={"shape": "square", "diameter": None, "sides": (0.008, 0.008)})
-    error, sigma, offset, healthy = swept(RobustEstimator(PARAMS, layout, peg), layout, peg=replace(LOAD, is_flat=True))
-    assert healthy.all()
-    assert rms_degrees(error) < rms
-    assert np.degrees(np.abs(error).max()) < worst
-    assert np.mean(np.abs(error) < 1.96 * sigma) > 0.9
-    assert offset.std() < 0.25e-3
-
-
 @pytest.mark.parametrize("layout", LAYOUTS)
-def test_what_a_pad_bears_is_the_load_along_the_line_that_lies_in_it(layout):
+def test_a_pad_bears_the_load_along_the_line_in_it(layout):
     peg, (length, width) = shipped().peg, pad_size(layout)
     templates = make_templates(layout, peg, TemplateParams())
     for i, j in ((0, 40), (37, 12), (180, 44), (250, 70)):
@@ -135,27 +125,6 @@ def _taught(layout):
     return estimator
 
 
-class Plain:
-    """Prints of the stated peg on the configured pads alone: nothing is learnt and no fault considered."""
-
-    def __init__(self, layout):
-        self._params = PARAMS
-        self._bank = Bank(self._params, make_templates(layout, shipped().peg, self._params.templates))
-
-    def estimate(self, frame):
-        values, trusted = frame.values.ravel(), frame.trusted.ravel()
-        weights = weights_of(self._params, NOISE, values, trusted)
-        found = self._bank.compare(values, weights)
-        if found.misfit > self._params.wide_misfit:
-            found = self._bank.compare(values, weights, is_wide=True)
-        return pose_of(self._params, NOISE, found, frame)
-
-
-@lru_cache
-def _plain(layout):
-    return Plain(layout)
-
-
 def test_taxels_that_read_anything_are_left_out():
     def spoil(rng, values):
         values = values.copy()
@@ -163,26 +132,25 @@ def test_taxels_that_read_anything_are_left_out():
         return values, ALL
 
     error, _, _, healthy = swept(_estimator("parallelogram"), "parallelogram", spoil)
-    plain, _, _, _ = swept(_plain("parallelogram"), "parallelogram", spoil)
     assert healthy.mean() > 0.97
-    assert rms_degrees(error[healthy > 0]) < min(1.2, 0.71 * rms_degrees(plain))
+    assert rms_degrees(error[healthy > 0]) < 0.75
 
 
 @pytest.mark.parametrize("layout", LAYOUTS)
-def test_peg_with_its_end_between_the_pads_is_read_better(layout):
-    rng, robust, plain, rows = np.random.default_rng(8), _estimator(layout), _plain(layout), []
+def test_a_peg_that_ends_between_the_pads_is_read_well(layout):
+    """Prints of an endless peg err by 8 degrees and more."""
+    rng, robust, rows = np.random.default_rng(8), _estimator(layout), []
     for theta in np.radians(np.linspace(-80.0, 80.0, 161)):
         load = replace(LOAD, theta=theta, reach_back=rng.uniform(0.0, 4e-3))
-        frame = framed(readings(layout, load, rng))
-        poses = [each.estimate(frame) for each in (robust, plain)]
-        rows.append([*(folded(pose.theta - theta) for pose in poses), poses[0].sigma])
-    error, other, sigma = np.array(rows).T
-    assert rms_degrees(error) < min(3.0, 0.3 * rms_degrees(other))
+        pose = robust.estimate(framed(readings(layout, load, rng)))
+        rows.append((folded(pose.theta - theta), pose.sigma))
+    error, sigma = np.array(rows).T
+    assert rms_degrees(error) < 2.3
     assert np.mean(np.abs(error) < 1.96 * sigma) > 0.94
 
 
 @pytest.mark.parametrize("module", range(4))
-def test_a_dead_module_and_the_end_between_the_pads_are_found_at_once(module):
+def test_a_dead_module_and_the_pegs_end_are_found_together(module):
     """Either alone explains most of such a frame, at an angle that is off by up to 19 degrees."""
     for theta in np.radians(np.arange(-75.0, 76.0, 10.0)):
         values = readings("parallelogram", replace(LOAD, theta=theta, reach_back=4e-3))
@@ -209,9 +177,9 @@ def _springs(blur, layout="parallelogram"):
 
 
 @pytest.mark.parametrize(("before", "blur"), [(None, 0.8e-3), (None, 1.6e-3), (1.6e-3, 0.8e-3)])
-def test_another_point_spread_is_learnt_and_anew_when_the_pads_change(before, blur):
+def test_the_point_spread_of_other_pads_is_learnt(before, blur):
     estimator = _estimator("parallelogram")
-    for _ in range(5 if before else 0):
+    for _ in range(2 if before else 0):
         _read(estimator, _springs(before))
     assert rms_degrees(_read(estimator, _springs(blur))[20:]) < (0.8 if before else 0.75)
 
@@ -223,25 +191,23 @@ def test_pads_of_another_kind_are_learnt():
     def pressure(theta, offset):
         return pads.readings(theta, offset, depths, (LOAD.reach_tip, LOAD.reach_back), Round(LOAD.width).face)[0]
 
-    errors = _read(_estimator("parallelogram"), pressure)
-    assert rms_degrees(errors[20:]) < min(0.8, 0.7 * rms_degrees(_read(_plain("parallelogram"), pressure)))
+    assert rms_degrees(_read(_estimator("parallelogram"), pressure)[20:]) < 0.8
 
 
 def test_peg_that_is_held_still_teaches_little():
     """Frames of one grasp err alike, by the same taxels' gains; breadth and angle are hardest to separate along the rows."""
-    rng, rows = np.random.default_rng(3), []
+    rng, errors = np.random.default_rng(3), []
     for theta in rng.uniform(0.02, 0.06, 30):
         gains, offset = rng.normal(1.0, 0.05, (2, 20)), rng.normal(0.0, 0.7e-3)
-        estimators = (_estimator("parallelogram"), _plain("parallelogram"))
+        estimator = _estimator("parallelogram")
         for _ in range(30):
             values = gains * readings("parallelogram", pushed(rng, theta, offset)) + rng.normal(0.0, 300.0, (2, 20))
-            rows.append([folded(each.estimate(framed(values)).theta - theta) for each in estimators])
-    robust, plain = np.array(rows).T
-    assert rms_degrees(robust) < 1.5 * rms_degrees(plain)
+            errors.append(folded(estimator.estimate(framed(values)).theta - theta))
+    assert rms_degrees(errors) < 0.65
 
 
 @pytest.mark.parametrize("dead", [(0, 2), (1, 3)])
-def test_print_that_no_taxel_left_can_show_is_not_taken_for_a_certain_one(dead):
+def test_a_print_outside_the_live_taxels_is_uncertain(dead):
     estimator = _estimator("base_to_base")
     is_alive = ~np.isin(module_of("parallelogram"), dead)
     error, sigma, _, healthy = swept(
@@ -260,29 +226,19 @@ def test_frame_that_is_not_believed_teaches_nothing():
     assert spoilt.estimate(frame) == fresh.estimate(frame)
 
 
-def test_a_weak_print_is_believed_where_its_noise_explains_the_rest_and_noise_alone_is_not():
+def test_a_weak_print_is_believed_if_noise_explains_the_rest():
     """A grip of 7 N: a third and more of the frame's squares is noise."""
     weak = replace(LOAD, grip_force=7.0)
     error, _, _, healthy = swept(_estimator("parallelogram"), "parallelogram", peg=weak, count=81)
     assert healthy.mean() > 0.95
     assert rms_degrees(error[healthy > 0]) < 4.0
-    rng = np.random.default_rng(5)
-    poses = [
-        _estimator("parallelogram").estimate(framed(SKIN.noise * SKIN.full_scale * rng.standard_normal((2, 20))))
-        for _ in range(50)
-    ]
-    assert not any(pose.healthy for pose in poses)
 
 
 @pytest.mark.parametrize("reach", [-2e-3, 2e-3])
-def test_a_peg_that_stands_two_millimetres_elsewhere_in_the_hand_is_read_as_well(reach):
+def test_a_peg_held_two_millimetres_elsewhere_is_read_as_well(reach):
     """Where it ends between the pads belongs to its print; a template that ends elsewhere turns to make up for it."""
     peg = replace(LOAD, reach_back=LOAD.reach_back + reach)
-    robust, plain = (
-        rms_degrees(swept(make("parallelogram"), "parallelogram", peg=peg)[0]) for make in (_estimator, _plain)
-    )
-    assert robust < 0.8
-    assert robust < 0.9 * plain
+    assert rms_degrees(swept(_estimator("parallelogram"), "parallelogram", peg=peg)[0]) < 0.5
 
 
 def test_a_copy_learns_for_itself():
@@ -305,7 +261,7 @@ def _ambiguous(estimator, taught):
     return np.array(rows).T
 
 
-def test_angles_of_one_print_are_told_by_the_load_that_was_learnt_and_sigma_covers_both():
+def test_the_learnt_load_separates_angles_of_one_print():
     first, sigma = _ambiguous(_estimator("base_to_base"), taught=False)
     later, later_sigma = _ambiguous(_estimator("base_to_base"), taught=True)
     assert rms_degrees(later) < 0.8 * rms_degrees(first)
@@ -314,7 +270,7 @@ def test_angles_of_one_print_are_told_by_the_load_that_was_learnt_and_sigma_cove
 
 
 @pytest.mark.parametrize(("across", "bound"), [(0.0, 0.25), (7.0, 0.55)])
-def test_a_push_that_tilts_the_peg_in_its_pads_hardly_turns_what_is_read(across, bound):
+def test_a_push_that_tilts_the_peg_hardly_turns_theta(across, bound):
     """Noise-free: what is left are the errors of the templates."""
     estimator, errors = _estimator("parallelogram"), []
     for theta in np.radians(np.arange(-80.0, 81.0, 2.0)):
@@ -337,7 +293,7 @@ def _found(whole, theta):
     return Found(theta, 0.0, 0.01, 8000.0, 1.0, 0.0, 0.0, 3.0, 8.0, whole)
 
 
-def test_the_load_of_a_peg_is_learnt_once_from_frames_at_one_angle():
+def test_the_load_is_learnt_once_from_one_angle():
     load = Load(PARAMS)
     assert load.expected == UNKNOWN_LOAD
     load.learn(_found(5.7, 0.1))

@@ -46,7 +46,7 @@ def test_gains_do_not_depend_on_how_hard_the_rod_was_held():
     assert np.allclose(fitted(force * swept("parallelogram")).gains, fitted(swept("parallelogram")).gains, atol=0.02)
 
 
-def test_taxel_that_is_not_trusted_is_left_alone_and_spoils_no_other():
+def test_an_untrusted_taxel_spoils_no_other():
     trusted, readings = ALL.copy(), swept("parallelogram").copy()
     trusted[1, 7] = False
     readings[:, 1, 7] = 0.0

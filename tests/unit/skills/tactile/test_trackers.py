@@ -21,9 +21,6 @@ def frame(theta: float, stamp: float) -> PegPose:
     return PegPose(theta, 0.0, SIGMA, 0.0, True, stamp)
 
 
-ZERO = frame(0.0, 0.0)
-
-
 def settled(make: Make) -> Tracker:
     """Return one that has seen theta = 0.3 for a second, the last frame at 1.0 s."""
     tracker = make()
@@ -33,7 +30,7 @@ def settled(make: Make) -> Tracker:
 
 
 @every_tracker
-def test_age_of_theta_is_that_of_its_newest_frame_since_it_was_measured(make: Make) -> None:
+def test_the_age_of_theta_is_that_of_its_newest_frame(make: Make) -> None:
     tracker = settled(make)
     for now in (1.01, 1.2, 1.5):
         assert now - tracker.follow(None, now, 0.0).stamp == pytest.approx(now - 1.0)
@@ -47,7 +44,7 @@ def test_frame_that_was_overtaken_changes_nothing(make: Make, stamp: float) -> N
     assert (late.theta, late.stamp) == (undisturbed.theta, undisturbed.stamp)
 
 
-def test_slip_in_the_hand_is_held_at_the_second_frame_that_shows_it() -> None:
+def test_a_slip_counts_at_the_second_frame_that_shows_it() -> None:
     tracker = settled(lambda: Blend(Smoothing()))
     first, second = (tracker.follow(frame(theta, now), now, 0.0) for now, theta in ((1.1, 0.8), (1.2, 1.1)))
     assert (first.theta, first.stamp) == (pytest.approx(0.3, abs=1e-6), 1.1)
@@ -71,7 +68,7 @@ def test_peg_that_stands_still_is_known_no_worse_than_a_frame_tells(make: Make) 
     assert float(np.std(errors)) < 1.05 * SIGMA
 
 
-def test_a_wrong_first_frame_does_not_turn_the_peg_about_for_good():
+def test_a_wrong_first_frame_is_corrected():
     """While fingers close, any angle can be measured; from 80 degrees on, -30 would be nearest as 150."""
     wrong, right = frame(math.radians(80.0), 0.0), frame(math.radians(-30.0), 0.1)
     assert Smoothing().take(wrong, right).theta == right.theta
@@ -102,7 +99,7 @@ def test_theta_between_frames_follows_the_moment_on_the_peg(softness: float) -> 
     assert told == pytest.approx(true, abs=max(0.1 * softness * 0.04, 1e-9))
 
 
-def test_published_method_takes_each_frame_as_it_is_and_holds_theta_between() -> None:
+def test_the_published_method_holds_theta_between_frames() -> None:
     tracker = settled(lambda: Blend(load(preset="paper").cell.smoothing))
     assert tracker.follow(frame(1.2, 1.1), 1.1, 0.0).theta == pytest.approx(1.2)
     told, true = pressed(SOFT, load(preset="paper").cell.smoothing)
