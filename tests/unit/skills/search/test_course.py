@@ -38,7 +38,7 @@ def falls(edge: float, tilt: float, depth: float, peg: float = 4e-3, hole: float
 def test_the_band_in_which_a_peg_falls_lies_evenly_about_its_lanes(tilt, fall):
     """The band is that of the exact shapes: end and side of the peg below the surface within the hole's rim."""
     off = 4e-3 * math.cos(tilt) - leading(4e-3, tilt, fall)
-    places = [place for place in np.arange(-5e-3, 5e-3, 0.02e-3) if falls(place, tilt, fall)]
+    places = [place for place in np.arange(-5e-3, 5e-3, 0.05e-3) if falls(place, tilt, fall)]
     assert (min(places) + max(places)) / 2 == pytest.approx(off, abs=0.1e-3)
 
 
@@ -71,7 +71,7 @@ def likely(across=0.0, deviation=5e-4, fast=1):
 
 @pytest.mark.parametrize("chamfer", [0.0, 1e-3])
 @pytest.mark.parametrize(("axis", "fast"), [("x", 0), ("y", 1)])
-def test_lanes_begin_so_far_beside_the_area_that_the_peg_comes_down_in_no_hole(axis, fast, chamfer):
+def test_lanes_begin_beside_the_area_outside_of_any_hole(axis, fast, chamfer):
     begun = [course_of(seed, fast_axis=axis, chamfer=chamfer) for seed in SEEDS]
     starts = np.array([each.path.at(0.0)[0] for each in begun])
     beyond = np.abs(starts[:, fast]) - AREA[fast] / 2 - WIDTH / 2 - chamfer
@@ -84,7 +84,7 @@ def test_lanes_begin_so_far_beside_the_area_that_the_peg_comes_down_in_no_hole(a
 
 
 @pytest.mark.parametrize(("axis", "fast"), [("x", 0), ("y", 1)])
-def test_lanes_reach_beyond_the_area_by_their_margins_and_lie_a_pitch_apart_at_most(axis, fast):
+def test_lanes_reach_beyond_the_area_and_lie_a_pitch_apart(axis, fast):
     course = course_of(fast_axis=axis, margin=(2e-3, 5e-4), pitch=0.6)
     swept = np.abs(points(course, course.path.cover - TURN_TIME, start=0.6))
     half = AREA[1 - fast] / 2 + 5e-4
@@ -95,7 +95,7 @@ def test_lanes_reach_beyond_the_area_by_their_margins_and_lie_a_pitch_apart_at_m
 
 
 @pytest.mark.parametrize("azimuth", [0.0, 2.0])
-def test_the_peg_is_held_as_it_shall_lean_with_its_edge_on_the_path(azimuth):
+def test_the_peg_leans_with_its_edge_on_the_path(azimuth):
     course = course_of(tilt_azimuth=azimuth)
     lean = np.array([math.cos(azimuth), math.sin(azimuth)])
     np.testing.assert_allclose(course.axis, [*(math.sin(PARAMS.tilt) * lean), math.cos(PARAMS.tilt)])
@@ -117,12 +117,12 @@ def test_all_of_a_leaning_peg_is_free_where_the_course_begins(diameter, is_known
 
 
 @pytest.mark.parametrize("belief", [ANYWHERE, likely(deviation=8e-3)], ids=["unknown", "known badly"])
-def test_a_place_that_is_not_known_well_has_no_stroke_of_its_own(belief):
+def test_a_badly_known_place_has_no_stroke_of_its_own(belief):
     assert course_of(belief=belief).likely_until == 0.0
 
 
 @pytest.mark.parametrize("across", [0.0, 8e-3])
-def test_one_stroke_over_a_place_that_is_known_well_is_the_beginning_of_a_whole_lane(across):
+def test_one_stroke_over_a_well_known_place_begins_a_lane(across):
     course = course_of(belief=likely(across))
     begin = course.path.at(0.0)[0]
     # It ends half a hole beyond three deviations behind the most likely place.
@@ -134,7 +134,7 @@ def test_one_stroke_over_a_place_that_is_known_well_is_the_beginning_of_a_whole_
     assert after.max() > GATE * 5e-4 + WIDTH
 
 
-def test_the_lane_over_a_place_that_is_known_less_well_is_swept_from_where_the_stroke_began():
+def test_the_lane_over_a_less_known_place_is_swept_again():
     course = course_of(belief=likely(deviation=3.5e-3))
     begin = course.path.at(0.0)[0]
     assert course.likely_until == pytest.approx((abs(begin[1]) + GATE * 3.5e-3 + WIDTH / 2) / PARAMS.speed)
@@ -142,7 +142,7 @@ def test_the_lane_over_a_place_that_is_known_less_well_is_swept_from_where_the_s
     assert np.abs(after[:, 1] - begin[1]).min() < 1e-3
 
 
-def test_a_next_attempt_looks_where_the_hole_was_and_goes_on_with_what_is_left():
+def test_a_next_attempt_looks_again_and_goes_on_with_the_rest():
     left = Left(course_of(seed=3).path, 1.5)
     belief = replace(likely(deviation=1e-3), left=left)
     course = course_of(belief=belief)
@@ -152,7 +152,7 @@ def test_a_next_attempt_looks_where_the_hole_was_and_goes_on_with_what_is_left()
     assert course.likely_until == pytest.approx((first + 2 * others) / PARAMS.speed)
 
 
-def test_how_well_a_place_is_known_across_the_lanes_alone_tells_whether_one_stroke_is_enough():
+def test_one_stroke_suffices_if_the_place_is_known_across_the_lanes():
     x, y = CELL.hole.centre[:2]
     course = course_of(belief=Belief(HolePrior(mean=(x, y), deviation=(5e-4, 3.5e-3))))
     begin = course.path.at(0.0)[0]
@@ -174,7 +174,7 @@ PLACE = (0.51, 0.01)
         (HOLE.depth + 1.01 * CLOSED_TOLERANCE, THROUGH * WIDTH),
     ],
 )
-def test_a_peg_far_above_the_bottom_or_below_it_is_in_a_decoy(depth, radius):
+def test_a_peg_far_from_the_bottom_is_in_a_decoy(depth, radius):
     assert decoy_at(PLACE, PLACE, depth, HOLE) == (None if radius is None else Decoy(PLACE, radius))
 
 
@@ -216,7 +216,7 @@ def test_a_search_that_goes_on_comes_down_behind_the_decoy():
 
 
 @pytest.mark.parametrize(("share", "until"), [(0.0, 1.0), (0.9, 0.1), (1.0, 1.0)])
-def test_a_hole_that_was_taken_for_a_decoy_is_tried_again_once_the_rest_is_covered(share, until):
+def test_a_decoy_is_tried_again_once_the_rest_is_covered(share, until):
     """A decoy of the second cover is passed over for a cover."""
     whole = course_past(7).path
     course = course_past(7, whole, share * whole.cover)

@@ -25,7 +25,7 @@ def holes(place: tuple[float, float], scatter: float, count: int, seed: int = 1)
     return place + np.random.default_rng(seed).normal(0.0, scatter, (count, 2))
 
 
-def test_a_place_is_not_told_before_parts_agree():
+def test_a_place_is_unknown_until_parts_agree():
     assert after([HOME] * (NEEDED - 1)).prior(LEARNING) is None
     told = after([HOME] * NEEDED).prior(LEARNING)
     assert told.mean == pytest.approx(HOME)
@@ -46,7 +46,7 @@ def test_nineteen_of_twenty_holes_lie_where_they_are_expected(scatter):
     assert inside / parts > 0.9
 
 
-def test_the_deviation_becomes_that_of_the_parts_and_no_smaller_than_what_the_arm_finds():
+def test_the_deviation_is_that_of_the_parts_or_the_arm():
     told, equal = after(holes(HOME, 5e-4, 60)).prior(LEARNING), after([HOME] * 100).prior(LEARNING)
     assert told.deviation == pytest.approx((5e-4, 5e-4), rel=0.4)
     assert min(equal.deviation) >= LEARNING.finest
@@ -59,7 +59,7 @@ def test_a_fixture_that_drifts_is_followed():
 
 
 @pytest.mark.parametrize("settled", [HOME, AWAY], ids=["stray", "new fixture"])
-def test_one_part_elsewhere_widens_to_the_whole_area_and_the_next_one_decides(settled):
+def test_one_part_elsewhere_widens_and_the_next_decides(settled):
     known = after(holes(HOME, 5e-4, 10)).after(AWAY, LEARNING)
     assert known.prior(LEARNING) is None
     told = known.after((settled[0] + 4e-4, settled[1]), LEARNING).prior(LEARNING)
@@ -82,7 +82,7 @@ def test_the_gate_is_where_the_config_says(distance, fits):
     assert known.fits((HOME[0] + distance * deviation, HOME[1]), LEARNING) is fits
 
 
-def test_a_configured_prior_is_told_as_it_is_until_parts_tell_otherwise():
+def test_a_configured_prior_holds_until_parts_disagree():
     prior = HolePrior(mean=HOME, deviation=(2e-3, 3e-4))
     told = from_prior(prior, LEARNING).prior(LEARNING)
     assert told.mean == HOME

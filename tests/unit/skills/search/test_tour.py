@@ -41,7 +41,7 @@ GRID = np.stack(np.meshgrid(*[np.linspace(-0.03, 0.03, 13)] * 2), -1).reshape(-1
 """Holes all over the area, shape (n, 2), m, from its middle."""
 
 
-def test_a_hole_where_it_is_likely_is_reached_within_a_third_of_a_second():
+def test_a_likely_hole_is_reached_within_a_third_of_a_second():
     rng = np.random.default_rng(4)
     for n, hole in enumerate(GRID[::17]):
         assert times(likely(hole + rng.normal(0.0, 7e-4, 2), 7e-4), hole[None], n)[0] < 1.0 / 3.0
@@ -128,7 +128,7 @@ def test_strokes_go_from_the_likely_one_outwards_the_nearer_border_first(across,
     assert ROWS.order(across, near) == pytest.approx([place * 1e-3 for place in order])
 
 
-def test_strokes_lie_a_pitch_apart_at_most_and_half_as_far_from_the_borders():
+def test_strokes_lie_at_most_a_pitch_apart():
     assert replace(ROWS, fast=0, pitch=0.0131).order(0.0, 0) == pytest.approx([0.005, 0.015, -0.005, -0.015])
     assert replace(ROWS, half=(0.03, 0.001), fast=0, pitch=0.0131).order(0.0, 0) == [0.0]
 
