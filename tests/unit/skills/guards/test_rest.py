@@ -83,7 +83,7 @@ def test_an_arm_whose_state_cannot_be_read_is_braked_without_it(arm):
     assert arm.clock.now() == pytest.approx(BRAKE_TIME, abs=2 * PERIOD)
 
 
-def test_waiting_brings_an_arm_to_rest_that_moves_and_is_silent_for_a_moment(arm):
+def test_waiting_brings_a_moving_and_briefly_silent_arm_to_rest(arm):
     meanwhile, arm.silent, arm.dq[3] = [], 3, 1.0
 
     def calm():
@@ -109,7 +109,7 @@ def test_an_arm_whose_encoders_jitter_in_place_comes_to_rest(arm, rest):
     assert told.index(True) == pytest.approx(REST_TIME / PERIOD, abs=2)
 
 
-def test_an_arm_that_moved_exactly_as_far_as_it_may_stays_in_place(arm):
+def test_an_arm_may_move_exactly_as_far_as_allowed(arm):
     rest = Rest(arm)
     rest.seek(-2.0 * REST_TIME)
     assert not take_at(rest, arm, 0.0, 0.5)

@@ -49,7 +49,7 @@ def test_offsets_up_to_the_limit_and_noise_are_borne():
         zero_of(readings([1.0, 0.0, 0.0], noise=2.0, seed=seed), CONFIG)
 
 
-def test_a_zeroed_cell_reads_no_force_where_nothing_touches_and_all_of_what_touches_later():
+def test_a_zeroed_cell_reads_only_what_touches_later():
     arm = FakeArm(FakeClock())
     ctx = context_of(load().cell, arm, FakeGripper(0.008))
     arm.force = np.array([3.0, -4.0, 5.0])
