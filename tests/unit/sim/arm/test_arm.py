@@ -24,6 +24,7 @@ TRUTH = ideal(PANDA)
 
 def test_the_ideal_arm_is_what_the_cell_believes():
     assert TRUTH.model is PANDA
+    assert drawn_arm(PANDA, AS_BELIEVED) == TRUTH
     assert TRUTH.friction == JointFriction(dry=PANDA.joints.friction)
     assert joint_drive.words_of(TRUTH, (5e-4, 1e-3))[joint_drive.IS_IDEAL] == 1.0
     assert arm_senses.words_of(TRUTH, 1e-3)[arm_senses.IS_IDEAL] == 1.0
@@ -67,17 +68,13 @@ def test_what_no_arm_can_be_is_refused_in_one_line(wrong):
         replace(TRUTH, **wrong)
 
 
-def test_an_arm_without_errors_is_the_ideal_one():
-    assert drawn_arm(PANDA, AS_BELIEVED) == ideal(PANDA)
-
-
 def test_lag_and_transport_become_a_low_pass_and_control_cycles():
     drawn = {"arm.torque_lag": np.array(1.0 / (2.0 * math.pi * 100.0)), "arm.transport": np.array(0.002)}
     path = drawn_arm(PANDA, {**AS_BELIEVED, **drawn}).path
     assert (path.cutoff, path.delay) == (pytest.approx(100.0), 2)
 
 
-def test_the_published_curve_takes_the_place_of_dry_friction_and_each_joint_has_its_own_level():
+def test_the_published_curve_replaces_dry_friction_joint_by_joint():
     level = np.linspace(0.5, 2.0, 7)
     drawn = {**AS_BELIEVED, "arm.sigmoid_friction": np.array(1.0), "arm.friction_level": level}
     friction = drawn_arm(PANDA, drawn).friction
@@ -86,7 +83,7 @@ def test_the_published_curve_takes_the_place_of_dry_friction_and_each_joint_has_
     assert friction.span == pytest.approx(level * np.array(curve.span))
 
 
-def test_an_arm_with_errors_at_scale_1_differs_in_everything_that_is_drawn_of_it():
+def test_an_arm_with_errors_at_scale_1_differs_in_everything():
     truth, believed = drawn_arm(PANDA, read_errors(SHIPPED_FILES / ERRORS_FILE).draw(8, RealityConfig())), ideal(PANDA)
     for name in ("friction", "rotor_inertia", "path", "reading", "wrench", "gravity", "tcp_offset"):
         assert getattr(truth, name) != getattr(believed, name)
@@ -129,7 +126,7 @@ def test_a_delay_of_n_cycles_shows_as_n_cycles(cycles):
 
 
 @pytest.mark.parametrize("tick", [5e-4, 1.25e-4])
-def test_a_low_pass_has_gone_two_thirds_of_the_way_after_its_time_constant(tick):
+def test_a_low_pass_follows_by_its_time_constant(tick):
     joints = Joints(tick, path=TorquePath(cutoff=100.0))
     acting = [joints.cycle(1.0)[0] for _ in range(10)]
     assert acting == pytest.approx([1.0 - math.exp(-2.0 * math.pi * 100.0 * PERIOD * (k + 1)) for k in range(10)])
@@ -145,7 +142,7 @@ def test_a_long_step_goes_as_far_as_its_ticks():
     np.testing.assert_allclose(at_once, acting)
 
 
-def test_the_published_curve_is_nothing_at_rest_and_the_quoted_level_far_from_it():
+def test_the_published_curve_is_zero_at_rest_and_reaches_its_level():
     words = Joints(friction=CURVE).words
     assert joint_drive.friction(words, 0, 0.0) == 0.0
     # The same authors' Coulomb figure of joint 1 is 0.245 N·m.
@@ -167,7 +164,7 @@ def test_each_joint_is_scaled_on_its_own():
     np.testing.assert_allclose(told, once * factors)
 
 
-def test_smooth_friction_takes_a_torque_from_a_joint_that_moves_and_none_from_one_at_rest():
+def test_smooth_friction_acts_only_on_a_moving_joint():
     still, moving = (Joints(dq=dq, friction=CURVE).cycle(2.0) for dq in (0.0, 1.0))
     np.testing.assert_allclose(still, 2.0)
     assert (moving < 1.9).all()
@@ -221,7 +218,7 @@ def test_noise_is_as_strong_as_it_is_said_to_be():
     np.testing.assert_allclose(told[:, 7:].std(axis=0), rates, rtol=0.05, atol=1e-9)
 
 
-def test_an_encoder_with_play_follows_its_link_by_half_the_play_behind_it():
+def test_an_encoder_follows_half_its_play_behind_the_link():
     words, play = senses(reading=StateReading(backlash=0.002)), np.array([0.0] * 4 + [0.001] * 3)
     there, _ = read(words, q=Q + 0.01)
     np.testing.assert_allclose(there, Q + 0.01 - play, atol=1e-12)
@@ -239,7 +236,7 @@ def test_ideal_senses_and_a_scan_before_the_first_cycle_read_what_is():
     np.testing.assert_array_equal(wrench, 0.0)
 
 
-def test_joint_torques_that_a_wrench_would_explain_are_told_as_that_wrench():
+def test_joint_torques_of_a_wrench_are_reported_as_that_wrench():
     push = np.array([3.0, -2.0, 5.0, 0.2, -0.1, 0.3])
     position, _, axes, origins = impedance.forward(FIGURES, Q)
     J = np.vstack([np.cross(axes, position - origins).T, axes.T])
@@ -275,6 +272,6 @@ def test_a_low_pass_of_the_wrench_answers_late_and_quiets_its_noise():
     assert np.std(told) == pytest.approx(math.sqrt(blend / (2.0 - blend)), rel=0.1)
 
 
-def test_a_force_told_where_nothing_touches_is_told_as_it_is():
+def test_an_offset_of_the_force_is_reported_as_it_is():
     words = senses(wrench=WrenchReading(force=(1.0, -2.0, 4.0)), reading=StateReading(rate_noise=(0.0,) * 7))
     np.testing.assert_allclose(arm_senses.scanned(words, FIGURES, NO_TORQUE, LAW)[2], [1.0, -2.0, 4.0, 0.0, 0.0, 0.0])

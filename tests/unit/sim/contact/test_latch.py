@@ -16,14 +16,11 @@ DETENT = Latch(kind="detent", force=6.0, height=0.003)
 PRESS = Latch(kind="press", force=6.0, height=0.003)
 PLATE = Plate(np.zeros(3), np.eye(3), (0.004, 0.004), BOTTOM)
 MASS = 0.1
+felt = latch.resistance
 
 
 def words(of: Latch | None, force: float = 1.0, place: float = 0.0):
     return latch.words_of(of, PLATE, BOTTOM, force, place)
-
-
-def felt(state, depth: float) -> float:
-    return latch.resistance(state, depth)
 
 
 def driven(of: Latch, step: float, push: float = 9.0, damping: float = 60.0):
@@ -53,7 +50,7 @@ def test_a_detent_resists_most_at_its_crest_and_draws_in_behind_it():
     assert felt(state, crest) == pytest.approx(float(resistance(np.array(BOTTOM - crest), DETENT)))
 
 
-def test_a_press_fit_resists_a_push_by_the_length_pressed_and_a_pull_as_much_the_other_way():
+def test_a_press_fit_resists_by_its_length_in_both_directions():
     state = words(PRESS)
     depths = np.linspace(BOTTOM - 0.004, BOTTOM, 4001)
     pushed = [felt(state, depth) for depth in depths]
@@ -63,7 +60,7 @@ def test_a_press_fit_resists_a_push_by_the_length_pressed_and_a_pull_as_much_the
     assert felt(state, BOTTOM - 0.0006) == pytest.approx(-0.8 * PRESS.force)
 
 
-def test_a_detent_gives_back_what_it_took_and_a_press_fit_keeps_it():
+def test_a_detent_stores_energy_and_a_press_fit_keeps_it():
     _, stored = driven(DETENT, 1e-5)
     _, kept = driven(PRESS, 1e-5)
     assert stored == pytest.approx(0.0, abs=1e-4 * DETENT.force * DETENT.height)
@@ -71,7 +68,7 @@ def test_a_detent_gives_back_what_it_took_and_a_press_fit_keeps_it():
 
 
 @pytest.mark.parametrize("of", [DETENT, PRESS])
-def test_half_the_step_changes_neither_the_time_nor_the_speed_at_which_a_peg_arrives(of):
+def test_half_the_step_changes_neither_time_nor_speed_of_arrival(of):
     whole, half = (driven(of, step)[0] for step in (5e-4, 2.5e-4))
     assert len(whole) * 5e-4 == pytest.approx(len(half) * 2.5e-4, rel=0.03)
     assert whole[-1][1] == pytest.approx(half[-1][1], rel=0.05)
@@ -84,7 +81,7 @@ def test_a_push_below_the_force_of_a_detent_rests_on_it():
     assert x < 0.25
 
 
-def test_a_drawn_latch_and_a_worn_one_resist_with_what_was_drawn_and_is_left(loaded):
+def test_a_latch_resists_as_drawn_and_worn(loaded):
     cell = loaded.cell
     hole, plate = cell.hole.model_copy(update={"latch": DETENT}), PlateConfig(latch_wear=0.75)
     job = cell.job().model_copy(update={"hole": hole})

@@ -29,7 +29,7 @@ def test_a_round_peg_goes_as_deep_as_clipping_says(degrees):
     assert exact_depth(peg, peg.grown(5e-5), axes) == pytest.approx(deepest(peg, peg.grown(5e-5), axes), rel=0.01)
 
 
-def test_the_lowest_point_of_a_tilted_peg_is_ahead_in_the_direction_of_the_tilt():
+def test_the_lowest_point_of_a_tilted_peg_is_ahead():
     tilt, azimuth, radius = 0.4, 0.7, 0.004
     ahead = radius * math.cos(tilt) * np.array([math.cos(azimuth), math.sin(azimuth)])
     np.testing.assert_allclose(lowest(Round(2 * radius), tilt, azimuth), [*ahead, -radius * math.sin(tilt)], atol=1e-15)

@@ -37,10 +37,13 @@ def test_a_field_of_a_contact_that_has_moved_is_refused(field, monkeypatch):
         native.verify_layout()
 
 
+BALL = "<mujoco><worldbody><body><freejoint/><geom size='0.01'/></body></worldbody></mujoco>"
+
+
 def test_the_engine_s_warnings_go_to_the_log_and_nowhere_else(tmp_path, monkeypatch, capfd, caplog):
     monkeypatch.chdir(tmp_path)
     caplog.set_level(logging.DEBUG, "sim.world.native")
-    model = mujoco.MjModel.from_xml_string(native._BALL)
+    model = mujoco.MjModel.from_xml_string(BALL)
     data = mujoco.MjData(model)
     data.qvel[:] = 1e20
     native.log_warnings()

@@ -24,17 +24,17 @@ source = "A test that needs a figure"
 
 
 def many(name: str, **config: object) -> np.ndarray:
-    return np.array([SHIPPED.draw(seed, RealityConfig(**config))[name] for seed in range(400)])
+    return np.array([SHIPPED.draw(seed, RealityConfig(alone=name, **config))[name] for seed in range(400)])
 
 
-def test_scale_0_is_the_cell_as_believed_and_a_seed_draws_one_cell():
+def test_scale_0_is_ideal_and_a_seed_draws_one_cell():
     believed, one, other = (SHIPPED.draw(11, RealityConfig(scale=scale)) for scale in (0.0, 1.0, 1.0))
     assert all(np.all(believed[name] == kind.ideal) for name, kind in KINDS.items())
     assert all(np.array_equal(one[name], other[name]) for name in KINDS)
 
 
 @pytest.mark.parametrize("name", [name for name, kind in KINDS.items() if not kind.part_of])
-def test_an_error_alone_is_drawn_as_among_the_others_and_leaves_them_ideal(name):
+def test_an_error_alone_is_drawn_as_among_the_others(name):
     drawn, together = SHIPPED.draw(5, RealityConfig(alone=name)), SHIPPED.draw(5, RealityConfig())
     assert np.array_equal(drawn[name], together[name])
     others = [other for other in KINDS if name not in (other, KINDS[other].part_of)]
@@ -67,15 +67,15 @@ def test_an_error_that_is_left_out_is_ideal_and_shifts_no_other():
     assert all(np.array_equal(drawn[other], together[other]) for other in KINDS if other != name)
 
 
-def test_an_offset_grows_in_proportion_to_the_scale_and_a_factor_as_its_power():
+def test_an_offset_grows_with_the_scale_and_a_factor_as_its_power():
     once, twice = (SHIPPED.draw(3, RealityConfig(scale=scale)) for scale in (1.0, 2.0))
     assert twice["arm.gravity"] == pytest.approx(2.0 * once["arm.gravity"])
     assert twice["arm.friction_level"] == pytest.approx(once["arm.friction_level"] ** 2)
 
 
-def test_noise_of_taxels_is_as_loud_and_as_unequal_as_in_the_recordings():
-    levels = many("skin.noise_level", alone="skin.noise_level")
-    counts = 188.0 * many("skin.module_noise", alone="skin.module_noise")[:, :2, None] * levels[:, 0].reshape(-1, 2, 10)
+def test_noise_of_taxels_is_that_of_the_recordings():
+    levels = many("skin.noise_level")
+    counts = 188.0 * many("skin.module_noise")[:, :2, None] * levels[:, 0].reshape(-1, 2, 10)
     assert np.percentile(counts, [50, 95]) == pytest.approx([160, 456], rel=0.1)
     low, high = np.percentile(levels[:, 0, :10], [10, 90], axis=1)
     assert np.median(high / low) == pytest.approx(3.3, rel=0.1)
@@ -92,7 +92,7 @@ def test_joints_have_figures_of_their_own():
     assert spread == pytest.approx([0.05, 0.5, 0.2, 0.5, 0.1, 0.1, 0.03], rel=0.15)
 
 
-def test_a_row_tells_what_was_drawn_but_for_single_taxels():
+def test_a_row_holds_what_was_drawn_except_single_taxels():
     told = recorded(SHIPPED.draw(1, RealityConfig()))
     assert len(told["reality.arm.gravity"].split()) == 7
     assert not any("taxel" in name for name in told)
