@@ -91,10 +91,8 @@ def test_two_runs_are_two_motions_of_their_own(bench):
     assert list(dict.fromkeys(setpoint.id for setpoint in bench.commanded)) == [1, 2]
 
 
-@pytest.mark.parametrize("name", ["adjust", "corner insert", "corner adjust"])
-def test_progress_is_the_share_of_the_timeout(name, tmp_path):
-    kind = KINDS[name]
-    bench = SkillBench(Rig(kind.loaded, tmp_path), kind.skill, kind.params, lambda time: kind.at(0.0))
+@pytest.mark.parametrize("kind", ["adjust", "corner insert", "corner adjust"], indirect=True)
+def test_progress_is_the_share_of_the_timeout(kind, bench):
     bench.run(timeout=0.3, **kind.going_on)
     assert bench.progress == pytest.approx([seen.running / 0.3 for seen in bench.seen])
 
@@ -126,14 +124,13 @@ def test_a_peg_that_the_hand_loses_ends_it_at_once(kind, bench):
 
 
 @pytest.mark.parametrize(
-    ("name", "still"),
+    ("kind", "still"),
     [("insert", {"turn_rate": 1e-6, "turn_run_up": 0.0}), ("corner insert", {"raise_rate": 1e-9, **UNFELT})],
+    indirect=["kind"],
 )
 @pytest.mark.parametrize("rate", [4.0, 1e3])
-def test_the_hand_turns_after_the_peg_at_the_follow_rate(name, still, rate, tmp_path):
+def test_the_hand_turns_after_the_peg_at_the_follow_rate(bench, still, rate):
     """The peg's axis stays as it was, for the hand is where the test puts it."""
-    kind = KINDS[name]
-    bench = SkillBench(Rig(kind.loaded, tmp_path), kind.skill, kind.params, lambda time: kind.at(1e-3))
     bench.turn(0.1, 0.2)
     bench.run(follow_rate=rate, **still)
     start, closing = bench.seen[0].axis, bench.seen[0].arm.tcp.rotation[:, 2]
@@ -147,11 +144,10 @@ def test_the_hand_turns_after_the_peg_at_the_follow_rate(name, still, rate, tmp_
 
 @pytest.mark.parametrize(("above", "goes_on"), [(-1e-5, True), (1e-5, False)])
 @pytest.mark.parametrize("raises", [0.0, 2e-3])
-@pytest.mark.parametrize("name", ["insert", "corner insert"])
-def test_a_peg_above_the_lost_height_is_out_of_the_hole(name, above, goes_on, raises, tmp_path):
-    kind, peg = KINDS[name], KINDS[name].loaded.cell.peg.part
-    height = kind.params.lost_height + (peg.reach if name == "insert" else peg.widest) * math.sin(kind.lean) + above
-    bench = SkillBench(Rig(kind.loaded, tmp_path), kind.skill, kind.params, lambda time: kind.at(-height - raises))
+@pytest.mark.parametrize(("kind", "reach"), [("insert", "reach"), ("corner insert", "widest")], indirect=["kind"])
+def test_a_peg_above_the_lost_height_is_out_of_the_hole(kind, bench, reach, above, goes_on, raises):
+    rim = getattr(kind.loaded.cell.peg.part, reach) * math.sin(kind.lean)
+    bench.way = lambda time: kind.at(-(kind.params.lost_height + rim + above + raises))
     ended = bench.run(Plane(HOLE + raises * UP, UP) if raises else None, timeout=0.2)
     assert (ended.outcome, ended.reason) == (Outcome.FAILURE, Reason.NOT_ALIGNED)
     assert (bool(bench.commanded), ended.elapsed) == (goes_on, pytest.approx(0.2 if goes_on else 0.0))
