@@ -35,6 +35,8 @@ class Curve:
     low: ArrayLike = ()
     """Lower ends of the points' intervals; empty if there are none."""
     high: ArrayLike = ()
+    is_band: bool = False
+    """True to draw the intervals as a band along the line instead of bars."""
     is_hollow: bool = False
     text: str = ""
     """Text above each point."""
@@ -112,7 +114,7 @@ def _draw_panel(axes: Axes, panel: Panel, has_legend: bool) -> None:
     _scale(axes, panel)
     axes.set_xlabel(panel.x)
     axes.set_ylabel(panel.y)
-    axes.set_title(panel.title, fontsize=10)
+    axes.set_title(fill(panel.title, 54), fontsize=10)
     axes.grid(alpha=0.25)
     if has_legend and any(curve.label for curve in panel.curves):
         axes.legend(fontsize=8)
@@ -120,7 +122,10 @@ def _draw_panel(axes: Axes, panel: Panel, has_legend: bool) -> None:
 
 def _draw_curve(axes: Axes, curve: Curve) -> None:
     face = "none" if curve.is_hollow else curve.colour
-    if np.size(curve.low):
+    if curve.is_band:
+        x, ends = np.array(curve.x), np.concatenate([curve.low, np.flip(curve.high)])
+        axes.fill(np.concatenate([x, np.flip(x)]), ends, color=curve.colour, alpha=0.15, lw=0.0)
+    elif np.size(curve.low):
         y = np.array(curve.y)
         bars = [np.maximum(y - np.array(curve.low), 0.0), np.maximum(np.array(curve.high) - y, 0.0)]
         axes.errorbar(curve.x, y, yerr=bars, fmt="none", ecolor=curve.colour, elinewidth=0.9, capsize=3, alpha=0.7)

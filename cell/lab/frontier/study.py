@@ -5,8 +5,10 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
+import numpy as np
+
 from cell.lab.arguments import load_simulated, seeds_of
-from cell.lab.charts import INK, Curve, Panel, draw_panels
+from cell.lab.charts import GREY, INK, Curve, Panel, draw_panels
 from cell.lab.compare import VariantLine, compared
 from cell.lab.frontier.methods import LONGEST, METHODS, QUICK, SCALES, SCENES, TEST, family, variants
 from cell.lab.published import PUBLISHED_TOTAL
@@ -20,7 +22,14 @@ TIMES = (3, 4, 5, 6, 8, 10, 15, 20, 30, 40, 60, 80, 120)
 SURE = 0.9
 """Share of successes that counts as sure, fraction."""
 TITLED = "shipped", "theta frozen after the grasp", "force alone"
-"""Methods named in the title of the chart."""
+"""Methods named in the title of a panel."""
+FINDING = f"Least mean time in which a method inserts {100 * SURE:.0f} % of the pegs"
+"""Title of the chart; the panels' titles have the figures."""
+STYLES = (
+    Curve([], [], GREY, "faster than tuned", "--"),
+    Curve([], [], GREY, "at most 50 %", "o", is_hollow=True),
+)
+"""Entries of the legend for the styles that all methods share."""
 
 
 def success(line: VariantLine) -> float:
@@ -29,7 +38,7 @@ def success(line: VariantLine) -> float:
 
 
 Rows = Sequence[tuple[str, Callable[[VariantLine], float]]]
-SUCCESS: Rows = (("success (%), bars: 95 % interval", success),)
+SUCCESS: Rows = (("success (%), band: 95 % interval", success),)
 ERRORS: Rows = (
     ("error of theta (degrees)", lambda line: math.degrees(line.theta)),
     ("error of the tip (mm)", lambda line: 1e3 * line.tip),
@@ -55,10 +64,10 @@ def draw(lines: Sequence[VariantLine], conditions: str, folder: Path) -> list[Pa
     errors, files = "Errors and force: medians over all trials of a point", list[Path]()
     for chart in dict.fromkeys(shown.values()):
         scenes = [name for name in shown if shown[name] == chart]
-        for rows, title, suffix in ((SUCCESS, finding(lines, scenes), ""), (ERRORS, errors, "_errors")):
+        for rows, title, suffix in ((SUCCESS, FINDING, ""), (ERRORS, errors, "_errors")):
             panels = [_panel(lines, scene, name, value, rows is SUCCESS) for name, value in rows for scene in scenes]
             path, titled = folder / f"{chart}{suffix}.png", f"{title}\n{conditions}"
-            files.append(draw_panels(panels, titled, path, across=len(scenes), legend=3 * len(scenes)))
+            files.append(draw_panels(panels, titled, path, across=len(scenes), legend=4 * len(scenes)))
     return files
 
 
@@ -66,7 +75,7 @@ def _panel(
     lines: Sequence[VariantLine], scene: str, name: str, value: Callable[[VariantLine], float], is_success: bool
 ) -> Panel:
     """Return the panel of one quantity of all methods in a scene against time; the success has the presets and the real insertions, too."""
-    curves = [curve for method in METHODS for curve in _curves(lines, method, scene, value)]
+    curves = [curve for method in METHODS for curve in _curves(lines, method, scene, value)] + list(STYLES)
     if is_success:
         curves += [mark for method in METHODS for mark in _marks(lines, method, scene)]
         if scene == next(iter(SCENES)):
@@ -74,13 +83,13 @@ def _panel(
             at = [PUBLISHED_TOTAL.time], [100.0 * PUBLISHED_TOTAL.successes / PUBLISHED_TOTAL.attempts]
             curves.append(Curve(*at, INK, "", "s", low=[low], high=[high], text="[gibbons], 40 real"))
     return Panel(
-        scene,
+        finding(lines, scene) if is_success else scene,
         "mean time of the successes (s)",
         name,
         curves,
         "x",
         x_ticks=TIMES,
-        x_limits=(TIMES[0], LONGEST),
+        x_limits=(TIMES[0], 1.1 * LONGEST),
         y_ticks=range(0, 101, 20) if is_success else (),
         y_limits=(-3.0, 118.0) if is_success else (0.0, None),
     )
@@ -89,19 +98,24 @@ def _panel(
 def _curves(
     lines: Sequence[VariantLine], method: str, scene: str, value: Callable[[VariantLine], float]
 ) -> Iterator[Curve]:
-    """Yield one quantity of a method against time, from slow to quick; the success has its 95 % interval, too.
+    """Yield one quantity of a method against time, from slow to quick, dashed above `speed_scale` 1; the success has its 95 % interval, too.
 
-    A point with at most 50 % success is hollow and not joined, because the mean time of few successes is uncertain. If a
-    method has no success, the legend states its number of trials.
+    A point with at most 50 % success is hollow, because the mean time of few successes is uncertain. A point without any success has
+    no time; it is at `LONGEST`.
     """
-    of = _swept(lines, method, scene)
-    colour, inserted = METHODS[method].colour, [line for line in of if line.successes]
-    joined = [line for line in inserted if success(line) > 50.0]
-    bars = joined if value is success else []
-    low, high = ([100.0 * getattr(line, end) for line in bars] for end in ("low", "high"))
-    yield Curve(*_points(joined, value), colour, _label(method, of), "o-", low=low, high=high)
-    apart = [line for line in inserted if line not in joined]
-    yield Curve(*_points(apart, value), colour, "", "o", is_hollow=True)
+    of, colour = _swept(lines, method, scene), METHODS[method].colour
+    inserted = [line for line in of if line.successes]
+    slow, quick = ([line for line in inserted if side * _scale(line) >= side] for side in (-1, 1))
+    sure = [line for line in inserted if success(line) > 50.0]
+    if value is success:
+        low, high = ([100.0 * getattr(line, end) for line in sure] for end in ("low", "high"))
+        yield Curve(*_points(sure, value), colour, "", " ", low=low, high=high, is_band=True)
+    yield Curve(*_points(slow, value), colour, method if of else "", "-")
+    yield Curve(*_points(quick, value), colour, "", "--")
+    yield Curve(*_points(sure, value), colour, "", "o")
+    unsure = [line for line in of if line not in sure]
+    times, values = _points(unsure, value)
+    yield Curve(np.nan_to_num(times, nan=LONGEST), values, colour, "", "o", is_hollow=True)
 
 
 def _swept(lines: Sequence[VariantLine], method: str, scene: str) -> list[VariantLine]:
@@ -111,13 +125,6 @@ def _swept(lines: Sequence[VariantLine], method: str, scene: str) -> list[Varian
 
 def _points(lines: Sequence[VariantLine], value: Callable[[VariantLine], float]) -> tuple[list[float], list[float]]:
     return [line.mean for line in lines], [value(line) for line in lines]
-
-
-def _label(method: str, of: Sequence[VariantLine]) -> str:
-    """Return the label of a method's curve: empty without points; if no trial succeeded, with the count, as no point is drawn."""
-    if not of:
-        return ""
-    return method if any(line.successes for line in of) else f"{method}: 0 of {sum(line.trials for line in of)}"
 
 
 def _marks(lines: Sequence[VariantLine], method: str, scene: str) -> Iterator[Curve]:
@@ -132,19 +139,16 @@ def _of(lines: Sequence[VariantLine], method: str, scene: str) -> list[VariantLi
     return [line for line in lines if line.family == family(method, scene) and line.trials]
 
 
-def finding(lines: Sequence[VariantLine], scenes: Sequence[str]) -> str:
-    """Return the finding in one sentence: the least mean time with `SURE` inserted, or the best success."""
-    told = []
-    for scene in scenes:
-        parts = [f"{method} {text}" for method in TITLED if (text := _quickest(_of(lines, method, scene)))]
-        told += [f"{scene}: {', '.join(parts)}"] if parts else []
-    return f"Least mean time to insert {100 * SURE:.0f} % - " + ";\n".join(told)
+def finding(lines: Sequence[VariantLine], scene: str) -> str:
+    """Return the least mean times in a scene with `SURE` inserted, or the best success, by method."""
+    told = [f"{method} {text}" for method in TITLED if (text := _quickest(_of(lines, method, scene)))]
+    return f"{scene}: {', '.join(told)}"
 
 
 def _quickest(lines: Sequence[VariantLine]) -> str:
     shares = {line.mean: line.successes / line.trials for line in lines}
     sure = [time for time, share in shares.items() if share >= SURE]
-    return f"{min(sure):.1f} s" if sure else f"not reached ({100 * max(shares.values()):.0f} %)" if shares else ""
+    return f"{min(sure):.1f} s" if sure else f"never ({100 * max(shares.values()):.0f} %)" if shares else ""
 
 
 def _scale(line: VariantLine) -> float:
