@@ -1,10 +1,11 @@
-"""What becomes of records when the program is killed, the disk is full, the index locked, torn or gone."""
+"""Records survive a killed program, a full disk, and an index that is locked, torn or deleted."""
 
+import shutil
 import sqlite3
 import subprocess
 import sys
 import threading
-from contextlib import closing, contextmanager
+from contextlib import closing
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from functools import partial
@@ -40,24 +41,20 @@ EVENT = EventRow(0, "2025", 0.0, EventKind.FAULT, "SKIN_SILENT")
 ROW = RunRow(0, "2025-01-01T00:00:00.000+00:00", "insert_peg", 1, "A-17", "10.0.0.5:4711", 42)
 
 
-def recorded(journal, seen, scans=1, began=ROW.started, **ending):
-    """Put a run on record and return its row."""
-    row = journal.writer.begin(replace(ROW, started=began))
+def ago(days):
+    """Return the time so many days ago as text."""
+    return (datetime.now(UTC) - timedelta(days=days)).isoformat()
+
+
+def recorded(journal, seen, scans=1, days=None, **ending):
+    """Put a run on record, which began so many days ago, and return its row."""
+    row = journal.writer.begin(ROW if days is None else replace(ROW, started=ago(days)))
     stream = SampleStream(partial(journal.writer.write, row.run))
     for _ in range(scans):
         stream.add(seen, None, 1)
     stages = [StageRow(row.run, 1, "grasp_from_rack", 0.0, 1.0, outcome="success")]
     journal.writer.finish(replace(row, outcome="success", **ending), stages, stream.rest())
     return journal.find(row.run)
-
-
-@contextmanager
-def locked(folder):
-    """Hold the index as another program does that writes for long."""
-    with closing(sqlite3.connect(folder / INDEX, isolation_level=None)) as other:
-        other.execute("BEGIN IMMEDIATE")
-        yield
-        other.execute("ROLLBACK")
 
 
 KILLED = """
@@ -81,7 +78,7 @@ os.kill(os.getpid(), 9)
 """
 
 
-def test_a_run_that_a_kill_left_open_is_closed_with_what_its_samples_tell(tmp_path):
+def test_a_run_of_a_killed_program_is_closed_from_its_samples(tmp_path):
     assert subprocess.run([sys.executable, "-c", KILLED, str(tmp_path)], check=False).returncode == -9
     with Journal(tmp_path) as journal:
         row, done = journal.find(1), journal.find(2)
@@ -92,7 +89,7 @@ def test_a_run_that_a_kill_left_open_is_closed_with_what_its_samples_tell(tmp_pa
         assert (done.outcome, journal.writer.begin(ROW).run) == ("running", 4)
 
 
-def test_numbers_go_on_without_a_gap_and_are_never_given_again(tmp_path, seen):
+def test_run_numbers_have_no_gap_and_are_never_reused(tmp_path, seen):
     for number in (1, 2, 3):
         with Journal(tmp_path) as journal:
             assert recorded(journal, seen).run == number
@@ -105,10 +102,11 @@ def test_numbers_go_on_without_a_gap_and_are_never_given_again(tmp_path, seen):
 
 
 @pytest.mark.parametrize("how", ["no index at all", "torn in the middle", "deleted"])
-def test_a_damaged_index_is_made_again_from_the_samples(tmp_path, seen, how):
+def test_a_damaged_index_is_rebuilt_from_the_samples(tmp_path, seen, how):
     with Journal(tmp_path) as journal:
         before = [recorded(journal, seen, peak_force=7.5), recorded(journal, seen)]
         stages = journal.stages(1)
+    (tmp_path / "run-000003.arrows").touch()  # a killed program had reserved this number
     index = tmp_path / INDEX
     if how == "deleted":
         index.unlink()
@@ -117,11 +115,11 @@ def test_a_damaged_index_is_made_again_from_the_samples(tmp_path, seen, how):
         index.write_bytes(b"\x00" * len(whole) if how == "no index at all" else whole[:4096] + b"\xff" * 8192)
     with Journal(tmp_path) as journal:
         assert (journal.runs(5), journal.stages(1)) == (before[::-1], stages)
-        assert journal.writer.begin(ROW).run == 3
+        assert journal.writer.begin(ROW).run == 4
     assert bool(list(tmp_path.glob(f"{INDEX}.damaged-*"))) == (how != "deleted")
 
 
-def test_a_full_disk_ends_recording_and_is_told_until_a_run_is_whole_again(tmp_path, seen):
+def test_a_full_disk_is_reported_until_a_run_is_recorded_whole(tmp_path, seen):
     with Journal(tmp_path) as journal:
         recorded(journal, seen)
         with full_disk():
@@ -134,7 +132,7 @@ def test_a_full_disk_ends_recording_and_is_told_until_a_run_is_whole_again(tmp_p
         assert journal.trouble == ""
 
 
-def test_a_disk_with_less_than_is_asked_for_is_low_and_takes_no_samples(tmp_path, seen):
+def test_a_nearly_full_disk_is_reported_and_gets_no_samples(tmp_path, seen):
     with Journal(tmp_path, keep=JournalConfig(least_free=10**18)) as journal:
         row = recorded(journal, seen)
         assert journal.is_disk_low
@@ -142,7 +140,7 @@ def test_a_disk_with_less_than_is_asked_for_is_low_and_takes_no_samples(tmp_path
         assert "all but full" in journal.trouble
 
 
-def test_samples_that_come_faster_than_the_disk_takes_them_are_told_and_counted(tmp_path, seen):
+def test_samples_too_fast_for_the_disk_are_dropped_and_reported(tmp_path, seen):
     full = SampleBlock()
     for _ in range(BATCH):
         full.add(seen, None, 1, None)
@@ -158,11 +156,10 @@ def test_samples_that_come_faster_than_the_disk_takes_them_are_told_and_counted(
         assert journal.find(row.run).samples == (MOST_BLOCKS - 1) * BATCH
 
 
-def test_runs_older_than_is_asked_for_are_deleted_with_all_that_belongs_to_them(tmp_path, seen):
-    now = datetime.now(UTC)
+def test_old_runs_are_deleted_with_their_stages_and_samples(tmp_path, seen):
     with Journal(tmp_path) as journal:
         for days in (40, 20, 1):
-            recorded(journal, seen, started=(now - timedelta(days=days)).isoformat(), config_hash=f"config of {days}")
+            recorded(journal, seen, days=days)
     with Journal(tmp_path, keep=JournalConfig(days=30)) as journal:
         assert ([row.run for row in journal.runs(5)], journal.stages(1)) == ([3, 2], [])
     assert not (tmp_path / "run-000001.arrows").exists()
@@ -170,22 +167,19 @@ def test_runs_older_than_is_asked_for_are_deleted_with_all_that_belongs_to_them(
 
 
 def clock_ahead_by(monkeypatch, days):
-    """Set the computer's clock ahead, as all of the cell reads it."""
+    """Set the computer's clock ahead."""
     monkeypatch.setattr(wall_clock, "now", lambda: datetime.now(UTC) + timedelta(days=days))
 
 
-def test_a_clock_that_is_years_ahead_for_many_starts_deletes_no_run_of_the_last_days(
-    tmp_path, seen, monkeypatch, caplog
-):
-    now = datetime.now(UTC)
+def test_a_clock_that_is_years_ahead_deletes_no_run(tmp_path, seen, monkeypatch, caplog):
     with Journal(tmp_path) as journal:
         for days in (20, 1):
-            recorded(journal, seen, began=(now - timedelta(days=days)).isoformat())
+            recorded(journal, seen, days=days)
     monkeypatch.setattr(journal_writer, "UPKEEP_PERIOD", 0.0)  # each round of the writer deletes
     for start in range(3):
         clock_ahead_by(monkeypatch, 3650 + start)
         with Journal(tmp_path, keep=JournalConfig(days=30)) as journal:
-            recorded(journal, seen, began=wall_clock.now().isoformat())
+            recorded(journal, seen, days=-3650 - start)
             assert sorted(row.run for row in journal.runs(9)) == list(range(1, 4 + start))
     assert read_samples(tmp_path / "run-000001.arrows")["stamp"].size == 1
     (warning,) = [record.getMessage() for record in caplog.records if "clock" in record.getMessage()]
@@ -196,11 +190,11 @@ def test_a_clock_that_is_years_ahead_for_many_starts_deletes_no_run_of_the_last_
 
 
 @pytest.mark.parametrize(("days", "kept"), [(28.9, [1, 2, 3]), (29.1, [2, 3]), (29.9, [3]), (30.1, [1, 2, 3])])
-def test_age_counts_over_steps_that_can_be_believed(tmp_path, seen, monkeypatch, days, kept):
-    """The oldest run began 18 hours before the next, that one six before the newest, which began `days` ago by the clock."""
+def test_age_is_the_sum_of_plausible_steps_of_the_clock(tmp_path, seen, monkeypatch, days, kept):
+    """Three runs began a day, six hours and no time before the clock was set `days` ahead."""
     with Journal(tmp_path) as journal:
         for day in (1.0, 0.25, 0.0):
-            recorded(journal, seen, began=(datetime.now(UTC) - timedelta(days=day)).isoformat())
+            recorded(journal, seen, days=day)
     clock_ahead_by(monkeypatch, days)
     with closing(Index(tmp_path, is_read_only=False)) as index:
         delete_old(index, tmp_path, JournalConfig(days=30))
@@ -208,17 +202,15 @@ def test_age_counts_over_steps_that_can_be_believed(tmp_path, seen, monkeypatch,
 
 
 def test_events_age_as_runs_do(tmp_path, monkeypatch):
-    now = datetime.now(UTC)
     with closing(Index(tmp_path, is_read_only=False)) as index:
         for days in (40, 20, 1, -3650):
-            time = (now - timedelta(days=days)).isoformat()
-            index.put(EventRow(0, time, 0.0, EventKind.WARNING, f"{days}"))
+            index.put(EventRow(0, ago(days), 0.0, EventKind.WARNING, f"{days}"))
         clock_ahead_by(monkeypatch, 3651)
         delete_old(index, tmp_path, JournalConfig(days=30))
         assert [row.name for row in index.rows(EventRow)] == ["20", "1", "-3650"]
 
 
-def test_the_oldest_samples_beyond_the_size_are_deleted_and_their_runs_stay(tmp_path, seen):
+def test_the_oldest_samples_beyond_the_size_are_deleted(tmp_path, seen):
     with Journal(tmp_path) as journal:
         for _ in range(3):
             recorded(journal, seen)
@@ -229,7 +221,7 @@ def test_the_oldest_samples_beyond_the_size_are_deleted_and_their_runs_stay(tmp_
 
 
 @pytest.mark.parametrize("how", ["deleted", "torn"])
-def test_runs_under_way_and_after_an_index_was_damaged_are_on_record(tmp_path, seen, how):
+def test_runs_during_and_after_damage_to_the_index_are_recorded(tmp_path, seen, how):
     with Journal(tmp_path) as journal:
         recorded(journal, seen)
         row = journal.writer.begin(ROW)
@@ -248,24 +240,7 @@ def test_runs_under_way_and_after_an_index_was_damaged_are_on_record(tmp_path, s
         assert "SKIN_SILENT" in [event.name for event in journal.events()]
 
 
-def test_a_run_under_the_number_that_was_kept_ready_while_the_index_was_made_again_is_on_record(tmp_path, seen):
-    with Journal(tmp_path) as journal:
-        recorded(journal, seen)
-        journal._writer.flush()
-        assert (tmp_path / "run-000002.arrows").stat().st_size == 0
-        damage = iter([DamagedIndexError("torn")])
-
-        def finds_damage(index):
-            for error in damage:
-                raise error
-
-        journal.writer._add_row(finds_damage)
-        journal._writer.flush()
-        recorded(journal, seen)
-        assert [(row.run, row.outcome) for row in journal.runs(5)] == [(2, "success"), (1, "success")]
-
-
-def test_rows_beyond_those_that_may_wait_are_lost_and_told(tmp_path):
+def test_rows_beyond_the_queue_are_lost_and_reported(tmp_path):
     writer = JournalWriter(tmp_path, JournalConfig())
     for _ in range(MOST_ROWS):
         writer.note(EVENT)
@@ -274,18 +249,18 @@ def test_rows_beyond_those_that_may_wait_are_lost_and_told(tmp_path):
     assert writer.trouble == f"more than {MOST_ROWS} rows wait for the index; newer ones are lost"
 
 
-def test_whether_all_is_written_is_told_after_as_long_as_is_asked_for(tmp_path):
-    with Journal(tmp_path) as journal:
+def test_a_flush_reports_if_all_is_written_within_its_time(tmp_path):
+    with Journal(tmp_path) as journal, closing(sqlite3.connect(tmp_path / INDEX, isolation_level=None)) as other:
         journal.writer.begin(ROW)
-        writer = journal._writer
-        assert writer.flush()
-        with locked(tmp_path):
-            journal.writer.note(EVENT)
-            assert not writer.flush(timeout=0.05)
-        assert writer.flush()
+        assert journal.writer.flush()
+        other.execute("BEGIN IMMEDIATE")  # another program writes for long
+        journal.writer.note(EVENT)
+        assert not journal.writer.flush(timeout=0.05)
+        other.execute("ROLLBACK")
+        assert journal.writer.flush()
 
 
-def test_a_writer_that_never_began_or_has_ended_has_nothing_to_wait_for(tmp_path):
+def test_a_flush_of_an_idle_writer_returns_at_once(tmp_path):
     writer = JournalWriter(tmp_path, JournalConfig())
     writer.note(EVENT)
     assert writer.flush(timeout=0.0)
@@ -295,141 +270,14 @@ def test_a_writer_that_never_began_or_has_ended_has_nothing_to_wait_for(tmp_path
     assert writer.flush(timeout=0.0)
 
 
-# The thread itself, with a wall clock that goes on while it waits.
+def test_runs_are_recorded_in_a_folder_that_was_deleted(tmp_path, seen):
+    with Journal(tmp_path / "runs") as journal:
+        recorded(journal, seen)
+        shutil.rmtree(tmp_path / "runs")
+        assert [recorded(journal, seen).outcome for _ in range(2)] == ["success", "success"]
 
 
-class Turned:
-    """A writer that works in the test's own thread, and the condition that it waits at: what is due happens meanwhile."""
-
-    def __init__(self, monkeypatch, folder, **keep):
-        self.time, self.at = 1000.0, []
-        monkeypatch.setattr(journal_writer, "time", SimpleNamespace(monotonic=lambda: self.time))
-        self.writer = JournalWriter(folder, JournalConfig(**keep))
-        self.writer._changed = self
-
-    def __enter__(self):
-        return self
-
-    def __exit__(self, *_):
-        pass
-
-    def notify_all(self):
-        pass
-
-    def wait(self, timeout):
-        self.time += timeout
-        for entry in [entry for entry in self.at if entry[0] <= self.time]:
-            self.at.remove(entry)
-            entry[1]()
-
-    def after(self, delay, act):
-        """Do something when so much time has passed since the beginning, s."""
-        self.at.append((1000.0 + delay, act))
-
-    def work(self, time):
-        """Let it work for so long, s, and close."""
-        self.after(time, lambda: setattr(self.writer, "_is_closing", True))
-        self.writer._work()
-        return self.time - 1000.0
-
-
-@pytest.fixture
-def turned(monkeypatch, tmp_path):
-    return Turned(monkeypatch, tmp_path)
-
-
-class Refused:
-    """A row that the index does not take so many times; the times at which it was tried."""
-
-    def __init__(self, turned, times, error=None):
-        self.turned, self.left, self.tried = turned, times, []
-        self.error = error or JournalError("index: busy")
-
-    def __call__(self, index):
-        self.tried.append(self.turned.time - 1000.0)
-        self.left -= 1
-        if self.left >= 0:
-            raise self.error
-
-
-def test_the_free_space_is_looked_at_at_the_start_and_every_few_seconds(tmp_path, monkeypatch):
-    free = [1000]
-    monkeypatch.setattr(journal_writer.shutil, "disk_usage", lambda folder: SimpleNamespace(free=free[0]))
-    turned, told = Turned(monkeypatch, tmp_path, least_free=1000), []
-    turned.after(500.0, lambda: (told.append(turned.writer.is_disk_low), free.__setitem__(0, 999)))
-    turned.after(500.0 + 3.0 * DISK_PERIOD, lambda: told.append(turned.writer.is_disk_low))
-    turned.work(600.0)
-    assert told == [False, True]
-
-
-def test_what_is_beyond_the_limits_is_deleted_at_the_start_and_once_an_hour(tmp_path, monkeypatch):
-    turned, there = Turned(monkeypatch, tmp_path, bytes=10), []
-    first, second, third = (tmp_path / f"run-00000{number}.arrows" for number in (7, 8, 9))
-    first.write_bytes(b"x" * 100)
-    turned.after(5.0, lambda: (there.append(first.exists()), second.write_bytes(b"x" * 100)))
-    turned.after(UPKEEP_PERIOD - 20.0, lambda: there.append(second.exists()))
-    turned.after(UPKEEP_PERIOD + 20.0, lambda: (there.append(second.exists()), third.write_bytes(b"x" * 100)))
-    turned.after(2.0 * UPKEEP_PERIOD - 20.0, lambda: there.append(third.exists()))
-    turned.after(2.0 * UPKEEP_PERIOD + 40.0, lambda: there.append(third.exists()))
-    turned.work(2.0 * UPKEEP_PERIOD + 100.0)
-    assert there == [False, True, False, True, False]
-
-
-def test_a_row_that_the_index_does_not_take_is_tried_again_every_second_until_it_does(turned, caplog):
-    row, told = Refused(turned, 3), []
-    turned.after(5.0, lambda: turned.writer._add_row(row))
-    turned.after(12.0, lambda: told.append(turned.writer.trouble))
-    turned.work(30.0)
-    assert np.diff(row.tried) == pytest.approx([RETRY_AFTER] * 3)
-    assert told == ["index: busy"]
-    assert caplog.messages == ["not on record, tried again: index: busy"]
-    assert turned.writer.trouble == ""
-
-
-def test_a_writer_that_shall_end_tries_more_often_and_gives_up_after_the_time_for_it(turned):
-    row = Refused(turned, 10**6)
-    turned.after(5.0, lambda: turned.writer._add_row(row))
-    assert turned.work(20.0) == pytest.approx(20.0 + CLOSING_TIME, abs=RETRY_AFTER + 0.2)
-    assert np.diff(row.tried)[-20:] == pytest.approx([RETRY_AFTER / 10.0] * 20, abs=0.051)
-
-
-def test_a_torn_index_is_put_aside_with_why_and_nothing_that_waits_is_lost(tmp_path, turned):
-    row = Refused(turned, 1, DamagedIndexError("torn in the middle"))
-    turned.writer._add_row(row)
-    turned.writer.note(EVENT)
-    turned.work(5.0)
-    with Journal(tmp_path, is_read_only=True) as journal:
-        told = {event.name: event.text for event in journal.events()}
-    assert told["index_damaged"].startswith(f"torn in the middle; kept as {INDEX}.damaged-")
-    assert ("SKIN_SILENT" in told, len(row.tried)) == (True, 2)
-
-
-def test_a_torn_index_that_cannot_be_put_aside_is_told(tmp_path, turned):
-    told = []
-
-    def torn(index):
-        if not told:
-            (tmp_path / INDEX).unlink()
-            raise DamagedIndexError("torn")
-
-    turned.writer._add_row(torn)
-    turned.after(0.5, lambda: told.append(turned.writer.trouble))
-    turned.work(5.0)
-    assert f"{tmp_path / INDEX}: damaged, and cannot be put aside: " in told[0]
-    assert turned.writer.trouble == ""
-
-
-def test_an_error_inside_the_writer_is_told_and_its_files_are_closed(tmp_path, turned):
-    turned.after(5.0, lambda: turned.writer._add_block(lambda: 1 // 0))
-    assert turned.work(50.0) < 50.0
-    assert turned.writer.trouble == "the journal's writer ended: ZeroDivisionError: integer division or modulo by zero"
-    assert not list(tmp_path.glob("*.arrows"))
-
-
-def test_a_folder_that_cannot_be_used_is_told_and_leaves_nothing_to_wait_for(tmp_path):
-    writer = JournalWriter(tmp_path / "gone", JournalConfig())
-    writer._claim()
-    assert writer.trouble == f"{tmp_path / 'gone'}: no file can be made: No such file or directory"
+def test_a_folder_that_cannot_be_used_is_a_fault(tmp_path):
     (tmp_path / LOCK).mkdir()
     writer = JournalWriter(tmp_path, JournalConfig())
     with pytest.raises(JournalError, match=rf"^{tmp_path}: cannot be used: .*{LOCK}"):
@@ -439,7 +287,7 @@ def test_a_folder_that_cannot_be_used_is_told_and_leaves_nothing_to_wait_for(tmp
     writer.close()
 
 
-def test_the_beginning_and_the_end_of_a_run_are_written_however_many_samples_wait(tmp_path, seen):
+def test_begin_and_end_of_a_run_are_recorded_however_many_samples_wait(tmp_path, seen):
     block = SampleBlock()
     block.add(seen, None, 1, None)
     writer = JournalWriter(tmp_path, JournalConfig())
@@ -464,3 +312,132 @@ def test_the_thread_of_the_writer_has_a_name_and_leaves_nothing_open(tmp_path):
     assert not thread.is_alive()
     links = [link.readlink() for link in Path("/proc/self/fd").iterdir() if link.is_symlink()]
     assert not [link for link in links if link.is_relative_to(tmp_path)]
+
+
+class Turned:
+    """A writer in the test's own thread, and its condition: while it waits, time passes and due actions happen."""
+
+    def __init__(self, monkeypatch, folder, **keep):
+        self.time, self.at = 1000.0, []
+        thread = SimpleNamespace(start=lambda: self.main(), join=lambda *_: None, is_alive=lambda: True)
+        monkeypatch.setattr(journal_writer, "time", SimpleNamespace(monotonic=lambda: self.time))
+        monkeypatch.setattr(journal_writer, "Condition", lambda: self)
+        monkeypatch.setattr(journal_writer, "Thread", lambda target, **_: setattr(self, "main", target) or thread)
+        self.writer = JournalWriter(folder, JournalConfig(**keep))
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        pass
+
+    def notify_all(self):
+        pass
+
+    def wait(self, timeout):
+        self.time += timeout
+        for entry in [entry for entry in self.at if entry[0] <= self.time]:
+            self.at.remove(entry)
+            entry[1]()
+
+    def after(self, delay, act):
+        """Do something so much time after the start, s."""
+        self.at.append((1000.0 + delay, act))
+
+    def work(self, time):
+        """Work for so long, s, and close; return the time of the end, s."""
+        self.after(time, self.writer.close)
+        self.writer.open()
+        return self.time - 1000.0
+
+
+@pytest.fixture
+def turned(monkeypatch, tmp_path):
+    return Turned(monkeypatch, tmp_path)
+
+
+@pytest.fixture
+def refuse(monkeypatch, turned):
+    """Return what lets the index refuse the first rows after 5 s, and returns the times of all attempts, s."""
+
+    def refuse(times, error, meanwhile=lambda: None):
+        put, tried = Index.put, []
+
+        def attempt(index, row, **how):
+            tried.append(turned.time)
+            if len(tried) <= times:
+                meanwhile()
+                raise error
+            return put(index, row, **how)
+
+        turned.after(5.0, lambda: (monkeypatch.setattr(Index, "put", attempt), turned.writer.note(EVENT)))
+        return tried
+
+    return refuse
+
+
+BUSY = JournalError("index: busy")
+
+
+def test_the_free_space_is_checked_every_few_seconds(tmp_path, monkeypatch):
+    free = [1000]
+    monkeypatch.setattr(journal_writer.shutil, "disk_usage", lambda folder: SimpleNamespace(free=free[0]))
+    turned, found = Turned(monkeypatch, tmp_path, least_free=1000), []
+    turned.after(500.0, lambda: (found.append(turned.writer.is_disk_low), free.__setitem__(0, 999)))
+    turned.after(500.0 + 3.0 * DISK_PERIOD, lambda: found.append(turned.writer.is_disk_low))
+    turned.work(600.0)
+    assert found == [False, True]
+
+
+def test_old_samples_are_deleted_at_the_start_and_once_an_hour(tmp_path, monkeypatch):
+    turned, found = Turned(monkeypatch, tmp_path, bytes=10), []
+    first, second, third = (tmp_path / f"run-00000{number}.arrows" for number in (7, 8, 9))
+    first.write_bytes(b"x" * 100)
+    turned.after(5.0, lambda: (found.append(first.exists()), second.write_bytes(b"x" * 100)))
+    turned.after(UPKEEP_PERIOD - 20.0, lambda: found.append(second.exists()))
+    turned.after(UPKEEP_PERIOD + 20.0, lambda: (found.append(second.exists()), third.write_bytes(b"x" * 100)))
+    turned.after(2.0 * UPKEEP_PERIOD - 20.0, lambda: found.append(third.exists()))
+    turned.after(2.0 * UPKEEP_PERIOD + 40.0, lambda: found.append(third.exists()))
+    turned.work(2.0 * UPKEEP_PERIOD + 100.0)
+    assert found == [False, True, False, True, False]
+
+
+def test_a_refused_row_is_retried_every_second(turned, refuse, caplog):
+    tried, found = refuse(3, BUSY), []
+    turned.after(12.0, lambda: found.append(turned.writer.trouble))
+    turned.work(30.0)
+    assert np.diff(tried) == pytest.approx([RETRY_AFTER] * 3)
+    assert found == ["index: busy"]
+    assert caplog.messages == ["not on record, tried again: index: busy"]
+    assert turned.writer.trouble == ""
+
+
+def test_a_closing_writer_retries_ten_times_as_often_until_its_time_is_over(turned, refuse):
+    tried = refuse(10**6, BUSY)
+    assert turned.work(20.0) == pytest.approx(20.0 + CLOSING_TIME, abs=RETRY_AFTER + 0.2)
+    assert np.diff(tried)[-20:] == pytest.approx([RETRY_AFTER / 10.0] * 20, abs=0.051)
+
+
+def test_a_torn_index_is_set_aside_and_waiting_rows_are_recorded(tmp_path, turned, refuse):
+    refuse(1, DamagedIndexError("torn in the middle"))
+    turned.work(20.0)
+    with Journal(tmp_path, is_read_only=True) as journal:
+        texts = {event.name: event.text for event in journal.events()}
+    assert texts["index_damaged"].startswith(f"torn in the middle; kept as {INDEX}.damaged-")
+    assert "SKIN_SILENT" in texts
+
+
+def test_a_torn_index_that_cannot_be_set_aside_is_reported(tmp_path, turned, refuse):
+    found = []
+    refuse(1, DamagedIndexError("torn"), (tmp_path / INDEX).unlink)
+    turned.after(10.5, lambda: found.append(turned.writer.trouble))
+    turned.work(20.0)
+    assert f"{tmp_path / INDEX}: damaged, and cannot be put aside: " in found[0]
+    assert turned.writer.trouble == ""
+
+
+def test_an_error_inside_the_writer_is_reported_and_its_files_are_closed(tmp_path, turned):
+    turned.after(5.0, lambda: turned.writer.write(99, SampleBlock()))  # a run that never began
+    assert turned.work(50.0) < 50.0
+    assert turned.writer.trouble == "the journal's writer ended: KeyError: 99"
+    assert not list(tmp_path.glob("*.arrows"))
