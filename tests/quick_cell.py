@@ -44,9 +44,11 @@ class QuickProgram:
         self.outcome, self.reason = Outcome.SUCCESS, Reason.NONE
         self.fault: CellError | None = None
         self.runs: list[SkillSet] = []
+        self.context: SkillContext
 
     def __call__(self, skills: SkillSet, ctx: SkillContext) -> list[StageRecord]:
         self.runs.append(skills)
+        self.context = ctx
         return [run_stage(STAGE, self._run, ctx)]
 
     def _run(self, ctx: SkillContext) -> SkillResult:

@@ -68,13 +68,33 @@ def inserts(rig, monkeypatch, claim=Claim.NOTHING):
 
 @pytest.fixture
 def live(rig):
-    """Return what onlookers of the cell see."""
+    """Return what viewers of the cell see."""
     made = Live()
     rig.supervisor = Supervisor(rig.cell, rig.loaded, rig.bridge, rig.journal, live=made)
     return made
 
 
-# Runs.
+class Quit(threading.Event):
+    """The end of a served cell, which idles without waiting."""
+
+    def wait(self, timeout=None):
+        return self.is_set()
+
+
+@pytest.fixture
+def looked(rig, live, monkeypatch):
+    """Return what makes the cell's watchdog look."""
+    made = Looked(monkeypatch)
+    rig.supervisor = Supervisor(rig.cell, rig.loaded, rig.bridge, rig.journal, Quit(), live)
+    return made
+
+
+def serve(rig, code=None, time=2.0):
+    """Serve so long, s, with one command."""
+    if code is not None:
+        rig.plc.trigger(code)
+    rig.at(time, rig.supervisor.quit)
+    rig.supervisor.serve()
 
 
 @pytest.mark.parametrize(
@@ -97,7 +117,7 @@ def test_a_run_is_reported_and_recorded_as_it_ended(rig, program, outcome, reaso
     assert rig.arm.is_halted
 
 
-def test_while_a_run_goes_on_its_number_stage_state_and_time_are_read(rig, program):
+def test_a_run_reports_number_stage_state_and_time(rig, program):
     runs_on(rig, program)
     told = read(rig, 0.5)
     after = rig.command(CODE)
@@ -113,7 +133,7 @@ def test_an_acknowledged_result_leaves_an_idle_cell(rig, program):
     assert rig.scan().state == State.IDLE
 
 
-def test_a_run_that_the_switch_has_to_prove_is_not_believed_by_its_word(rig, monkeypatch):
+def test_an_insertion_without_proof_by_the_switch_is_a_fault(rig, monkeypatch):
     inserts(rig, monkeypatch, Claim.INSERTED)
     report = rig.command(100)
     assert (report.result, report.state) == (Result.FAULT, State.ABORTED)
@@ -121,7 +141,7 @@ def test_a_run_that_the_switch_has_to_prove_is_not_believed_by_its_word(rig, mon
     assert (rig.journal.find(1).outcome, len(rig.restocked)) == ("fault", 1)
 
 
-def test_every_program_that_starts_empty_takes_the_next_slot_and_seed(rig, monkeypatch):
+def test_each_insertion_takes_the_next_slot_and_seed(rig, monkeypatch):
     failing = inserts(rig, monkeypatch)
     failing.outcome, failing.reason = Outcome.FAILURE, Reason.MISSED_GRASP
     first = rig.loaded.cell.sim.seed
@@ -144,14 +164,14 @@ def test_every_program_that_starts_empty_takes_the_next_slot_and_seed(rig, monke
         (Control.FORGET, UNKNOWN_RECIPE, Refusal.UNKNOWN_RECIPE),
     ],
 )
-def test_what_cannot_be_done_is_refused_and_changes_nothing(rig, program, code, recipe, refusal):
+def test_an_impossible_command_is_refused_and_changes_nothing(rig, program, code, recipe, refusal):
     report = rig.command(code, recipe)
     assert (report.refusal, report.state, report.run) == (refusal, State.IDLE, 0)
     assert program.runs == []
 
 
 @pytest.mark.parametrize("code", [CODE, Control.CLEARED, Control.REFILLED, Control.FORGET])
-def test_while_a_run_goes_on_nothing_else_begins(rig, program, code):
+def test_a_command_during_a_run_is_refused(rig, program, code):
     runs_on(rig, program)
     told = read(rig, 0.6)
     rig.at(0.5, lambda: rig.plc.trigger(code))
@@ -160,8 +180,8 @@ def test_while_a_run_goes_on_nothing_else_begins(rig, program, code):
 
 
 @pytest.mark.parametrize(("control", "state"), [(Control.STOP, State.STOPPED), (Control.ABORT, State.ABORTED)])
-def test_a_cell_that_was_stopped_starts_only_after_a_reset(rig, program, control, state):
-    for _ in range(2):  # the second stop is taken for done
+def test_a_stopped_cell_starts_only_after_a_reset(rig, program, control, state):
+    for _ in range(2):
         report = rig.command(control)
         assert (report.refusal, report.state) == (Refusal.NONE, state)
     assert rig.command(CODE).refusal == Refusal.NOT_READY
@@ -169,7 +189,7 @@ def test_a_cell_that_was_stopped_starts_only_after_a_reset(rig, program, control
     assert rig.command(CODE).result == Result.SUCCESS
 
 
-def test_what_a_person_did_is_believed(rig, program):
+def test_a_peg_that_a_person_cleared_is_resolved(rig, program):
     rig.gripper.grip(30.0)
     assert rig.scan().part == PartPlace.IN_HAND
     rig.gripper.release(0.04)
@@ -184,22 +204,27 @@ def test_what_a_person_did_is_believed(rig, program):
 
 
 @pytest.mark.parametrize(
-    ("control", "acting", "final"),
-    [(Control.STOP, State.STOPPING, State.STOPPED), (Control.ABORT, State.ABORTING, State.ABORTED)],
+    ("end", "acting", "final"),
+    [
+        (lambda rig: rig.plc.trigger(Control.STOP), State.STOPPING, State.STOPPED),
+        (lambda rig: rig.plc.trigger(Control.ABORT), State.ABORTING, State.ABORTED),
+        (lambda rig: rig.supervisor.quit(), State.STOPPING, State.STOPPED),
+    ],
+    ids=["stop", "abort", "end of the program"],
 )
-def test_a_control_that_ends_a_run_halts_the_arm_and_leaves_an_aborted_record(rig, program, control, acting, final):
+def test_an_interrupted_run_halts_the_arm_and_is_recorded_as_aborted(rig, program, end, acting, final):
     runs_on(rig, program, 9.0)
-    rig.at(0.5, lambda: rig.plc.trigger(control))
+    rig.at(0.5, lambda: end(rig))
     rig.at(0.5, lambda: moves_for(rig, 0.1))
-    told = read(rig, 0.53)
+    during = read(rig, 0.53)
     report = rig.command(CODE)
-    assert (told[0].state, report.state, report.fault) == (acting, final, 0)
+    assert (during[0].state, report.state, report.fault) == (acting, final, 0)
     assert (rig.journal.find(1).outcome, rig.journal.find(1).reason) == ("aborted", "stopped")
     assert rig.arm.is_halted
     assert rig.clock.now() < 1.0
 
 
-def test_hold_is_told_of_an_arm_that_stands_and_the_run_goes_on_after_it(rig, program):
+def test_held_is_reported_at_rest_and_the_run_continues(rig, program):
     runs_on(rig, program, 5.0)
     rig.at(0.5, lambda: rig.plc.trigger(Control.HOLD))
     holding, held = read(rig, 0.52), read(rig, 1.0)
@@ -211,7 +236,7 @@ def test_hold_is_told_of_an_arm_that_stands_and_the_run_goes_on_after_it(rig, pr
     assert (report.state, report.result) == (State.COMPLETE, Result.SUCCESS)
 
 
-def test_a_hold_while_the_arm_of_a_failed_run_comes_to_rest_ends_with_it(rig, program):
+def test_a_hold_while_a_failed_run_brakes_ends_with_the_run(rig, program):
     program.outcome, program.reason = Outcome.FAILURE, Reason.MISSED_GRASP
     moves_for(rig, 0.1)
     rig.at(0.05, lambda: rig.plc.trigger(Control.HOLD))
@@ -224,7 +249,7 @@ def test_a_hold_while_the_arm_of_a_failed_run_comes_to_rest_ends_with_it(rig, pr
 @pytest.mark.parametrize(
     "error", [ArmReflexError("arm: reflex"), SkinSilentError("skin: silent"), ValueError("a\nslip"), SystemExit(0)]
 )
-def test_a_fault_in_a_run_is_told_until_it_is_cleared(rig, program, error):
+def test_a_fault_in_a_run_is_reported_until_it_is_cleared(rig, program, error):
     program.fault = error
     report = rig.command(CODE)
     code = error.code if isinstance(error, CellError) else FaultCode.SOFTWARE
@@ -240,7 +265,7 @@ def test_a_fault_in_a_run_is_told_until_it_is_cleared(rig, program, error):
     assert rig.arm.resets == 2
 
 
-def test_a_fault_is_told_while_the_arm_still_comes_to_rest(rig, program):
+def test_a_fault_is_reported_while_the_arm_brakes(rig, program):
     program.fault = ArmReflexError("arm: reflex")
     rig.gripper.grip(30.0)
     moves_for(rig, 0.1)
@@ -251,29 +276,22 @@ def test_a_fault_is_told_while_the_arm_still_comes_to_rest(rig, program):
     assert (row.outcome, row.part, row.part_evidence) == ("fault", "in_hand", "hand grips 8.0 mm, switch open")
 
 
-def test_a_fault_outside_a_run_aborts_the_cell_and_is_on_record(rig, program):
+def test_a_fault_while_idle_aborts_the_cell_and_is_recorded(rig, program):
     rig.arm.fault = ArmReflexError("arm: reflex")
     report = rig.scan(1)
     assert (report.state, report.fault) == (State.ABORTED, FaultCode.ARM_REFLEX)
     assert [event.kind for event in rig.journal.events()].count("fault") == 1
 
 
-def test_a_reset_that_finds_a_device_missing_does_not_make_the_cell_ready(rig, program):
+def test_a_reset_with_a_silent_device_aborts_the_cell(rig, program):
     rig.command(Control.STOP)
     rig.skin.fault = SkinSilentError("skin: silent")
     report = rig.command(Control.RESET)
     assert (report.state, report.fault) == (State.ABORTED, FaultCode.SKIN_SILENT)
 
 
-def test_a_run_that_the_program_s_end_interrupts_is_aborted_with_the_arm_halted(rig, program):
-    runs_on(rig, program, 9.0)
-    rig.at(0.5, rig.supervisor.quit)
-    report = rig.command(CODE)
-    assert (report.state, rig.journal.find(1).outcome, rig.arm.is_halted) == (State.STOPPED, "aborted", True)
-
-
 @pytest.mark.parametrize("error", [ZeroDivisionError("division by zero"), KeyboardInterrupt()])
-def test_an_error_of_the_scan_itself_closes_the_record_and_is_told(rig, program, live, monkeypatch, error):
+def test_an_error_of_the_scan_ends_serve_with_a_reported_fault(rig, program, live, monkeypatch, error):
     def fail(stamp):
         raise error
 
@@ -284,24 +302,21 @@ def test_an_error_of_the_scan_itself_closes_the_record_and_is_told(rig, program,
     assert live.fault.startswith(f"{type(error).__name__}")
 
 
-def test_a_scan_that_does_not_come_is_told_beside_it_with_the_arm_halted(rig, program, live):
-    rig.supervisor._say_blocked("no scan for 0.30 s")
-    assert live.fault == "scan: no scan for 0.30 s"
-    told = []
-
-    def block():
-        rig.supervisor._say_blocked("no scan for 0.31 s")
-        told.append((rig.plc.report, rig.arm.is_halted))
-
+@pytest.mark.parametrize(
+    ("code", "looks", "fault"), [(CODE, 12, f"{STAGE}: no scan for 0.21 s"), (None, 3000, "scan: no scan for 60.0")]
+)
+def test_a_blocked_scan_is_reported_at_once_with_the_arm_halted(rig, program, live, looked, code, looks, fault):
+    found = []
     runs_on(rig, program)
-    rig.at(0.5, block)
-    rig.command(CODE)
-    report, is_halted = told[0]
-    assert (report.state, report.fault, is_halted) == (State.ABORTING, FaultCode.SCAN_OVERRUN, True)
-    assert live.fault == f"{STAGE}: no scan for 0.31 s"
+    rig.at(0.5, lambda: looked.looks(looks, 0.021))
+    rig.at(0.5, lambda: found.append((rig.plc.report.state, rig.plc.report.fault, rig.arm.is_halted, live.fault)))
+    serve(rig, code)
+    assert found[0][:3] == (State.ABORTING, FaultCode.SCAN_OVERRUN, True)
+    assert found[0][3].startswith(fault)
+    assert rig.supervisor.state is State.ABORTED
 
 
-def test_events_of_a_run_bear_its_number_and_others_none(rig, program):
+def test_only_events_of_a_run_have_its_number(rig, program):
     rig.command(CODE)
     rig.command(Control.STOP)
     events = rig.journal.events()
@@ -310,7 +325,7 @@ def test_events_of_a_run_bear_its_number_and_others_none(rig, program):
     assert json.loads(rig.journal.find(1).stage_times)[0][0] == STAGE
 
 
-def test_a_plc_that_falls_silent_is_a_fault_only_while_its_run_goes_on(rig, program):
+def test_a_silent_plc_is_a_fault_of_its_run(rig, program):
     runs_on(rig, program, 9.0)
     rig.at(0.5, lambda: setattr(rig.plc, "is_alive", False))
     report = rig.command(CODE)
@@ -318,46 +333,36 @@ def test_a_plc_that_falls_silent_is_a_fault_only_while_its_run_goes_on(rig, prog
 
 
 class GoneError(BaseException):
-    """The end of the program, as a test sees it."""
+    """The end of the process in a test."""
 
 
-def test_a_program_whose_skill_never_comes_back_ends_with_its_record_closed(rig, program, live, monkeypatch):
-    ends, closed = [], []
+@pytest.mark.parametrize("is_stuck", [False, True])
+def test_a_skill_that_never_returns_ends_the_process_recorded(rig, program, live, looked, monkeypatch, is_stuck):
+    """A device that does not close either delays the end by `ENDING` at most."""
+    ends, closed, gone = [], [], threading.Event()
 
     def leave(status):
-        ends.append(status)
-        raise GoneError
+        ends.append((status, live.fault.partition(";")[0]))
+        gone.set()
+        if threading.current_thread() is threading.main_thread():
+            raise GoneError
 
     monkeypatch.setattr(supervisor.os, "_exit", leave)
-    monkeypatch.setattr(rig.arm, "close", lambda: closed.append(rig.arm.is_halted))
+    monkeypatch.setattr(rig.arm, "close", lambda: closed.append(rig.arm.is_halted) or (is_stuck and gone.wait(10.0)))
+    if is_stuck:
+        monkeypatch.setattr(supervisor, "ENDING", 0.01)
     runs_on(rig, program, 9.0)
-    rig.at(0.5, lambda: rig.supervisor._end_blocked("no scan for 2.1 s"))
+    rig.at(0.5, lambda: (rig.supervisor.quit(), looked.looks(120, 0.021)))
     with pytest.raises(GoneError):
-        rig.command(CODE)
-    assert (ends, closed, live.fault) == ([3], [True], f"{STAGE}: no scan for 2.1 s")
+        serve(rig, CODE)
+    assert ends == [(supervisor.EXIT_BLOCKED, f"{STAGE}: no scan for 0.21 s")] * (1 + is_stuck)
+    assert closed == [True]
     with Journal(rig.folder, is_read_only=True) as journal:
         row = journal.find(1)
     assert (row.outcome, row.fault, row.stage) == ("fault", FaultCode.SCAN_OVERRUN, STAGE)
 
 
-def test_a_program_whose_device_holds_up_even_the_halt_ends_all_the_same(rig, monkeypatch):
-    left, goes_on = threading.Event(), threading.Event()
-
-    def leave(status):
-        assert status == supervisor.EXIT_BLOCKED
-        left.set()
-
-    monkeypatch.setattr(supervisor.os, "_exit", leave)
-    monkeypatch.setattr(supervisor, "ENDING", 0.01)
-    monkeypatch.setattr(rig.arm, "halt", goes_on.wait)
-    ending = threading.Thread(target=rig.supervisor._end_blocked, args=("no scan for 2.1 s",))
-    ending.start()
-    assert left.wait(10.0)
-    goes_on.set()
-    ending.join()
-
-
-def test_only_a_simulated_arm_faster_than_real_time_keeps_no_time_with_the_wall(loaded):
+def test_only_a_simulation_faster_than_real_time_is_not_timed(loaded):
     cell = loaded.cell
     for pace, is_kept in ((1.0, True), ("max", False)):
         simulated = cell.model_copy(update={"sim": cell.sim.model_copy(update={"pace": pace})})
@@ -366,7 +371,7 @@ def test_only_a_simulated_arm_faster_than_real_time_keeps_no_time_with_the_wall(
     assert supervisor.is_timed(cell.model_copy(update={"sim": None}))
 
 
-def test_onlookers_see_every_scan_with_its_stage_and_run(rig, program, live):
+def test_viewers_see_every_scan_with_its_stage_and_run(rig, program, live):
     rig.scan()
     program.fault = ValueError("a\nslip")
     rig.command(CODE)
@@ -377,7 +382,7 @@ def test_onlookers_see_every_scan_with_its_stage_and_run(rig, program, live):
     assert live.fault == "ValueError: a slip"
 
 
-def test_a_cable_that_an_onlooker_pulls_is_out_until_it_is_plugged_in_and_both_are_on_record(rig, program):
+def test_a_pulled_cable_is_out_until_it_is_plugged_in(rig, program):
     live = Live()
     rig.cell = replace(rig.cell, cables={"skin": rig.cell.skin})
     rig.supervisor = Supervisor(rig.cell, rig.loaded, rig.bridge, rig.journal, live=live)
@@ -394,23 +399,16 @@ def test_a_cable_that_an_onlooker_pulls_is_out_until_it_is_plugged_in_and_both_a
     assert noted == [("skin unplugged", "page", 1), ("skin plugged in", "page", 0)]
 
 
-def test_progress_of_a_skill_is_that_of_the_run_and_never_falls(rig, program):
+def test_the_progress_of_a_run_never_falls(rig, program):
     runs_on(rig, program)
-    context = []
-    call = program._run
-    program._run = lambda ctx: (context.append(ctx), call(ctx))[1]
-    for fraction in (0.5, 0.2):
-        rig.at(0.4, lambda fraction=fraction: context[0].callbacks.progress(fraction))
-    told = read(rig, 0.6)
+    rig.at(0.4, lambda: [program.context.callbacks.progress(fraction) for fraction in (0.5, 0.2)])
+    during = read(rig, 0.6)
     rig.command(CODE)
-    assert told[0].progress == 50
-
-
-# A line whose every word is read, and a wall clock that the test turns.
+    assert during[0].progress == 50
 
 
 class Terminal:
-    """A line that gives one command at a time and keeps every answer and report."""
+    """Line that gives one command at a time and keeps every answer and report."""
 
     def __init__(self):
         self.waiting, self.accepted, self.refused, self.reports = [], [], [], []
@@ -438,7 +436,7 @@ def terminal(rig, program):
 
 
 @pytest.mark.parametrize("code", [Control.FORGET, Control.CLEARED, Control.REFILLED, Control.STOP, Control.ABORT, CODE])
-def test_whoever_gives_a_command_is_told_that_this_one_is_obeyed(rig, terminal, code):
+def test_a_command_is_accepted_to_its_sender(rig, terminal, code):
     command = Command(7, code)
     terminal.waiting.append(command)
     rig.scan()
@@ -466,9 +464,7 @@ class Wall:
 
 
 @pytest.mark.parametrize(("takes", "apart"), [(0.3, 1.0), (1.0, 1.0), (2.5, 2.5)])
-def test_an_idle_cell_scans_once_a_period_of_the_wall_or_as_soon_as_the_last_scan_has_ended(
-    rig, monkeypatch, takes, apart
-):
+def test_an_idle_cell_scans_once_a_period_or_without_a_pause(rig, monkeypatch, takes, apart):
     wall, period, ends = Wall(0.5), 1.0 / rig.loaded.cell.scan_rate, []
     monkeypatch.setattr(supervisor, "time", SimpleNamespace(monotonic=wall.monotonic))
     rig.clock.every.append(lambda: wall.wait(takes * period))
@@ -477,21 +473,16 @@ def test_an_idle_cell_scans_once_a_period_of_the_wall_or_as_soon_as_the_last_sca
     np.testing.assert_allclose(np.diff(ends[:18]), apart * period)
 
 
-def test_the_preparation_of_a_run_is_no_late_scan(rig, monkeypatch):
+def test_the_preparation_of_a_run_is_no_late_scan(rig, looked, live, monkeypatch):
     inserts(rig, monkeypatch)
-    looked = Looked(monkeypatch)
     cell = replace(rig.cell, restock=lambda job, seed: looked.looks(40, 0.021))
-    rig.supervisor = Supervisor(cell, rig.loaded, rig.bridge, rig.journal)
-    looked.dog = rig.supervisor._watchdog
-    looked.dog._end = looked
-    rig.command(100)
+    rig.supervisor = Supervisor(cell, rig.loaded, rig.bridge, rig.journal, Quit(), live)
+    serve(rig, 100)
     assert (rig.plc.report.result, rig.plc.report.fault) == (Result.SUCCESS, FaultCode.NONE)
 
 
-def test_a_simulated_arm_is_not_blamed_for_a_computer_that_starved(rig, live, monkeypatch):
-    looked = Looked(monkeypatch)
-    looked.dog = rig.supervisor._watchdog
-    looked.dog._end = looked
-    looked.dog.watch(True)
-    looked.looks(5, 1.0)
+def test_a_starved_computer_is_no_fault_of_a_simulated_arm(rig, program, live, looked):
+    runs_on(rig, program)
+    rig.at(0.5, lambda: looked.looks(5, 1.0))
+    serve(rig, CODE)
     assert live.fault == ""

@@ -1,4 +1,5 @@
 import threading
+from types import SimpleNamespace
 
 import pytest
 
@@ -13,7 +14,7 @@ LIMITS = ScanLimits(late=0.5)
 
 def scanned(late, waits):
     """Take scans that begin so long after each other, s."""
-    now = 100.0
+    now = 0.0
     late.take(now)
     for wait in waits:
         now += wait
@@ -22,14 +23,10 @@ def scanned(late, waits):
 
 
 def test_a_scan_is_late_after_two_periods():
-    assert scanned(LateScans(PERIOD, LIMITS), [0.01, 0.0199, 0.0201, 0.5]).count == 2
-    late = LateScans(PERIOD, LIMITS)
-    late.take(0.0)
-    late.take(2.0 * PERIOD)
-    assert late.count == 0
+    assert scanned(LateScans(PERIOD, LIMITS), [2.0 * PERIOD, 0.01, 0.0199, 0.0201, 0.5]).count == 2
 
 
-def test_what_is_done_between_scans_is_not_late():
+def test_a_pause_between_scans_is_not_late():
     late = scanned(LateScans(PERIOD, LIMITS), [0.01])
     late.rest()
     late.take(200.0)
@@ -37,16 +34,16 @@ def test_what_is_done_between_scans_is_not_late():
 
 
 @pytest.mark.parametrize(("number", "is_warned"), [(WARNED, False), (WARNED + 1, True)])
-def test_more_than_a_few_late_scans_of_the_window_are_warned_of(number, is_warned):
+def test_more_than_a_few_late_scans_are_warned_of(number, is_warned):
     assert scanned(LateScans(PERIOD, LIMITS), [0.03] * number).is_warned is is_warned
 
 
-def test_late_scans_are_forgotten_with_the_window_and_stay_counted():
+def test_late_scans_leave_the_window_and_stay_counted():
     late = scanned(LateScans(PERIOD, LIMITS), [0.03] * 10 + [0.01] * WINDOW)
     assert (late.is_warned, late.count) == (False, 10)
 
 
-def test_late_scans_that_ended_a_run_do_not_end_the_next():
+def test_late_scans_end_one_run_and_not_the_next():
     late = LateScans(PERIOD, LIMITS)
     with pytest.raises(
         ScanOverrunError, match="51 of the last 100 took longer than 20 ms by the wall clock; 50 allowed"
@@ -60,21 +57,25 @@ def test_late_scans_that_ended_a_run_do_not_end_the_next():
 
 
 class Looked:
-    """A watchdog that looks at times that the test sets, with a wall clock that goes on meanwhile."""
+    """Thread and end of a watchdog that looks on demand, with a wall clock that goes on meanwhile."""
 
-    def __init__(self, monkeypatch, is_simulated=False):
-        self.time, self.stop = 50.0, threading.Event()
-        self.halts, self.given_up = [], []
-        monkeypatch.setattr(watchdog.time, "monotonic", lambda: self.time)
-        self.dog = ScanWatchdog(
-            0.2, is_simulated=is_simulated, halt=self.halts.append, stop=self.stop, give_up=self.given_up.append
+    def __init__(self, monkeypatch):
+        self.time = 50.0
+        thread = SimpleNamespace(start=lambda: None, join=lambda: None)
+        threads = SimpleNamespace(
+            Event=lambda: self, Thread=lambda target, **_: setattr(self, "look", target) or thread
         )
-        self.dog._end = self
+        monkeypatch.setattr(watchdog, "time", SimpleNamespace(monotonic=lambda: self.time))
+        monkeypatch.setattr(watchdog, "threading", threads)
+
+    def clear(self): ...
+
+    def set(self): ...
 
     def looks(self, times, wait=0.02, meanwhile=lambda: None):
         """Let it look so many times, every time after a wait, s."""
         self.left, self.step, self.meanwhile = times, wait, meanwhile
-        self.dog._look()
+        self.look()
 
     def wait(self, period):
         assert period == LOOK_PERIOD
@@ -84,12 +85,24 @@ class Looked:
         return self.left < 0
 
 
+class Watched(Looked):
+    """A started watchdog with what it halts and gives up."""
+
+    def __init__(self, monkeypatch, is_simulated=False):
+        super().__init__(monkeypatch)
+        self.stop, self.halts, self.given_up = threading.Event(), [], []
+        self.dog = ScanWatchdog(
+            0.2, is_simulated=is_simulated, halt=self.halts.append, stop=self.stop, give_up=self.given_up.append
+        )
+        self.dog.start()
+
+
 @pytest.fixture
 def looked(monkeypatch):
-    return Looked(monkeypatch)
+    return Watched(monkeypatch)
 
 
-def test_a_scan_that_does_not_come_in_time_halts_the_arm_once_and_is_a_fault_when_it_comes(looked):
+def test_a_blocked_scan_halts_once_and_is_a_fault_afterwards(looked):
     looked.dog.watch(True)
     looked.looks(9)
     assert looked.halts == []
@@ -101,7 +114,7 @@ def test_a_scan_that_does_not_come_in_time_halts_the_arm_once_and_is_a_fault_whe
     looked.dog.beat("adjust")
 
 
-def test_scans_that_come_are_left_alone(looked):
+def test_scans_in_time_do_not_halt(looked):
     looked.dog.watch(True)
     looked.looks(100, 0.19, meanwhile=lambda: looked.dog.beat("scan"))
     looked.looks(100, 0.19, meanwhile=looked.dog.alive)
@@ -109,7 +122,7 @@ def test_scans_that_come_are_left_alone(looked):
 
 
 @pytest.mark.parametrize("begin", [lambda dog: dog.watch(False), lambda dog: (dog.beat("scan"), dog.beat("scan"))])
-def test_a_cell_that_waits_may_be_held_up_by_a_device_but_not_for_ever(looked, begin):
+def test_an_idle_cell_may_be_blocked_for_a_minute(looked, begin):
     begin(looked.dog)
     looked.looks(round(HANG / 0.02))
     assert looked.halts == []
@@ -120,7 +133,7 @@ def test_a_cell_that_waits_may_be_held_up_by_a_device_but_not_for_ever(looked, b
         looked.dog.beat("scan")
 
 
-def test_a_waiting_cell_that_hangs_when_it_shall_end_is_not_waited_for(looked):
+def test_an_idle_cell_that_hangs_is_given_up_at_the_end(looked):
     looked.dog.watch(False)
     looked.stop.set()
     looked.looks(round(GIVEN_UP / 0.02))
@@ -130,15 +143,15 @@ def test_a_waiting_cell_that_hangs_when_it_shall_end_is_not_waited_for(looked):
     assert looked.given_up[0] == looked.halts[0]
 
 
-def test_a_watchdog_that_starved_with_a_simulated_scan_does_not_blame_it(monkeypatch):
-    looked = Looked(monkeypatch, is_simulated=True)
+def test_a_starved_watchdog_does_not_blame_a_simulated_scan(monkeypatch):
+    looked = Watched(monkeypatch, is_simulated=True)
     looked.dog.watch(True)
     looked.looks(5, 1.0)
     assert looked.halts == []
 
 
 @pytest.mark.parametrize("step", [0.02, 0.25])
-def test_a_program_that_shall_end_does_not_wait_for_ever(looked, step):
+def test_a_program_that_hangs_is_given_up_at_the_end(looked, step):
     looked.dog.watch(True)
     looked.looks(round(GIVEN_UP / step) + 10, step)
     assert looked.given_up == []
@@ -149,7 +162,7 @@ def test_a_program_that_shall_end_does_not_wait_for_ever(looked, step):
     assert looked.given_up[0] == looked.halts[0]
 
 
-def test_the_first_scan_may_take_its_time_unless_the_program_shall_end(looked):
+def test_the_first_scan_has_no_limit_before_the_end(looked):
     looked.dog.beat("scan")
     looked.looks(100, 1.0)
     assert looked.halts == []
@@ -158,7 +171,7 @@ def test_the_first_scan_may_take_its_time_unless_the_program_shall_end(looked):
     assert looked.given_up
 
 
-def test_a_started_watchdog_halts_from_a_thread_that_keeps_no_program_from_ending_until_it_is_stopped():
+def test_a_started_watchdog_halts_from_a_daemon_thread():
     found, halted = [], threading.Event()
 
     def halt(why):
@@ -176,7 +189,7 @@ def test_a_started_watchdog_halts_from_a_thread_that_keeps_no_program_from_endin
     assert not found[0].is_alive()
 
 
-def test_a_scan_that_comes_exactly_when_it_has_to_halts_nothing(looked):
+def test_a_scan_exactly_at_the_limit_does_not_halt(looked):
     looked.time = 0.0
     looked.dog.watch(True)
     looked.looks(2, 0.2)
