@@ -1,4 +1,4 @@
-"""Where the peg is by the evidence: every place, every way in and out, and what a start makes of it."""
+"""The place of the peg follows from the evidence, in and out of the hand, in runs and between programs."""
 
 import math
 from dataclasses import replace
@@ -118,7 +118,7 @@ def at_origin(peg):
         (0.02, UNKNOWN, IN_HOLE),
     ],
 )
-def test_a_held_peg_is_where_depth_and_switch_say(peg, depth, switch, place):
+def test_depth_and_switch_place_a_held_peg(peg, depth, switch, place):
     state = peg.held(depth, switch=switch)
     assert (state.place, state.is_held) == (place, True)
     assert state.depth == pytest.approx(depth if place is not IN_HAND else 0.0)
@@ -139,14 +139,17 @@ def test_the_hand_holds_what_is_as_wide_as_the_peg(peg, off, is_held):
     assert peg.held(-0.1, width=peg.places.thickness + off).is_held == is_held
 
 
-@pytest.mark.parametrize("aside", [0.0, 1.0])
-def test_a_hole_begins_exactly_at_its_depth_and_ends_at_its_margin(at_origin, aside):
-    tip = (aside * (at_origin.places.hole.area[0] / 2 + HOLE_MARGIN), 0.0, -IN_HOLE_DEPTH)
-    assert at_origin.look(tip).place is IN_HOLE
-
-
-def test_a_held_peg_is_seated_exactly_as_far_off_as_the_switch_may_err(at_origin):
-    assert at_origin.look((0.0, 0.0, -CLOSED_TOLERANCE), switch=CLOSED).place is SEATED
+@pytest.mark.parametrize(
+    ("aside", "depth", "switch", "place"),
+    [
+        (0.0, IN_HOLE_DEPTH, OPEN, IN_HOLE),
+        (1.0, IN_HOLE_DEPTH, OPEN, IN_HOLE),
+        (0.0, CLOSED_TOLERANCE, CLOSED, SEATED),
+    ],
+)
+def test_hole_and_seat_begin_exactly_at_their_limits(at_origin, aside, depth, switch, place):
+    x = aside * (at_origin.places.hole.area[0] / 2 + HOLE_MARGIN)
+    assert at_origin.look((x, 0.0, -depth), switch=switch).place is place
 
 
 # Out of the hand.
@@ -166,7 +169,7 @@ def test_a_held_peg_is_seated_exactly_as_far_off_as_the_switch_may_err(at_origin
         (0.025, CLOSED, CLOSED, SEATED, Bit.SWITCH_CLOSED | Bit.TIP_IN_HOLE),  # the hand slid down the peg
     ],
 )
-def test_a_peg_that_is_let_go_is_where_it_was_held_or_fell(peg, depth, before, switch, place, bits):
+def test_a_released_peg_is_where_it_was_held_or_fell(peg, depth, before, switch, place, bits):
     peg.held(depth, switch=before)
     gone = peg.gone(switch=switch)
     assert (gone.place, gone.is_held, gone.basis, gone.width) == (place, False, bits | Bit.HAND_EMPTY, 0.04)
@@ -181,7 +184,7 @@ def test_a_peg_that_is_let_go_is_where_it_was_held_or_fell(peg, depth, before, s
         ("slots", -0.001, ON_PLATE, "fell from"),
     ],
 )
-def test_a_peg_that_is_let_go_above_bin_or_slot_is_in_it(peg, place_of, below, place, words):
+def test_a_peg_released_over_bin_or_slot_is_in_it(peg, place_of, below, place, words):
     x, y, z = peg.places.bin if place_of == "bin" else peg.places.slots[1]
     peg.look((x, y, z - below))
     gone = peg.gone()
@@ -207,12 +210,12 @@ def test_bin_slot_and_hole_end_exactly_at_their_limits(at_origin, tip, place):
     ("depth", "inserts", "place"),
     [(1e-3, True, NOWHERE), (-1e-3, True, NOWHERE), (1e-3, False, ON_PLATE), (-0.02, True, ON_PLATE)],
 )
-def test_a_peg_lost_at_the_hole_that_was_found_may_lean_in_it(peg, depth, inserts, place):
+def test_a_peg_lost_at_the_found_hole_may_lean_in_it(peg, depth, inserts, place):
     assert peg.held(depth, inserts=inserts).place is IN_HAND
     assert peg.gone().place is place
 
 
-def test_a_peg_lost_over_the_hole_after_it_stood_in_it_may_have_slipped_in(peg):
+def test_a_peg_lost_over_its_hole_may_have_slipped_in(peg):
     peg.held(0.012)
     assert peg.held(-0.02).place is IN_HAND
     lost = peg.gone(width=0.0)
@@ -230,7 +233,7 @@ def test_while_the_fingers_move_the_peg_is_where_it_was(peg):
 
 
 @pytest.mark.parametrize("is_running", [True, False])
-def test_a_peg_that_fell_is_not_on_the_plate_once_the_switch_closes(peg, is_running):
+def test_a_fallen_peg_is_unknown_once_the_switch_closes(peg, is_running):
     """A leaning peg whose edge is in the hole may slide in after the hand has lost it."""
     peg.held(1e-4)
     assert peg.gone().place is ON_PLATE
@@ -244,13 +247,13 @@ def test_a_peg_that_fell_is_not_on_the_plate_once_the_switch_closes(peg, is_runn
 
 
 @pytest.mark.parametrize(("switch", "place"), [(OPEN, RACK), (CLOSED, SEATED), (UNKNOWN, SEATED)])
-def test_a_seated_peg_is_taken_away_if_the_switch_opens_while_the_cell_waits(peg, switch, place):
+def test_a_switch_that_opens_while_idle_means_peg_taken_away(peg, switch, place):
     peg.state = PartState(SEATED, "seated", False, 0.02)
     assert peg.look(AWAY, gripping=False, switch=switch, is_running=False).place is place
 
 
 @pytest.mark.parametrize(("switch", "place"), [(OPEN, NOWHERE), (CLOSED, SEATED)])
-def test_a_seated_peg_whose_switch_has_opened_when_the_run_ends_came_along(peg, switch, place):
+def test_a_switch_that_opens_in_the_run_means_peg_came_out(peg, switch, place):
     seated = PartState(SEATED, "let go", False, 0.02)
     state = after_run(seated, peg.evidence(AWAY, gripping=False, switch=switch), peg.places)
     assert state.place is place
@@ -258,7 +261,7 @@ def test_a_seated_peg_whose_switch_has_opened_when_the_run_ends_came_along(peg, 
 
 
 @pytest.mark.parametrize(("answer", "place"), [(CLOSED, SEATED), (OPEN, NOWHERE), (UNKNOWN, SEATED)])
-def test_a_seated_peg_under_a_silent_switch_is_where_it_says_once_it_answers(peg, answer, place):
+def test_a_silent_switch_decides_on_a_seated_peg_when_it_answers(peg, answer, place):
     peg.held(peg.places.hole.depth, switch=CLOSED)
     peg.look(AWAY, gripping=False, switch=CLOSED)
     peg.state = silent = after_run(peg.state, peg.evidence(AWAY, gripping=False, switch=UNKNOWN), peg.places)
@@ -271,7 +274,7 @@ def test_a_seated_peg_under_a_silent_switch_is_where_it_says_once_it_answers(peg
     assert later.place is (RACK if answer is CLOSED else NOWHERE)
 
 
-def test_a_peg_that_force_has_proven_stays_seated_while_the_switch_is_open(peg):
+def test_a_peg_proven_by_force_stays_seated_without_the_switch(peg):
     latch = Latch(kind="detent", force=5.0, height=0.003)
     peg.places = replace(peg.places, hole=peg.places.hole.model_copy(update={"evidence": "force", "latch": latch}))
     assert proven(peg.held(0.02), "force", Bit.FORCE).is_held is False
@@ -286,7 +289,7 @@ def test_a_peg_that_force_has_proven_stays_seated_while_the_switch_is_open(peg):
 
 
 @pytest.mark.parametrize("depth", [0.0145, 0.02])
-def test_a_success_by_the_switch_is_a_seated_peg_however_far_the_plate_is_from_its_place(peg, depth):
+def test_a_success_by_the_switch_seats_the_peg_at_any_depth(peg, depth):
     peg.held(depth, switch=CLOSED)
     let_go = peg.gone(switch=CLOSED)
     assert let_go.place is (SEATED if depth == 0.02 else IN_HOLE)
@@ -313,12 +316,12 @@ def test_a_success_by_the_switch_is_a_seated_peg_however_far_the_plate_is_from_i
         (PartState(NOWHERE, ""), False, OPEN, NOWHERE),
     ],
 )
-def test_a_program_that_begins_believes_the_devices_first(peg, kept, gripping, switch, place):
+def test_a_new_program_trusts_the_devices_before_the_record(peg, kept, gripping, switch, place):
     look = peg.evidence((0.45, 0.0, 0.3), gripping=gripping, switch=switch)
     assert at_start(kept, look, peg.places).place is place
 
 
-def test_a_place_known_by_the_record_alone_says_so(peg):
+def test_a_place_known_only_by_the_record_has_its_bit(peg):
     kept = PartState(IN_HOLE, "let go 12.0 mm deep", depth=0.012, basis=Bit.HAND_EMPTY | Bit.TIP_IN_HOLE)
     look = peg.evidence((0.45, 0.0, 0.3), gripping=False)
     assert at_start(kept, look, peg.places).basis == Bit.HAND_EMPTY | Bit.TIP_IN_HOLE | Bit.RECORD
@@ -339,7 +342,7 @@ def test_a_place_known_by_the_record_alone_says_so(peg):
         (NOWHERE, False, True, True),
     ],
 )
-def test_a_start_wants_the_last_peg_resolved_or_in_a_hand_that_recovers(place, is_held, recovers_first, is_refused):
+def test_a_start_needs_the_last_peg_resolved_or_recoverable(place, is_held, recovers_first, is_refused):
     refused = refusal_of(PartState(place, "", is_held), OPEN, is_rack_empty=False, recovers_first=recovers_first)
     assert refused is (Refusal.PART_UNRESOLVED if is_refused else Refusal.NONE)
 
@@ -360,7 +363,7 @@ def test_a_start_wants_an_open_switch_and_a_peg_in_the_rack(switch, is_rack_empt
 
 
 @pytest.mark.parametrize("place", PartPlace)
-def test_every_place_is_told_with_what_to_do_in_one_line(place):
+def test_every_place_comes_with_its_remedy(place):
     where = place.name.lower().replace("_", " ")
     state = PartState(place, "hand grips 8.0 mm", depth=0.012)
     assert told(state) == f"peg {where}, 12.0 mm deep (hand grips 8.0 mm): {REMEDIES[place].told()}"
@@ -389,20 +392,20 @@ def test_the_evidence_names_what_was_read(peg, depth, how, words):
     assert (gone.place is NOWHERE) is ("hand was" in words or "not grip" in words)
 
 
-def test_a_grip_that_was_lost_for_one_reading_at_the_hole_hides_no_peg_in_it(peg):
+def test_one_reading_without_a_grip_hides_no_peg_in_the_hole(peg):
     peg.held(0.001, inserts=True)
     peg.gone(width=peg.places.thickness)
     peg.held(-0.001)
     assert peg.gone().place is NOWHERE
 
 
-def test_fingers_that_slid_down_the_peg_have_slid_after_a_reading_without_a_grip(sliding):
+def test_one_reading_without_a_grip_keeps_the_slide(sliding):
     press(sliding, [0.0, 0.003], 2.0 * BEARS)
     sliding.gone(width=sliding.places.thickness)
     assert sliding.held(0.003).slid == pytest.approx(0.003)
 
 
-def test_a_hand_slack_by_exactly_what_its_width_errs_neither_grips_nor_opens(at_origin):
+def test_a_hand_slack_by_exactly_its_tolerance_neither_grips_nor_opens(at_origin):
     at_origin.look((0.5, 0.0, 0.2), width=WIDTH_TOLERANCE)
     slack = at_origin.gone(width=WIDTH_TOLERANCE, felt=True)
     assert (slack.place, slack.evidence) == (NOWHERE, "the hand does not grip, 1.5 mm open at a peg of 0.0 mm")
@@ -428,14 +431,14 @@ def test_a_peg_that_fell_keeps_the_evidence_of_its_fall(peg):
         (Bit.NOTHING, ""),
     ],
 )
-def test_the_bits_in_words_name_each_of_them_and_the_width(bits, words):
+def test_the_words_name_each_bit_and_the_width(bits, words):
     assert in_words(bits, 0.008) == words
 
 
 # A hand whose arm reports nothing.
 
 
-def test_a_hand_that_closes_while_the_arm_is_silent_holds_its_peg_anywhere(peg):
+def test_a_hand_that_closes_while_the_arm_is_silent_holds_its_peg(peg):
     assert peg.by_hand(gripping=False) is EMPTY
     assert peg.by_hand(gripping=True, width=peg.places.thickness + 1.1 * WIDTH_TOLERANCE) is EMPTY
     now = peg.by_hand(gripping=True)
@@ -445,13 +448,13 @@ def test_a_hand_that_closes_while_the_arm_is_silent_holds_its_peg_anywhere(peg):
 
 
 @pytest.mark.parametrize("depth", [-0.05, 0.01, 0.02])
-def test_a_hand_that_goes_on_holding_its_peg_leaves_it_where_it_was(peg, depth):
+def test_a_hand_that_keeps_holding_changes_nothing(peg, depth):
     before = peg.held(depth)
     assert peg.by_hand(gripping=True) is before
     assert peg.by_hand(gripping=False, moving=True) is before
 
 
-def test_a_held_peg_that_was_at_the_hole_when_the_arm_fell_silent_may_be_in_it(peg):
+def test_a_peg_held_at_the_hole_may_enter_while_the_arm_is_silent(peg):
     peg.held(0.003, inserts=True)
     assert peg.by_hand(gripping=True).place is NOWHERE
     assert peg.held(0.01).place is IN_HOLE
@@ -468,7 +471,7 @@ def test_a_held_peg_that_was_at_the_hole_when_the_arm_fell_silent_may_be_in_it(p
         (-0.05, OPEN, False, NOWHERE),
     ],
 )
-def test_a_hand_that_opens_lets_go_where_the_arm_was_last(peg, depth, switch, is_running, place):
+def test_a_hand_that_opens_releases_at_the_last_pose(peg, depth, switch, is_running, place):
     peg.held(depth)
     now = peg.by_hand(gripping=False, switch=switch, is_running=is_running)
     assert (now.place, now.is_held) == (place, False)
@@ -485,7 +488,7 @@ def press(peg, depths, push):
 
 
 @pytest.mark.parametrize(("push", "place"), [(BEARS - 0.1, IN_HOLE), (BEARS + 0.1, IN_HAND), (60.0, IN_HAND)])
-def test_a_peg_pressed_harder_than_the_pads_bear_may_have_slid_up(sliding, push, place):
+def test_a_peg_pressed_beyond_the_grip_may_have_slid(sliding, push, place):
     state = press(sliding, np.arange(0.0, 0.0105, 0.001), push)
     assert state.place is place
     assert state.slid == pytest.approx(0.01 if place is IN_HAND else 0.0)
@@ -493,7 +496,7 @@ def test_a_peg_pressed_harder_than_the_pads_bear_may_have_slid_up(sliding, push,
     assert (again.place, again.slid) == (place, state.slid)
 
 
-def test_what_the_hand_has_slid_is_missing_from_the_way_into_the_hole(sliding):
+def test_the_slide_is_subtracted_from_the_depth_in_the_hole(sliding):
     press(sliding, [0.0, 0.003], 2.0 * BEARS)
     for deeper, place in ((0.99, IN_HAND), (1.01, IN_HOLE)):
         now = sliding.held(0.003 + deeper * IN_HOLE_DEPTH)
@@ -507,8 +510,7 @@ def test_a_hand_that_rises_or_lets_go_forgets_how_far_it_slid(sliding):
     assert sliding.held(-0.05, push=20.0).slid == 0.0
 
 
-def test_a_peg_on_its_switch_is_seated_whatever_push_the_arm_reports(sliding):
-    """An arm whose wrench is off reports a push all the while."""
+def test_a_peg_on_its_switch_is_seated_at_any_push(sliding):
     depth = sliding.places.hole.depth
     assert press(sliding, np.linspace(0.0, depth, 20), 2.0 * BEARS).place is IN_HAND
     seated = sliding.held(depth, switch=CLOSED, push=2.0 * BEARS)

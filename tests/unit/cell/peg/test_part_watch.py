@@ -15,19 +15,23 @@ HOLE = (0.5, 0.01)
 
 
 @pytest.fixture
-def watch(rig, tmp_path):
-    return PartWatch(rig.cell, rig.cell.context(0), tmp_path)
+def ctx(rig):
+    return rig.cell.context(0)
 
 
-def test_a_run_under_way_does_not_tell_the_hole_of_the_last_one(rig, watch):
+@pytest.fixture
+def watch(rig, ctx, tmp_path):
+    return PartWatch(rig.cell, ctx, tmp_path)
+
+
+def test_a_run_does_not_report_the_hole_of_the_last_one(rig, watch):
     assert watch.filled(Report(hole=HOLE)).hole == HOLE
     watch.begin(rig.loaded.cell, Claim.INSERTED)
     assert watch.filled(Report(hole=HOLE)).hole == (0.0, 0.0)
 
 
-def scanned(rig, watch, claim, stage, scans):
-    """Let a switch that does not answer be seen so many times, one scan after the other."""
-    ctx = watch._context
+def scanned(rig, ctx, watch, claim, stage, scans):
+    """Scan a switch that does not answer so many times."""
     ctx.stage, rig.switch.state = stage, SwitchState.UNKNOWN
     watch.begin(rig.loaded.cell, claim)
     for _ in range(scans):
@@ -36,22 +40,21 @@ def scanned(rig, watch, claim, stage, scans):
 
 
 @pytest.mark.parametrize("claim", PROVEN_BY_SWITCH)
-def test_a_run_that_needs_the_switch_does_not_go_on_without_it(rig, watch, claim):
-    scans = round(LONGEST_UNKNOWN / watch._context.schedule.period)
-    scanned(rig, watch, claim, "spray_search", scans)
+def test_a_run_that_needs_the_switch_ends_without_it(rig, ctx, watch, claim):
+    scans = round(LONGEST_UNKNOWN / ctx.schedule.period)
+    scanned(rig, ctx, watch, claim, "spray_search", scans)
     with pytest.raises(SwitchUnknownError, match=r"no valid answer for 0\.5 s"):
-        scanned(rig, watch, claim, "spray_search", scans + 2)
+        scanned(rig, ctx, watch, claim, "spray_search", scans + 2)
 
 
-def test_neither_a_recovery_nor_a_grasp_needs_the_switch(rig, watch):
-    scans = 3 * round(LONGEST_UNKNOWN / watch._context.schedule.period)
-    scanned(rig, watch, Claim.INSERTED, "recover", scans)
-    scanned(rig, watch, Claim.HELD, "grasp_from_rack", scans)
+@pytest.mark.parametrize(("claim", "stage"), [(Claim.INSERTED, "recover"), (Claim.HELD, "grasp_from_rack")])
+def test_neither_a_recovery_nor_a_grasp_needs_the_switch(rig, ctx, watch, claim, stage):
+    scanned(rig, ctx, watch, claim, stage, 3 * round(LONGEST_UNKNOWN / ctx.schedule.period))
 
 
-def closing(rig, watch, stage, depth, is_held):
-    """Let a switch that was open close in this stage, with the end of a held peg so deep, m."""
-    ctx, hole = watch._context, rig.loaded.cell.job().hole
+def closing(rig, ctx, watch, stage, depth, is_held):
+    """Close the open switch in this stage, with the end of a held peg so deep, m."""
+    hole = rig.loaded.cell.job().hole
     if is_held:
         rig.gripper.grip(30.0)
     tip = ctx.observe().tip
@@ -77,25 +80,23 @@ def closing(rig, watch, stage, depth, is_held):
         ("release_and_retract", -3.0, False, False),
     ],
 )
-def test_a_switch_that_closes_before_the_peg_can_be_on_it_is_a_fault_at_once(
-    rig, watch, stage, share, is_held, is_fault
-):
+def test_a_switch_that_closes_too_early_is_a_fault(rig, ctx, watch, stage, share, is_held, is_fault):
     with pytest.raises(SwitchDisagreesError, match="switch: closed") if is_fault else nullcontext():
-        closing(rig, watch, stage, share * rig.loaded.cell.job().hole.depth, is_held)
+        closing(rig, ctx, watch, stage, share * rig.loaded.cell.job().hole.depth, is_held)
 
 
 SKIN = PartEvidence.SKIN_TOUCHED | PartEvidence.SKIN_FREE
 
 
 @pytest.mark.parametrize("looks", [True, False])
-def test_the_skin_shows_a_held_peg_in_a_scan_and_in_a_look_without_one(rig, watch, looks):
+def test_the_skin_shows_a_held_peg_with_and_without_a_scan(rig, ctx, watch, looks):
     rig.gripper.grip(30.0)
     rig.clock.time += 1.0
-    watch.look() if looks else watch.see(watch._context.observe())
+    watch.look() if looks else watch.see(ctx.observe())
     assert watch.part.basis & SKIN == PartEvidence.SKIN_TOUCHED
 
 
-def test_a_skin_that_shows_nothing_counts_as_free_once_its_last_print_is_old(rig, watch):
+def test_the_skin_counts_as_free_once_its_last_print_is_old(rig, watch):
     rig.gripper.grip(30.0)
     rig.clock.time = 1.0
     watch.look()
@@ -107,7 +108,7 @@ def test_a_skin_that_shows_nothing_counts_as_free_once_its_last_print_is_old(rig
     assert found == [PartEvidence.SKIN_TOUCHED, PartEvidence.SKIN_FREE]
 
 
-def test_a_skin_that_is_silent_or_not_to_be_trusted_is_no_evidence(rig, watch):
+def test_a_silent_or_untrusted_skin_is_no_evidence(rig, watch):
     rig.gripper.grip(30.0)
     rig.skin.trusted[:] = False
     watch.look()
@@ -119,14 +120,14 @@ def test_a_skin_that_is_silent_or_not_to_be_trusted_is_no_evidence(rig, watch):
 
 @pytest.fixture
 def silent(rig, watch):
-    """Return the watch in a run whose arm has fallen silent."""
+    """Return the watch in a run whose arm times out."""
     watch.look()
     watch.begin(rig.loaded.cell, Claim.INSERTED)
     rig.arm.fault = ArmSilentError("arm: silent")
     return watch
 
 
-def test_a_hand_that_closes_on_a_peg_after_the_arm_has_fallen_silent_holds_it(rig, silent):
+def test_a_hand_that_closes_while_the_arm_is_silent_holds_its_peg(rig, silent):
     silent.end()
     assert silent.part.place is PartPlace.RACK
     rig.gripper.grip(30.0)
@@ -138,14 +139,14 @@ def test_a_hand_that_closes_on_a_peg_after_the_arm_has_fallen_silent_holds_it(ri
     assert silent.part.is_held
 
 
-def test_the_switch_says_what_is_in_the_way_of_a_start_while_the_arm_is_silent(rig, silent):
+def test_a_closed_switch_is_an_obstacle_while_the_arm_is_silent(rig, silent):
     silent.end()
     rig.switch.state = SwitchState.CLOSED
     silent.look()
     assert silent.filled(Report()).obstacle is Refusal.HOLE_OCCUPIED
 
 
-def test_a_run_that_ends_by_a_silent_arm_keeps_what_its_hand_has_taken_since(rig, silent, tmp_path):
+def test_a_peg_gripped_after_the_arm_fell_silent_is_recorded(rig, silent, tmp_path):
     rig.gripper.grip(30.0)
     silent.end()
     silent.flush()

@@ -83,7 +83,7 @@ def fault(job, **run):
 
 
 @pytest.mark.parametrize("outcome", [Outcome.FAILURE, Outcome.ABORTED])
-def test_what_is_no_success_stays_what_it_is(job, outcome):
+def test_an_ending_without_success_needs_no_proof(job, outcome):
     ending = Ending(outcome, "spiral_adjust", Reason.NOT_SEATED)
     assert judge(job, ending=ending, proof=Proof()) is ending
 
@@ -147,7 +147,7 @@ def test_an_insertion_is_proven_by_surface_switch_and_hand(job, run, words):
     assert told.startswith("SuccessUnprovenError: success is not proven: " if words else "")
 
 
-def test_lengths_are_told_to_a_tenth_of_a_millimetre(job):
+def test_lengths_are_reported_to_a_tenth_of_a_millimetre(job):
     deep = with_hole(job, centre=NOWHERE, depth=0.06044)
     assert fault(deep, proof=proven(deep, 0.04004)).endswith("tip 40.0 mm deep; 59.4 to 62.4 mm expected")
     told = fault(deep, proof=proven(deep, 0.05, borne=0.01104))
@@ -166,12 +166,12 @@ def test_lengths_are_told_to_a_tenth_of_a_millimetre(job):
         (0.02, 0.02 - PLANE_TOLERANCE, None, PLANE_TOLERANCE),
     ],
 )
-def test_depth_and_surface_are_believed_exactly_at_their_limits(job, hole_depth, depth, borne, felt):
+def test_depth_and_surface_are_accepted_exactly_at_their_limits(job, hole_depth, depth, borne, felt):
     job = with_hole(job, centre=NOWHERE, depth=hole_depth)
     assert fault(job, proof=proven(job, depth, borne), felt=felt, claim=Claim.SEATED) == ""
 
 
-def test_a_hand_exactly_as_far_away_as_it_has_to_be_is_gone(job):
+def test_a_hand_exactly_at_the_least_distance_is_gone(job):
     proof = replace(proven(job), seated_hand=np.zeros(3))
     assert judged(Claim.INSERTED, SUCCESS, [], proof, LastLook(WIDE, AWAY * UP, CLOSED), SEATED, job) is SUCCESS
 
@@ -193,7 +193,7 @@ def test_a_hand_exactly_as_far_away_as_it_has_to_be_is_gone(job):
         (Claim.FREED, PartPlace.IN_HAND, CLOSED_HAND, Reason.STILL_HELD),
     ],
 )
-def test_a_cell_is_free_with_an_open_hand_and_the_peg_where_it_may_stay(job, claim, place, hand, reason):
+def test_a_freed_cell_has_an_open_hand_and_a_resolved_peg(job, claim, place, hand, reason):
     ending = judge(job, claim=claim, part=PartState(place, ""), hand=hand)
     outcome = Outcome.SUCCESS if reason is Reason.NONE else Outcome.FAILURE
     assert (ending.outcome, ending.reason, ending.stage) == (outcome, reason, SUCCESS.stage)
@@ -207,7 +207,7 @@ def test_a_grasp_holds_a_peg(job):
 # The proof, scan by scan.
 
 
-def test_a_switch_that_opens_again_takes_its_proof_back_while_the_hand_holds(rig):
+def test_a_switch_that_opens_under_a_held_peg_voids_the_proof(rig):
     ctx, proof = rig.cell.context(0), Proof()
     rig.gripper.grip(30.0)
     for switch, is_proven in ((CLOSED, False), (OPEN, False), (CLOSED, True), (OPEN, False), (CLOSED, True)):
@@ -218,7 +218,7 @@ def test_a_switch_that_opens_again_takes_its_proof_back_while_the_hand_holds(rig
     assert proof.after(ctx.observe()).seated_tip is not None
 
 
-def test_the_proof_keeps_hand_and_peg_from_when_the_switch_closed(rig):
+def test_the_proof_keeps_the_pose_at_which_the_switch_closed(rig):
     ctx = rig.cell.context(0)
     proof = Proof().after(ctx.observe())
     assert proof.was_open is True  # before the hand took hold
@@ -251,13 +251,13 @@ BORNE_SCANS = round(BORNE_FOR / 0.01) + 3
 @pytest.mark.parametrize(
     ("scans", "push", "is_borne"), [(BORNE_SCANS - 2, 2.0, False), (BORNE_SCANS, 2.0, True), (BORNE_SCANS, 0.5, False)]
 )
-def test_a_peg_is_borne_if_it_has_rested_for_long_enough_under_a_push(rig, scans, push, is_borne):
+def test_the_bottom_supports_a_peg_that_rests_under_a_push(rig, scans, push, is_borne):
     proof, ground = pushed_down(rig, [0.0] * scans, push * LEAST_PUSH)
     assert proof.seated_tip[2] == ground
     assert (proof.borne_tip is not None) == is_borne
 
 
-def test_what_bore_the_peg_first_is_its_bottom(rig):
+def test_the_first_support_is_the_bottom(rig):
     down = [0.0, *(-1e-3 for _ in range(BORNE_SCANS)), *(-3e-3 for _ in range(2 * BORNE_SCANS))]
     proof, ground = pushed_down(rig, down)
     assert proof.seated_tip[2] - ground == pytest.approx(-1e-3)
