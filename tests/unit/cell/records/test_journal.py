@@ -11,15 +11,14 @@ from cell.commands.cli import main
 from cell.commands.terminal import FAULT, GOOD
 from cell.records.journal import INDEX, Journal, default_folder, newest_run
 from cell.records.provenance import config_hash
-from cell.records.sample_blocks import BATCH, COLUMNS, JOINT_COLUMNS, SampleBlock, SampleStream, taxel_columns
+from cell.records.sample_blocks import BATCH, COLUMNS, JOINT_COLUMNS, SampleStream, taxel_columns
 from cell.records.samples import SampleFile, export_csv, read_facts, read_samples
-from cell.records.schema import LAYOUT, ConfigRow, EventKind, EventRow, RunRow, StageRow
+from cell.records.schema import LAYOUT, ConfigRow, EventKind, EventRow, StageRow
 from drivers.errors import JournalError
 from drivers.frames import rotation_about, rotation_of
 from drivers.quantities import Pose
 from drivers.scene_facts import Sight
-
-ROW = RunRow(0, "2025-01-01T00:00:00.000+00:00", "insert_peg", 1, "A-17", "10.0.0.5:4711", 42)
+from tests.unit.cell.records.test_journal_writer import ROW, recorded
 
 
 @contextmanager
@@ -48,7 +47,7 @@ def test_a_run_is_on_record_from_its_beginning_to_its_end(journal):
     assert (found.sequence, found.serial, found.source, found.reason) == (42, "A-17", "10.0.0.5:4711", "no_hole")
 
 
-def test_an_unknown_run_is_told_with_what_is_there(journal):
+def test_an_unknown_run_is_refused_with_those_on_record(journal):
     with pytest.raises(JournalError, match=r"run 3: not in .*; no runs are on record yet"):
         journal.find(3)
     assert (journal.is_disk_low, journal.trouble) == (False, "")
@@ -57,14 +56,14 @@ def test_an_unknown_run_is_told_with_what_is_there(journal):
         journal.find(9)
 
 
-def test_a_folder_or_an_index_that_is_none_is_a_fault(tmp_path):
+def test_an_unusable_folder_or_index_is_a_fault(tmp_path):
     (tmp_path / INDEX).write_text("nothing of the kind, but long enough to be read as a header" * 20)
     for folder, is_read_only in ((tmp_path / INDEX / "runs", False), (tmp_path, True)):
         with pytest.raises(JournalError, match="cannot be used"):
             Journal(folder, is_read_only=is_read_only).open()
 
 
-def test_a_journal_tells_runs_of_simulated_cells_from_those_of_real_ones(journal):
+def test_the_newest_run_is_that_of_a_simulated_or_real_cell(journal):
     assert newest_run(journal.folder, is_simulated=True) is None
     number = journal.writer.begin(replace(ROW, is_simulated=1)).run
     assert journal.find(number)  # it is written
@@ -73,7 +72,7 @@ def test_a_journal_tells_runs_of_simulated_cells_from_those_of_real_ones(journal
 
 
 @pytest.mark.parametrize("layout", [0, LAYOUT - 1, LAYOUT + 1])
-def test_an_index_of_another_layout_is_refused_and_left_as_it_is(tmp_path, layout):
+def test_an_index_of_another_layout_is_refused_unchanged(tmp_path, layout):
     with Journal(tmp_path):
         pass
     with closing(sqlite3.connect(tmp_path / INDEX)) as index:
@@ -91,7 +90,7 @@ def test_reading_makes_no_folder(tmp_path):
     assert not (tmp_path / "none").exists()
 
 
-def test_a_journal_that_is_being_written_can_be_read_and_not_written_by_others(journal):
+def test_others_can_read_an_open_journal_and_not_write_it(journal):
     number = journal.writer.begin(ROW).run
     assert journal.find(number) == replace(ROW, run=number)
     with Journal(journal.folder, is_read_only=True) as reader:
@@ -120,7 +119,7 @@ def test_a_folder_that_others_may_write_is_refused_in_one_line(tmp_path, mode):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_stages_come_back_in_order_with_what_is_not_known_left_open(journal):
+def test_stages_are_read_in_order_with_unknown_values_empty(journal):
     row = journal.writer.begin(ROW)
     stages = [
         StageRow(row.run, 1, "grasp_from_rack", 0.0, 4.0, 3.0, "success", theta=0.4, sigma=0.01),
@@ -130,7 +129,7 @@ def test_stages_come_back_in_order_with_what_is_not_known_left_open(journal):
     assert journal.stages(row.run) == stages
 
 
-def test_events_come_back_oldest_first_and_by_run(journal):
+def test_events_are_read_oldest_first_and_by_run(journal):
     for second, run in ((1, 0), (2, 7)):
         journal.writer.note(
             EventRow(0, f"2025-01-01T00:00:0{second}", 1.5, EventKind.FAULT, "SKIN_SILENT", 1001, run=run)
@@ -139,14 +138,14 @@ def test_events_come_back_oldest_first_and_by_run(journal):
     assert [event.event for event in journal.events(run=7)] == [2]
 
 
-def test_a_config_is_kept_once_and_whole_under_its_hash(journal, loaded):
+def test_a_config_is_recorded_once_under_its_hash(journal, loaded):
     for _ in range(2):
         journal.writer.keep_config(ConfigRow("abc", '{"scan_rate": 100.0}'))
     assert (journal.config("abc"), journal.config("other")) == ('{"scan_rate": 100.0}', None)
     assert config_hash(loaded.cell.model_copy(update={"scan_rate": 50.0})) != config_hash(loaded.cell)
 
 
-def test_samples_come_back_as_they_were(tmp_path, seen):
+def test_samples_are_read_as_recorded(tmp_path, seen):
     untold = replace(seen, arm=replace(seen.arm, commanded=None))
     with stream(tmp_path / "a.arrows") as samples:
         for _ in range(BATCH + 7):
@@ -167,7 +166,7 @@ def test_samples_come_back_as_they_were(tmp_path, seen):
     assert (lines[0].split(","), len(lines)) == ([*COLUMNS, *taxel_columns(40), *joints], BATCH + 8)
 
 
-def test_joints_and_the_true_poses_come_back_as_they_were(tmp_path, seen):
+def test_joints_and_true_poses_are_read_as_recorded(tmp_path, seen):
     lean = rotation_about(np.array([0.6, 0.0, 0.8]), 2.0)
     sight = Sight(peg=Pose(np.array([0.5, 0.1, 0.2]), lean), hole=Pose(np.array([0.4, 0.0, 0.1]), np.eye(3)))
     torque = np.arange(7.0)
@@ -182,7 +181,7 @@ def test_joints_and_the_true_poses_come_back_as_they_were(tmp_path, seen):
     np.testing.assert_allclose(rotation_of(quaternion), lean, atol=1e-15)
 
 
-def test_samples_of_an_earlier_version_are_read_without_what_it_did_not_record(tmp_path, seen):
+def test_samples_of_an_earlier_version_are_read_without_newer_columns(tmp_path, seen):
     with stream(tmp_path / "new.arrows") as written:
         written.add(seen, None, 3)
     with pa.OSFile(str(tmp_path / "new.arrows")) as file:
@@ -197,7 +196,7 @@ def test_samples_of_an_earlier_version_are_read_without_what_it_did_not_record(t
     assert np.isnan(samples["true_peg_x"]).all()
 
 
-def test_samples_are_readable_when_the_program_was_killed(tmp_path, seen):
+def test_samples_of_a_killed_program_are_read(tmp_path, seen):
     with stream(tmp_path / "a.arrows") as written:
         for _ in range(2 * BATCH):
             written.add(seen, None, 1)
@@ -206,7 +205,7 @@ def test_samples_are_readable_when_the_program_was_killed(tmp_path, seen):
     assert read_samples(tmp_path / "b.arrows")["stamp"].size == BATCH
 
 
-def test_a_torn_file_of_samples_is_told_after_what_the_index_knows(tmp_path, capsys):
+def test_show_prints_the_index_before_a_torn_file_of_samples(tmp_path, capsys):
     with Journal(tmp_path) as journal:
         journal.writer.finish(replace(journal.writer.begin(ROW), outcome="success", serial="A-18"))
     (tmp_path / "run-000001.arrows").write_bytes(b"x")
@@ -218,15 +217,9 @@ def test_a_torn_file_of_samples_is_told_after_what_the_index_knows(tmp_path, cap
         read_facts(tmp_path / "run-000001.arrows")
 
 
-def test_samples_that_cannot_be_read_any_more_are_counted(tmp_path, seen, capsys):
+def test_an_export_counts_the_samples_that_it_can_read(tmp_path, seen, capsys):
     with Journal(tmp_path) as journal:
-        row, block = journal.writer.begin(ROW), SampleBlock()
-        for _ in range(BATCH):
-            block.add(seen, None, 1, None)
-        journal.writer.write(row.run, block)
-        rest = SampleBlock()
-        rest.add(seen, None, 1, None)
-        journal.writer.finish(replace(row, outcome="success"), rest=rest)
+        recorded(journal, seen, scans=BATCH + 1)
     path = tmp_path / "run-000001.arrows"
     export = ["runs", "--export", "csv", "--out", str(tmp_path / "csv"), "--journal", str(tmp_path)]
     assert main(export) == GOOD
@@ -236,7 +229,7 @@ def test_samples_that_cannot_be_read_any_more_are_counted(tmp_path, seen, capsys
     assert f"{path}: torn: {BATCH} of {BATCH + 1} samples can be read" in capsys.readouterr().err
 
 
-def test_records_lie_among_the_user_s_own_data(monkeypatch, tmp_path):
+def test_the_default_folder_is_in_the_users_data(monkeypatch, tmp_path):
     monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))
     assert default_folder() == tmp_path / "tactile-insertion-cell"
     monkeypatch.delenv("XDG_DATA_HOME")

@@ -27,7 +27,7 @@ def test_lines_are_written_in_order(log):
     assert stream.getvalue() == "line 0\nline 1\nline 2\n"
 
 
-def test_whoever_logs_goes_on_where_nobody_reads_and_what_was_dropped_is_told_later(log):
+def test_a_slow_reader_delays_nobody_and_gets_the_number_dropped(log):
     reading, writing = os.pipe()
     with os.fdopen(writing, "w") as stream, os.fdopen(reading, encoding="utf-8") as reader:
         handler = PatientHandler(stream)
@@ -50,7 +50,7 @@ class Left(io.StringIO):
         raise BrokenPipeError(32, "Broken pipe")
 
 
-def test_a_reader_who_has_left_stops_nobody(log):
+def test_a_closed_stream_stops_nobody(log):
     handler = PatientHandler(Left())
     log.addHandler(handler)
     for _ in range(2):
@@ -59,7 +59,7 @@ def test_a_reader_who_has_left_stops_nobody(log):
     assert handler.dropped == 0
 
 
-def test_lines_of_one_kind_are_written_once_in_a_while(monkeypatch, caplog):
+def test_repeated_lines_are_written_once_in_ten_seconds(monkeypatch, caplog):
     now = [100.0]
     monkeypatch.setattr("cell.records.patient_log.time", SimpleNamespace(monotonic=lambda: now[0]))
     log = logging.getLogger("tests.sparse")

@@ -1,4 +1,4 @@
-"""A run's samples have a file under the run's own number; a run whose file fails goes on without it and reports that."""
+"""The file of a run's samples reserves its number, and its failure is reported."""
 
 from dataclasses import replace
 

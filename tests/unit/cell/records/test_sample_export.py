@@ -1,4 +1,4 @@
-"""Runs and samples in the hands of other people's tools."""
+"""Other programs read exported runs and samples."""
 
 import json
 
@@ -22,7 +22,7 @@ NSEC = 1_735_689_600_000_000_000  # the same start
 @pytest.fixture
 def samples(rig: Rig):
     number = record(rig, rig.journal, knows_truth=True)
-    assert rig.journal.find(number).outcome == "running"  # a reader finds all of it on the disk
+    assert rig.journal.find(number).outcome == "running"  # after this, all of it is on the disk
     return read_samples(rig.journal.samples_path(number))
 
 
@@ -31,13 +31,8 @@ def test_every_column_has_its_unit_and_frame_in_the_file(samples, tmp_path):
     schema = pq.read_schema(tmp_path / "run.parquet")
     assert [field.metadata[b"unit"].decode() for field in schema] == [unit_of(name) for name in columns_of(samples)]
     assert schema.field("force_z").metadata[b"frame"] == b"base"
-    assert (unit_of("true_peg_qw"), unit_of("true_hole_x"), unit_of("joint_7"), unit_of("taxel_left_3")) == (
-        "",
-        "m",
-        "rad",
-        "counts",
-    )
-    assert (unit_of("joint_velocity_7"), unit_of("joint_torque_1")) == ("rad/s", "N·m")
+    names = ("true_peg_qw", "true_hole_x", "joint_7", "joint_velocity_7", "joint_torque_1", "taxel_left_3")
+    assert [unit_of(name) for name in names] == ["", "m", "rad", "rad/s", "N·m", "counts"]
     assert {unit_of(name) for name in COLUMNS} == {"", "s", "m", "N", "rad"}
     assert b"without what the arm itself adds against gravity" in schema.field("joint_torque_1").metadata[b"note"]
     assert json.loads(schema.metadata[b"run"])["serial"] == ROW.serial

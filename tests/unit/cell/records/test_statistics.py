@@ -18,12 +18,12 @@ def test_interval_solves_the_score_equation(successes, attempts):
             assert deviation == pytest.approx(1.959964, abs=1e-5)
 
 
-def test_nothing_tried_says_nothing_and_the_tail_is_told():
+def test_no_trials_give_the_widest_interval_and_no_spread():
     assert (wilson(0, 0), spread([])) == ((0.0, 1.0), None)
     assert spread([1.0] * 99 + [100.0])["p95"] == 1.0
 
 
-def test_the_interval_holds_the_rate_itself_however_it_rounds():
+def test_the_interval_contains_the_rate_at_any_rounding():
     for attempts in range(1, 400):
         for successes in (0, 1, attempts - 1, attempts):
             low, high = wilson(successes, attempts)
