@@ -1,26 +1,25 @@
-"""The program beside packages of others: its files are data of `cell`, and a package that hides one of its own is named."""
+"""The installed program runs beside foreign packages, and reports one that hides its own."""
 
 import os
 import shutil
 import subprocess
 import sys
 import tomllib
-from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).parents[3]
-PACKAGES = ("cell", "drivers", "plc_bridge", "sim", "skills")
+from tests.pages import PACKAGES, ROOT
+
+SETUPTOOLS = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["setuptools"]
 
 
 @pytest.fixture(scope="module")
 def site(tmp_path_factory):
     """A folder as an installed wheel leaves it, by the mapping of packages that the wheel is built with."""
-    settings = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["setuptools"]
     folder = tmp_path_factory.mktemp("site")
     for name in PACKAGES:
         shutil.copytree(ROOT / name, folder / name, ignore=shutil.ignore_patterns("__pycache__"))
-    for name, source in settings["package-dir"].items():
+    for name, source in SETUPTOOLS["package-dir"].items():
         shutil.copytree(ROOT / source, folder.joinpath(*name.split(".")))
     return folder
 
@@ -35,13 +34,12 @@ def cell(site, foreign, *words):
 
 
 def test_no_package_named_config_is_installed(site):
-    names = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["setuptools"]["packages"]
-    assert "config" not in names
+    assert "config" not in SETUPTOOLS["packages"]
     assert not (site / "config").exists()
 
 
-def test_each_package_of_the_tree_is_installed_but_what_attacks_a_cell():
-    names = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["setuptools"]["packages"]
+def test_every_package_except_the_study_of_faults_is_installed():
+    names = SETUPTOOLS["packages"]
     folders = [each.parent.relative_to(ROOT) for name in PACKAGES for each in (ROOT / name).rglob("__init__.py")]
     assert {*names, "cell.lab.faults"} == {".".join(folder.parts) for folder in folders} | {"cell.shipped"}
     assert "cell.lab.faults" not in names

@@ -1,17 +1,14 @@
-"""The table of `docs/extend.md` counts rightly: what names a thing that is there already is what another of its kind would touch."""
+"""The table of `docs/extend.md` lists the files that name an existing thing of each kind."""
 
 import re
 from pathlib import Path
 
 import pytest
 
+from tests.pages import sources
+
 PAGE = Path("docs/extend.md").read_text(encoding="utf-8")
 ROW = re.compile(r"^\| (?P<what>[^|]+) \| (?P<new>[^|]+) \| (?P<touched>[^|]+) \|$", re.MULTILINE)
-SOURCES = {
-    str(path): path.read_text(encoding="utf-8")
-    for package in ("cell", "drivers", "plc_bridge", "sim", "skills")
-    for path in sorted(Path(package).rglob("*.py"))
-}
 SETTINGS = "pyproject.toml"
 
 
@@ -23,7 +20,7 @@ def _row(what: str) -> tuple[str, set[str]]:
 
 def _naming(pattern: str, own: str) -> set[str]:
     """Return the files that name a thing, apart from its own and those of the laboratory's studies."""
-    files = {**SOURCES, SETTINGS: Path(SETTINGS).read_text(encoding="utf-8")}
+    files = {**sources(), SETTINGS: Path(SETTINGS).read_text(encoding="utf-8")}
     return {
         name
         for name, text in files.items()
@@ -41,7 +38,7 @@ def _naming(pattern: str, own: str) -> set[str]:
         ("a peg with another kind of cross-section", r"\bRectangular\b|\"rectangular\": ", "drivers/part/rectangular"),
     ],
 )
-def test_what_names_one_that_is_there_is_what_the_page_says_to_touch(what, pattern, own):
+def test_the_page_lists_the_files_to_touch(what, pattern, own):
     count, stated = _row(what)
     assert stated == _naming(pattern, own)
     assert count == str(len(stated))
@@ -59,5 +56,5 @@ def test_a_skill_that_moves_needs_nine_names_of_this_project():
 def test_a_study_touches_the_list_of_studies():
     count, stated = _row("a study")
     assert stated == {"cell/lab/commands/study.py"}
-    assert stated == {name for name, text in SOURCES.items() if re.search(r"cell\.lab\.stability\b", text)}
+    assert stated == {name for name, text in sources().items() if re.search(r"cell\.lab\.stability\b", text)}
     assert count == "1"

@@ -1,11 +1,9 @@
-"""Functions are short enough to be read at once, and those that are not say why beside them."""
+"""Long and complex functions have a reason beside their name."""
 
 import ast
-from pathlib import Path
 
-import pytest
+from tests.pages import sources, trees
 
-PACKAGES = ("cell", "drivers", "plc_bridge", "sim", "skills")
 MOST = 60
 """Lines of a function without its docstring."""
 
@@ -17,23 +15,20 @@ def _lines(node: ast.FunctionDef | ast.AsyncFunctionDef) -> int:
     return node.end_lineno - node.lineno + 1 - docstring
 
 
-@pytest.mark.parametrize("package", PACKAGES)
-def test_a_function_of_more_than_sixty_lines_says_why_beside_its_name(package):
-    found = []
-    for path in sorted(Path(package).rglob("*.py")):
-        text = path.read_text(encoding="utf-8")
-        lines = text.splitlines()
-        for node in ast.walk(ast.parse(text)):
-            if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef) and _lines(node) > MOST:
-                reason = lines[node.lineno - 1].partition("# noqa:")[2].partition("  ")[2]
-                if len(reason.split()) < 4:
-                    found.append(f"{path}:{node.lineno}: {node.name}: {_lines(node)} lines")
-    assert found == []
+def _has_reason(line: str) -> bool:
+    return len(line.partition("# noqa:")[2].partition("  ")[2].split()) >= 4
 
 
-def test_no_complexity_is_excused_without_a_reason():
-    """The linter refuses a complexity over ten; an exception to it carries its reason in the same comment."""
-    for path in sorted(each for package in PACKAGES for each in Path(package).rglob("*.py")):
-        for line in path.read_text(encoding="utf-8").splitlines():
-            if "# noqa" in line and "C901" in line:
-                assert len(line.partition("# noqa:")[2].partition("  ")[2].split()) >= 4, f"{path}: {line}"
+def test_a_function_of_more_than_sixty_lines_has_a_reason():
+    long = [
+        (f"{path}:{node.lineno}: {node.name}: {_lines(node)} lines", sources()[path].splitlines()[node.lineno - 1])
+        for path, tree in trees().items()
+        for node in ast.walk(tree)
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef) and _lines(node) > MOST
+    ]
+    assert [name for name, line in long if not _has_reason(line)] == []
+
+
+def test_an_excused_complexity_has_a_reason():
+    lines = [f"{path}: {line}" for path, text in sources().items() for line in text.splitlines() if "C901" in line]
+    assert [line for line in lines if "# noqa" in line and not _has_reason(line)] == []

@@ -1,13 +1,13 @@
-"""Docstrings are sentences that stand on their own: what a test can see of that without reading."""
+"""Docstrings begin with a subject, and a caught `Exception` has a reason."""
 
 import ast
 import re
 from collections.abc import Iterator
-from pathlib import Path
 
 import pytest
 
-PACKAGES = ("cell", "drivers", "plc_bridge", "sim", "skills")
+from tests.pages import sources, trees
+
 FRAGMENTS = frozenset(
     (
         *("about", "above", "after", "along", "among", "as", "at", "before", "below", "between", "beyond", "beside"),
@@ -46,32 +46,33 @@ def _begins_a_fragment(text: str) -> bool:
     return first.lower() in FRAGMENTS or first in UNITS
 
 
-@pytest.mark.parametrize("package", PACKAGES)
-def test_no_docstring_begins_with_a_preposition_or_is_but_a_unit(package):
-    found = [
-        f"{path}:{line}: {text}"
-        for path in sorted(Path(package).rglob("*.py"))
-        for line, text in _fragments(ast.parse(path.read_text(encoding="utf-8")))
-    ]
+def test_no_docstring_begins_with_a_preposition_or_is_a_unit():
+    found = [f"{path}:{line}: {text}" for path, tree in trees().items() for line, text in _fragments(tree)]
     assert found == []
 
 
-def test_an_argument_that_is_a_fragment_is_found():
-    source = 'def go(speed, to):\n    """Go.\n\n    Args:\n        speed: m/s.\n        to: Of the tip, m.\n    """\n'
-    assert [text for _, text in _fragments(ast.parse(source))] == ["speed: m/s.", "to: Of the tip, m."]
+@pytest.mark.parametrize(
+    ("source", "found"),
+    [
+        (
+            'def go(speed, to):\n    """Go.\n\n    Args:\n        speed: m/s.\n        to: Of the tip, m.\n    """\n',
+            ["speed: m/s.", "to: Of the tip, m."],
+        ),
+        (
+            'def open():\n    """Connect."""\nWRIST = 1\n"""Of the arm, kg."""\nRATE = 2\n"""1/s."""\nMASS = 3\n"""Mass, kg."""\n',
+            ["Of the arm, kg.", "1/s."],
+        ),
+    ],
+)
+def test_a_fragment_is_found(source, found):
+    assert [text for _, text in _fragments(ast.parse(source))] == found
 
 
-def test_a_fragment_is_found():
-    source = 'def open():\n    """Connect."""\nWRIST = 1\n"""Of the arm, kg."""\nRATE = 2\n"""1/s."""\nMASS = 3\n"""Mass, kg."""\n'
-    assert [text for _, text in _fragments(ast.parse(source))] == ["Of the arm, kg.", "1/s."]
-
-
-@pytest.mark.parametrize("package", PACKAGES)
-def test_whoever_catches_every_exception_says_why(package):
+def test_a_caught_exception_of_every_kind_has_a_reason():
     silent = [
         f"{path}:{number}"
-        for path in sorted(Path(package).rglob("*.py"))
-        for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1)
+        for path, text in sources().items()
+        for number, line in enumerate(text.splitlines(), 1)
         if re.match(r"\s*except( (Base)?Exception( as \w+)?)?:(?!.*# \w)", line)
     ]
     assert silent == []

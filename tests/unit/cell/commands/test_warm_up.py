@@ -1,4 +1,4 @@
-"""Functions that a cell compiles before it serves, so that no scan of a program waits for a compiler."""
+"""A cell compiles its functions before it serves."""
 
 import logging
 from pathlib import Path
@@ -9,6 +9,7 @@ from cell.commands import warm_up
 from cell.config.load import LoadedConfig, load
 from cell.devices.assembly import assemble, opened
 from drivers import compiled
+from drivers.errors import CellError
 from sim.world import engine
 
 
@@ -16,13 +17,18 @@ from sim.world import engine
 def noted(tmp_path, monkeypatch):
     """Return the configs that were inserted, with a cache that has no notes."""
     inserted = []
+
+    def assemble(config):
+        inserted.append(config)
+        raise CellError("not in this test")
+
     monkeypatch.setattr(compiled, "folder", lambda: tmp_path)
     monkeypatch.setattr(warm_up, "compile_ahead", lambda: None)
-    monkeypatch.setattr(warm_up, "_insert", inserted.append)
+    monkeypatch.setattr(warm_up, "assemble", assemble)
     return inserted
 
 
-def test_one_part_of_a_kind_is_inserted_once_as_fast_as_it_goes(noted):
+def test_one_part_of_a_kind_is_inserted_once_at_full_pace(noted):
     for _ in range(2):
         warm_up.warm_up(load(sets=["reality.scale=2.0"]))
     (config,) = [each for each in noted if each.peg == load().cell.peg]
@@ -39,7 +45,7 @@ def test_another_part_and_changed_sources_are_compiled_anew(noted, monkeypatch, 
     assert len(noted) > before
 
 
-def test_a_simulation_that_keeps_no_time_compiles_where_it_is(noted):
+def test_a_simulation_without_timing_inserts_nothing_before(noted):
     warm_up.warm_up(load(sets=["sim.pace=max"]))
     assert noted == []
 
@@ -51,9 +57,9 @@ def test_the_engine_is_compiled_ahead_for_the_types_that_step_it():
     assert len(engine.advance.signatures) == 1
 
 
-def test_the_parts_of_a_real_cell_are_inserted_in_simulation_and_the_log_goes_on_afterwards(tmp_path, monkeypatch):
+def test_parts_of_a_physical_cell_are_inserted_in_simulation(monkeypatch):
     ended = []
-    monkeypatch.setattr(compiled, "folder", lambda: tmp_path)
+    monkeypatch.setattr(warm_up, "is_noted", lambda kind: False)
     serve = warm_up.Supervisor.serve
 
     def served(supervisor):

@@ -21,65 +21,67 @@ def journal(tmp_path):
         yield journal
 
 
-def test_a_simulated_run_shows_the_truth(rig, journal):
-    run = recorded(journal, record(rig, journal, knows_truth=True))
-    assert run.is_simulated
-    np.testing.assert_allclose(run.hole().position, HOLE.position)
-    np.testing.assert_allclose(run.moment(0).peg.position[2], HOLE.position[2] + 0.065 / 2 - 0.012)
+@pytest.fixture
+def simulated(rig, journal):
+    return recorded(journal, record(rig, journal, knows_truth=True))
 
 
-def test_a_physical_run_shows_the_peg_as_it_was_felt_once_the_hand_holds_it(rig, journal):
-    run = recorded(journal, record(rig, journal, knows_truth=False))
-    felt = run.moment(59).peg
-    assert not run.is_simulated
-    assert run.moment(0).peg is None
-    np.testing.assert_allclose(felt.position, held_peg(rig, 0.2).position, atol=1e-12)
-    np.testing.assert_allclose(felt.rotation, held_peg(rig, 0.2).rotation, atol=1e-12)
+@pytest.fixture
+def physical(rig, journal):
+    return recorded(journal, record(rig, journal, knows_truth=False))
 
 
-def test_an_open_hand_has_no_angle_of_a_peg_though_the_skin_told_one(rig, journal):
-    run = recorded(journal, record(rig, journal, knows_truth=True))
-    stale = replace(run, samples=run.samples | {"theta": np.full(60, 0.2)})
+def test_a_simulated_run_shows_the_truth(simulated):
+    assert simulated.is_simulated
+    np.testing.assert_allclose(simulated.hole().position, HOLE.position)
+    np.testing.assert_allclose(simulated.moment(0).peg.position[2], HOLE.position[2] + 0.065 / 2 - 0.012)
+
+
+def test_a_physical_run_shows_the_peg_as_measured_once_it_is_held(rig, physical):
+    peg, held = physical.moment(59).peg, held_peg(rig, 0.2)
+    assert not physical.is_simulated
+    assert physical.moment(0).peg is None
+    np.testing.assert_allclose(peg.position, held.position, atol=1e-12)
+    np.testing.assert_allclose(peg.rotation, held.rotation, atol=1e-12)
+
+
+def test_an_open_hand_has_no_angle_even_if_the_skin_reports_one(simulated):
+    stale = replace(simulated, samples=simulated.samples | {"theta": np.full(60, 0.2)})
     assert np.isnan(stale.theta(0))
     assert stale.theta(59) == 0.2
 
 
-def test_a_physical_run_has_its_hole_where_the_switch_closed(rig, journal):
-    run = recorded(journal, record(rig, journal, knows_truth=False))
-    x, y, z = run.hole().position
-    assert (x, y) == (run.samples["tip_x"][-1], run.samples["tip_y"][-1])
+def test_a_physical_run_has_its_hole_where_the_switch_closed(rig, physical):
+    x, y, z = physical.hole().position
+    assert (x, y) == (physical.samples["tip_x"][-1], physical.samples["tip_y"][-1])
     assert z == rig.loaded.cell.hole.centre[2]
 
 
 def test_a_physical_run_whose_switch_never_closed_has_no_hole(rig, journal):
     row = journal.writer.begin(ROW, scene_facts(rig.loaded.cell))
-    number = row.run
-    stream = SampleStream(partial(journal.writer.write, number))
+    stream = SampleStream(partial(journal.writer.write, row.run))
     stream.add(scan(rig, 0, 0.04, 0.0, is_closed=False), None, 1)
     journal.writer.finish(row, (), stream.rest())
-    assert recorded(journal, number).hole() is None
+    assert recorded(journal, row.run).hole() is None
 
 
-def test_the_scan_of_a_time_is_the_last_one_before_it(rig, journal):
-    run = recorded(journal, record(rig, journal, knows_truth=True))
-    assert [run.at(time) for time in (0.0, 2.5 * PERIOD, 1e3)] == [0, 2, 59]
+def test_the_scan_of_a_time_is_the_last_one_before_it(simulated):
+    assert [simulated.at(time) for time in (0.0, 2.5 * PERIOD, 1e3)] == [0, 2, 59]
 
 
-def test_the_tips_line_has_no_part_above_the_plate(rig, journal):
-    run = recorded(journal, record(rig, journal, knows_truth=True))
+def test_the_tips_line_has_no_part_above_the_plate(simulated):
     height = np.full(60, HOLE.position[2] + 0.05)
     height[20:40] = HOLE.position[2] + 0.001
-    run = replace(run, samples=run.samples | {"tip_z": height})
+    run = replace(simulated, samples=simulated.samples | {"tip_z": height})
     drawn = np.isfinite(run.trail(59)).all(axis=1)
     assert drawn.tolist() == [4 <= k < 8 for k in range(12)]
 
 
-def test_a_run_that_recorded_nothing_is_told(rig, journal):
+def test_a_run_without_samples_is_refused(rig, journal):
     row = journal.writer.begin(ROW, scene_facts(rig.loaded.cell))
-    number = row.run
     journal.writer.finish(row)
     with pytest.raises(JournalError, match="no samples on record"):
-        recorded(journal, number)
+        recorded(journal, row.run)
 
 
 def test_a_run_in_progress_is_read_on_as_it_grows(rig, journal):
