@@ -79,13 +79,13 @@ others write the folder of the records
  tests/unit/cell/records/test_journal.py::test_a_folder_that_others_may_write_is_refused_in_one_line
 a restart believes where the peg was
  cell.records.kept_file.KeptFile
- tests/unit/cell/peg/test_custody.py::test_what_a_full_disk_could_not_keep_is_unknown_to_the_next_program_and_kept_later
+ tests/unit/cell/peg/test_custody.py::test_a_state_lost_to_a_full_disk_is_unknown_until_written
 a lost run has moved the peg
  cell.peg.custody.Custody
- tests/unit/cell/peg/test_custody.py::test_a_file_older_than_a_lost_run_says_that_nobody_knows
+ tests/unit/cell/peg/test_custody.py::test_a_file_older_than_a_lost_run_makes_the_place_unknown
 a damaged file of the peg is believed
  cell.peg.custody.KeptPart
- tests/unit/cell/peg/test_custody.py::test_a_damaged_file_says_that_nobody_knows
+ tests/unit/cell/peg/test_custody.py::test_a_damaged_file_makes_the_place_unknown
 a reading that no sensor can give
  skills.guards.setpoint_gate.GatedArm.read
  tests/unit/skills/guards/test_setpoint_gate.py::test_an_arm_whose_readings_are_no_numbers_is_halted_once
@@ -103,7 +103,7 @@ a key runs out unseen
  tests/unit/cell/run/test_exposure.py::test_check_reports_open_ports_and_the_age_of_keys
 a port is open to everybody unseen
  cell.run.exposure.exposures
- tests/unit/cell/run/test_exposure.py::test_each_open_port_is_named_with_what_it_lets_everybody_do
+ tests/unit/cell/run/test_exposure.py::test_each_open_port_is_named_with_its_risk
 a newer dependency behaves in another way
  cell.records.provenance.installed
  tests/unit/docs/test_dependencies.py::test_every_dependency_has_an_upper_bound_and_its_pin_is_within

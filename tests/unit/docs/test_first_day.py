@@ -8,7 +8,7 @@ from tests.pages import ROOT
 PAGE = (ROOT / "docs/first-day.md").read_text(encoding="utf-8")
 
 
-def test_every_step_that_a_line_of_the_check_names_is_on_the_page():
+def test_every_step_of_the_check_is_on_the_page():
     steps = [int(number) for number in re.findall(r"^## (\d+)\. ", PAGE, re.M)]
     assert steps == list(range(1, LAST_STEP + 1))
     for name, step in STEPS.items():

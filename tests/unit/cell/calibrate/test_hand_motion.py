@@ -62,7 +62,7 @@ def test_the_setpoint_stays_in_the_workspace():
     assert jogged(held(edge), Pose(edge, HAND_DOWN), X, PERIOD, LIMITS).pose.position[0] == LIMITS.high[0]
 
 
-def test_a_jogged_tool_that_is_blocked_is_pressed_with_a_bounded_force():
+def test_a_blocked_jog_presses_with_a_bounded_force():
     pressed = held()
     for _ in range(1000):
         pressed = jogged(pressed, away(0.0), X, PERIOD, LIMITS)

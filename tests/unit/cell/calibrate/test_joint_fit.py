@@ -22,7 +22,7 @@ def passes(law, offset, noise=0.0, seed=0):
 
 
 @pytest.mark.parametrize("law", [lambda v: 0.8, lambda v: 0.5 + 0.2 * v, lambda v: 0.6 * math.tanh(5.1 * v / 2)])
-def test_friction_is_told_whatever_its_law(law):
+def test_friction_of_any_law_is_within_its_interval(law):
     found = fit(passes(law, -0.4), SPEEDS)
     for speed, (value, interval) in zip(SPEEDS, found.friction, strict=True):
         assert abs(value - law(speed)) < interval

@@ -27,7 +27,7 @@ def touches(longer=0.0, height=0.0, slopes=(0.0, 0.0), slot=(0.0, 0.0)):
     return PegTouches(np.array(slot), np.array(points))
 
 
-def test_height_slopes_and_pegs_are_told_apart():
+def test_height_slopes_and_pegs_are_separated():
     found = places_of(
         [touches(longer, 2e-3, (0.01, -0.02), (1e-3, -2e-3)) for longer in (1e-4, -1e-4, 0.0)], CONFIG, TODAY
     )
@@ -41,7 +41,7 @@ def test_height_slopes_and_pegs_are_told_apart():
     )
 
 
-def test_nothing_is_to_be_written_that_the_pegs_cannot_tell():
+def test_places_unknown_from_the_pegs_are_not_written():
     found = places_of([touches(longer, 5e-4) for longer in (1e-3, -1e-3, 0.0)], CONFIG, TODAY)
     assert found.height_interval > 2e-3
     assert found.sections == ""
@@ -57,13 +57,13 @@ def test_nothing_is_to_be_written_that_the_pegs_cannot_tell():
         ({"height": float("nan")}, r"plate: height off by nan m"),
     ],
 )
-def test_implausible_places_are_told(changed, said):
+def test_implausible_places_are_refused(changed, said):
     found = places_of([touches(), touches()], CONFIG, TODAY)
     assert implausible(found, CONFIG) is None
     assert re.match(said, implausible(replace(found, **changed), CONFIG))
 
 
-def test_the_mouth_of_a_slot_lies_on_the_axis_of_the_peg_that_stood_in_it():
+def test_the_mouth_of_a_slot_is_on_the_pegs_axis():
     hand, theta = Pose(np.array([0.45, -0.25, 0.12]), HAND_DOWN), 0.05
     peg = peg_in_finger(theta, CONFIG.peg.length)
     axis = HAND_DOWN @ peg.rotation[:, 2]

@@ -44,7 +44,7 @@ def changed(config, **sections):
     return config.model_copy(update=parts)
 
 
-def test_a_new_cell_is_in_commissioning_with_low_speed_and_low_force(physical, tmp_path):
+def test_a_new_cell_is_slow_and_gentle_in_commissioning(physical, tmp_path):
     loaded, why = in_force(physical, tmp_path / FILE)
     assert why.startswith(f"in commissioning: {', '.join(FACTS)} not proven")
     for config in loaded.recipes.values():
@@ -72,7 +72,7 @@ def test_a_proven_cell_is_as_its_file_says(physical, proven, tmp_path):
         ({"limits": {"force": 40.0}}, []),
     ],
 )
-def test_a_change_of_arm_hand_skin_switch_or_plate_asks_for_the_proof_again(physical, proven, sections, asked):
+def test_a_changed_device_or_place_needs_a_new_proof(physical, proven, sections, asked):
     assert missing(changed(physical.cell, **sections), proven) == asked
 
 
@@ -141,7 +141,7 @@ def test_a_push_on_the_hand_proves_the_sign_of_the_wrench(rig, sign, error, told
         assert prove_wrench(rig.cell, lambda text: None) == told
 
 
-def test_a_press_on_the_lever_proves_the_switch_and_nothing_else_does(rig):
+def test_only_a_press_on_the_lever_proves_the_switch(rig):
     with pytest.raises(NotCalibratedError, match="switch: not seen closed"):
         prove_switch(rig.cell, lambda text: None)
     for delay, state in ((1.0, SwitchState.CLOSED), (2.0, SwitchState.OPEN)):
@@ -160,5 +160,5 @@ def test_a_press_on_the_lever_proves_the_switch_and_nothing_else_does(rig):
         ((True, UNLIMITED, 80, {"performance", "powersave"}), ["governor"]),
     ],
 )
-def test_a_computer_that_cannot_keep_the_loop_is_told(readings, wrong):
+def test_a_computer_unfit_for_the_loop_is_reported(readings, wrong):
     assert [name for name, text in settings(*readings) if text != "ok"] == wrong

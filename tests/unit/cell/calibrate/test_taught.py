@@ -85,7 +85,7 @@ def test_places_of_no_cell_are_refused(places, why):
         ("u", UP, 0.0, "nothing to take back"),
     ],
 )
-def test_what_cannot_be_taken_is_told(key, axis, speed, told):
+def test_a_key_that_takes_no_place_is_answered(key, axis, speed, told):
     said, places = [], Shown()
     key_taken(places, RACK, said.append, key, np.zeros(3), axis, speed)
     assert told in said[0]

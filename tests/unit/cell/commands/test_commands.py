@@ -29,7 +29,7 @@ PARTS = {
 
 
 @pytest.mark.parametrize("name", PARTS)
-def test_a_command_and_a_study_have_their_parts_and_a_help_of_their_own(name, capsys):
+def test_every_command_and_study_has_its_help(name, capsys):
     summary, loaded, module = PARTS[name]
     with pytest.raises(SystemExit, match="0"):
         main([*name.split(), "--help"])
@@ -53,13 +53,13 @@ def test_a_command_and_a_study_have_their_parts_and_a_help_of_their_own(name, ca
         (["report", "--journal", "nowhere", "--program", "insert_pg"], "insert_peg"),
     ],
 )
-def test_a_slip_of_the_fingers_is_answered_with_what_was_meant(words, meant, capsys):
+def test_a_mistyped_word_is_answered_with_the_nearest(words, meant, capsys):
     assert main(words) == WRONG_USE
     assert capsys.readouterr().err.rstrip().endswith(f"; did you mean {meant}?")
 
 
 @pytest.mark.parametrize("word", ["1002", FaultCode(1002).name, FaultCode(1002).name.lower()])
-def test_one_fault_is_told_by_its_number_or_its_name(word, capsys):
+def test_one_fault_is_found_by_number_or_name(word, capsys):
     assert main(["faults", word, "--json"]) == GOOD
     assert [entry["code"] for entry in json.loads(capsys.readouterr().out)] == [1002]
 
@@ -69,7 +69,7 @@ SERIAL = "PN7[a]-[/x] :warning: [red]"
 RUN = RunRow(0, "2026-01-01T20:00:00+00:00", "insert_peg", 0, SERIAL, "plc[/]", 1)
 
 
-def test_a_serial_number_that_looks_like_markup_is_printed_as_it_is(tmp_path, capsys):
+def test_a_serial_number_like_markup_is_printed_unchanged(tmp_path, capsys):
     with Journal(tmp_path) as journal:
         journal.writer.begin(RUN)
         journal.writer.begin(replace(RUN, serial="", source="10.0.0.1"))
@@ -116,7 +116,7 @@ def test_times_are_local_with_their_zone(words, tmp_path, monkeypatch, capsys):
     assert "+00:00" not in printed
 
 
-def test_the_version_is_told_with_those_that_the_suite_ran_with(capsys):
+def test_the_version_is_printed_with_those_of_the_packages(capsys):
     with pytest.raises(SystemExit, match="0"):
         main(["--version"])
     told = capsys.readouterr().out
@@ -127,7 +127,7 @@ def test_the_version_is_told_with_those_that_the_suite_ran_with(capsys):
     assert max(map(len, told.splitlines())) <= 80
 
 
-def test_every_package_of_the_program_says_under_which_licence_it_is():
+def test_every_package_of_the_program_states_its_licence():
     licences = {line.name: line.licence for line in packages()}
     assert "not stated" not in licences.values()
     assert licences["python-can"] == "LGPL-3.0-only"  # an expression
@@ -136,7 +136,7 @@ def test_every_package_of_the_program_says_under_which_licence_it_is():
     assert licence("nobody-wrote-this") == "not installed"
 
 
-def test_the_fingerprint_of_the_program_covers_the_arm_files_where_they_are_installed(tmp_path, monkeypatch):
+def test_the_fingerprint_of_the_program_covers_the_arm_files(tmp_path, monkeypatch):
     before = versions.__wrapped__()["code"]
     monkeypatch.setattr("cell.records.provenance.ARMS", tmp_path)
     assert versions.__wrapped__()["code"] != before

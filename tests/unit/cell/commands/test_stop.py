@@ -12,20 +12,20 @@ from cell.commands.cli import GOOD, NOT_GOOD, REPEATED, Stop, main
 from cell.commands.terminal import FAULT
 
 
-def test_a_signal_interrupts_as_long_as_nobody_asks_for_it():
+def test_a_signal_interrupts_until_the_flag_is_read():
     with pytest.raises(KeyboardInterrupt):
         Stop().take(signal.SIGINT, None)
 
 
 @pytest.mark.parametrize("ask", [Stop.is_set, lambda stop: stop.wait(0.0)])
-def test_whoever_asks_for_a_signal_ends_in_its_own_way(ask):
+def test_a_command_that_reads_the_flag_ends_itself(ask):
     stop = Stop()
     assert not ask(stop)
     stop.take(signal.SIGINT, None)
     assert stop.wait(10.0)
 
 
-def test_a_signal_that_comes_while_the_event_is_locked_does_not_wait_for_itself():
+def test_a_signal_while_the_event_is_locked_does_not_deadlock():
     stop = Stop()
     stop.is_set()
     with stop._cond:  # as in the middle of a wait
@@ -33,7 +33,7 @@ def test_a_signal_that_comes_while_the_event_is_locked_does_not_wait_for_itself(
     assert stop.wait(10.0)
 
 
-def test_a_second_signal_interrupts_what_goes_on_and_one_that_comes_with_the_first_does_not(monkeypatch):
+def test_a_later_second_signal_interrupts_and_an_immediate_one_does_not(monkeypatch):
     now = iter([100.0, 100.0 + REPEATED, 100.01 + REPEATED])
     monkeypatch.setattr(time, "monotonic", lambda: next(now))
     stop = Stop()
@@ -88,7 +88,7 @@ def test_an_interruption_that_a_callback_swallows_comes_again(monkeypatch, capsy
     assert capsys.readouterr().err == "cell: stopped\n"
 
 
-def test_a_ctrl_c_while_the_program_is_still_loaded_leaves_no_traceback():
+def test_a_ctrl_c_during_loading_leaves_no_traceback():
     early = "import builtins, signal; signal.signal(signal.SIGINT, signal.default_int_handler); real = builtins.__import__\n"
     early += "def late(name, *rest):\n    if name == 'cell.commands.cli': signal.raise_signal(signal.SIGINT)\n"
     early += "    return real(name, *rest)\nbuiltins.__import__ = late\n"

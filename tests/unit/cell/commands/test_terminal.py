@@ -48,7 +48,7 @@ def test_tables_fit_80_columns_and_are_cut_nowhere(command, records, narrow):
         assert max(len(line) for line in shown.splitlines()) <= 80
 
 
-def test_runs_tell_both_times_each_under_its_name(records, narrow):
+def test_runs_show_both_times_under_their_names(records, narrow):
     main(["runs", "--journal", records])
     shown = narrow()
     assert "9.5" in shown

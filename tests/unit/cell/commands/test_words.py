@@ -20,7 +20,7 @@ def told(**fields):
         (State.IDLE, 0, PartPlace.RACK, "ready: the next peg is in the rack"),
     ],
 )
-def test_the_next_step_is_the_remedy_then_the_reset_then_the_peg(state, fault, part, steps):
+def test_the_next_steps_are_remedy_reset_and_peg(state, fault, part, steps):
     skin = FAULTS[FaultCode.SKIN_SILENT].remedy
     assert told(state=state, fault=fault, part=part) == steps.format(skin=skin)
 
@@ -32,7 +32,7 @@ def test_after_every_fault_the_reset_comes_before_the_peg(fault):
     assert steps.index("reset") < steps.index("`cell run recover`")
 
 
-def test_where_the_peg_is_why_and_what_to_do_follow_each_other_in_the_line():
+def test_one_line_has_place_evidence_and_remedy():
     evidence = PartEvidence.HAND_HOLDS | PartEvidence.TIP_IN_HOLE | PartEvidence.SWITCH_OPEN
     place = {"part": PartPlace.IN_HOLE, "part_depth": 0.012, "part_evidence": evidence, "part_width": 0.008}
     words = line(Report(state=State.ABORTED, fault=2001, **place), Diagnostics())

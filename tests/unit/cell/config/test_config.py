@@ -21,6 +21,14 @@ def line_about(*sets, path=None):
     return str(caught.value)
 
 
+def layer(folder, kind, name, text):
+    """Write a preset or a recipe of a cell in a folder, and return the file."""
+    file = folder / kind / f"{name}.toml"
+    file.parent.mkdir(exist_ok=True)
+    file.write_text(text)
+    return file
+
+
 NEARER = ["hole.centre=[0.40, 0.0, 0.1]"]
 THIN = "peg.diameter=0.004; hole.diameter=0.0041"
 LATCH = "hole.latch={kind='detent',force=%s,height=%s}"
@@ -94,7 +102,7 @@ WRONG = [
 
 
 @pytest.mark.parametrize(("sets", "told"), WRONG)
-def test_a_wrong_value_is_told_in_one_line(sets, told):
+def test_a_wrong_value_is_refused_in_one_line(sets, told):
     line = line_about(*sets.split("; "))
     assert all(word in line for word in told), line
 
@@ -111,11 +119,11 @@ TAKEN = [
 
 
 @pytest.mark.parametrize("sets", TAKEN)
-def test_what_is_just_allowed_is_taken(sets):
+def test_values_at_their_limits_are_accepted(sets):
     load(sets=sets.split("; "))
 
 
-def test_chamfers_are_part_of_peg_and_hole_and_none_is_the_default():
+def test_chamfers_belong_to_peg_and_hole_with_none_by_default():
     job = load(sets=("peg.chamfer=0.0005", "hole.chamfer=0.001")).cell.job()
     assert (job.peg.part, job.hole.part) == (Round(0.008, 5e-4), Round(0.0081, 1e-3))
     plain = load().cell.job()
@@ -131,7 +139,7 @@ def test_chamfers_are_part_of_peg_and_hole_and_none_is_the_default():
         ("limits.low=[0.2, -1.08, -0.75]", "limits.low=[0.2, -1.1, -0.75]", "along y: {reach} -1.09 to 1.09 allowed"),
     ],
 )
-def test_no_more_is_asked_of_the_arm_than_it_can_do(at, beyond, told):
+def test_limits_beyond_the_arm_are_refused(at, beyond, told):
     load(sets=[at])
     arm = "Franka Emika Panda"
     assert told.format(arm=arm, reach=f"{arm} never reaches so far;") in line_about(beyond)
@@ -145,12 +153,10 @@ def test_a_file_that_is_missing_or_not_toml_is_named(tmp_path):
 
 
 def test_file_then_preset_then_recipe_then_keys(tmp_path):
-    (tmp_path / "presets").mkdir()
-    (tmp_path / "recipes").mkdir()
     cell = tmp_path / "cell.toml"
     cell.write_text('preset = "slow"\n' + DEFAULT.read_text())
-    (tmp_path / "presets" / "slow.toml").write_text("[search]\nspeed = 0.011\ntimeout = 11.0\n")
-    (tmp_path / "recipes" / "65535.toml").write_text("[search]\ntimeout = 12.0\nheight = 0.012\n")
+    layer(tmp_path, "presets", "slow", "[search]\nspeed = 0.011\ntimeout = 11.0\n")
+    layer(tmp_path, "recipes", 65535, "[search]\ntimeout = 12.0\nheight = 0.012\n")
     found = load(cell, sets=["search.height=0.013"])
     search = found.recipes[65535].search
     assert (search.speed, search.timeout, search.height) == (0.011, 12.0, 0.013)
@@ -171,9 +177,9 @@ def test_a_command_replaces_single_values_and_no_limit(loaded):
         ("01", "", "/recipes/1.toml: recipe 1 is 01.toml, too; one file for each number allowed"),
     ],
 )
-def test_a_recipe_of_hardware_of_no_number_or_of_anothers_is_refused(name, text, told, tmp_path):
+def test_a_recipe_of_hardware_or_without_own_number_is_refused(name, text, told, tmp_path):
     shutil.copytree(DEFAULT.parent, tmp_path, dirs_exist_ok=True)
-    (tmp_path / "recipes" / f"{name}.toml").write_text(text)
+    layer(tmp_path, "recipes", name, text)
     assert told in line_about(path=tmp_path / DEFAULT.name)
 
 
@@ -188,6 +194,14 @@ def test_certificates_are_looked_for_beside_the_config_file(tmp_path):
         assert str(found.key) == "/keys/cell.key"
 
 
+@pytest.fixture
+def without_switch(tmp_path):
+    """Return the file of a cell without the section of its switch."""
+    path = tmp_path / "cell.toml"
+    path.write_text(re.sub(r'\[switch\]\nkind = "sim".*\n', "", DEFAULT.read_text()))
+    return path
+
+
 @pytest.mark.parametrize(
     ("wrong", "told"),
     [
@@ -200,20 +214,16 @@ def test_certificates_are_looked_for_beside_the_config_file(tmp_path):
         ),
     ],
 )
-def test_a_wrong_kind_of_device_is_told_in_one_line(wrong, told, tmp_path):
-    path = tmp_path / "cell.toml"
-    path.write_text(re.sub(r'\[switch\]\nkind = "sim".*\n', "", DEFAULT.read_text()))
-    line = line_about(wrong, path=path)
+def test_a_wrong_kind_of_device_is_refused_in_one_line(wrong, told, without_switch):
+    line = line_about(wrong, path=without_switch)
     assert all(word in line for word in told), line
 
 
-def test_a_simulated_device_needs_neither_section_nor_calibration(tmp_path):
-    path, text = tmp_path / "cell.toml", re.sub(r'\[switch\]\nkind = "sim".*\n', "", DEFAULT.read_text())
-    path.write_text(text)
-    assert load(path, simulate=["switch"]).cell.switch.kind == "sim"
-    path.write_text(f"calibration = 3\n{text}")
+def test_a_simulated_device_needs_neither_section_nor_calibration(without_switch):
+    assert load(without_switch, simulate=["switch"]).cell.switch.kind == "sim"
+    without_switch.write_text(f"calibration = 3\n{without_switch.read_text()}")
     with pytest.raises(ConfigError, match=r"^[^\n]*: calibration = 3: a section with[^\n]*$"):
-        load(path, simulate=["switch"])
+        load(without_switch, simulate=["switch"])
 
 
 def test_gains_beyond_the_sampled_loops_margin_are_refused_with_the_figure():
@@ -239,7 +249,7 @@ def test_gains_are_judged_at_the_cells_own_arm_and_place():
     assert abs(bent / inertia - 1.0) > 0.02
 
 
-def test_an_arm_of_ones_own_is_a_file_beside_the_config(tmp_path):
+def test_a_custom_arm_is_a_file_beside_the_config(tmp_path):
     text = arm_file("panda").read_text()
     (tmp_path / "own.toml").write_text(text.replace("flange = 0.107", "flange = 0.117"))
     (tmp_path / "cell.toml").write_text(DEFAULT.read_text().replace("[arm]\n", '[arm]\nmodel = "own.toml"\n'))
@@ -256,14 +266,14 @@ def real(tmp_path):
     return path
 
 
-def test_a_cell_takes_from_its_base_what_it_does_not_say(real):
+def test_a_cell_takes_missing_keys_from_its_base(real):
     cell, base = load(real).cell, load().cell
     assert (cell.search, cell.insert, cell.adjust) == (base.search, base.insert, base.adjust)
     assert (cell.arm.kind, base.arm.kind) == ("franka", "sim")
 
 
 @pytest.mark.parametrize("pace", ["1.0", "max"])
-def test_a_physical_cell_keeps_time_whatever_its_base_says_of_the_world(real, pace):
+def test_a_physical_cell_is_timed_at_any_pace_of_its_base(real, pace):
     physical, simulated = load(real, sets=[f"sim.pace={pace}"]).cell, load(sets=[f"sim.pace={pace}"]).cell
     assert (physical.is_simulated, simulated.is_simulated) == (False, True)
     assert (physical.first_seed, simulated.first_seed) == (0, 1)
@@ -271,7 +281,7 @@ def test_a_physical_cell_keeps_time_whatever_its_base_says_of_the_world(real, pa
     assert is_timed(simulated) == (pace == "1.0")
 
 
-def test_a_wrong_value_of_the_base_is_told_of_the_base(real):
+def test_a_wrong_value_of_the_base_names_the_base(real):
     shutil.copy(DEFAULT, real.parent / "sim.toml")
     (real.parent / "sim.toml").write_text(DEFAULT.read_text().replace("timeout = 100.0", "timeout = -1.0"))
     assert line_about(path=real).startswith(f"{real.parent / 'sim.toml'}: search.timeout")
@@ -292,7 +302,7 @@ def test_limits_and_places_are_never_those_of_the_base(real, key):
         ('base = "cell_01.toml"', "has a base of its own"),
     ],
 )
-def test_a_base_that_is_not_there_or_has_a_base_is_refused(real, text, told):
+def test_a_missing_or_nested_base_is_refused(real, text, told):
     real.write_text(text)
     assert told in line_about(path=real)
 
@@ -340,7 +350,7 @@ OBLONG = ("peg.shape=rectangular", "peg.sides=[0.008, 0.012]", "hole.sides=[0.00
 @pytest.mark.parametrize(
     ("sets", "azimuth"), [((), 0.4), (("peg.shape=square",), 0.0), (OBLONG, 0.0), (OBLONG, -3.1415), (OBLONG, 0.0009)]
 )
-def test_a_search_may_hold_a_peg_in_every_way_that_looks_as_its_hole_does(sets, azimuth):
+def test_a_search_may_turn_a_peg_by_its_symmetry(sets, azimuth):
     assert load(sets=(*sets, f"search.tilt_azimuth={azimuth}")).cell.params(SEARCH).tilt_azimuth == azimuth
 
 
@@ -348,19 +358,19 @@ def test_a_search_may_hold_a_peg_in_every_way_that_looks_as_its_hole_does(sets, 
     ("sets", "azimuth", "allowed"),
     [(("peg.shape=square",), 0.4, 1.5708), (OBLONG, 1.5708, 3.1416), (OBLONG, -0.0011, 3.1416)],
 )
-def test_a_search_that_holds_a_peg_turned_against_its_hole_is_refused(sets, azimuth, allowed):
+def test_a_search_with_a_peg_turned_otherwise_is_refused(sets, azimuth, allowed):
     with pytest.raises(
         ConfigError, match=rf"^--set: search\.tilt_azimuth = {azimuth}: .* multiples of {allowed} allowed"
     ):
         load(sets=(*sets, f"search.tilt_azimuth={azimuth}"))
 
 
-def test_equal_sides_become_the_diameter_where_a_layer_makes_the_peg_round(tmp_path):
+def test_equal_sides_become_the_diameter_of_a_round_peg(tmp_path):
     path = cell_file(tmp_path, 'shape = "square"\nsides = [0.01, 0.01]', "sides = [0.0101, 0.0101]")
     assert sizes("peg.shape=round", path=path) == (0.01, 0.0101)
 
 
-def test_a_file_that_sizes_a_square_peg_by_a_diameter_is_told_the_new_word(tmp_path):
+def test_a_diameter_of_a_square_peg_is_refused_with_its_sides(tmp_path):
     path = cell_file(tmp_path, 'shape = "square"\ndiameter = 0.008')
     line = line_about(path=path)
     assert line == f'{path}: peg.diameter = 0.008: not for peg.shape = "square"; peg.sides = [0.008, 0.008] allowed'
@@ -374,15 +384,13 @@ def test_unequal_sides_below_leave_a_round_peg_without_its_diameter(tmp_path):
 
 def test_a_recipe_sizes_its_own_shape_whatever_the_cell_has(tmp_path):
     path = cell_file(tmp_path)
-    (tmp_path / "recipes").mkdir()
-    (tmp_path / "recipes" / "7.toml").write_text(
-        '[peg]\nshape = "rectangular"\nsides = [0.012, 0.008]\n[hole]\nsides = [0.0121, 0.0081]\n'
-    )
+    text = '[peg]\nshape = "rectangular"\nsides = [0.012, 0.008]\n[hole]\nsides = [0.0121, 0.0081]\n'
+    layer(tmp_path, "recipes", 7, text)
     loaded = load(path)
     assert (loaded.cell.peg.diameter, loaded.recipes[7].peg.sides) == (0.008, (0.012, 0.008))
 
 
-def test_a_parameter_of_a_command_is_held_against_the_shape_of_the_cell():
+def test_a_parameter_of_a_command_must_fit_the_cells_shape():
     square = load(sets=("peg.shape=square",)).cell
     assert with_parameters(square, [("hole.yaw", 0.1)]).hole.sides == (0.0081, 0.0081)
     with pytest.raises(ConfigError, match=r"parameter: peg\.diameter = 0\.0079: .*peg\.sides = \[0\.0079, 0\.0079\]"):

@@ -12,6 +12,7 @@ from cell.config.keys import find, in_force, keys, planned, section_summary, tom
 from cell.config.load import load
 from cell.config.text import as_toml, commented, file_schema
 from drivers.errors import ConfigError
+from tests.unit.cell.config.test_config import cell_file, layer
 
 WRONG = '"\\u0007nothing that is allowed"'
 """A text that no key takes for a number, a choice or a section."""
@@ -46,7 +47,7 @@ def test_the_shipped_cell_is_commented_with_what_its_keys_mean():
         ("search.tilt", "[gibbons], Sec. IV"),
     ],
 )
-def test_the_source_of_a_section_is_that_of_its_keys_without_their_own(name, source):
+def test_keys_without_a_source_have_that_of_their_section(name, source):
     (key,) = find(name)
     assert key.sources == (source,)
 
@@ -67,7 +68,7 @@ def test_every_source_can_be_looked_up():
             ), (key.name, source)
 
 
-def test_a_key_says_who_may_set_it_and_a_section_is_found_whole():
+def test_a_key_has_its_setters_and_a_section_its_keys():
     (key,) = find("search.speed")
     assert "a recipe" in key.setters
     assert "a command, as parameter 1" in key.setters
@@ -82,19 +83,14 @@ def test_a_key_is_found_in_each_kind_of_its_section():
 
 
 def test_a_value_in_force_says_where_it_came_from(tmp_path):
-    file = tmp_path / "cell.toml"
-    file.write_text(
-        'base = "sim.toml"\npreset = "careful"\n[limits]\nforce = 50.0\nlow = [0.2, -0.5, 0.05]\nhigh = [0.8, 0.45, 0.8]\n'
-        "[hole]\ncentre = [0.5, 0.0, 0.1]\n[rack]\nfirst = [0.45, -0.25, 0.1]\n"
-    )
-    (tmp_path / "recipes").mkdir()
-    (tmp_path / "recipes" / "7.toml").write_text("[peg]\ndiameter = 0.0079\n")
-    loaded = load(file, sets=["grasp.force=12.0"])
+    file = cell_file(tmp_path)
+    recipe = layer(tmp_path, "recipes", 7, "[peg]\ndiameter = 0.0079\n")
+    loaded = load(file, "careful", sets=["grasp.force=12.0"])
     origins = {each.key.name: each.origin for each in in_force(loaded, 7)}
     assert origins["limits.force"] == str(file)
     assert origins["scan_rate"] == str(DEFAULT)
     assert origins["search.rest"] == str(SHIPPED / "presets" / "careful.toml")
-    assert origins["peg.diameter"] == str(tmp_path / "recipes" / "7.toml")
+    assert origins["peg.diameter"] == str(recipe)
     assert origins["grasp.force"] == "--set"
     assert origins["journal.folder"] == "default"
 
@@ -117,7 +113,7 @@ def test_a_value_is_written_as_toml(value, text):
     assert toml(value) == text
 
 
-def test_a_comment_says_what_a_key_means_and_may_be_written_again():
+def test_writing_comments_twice_changes_nothing():
     bare = '# About it.\n[search]\nspeed = 0.1 # old\nfast_axis = "y"\n\n[peg]\nlength = 0.05\n'
     once = commented(bare)
     assert "# About it.\n" in once
@@ -178,7 +174,7 @@ def test_every_key_is_refused_with_what_is_allowed():
     assert refused > 200
 
 
-def test_an_unknown_key_of_any_section_is_refused_with_those_that_it_has():
+def test_an_unknown_key_is_refused_with_those_of_its_section():
     sections = {key.name.rpartition(".")[0] for key in keys() if not key.kind and "." in key.name}
     for section in sections:
         with pytest.raises(ConfigError, match=rf"^--set: {section}\.nonsense: unknown key; \w.* allowed"):
@@ -203,11 +199,9 @@ def test_a_mistyped_key_is_answered_with_what_was_meant(wrong, meant):
         (["preset=tight", "peg.diameter=0.0075"], "--set: peg.diameter = 0.0075: thicker"),
     ],
 )
-def test_of_two_keys_that_do_not_go_together_the_one_laid_over_the_other_is_blamed(sets, blamed, tmp_path):
+def test_the_upper_layer_of_two_conflicting_keys_is_blamed(sets, blamed, tmp_path):
     (tmp_path / "cell.toml").write_text(DEFAULT.read_text())
-    preset = tmp_path / "presets" / "tight.toml"
-    preset.parent.mkdir()
-    preset.write_text("[hole]\ndiameter = 0.007\n")
+    preset = layer(tmp_path, "presets", "tight", "[hole]\ndiameter = 0.007\n")
     with pytest.raises(ConfigError) as caught:
         load(tmp_path / "cell.toml", sets=sets)
     assert str(caught.value).startswith(blamed.format(preset=preset))
@@ -221,7 +215,7 @@ def test_a_section_that_this_cell_does_not_have_is_explained_whole(section, key,
     assert "not in this cell" in told
 
 
-def test_a_plan_gives_every_figure_with_its_unit_origin_and_what_changed_it():
+def test_every_planned_figure_has_unit_origin_and_reasons():
     found = {each.name: each for each in planned(load(sets=["speed_scale=10"]))}
     speed, drawn, stall = (found[name] for name in ("insert.turn_rate", "grasp.drawing_speed", "adjust.stall_timeout"))
     assert (speed.value, speed.unit, speed.is_capped) == (2.5, "rad/s", True)

@@ -37,7 +37,7 @@ def test_a_loop_is_stable_below_its_limit_and_unstable_above():
         assert (radius(step) < 1.0) is is_stable
 
 
-def test_one_period_is_what_a_fine_integration_of_the_held_force_gives():
+def test_one_period_equals_a_fine_integration():
     gain, damping, delay, steps = 2.0, 1.0, 1.25, 20000
     x, v, earlier = 0.3, -0.1, [0.7, -0.2]
     step = one_period(ONE, gain * ONE, 0.5 * ONE, damping * ONE, 1.0, delay)
@@ -50,5 +50,5 @@ def test_one_period_is_what_a_fine_integration_of_the_held_force_gives():
     assert predicted == pytest.approx([x, v, 0.3, 0.7], abs=1e-4)
 
 
-def test_what_is_measured_without_delay_has_no_limit():
+def test_a_loop_without_delay_has_no_limit():
     assert largest_factor(lambda factor: (ONE, 0.0 * ONE, factor * ONE, ONE), 0.1, 2.0) == MOST

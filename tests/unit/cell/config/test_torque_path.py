@@ -39,13 +39,13 @@ def held_swing(arm, factor=1.0):
 
 
 @pytest.mark.parametrize(("damping_ratio", "share", "swings"), [(1.0, 0.0, False), (5.0, 0.0, True), (5.0, 2.0, False)])
-def test_an_arm_swings_where_it_is_damped_for_more_inertia_than_it_has(damping_ratio, share, swings):
+def test_an_arm_damped_for_too_much_inertia_swings(damping_ratio, share, swings):
     light = ARM.model_copy(update={"torque_path": ARM.torque_path.model_copy(update={"rotor_share": share})})
     assert (swing(light, damping_ratio) > 1.0) == swings
 
 
 @pytest.mark.parametrize(("times", "share", "swings"), [(1.0, 0.0, False), (10.0, 0.0, True), (10.0, 0.4, False)])
-def test_a_halted_arm_swings_in_theory_where_it_does_in_the_whole_physics(times, share, swings):
+def test_a_halted_arm_swings_in_theory_as_in_physics(times, share, swings):
     """The three cases are those of tests/line/test_arm_truth.py: believed rotors of so many times the shipped ones, and the share that shows."""
     rotors = tuple(times * rotor for rotor in ARM.joints.rotor_inertia)
     assert (held_swing(arm_with(rotors, rotor_share=share)) > 1.0) == swings
@@ -57,7 +57,7 @@ def test_the_hold_of_every_shipped_arm_bears_its_path(model):
 
 
 @pytest.mark.parametrize("model", ["panda", "fr3"])
-def test_a_hold_counts_on_no_more_than_so_many_times_the_least_inertia(model):
+def test_a_hold_bears_the_range_of_rotor_inertia(model):
     """Then it bears its path, whatever was learnt of the rotors, where a joint bears it that has so many times less inertia."""
     arm = load(sets=[f"arm.model={model}"]).cell.arm_model()
     q, rotors = np.array(arm.home), np.diag(arm.joints.rotor_inertia)
@@ -72,7 +72,7 @@ def test_a_hold_counts_on_no_more_than_so_many_times_the_least_inertia(model):
     assert held_swing(single, MARGIN) < 1.0
 
 
-def test_an_arm_whose_torques_come_too_late_for_its_hold_is_refused_in_one_line():
+def test_an_arm_with_torques_too_late_to_hold_is_refused():
     place = CELL.place()
     late = replace(place, arm=arm_with(transport=0.01, cutoff=20.0))
     assert is_steady(None, place)
@@ -80,7 +80,7 @@ def test_an_arm_whose_torques_come_too_late_for_its_hold_is_refused_in_one_line(
         require_steady({}, late)
 
 
-def test_the_later_torques_act_and_the_lower_the_filter_the_less_they_may_be():
+def test_later_and_slower_torques_swing_more():
     grown = [
         swing(arm_with(transport=transport, cutoff=cutoff), 1.0, factor=6.0)
         for transport, cutoff in ((0.001, 1e4), (0.002, 100.0), (0.004, 30.0))
@@ -112,7 +112,7 @@ class OnItsWay(Gains):
 
 
 @pytest.mark.parametrize(("kind", "swings"), [(Gains, True), (OnItsWay, False)])
-def test_an_upright_hand_on_its_way_bears_torques_as_late_as_a_careless_arms_where_no_rotor_shows(kind, swings):
+def test_an_upright_hand_in_transfer_bears_late_torques_without_rotors(kind, swings):
     """Its damping is meant for rotors; the hand's own axis has the least inertia beside them."""
     path = ARM.torque_path.model_copy(update={"rotor_share": 0.0, "transport": 2 * 0.002, "cutoff": 1e4})
     bare = ARM.model_copy(update={"torque_path": path})

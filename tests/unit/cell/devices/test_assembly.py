@@ -57,7 +57,7 @@ def test_only_cables_of_simulated_devices_can_be_pulled(sets, cables):
         ([ARM.replace("40.0", "400.0")], "collision_torque = 400.0"),
     ],
 )
-def test_what_does_not_go_together_is_told_in_one_line(sets, told):
+def test_devices_that_do_not_go_together_are_refused_in_one_line(sets, told):
     with pytest.raises(ConfigError, match=rf"\A[^\n]*{told}[^\n]*\Z"):
         load(sets=sets)
 

@@ -23,7 +23,7 @@ class BusyClock(FakeClock):
         self.time = max(self.time, stamp + self.late.pop(0))
 
 
-def test_a_clock_may_be_late_by_half_a_scan_and_three_times_by_more():
+def test_a_clock_may_be_three_times_late_by_half_a_scan():
     for late in ([0.0049] * SCANS, [0.0] * (SCANS - 3) + [0.02] * 3):
         assert check_clock(BusyClock(late), 0.01) == "ok"
     told = check_clock(BusyClock([0.0] * (SCANS - 5) + [0.0051] * 4 + [0.02]), 0.01)
@@ -33,7 +33,7 @@ def test_a_clock_may_be_late_by_half_a_scan_and_three_times_by_more():
 @pytest.mark.parametrize(
     ("reading", "told"), [(SwitchState.OPEN, "ok"), (SwitchState.CLOSED, "stuck"), (SwitchState.UNKNOWN, "unknown")]
 )
-def test_a_switch_that_is_not_open_in_an_empty_cell_is_told(reading, told):
+def test_a_switch_must_be_open_in_an_empty_cell(reading, told):
     assert told in verdict(reading, "parallelogram")
 
 
@@ -41,7 +41,7 @@ def test_a_switch_that_is_not_open_in_an_empty_cell_is_told(reading, told):
     ("missed", "rate", "is_good"),
     [(0, 1.0, True), (5, LEAST_IN_TIME, True), (6, 1.0, False), (0, LEAST_IN_TIME - 0.01, False)],
 )
-def test_a_torque_loop_that_does_not_keep_its_time_is_told(missed, rate, is_good):
+def test_a_late_torque_loop_is_reported(missed, rate, is_good):
     told = loop_verdict(LoopFigures(500, missed, rate, TIMES, TIMES, True, 0.73, 0.0))
     assert told == "ok" if is_good else f"missed {missed} of 500 states" in told and "PREEMPT_RT" in told
 
@@ -57,12 +57,12 @@ def test_a_torque_loop_that_does_not_keep_its_time_is_told(missed, rate, is_good
         (0.73, 0.0, 36.0, ["load"]),
     ],
 )
-def test_a_wrong_end_effector_and_a_missing_load_are_told_apart(end_effector, load, force, wrong):
+def test_a_wrong_end_effector_and_a_missing_load_are_distinguished(end_effector, load, force, wrong):
     figures = LoopFigures(500, 0, 1.0, TIMES, TIMES, True, end_effector, load)
     found = hand_verdicts(figures, read_arm(arm_file("fr3")).hand, force, 35.0)
     assert [name for name, text in found if text != "ok"] == wrong
 
 
-def test_a_reflex_is_told_with_what_to_do():
+def test_a_reflex_is_reported_with_its_remedy():
     assert remedy(ArmReflexError("arm: self-collision")).startswith("fault 2002: arm: self-collision: ")
     assert remedy(SkinSilentError("skin: see the cable")) == "fault 1001: skin: see the cable"

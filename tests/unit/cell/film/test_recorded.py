@@ -37,7 +37,7 @@ def test_a_simulated_run_shows_the_truth(simulated):
     np.testing.assert_allclose(simulated.moment(0).peg.position[2], HOLE.position[2] + 0.065 / 2 - 0.012)
 
 
-def test_a_physical_run_shows_the_peg_as_measured_once_it_is_held(rig, physical):
+def test_a_physical_run_shows_the_held_peg_as_measured(rig, physical):
     peg, held = physical.moment(59).peg, held_peg(rig, 0.2)
     assert not physical.is_simulated
     assert physical.moment(0).peg is None
@@ -45,7 +45,7 @@ def test_a_physical_run_shows_the_peg_as_measured_once_it_is_held(rig, physical)
     np.testing.assert_allclose(peg.rotation, held.rotation, atol=1e-12)
 
 
-def test_an_open_hand_has_no_angle_even_if_the_skin_reports_one(simulated):
+def test_an_open_hand_has_no_in_hand_angle(simulated):
     stale = replace(simulated, samples=simulated.samples | {"theta": np.full(60, 0.2)})
     assert np.isnan(stale.theta(0))
     assert stale.theta(59) == 0.2

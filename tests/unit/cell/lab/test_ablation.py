@@ -56,7 +56,7 @@ def trial(time: float, acted: str = "", outcome: str = "success") -> TrialRow:
 WHOLE = {1: trial(4.0), 2: trial(6.0, "probe; push-back")}
 
 
-def test_a_seed_on_which_a_rule_did_not_act_is_a_pair_without_difference():
+def test_a_seed_without_action_is_a_pair_without_difference():
     [found] = effect("push-back", "honest", WHOLE, {2: trial(7.0)})
     assert (found.trials, found.acted, found.lost) == (2, 1, 0)
     assert found.time == pytest.approx(0.1)

@@ -13,7 +13,7 @@ USUAL = Dip(hole=8.1e-3, peg=8e-3, tilt=TILT, depth=3e-4, push=6.0, mass=4.2)
 
 
 @pytest.mark.parametrize("depth", [1e-5, 1e-4, 1e-3, 2e-3])
-def test_the_width_of_an_end_is_that_of_its_rim_where_it_crosses_the_surface(depth):
+def test_the_half_width_is_that_of_the_rim_at_the_surface(depth):
     radius = 4e-3
     angle = np.linspace(-math.pi / 2, math.pi / 2, 2_000_001)
     # The rim from its lowest point on, beside it and above it.
@@ -23,17 +23,17 @@ def test_the_width_of_an_end_is_that_of_its_rim_where_it_crosses_the_surface(dep
 
 @pytest.mark.parametrize("dip", [THIN, USUAL])
 @pytest.mark.parametrize("speed", [0.05, 0.115, 0.2])
-def test_a_pass_at_the_border_of_the_band_has_just_room_to_fall(dip, speed):
+def test_a_pass_at_the_border_just_falls(dip, speed):
     offset = dip.band(speed) / 2
     chord = 2 * math.sqrt((dip.hole / 2) ** 2 - offset**2)
     assert chord == pytest.approx(speed * dip.time + half_width(dip.depth, dip.peg, dip.tilt))
 
 
-def test_there_is_no_band_where_the_peg_is_over_the_hole_for_too_short_a_time():
+def test_a_pass_too_fast_to_fall_has_no_band():
     assert USUAL.band(0.5) == 0.0
 
 
-def test_the_shortest_cover_is_that_of_lanes_that_turn_within_the_area():
+def test_the_shortest_cover_turns_within_the_area():
     best = THIN.shortest((0.06, 0.06))
     assert best.speed == pytest.approx(0.2, abs=0.01)
     assert best.lanes == 21
@@ -59,12 +59,12 @@ LEVER = np.array([0.05, 0.0, 0.15])
 BODY = inertia_of(3.0, 0.02, LEVER)
 
 
-def test_a_body_that_turns_about_a_point_is_held_there_by_its_mass_times_the_acceleration_of_its_centre():
+def test_the_force_of_a_turn_is_mass_times_acceleration():
     axis = np.array([0.0, 1.0, 0.0])
     assert turning_force(BODY, axis) == pytest.approx(3.0 * np.cross(axis, LEVER))
 
 
-def test_a_force_through_the_centre_of_mass_feels_the_whole_mass_and_one_beside_it_less():
+def test_the_mobility_of_a_body_is_exact_beside_its_centre():
     along = LEVER / np.linalg.norm(LEVER)
     assert mobility(BODY, along) == pytest.approx(3.0)
     square = np.array([0.15, 0.0, -0.05]) / math.hypot(0.15, 0.05)
@@ -83,7 +83,7 @@ def test_a_peg_that_nothing_damps_falls_evenly_accelerated():
     assert depths[-1] == pytest.approx(0.02, rel=0.01)
 
 
-def test_a_damped_peg_goes_down_at_push_over_damping_and_arrives_at_a_third_of_it():
+def test_a_damped_peg_descends_at_push_over_damping():
     damping = 1.5 * critical_damping(1000.0, 6.4)
     times, depths = Down(11.0, 6.4, damping, arrival=5e-3, factor=3.0).descent(0.0, 0.02)
     speed = np.gradient(depths, times)

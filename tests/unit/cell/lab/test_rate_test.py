@@ -53,7 +53,7 @@ def coverage(test: RateTest | LevelTest, share: float, most: int = MOST) -> floa
 
 
 @pytest.mark.parametrize("test", [RateTest(good=0.02, bad=0.25, least=6), RateTest(good=0.01, bad=0.05, least=8)])
-def test_wilson_intervals_where_a_test_ends_hold_the_true_share_in_at_least_85_percent(test):
+def test_wilson_intervals_of_stopped_tests_cover_85_percent(test):
     assert min(coverage(test, share / 1000) for share in (2, 5, 10, 15, *range(20, 1000, 60))) > 0.85
 
 

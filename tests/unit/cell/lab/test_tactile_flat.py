@@ -20,7 +20,7 @@ def _loads(peg, depth):
     return layer_pads(LAYOUT).readings(0.0, 0.0, ((depth, 0.0), (depth, 0.0)), reach, peg.part.face)[1]
 
 
-def test_a_flat_face_is_pressed_in_as_far_as_the_grip_presses_it():
+def test_the_depth_of_a_flat_face_balances_the_grip():
     peg = load(sets=OBLONG).cell.peg
     low, high = depths_of(peg, LAYOUT)
     np.testing.assert_allclose(_loads(peg, (low + high) / 2), GRIP, rtol=0.01)
@@ -32,7 +32,7 @@ def test_a_round_peg_is_pressed_in_as_ever():
 
 
 @pytest.mark.parametrize("model", ["springs", "layer"])
-def test_the_print_of_a_face_is_as_broad_as_the_face_and_not_as_the_part_is_thick(model):
+def test_the_print_is_as_broad_as_the_face(model):
     breadths = []
     for sides in (0.004, 0.012):
         cell = load(
@@ -45,7 +45,7 @@ def test_the_print_of_a_face_is_as_broad_as_the_face_and_not_as_the_part_is_thic
     assert breadths[1] > 1.3 * breadths[0]
 
 
-def test_a_profile_is_flat_as_far_as_the_face_reaches_and_else_the_circle_of_the_section():
+def test_a_profile_is_the_flat_face_or_the_circle():
     beside = np.array([0.0, 0.0019, -0.002, 0.0021])
     np.testing.assert_array_equal(Rectangular(0.008, 0.004).face.profile(beside), [0.0, 0.0, 0.0, math.inf])
     profile = Round(0.008).face.profile(np.array([0.0, 0.002, 0.0037, 0.004]))

@@ -49,7 +49,7 @@ def test_the_table_has_the_promised_columns_and_empty_cells(tmp_path):
     assert drawn.items() <= seated.items() & row.items()
 
 
-def test_the_summary_has_the_config_and_counts_a_void_as_a_failure(loaded):
+def test_a_summary_has_the_config_and_counts_voids_as_failures(loaded):
     summary = summarise([ROW, replace(ROW, seed=4, outcome="void")], loaded.cell)
     assert (summary["success_rate"], summary["outcomes"]["void"]) == (0.5, 1)
     assert summary["config"]["peg"]["diameter"] == loaded.cell.peg.diameter
@@ -61,9 +61,7 @@ def test_times_are_those_of_the_successes(loaded):
 
 
 @pytest.mark.parametrize("order", [(1, 2, 3, 4, 5, 6), (3, 1, 2, 6, 5, 4), (6, 5, 4, 3, 2, 1)])
-def test_rows_end_with_the_least_number_of_first_seeds_that_is_enough_in_whatever_order_they_finish(
-    loaded, monkeypatch, tmp_path, order
-):
+def test_rows_end_with_the_first_seeds_in_any_order_of_finish(loaded, monkeypatch, tmp_path, order):
     def on_processes(task, missing, workers, is_enough):
         for seed in order:
             yield replace(ROW, seed=seed)
@@ -83,7 +81,7 @@ def interrupted(folder, config, rows, rest=""):
     (folder / PARTIAL).write_text("\n".join(lines) + "\n" + rest)
 
 
-def test_a_killed_call_is_taken_up_where_it_was_and_a_longer_one_goes_on(loaded, ran, tmp_path):
+def test_a_killed_call_is_resumed_and_a_longer_one_continues(loaded, ran, tmp_path):
     interrupted(tmp_path, loaded.cell, [replace(ROW, seed=1), replace(ROW, seed=3)], rest='{"seed": 2, "outc')
     done = []
     rows = run_trials(loaded.cell, [3, 1, 2], 2, tmp_path, done.append)
@@ -113,27 +111,31 @@ def test_another_config_starts_anew(loaded, ran, tmp_path):
     assert ran == [1, 2]
 
 
-def test_a_folder_that_cannot_be_made_is_told(loaded, ran, tmp_path):
+def test_a_folder_that_cannot_be_made_is_refused(loaded, ran, tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(ConfigError, match="--out"):
         run_trials(loaded.cell, [1], 1, tmp_path / "file" / "out", lambda row: None)
 
 
-def test_the_summary_tells_how_hard_and_how_abruptly(loaded):
+def test_the_summary_has_forces_and_jerks(loaded):
     told = summarise([ROW, replace(ROW, seed=4, peak_contact_force=23.0, time_over_20N=0.3)], loaded.cell)["loads"]
     assert (told["peak_contact_force"]["largest"], told["time_over_20N"]["largest"]) == (23.0, 0.3)
     assert told["jerk_contact"] == {"mean": 300.0, "median": 300.0, "p95": 300.0, "n": 2, "largest": 300.0}
 
 
-def test_the_table_of_loads_fits_eighty_columns_and_counts_what_keeps_to_20_newtons():
+def printed(table):
+    """Return a table as on a terminal of 80 columns."""
     console = Console(width=80, record=True, file=io.StringIO())
-    console.print(loads([ROW, replace(ROW, seed=4, peak_contact_force=23.0, time_over_20N=0.3)]))
-    told = console.export_text()
+    console.print(table)
+    return console.export_text()
+
+
+def test_the_table_of_loads_counts_trials_within_20_newtons():
+    told = printed(loads([ROW, replace(ROW, seed=4, peak_contact_force=23.0, time_over_20N=0.3)]))
     assert "1 of 2 trials within 20 N" in told
     assert re.search(r"time above 20 N \(s\) +│ +0\.15 │ +0\.2\d │ +0\.30", told)
 
 
 def test_the_parts_of_a_cycle_add_up_to_it():
-    console = Console(width=80, record=True, file=io.StringIO())
-    console.print(phases([replace(ROW, adjust_time=2.0, cycle_time=25.0), replace(ROW, outcome="failure")]))
-    assert re.search(r"transfers and release +│ +6\.0 │ +24 ", console.export_text())
+    told = printed(phases([replace(ROW, adjust_time=2.0, cycle_time=25.0), replace(ROW, outcome="failure")]))
+    assert re.search(r"transfers and release +│ +6\.0 │ +24 ", told)

@@ -37,7 +37,7 @@ def test_a_wish_is_read_with_and_without_units():
         ("", "p95<=8 s, force<=20 N"),
     ],
 )
-def test_a_wish_that_says_nothing_is_told_what_is_allowed(wrong, told):
+def test_an_invalid_wish_is_refused_with_what_is_allowed(wrong, told):
     with pytest.raises(ConfigError, match=re.escape(told)):
         wishes_of(wrong)
 
@@ -55,7 +55,7 @@ def test_a_trial_that_just_fulfils_the_wish_costs_one():
         ({"total_time": 10.0}, {"total_time": 6.0, "peak_contact_force": 25.0}),
     ],
 )
-def test_what_is_further_from_the_wish_costs_more(dearer, cheaper):
+def test_trials_further_from_the_wish_cost_more(dearer, cheaper):
     assert cost(replace(SEATED, **dearer), WISHES) > cost(replace(SEATED, **cheaper), WISHES)
     assert cost(replace(SEATED, total_time=1000.0), WISHES) == LOST
 
@@ -86,7 +86,7 @@ def test_between_two_settings_every_figure_lies_between_theirs():
     assert not any(text.startswith("insert.") for text in sets)
 
 
-def test_a_recipe_is_read_as_the_setting_that_it_was_made_of(tmp_path):
+def test_a_written_recipe_is_read_as_its_setting(tmp_path):
     space = Space(None, [])
     sets = space.sets({"search": 0.3, "insert": 0.7})
     (tmp_path / "recipes").mkdir()

@@ -46,7 +46,7 @@ def test_a_hand_that_holds_no_peg_has_no_angle(run):
     assert theta[is_held] == pytest.approx(0.2)
 
 
-def test_the_hole_is_the_true_one_or_where_the_switch_closed(run):
+def test_a_replay_has_the_true_hole_or_the_switchs(run):
     head, rows, knows_truth = run
     x, y = (rows[-1, head["names"].index(name)] for name in "xy")
     assert head["hole"] == pytest.approx(HOLE.position[:2] if knows_truth else [x, y], abs=1e-5)

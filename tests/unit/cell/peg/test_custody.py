@@ -56,7 +56,7 @@ def rack(loaded):
     return loaded.cell.rack.model_copy(update={"refill": "asked"})
 
 
-def test_the_next_program_knows_what_the_last_one_knew(program):
+def test_the_state_of_the_peg_is_kept_for_the_next_program(program):
     first = program().is_empty().holds()
     assert first.flush()
     second = program().is_empty()
@@ -72,7 +72,7 @@ def test_the_evidence_outlives_the_program(program):
     assert program().is_empty().part == replace(first.part, basis=first.part.basis | PartEvidence.RECORD)
 
 
-def test_the_next_program_knows_how_far_the_hand_has_slid_down_the_peg(program, places):
+def test_the_slide_is_kept_for_the_next_program(program, places):
     (x, y, z), first = places.hole.centre, program()
     first.places = replace(places, bears=12.5)
     for depth in (0.0, 0.006):
@@ -85,7 +85,7 @@ def test_the_next_program_knows_how_far_the_hand_has_slid_down_the_peg(program, 
     assert (second.part.place, second.part.slid) == (PartPlace.IN_HAND, pytest.approx(0.006))
 
 
-def test_a_file_of_an_earlier_version_has_the_place_and_the_first_look_the_bits(tmp_path, program):
+def test_the_first_look_adds_the_bits_to_an_older_file(tmp_path, program):
     before = {"place": "ON_PLATE", "evidence": "fell", "is_held": False, "depth": 0.0, "tip": [0, 0, 0], "emptied": 2}
     (tmp_path / FILE).write_text(json.dumps(before))
     look = PartEvidence.HAND_EMPTY | PartEvidence.SWITCH_OPEN
@@ -93,7 +93,7 @@ def test_a_file_of_an_earlier_version_has_the_place_and_the_first_look_the_bits(
 
 
 @pytest.mark.parametrize(("has_run", "place"), [(False, PartPlace.RACK), (True, PartPlace.UNKNOWN)])
-def test_without_a_file_only_a_cell_that_never_ran_has_its_peg_in_the_rack(tmp_path, program, has_run, place):
+def test_without_a_file_only_a_new_cell_has_its_peg_racked(tmp_path, program, has_run, place):
     with Journal(tmp_path) as journal:
         if has_run:
             journal.writer.begin(RUN)
@@ -120,7 +120,7 @@ DAMAGED += [json.dumps(SOUND).replace("0.0", "1e400"), json.dumps(SOUND).replace
 
 
 @pytest.mark.parametrize("text", DAMAGED, ids=range(len(DAMAGED)))
-def test_a_damaged_file_says_that_nobody_knows(tmp_path, program, text):
+def test_a_damaged_file_makes_the_place_unknown(tmp_path, program, text):
     (tmp_path / FILE).write_text(text)
     part = program().is_empty().part
     assert part.place is PartPlace.UNKNOWN
@@ -132,7 +132,7 @@ def test_an_index_that_cannot_be_read_may_have_runs(tmp_path, program):
     assert program().is_empty().part.place is PartPlace.UNKNOWN
 
 
-def test_what_a_full_disk_could_not_keep_is_unknown_to_the_next_program_and_kept_later(tmp_path, program):
+def test_a_state_lost_to_a_full_disk_is_unknown_until_written(tmp_path, program):
     first, file = program().is_empty(), tmp_path / FILE
     assert first.flush()
     assert json.loads(file.read_text())["place"] == "RACK"
@@ -146,7 +146,7 @@ def test_what_a_full_disk_could_not_keep_is_unknown_to_the_next_program_and_kept
 
 
 @pytest.mark.parametrize(("hours", "place"), [(-1, PartPlace.UNKNOWN), (1, PartPlace.RACK)])
-def test_a_file_older_than_a_lost_run_says_that_nobody_knows(tmp_path, program, hours, place):
+def test_a_file_older_than_a_lost_run_makes_the_place_unknown(tmp_path, program, hours, place):
     file = tmp_path / FILE
     file.write_text(json.dumps(SOUND))
     began = datetime.now(UTC)
@@ -158,7 +158,7 @@ def test_a_file_older_than_a_lost_run_says_that_nobody_knows(tmp_path, program, 
     assert ("older than the last run, which was lost" in part.evidence) == (hours < 0)
 
 
-def test_the_rack_empties_slot_by_slot_and_is_full_again_when_told(program, rack):
+def test_the_rack_empties_slot_by_slot_until_refilled(program, rack):
     custody = program().is_empty()
     assert [custody.take(rack) for _ in range(rack.slots)] == list(range(rack.slots))
     assert custody.refusal(OPEN, rack, recovers_first=False) is Refusal.RACK_EMPTY
@@ -176,7 +176,7 @@ def test_a_feeder_goes_round_the_slots_for_ever(program, loaded):
     assert custody.refusal(OPEN, rack, recovers_first=False) is Refusal.PART_UNRESOLVED
 
 
-def test_a_person_who_clears_is_believed_until_the_hand_says_otherwise(program):
+def test_a_cleared_peg_is_racked_until_the_hand_holds_one(program):
     custody = program().holds()
     custody.clear()
     assert custody.part.place is PartPlace.RACK

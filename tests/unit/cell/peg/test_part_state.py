@@ -128,7 +128,7 @@ def test_depth_and_switch_place_a_held_peg(peg, depth, switch, place):
 @pytest.mark.parametrize(
     ("beyond", "place"), [(HOLE_MARGIN - EPSILON, IN_HOLE), (HOLE_MARGIN + EPSILON, IN_HAND), (0.006, IN_HAND)]
 )
-def test_a_held_peg_is_in_the_hole_up_to_a_margin_beside_its_area(peg, axis, beyond, place):
+def test_a_peg_is_in_the_hole_within_a_margin_of_the_area(peg, axis, beyond, place):
     tip = list(peg.at(0.02))
     tip[axis] -= peg.places.hole.area[axis] / 2 + beyond
     assert peg.look(tuple(tip)).place is place
@@ -355,7 +355,7 @@ def test_a_start_needs_the_last_peg_resolved_or_recoverable(place, is_held, reco
         (OPEN, True, Refusal.RACK_EMPTY),
     ],
 )
-def test_a_start_wants_an_open_switch_and_a_peg_in_the_rack(switch, is_rack_empty, refusal):
+def test_a_start_needs_an_open_switch_and_a_peg(switch, is_rack_empty, refusal):
     assert refusal_of(EMPTY, switch, is_rack_empty, recovers_first=False) is refusal
 
 
@@ -438,7 +438,7 @@ def test_the_words_name_each_bit_and_the_width(bits, words):
 # A hand whose arm reports nothing.
 
 
-def test_a_hand_that_closes_while_the_arm_is_silent_holds_its_peg(peg):
+def test_a_hand_closing_while_the_arm_is_silent_holds_its_peg(peg):
     assert peg.by_hand(gripping=False) is EMPTY
     assert peg.by_hand(gripping=True, width=peg.places.thickness + 1.1 * WIDTH_TOLERANCE) is EMPTY
     now = peg.by_hand(gripping=True)
@@ -503,7 +503,7 @@ def test_the_slide_is_subtracted_from_the_depth_in_the_hole(sliding):
         assert (now.place, now.slid) == (place, pytest.approx(0.003))
 
 
-def test_a_hand_that_rises_or_lets_go_forgets_how_far_it_slid(sliding):
+def test_a_hand_that_rises_or_releases_resets_the_slide(sliding):
     assert press(sliding, [0.0, 0.003, -0.002], 2.0 * BEARS).slid == 0.0
     press(sliding, [0.0, 0.003], 20.0)
     sliding.look((0.3, 0.3, 0.3), gripping=False)

@@ -127,7 +127,7 @@ def silent(rig, watch):
     return watch
 
 
-def test_a_hand_that_closes_while_the_arm_is_silent_holds_its_peg(rig, silent):
+def test_a_hand_closing_while_the_arm_is_silent_holds_its_peg(rig, silent):
     silent.end()
     assert silent.part.place is PartPlace.RACK
     rig.gripper.grip(30.0)

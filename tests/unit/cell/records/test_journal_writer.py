@@ -287,7 +287,7 @@ def test_a_folder_that_cannot_be_used_is_a_fault(tmp_path):
     writer.close()
 
 
-def test_begin_and_end_of_a_run_are_recorded_however_many_samples_wait(tmp_path, seen):
+def test_begin_and_end_are_recorded_behind_any_samples(tmp_path, seen):
     block = SampleBlock()
     block.add(seen, None, 1, None)
     writer = JournalWriter(tmp_path, JournalConfig())
@@ -303,7 +303,7 @@ def test_begin_and_end_of_a_run_are_recorded_however_many_samples_wait(tmp_path,
         assert (journal.find(second.run).outcome, journal.find(second.run).samples) == ("success", 1)
 
 
-def test_the_thread_of_the_writer_has_a_name_and_leaves_nothing_open(tmp_path):
+def test_the_writers_thread_is_named_and_leaves_nothing_open(tmp_path):
     before = set(threading.enumerate())
     with Journal(tmp_path) as journal:
         journal.writer.begin(ROW)
@@ -412,7 +412,7 @@ def test_a_refused_row_is_retried_every_second(turned, refuse, caplog):
     assert turned.writer.trouble == ""
 
 
-def test_a_closing_writer_retries_ten_times_as_often_until_its_time_is_over(turned, refuse):
+def test_a_closing_writer_retries_faster_until_its_time_is_over(turned, refuse):
     tried = refuse(10**6, BUSY)
     assert turned.work(20.0) == pytest.approx(20.0 + CLOSING_TIME, abs=RETRY_AFTER + 0.2)
     assert np.diff(tried)[-20:] == pytest.approx([RETRY_AFTER / 10.0] * 20, abs=0.051)
@@ -436,7 +436,7 @@ def test_a_torn_index_that_cannot_be_set_aside_is_reported(tmp_path, turned, ref
     assert turned.writer.trouble == ""
 
 
-def test_an_error_inside_the_writer_is_reported_and_its_files_are_closed(tmp_path, turned):
+def test_an_error_inside_the_writer_is_reported(tmp_path, turned):
     turned.after(5.0, lambda: turned.writer.write(99, SampleBlock()))  # a run that never began
     assert turned.work(50.0) < 50.0
     assert turned.writer.trouble == "the journal's writer ended: KeyError: 99"

@@ -235,7 +235,7 @@ SELECT
 """
 
 
-def test_duckdb_finds_the_same_yield_losses_and_times_in_the_exported_runs(tmp_path, capsys):
+def test_duckdb_computes_the_same_report_from_exported_runs(tmp_path, capsys):
     duckdb = pytest.importorskip("duckdb")
     fill(tmp_path, 103006)
     records = ("--journal", str(tmp_path))
@@ -254,7 +254,7 @@ def test_duckdb_finds_the_same_yield_losses_and_times_in_the_exported_runs(tmp_p
     assert sorted(told["forces"]) == pytest.approx(sorted(forces))
 
 
-def test_it_still_is_after_a_program_was_killed_and_old_runs_were_deleted(tmp_path):
+def test_a_report_is_that_of_the_rows_after_a_kill(tmp_path):
     fill(tmp_path, 103004)
     with closing(sqlite3.connect(tmp_path / INDEX)) as index, index:
         before = index.execute("SELECT count(*) FROM stages").fetchone()[0]
@@ -265,7 +265,7 @@ def test_it_still_is_after_a_program_was_killed_and_old_runs_were_deleted(tmp_pa
     agree(tmp_path)
 
 
-def test_it_still_is_of_an_index_that_was_made_again(tmp_path):
+def test_a_report_is_that_of_the_rows_of_a_rebuilt_index(tmp_path):
     fill(tmp_path, 103005)
     index = tmp_path / INDEX
     index.write_bytes(b"\x00" * index.stat().st_size)

@@ -82,7 +82,7 @@ def test_a_question_finds_its_runs_and_their_stages(journal, query, found):
 
 
 @pytest.mark.parametrize("text", ["7", "d7", "yesterday", "9999999w", "999999w", "2025-13-01"])
-def test_a_time_that_is_none_is_answered_with_what_is_allowed(text):
+def test_an_invalid_time_is_refused_with_what_is_allowed(text):
     with pytest.raises(ConfigError, match="12h, 7d, 4w or a date"):
         moment(text, NOW)
 
@@ -97,7 +97,7 @@ MINUTE = 1.0 / 1440.0
 """Length of a minute, days."""
 
 
-def test_reasons_come_in_the_order_of_the_time_until_the_next_start():
+def test_reasons_are_ordered_by_lost_time():
     lost = {"outcome": "failure", "stage": "spray_search", "reason": "no_hole"}
     fault = {"outcome": "fault", "stage": "tactile_insert", "fault": 1001}
     runs = [row(1, 30 * MINUTE, **lost), row(2, 29 * MINUTE, **lost), row(3, 28 * MINUTE, **fault), row(4, 20 * MINUTE)]
@@ -107,7 +107,7 @@ def test_reasons_come_in_the_order_of_the_time_until_the_next_start():
     ]
 
 
-def test_a_pad_that_wears_shows_and_one_that_does_not_stays_quiet():
+def test_only_a_worn_pad_shows_a_drift():
     rng = np.random.default_rng(1)
     days = np.linspace(0.0, 10.0, 60)
     worn, sound = (0.1 + slope * days + rng.normal(0.0, 0.01, len(days)) for slope in (0.01, 0.0))
@@ -118,7 +118,7 @@ def test_a_pad_that_wears_shows_and_one_that_does_not_stays_quiet():
     assert drift_of(np.ones(LEAST_DRIFT), worn[:LEAST_DRIFT]) is None
 
 
-def test_a_report_is_one_file_that_asks_nobody_and_prints_what_comes_from_outside_as_it_is(journal, tmp_path):
+def test_a_report_is_one_file_with_foreign_text_escaped(journal, tmp_path):
     lost = row(9, outcome="failure", stage="spray_search", reason=EVIL)
     begun = journal.writer.begin(replace(lost, outcome="running"))
     journal.writer.finish(replace(lost, run=begun.run))

@@ -23,15 +23,15 @@ def watched(friction=0.4, offset=0.2, scans=200, is_free=True):
     return watch.end()
 
 
-def test_an_arm_as_it_was_calibrated_is_not_told_of():
+def test_an_arm_as_calibrated_is_not_reported():
     assert watched() == ""
 
 
 @pytest.mark.parametrize("changed", [{"friction": 0.9}, {"offset": 1.2}])
-def test_an_arm_that_has_changed_is_told_of(changed):
+def test_a_changed_arm_is_reported(changed):
     assert "does not fit: joint" in watched(**changed)
 
 
 @pytest.mark.parametrize("little", [{"scans": 20}, {"is_free": False}])
-def test_a_run_that_tells_little_is_not_judged(little):
+def test_a_run_with_little_evidence_is_not_judged(little):
     assert watched(friction=0.9, **little) == ""

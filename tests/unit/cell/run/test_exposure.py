@@ -22,11 +22,11 @@ def authority(tmp_path):
     return Authority(tmp_path / "keys")
 
 
-def test_what_only_this_computer_reaches_is_not_open():
+def test_a_local_port_is_not_open():
     assert exposures(PlcConfig(), ("localhost", 8080), ("::1", 9464)) == []
 
 
-def test_each_open_port_is_named_with_what_it_lets_everybody_do(authority):
+def test_each_open_port_is_named_with_its_risk(authority):
     plc = PlcConfig(modbus=ModbusConfig(host="0.0.0.0"))
     modbus, page, metrics = exposures(plc, ("0.0.0.0", 8080), ("::", 9464))
     assert modbus.startswith("plc.modbus 0.0.0.0:5020: open to every computer")
@@ -44,7 +44,7 @@ def test_opc_ua_is_named_if_everybody_may_read():
     assert line.startswith("--opcua 0.0.0.0:4840: open to every computer")
 
 
-def test_the_age_of_every_key_is_told(authority):
+def test_the_age_of_every_key_is_reported(authority):
     days = key_days(keys(authority, 100.0, revoked=authority.revoke()))
     assert days["plc.tls.certificate"] == pytest.approx(100.0, abs=0.01)
     assert set(days) == {"plc.tls.certificate", "plc.tls.authority", "plc.tls.revoked"}

@@ -44,7 +44,7 @@ def taught(folder, count: int = 3) -> Learning:
     return cell
 
 
-def test_a_cell_that_has_seated_parts_searches_there_first_also_after_a_restart(tmp_path):
+def test_a_learnt_place_is_searched_first_after_a_restart(tmp_path):
     assert taught(tmp_path).prepared(JOB, 1).hole.prior is None
     prior = learning(tmp_path).prepared(JOB, 0).hole.prior
     assert prior.mean == pytest.approx(HOME)
@@ -52,7 +52,7 @@ def test_a_cell_that_has_seated_parts_searches_there_first_also_after_a_restart(
     assert not list(tmp_path.glob("*.new"))
 
 
-def test_a_run_that_seated_no_peg_teaches_nothing_but_says_where_it_fell_in(tmp_path):
+def test_a_run_without_a_seated_peg_teaches_nothing(tmp_path):
     cell = learning(tmp_path)
     for _ in range(3):
         cell.take(JOB, 0, run_at(HOME, is_seated=False))
@@ -61,12 +61,12 @@ def test_a_run_that_seated_no_peg_teaches_nothing_but_says_where_it_fell_in(tmp_
     assert hole_found([]) is None
 
 
-def test_what_was_learnt_holds_for_the_same_chamfers():
+def test_a_learnt_place_is_that_of_the_same_chamfers():
     plain, chamfered, again = (load(sets=sets).cell.job() for sets in ((), *2 * (("hole.chamfer=0.0005",),)))
     assert digest(plain) != digest(chamfered) == digest(again)
 
 
-def test_a_cell_that_shall_not_learn_neither_writes_nor_uses_anything(tmp_path):
+def test_a_cell_without_learning_neither_writes_nor_uses_a_file(tmp_path):
     taught(tmp_path)
     kept = (tmp_path / FILE).read_text()
     cell = learning(tmp_path, place=False)
@@ -82,7 +82,7 @@ def test_a_place_that_is_too_old_is_not_used(tmp_path, days, is_used):
     assert (later.prepared(JOB, 0).hole.prior is not None) is is_used
 
 
-def test_what_another_recipe_has_learnt_is_not_used_and_told_in_one_line(tmp_path, caplog):
+def test_a_place_learnt_with_another_part_is_not_used(tmp_path, caplog):
     cell = taught(tmp_path)
     other = JOB.model_copy(update={"hole": JOB.hole.model_copy(update={"centre": (0.51, 0.0, 0.1)})})
     with caplog.at_level(logging.WARNING):
@@ -102,7 +102,7 @@ def test_what_another_recipe_has_learnt_is_not_used_and_told_in_one_line(tmp_pat
         ("mean", [0.6, 0.0], "outside the area of the hole; [0.47, -0.03] to [0.53, 0.03] allowed", True),
     ],
 )
-def test_an_impossible_file_is_refused_in_one_line_and_costs_no_run(tmp_path, caplog, key, value, told, is_read):
+def test_an_impossible_file_is_refused_and_fails_no_run(tmp_path, caplog, key, value, told, is_read):
     cell = taught(tmp_path)
     tree = json.loads((tmp_path / FILE).read_text())
     tree["places"]["0"][key] = value
@@ -138,7 +138,7 @@ def test_one_recipe_is_forgotten_and_another_kept(tmp_path):
     assert read_learned(tmp_path).places == {}
 
 
-def test_a_disk_that_does_not_answer_holds_up_neither_a_run_nor_a_forgetting(tmp_path, caplog):
+def test_a_hanging_disk_delays_neither_a_run_nor_a_forget(tmp_path, caplog):
     cell, file = taught(tmp_path), tmp_path / FILE
     file.unlink()
     os.mkfifo(file)  # who reads it waits until somebody writes
@@ -151,7 +151,7 @@ def test_a_disk_that_does_not_answer_holds_up_neither_a_run_nor_a_forgetting(tmp
     assert read_learned(tmp_path).places == {}
 
 
-def test_the_terminal_shows_what_was_learnt_and_what_stands_against_using_it(tmp_path, capsys):
+def test_the_terminal_shows_learnt_places_and_their_use(tmp_path, capsys):
     taught(tmp_path)
     assert main(["learned", "--json", "--journal", str(tmp_path), "--set", "learning.longest_age=3e7"]) == 0
     (row,) = json.loads(capsys.readouterr().out)
@@ -162,7 +162,7 @@ def test_the_terminal_shows_what_was_learnt_and_what_stands_against_using_it(tmp
     assert row["use"] == "learnt with another part or place"
 
 
-def test_a_configured_prior_stands_in_until_parts_tell_otherwise(tmp_path):
+def test_a_configured_prior_is_used_until_parts_are_learnt(tmp_path):
     job = load(sets=["hole.prior={mean=[0.48,-0.02],deviation=[0.001,0.001]}"]).cell.job()
     cell = learning(tmp_path)
     first = cell.prepared(job, 0).hole.prior

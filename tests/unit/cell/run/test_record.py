@@ -21,7 +21,7 @@ def test_each_stage_gets_its_time_and_is_entered_once():
     assert clock.times == {"grasp_from_rack": 3.0, "spray_search": 5.0}
 
 
-def test_a_stage_that_ends_counts_what_it_calls_its_own_in_all_its_tries():
+def test_a_stage_counts_its_own_time_in_all_tries():
     clock = StageClock()
     for began, elapsed in ((0.0, 10.0), (12.0, 3.0)):
         assert clock.enter("spray_search", began)
@@ -42,5 +42,5 @@ def test_a_fault_outweighs_what_went_well_before(records):
     assert (ending.outcome, ending.stage) == ("fault", "spray_search")
 
 
-def test_every_way_to_end_is_a_result_of_the_plc_under_the_same_name():
+def test_every_outcome_is_a_result_of_the_same_name():
     assert {outcome.name for outcome in Outcome} == {result.name for result in Result} - {"NONE", "REFUSED"}

@@ -46,7 +46,7 @@ def test_line_and_terminal_name_the_controls_as_the_states_do():
         (Event.HOLD, []),
     ],
 )
-def test_whoever_stops_a_stopped_cell_asks_for_what_is(event, states):
+def test_a_stopped_cell_has_reached_a_stop(event, states):
     assert [state for state in State if is_reached(state, event)] == states
 
 
