@@ -33,11 +33,6 @@ def cell(site, foreign, *words):
     )
 
 
-def test_no_package_named_config_is_installed(site):
-    assert "config" not in SETUPTOOLS["packages"]
-    assert not (site / "config").exists()
-
-
 def test_every_package_except_the_study_of_faults_is_installed():
     names = SETUPTOOLS["packages"]
     folders = [each.parent.relative_to(ROOT) for name in PACKAGES for each in (ROOT / name).rglob("__init__.py")]

@@ -170,6 +170,7 @@ def test_a_question_about_what_does_not_exist_is_wrong_use(words, tmp_path, caps
         ["trials", "--trials", "1", "--out", "/proc/none"],
         ["tune", "--want", "fast", "--out", "FILE"],
         ["runs", "--export", "csv", "--out", "FILE"],
+        ["runs", "--export", "csv"],
         ["show", "1", "--export", "FILE"],
         ["calibrate", "skin", "--out", "FILE"],
         ["check", "--plc", "line 3", "--out", "FOLDER"],

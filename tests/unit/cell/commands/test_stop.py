@@ -44,12 +44,6 @@ def test_a_later_second_signal_interrupts_and_an_immediate_one_does_not(monkeypa
         stop.take(signal.SIGTERM, None)
 
 
-def test_a_command_that_is_interrupted_before_it_listens_says_so(monkeypatch, capsys):
-    monkeypatch.setattr("cell.commands.faults.run", lambda args: signal.raise_signal(signal.SIGINT))
-    assert main(["faults"]) == NOT_GOOD
-    assert capsys.readouterr().err == "cell: stopped\n"
-
-
 def dies() -> None:
     raise ValueError("a damaged byte")
 

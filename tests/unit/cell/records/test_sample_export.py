@@ -7,7 +7,6 @@ import pyarrow.parquet as pq
 import pytest
 
 from cell.commands.cli import GOOD, main
-from cell.records.journal import Journal
 from cell.records.sample_blocks import COLUMNS, JOINT_COLUMNS
 from cell.records.sample_export import unit_of, write_mcap, write_runs_parquet, write_samples_parquet
 from cell.records.samples import columns_of, read_samples
@@ -100,10 +99,3 @@ def test_runs_are_exported_with_their_samples(rig, tmp_path, capsys, kind, files
     told = json.loads(capsys.readouterr().out)
     assert [run["run"] for run in told["runs"]] == [number]
     assert len(told["files"]) == files == len(list((tmp_path / "out").iterdir()))
-
-
-def test_export_and_folder_go_together(tmp_path, capsys):
-    with Journal(tmp_path):
-        pass
-    assert main(["runs", "--journal", str(tmp_path), "--export", "csv"]) == 2
-    assert "only together" in capsys.readouterr().err
