@@ -111,7 +111,6 @@ def at_origin(peg):
     [
         (-0.1, OPEN, IN_HAND),
         (IN_HOLE_DEPTH - EPSILON, OPEN, IN_HAND),
-        (IN_HOLE_DEPTH + EPSILON, OPEN, IN_HOLE),
         (0.02, OPEN, IN_HOLE),
         (0.02, CLOSED, SEATED),
         (0.0159, CLOSED, IN_HOLE),

@@ -91,19 +91,15 @@ def test_an_ending_without_success_needs_no_proof(job, outcome):
 @pytest.mark.parametrize(
     ("deeper", "borne", "push", "words"),
     [
-        (-MOST_SHALLOW + E, None, 0.0, ""),
         (-MOST_SHALLOW - E, None, 0.0, "switch closed with the tip 19.0 mm deep; 19.0 to 22.0 mm expected"),
         (-0.004, None, 0.0, "tip 16.0 mm deep; 19.0 to 22.0 mm expected"),
-        (MOST_DEEP - E, None, 0.0, ""),
         (MOST_DEEP + E, None, 0.0, "19.0 to 22.0 mm expected"),
         # Surface and tip are measured at two attitudes of the hand; what bears a push does not err with them.
-        (-DOUBTED + E, 0.1e-3, 0.0, ""),
         (-DOUBTED - E, 0.1e-3, 0.0, "18.0 to 24.0 mm expected"),
         # A push may have moved the peg up in the hand.
         (CLOSED_TOLERANCE - E, 0.5e-3, 0.0, ""),
         (CLOSED_TOLERANCE + E, 0.5e-3, 0.0, "18.0 to 24.0 mm expected"),
         # The switch is early by what the peg gains after it closed, beyond the give of soft pads.
-        (-0.0015, MOST_SHALLOW - E, 0.0, ""),
         (-0.0015, MOST_SHALLOW + E, 0.0, "closed 1.0 mm above the bottom that supported the peg then; 1.0 mm"),
         (-0.0015, MOST_SHALLOW + 11.0 * GIVE - E, 11.0, ""),
         (-0.0015, MOST_SHALLOW + 11.0 * GIVE + E, 11.0, "closed 3.2 mm above the bottom that supported the peg"),
@@ -120,7 +116,6 @@ def test_the_switch_closes_at_the_depth_of_a_seated_peg(job, deeper, borne, push
     ("run", "words"),
     [
         ({"felt": 0.003, "proof": 0.017}, ""),
-        ({"felt": PLANE_TOLERANCE - E, "proof": 0.02 - PLANE_TOLERANCE}, ""),
         (
             {"felt": PLANE_TOLERANCE + E, "proof": 0.02 - PLANE_TOLERANCE},
             "the measured surface is 5.0 mm from the plate's; 5 mm allowed",
@@ -133,7 +128,6 @@ def test_the_switch_closes_at_the_depth_of_a_seated_peg(job, deeper, borne, push
         ({"hand": GripperState(0.06004, False, True)}, "the hand is 60.0 mm open at the end of the run"),
         ({"hand": GripperState(0.008, False, False)}, "must be open and empty"),
         ({"hand": GripperState(0.008 + WIDTH_TOLERANCE, False, False)}, "the hand is 9.5 mm open at the end"),
-        ({"distance": AWAY + E}, ""),
         ({"distance": 0.02949}, "the hand is 29 mm from where it held the peg; at least 30 mm needed"),
         ({"distance": AWAY - E}, "at least 30 mm needed"),
     ],
