@@ -1,6 +1,5 @@
-"""The pages for people with the fenced blocks in them, and the sources of the program."""
+"""The pages for people, and the fenced blocks in them."""
 
-import ast
 import re
 from dataclasses import dataclass
 from functools import cache
@@ -36,19 +35,6 @@ class Block:
 
     def __str__(self) -> str:
         return f"{self.page.relative_to(ROOT)}-{self.number}"
-
-
-@cache
-def sources() -> dict[str, str]:
-    """Return the text of every module of the program by its path."""
-    files = (path for package in PACKAGES for path in sorted((ROOT / package).rglob("*.py")))
-    return {str(path.relative_to(ROOT)): path.read_text(encoding="utf-8") for path in files}
-
-
-@cache
-def trees() -> dict[str, ast.Module]:
-    """Return the syntax tree of every module of the program by its path."""
-    return {path: ast.parse(text) for path, text in sources().items()}
 
 
 @cache

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.pages import sources
+from tests.unit.docs.test_sizes import sources
 
 PAGE = Path("docs/extend.md").read_text(encoding="utf-8")
 ROW = re.compile(r"^\| (?P<what>[^|]+) \| (?P<new>[^|]+) \| (?P<touched>[^|]+) \|$", re.MULTILINE)

@@ -1,11 +1,25 @@
 """Long and complex functions have a reason beside their name."""
 
 import ast
+from functools import cache
 
-from tests.pages import sources, trees
+from tests.pages import PACKAGES, ROOT
 
 MOST = 60
 """Lines of a function without its docstring."""
+
+
+@cache
+def sources() -> dict[str, str]:
+    """Return the text of every module of the program by its path."""
+    files = (path for package in PACKAGES for path in sorted((ROOT / package).rglob("*.py")))
+    return {str(path.relative_to(ROOT)): path.read_text(encoding="utf-8") for path in files}
+
+
+@cache
+def trees() -> dict[str, ast.Module]:
+    """Return the syntax tree of every module of the program by its path."""
+    return {path: ast.parse(text) for path, text in sources().items()}
 
 
 def _lines(node: ast.FunctionDef | ast.AsyncFunctionDef) -> int:

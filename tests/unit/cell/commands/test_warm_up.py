@@ -59,7 +59,8 @@ def test_the_engine_is_compiled_ahead_for_the_types_that_step_it():
 
 def test_parts_of_a_physical_cell_are_inserted_in_simulation(monkeypatch):
     ended = []
-    monkeypatch.setattr(warm_up, "is_noted", lambda kind: False)
+    for name in ("is_kept", "is_noted"):
+        monkeypatch.setattr(warm_up, name, lambda what: False)
     serve = warm_up.Supervisor.serve
 
     def served(supervisor):

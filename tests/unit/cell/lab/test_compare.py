@@ -11,7 +11,7 @@ from cell.lab.compare import NAMES, VARIANTS, Variant, chosen, compared
 from cell.lab.published import StageLine
 from cell.lab.tables import table
 from cell.lab.trials import run_trial, write_table
-from cell.lab.workers import each_of
+from cell.lab.workers import each_of, on_processes
 from drivers.errors import ConfigError
 from tests.studies import in_this_process, rows_of
 
@@ -44,6 +44,12 @@ def test_a_refused_variant_has_its_reason_and_the_others_run(tmp_path):
 
 def test_jobs_return_in_their_order():
     assert each_of(divmod, [(7, 2), (9, 4), (8, 3)], 2, "jobs") == [(3, 1), (2, 1), (2, 2)]
+
+
+def test_jobs_end_once_their_results_are_enough():
+    found = []
+    found.extend(on_processes(abs, [-1, -2, -3], 1, lambda: bool(found)))
+    assert found == [1]
 
 
 def test_panels_are_drawn(tmp_path):
