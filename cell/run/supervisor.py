@@ -8,7 +8,7 @@ import time
 from contextlib import suppress
 from dataclasses import replace
 from threading import Event as ThreadEvent
-from threading import Timer
+from threading import Thread, Timer
 
 from cell.config.cell_config import CellConfig
 from cell.config.load import LoadedConfig, with_parameters
@@ -351,7 +351,11 @@ class Supervisor:
 
     def _say_blocked(self, why: str) -> None:
         """Halt the arm and publish the fault while the scan is blocked; when the scan resumes, it ends the run."""
-        self._brake.halt()
+        halt = Thread(
+            target=self._brake.halt, name="halt", daemon=True
+        )  # the cause of the hang can also block the halt
+        halt.start()
+        halt.join(ENDING)
         self._desk.tell_blocked(self._blocked(why))
 
     def _end_blocked(self, why: str) -> None:

@@ -336,10 +336,10 @@ class GoneError(BaseException):
     """The end of the process in a test."""
 
 
-@pytest.mark.parametrize("is_stuck", [False, True])
-def test_a_skill_that_never_returns_ends_the_process_recorded(rig, program, live, looked, monkeypatch, is_stuck):
-    """A device that does not close either delays the end by `ENDING` at most."""
-    ends, closed, gone = [], [], threading.Event()
+@pytest.mark.parametrize("stuck", ["nothing", "close", "halt"])
+def test_a_skill_that_never_returns_ends_the_process_recorded(rig, program, live, looked, monkeypatch, stuck):
+    """An arm that neither halts nor closes delays the end by `ENDING` at most."""
+    ends, closed, ended, gone = [], [], [], threading.Event()
 
     def leave(status):
         ends.append((status, live.fault.partition(";")[0]))
@@ -348,14 +348,18 @@ def test_a_skill_that_never_returns_ends_the_process_recorded(rig, program, live
             raise GoneError
 
     monkeypatch.setattr(supervisor.os, "_exit", leave)
-    monkeypatch.setattr(rig.arm, "close", lambda: closed.append(rig.arm.is_halted) or (is_stuck and gone.wait(10.0)))
-    if is_stuck:
+    monkeypatch.setattr(rig.arm, "close", lambda: closed.append(rig.arm.is_halted))
+    if stuck != "nothing":
         monkeypatch.setattr(supervisor, "ENDING", 0.01)
+        act = getattr(rig.arm, stuck)
+        monkeypatch.setattr(rig.arm, stuck, lambda: (ended.append(gone.wait(10.0)), act()))
     runs_on(rig, program, 9.0)
     rig.at(0.5, lambda: (rig.supervisor.quit(), looked.looks(120, 0.021)))
     with pytest.raises(GoneError):
         serve(rig, CODE)
-    assert ends == [(supervisor.EXIT_BLOCKED, f"{STAGE}: no scan for 0.21 s")] * (1 + is_stuck)
+    assert ends == [(supervisor.EXIT_BLOCKED, f"{STAGE}: no scan for 0.21 s")] * len(ends)
+    assert len(ends) == 1 + (stuck != "nothing")
+    assert all(ended)
     assert closed == [True]
     with Journal(rig.folder, is_read_only=True) as journal:
         row = journal.find(1)
