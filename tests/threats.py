@@ -91,7 +91,7 @@ a reading that no sensor can give
  tests/unit/skills/guards/test_setpoint_gate.py::test_an_arm_whose_readings_are_no_numbers_is_halted_once
 an arm whose readings stand still
  skills.guards.setpoint_gate.GatedArm.read
- tests/unit/skills/guards/test_setpoint_gate.py::test_readings_that_stand_still_are_a_fault_within_a_fifth_of_a_second
+ tests/unit/skills/guards/test_setpoint_gate.py::test_readings_that_stand_still_are_a_fault_in_time
 a client without, or with a foreign certificate
  plc_bridge.modbus.tls.server_context
  tests/line/test_modbus_tls.py::test_client_without_a_valid_certificate_is_refused_and_counted
