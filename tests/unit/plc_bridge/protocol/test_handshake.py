@@ -434,14 +434,14 @@ def test_a_coil_acts_on_its_rising_edge_alone(coil, code):
         assert [command.code for command in iter(line.poll, None)] == commands
 
 
-def test_execute_coil_acknowledges_when_it_falls_but_not_before_the_end(line):
+def test_execute_coil_acknowledges_only_a_result_that_was_read(line):
     line.write(code=INSERT)
     line.coils(execute=False)
     assert line.coils(execute=True).is_busy
     line.poll()
     line.coils(execute=False)
     line.end(1)
-    assert line.answer().result is Result.SUCCESS
+    assert line.coils(execute=False).result is Result.SUCCESS
     assert line.coils(execute=False).result is Result.NONE
 
 
