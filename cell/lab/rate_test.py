@@ -58,9 +58,10 @@ class RateTest:
 
 @dataclass(frozen=True, slots=True)
 class LevelTest:
-    """Test between which of some levels a share of successes is, by its Wilson interval, evaluated at every `every`-th trial.
+    """Finds between which levels a share of successes is, by its Wilson interval at every `every`-th trial.
 
-    For a share more than 2 % from every level, the interval at the end contains the true share with at least 93 % probability.
+    With the levels 50 and 90 %, every 20 trials up to 200, the interval at the end contains the true share with a
+    probability of at least 92 %, and of at least 81 % if the share is within 4 % of a level.
     """
 
     levels: tuple[float, ...]

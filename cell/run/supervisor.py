@@ -32,7 +32,9 @@ from skills.entry import Entry
 logger = logging.getLogger(__name__)
 
 ENDING = 5.0
-"""Longest time to halt the arm and close journal and devices when a blocked scan ends the program, s."""
+"""Longest wait for the halt of the arm when the scan is blocked, and longest time to halt the arm and close journal and
+devices when a blocked scan ends the program, s.
+"""
 EXIT_BLOCKED = 3
 """Exit status if a skill never returns; the same as for a fault."""
 _EVENT = {Control[event.name]: event for event in ASKED}
@@ -351,9 +353,8 @@ class Supervisor:
 
     def _say_blocked(self, why: str) -> None:
         """Halt the arm and publish the fault while the scan is blocked; when the scan resumes, it ends the run."""
-        halt = Thread(
-            target=self._brake.halt, name="halt", daemon=True
-        )  # the cause of the hang can also block the halt
+        # The cause of the hang can also block the halt; the watchdog must go on.
+        halt = Thread(target=self._brake.halt, name="halt", daemon=True)
         halt.start()
         halt.join(ENDING)
         self._desk.tell_blocked(self._blocked(why))

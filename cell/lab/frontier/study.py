@@ -98,10 +98,10 @@ def _panel(
 def _curves(
     lines: Sequence[VariantLine], method: str, scene: str, value: Callable[[VariantLine], float]
 ) -> Iterator[Curve]:
-    """Yield one quantity of a method against time, from slow to quick, dashed above `speed_scale` 1; the success has its 95 % interval, too.
+    """Yield one quantity of a method against time, from slow to quick; the success has its 95 % interval, too.
 
-    A point with at most 50 % success is hollow, because the mean time of few successes is uncertain. A point without any success has
-    no time; it is at `LONGEST`.
+    The line is dashed above `speed_scale` 1. A point with at most 50 % success is hollow, because the mean time of few
+    successes is uncertain. A point without any success has no time; it is at `LONGEST`.
     """
     of, colour = _swept(lines, method, scene), METHODS[method].colour
     inserted = [line for line in of if line.successes]

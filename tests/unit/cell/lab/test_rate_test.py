@@ -5,6 +5,7 @@ import pytest
 from cell.lab.rate_test import LevelTest, RateTest, Verdict
 from cell.records.statistics import wilson
 
+LOST, KEPT = SimpleNamespace(outcome="failure"), SimpleNamespace(outcome="success")
 TEST = RateTest(good=0.02, bad=0.25, least=6)
 MOST = 80
 
@@ -18,8 +19,7 @@ def test_a_setting_is_judged_after_so_many_trials(lost, trials, verdict):
 
 
 def is_open(test: RateTest | LevelTest, lost: int, trials: int) -> bool:
-    ended = ["failure"] * lost + ["success"] * (trials - lost)
-    return not test.is_answered([SimpleNamespace(outcome=outcome) for outcome in ended])
+    return not test.is_answered([LOST] * lost + [KEPT] * (trials - lost))
 
 
 def endings(test: RateTest | LevelTest, share: float, most: int = MOST) -> dict[tuple[int, int], float]:
@@ -65,10 +65,12 @@ LEVELS = LevelTest((0.5, 0.9), every=20)
     [(0, 35, "90 to 100 %"), (0, 34, ""), (5, 20, "50 to 90 %"), (6, 20, ""), (15, 20, "0 to 50 %"), (14, 20, "")],
 )
 def test_a_share_is_between_two_levels_if_its_interval_contains_none(lost, trials, answer):
-    ended = ["failure"] * lost + ["success"] * (trials - lost)
-    assert LEVELS.of([SimpleNamespace(outcome=outcome) for outcome in ended]) == answer
+    assert LEVELS.of([LOST] * lost + [KEPT] * (trials - lost)) == answer
     assert is_open(LEVELS, lost, trials) == (answer == "" or trials % 20 != 0)
 
 
-def test_intervals_contain_the_true_share_unless_it_is_at_a_level():
-    assert min(coverage(LEVELS, share / 100, 200) for share in (1, 5, 8, 12, 25, 40, 60, 90)) > 0.93
+def test_intervals_contain_the_true_share_as_often_as_stated():
+    found = {share: coverage(LEVELS, share / 100, 200) for share in range(2, 99, 2)}
+    near = {share for share in found if min(abs(share - 10), abs(share - 50)) <= 4}
+    assert min(found[share] for share in near) > 0.81
+    assert min(found[share] for share in found.keys() - near) > 0.92
