@@ -308,6 +308,8 @@ async def test_client_that_dies_in_a_method_leaves_its_answer(opcua):
     async with connected(opcua) as unit:
         answered, refusal, _ = await unit.command(sequence, RUN)
         assert answered == sequence
+        if refusal is Refusal.NONE:
+            await unit.result(sequence)
         ran = len(opcua.cell.program.runs) - before
         assert (ran, refusal) in ((0, Refusal.ADOPTED), (1, Refusal.NONE))
 
