@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from textwrap import fill
 
@@ -123,8 +124,9 @@ def _draw_panel(axes: Axes, panel: Panel, has_legend: bool) -> None:
 def _draw_curve(axes: Axes, curve: Curve) -> None:
     face = "none" if curve.is_hollow else curve.colour
     if curve.is_band:
-        x, ends = np.array(curve.x), np.concatenate([curve.low, np.flip(curve.high)])
-        axes.fill(np.concatenate([x, np.flip(x)]), ends, color=curve.colour, alpha=0.15, lw=0.0)
+        # Where the curve turns back, one polygon would cross itself, so every two points have their own.
+        for x, low, high in (np.transpose(two) for two in pairwise(np.array([curve.x, curve.low, curve.high]).T)):
+            axes.fill_between(x, low, high, color=curve.colour, alpha=0.15, lw=0.0)
     elif np.size(curve.low):
         y = np.array(curve.y)
         bars = [np.maximum(y - np.array(curve.low), 0.0), np.maximum(np.array(curve.high) - y, 0.0)]
