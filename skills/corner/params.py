@@ -50,6 +50,7 @@ class CornerParams(ConfigModel):
                 "pitch": self.pitch,
                 "dip_threshold": self.dip_threshold,
                 "lag": self.lag,
+                "is_doubtful": True,
                 "fall": self.fall,
                 "fast_axis": "x" if abs(math.cos(search.tilt_azimuth)) > math.sqrt(0.5) else "y",
             }

@@ -124,10 +124,10 @@ def next_phase(phase: Phase, felt: Felt, params: SpraySearchParams, course: Cour
 def after_rest(phase: Resting, felt: Felt, params: SpraySearchParams, course: Course, point: Vector) -> Phase:
     """Return the phase after a rest in which the tip was not deep enough: probe the place once, then slide on.
 
-    If a corner leads, an error of theta can resemble a dip until theta is measured at rest. There is no probe then,
-    because it would turn the peg further.
+    An error of theta resembles the dip of a corner until theta is measured at rest; a thin peg that sticks and slips loses
+    its push as in a fall. Such dips are not probed: it would turn the corner further, and takes time.
     """
-    is_gone = params.lag is not None and felt.below < params.gone * params.dip_threshold
+    is_gone = params.is_doubtful and felt.below < params.gone * params.dip_threshold
     is_done = phase.was_probed or is_gone
     goal = course.middle + point if is_done else phase.place
     closing = felt.seen.arm.tcp.rotation[:, 2]

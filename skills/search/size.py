@@ -35,4 +35,5 @@ def shallow(search: SpraySearchParams, thickness: float) -> SpraySearchParams:
     if thickness > search.thin:
         return search
     dip = min(search.thin_dip * thickness, search.dip_threshold)
-    return search.model_copy(update={"dip_threshold": dip, "fall": search.fall * thickness / search.stated})
+    fall = search.fall * thickness / search.stated
+    return search.model_copy(update={"dip_threshold": dip, "fall": fall, "is_doubtful": True})
