@@ -142,9 +142,9 @@ class SpraySearchParams(SkillParams):
     this factor and delayed torques, a light wrist would oscillate.
     """
     gone: Annotated[float, Figure("fraction"), Field(exclude=True), Source("docs/tried/search.md")] = 0.5
-    """Share of the dip threshold below which a doubtful dip counts as gone, fraction."""
+    """Share of the dip threshold below which a dip counts as gone at rest, fraction."""
     is_doubtful: Annotated[bool, Figure(""), Field(exclude=True)] = False
-    """True for a peg with corners or a thin peg: most of its dips are not the hole, so those that are gone at rest are not probed."""
+    """True if most dips of this peg are not the hole, because it is thin or has corners: one that is gone at rest is not probed."""
     stuck_within: Annotated[float, Figure("m"), Field(exclude=True)] = 1e-3
     """Largest distance between two rests that count as one place, m: the peg is stuck there."""
     stuck_after: Annotated[int, Figure("count"), Field(exclude=True)] = 3

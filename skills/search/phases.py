@@ -125,7 +125,7 @@ def after_rest(phase: Resting, felt: Felt, params: SpraySearchParams, course: Co
     """Return the phase after a rest in which the tip was not deep enough: probe the place once, then slide on.
 
     An error of theta resembles the dip of a corner until theta is measured at rest; a thin peg that sticks and slips loses
-    its push as in a fall. Such dips are not probed: it would turn the corner further, and takes time.
+    its push as in a fall. If such a dip is gone at rest, it is not probed, because a probe takes time and turns a corner further.
     """
     is_gone = params.is_doubtful and felt.below < params.gone * params.dip_threshold
     is_done = phase.was_probed or is_gone
