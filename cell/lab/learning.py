@@ -62,6 +62,8 @@ class PartRow:
     search_time: float
     total_time: float
     """Sum of search, insertion and adjustment time, s."""
+    cycle_time: float
+    """Time from the command to the end of the program, with transfers, grasp and release, s."""
 
 
 def run_series(config: CellConfig, parts: int, mode: Mode, seed: int) -> list[PartRow]:
@@ -82,6 +84,7 @@ def run_series(config: CellConfig, parts: int, mode: Mode, seed: int) -> list[Pa
             with opened(cell):
                 ctx = cell.context(first)
                 for number in range(count):
+                    began = cell.clock.now()
                     outcome, times = _run_part(placed, cell, ctx, learning, number)
                     rows.append(
                         PartRow(
@@ -93,6 +96,7 @@ def run_series(config: CellConfig, parts: int, mode: Mode, seed: int) -> list[Pa
                             outcome=outcome,
                             search_time=times["spray_search"],
                             total_time=sum(times.values()),
+                            cycle_time=cell.clock.now() - began,
                         )
                     )
         learning.flush()
@@ -157,6 +161,8 @@ class PartLine:
     """Mean total time of successes, s."""
     total_error: float
     """Half the 95 % interval of that mean, s."""
+    cycle: float
+    """Mean time of the whole cycle of successes, s."""
 
 
 def lines_of(rows: Sequence[PartRow], parts: int) -> list[PartLine]:
@@ -178,6 +184,7 @@ def lines_of(rows: Sequence[PartRow], parts: int) -> list[PartLine]:
                     search=average([row.search_time for row in good]),
                     total=average(totals),
                     total_error=average_error(totals),
+                    cycle=average([row.cycle_time for row in good]),
                 )
             )
     return lines
@@ -216,6 +223,7 @@ def run(args: argparse.Namespace) -> StudyReport:
         "with a place": lambda line: f"{line.expected}/{line.trials}",
         "search (s)": lambda line: f"{line.search:.2f}",
         "total (s, 95 %)": lambda line: f"{line.total:.2f} ± {line.total_error:.2f}",
+        "cycle (s)": lambda line: f"{line.cycle:.2f}",
     }
     names: Columns = {"the cell": lambda line: line.mode, "parts": lambda line: line.parts}
     shown = table(title, names, columns, lines, "times are means of the successes")

@@ -132,12 +132,12 @@ def test_a_learning_cell_finds_its_third_part_and_detects_another_fixture(tmp_pa
 
 def test_lines_of_learning_count_failures_and_take_times_of_successes_alone():
     rows = [
-        PartRow(Mode.LEARNS, 1, part, False, part > 2, outcome, 1.0 * part, 10.0 * part)
+        PartRow(Mode.LEARNS, 1, part, False, part > 2, outcome, 1.0 * part, 10.0 * part, 20.0 * part)
         for part, outcome in enumerate(("success", "failure", "success", "success"), 1)
     ]
     first, later, _ = lines_of(rows, 4)[:3]
     assert (first.trials, first.successes, first.expected, first.search) == (2, 1, 0, 1.0)
-    assert (later.trials, later.successes, later.expected, later.total) == (2, 2, 2, 35.0)
+    assert (later.trials, later.successes, later.expected, later.total, later.cycle) == (2, 2, 2, 35.0, 70.0)
 
 
 SEARCH, INSERT, ADJUST = (stage.name for stage in PUBLISHED)

@@ -13,7 +13,7 @@ CELL = load().cell
 WIDTH = CELL.hole.part.inscribed
 
 
-@pytest.mark.parametrize("scale", [0.5, 2.0])
+@pytest.mark.parametrize("scale", [0.5, 1.5])
 def test_the_scale_multiplies_the_speed_of_the_search_in_force(scale):
     plan = load(sets=[f"speed_scale={scale}"]).cell.plan()
     assert plan.search.speed == pytest.approx(scale * CELL.plan().search.speed)
@@ -59,8 +59,8 @@ def test_a_plan_names_the_sections_in_use_alone():
 
 PAPER = load(preset="paper").cell
 SPEEDS = (
-    *("grasp.transfer.speed", "grasp.transfer.turn_speed", "grasp.drawing_speed", "release.transfer.speed"),
-    *("search.speed", "search.descent", "search.probe_speed", "search.pull.speed"),
+    *("grasp.transfer.speed", "grasp.transfer.turn_speed", "grasp.approach.turn_speed", "grasp.drawing_speed"),
+    *("release.transfer.speed", "search.speed", "search.descent", "search.probe_speed", "search.pull.speed"),
     *("search.pull.dither_rate", "insert.turn_rate", "adjust.dither_rate"),
     *("corner.insert.raise_rate", "corner.insert.turn_rate", "corner.adjust.turn_rate", "recover.pull.speed"),
     *("paper.search.speed", "paper.adjust.turn_rate", "recover.transfer.speed"),
