@@ -22,22 +22,13 @@ ACROSS_RACK: Vector = np.array([0.0, -1.0, 0.0])
 """Direction of the closing axis at the rack, base frame; it is constant so that the wrist does not wind up over the runs."""
 
 
-class Approach(Transfer):
-    """Figures of a move of the empty hand, which no peg's print or load limits."""
-
-    turn_speed: Annotated[float, Figure("rad/s", Tempo.SPEED), Field(exclude=True), Source("docs/tried/grasp.md")] = 1.5
-    """Largest turning rate, rad/s."""
-
-
 class GraspFromRackParams(SkillParams):
     """Parameters of taking a peg from the rack."""
 
     SOURCE: ClassVar[str] = "chosen, not measured"
 
     transfer: Annotated[Transfer, Figure(""), Field(exclude=True)] = Transfer()
-    """Motion of the hand into the slot and away from it."""
-    approach: Annotated[Approach, Figure(""), Field(exclude=True)] = Approach()
-    """Motion of the empty hand to the place above the slot."""
+    """Motion of the hand to the slot and away from it."""
     force: Annotated[float, Field(gt=0.0, le=70.0), Quantity("N")]
     """Grip force, N."""
     pad_friction: Annotated[float, Field(gt=0.0, le=2.0), Quantity("ratio"), Source("assumed")] = 0.3
@@ -108,7 +99,7 @@ def run(params: GraspFromRackParams, ctx: SkillContext) -> GraspFromRackResult:
     ctx.peg = HeldPeg()
     above = Goal(grip_at + UP * params.clearance, UP, ACROSS_RACK)
     _rise(above.tip[2], params, ctx)
-    for _ in move(above, params.approach, ctx, None, settle=0.0):
+    for _ in move(above, params.transfer, ctx, None, settle=0.0):
         pass
     for _ in move(Goal(grip_at, UP, ACROSS_RACK), params.transfer, ctx, None, settle=0.0):
         pass

@@ -67,7 +67,7 @@ class Transfer(ConfigModel):
     """Stiffness and damping ratio during the move."""
     speed: Annotated[float, Figure("m/s", Tempo.SPEED), Field(exclude=True)] = 0.25
     """Largest speed of the tip, m/s."""
-    turn_speed: Annotated[float, Figure("rad/s", Tempo.SPEED), Field(exclude=True)] = 1.0
+    turn_speed: Annotated[float, Figure("rad/s", Tempo.SPEED), Field(exclude=True), Source("docs/tried/grasp.md")] = 1.5
     """Largest turning rate, rad/s."""
     elbow: Annotated[float, Figure("rad"), Field(exclude=True)] = 0.05
     """Goal of the elbow's joint in the null space, rad; without it the elbow would drift from run to run."""

@@ -122,15 +122,6 @@ def test_a_low_hand_rises_before_it_turns(ctx):
     assert all(each.roll == pytest.approx(aslant[:, 2]) for each in rising)
 
 
-def test_only_on_its_way_to_the_rack_the_empty_hand_turns_faster():
-    ctx = watched(CELL, Pose(np.array([0.5, 0.1, 0.3]), rotation_about(UP, 1.6) @ HAND_DOWN), grip=0.0)
-    run(PARAMS, ctx)
-    moves = [each for _, each in ctx.devices.arm.told if each.is_free]
-    fast = [each.id for each in moves if np.linalg.norm(each.twist.angular) > PARAMS.transfer.turn_speed]
-    assert set(fast) == {moves[0].id}
-    assert max(np.linalg.norm(each.twist.linear) for each in moves) <= PARAMS.transfer.speed + 1e-9
-
-
 def test_a_skin_without_a_print_leaves_the_peg_in_its_slot(ctx):
     ctx.perception.estimator.is_healthy = False
     with pytest.raises(SkinUntrustedError):

@@ -59,8 +59,8 @@ def test_a_plan_names_the_sections_in_use_alone():
 
 PAPER = load(preset="paper").cell
 SPEEDS = (
-    *("grasp.transfer.speed", "grasp.transfer.turn_speed", "grasp.approach.turn_speed", "grasp.drawing_speed"),
-    *("release.transfer.speed", "search.speed", "search.descent", "search.probe_speed", "search.pull.speed"),
+    *("grasp.transfer.speed", "grasp.transfer.turn_speed", "grasp.drawing_speed", "release.transfer.speed"),
+    *("search.speed", "search.descent", "search.probe_speed", "search.pull.speed"),
     *("search.pull.dither_rate", "insert.turn_rate", "adjust.dither_rate"),
     *("corner.insert.raise_rate", "corner.insert.turn_rate", "corner.adjust.turn_rate", "recover.pull.speed"),
     *("paper.search.speed", "paper.adjust.turn_rate", "recover.transfer.speed"),
