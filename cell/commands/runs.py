@@ -122,18 +122,22 @@ def _table(rows: Sequence[RunRow]) -> Table:
     table.caption = "times in s; insert: search + insert + adjust; cycle: from command to answer"
     room = max(get_terminal_size().columns - TAKEN - (SERIAL if serials else 0) - (PROGRAM if programs else 0), 12)
     for row in rows:
-        cause = _why(row)
         table.add_row(
             str(row.run),
             local(row.started)[:16],
             *([row.serial] * serials),
             *([row.program] * programs),
             row.outcome,
-            cause if len(cause) <= room else f"{cause[: room - 1]}…",
+            _cut(_why(row), room),
             _insertion(row),
             "" if row.cycle_time is None else f"{row.cycle_time:.3g}",
         )
     return table
+
+
+def _cut(text: str, room: int) -> str:
+    """Return a text, shortened to `room` letters if it is longer."""
+    return text if len(text) <= room else f"{text[: room - 1]}…"
 
 
 def _why(row: RunRow) -> str:

@@ -79,9 +79,7 @@ def _panel(
     if is_success:
         curves += [mark for method in METHODS for mark in _marks(lines, method, scene)]
         if scene == next(iter(SCENES)):
-            low, high = (100.0 * end for end in wilson(PUBLISHED_TOTAL.successes, PUBLISHED_TOTAL.attempts))
-            at = [PUBLISHED_TOTAL.time], [100.0 * PUBLISHED_TOTAL.successes / PUBLISHED_TOTAL.attempts]
-            curves.append(Curve(*at, INK, "", "s", low=[low], high=[high], text="[gibbons], 40 real"))
+            curves.append(_real())
     return Panel(
         finding(lines, scene) if is_success else scene,
         "mean time of the successes (s)",
@@ -95,6 +93,13 @@ def _panel(
     )
 
 
+def _real() -> Curve:
+    """Return the published insertions of a real cell as one point with its 95 % interval."""
+    low, high = (100.0 * end for end in wilson(PUBLISHED_TOTAL.successes, PUBLISHED_TOTAL.attempts))
+    at = [PUBLISHED_TOTAL.time], [100.0 * PUBLISHED_TOTAL.successes / PUBLISHED_TOTAL.attempts]
+    return Curve(*at, INK, "", "s", low=[low], high=[high], text="[gibbons], 40 real")
+
+
 def _curves(
     lines: Sequence[VariantLine], method: str, scene: str, value: Callable[[VariantLine], float]
 ) -> Iterator[Curve]:
@@ -104,17 +109,15 @@ def _curves(
     successes is uncertain. A point without any success has no time; it is at `LONGEST`.
     """
     of, colour = _swept(lines, method, scene), METHODS[method].colour
-    inserted = [line for line in of if line.successes]
-    slow, quick = ([line for line in inserted if side * _scale(line) >= side] for side in (-1, 1))
-    sure = [line for line in inserted if success(line) > 50.0]
+    sure = [line for line in of if line.successes and success(line) > 50.0]
     if value is success:
         low, high = ([100.0 * getattr(line, end) for line in sure] for end in ("low", "high"))
         yield Curve(*_points(sure, value), colour, "", " ", low=low, high=high, is_band=True)
-    yield Curve(*_points(slow, value), colour, method if of else "", "-")
-    yield Curve(*_points(quick, value), colour, "", "--")
+    for side, label, style in ((-1, method if of else "", "-"), (1, "", "--")):
+        of_side = [line for line in of if line.successes and side * _scale(line) >= side]
+        yield Curve(*_points(of_side, value), colour, label, style)
     yield Curve(*_points(sure, value), colour, "", "o")
-    unsure = [line for line in of if line not in sure]
-    times, values = _points(unsure, value)
+    times, values = _points([line for line in of if line not in sure], value)
     yield Curve(np.nan_to_num(times, nan=LONGEST), values, colour, "", "o", is_hollow=True)
 
 
