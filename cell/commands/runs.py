@@ -128,23 +128,19 @@ def _table(rows: Sequence[RunRow]) -> Table:
             *([row.serial] * serials),
             *([row.program] * programs),
             row.outcome,
-            _cut(_why(row), room),
+            _why(row, room),
             _insertion(row),
             "" if row.cycle_time is None else f"{row.cycle_time:.3g}",
         )
     return table
 
 
-def _cut(text: str, room: int) -> str:
-    """Return a text, shortened to `room` letters if it is longer."""
-    return text if len(text) <= room else f"{text[: room - 1]}…"
-
-
-def _why(row: RunRow) -> str:
-    """Return the cause in a few words, then the place of the peg."""
+def _why(row: RunRow, room: int) -> str:
+    """Return the cause in a few words, then the place of the peg; at most `room` letters."""
     cause = f"fault {row.fault}" if row.fault else row.reason.replace("_", " ") or row.message
     peg = row.part.replace("_", " ") if row.part and row.outcome != "success" else ""
-    return ", ".join(filter(None, (cause, peg)))
+    text = ", ".join(filter(None, (cause, peg)))
+    return text if len(text) <= room else f"{text[: room - 1]}…"
 
 
 def _insertion(row: RunRow) -> str:
