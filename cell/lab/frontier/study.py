@@ -109,7 +109,7 @@ def _curves(
     successes is uncertain. A point without any success has no time; it is at `LONGEST`.
     """
     of, colour = _swept(lines, method, scene), METHODS[method].colour
-    sure = [line for line in of if line.successes and success(line) > 50.0]
+    sure = [line for line in of if success(line) > 50.0]
     if value is success:
         low, high = ([100.0 * getattr(line, end) for line in sure] for end in ("low", "high"))
         yield Curve(*_points(sure, value), colour, "", " ", low=low, high=high, is_band=True)
