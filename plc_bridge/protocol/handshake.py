@@ -148,10 +148,10 @@ class Handshake:
         """
         now, link = self._expire(), self._links[source]
         link.has_spoken = True
-        before, link.image = link.image or CommandImage(), image
         if not link.watchdog.see(image.life, image.life_tail, now):
             self._orders.take_torn(link, image)
             return
+        before, link.image, link.torn = link.image or CommandImage(), image, None
         if by is not None:
             link.turn_to(by)
         if is_numbered and link.numbers.must_adopt:

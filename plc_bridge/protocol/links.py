@@ -94,6 +94,9 @@ class Link:
     has_spoken: bool = False
     """True if the link has written anything except a stop; until then it is a spectator."""
     image: CommandImage | None = None
+    """Last whole block."""
+    torn: CommandImage | None = None
+    """Last block if it was torn."""
     numbers: SequenceNumbers = field(default_factory=SequenceNumbers)
     program: int = 0
     """Number of restarts of the PLC's program while the link was open."""
@@ -116,8 +119,6 @@ class Link:
     """Last request by each of the coils `execute` and `reset` since the link's last new sequence number."""
     was_lost: bool = False
     """True if the link counts as lost and has adopted no number since."""
-    torn_stop: int | None = None
-    """Number of a torn block whose stop was obeyed at once."""
     told: Refusal = Refusal.NONE
     """Refusal already in the log; the next order without a refusal clears it."""
     has_resumed: bool = False

@@ -354,18 +354,19 @@ class Orders:
     # Torn blocks of links.
 
     def take_torn(self, link: Link, image: CommandImage) -> None:
-        """Obey the stop code of a new number at once, although the code may belong to another number.
+        """Obey a stop at once, although the code may belong to another number than the block's.
 
         The number is answered when the block is whole.
         """
         self.counts.torn += 1
-        if image.code in STOPS and image.sequence not in (link.numbers.last, link.torn_stop):
-            link.torn_stop = image.sequence
+        earlier, link.torn = (link.image, link.torn), image
+        had = [(each.sequence, each.code) for each in earlier if each is not None]
+        if image.code in STOPS and (image.sequence, image.code) not in had:
             self._stop_for(link, image)
 
     def refuse_torn(self, link: Link) -> None:
         """Refuse the number of a block that has been torn for too long."""
-        link.watchdog.torn_since, image = None, link.image
+        link.watchdog.torn_since, image = None, link.torn
         if image is not None and link.numbers.would_count(image.sequence):
             link.numbers.see(image.sequence, image.asked, image.life)
             self._refuse_new(link, image, image.sequence, Refusal.TORN)

@@ -179,6 +179,20 @@ def test_a_known_number_in_a_block_that_stays_torn_changes_nothing(line):
     assert line.answer() == before
 
 
+def test_a_block_in_halves_acknowledges(line):
+    line.run(life=1, life_tail=1)
+    line.end()
+    line.write(life=2, acknowledge=2)
+    assert line.write(life_tail=2).result is Result.NONE
+
+
+def test_a_torn_stop_under_the_number_of_the_run_stops_once(line):
+    line.run(life=1, life_tail=1)
+    for life in (2, 3):
+        line.write(life=life, code=Control.STOP)
+    assert [command.code for command in iter(line.poll, None)] == [Control.STOP]
+
+
 @pytest.mark.parametrize(
     ("recipe", "result", "refusal"), [(1, Result.SUCCESS, Refusal.NONE), (2, Result.REFUSED, Refusal.ADOPTED)]
 )
