@@ -172,10 +172,10 @@ class Handshake:
         self._orders.take_coils(link, coils, by)
 
     def submit(self, source: str, image: CommandImage) -> Refusal:
-        """Submit an order of a local user under the next number of `source`; return its refusal, or NONE."""
+        """Submit an order of a local user of `source` under a number of its own; return its refusal, or NONE."""
         link = self._links[source]
         link.watchdog.heard, link.has_spoken, link.image = self._expire(), True, image
-        return self._orders.command(link, link.numbers.count_up(), image).refusal
+        return self._orders.command(link, link.numbers.give(), image).refusal
 
     def control(self, source: str, code: int) -> Order:
         """Take a control that `source` sends without a number; only the returned order holds the answer and the result."""

@@ -279,9 +279,9 @@ class Orders:
         """
         was, link.coils[coil] = link.coils.get(coil), level
         if level and was is None:
-            link.requests[coil] = self._refuse_new(link, image, link.numbers.count_up(), Refusal.ADOPTED)
+            link.requests[coil] = self._refuse_new(link, image, link.numbers.give(), Refusal.ADOPTED)
         elif level and not was:
-            link.requests[coil] = self.command(link, link.numbers.count_up(), image)
+            link.requests[coil] = self.command(link, link.numbers.give(), image)
         elif not level and coil in link.requests and link.requests[coil].is_read:
             self.end(link.requests[coil])
 

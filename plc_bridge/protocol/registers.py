@@ -165,7 +165,7 @@ def _command_block(programs: Mapping[int, str], parameters: Sequence[Parameter])
 
 
 _COILS = {
-    "execute": Entry("bool", "0 to 1 runs command_code as the next sequence number; 1 to 0 acknowledges its result"),
+    "execute": Entry("bool", "0 to 1 runs command_code under a number of its own; 1 to 0 acknowledges its result"),
     "stop": Entry("bool", "1 stops the cell, whoever holds the lease"),
     "reset": Entry("bool", "0 to 1 resets the cell after a stop or a fault"),
 }

@@ -125,6 +125,8 @@ class SequenceNumbers:
     """True if the last number is, or may be, the first of a restarted program."""
     _doubted: _Count | None = None
     """Previous count, while both counts may be valid."""
+    _given: int = 0
+    """Number of commands that came without a number."""
 
     @property
     def last(self) -> int | None:
@@ -174,14 +176,11 @@ class SequenceNumbers:
             return not count.repeats(number, asked) and doubted.had(number, asked, life)
         return False
 
-    def count_up(self) -> int:
-        """Return the next number, for a command that came without one, and count it as received."""
-        number = ((self.last or 0) + 1) % _MODULUS
-        if self._count is None:
-            self._count = _Count(number, number, 0)
-        self._count.take(number, None, self._count.life)
-        self._doubted = None
-        return number
+    def give(self) -> int:
+        """Return a number for a command that came without one, far from those that the client sends next."""
+        self._given = self._given % (_MODULUS // 4) + 1
+        start = 0 if self.last is None else self.last + _MODULUS // 2
+        return (start + self._given) % _MODULUS
 
     def forget(self) -> None:
         """Adopt the next number."""

@@ -449,7 +449,7 @@ def test_a_coil_acts_on_its_rising_edge_alone(coil, code):
 
 
 def test_execute_coil_acknowledges_only_a_result_that_was_read(line):
-    line.write(code=INSERT)
+    line.write(code=INSERT, is_numbered=False)
     line.coils(execute=False)
     assert line.coils(execute=True).is_busy
     line.poll()
@@ -457,6 +457,16 @@ def test_execute_coil_acknowledges_only_a_result_that_was_read(line):
     line.end(1)
     assert line.coils(execute=False).result is Result.SUCCESS
     assert line.coils(execute=False).result is Result.NONE
+
+
+def test_a_coil_of_a_link_takes_no_number_of_its_block(line):
+    line.write(sequence=0xFFFF, code=0)
+    line.coils(reset=False)
+    line.coils(reset=True)
+    assert (line.poll().code, line.answer().sequence == 0) == (Control.RESET, False)
+    answer = line.write(sequence=0, code=INSERT)
+    assert (answer.sequence, answer.result, answer.is_busy) == (0, Result.NONE, True)
+    assert line.poll() == Command(0, INSERT, source="plc")
 
 
 def test_a_refused_reset_beside_a_served_execute_is_an_error(line):

@@ -46,13 +46,6 @@ def test_after_a_loss_a_new_number_is_adopted(before, after, meanings):
     assert [numbers.see(*block) for block in after] == meanings
 
 
-def test_a_command_without_a_number_gets_the_next():
-    numbers = SequenceNumbers()
-    numbers.see(0xFFFF)
-    assert numbers.count_up() == 0
-    assert numbers.see(0) is SAME
-
-
 BEFORE = ((4, None, 8), (5, RUN, 9), (6, RUN, 11), (6, RUN, 12))
 
 
