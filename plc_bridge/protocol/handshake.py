@@ -231,13 +231,16 @@ class Handshake:
     def report_for(self, source: str) -> Report:
         """Return the report that `source` reads; no other function composes it.
 
-        Until a link has written more than a stop, its report shows the run of any link.
+        Until a link has written more than a stop, its report shows the run of any link. The fault of the link's own run
+        stays with its result, also after another link has reset the cell.
         """
         link, orders = self._links[source], self._orders
         shown, answered = link.in_view, link.answered
         if not link.has_spoken:
             shown, answered = orders.run or orders.seen, orders.latest
         shown, answered = shown or _NO_ORDER, answered or _NO_ORDER
+        result = shown.told_to(link)
+        is_own_fault = result is Result.FAULT and shown.link is link
         return replace(
             orders.report,
             **{name: getattr(shown.report, name) for name in _OF_A_RUN},
@@ -247,7 +250,8 @@ class Handshake:
             lease=self._lease.state_for(link),
             holder=self._lease.name,
             sequence=shown.sequence,
-            result=shown.told_to(link),
+            result=result,
+            fault=orders.report.fault or (shown.report.fault if is_own_fault else 0),
             code=shown.command.code,
             answered=answered.sequence,
             answered_result=answered.result,

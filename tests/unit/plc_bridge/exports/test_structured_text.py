@@ -333,12 +333,14 @@ def test_run_that_a_restarted_cell_does_not_know_is_gone(plc, is_held):
     assert plc.bridge.poll() is None
 
 
-@pytest.mark.parametrize("seconds", [1.4, 3.0])
-def test_a_plc_that_was_frozen_in_a_run_reads_the_fault_of_its_run(plc, seconds):
+@pytest.mark.parametrize(("seconds", "is_reset_by_another"), [(1.4, False), (3.0, True)])
+def test_a_plc_that_was_frozen_in_a_run_reads_the_fault_of_its_run(plc, seconds, is_reset_by_another):
     run = plc.runs()
     plc.now += seconds
     assert plc.bridge.poll().code == Control.LOST
     plc.publish(Report(sequence=run.sequence, state=9, result=Result.FAULT, fault=1006))
+    if is_reset_by_another:
+        plc.publish(Report(sequence=9, state=4, result=Result.SUCCESS))
     assert (plc.cycle(3).shown, plc.v["ErrorID"]) == (["Error"], 1006)
     plc.cycle(3, Execute=False, Code=Control.RESET).cycle(3, Execute=True)
     assert [plc.bridge.poll().code, plc.bridge.poll().code] == [Control.ACKNOWLEDGE, Control.RESET]
