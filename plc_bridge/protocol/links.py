@@ -154,7 +154,12 @@ class Link:
         self.writer = None if self.writer == connection else self.writer
 
     def add(self, order: Order) -> None:
-        """Add a new order; the link still reads the result of a run under way unless the order has the run's number."""
+        """Add a new order; the link still reads the result of a run under way unless the order has the run's number.
+
+        If the link counts, a control by a coil shows in the discrete inputs only: the block's answer and result stay.
+        """
+        if not order.is_program and self.numbers.last not in (None, order.sequence):
+            return
         self.aside, self.was_lost = None, False
         self._forget_older_answers()
         self._asked.append(order)

@@ -346,6 +346,15 @@ def test_a_plc_that_was_frozen_in_a_run_reads_the_fault_of_its_run(plc, seconds,
     assert [plc.bridge.poll().code, plc.bridge.poll().code] == [Control.ACKNOWLEDGE, Control.RESET]
 
 
+def test_a_reset_coil_beside_the_block_hides_no_result(plc):
+    run = plc.runs()
+    plc.publish(Report(sequence=run.sequence, state=9, result=Result.FAULT, fault=2001))
+    for level in (False, True):
+        plc.bridge.switched(plc.source, {"reset": level})
+    plc.bridge.accept(plc.bridge.poll())
+    assert (plc.cycle(3).shown, plc.v["ErrorID"]) == (["Error"], 2001)
+
+
 def test_plc_that_restarts_behind_a_line_that_stayed_counts_anew(plc):
     for _ in range(20):
         plc.cycle(2, Execute=True).end(Result.SUCCESS)
