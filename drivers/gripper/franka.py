@@ -35,21 +35,21 @@ class FrankaGripper:
             )
         self._start()
         # Longest wait for the first state of the hand, s of wall time.
-        end = time.monotonic() + 20.0
-        while self._width is None and not self._lost and time.monotonic() < end:
+        while self._width is None and not self._lost and time.monotonic() < self._started + 20.0:
             time.sleep(0.01)
             self._listen()
         if self._width is None:
-            text = self._lost or "no answer"
             self.close()
             raise DeviceNotOpenedError(
-                f"gripper at {self._config.host}: {text}; check that the hand is connected and homed"
+                f"gripper at {self._config.host}: {self._lost or 'no answer'}; "
+                "check that the hand is connected and homed"
             )
 
     def _start(self) -> None:
         self._forget()
         self._process = subprocess.Popen(
             [sys.executable, "-P", "-m", "drivers.gripper.loop", self._config.host],
+            bufsize=0,
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
         )
@@ -60,10 +60,9 @@ class FrankaGripper:
     def close(self) -> None:
         """Disconnect; the hand keeps its grip."""
         if self._process is not None:
-            assert self._process.stdin is not None
-            assert self._process.stdout is not None
-            self._process.stdin.close()
-            self._process.stdout.close()
+            for pipe in (self._process.stdin, self._process.stdout):
+                assert pipe is not None
+                pipe.close()
             try:
                 self._process.wait(timeout=COMMAND_TIME)
             except subprocess.TimeoutExpired:
@@ -89,8 +88,7 @@ class FrankaGripper:
         self._listen()
         self._revive()
         where = f"gripper at {self._config.host}"
-        told = self._lost or self._failed
-        self._failed = ""
+        told, self._failed = self._lost or self._failed, ""
         if told:
             raise GripperSilentError(f"{where}: {told}")
         # Age at which a state is too old, s of wall time.
@@ -102,21 +100,22 @@ class FrankaGripper:
         return GripperState(width=self._width, is_gripping=is_gripping, is_moving=self._is_busy)
 
     def _forget(self) -> None:
-        self._lines = b""
+        self._lines, self._number = b"", 0
         self._width: float | None = None
         self._is_grasped = self._is_busy = False
         self._done_at, self._has_grasped = math.inf, False
         self._heard, self._lost, self._failed, self._last = time.monotonic(), "", "", ""
 
     def _command(self, line: str) -> None:
-        if self._process is None or self._process.poll() is not None:
-            raise GripperSilentError(f"gripper at {self._config.host}: not open")
+        self._listen()
+        if self._process is None or self._process.poll() is not None or self._lost:
+            raise GripperSilentError(f"gripper at {self._config.host}: {self._lost or 'not open'}")
         if line == self._last:
             return
         assert self._process.stdin is not None
+        self._number += 1
         try:
-            self._process.stdin.write(line.encode() + b"\n")
-            self._process.stdin.flush()
+            self._process.stdin.write(f"{self._number} {line}\n".encode())
         except BrokenPipeError:
             raise GripperSilentError(f"gripper at {self._config.host}: its line has ended") from None
         self._last, self._heard = line, time.monotonic()
@@ -144,6 +143,10 @@ class FrankaGripper:
     def _hear(self, line: str) -> None:
         word, _, rest = line.partition(" ")
         self._heard = time.monotonic()
+        if word in ("done", "failed"):
+            number, _, rest = rest.partition(" ")
+            if int(number) != self._number:
+                return  # a newer command has replaced this one
         if word == "state":
             width, is_grasped = rest.split()
             # Longest time from the end of a grasp to a state that shows it, s of wall time; both arrive independently.

@@ -67,7 +67,7 @@ def test_devices_that_were_never_opened_are_silent_and_take_a_halt():
 
 
 @pytest.mark.parametrize(
-    ("answer", "told"), [("done move 0", "the hand did not open"), ("failed no power", "no power")]
+    ("answer", "told"), [("done 0 move 0", "the hand did not open"), ("failed 0 no power", "no power")]
 )
 def test_a_failed_command_is_reported_once_although_states_follow(monkeypatch, answer, told):
     start, hand = subprocess.Popen, FrankaGripper(GRIPPER, FR3.hand.stroke)
