@@ -146,14 +146,15 @@ class FrankaArm:
             self._start()
         link = self._opened()
         self.halt()
-        before = self.phase
+        before, failures = self.phase, int(link["failures"][0])
         if before is not LoopPhase.RUNNING:
             start_by = time.monotonic() + RESET_TIME
             link["start_by"][0] = start_by
             link["resets"][0] += 1
             # Longest time from the end of the recovery to the first cycle of torque control, s of wall time.
             while time.monotonic() < start_by + 1.0 and self._is_alive():
-                if link["resets_done"][0] == link["resets"][0] and self.phase is LoopPhase.RUNNING:
+                is_over = self.phase is LoopPhase.RUNNING or link["failures"][0] != failures
+                if is_over and link["resets_done"][0] == link["resets"][0]:
                     break
                 time.sleep(POLL_PERIOD)
         self._require_running()

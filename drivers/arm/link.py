@@ -29,6 +29,7 @@ _LAYOUT = np.dtype(
         ("commanded", np.float64, 7),
         ("unexplained", np.float64, 7),
         ("phase", np.int64),
+        ("failures", np.int64),
         ("resets_done", np.int64),
         ("text", f"S{TEXT}"),
         ("is_realtime", np.int64),

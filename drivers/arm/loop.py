@@ -202,6 +202,7 @@ class TorqueLoop:
     def _fail(self, phase: LoopPhase, text: str) -> None:
         self._link["text"][0] = text.replace("\n", " ").encode("ascii", "replace")[:TEXT]
         self._link["phase"][0] = phase
+        self._link["failures"][0] += 1
 
     def _phase_of_stop(self) -> LoopPhase:
         """Return STOPPED or REFLEX, depending on what holds the arm; LOST without a connection."""

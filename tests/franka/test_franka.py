@@ -164,14 +164,17 @@ def test_thresholds_refused_by_a_pressed_stop_are_set_after_a_reset(simulated, a
     assert (server.thresholds_set, arm.phase) == (1, LoopPhase.RUNNING)
 
 
-def test_closed_brakes_are_reported_with_the_remedy_in_desk(simulated, arm):
+def test_closed_brakes_are_reported_at_once_with_the_remedy_in_desk(simulated, arm, monkeypatch):
     _, server = simulated
     arm.close()
-    server.is_braked = True
-    arm.open()
-    server.is_braked = False
-    with pytest.raises(CellError, match=r"^arm at .*in the current mode.*; unlock the brakes, choose execution .*$"):
-        arm.read()
+    with monkeypatch.context() as braked:
+        braked.setattr(server, "is_braked", True)
+        arm.open()
+        begun = time.monotonic()
+        for refused in (arm.read, arm.reset):
+            with pytest.raises(CellError, match=r"^arm at .*in the current mode.*; unlock the brakes, choose exec.*$"):
+                refused()
+        assert time.monotonic() - begun < module.RESET_TIME
     arm.reset()
     assert arm.phase is LoopPhase.RUNNING
 
