@@ -6,8 +6,9 @@ follows them. "!" marks a failure of the wire. During playback, time passes as r
 the next poll.
 """
 
+import logging
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Generic, Literal, TextIO
@@ -15,6 +16,8 @@ from typing import Any, Generic, Literal, TextIO
 from drivers.errors import CellError, ConfigError, FaultCode
 from drivers.protocols import Clock
 from drivers.transport.wires import CanFrame, LineLostError, Link, Received, Sent
+
+logger = logging.getLogger(__name__)
 
 HEAD = "# cell traffic 1 "
 EXTENDED_DIGITS = 8
@@ -60,9 +63,10 @@ class Recorder:
 
     def close(self) -> None:
         """End the file; may be called again."""
-        if self._file is not None:
-            self._file.close()
-            self._file = None
+        file, self._file = self._file, None
+        if file is not None:
+            with suppress(OSError):  # closing writes the rest, and the disk may be full
+                file.close()
 
     def now(self) -> float:
         """Return the time, s."""
@@ -76,8 +80,8 @@ class Recorder:
     @contextmanager
     def watching(self) -> Iterator[None]:
         """Record a poll of the wire, and a failure of the wire during it."""
-        if self._file is not None and self._written != self._now:
-            self._file.write(f"@ {self._now!r}\n")
+        if self._written != self._now:
+            self._write(f"@ {self._now!r}\n")
             self._written = self._now
         try:
             yield
@@ -88,8 +92,16 @@ class Recorder:
     def note(self, what: str, text: str) -> None:
         """Record received or sent data, or a failure."""
         with self.watching():
+            self._write(f"{what} {text}\n")
+
+    def _write(self, line: str) -> None:
+        """Append a line; if the disk is full, the recording ends and the driver goes on."""
+        try:
             if self._file is not None:
-                self._file.write(f"{what} {text}\n")
+                self._file.write(line)
+        except OSError as error:
+            logger.warning("%s: the recording of the traffic has ended: %s", self._path, error.strerror)
+            self.close()
 
 
 class RecordedWire(Generic[Received, Sent]):
