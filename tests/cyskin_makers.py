@@ -60,6 +60,8 @@ COUNTS = {
     3503: (21003, 11806, 12063, 12320, 12577, 12834, 13091, 13348, 13605, 13862, 14119),
 }
 """Readings that the library reported, counts, by own number (sui) of the module, in the order of the channels' names from 0 on."""
+PLACES = ((-12, -5.7), (-4, -5.7), (4, -5.7), (12, -5.7), (8, 0), (4, 5.7), (0, 11.3), (-4, 5.7), (-8, 0), (0, 0))
+"""Places of a module's channels from name 1 on, mm. Source: calibration_files/old/hexagon_patch_zwick.json, module 3361."""
 WRONG_CHECK_SUM = bytes.fromhex("43040203AA0300")
 NUMBERED = bytes.fromhex("05430601031111 2222ED")
 """Messages that the library did not take: with a wrong check sum, and with a sequence number in front."""

@@ -175,6 +175,14 @@ def serial_config(**keys: object) -> SerialSkinConfig:
     return SerialSkinConfig.model_validate({"kind": "serial", **keys})
 
 
+_ICUB_ROWS = {
+    -223: {5: -386, 4: -129, 2: 129, 1: 386},
+    0: {7: -257, 3: 0, 0: 257},
+    223: {8: -129, 11: 129},
+    446: {9: 0},
+}
+ICUB_PLACES = {name: (x, y) for y, row in _ICUB_ROWS.items() for name, x in row.items()}
+"""Places of the taxels of an iCub triangle, 25 µm. Source: robotology/icub-main a829ee3, Triangle_10pad.h."""
 WIRED = {
     "can": can_config(),
     "can_hub_77": can_config(board={"kind": "cyskin", "wire": {"hub": 77}}),

@@ -17,6 +17,8 @@ BOARD_MODULES = 2 * FINGERS
 """Number of modules of both fingers."""
 TEMPERATURE = 0
 """Name of the channel with a module's temperature."""
+MODULE_CHANNELS = (1, 2, 3, 4, 9, 10, 5, 8, 6, 7)
+"""Names of a CySkin module's channels, row by row: 1 to 9 run around the triangle, 10 is in its middle."""
 
 
 class HubConfig(ConfigModel):
@@ -30,8 +32,10 @@ class HubConfig(ConfigModel):
     """Variable parts of the hub's protocol, which differ between firmwares."""
     modules: tuple[Annotated[int, Field(ge=0, le=0xFFFFFFFF)], ...] = ()
     """Own numbers (sui) of the modules, both of the left finger first; if empty, the modules' order on the hub applies."""
-    channels: tuple[Annotated[int, Field(ge=1, le=11)], ...] = tuple(range(1, MODULE_TAXELS + 1))
-    """Name of the channel of each taxel of a module, in the order of the layout."""
+    channels: Annotated[
+        tuple[Annotated[int, Field(ge=1, le=11)], ...], Source("[cyskin], calibration files; assumed")
+    ] = MODULE_CHANNELS
+    """Name of the channel of each taxel of a module, in the order of the layout; to be checked on a real finger."""
 
     @model_validator(mode="after")
     def _fits(self) -> "HubConfig":
@@ -60,10 +64,11 @@ class IcubConfig(ConfigModel):
         3,
     )
     """Numbers of the triangles, both of the left finger first."""
-    channels: Annotated[tuple[Annotated[int, Field(ge=0, le=11)], ...], Source("assumed")] = (*range(6), 7, 8, 9, 11)
-    """Number of the triangle's channel, of twelve, for each taxel, in the order of the layout; assumed, to be
-    checked on a real board.
-    """
+    channels: Annotated[
+        tuple[Annotated[int, Field(ge=0, le=11)], ...],
+        Source("derived from Triangle_10pad.h of robotology/icub-main, a829ee3; assumed"),
+    ] = (5, 4, 2, 1, 7, 3, 0, 8, 11, 9)
+    """Number of the triangle's channel, of twelve, for each taxel, in the order of the layout; to be checked on a real finger."""
 
 
 class BoardSkinConfig(ConfigModel):

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from drivers.errors import ConfigError, DeviceNotOpenedError, SkinSilentError
 from drivers.protocols import Clock
 from drivers.quantities import FINGERS, TaxelFrame, Vector
-from drivers.skin.board_config import BOARD_MODULES
+from drivers.skin.board_config import BOARD_MODULES, MODULE_CHANNELS
 from drivers.skin.health import ERROR_COUNT, Counts
 from drivers.skin.layout import MODULE_TAXELS
 
@@ -39,14 +39,19 @@ class Recording:
         self.times: Vector = table[:, 1] - table[0, 1]
         """Time of each frame since the first one, s."""
         is_taxel = uid & 15 > 0
-        self.module: NDArray[np.int64] = uid[is_taxel] >> 4
+        self.uid: NDArray[np.int64] = uid[is_taxel]
+        """Number (uid) of each taxel's channel."""
+        self.module = self.uid >> 4
         """Own number (sui) of each taxel's module."""
         self.counts: Counts = np.clip(table[:, 2:][:, is_taxel], 0, 0xFFFF).astype(np.uint16)
         """Readings, counts, one row for each frame."""
 
     def most_touched(self) -> list[int]:
         """Return the own numbers of the four most touched modules among those with enough taxels."""
-        whole = [int(n) for n in np.unique(self.module) if (self.module == n).sum() >= MODULE_TAXELS]
+        uids = set(self.uid.tolist())
+        whole = [
+            n for n in np.unique(self.module).tolist() if uids.issuperset(n << 4 | name for name in MODULE_CHANNELS)
+        ]
         touch = np.where(self.counts < ERROR_COUNT, self.counts, 0).max(axis=0)
         return sorted(whole, key=lambda n: int(touch[self.module == n].max()))[-BOARD_MODULES:]
 
@@ -66,10 +71,11 @@ class RecordedSkin:
         """
         recording = Recording(self._path)
         chosen = recording.most_touched()
-        places = [np.flatnonzero(recording.module == sui)[:MODULE_TAXELS] for sui in chosen]
-        if len(places) != BOARD_MODULES:
+        at = {uid: place for place, uid in enumerate(recording.uid.tolist())}
+        if len(chosen) != BOARD_MODULES:
             raise ConfigError(f"{self._path}: {BOARD_MODULES} modules with {MODULE_TAXELS} taxels needed, not {chosen}")
-        self._taxels = np.concatenate(places).reshape(FINGERS, -1)
+        places = [at[sui << 4 | name] for sui in chosen for name in MODULE_CHANNELS]
+        self._taxels = np.array(places).reshape(FINGERS, -1)
         self._is_alive = recording.counts[:, self._taxels].any(axis=0)
         self._recording, self._start = recording, self._clock.now()
 

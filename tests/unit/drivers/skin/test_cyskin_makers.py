@@ -3,10 +3,12 @@
 import numpy as np
 import pytest
 
-from drivers.skin.board_config import HubConfig
+from drivers.skin.board_config import HubConfig, IcubConfig
 from drivers.skin.cyskin_wire import HubCommand, Message, SkinWireConfig, WireError, decode, encode, encode_period
+from drivers.skin.layout import positions
 from drivers.skin.port import HubOnCan
-from tests.cyskin_makers import COUNTS, NUMBERED, PERIODS, SENT, WRONG_CHECK_SUM, answers
+from tests.cyskin_makers import COUNTS, NUMBERED, PERIODS, PLACES, SENT, WRONG_CHECK_SUM, answers
+from tests.skins import ICUB_PLACES
 
 WIRE = SkinWireConfig()
 
@@ -17,9 +19,7 @@ class ScriptedBus:
     def __init__(self):
         self._turns, self._waiting, self.sent = answers(), [], []
 
-    def open(self): ...
-
-    def close(self): ...
+    open = close = lambda self: None
 
     def write(self, frame):
         self.sent.append(frame)
@@ -51,8 +51,15 @@ def test_start_up_is_the_makers_to_the_bit(bus, scan):
 
 def test_readings_are_those_that_the_makers_library_reports(scan):
     wanted = np.array(list(COUNTS.values()))
-    assert scan.counts.reshape(4, 10).tolist() == wanted[:, 1:].tolist()
+    assert scan.counts.reshape(4, 10).tolist() == wanted[:, HubConfig().channels].tolist()
     assert scan.temperature.tolist() == wanted[:, 0].tolist()
+
+
+@pytest.mark.parametrize(("board", "places"), [(HubConfig(), (None, *PLACES)), (IcubConfig(kind="icub"), ICUB_PLACES)])
+def test_channels_are_in_the_order_of_the_layout_by_their_makers_places(board, places):
+    theirs, ours = np.array([places[name] for name in board.channels]), positions("parallelogram")[:10]
+    theirs, ours = ((place - place.mean(axis=0)) / place.std(axis=0) for place in (theirs, ours))
+    assert theirs == pytest.approx(ours, abs=0.01)
 
 
 @pytest.mark.parametrize("data", [WRONG_CHECK_SUM, NUMBERED])

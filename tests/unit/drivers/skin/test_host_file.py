@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from drivers.errors import DeviceNotOpenedError, SkinSilentError
-from drivers.skin.board_config import HostSkinConfig
+from drivers.skin.board_config import MODULE_CHANNELS, HostSkinConfig
 from drivers.skin.boards import HostSkin
 from drivers.skin.health import BASELINE_FRAMES
 from drivers.skin.host_file import HostFile
@@ -188,8 +188,6 @@ def test_every_line_that_the_makers_program_wrote_is_a_scan(tmp_path):
     path.write_text(head + "".join(lines))
     scans = port.exchange(100.0)
     port.close()
-    wanted = np.concatenate(
-        [recorded.counts[:, np.flatnonzero(recorded.module == sui)[:10]] for sui in modules], axis=1
-    )
-    assert [scan.counts.ravel().tolist() for scan in scans] == wanted.tolist()
+    order = [recorded.uid.tolist().index(sui << 4 | name) for sui in modules for name in MODULE_CHANNELS]
+    assert [scan.counts.ravel().tolist() for scan in scans] == recorded.counts[:, order].tolist()
     assert [scan.stamp - 100.0 for scan in scans] == pytest.approx((recorded.times - recorded.times[-1]).tolist())
