@@ -9,15 +9,7 @@ from typing import TYPE_CHECKING
 from rich.console import Group
 
 from cell.commands import words
-from cell.commands.arguments import (
-    add_cell,
-    address,
-    load_proven,
-    natural,
-    open_journal,
-    require_known,
-    require_recipe,
-)
+from cell.commands.arguments import add_cell, address, load_proven, natural, open_journal, require_known, require_recipe
 from cell.commands.terminal import FAULT, GOOD, NOT_GOOD, complain, progress, show
 from cell.config.layers import parse_set
 from cell.config.load import LoadedConfig
@@ -27,6 +19,7 @@ from cell.records.schema import plain
 from cell.run.line import CONTROLS, TOLD, TerminalLine
 from drivers.errors import CellError, ConfigError
 from plc_bridge.peer import Peer
+from plc_bridge.protocol.images import SERIAL, is_serial
 from plc_bridge.protocol.messages import REMEDIES, Command, Refusal, Report, Result
 from skills.catalogue import CATALOGUE
 from skills.contract import Outcome
@@ -50,6 +43,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Run the skill, program or control to its end; return GOOD for a success."""
     require_known("run", args.name, [*CATALOGUE, *(CONTROLS if args.connect else TOLD)])
+    if not is_serial(args.serial):
+        raise ConfigError(f"--serial {args.serial}: at most {SERIAL} printable ASCII characters allowed")
     return _run_there(args) if args.connect else _run_here(args)
 
 

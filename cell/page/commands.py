@@ -5,14 +5,13 @@ from dataclasses import dataclass
 from pydantic_core import from_json
 
 from cell.run.line import CONTROLS
-from plc_bridge.protocol.images import CommandImage
+from plc_bridge.protocol.images import SERIAL, CommandImage, is_serial
 from plc_bridge.protocol.messages import Control
-from plc_bridge.protocol.registers import Lease, table
+from plc_bridge.protocol.registers import Lease
 from skills.catalogue import CATALOGUE
 
 MOST = 2048
 """Longest text of a page, bytes."""
-_SERIAL = next(2 * register.words for register in table() if register.name == "command_serial")
 _RECIPES = 0xFFFF
 
 
@@ -65,8 +64,8 @@ def _start(data: dict[str, object]) -> CommandImage:
         raise BadAskError(f"program {name!r:.40}: {', '.join(CATALOGUE)} allowed")
     if not isinstance(recipe, int) or isinstance(recipe, bool) or not 0 <= recipe <= _RECIPES:
         raise BadAskError(f"recipe {recipe!r:.40}: a whole number from 0 to {_RECIPES} allowed")
-    if len(serial) > _SERIAL or not serial.isascii() or not serial.isprintable():
-        raise BadAskError(f"serial number: at most {_SERIAL} printable ASCII characters allowed")
+    if not is_serial(serial):
+        raise BadAskError(f"serial number: at most {SERIAL} printable ASCII characters allowed")
     return CommandImage(code=CATALOGUE[name].code, recipe=recipe, serial=serial)
 
 

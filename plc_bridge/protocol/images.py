@@ -17,6 +17,13 @@ _NUMBERS = {
     "i32": ("i", -0x8000_0000, 0x7FFF_FFFF),
 }
 """Code in `struct`, least and greatest number of each type."""
+SERIAL = next(2 * register.words for register in table() if register.name == "command_serial")
+"""Longest serial number of a part, characters."""
+
+
+def is_serial(text: str) -> bool:
+    """Return True if a serial number is printable ASCII and fits its registers."""
+    return len(text) <= SERIAL and text.isascii() and text.isprintable()
 
 
 @dataclass(frozen=True, slots=True)

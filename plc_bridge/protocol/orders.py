@@ -8,7 +8,7 @@ from collections import deque
 from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
-from plc_bridge.protocol.images import CommandImage
+from plc_bridge.protocol.images import CommandImage, is_serial
 from plc_bridge.protocol.lease import CellLease
 from plc_bridge.protocol.links import Link, Order
 from plc_bridge.protocol.messages import (
@@ -337,7 +337,7 @@ class Orders:
         The detail is the number, from 1, of a parameter that is unknown or beyond its limits, or `SERIAL_NUMBER` if the
         serial number cannot be printed.
         """
-        if not image.serial.isascii() or not image.serial.isprintable():
+        if not is_serial(image.serial):
             return (), SERIAL_NUMBER
         values = []
         for number, count in image.parameters:
