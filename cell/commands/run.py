@@ -42,7 +42,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Run the skill, program or control to its end; return GOOD for a success."""
-    require_known("run", args.name, [*CATALOGUE, *(CONTROLS if args.connect else TOLD)])
+    require_known("run", args.name, [*CATALOGUE, *CONTROLS])
+    if not args.connect and args.name not in (*CATALOGUE, *TOLD):
+        raise ConfigError(f"run {args.name}: only with --connect HOST:PORT, on a served cell")
     if not is_serial(args.serial):
         raise ConfigError(f"--serial {args.serial}: at most {SERIAL} printable ASCII characters allowed")
     return _run_there(args) if args.connect else _run_here(args)

@@ -30,7 +30,7 @@ WRONG = [
     ("check --config no_such_cell.toml", "no_such_cell.toml"),
     ("trials --out never --set peg.diameter=0.0082", "thicker than the hole"),
     ("run juggle", "juggle"),
-    (f"run juggle {AFAR}", "juggle"),
+    ("run reset", "run reset: only with --connect HOST:PORT"),
     ("run spray_search --set search.speed=3", "search.speed = 3"),
     (f"run spray_search {AFAR} --set search.speed=3", "search.speed"),
     (f"run spray_search {AFAR} --set peg.diameter=0.008", "peg.diameter"),
