@@ -14,10 +14,9 @@ from cell.records.wall_clock import headed, local
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the folder of the records, the period and code, and the number of alarms."""
-    last = 20  # Default number of shown alarms.
     add_records(parser)
     add_period(parser)
-    parser.add_argument("--last", type=positive, default=last, metavar="N", help=f"only the N newest; default {last}")
+    parser.add_argument("--last", type=positive, default=20, metavar="N", help="only the N newest; default 20")
 
 
 def run(args: argparse.Namespace) -> int:

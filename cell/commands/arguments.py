@@ -1,7 +1,9 @@
 """Options shared by several commands, and the config and journal that these options name; this module imports nothing slow."""
 
 import argparse
+import math
 from collections.abc import Iterable
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
@@ -22,6 +24,11 @@ DEVICES = ("arm", "gripper", "skin", "switch")
 
 class Parser(argparse.ArgumentParser):
     """Parser of the command line. It raises a `ConfigError`, so that wrong arguments are reported like any other wrong use."""
+
+    def __init__(self, **options: Any) -> None:
+        """Parse each number as an `amount`."""
+        super().__init__(**options)
+        self.register("type", float, amount)
 
     def error(self, message: str) -> NoReturn:
         """Raise the error.
@@ -292,16 +299,22 @@ def require_known(what: str, name: str, known: Iterable[str]) -> None:
 
 def positive(text: str) -> int:
     """Return a whole number of at least 1."""
-    if not text.isdigit() or int(text) < 1:
-        raise argparse.ArgumentTypeError(f"{text!r}: a whole number >= 1 allowed")
+    return natural(text, 1)
+
+
+def natural(text: str, least: int = 0) -> int:
+    """Return a whole number of at least `least`."""
+    if not text.isdecimal() or int(text) < least:
+        raise argparse.ArgumentTypeError(f"{text!r}: a whole number >= {least} allowed")
     return int(text)
 
 
-def natural(text: str) -> int:
-    """Return a whole number of at least 0."""
-    if not text.isdigit():
-        raise argparse.ArgumentTypeError(f"{text!r}: a whole number >= 0 allowed")
-    return int(text)
+def amount(text: str) -> float:
+    """Return a finite number of at least 0."""
+    with suppress(ValueError):
+        if 0.0 <= (value := float(text)) < math.inf:
+            return value
+    raise argparse.ArgumentTypeError(f"{text!r}: a number >= 0 allowed, as in 1.5")
 
 
 def address(text: str) -> tuple[str, int]:
@@ -329,7 +342,6 @@ def scheduler(text: str) -> str:
     except argparse.ArgumentTypeError:
         protocol = ""
     if protocol not in ("tcp", "tls"):
-        raise argparse.ArgumentTypeError(
-            f"{text!r}: tcp://HOST:PORT or tls://HOST:PORT allowed, as in tcp://127.0.0.1:8786"
-        )
+        forms = "tcp://HOST:PORT or tls://HOST:PORT allowed, as in tcp://127.0.0.1:8786"
+        raise argparse.ArgumentTypeError(f"{text!r}: {forms}")
     return text

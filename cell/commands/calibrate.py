@@ -34,9 +34,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the device and the output folder."""
     add_config(parser)
     parser.add_argument("device", choices=list(DEVICES), metavar="DEVICE", help=" or ".join(DEVICES))
-    parser.add_argument(
-        "--pegs", type=positive, metavar="N", help="number of pegs that touch the places off; default 3"
-    )
+    parser.add_argument("--pegs", type=positive, metavar="N", help="pegs that touch the places off; default 3")
     add_calibration_folder(parser)
 
 
@@ -114,15 +112,8 @@ def _arm_table(found: ArmCalibration, config: CellConfig, path: Path) -> Table:
         " the offset"
     )
     table = Table(title=f"{found.arm}, {found.unit}; written: {path}", caption=caption)
-    for name in (
-        "joint",
-        *(f"friction at {v:g} rad/s" for v in found.speeds),
-        "published",
-        "offset",
-        "published",
-        "left",
-        "verdict",
-    ):
+    speeds = [f"friction at {v:g} rad/s" for v in found.speeds]
+    for name in ("joint", *speeds, "published", "offset", "published", "left", "verdict"):
         table.add_column(name, justify="left" if name == "verdict" else "right")
     for j in range(len(joints.friction)):
         table.add_row(
@@ -149,9 +140,8 @@ def _verdict(found: ArmCalibration, joint: int, friction: float, offset: float) 
     share = found.friction[-1].value[joint] / friction if friction > 0.0 else 1.0
     told = []
     if not friction_range[0] <= share <= friction_range[1]:
-        told.append(
-            f"friction {share:.1f} times the published: {friction_range[0]:g} to {friction_range[1]:g} expected"
-        )
+        low, high = friction_range
+        told.append(f"friction {share:.1f} times the published: {low:g} to {high:g} expected")
     # Largest permitted offset, in standard deviations of the arm's own file.
     if abs(found.offset.value[joint]) > 2.0 * offset:
         told.append("offset: check the payload that is set in the arm's controller")
@@ -171,10 +161,7 @@ def _places_table(found: MeasuredPlaces, config: CellConfig, path: Path) -> Grou
         ("plate, tilt (degrees)", f"{math.degrees(found.tilt):.2f}", ""),
         ("plate, uneven (rms)", f"{found.uneven * 1e3:.2f}", ""),
         *((f"rack, along {axis}", mm(off), within(interval)) for axis, off, interval in rack),
-        *(
-            (f"peg {n}, further out of the hand than the mean", mm(longer), "")
-            for n, longer in enumerate(found.pegs, 1)
-        ),
+        *((f"peg {n}, further out of the hand than the mean", mm(off), "") for n, off in enumerate(found.pegs, 1)),
     )
     title, caption = f"{found.unit}; written: {path}", "mm, values measured by this arm minus those of the config"
     table = filled(("place", "off by", "95 %"), rows, title=title, caption=caption)

@@ -42,7 +42,6 @@ LAST_STEP = 12
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add --config, --set and the options of commissioning."""
-    minutes = 10.0  # Duration of the measurement of the arm's loop, min.
     add_cell(parser)
     parser.add_argument("--only", type=devices, default=(), metavar="DEVICES", help="check these devices alone: skin")
     parser.add_argument(
@@ -51,9 +50,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="with a person at the arm: prove wrench, hand, load and switch, and store the proof",
     )
     parser.add_argument("--loop", action="store_true", help="measure the arm's 1 kHz loop while the arm holds still")
-    parser.add_argument(
-        "--minutes", type=float, default=minutes, metavar="M", help=f"duration of --loop, default {minutes:g}"
-    )
+    parser.add_argument("--minutes", type=float, default=10.0, metavar="M", help="duration of --loop, min; default 10")
     parser.add_argument(
         "--plc", metavar="HOST", help='address of the PLC that will connect, "node 1" on CAN, "rtu:ttyUSB0" on a line'
     )

@@ -30,9 +30,8 @@ def run(args: argparse.Namespace) -> int:
         heads, found = _periods(args)
     else:
         raise ConfigError("compare: two runs (RUN RUN) or two periods (--since 7d --with 14d) needed")
-    data = {
-        title: [dict(zip(("what", "first", "second"), row, strict=True)) for row in lines] for title, lines in found
-    }
+    names = ("what", "first", "second")
+    data = {title: [dict(zip(names, row, strict=True)) for row in lines] for title, lines in found}
     return show(args, _picture(found, heads), {"compared": heads, **data})
 
 

@@ -14,9 +14,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_journal(parser)
     parser.add_argument("number", type=positive, metavar="RUN")
     parser.add_argument("--out", type=file_path, required=True, metavar="FILE", help="*.mp4, *.webp or *.png")
-    parser.add_argument(
-        "--at", type=float, metavar="S", help="time of a *.png, s since the first scan; default the last scan"
-    )
+    at = "time of a *.png, s since the first scan; default the last scan"
+    parser.add_argument("--at", type=float, metavar="S", help=at)
 
 
 def run(args: argparse.Namespace) -> int:

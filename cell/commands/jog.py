@@ -28,9 +28,8 @@ def run(args: argparse.Namespace) -> int:
 
     config = load_config(args).cell
     with opened(assemble(config), "arm", "gripper") as cell, keys() as pressed:
-        tell(
-            f"{KEYS}; {JOG_SPEED * 1e3:g} mm/s while a key is held, still {DEAD_MAN:g} s after it. Keep a hand on the stop."
-        )
+        motion = f"{JOG_SPEED * 1e3:g} mm/s while a key is held, still {DEAD_MAN:g} s after it"
+        tell(f"{KEYS}; {motion}. Keep a hand on the stop.")
         moved_by_keys(cell, pressed, act, is_guided=False)
         x, y, z = cell.arm.read().tcp.position
         tell(f"finger centre at {x:.4f}, {y:.4f}, {z:.4f} m")

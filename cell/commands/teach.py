@@ -12,6 +12,7 @@ from cell.commands.arguments import add_calibration_folder, add_config, calibrat
 from cell.commands.terminal import complain, say, show
 from cell.config.load import load
 from cell.devices.assembly import assemble, opened
+from drivers.errors import ConfigError
 from drivers.frames import end_point
 from drivers.quantities import ArmState
 
@@ -31,6 +32,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Guide or jog the arm, record places by keys, and write them if they are plausible."""
     config, today = load_config(args).cell, date.today()
+    if args.length is not None and not 0.0 < args.length <= 1.0:
+        raise ConfigError(f"--length {args.length:g}: a number > 0 and <= 1 m allowed")
     tell = complain if args.json else say
     length, shown, is_wanted = args.length or config.peg.length, taught.Shown(), []
 
@@ -43,9 +46,8 @@ def run(args: argparse.Namespace) -> int:
         return True
 
     with opened(assemble(config), "arm", "gripper") as cell, keys() as pressed:
-        tell(
-            "Keep the stop in reach; guide the arm. Keys: " + ", ".join(f"{k}: {v}" for k, v in taught.MEANINGS.items())
-        )
+        meanings = ", ".join(f"{k}: {v}" for k, v in taught.MEANINGS.items())
+        tell(f"Keep the stop in reach; guide the arm. Keys: {meanings}")
         moved_by_keys(cell, pressed, act, is_guided=True)
     found = taught.lines(shown, config.hole, config.rack)
     if not is_wanted or not found:

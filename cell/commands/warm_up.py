@@ -91,10 +91,6 @@ def _insert(config: CellConfig) -> None:
         if report.result is not Result.NONE:
             ended.set()
 
-    with (
-        TemporaryDirectory() as folder,
-        Journal(Path(folder)) as journal,
-        opened(assemble(config)) as cell,
-    ):
+    with TemporaryDirectory() as folder, Journal(Path(folder)) as journal, opened(assemble(config)) as cell:
         line = TerminalLine(Command(1, CATALOGUE["insert_peg"].code, source="warm-up"), watch)
         Supervisor(cell, LoadedConfig({0: config}), line, journal, ended).serve()

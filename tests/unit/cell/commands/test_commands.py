@@ -160,6 +160,8 @@ WRONG = {
     "study modelling --only",
     "csv": "runs --export",
     "Gehäuse 7": "run cleared --serial",
+    "nan": "skin --seconds",
+    "50": "teach --length",
 }
 """Wrong values, and the options that get them."""
 

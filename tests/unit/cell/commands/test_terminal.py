@@ -26,9 +26,8 @@ def records(tmp_path):
     with Journal(tmp_path) as journal:
         for ending in (success, fault):
             run = journal.writer.begin(ROW).run
-            journal.writer.finish(
-                replace(ROW, run=run, **ending), [StageRow(run, 1, "spray_search", 0.0, 9.0, counted=5.0)]
-            )
+            stage = StageRow(run, 1, "spray_search", 0.0, 9.0, counted=5.0)
+            journal.writer.finish(replace(ROW, run=run, **ending), [stage])
     return str(tmp_path)
 
 
