@@ -16,7 +16,7 @@ from cell.config.load import LoadedConfig, load
 from cell.config.nearest import did_you_mean
 from cell.config.text import as_toml, commented, file_schema
 from drivers.errors import ConfigError
-from drivers.figures_file import read_toml
+from drivers.figures_file import read_toml, write_whole
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -172,11 +172,9 @@ def _named(args: argparse.Namespace, word: str) -> LoadedConfig:
     if word in presets(args.config):
         return load(args.config, preset=word, sets=args.set)
     if not has_file(Path(word)):
-        known = ", ".join(presets(args.config))
-        raise ConfigError(
-            f"config diff {word}: no such file and no such preset; a file, or {known} allowed"
-            f"{did_you_mean(word, presets(args.config))}"
-        )
+        known = presets(args.config)
+        why = f"no such file and no such preset; a file, or {', '.join(known)} allowed"
+        raise ConfigError(f"config diff {word}: {why}{did_you_mean(word, known)}")
     return load(Path(word), sets=args.set)
 
 
@@ -189,9 +187,6 @@ def _comment(args: argparse.Namespace) -> int:
     read_toml(args.file)
     before = args.file.read_text(encoding="utf-8")
     after = commented(before)
-    try:
-        args.file.write_text(after, encoding="utf-8")
-    except OSError as error:
-        raise ConfigError(f"{args.file}: cannot be written: {error.strerror}") from None
+    write_whole(args.file, after, "config")
     lines = sum(one != other for one, other in zip(before.splitlines(), after.splitlines(), strict=True))
     return show(args, f"{args.file}: {lines} lines changed", {"file": str(args.file), "lines": lines})

@@ -1,6 +1,7 @@
 """Every command and every study has the same parts, and the error on an unknown name suggests the nearest one."""
 
 import json
+import resource
 import time
 import tomllib
 from dataclasses import replace
@@ -174,3 +175,13 @@ def test_wrong_use_is_refused_in_one_line_before_anything_is_compiled(words, val
     Path("FOLDER").mkdir()
     assert main([*words.split(), value]) == WRONG_USE
     assert len(capsys.readouterr().err.splitlines()) == 1
+
+
+def test_a_full_disk_keeps_the_commented_config(tmp_path):
+    file = tmp_path / "cell.toml"
+    file.write_text(text := "scan_rate = 100.0\n")
+    size, most = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (8, most))
+    status = main(["config", "comment", str(file)])
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, most))
+    assert (status, file.read_text()) == (WRONG_USE, text)
