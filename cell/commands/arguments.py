@@ -2,6 +2,7 @@
 
 import argparse
 import math
+import os
 from collections.abc import Iterable
 from contextlib import suppress
 from pathlib import Path
@@ -108,17 +109,20 @@ def add_calibration_folder(parser: argparse.ArgumentParser) -> None:
 
 
 def calibration_folder(args: argparse.Namespace) -> Path:
-    """Return the folder of measured files: `calibration` beside the config file, or among the user's own data."""
-    from cell.records.journal import default_folder
+    """Return the folder for a measured file: that of --out, else the folder of the proven facts.
 
-    return (args.config.parent if args.config else default_folder()) / "calibration"
+    Raises:
+        ConfigError: The folder cannot be written.
+    """
+    return writable(args.out or proven_file(args).parent)
 
 
 def proven_file(args: argparse.Namespace) -> Path:
-    """Return the file with the proven facts of a physical cell."""
+    """Return the file with the proven facts: in `calibration` beside the config file, or among the user's own data."""
     from cell.calibrate.proven import FILE
+    from cell.records.journal import default_folder
 
-    return calibration_folder(args) / FILE
+    return (args.config.parent if args.config else default_folder()) / "calibration" / FILE
 
 
 def load_proven(args: argparse.Namespace) -> "tuple[LoadedConfig, str]":
@@ -277,12 +281,24 @@ def out_folder(folder: Path) -> Path:
     """Return the output folder of a command; create it if it is missing.
 
     Raises:
-        ConfigError: The folder cannot be made.
+        ConfigError: The folder cannot be made or written.
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise ConfigError(f"{folder}: cannot be made: {error.strerror}") from None
+    return writable(folder)
+
+
+def writable(folder: Path) -> Path:
+    """Return a folder, which may be missing, before a command measures what it writes there.
+
+    Raises:
+        ConfigError: No permission to write in the folder, or to make it.
+    """
+    at = next(each for each in (folder, *folder.absolute().parents) if each.exists())
+    if not os.access(at, os.W_OK):
+        raise ConfigError(f"{folder}: cannot be written: no permission in {at}")
     return folder
 
 

@@ -44,7 +44,7 @@ def run(args: argparse.Namespace) -> int:
     if args.pegs is not None and args.device != "places":
         raise ConfigError("--pegs: only for places")
     config = load_proven(args)[0].cell
-    path = (args.out or calibration_folder(args)) / f"{args.device}_{today.isoformat()}.toml"
+    path = calibration_folder(args) / f"{args.device}_{today.isoformat()}.toml"
     try:
         return DEVICES[args.device](args, config, today, path)
     except NotCalibratedError as error:

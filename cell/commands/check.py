@@ -23,7 +23,7 @@ from cell.run.exposure import exposures, key_days, key_verdict
 from cell.run.line import PROGRAMS
 from cell.run.supervisor import Supervisor
 from drivers.errors import CellError, ConfigError, DeviceNotOpenedError, NotCalibratedError
-from drivers.figures_file import read_toml
+from drivers.figures_file import read_toml, write_whole
 from plc_bridge.bridge import Bridge
 from plc_bridge.config import PlcConfig
 
@@ -146,6 +146,7 @@ def _prove(loaded: LoadedConfig, path: Path, found: dict[str, str]) -> None:
     wrong = [name for name in needed if not found.get(name, "").startswith(OK)]
     if wrong:
         raise NotCalibratedError(f"nothing proven: first repair {', '.join(wrong)}")
+    out_folder(path.parent)  # made now, so that no proof is lost
     measured = {name: found[name] for name in ("end effector", "load")}
     with opened(assemble(loaded.cell), "arm") as cell:
         measured["wrench"] = prove_wrench(cell, ask)
@@ -193,10 +194,10 @@ def _commission(args: argparse.Namespace, loaded: LoadedConfig) -> int:
         finally:
             bridge.close()
     found = record(walk, args.name, datetime.now().astimezone().isoformat(timespec="seconds"), installed(PROGRAM))
-    text = json.dumps(found, indent=2)
+    status = show(args, _sheet(found), found, GOOD if found["passed"] else NOT_GOOD)
     if args.out is not None:
-        args.out.write_text(text + "\n", encoding="utf-8")
-    return show(args, _sheet(found), found, GOOD if found["passed"] else NOT_GOOD)
+        write_whole(args.out, json.dumps(found, indent=2) + "\n", "record")
+    return status
 
 
 def _sheet(found: dict[str, object]) -> str:

@@ -131,6 +131,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return complain(str(error), WRONG_USE)
     except CellError as error:
         return complain(f"fault {error.code.value}: {error}", FAULT)
+    except PermissionError as error:
+        return complain(f"{error.filename}: {error.strerror}", WRONG_USE)
     except KeyboardInterrupt:
         return complain("stopped")
     except BrokenPipeError:

@@ -20,7 +20,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the run, and the folder of its files."""
     add_records(parser)
     parser.add_argument("number", type=positive, metavar="RUN")
-    parser.add_argument("--export", type=folder_path, metavar="DIR", help="folder for the raw samples as CSV")
+    parser.add_argument(
+        "--export", type=folder_path, metavar="DIR", help="folder for the picture, and for the samples as CSV"
+    )
 
 
 def run(args: argparse.Namespace) -> int:

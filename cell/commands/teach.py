@@ -31,7 +31,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Guide or jog the arm, record places by keys, and write them if they are plausible."""
-    config, today = load_config(args).cell, date.today()
+    config, today, folder = load_config(args).cell, date.today(), calibration_folder(args)
     if args.length is not None and not 0.0 < args.length <= 1.0:
         raise ConfigError(f"--length {args.length:g}: a number > 0 and <= 1 m allowed")
     tell = complain if args.json else say
@@ -55,7 +55,7 @@ def run(args: argparse.Namespace) -> int:
     if (why := taught.implausible(shown, config.rack, config.peg.length, config.limits)) is not None:
         return complain(f"teach: {why}; nothing written")
     load(args.config, sets=[*args.set, *(f"{section}.{key}={value}" for section, key, value in found)])
-    path = (args.out or calibration_folder(args)) / f"taught_{today.isoformat()}.toml"
+    path = folder / f"taught_{today.isoformat()}.toml"
     text = taught.sections(found)
     taught.write(path, text, today, config.arm_unit())
     told = f"written: {path}\nfor the cell's file; run `cell calibrate places` afterwards:\n\n{text}"

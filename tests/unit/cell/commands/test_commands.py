@@ -1,6 +1,7 @@
 """Every command and every study has the same parts, and the error on an unknown name suggests the nearest one."""
 
 import json
+import os
 import resource
 import time
 import tomllib
@@ -10,6 +11,7 @@ from pathlib import Path
 
 import pytest
 
+from cell.commands import view
 from cell.commands.cli import COMMANDS, GOOD, WRONG_USE, load_command, main
 from cell.config.nearest import did_you_mean
 from cell.lab.commands.study import STUDIES
@@ -175,6 +177,21 @@ def test_wrong_use_is_refused_in_one_line_before_anything_is_compiled(words, val
     Path("FOLDER").mkdir()
     assert main([*words.split(), value]) == WRONG_USE
     assert len(capsys.readouterr().err.splitlines()) == 1
+
+
+def test_a_folder_that_cannot_be_written_is_refused_before_the_measurement(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(os, "access", lambda path, mode: Path(path) != tmp_path)
+    for words in (["calibrate", "skin"], ["teach"]):
+        assert main([*words, "--out", str(tmp_path / "new")]) == WRONG_USE
+        assert capsys.readouterr().err == f"cell: {tmp_path}/new: cannot be written: no permission in {tmp_path}\n"
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_refused_permission_is_one_line_of_wrong_use(monkeypatch, capsys):
+    refused = PermissionError(13, "Permission denied", "run-000001.png")
+    monkeypatch.setattr(view, "run", lambda _: (each for each in ()).throw(refused))
+    assert main(["view"]) == WRONG_USE
+    assert capsys.readouterr().err == "cell: run-000001.png: Permission denied\n"
 
 
 def test_a_full_disk_keeps_the_commented_config(tmp_path):
