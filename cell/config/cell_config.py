@@ -215,9 +215,8 @@ class CellConfig(Catalogued):
         if self.paper is not None:
             require_printable(self.paper, peg, hole)
         if self.switch.kind == "none" and hole.evidence == "switch":
-            raise ValueError(
-                'hole.evidence = "switch": this cell has no switch (switch.kind = "none"); "force" allowed'
-            )
+            text = 'hole.evidence = "switch": this cell has no switch (switch.kind = "none"); "force" allowed'
+            raise ValueError(text)
         return self
 
     @model_validator(mode="after")
@@ -225,9 +224,8 @@ class CellConfig(Catalogued):
         file = arm_file(self.arm.model)
         if not has_file(file):
             known = ", ".join(f'"{path.stem}"' for path in sorted(ARMS.glob("*.toml")))
-            raise ValueError(
-                f'arm.model = "{self.arm.model}": no such arm; {known} or a file of figures, *.toml, allowed'
-            )
+            allowed = f"{known} or a file of figures, *.toml, allowed"
+            raise ValueError(f'arm.model = "{self.arm.model}": no such arm; {allowed}')
         require_workspace_in_reach(self.limits, read_arm(file))
         place = self.place()
         require_reach(place, self.hole, self.limits)
@@ -253,9 +251,8 @@ class CellConfig(Catalogued):
         if not self.is_simulated and isinstance(self.switch, SerialSwitchConfig) and self.switch.port == EMULATED:
             raise ValueError(f'switch.port = "{EMULATED}": needs a simulated cell; the name of a port allowed')
         if self.is_simulated and self.gripper.kind != "sim":
-            raise ValueError(
-                f'gripper.kind = "{self.gripper.kind}": needs the real arm; "sim" allowed with a simulated one'
-            )
+            text = f'gripper.kind = "{self.gripper.kind}": needs the real arm; "sim" allowed with a simulated one'
+            raise ValueError(text)
         return self
 
     @model_validator(mode="after")

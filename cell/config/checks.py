@@ -29,9 +29,8 @@ def require_shallow(peg: Peg, hole: Hole, rack: Rack) -> None:
     """Require that the peg reaches the bottom of hole and slot."""
     for name, depth in (("hole.depth", hole.depth), ("rack.depth", rack.depth)):
         if depth >= peg.length:
-            raise ValueError(
-                f"{name} = {depth}: deeper than the peg reaches; less than peg.length = {peg.length} allowed"
-            )
+            text = f"{name} = {depth}: deeper than the peg reaches; less than peg.length = {peg.length} allowed"
+            raise ValueError(text)
 
 
 def require_apart(hole: Hole, rack: Rack) -> None:

@@ -1,6 +1,7 @@
 """Report of a wrong config in one line: file, key, the value found, the permitted values."""
 
 import json
+import math
 import re
 from collections.abc import Mapping
 from functools import lru_cache
@@ -42,7 +43,7 @@ def explain(error: ValidationError, given: Layers) -> str:
             return f"{_blamed(text, given)}: {text}"
         # The message of a check within a section can name its key.
         return f"{given.origins[within]}: {key}.{text}" if within in given.origins else f"{origin}: {key}: {text}"
-    return f"{origin}: {key} = {found!r}: {allowed(schema)} allowed{_hint(found, schema)}"
+    return f"{origin}: {key} = {found!r}: {allowed(schema)} allowed{_hint(place, found, schema)}"
 
 
 def _tags(schema: Mapping[str, Any]) -> str:
@@ -148,14 +149,22 @@ def _allowed_number(name: str, schema: Mapping[str, Any]) -> str:
     return " ".join([name, " and ".join(parts)]).strip()
 
 
-def _hint(found: Any, schema: Mapping[str, Any]) -> str:
-    """Return a hint to the probable cause if a number is far too large."""
-    if isinstance(found, bool) or not isinstance(found, int | float):
+_SMALLER = {"m": ("mm", 1e-3), "m/s": ("mm/s", 1e-3), "rad": ("degrees", math.pi / 180.0)}
+"""Smaller unit that people type in place of an SI unit, and its size, by the SI unit."""
+
+
+def _hint(place: Place, found: Any, schema: Mapping[str, Any]) -> str:
+    """Return a hint to the probable cause if a number is too large for its unit, but not for a smaller unit."""
+    from cell.config.keys import find  # imported late: it imports this module
+
+    unit = next((key.unit for key in find(".".join(step for step in place if not step.isdigit()))), "")
+    if unit not in _SMALLER or isinstance(found, bool) or not isinstance(found, int | float):
         return ""
+    word, size = _SMALLER[unit]
     for branch in schema.get("anyOf", [schema]):
         high = branch.get("maximum", branch.get("exclusiveMaximum"))
-        if branch.get("type") == "number" and high is not None and high < found <= 1000.0 * high:
-            return f"; SI units: angles in radians, lengths in metres, {found:g} mm is {found / 1000.0:g}"
+        if branch.get("type") == "number" and high is not None and high < found <= high / size:
+            return f"; SI units: {found:g} {word} is {found * size:.4g} {unit}"
     return ""
 
 

@@ -71,9 +71,8 @@ def with_parameters(config: CellConfig, parameters: Iterable[tuple[str, Any]]) -
     merged = Layers("parameter", config.model_dump())
     for name, _ in parameters:
         if name.split(".")[0] not in RECIPE_SECTIONS - {"preset"}:
-            raise ConfigError(
-                f"parameter {name}: not for a command; keys of {', '.join(sorted(RECIPE_SECTIONS))} allowed"
-            )
+            known = ", ".join(sorted(RECIPE_SECTIONS))
+            raise ConfigError(f"parameter {name}: not for a command; keys of {known} allowed")
     merged.lay(nested((tuple(name.split(".")), value) for name, value in parameters), "parameter")
     return _validated(merged)
 

@@ -102,8 +102,5 @@ def _law(arm: ArmModel, q: Vector, length: float, gains: Gains) -> Vector:
     # Term added to J Jᵀ in the null-space projection of the law.
     null = np.eye(JOINTS) - J.T @ np.linalg.inv(J @ J.T + 1e-4 * np.eye(6)) @ J
     return np.hstack(
-        [
-            J.T @ np.diag(stiffness) @ J + impedance.NULL_STIFFNESS * null,
-            J.T @ D @ J + impedance.NULL_DAMPING * null,
-        ]
+        [J.T @ np.diag(stiffness) @ J + impedance.NULL_STIFFNESS * null, J.T @ D @ J + impedance.NULL_DAMPING * null]
     )

@@ -40,8 +40,9 @@ WIDE = "hole.area=[0.2,0.2]; limits.high=[0.55,0.45,0.80]"
 WRONG = [
     ("plc.can=3", ["--set", "plc.can = 3", "a section with interface (needed), channel (needed)"]),
     ("plc.rtu=true", ["--set", "plc.rtu = True", "a section with port (needed), unit"]),
-    ("peg.diameter=8", ["--set", "peg.diameter = 8", "0.002 to 0.03", "metres", "0.008"]),
-    ("hole.area=[60, 60]", ["hole.area", "60", "0 to 0.2", "metres"]),
+    ("peg.diameter=8", ["--set", "peg.diameter = 8", "0.002 to 0.03", "8 mm is 0.008 m"]),
+    ("hole.area=[60, 60]", ["hole.area", "0 to 0.2", "60 mm is 0.06 m"]),
+    ("search.tilt=45", ["45: a number >= 0 and < 1.4 allowed; SI units: 45 degrees is 0.7854 rad"]),
     ("peg.diameter=0.0081", ["--set", "peg.diameter = 0.0081", "thicker than the hole", "0.0081"]),
     (
         "grasp.clearance=0.03",
