@@ -60,12 +60,7 @@ def _laid_over(base: dict[str, Any], tree: dict[str, Any]) -> dict[str, Any]:
 
 
 def write_whole(path: Path, text: str, what: str) -> None:
-    """Write a text file; create its folder if it is missing.
-
-    Args:
-        path: The file.
-        text: Content of the file.
-        what: Word for the file in the message.
+    """Write a text file; create its folder if it is missing; `what` names the file in the message of an error.
 
     Raises:
         ConfigError: The file cannot be written; a previous file stays.
@@ -77,8 +72,8 @@ def write_whole(path: Path, text: str, what: str) -> None:
         raise ConfigError(f"{path}: {what} cannot be written: {error.strerror}") from None
 
 
-def replace_text(path: Path, text: str, *, is_lasting: bool = True, mode: int = 0o666) -> None:
-    """Replace the text of a file, whole or not at all; with `is_lasting` the new text survives a power failure.
+def replace_text(path: Path, text: str, *, mode: int = 0o666) -> None:
+    """Replace the text of a file, whole or not at all; afterwards the new text survives a power failure.
 
     Raises:
         OSError: The file cannot be written.
@@ -88,10 +83,13 @@ def replace_text(path: Path, text: str, *, is_lasting: bool = True, mode: int = 
         number = os.open(beside, os.O_CREAT | os.O_TRUNC | os.O_WRONLY, mode)
         with os.fdopen(number, "w", encoding="utf-8") as file:
             file.write(text)
-            if is_lasting:
-                file.flush()
-                os.fsync(file.fileno())
+            file.flush()
+            os.fsync(file.fileno())
         beside.replace(path)
+        folder = os.open(path.parent, os.O_RDONLY)
+        with suppress(OSError):  # not every file system can; without it, a power failure can bring the old text back
+            os.fsync(folder)
+        os.close(folder)
     except OSError:
         with suppress(OSError):
             beside.unlink()

@@ -86,7 +86,7 @@ class Custody:
     def refill(self) -> None:
         """Register that every slot of the rack is filled."""
         self._emptied = 0
-        self.keep(is_lasting=True)
+        self.keep()
 
     def seat(self, evidence: str, by: PartEvidence) -> None:
         """Register that the released peg is seated, by evidence of the run."""
@@ -96,7 +96,7 @@ class Custody:
         """Register that a person has removed the peg; from the next reading on, the devices decide its place again."""
         told = "a person has taken the last peg away"
         self._become(PartState(PartPlace.RACK, told, basis=PartEvidence.PERSON))
-        self.keep(is_lasting=True)
+        self.keep()
 
     def _become(self, part: PartState) -> bool:
         before, self.part = self.part, part
@@ -105,10 +105,10 @@ class Custody:
             self.keep()
         return is_new
 
-    def keep(self, is_lasting: bool = False) -> None:
-        """Queue the present state for the file without waiting for the disk; with `is_lasting` it survives a power failure."""
+    def keep(self) -> None:
+        """Queue the present state for the file, without waiting for the disk."""
         data = {**asdict(self.part), "place": self.part.place.name, "emptied": self._emptied}
-        self._file.put(json.dumps(data), is_lasting)
+        self._file.put(json.dumps(data))
 
     def flush(self) -> bool:
         """Wait up to `FLUSH_TIME` until the present state is in the file; return True if it is. Called when the program ends."""

@@ -144,7 +144,7 @@ class PartWatch:
                 self._end(*self._devices())
             except Exception:  # the fault of this device has ended the run already
                 self._see_hand()
-            self._custody.keep(is_lasting=True)
+            self._custody.keep()
         self._is_running = False
 
     def flush(self) -> None:

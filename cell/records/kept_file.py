@@ -29,12 +29,12 @@ class KeptFile:
         self._changed = Condition()
         self._text: str | None = None
         """Text that waits to be written; None if there is none."""
-        self._is_lasting, self._is_at_work = False, False
+        self._is_at_work = False
 
-    def put(self, text: str, is_lasting: bool) -> None:
-        """Queue a text for the file; with `is_lasting` it then survives a power failure. Never waits."""
+    def put(self, text: str) -> None:
+        """Queue a text for the file; once written, it survives a power failure. Never waits."""
         with self._changed:
-            self._text, self._is_lasting = text, self._is_lasting or is_lasting
+            self._text = text
             if not self._is_at_work:
                 self._is_at_work = True
                 Thread(target=self._write, name="kept file", daemon=True).start()
@@ -48,14 +48,13 @@ class KeptFile:
         is_said = False
         while True:
             with self._changed:
-                text, is_lasting = self._text, self._is_lasting
-                self._text, self._is_lasting = None, False
+                text, self._text = self._text, None
                 if text is None:
                     self._is_at_work = False
                     self._changed.notify_all()
                     return
             try:
-                replace_text(self.path, text, is_lasting=is_lasting, mode=OWNER_ONLY)
+                replace_text(self.path, text, mode=OWNER_ONLY)
             except OSError as error:
                 if not is_said:
                     is_said = True
@@ -64,7 +63,6 @@ class KeptFile:
                     _empty(self.path)
                 with self._changed:
                     self._text = text if self._text is None else self._text
-                    self._is_lasting |= is_lasting
                     # Delay between two attempts to write a text, s.
                     self._changed.wait(1.0)
 

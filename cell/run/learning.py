@@ -200,12 +200,12 @@ class Learning:
             )
         place = LearnedPlace(job=digest(job), **asdict(estimate), updated=self._now())
         self._newest = learned.model_copy(update={"places": {**learned.places, str(recipe): place}})
-        self._kept.put(self._newest.text(), is_lasting=True)
+        self._kept.put(self._newest.text())
 
     def forget(self, recipe: int) -> None:
         """Forget a recipe at once, and queue the file for writing; if the file cannot be read, forget all recipes."""
         self._newest = (self._known() or LearnedFile()).without(recipe)
-        self._kept.put(self._newest.text(), is_lasting=True)
+        self._kept.put(self._newest.text())
 
     def _estimate(self, learned: LearnedFile | None, job: Job, recipe: int) -> PlaceEstimate | None:
         """Return the learnt place of the hole if it is usable, else the configured prior; None if both are missing."""
