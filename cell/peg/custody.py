@@ -10,6 +10,7 @@ from typing import Annotated
 from pydantic import BeforeValidator, Field, ValidationError
 
 from cell.peg.part_state import (
+    SIGNS,
     PartState,
     PegEvidence,
     Places,
@@ -94,8 +95,8 @@ class Custody:
 
     def clear(self) -> None:
         """Register that a person has removed the peg; from the next reading on, the devices decide its place again."""
-        told = "a person has taken the last peg away"
-        self._become(PartState(PartPlace.RACK, told, basis=PartEvidence.PERSON))
+        self._kept = PartState(PartPlace.RACK, SIGNS[PartEvidence.PERSON], basis=PartEvidence.PERSON)
+        self._become(self._kept)
         self.keep()
 
     def _become(self, part: PartState) -> bool:
@@ -107,7 +108,8 @@ class Custody:
 
     def keep(self) -> None:
         """Queue the present state for the file, without waiting for the disk."""
-        data = {**asdict(self.part), "place": self.part.place.name, "emptied": self._emptied}
+        part = self.part if self._is_known or self._kept is None else self._kept
+        data = {**asdict(part), "place": part.place.name, "emptied": self._emptied}
         self._file.put(json.dumps(data))
 
     def flush(self) -> bool:

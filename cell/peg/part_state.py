@@ -149,9 +149,8 @@ def at_start(kept: PartState | None, seen: PegEvidence, places: Places) -> PartS
     now = _left_alone(kept, seen, places)
     if now is kept and kept.basis:
         return replace(kept, basis=kept.basis | PartEvidence.RECORD)
-    return _shown(
-        now, seen, places
-    )  # also if the record has no evidence bits: no file, a damaged one, or one of version 0.2
+    # Also if the record has no evidence bits: no file, a damaged one, or one of version 0.2.
+    return _shown(now, seen, places)
 
 
 def after(before: PartState, seen: PegEvidence, places: Places, is_running: bool) -> PartState:
@@ -248,8 +247,7 @@ def _shown(part: PartState, seen: PegEvidence, places: Places) -> PartState:
         PartEvidence.SWITCH_CLOSED: seen.switch is SwitchState.CLOSED,
         PartEvidence.SWITCH_OPEN: seen.switch is SwitchState.OPEN,
     }
-    basis = PartEvidence(sum(sign for sign, is_so in signs.items() if is_so))
-    return replace(part, basis=basis, width=seen.hand.width)
+    return replace(part, basis=PartEvidence(sum(sign for sign in signs if signs[sign])), width=seen.hand.width)
 
 
 def _is_between(seen: PegEvidence, places: Places) -> bool:

@@ -170,6 +170,17 @@ def test_the_rack_empties_slot_by_slot_until_refilled(program, rack):
     assert later.take(rack) == 0
 
 
+def test_words_of_a_person_count_before_the_first_reading(program):
+    assert program().holds().is_empty().flush()
+    told = program()
+    told.refill()
+    assert told.flush()
+    assert "outside a run" in program().is_empty().part.evidence
+    told.clear()
+    assert told.flush()
+    assert (told.is_empty().part.place, program().is_empty().part.place) == (PartPlace.RACK, PartPlace.RACK)
+
+
 def test_a_feeder_goes_round_the_slots_for_ever(program, loaded):
     custody, rack = program(), loaded.cell.rack
     assert [custody.take(rack) for _ in range(rack.slots + 2)] == [*range(rack.slots), 0, 1]
