@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from drivers.errors import CellError
-from skills.contract import Interrupted, Outcome, Reason, SkillContext, SkillResult
+from skills.contract import Interrupted, Outcome, Reason, Request, SkillContext, SkillResult
 
 Step = Callable[[SkillContext], SkillResult]
 
@@ -33,6 +33,9 @@ def run_stage(name: str, step: Step, ctx: SkillContext) -> StageRecord:
     ctx.callbacks.progress(0.0)
     started = ctx.devices.clock.now()
     try:
+        # The stop may have come before the first scan of the skill, which can open the hand before that scan.
+        if ctx.callbacks.poll() is Request.STOP:
+            raise Interrupted(Reason.STOPPED)
         result = step(ctx)
     except Interrupted as interruption:
         outcome = Outcome.ABORTED if interruption.reason is Reason.STOPPED else Outcome.FAILURE

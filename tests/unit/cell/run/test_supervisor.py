@@ -224,6 +224,14 @@ def test_an_interrupted_run_halts_the_arm_and_is_recorded_as_aborted(rig, progra
     assert rig.clock.now() < 1.0
 
 
+def test_a_stop_while_a_run_is_prepared_leaves_the_hand_as_it_is(rig):
+    cell = replace(rig.cell, restock=lambda job, seed: rig.plc.trigger(Control.STOP))
+    rig.supervisor, rig.gripper.width = Supervisor(cell, rig.loaded, rig.bridge, rig.journal), 0.03
+    rig.scan()
+    report = rig.command(CODE)
+    assert (report.state, report.result, rig.gripper.width) == (State.STOPPED, Result.ABORTED, 0.03)
+
+
 def test_held_is_reported_at_rest_and_the_run_continues(rig, program):
     runs_on(rig, program, 5.0)
     rig.at(0.5, lambda: rig.plc.trigger(Control.HOLD))
