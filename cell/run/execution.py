@@ -93,7 +93,7 @@ class Execution:
             if entry.starts_empty and not self._part.is_resolved:
                 claim = RECOVER.claim
                 self._go(RECOVER, config, records)
-                if not self._part.is_resolved:
+                if records[-1].result.outcome is not Outcome.SUCCESS or not self._part.is_resolved:
                     return
             claim = entry.claim
             self._take_peg(entry, config)

@@ -5,7 +5,6 @@ from skills.catalogue import CATALOGUE
 
 INSERT = CATALOGUE["insert_peg"]
 
-
 HALVES = [(stage, fraction) for stage in INSERT.stages for fraction in (0.0, 0.5)]
 
 

@@ -8,6 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from cell.config.load import load
 from cell.records.journal import Journal
 from cell.records.schema import EventKind
 from cell.run import supervisor
@@ -16,10 +17,11 @@ from cell.run.states import State
 from cell.run.supervisor import Supervisor
 from drivers.errors import ArmReflexError, CellError, FaultCode, SkinSilentError
 from plc_bridge.protocol.messages import Command, Control, PartPlace, Refusal, Result
-from skills.catalogue import CATALOGUE
+from skills.catalogue import CATALOGUE, RECOVER
 from skills.contract import Outcome, Reason
 from skills.entry import Claim, Program
 from skills.guards.scan_guards import RESUME_TIME
+from tests.fakes import Rig
 from tests.quick_cell import STAGE, QuickProgram
 from tests.unit.cell.run.test_watchdog import Looked
 
@@ -244,6 +246,22 @@ def test_held_is_reported_at_rest_and_the_run_continues(rig, program):
     assert (report.state, report.result) == (State.COMPLETE, Result.SUCCESS)
 
 
+def test_nothing_follows_a_recovery_that_failed(tmp_path, monkeypatch):
+    rig = Rig(load(sets=["reality.scale=0.0", "recover.first=true"]), tmp_path)
+    rig.arm.tcp = replace(rig.arm.tcp, position=np.array(rig.loaded.cell.params(RECOVER).bin))
+    program = inserts(rig, monkeypatch)
+    rig.gripper.grip(30.0)
+    rig.scan()
+
+    def hits():
+        rig.gripper.has_peg, rig.gripper.width, rig.arm.force = False, 0.0, np.array([0.0, 0.0, 200.0])
+
+    rig.at(0.1, hits)
+    report = rig.command(100)
+    assert (report.result, report.part, report.reason) == (Result.FAILURE, PartPlace.BIN, Reason.FORCE_LIMIT)
+    assert (program.runs, rig.restocked) == ([], [])
+
+
 def test_a_hold_while_a_failed_run_brakes_ends_with_the_run(rig, program):
     program.outcome, program.reason = Outcome.FAILURE, Reason.MISSED_GRASP
     moves_for(rig, 0.1)
@@ -419,29 +437,13 @@ def test_the_progress_of_a_run_never_falls(rig, program):
     assert during[0].progress == 50
 
 
-class Terminal:
-    """Line that gives one command at a time and keeps every answer and report."""
-
-    def __init__(self):
-        self.waiting, self.accepted, self.refused, self.reports = [], [], [], []
-
-    def poll(self):
-        return self.waiting.pop(0) if self.waiting else None
-
-    def publish(self, report):
-        self.reports.append(report)
-
-    def accept(self, command):
-        self.accepted.append(command)
-
-    def refuse(self, command, refusal):
-        self.refused.append((command, refusal))
-
-
 @pytest.fixture
 def terminal(rig, program):
-    """Return the line of a cell that waits."""
-    line = Terminal()
+    """Return a line that gives one command at a time and keeps every answer and report; its cell waits."""
+    line = SimpleNamespace(waiting=[], accepted=[], refused=[], reports=[])
+    line.poll = lambda: line.waiting.pop(0) if line.waiting else None
+    line.publish, line.accept = line.reports.append, line.accepted.append
+    line.refuse = lambda *told: line.refused.append(told)
     rig.supervisor = Supervisor(rig.cell, rig.loaded, line, rig.journal)
     rig.scan()
     return line
