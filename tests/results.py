@@ -73,7 +73,8 @@ def _row(claim: dict[str, Any]) -> str:
     interval = ""
     if successes != "":
         low, high = wilson(successes, n)
-        interval = f"{100 * low:.1f} to {100 * high:.1f} %"
+        digits = max(len(str(n)) - 3, 1)
+        interval = f"{100 * low:.{digits}f} to {100 * high:.{digits}f} %"
     command = claim["command"]
     if command.startswith(("cell ", "python ")):
         command = f"`{command}`"
