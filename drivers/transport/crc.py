@@ -29,7 +29,7 @@ class Crc8(ConfigModel):
     @classmethod
     def _ends_with_one(cls, polynomial: int) -> int:
         if not polynomial & 1:
-            raise ValueError(f"0x{polynomial:02X} lets single flipped bits through; an odd one allowed")
+            raise ValueError(f"0x{polynomial:02X} makes the lowest bit of every check sum 0; an odd polynomial allowed")
         return polynomial
 
     def of(self, data: bytes) -> int:

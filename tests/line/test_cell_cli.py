@@ -57,7 +57,7 @@ WRONG = [
     (f"{CAN} --set skin.rate=200", "skin.rate = 200: a number from 1 to 100 allowed"),
     (f"{SKIN} --set skin.kind=usb", '\'usb\': "can", "host", "serial", "sim" allowed'),
     (f"{CAN} --set skin.board.kind=ican", '"cyskin", "icub" allowed'),
-    (f"{SERIAL} --set skin.board.wire.crc.polynomial=6", "lets single flipped bits through"),
+    (f"{SERIAL} --set skin.board.wire.crc.polynomial=6", "makes the lowest bit of every check sum 0"),
     (f"{CAN} --out /proc/picture.png", "cannot be written"),
     ("calibrate places --pegs 5 --set rack.refill=asked", "--pegs 5: 2 to 4 allowed"),
     ("calibrate places --pegs 1", "--pegs 1: 2 to 20 allowed"),

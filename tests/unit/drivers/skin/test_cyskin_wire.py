@@ -65,7 +65,7 @@ def test_crc_is_that_of_the_catalogue(keys, check):
 @pytest.mark.parametrize(
     ("make", "words"),
     [
-        (lambda: Crc8(polynomial=6), "0x06 lets single flipped bits through"),
+        (lambda: Crc8(polynomial=6), "0x06 makes the lowest bit of every check sum 0"),
         (lambda: SkinWireConfig(start_up=("declare",)), 'ends with "declare"; "start" needed as the last step'),
     ],
 )
