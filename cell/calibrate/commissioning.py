@@ -153,14 +153,14 @@ class Walk:
         # Largest gap between two changes of the life counter, fraction of `plc.life_timeout`.
         if now.plc.longest_gap > 0.5 * self.life_timeout:
             raise StepFailedError(f"{said}: half of plc.life_timeout allowed")
-        return said + ("" if now.plc.uses_tail else "; no copy at the tail, so torn blocks are not noticed")
+        return said + ("" if now.plc.uses_tail else "; command_life_tail not written: torn blocks are not detected")
 
     def _lease(self, memory: Memory, now: CellSighting) -> str | None:
         holder = now.holder.rpartition("@")[2]
         if not holder:
             return None
         if holder != self.host and holder.rpartition(":")[0] != self.host:
-            raise StepFailedError(f"{now.holder} holds it")
+            raise StepFailedError(f"{now.holder} holds the lease; {self.host} expected")
         return f"held by {now.holder}"
 
 
@@ -168,9 +168,11 @@ def _connected(memory: Memory, now: CellSighting) -> str | None:
     if now.plc is None:
         return None
     if not now.plc.version:
-        return f"{now.plc.source}, which tells no version of its map"
+        return f"{now.plc.source}, which reports no map version"
     if now.plc.version >> 8 != VERSION_MAJOR:
-        raise StepFailedError(f"{now.plc.source} has map {now.plc.version >> 8}.{now.plc.version & 0xFF}")
+        raise StepFailedError(
+            f"{now.plc.source} has map {now.plc.version >> 8}.{now.plc.version & 0xFF}; {VERSION_MAJOR}.x allowed"
+        )
     return f"{now.plc.source}, map {now.plc.version >> 8}.{now.plc.version & 0xFF}"
 
 
@@ -180,9 +182,7 @@ def _answered(controls: Sequence[Control], states: Sequence[State], memory: Memo
         memory.first("command", now)
     if "command" not in memory.at or now.report.state not in states:
         return None
-    return (
-        f"{State(now.report.state).name} {1000 * (now.time - memory.at['command']):.1f} ms after the scan that saw it"
-    )
+    return f"{State(now.report.state).name} {1000 * (now.time - memory.at['command']):.1f} ms after the scan that read the command"
 
 
 def _moved(memory: Memory, now: CellSighting) -> str | None:

@@ -98,9 +98,9 @@ def walk_before(name):
 @pytest.mark.parametrize(
     ("step", "moments", "said"),
     [
-        ("connection", [moment(plc=sight(version=0x0100))], "has map 1.0"),
+        ("connection", [moment(plc=sight(version=0x0100))], f"has map 1.0; {VERSION_MAJOR}.x allowed"),
         ("life counter", [moment(plc=sight(1)), moment(5.0, plc=sight(51, 0.6))], "half of plc.life_timeout allowed"),
-        ("lease", [moment(holder="terminal")], "terminal holds it"),
+        ("lease", [moment(holder="terminal")], "terminal holds the lease"),
         ("motion", [moment(command=Command(2, 100))], "code 100 was started"),
         (
             "motion",
