@@ -43,9 +43,9 @@ class Proof:
     was_open: bool = False
     """True if the switch was open at some time of the run."""
     seated_tip: Vector | None = None
-    """Position of the held peg's end when the switch closed after that, shape (3,), m, base frame."""
+    """Position of the held peg's end when the open switch closed, shape (3,), m, base frame."""
     seated_hand: Vector | None = None
-    """Position of the hand at that time, shape (3,), m, base frame."""
+    """Position of the hand when the open switch closed, shape (3,), m, base frame."""
     footing: Footing = field(default_factory=Footing)
     """Contact of the held peg with the bottom while the switch is closed."""
     borne_tip: Vector | None = None
@@ -97,7 +97,7 @@ class Proof:
             gained, most = surface.depth(self.borne_tip) - depth, MOST_SHALLOW + GIVE * self.footing.push
             if gained > most:
                 raise SwitchDisagreesError(
-                    f"switch closed {1e3 * gained:.1f} mm above the bottom that supported the peg then; {1e3 * most:.1f} mm allowed"
+                    f"switch closed {1e3 * gained:.1f} mm above the bottom that later supported the peg; {1e3 * most:.1f} mm allowed"
                 )
         if not low <= depth <= high:
             raise SwitchDisagreesError(
@@ -116,9 +116,9 @@ class ForceProof:
     seated_tip: Vector | None = None
     """Position of the held peg's end when it rested behind its latch, shape (3,), m, base frame."""
     seated_hand: Vector | None = None
-    """Position of the hand at that time, shape (3,), m, base frame."""
+    """Position of the hand when the peg rested there, shape (3,), m, base frame."""
     found: Signature | None = None
-    """Signature of the latch found in the curve at that time."""
+    """Signature of the latch in the curve before the peg rested."""
 
     def after(self, seen: Observation, setpoint: ImpedanceSetpoint | None = None) -> "ForceProof":
         """Return the proof after one more scan and its setpoint; if the hand later sinks, or lifts the held peg, the proof is void."""

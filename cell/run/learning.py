@@ -63,7 +63,7 @@ class LearnedFile(ConfigModel):
     """Content of the file."""
 
     version: Literal[1] = 1
-    """Layout of the file."""
+    """Version of the file's layout."""
     places: dict[Annotated[str, Field(pattern=r"^\d{1,5}$")], LearnedPlace] = Field(default_factory=dict)
     """Learnt place by number of the recipe."""
 
@@ -93,7 +93,7 @@ def read_learned(folder: Path) -> LearnedFile:
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         where = f"{'.'.join(map(str, first['loc']))}: " if first["loc"] else ""
-        raise ConfigError(f"{path}: {where}{first['msg']}; `cell learned forget` begins anew") from None
+        raise ConfigError(f"{path}: {where}{first['msg']}; `cell learned forget` deletes the file") from None
 
 
 def forget(folder: Path, recipe: int | None = None) -> list[int]:
@@ -168,7 +168,7 @@ class Learning:
         return self._newest
 
     def prepared(self, job: Job, recipe: int) -> Job:
-        """Return a job with the learnt place of its hole as prior; before any part is learnt, the configured prior is used."""
+        """Return the job with the learnt place of its hole as prior; without a usable one, with the configured prior."""
         if not self._learning.place:
             return job
         estimate = self._estimate(self._known(), job, recipe)
@@ -234,11 +234,10 @@ def unusable(place: LearnedPlace, job: Job, learning: LearningConfig, now: datet
     age = (now - place.updated).total_seconds()
     if age > learning.longest_age:
         return f"learnt {age / 86400:.0f} days ago; at most {learning.longest_age / 86400:g} allowed"
-    low, high = zip(
-        *((c - e / 2, c + e / 2) for c, e in zip(job.hole.centre[:2], job.hole.area, strict=True)), strict=True
-    )
+    sides = list(zip(job.hole.centre[:2], job.hole.area, strict=True))
+    low, high = [centre - extent / 2 for centre, extent in sides], [centre + extent / 2 for centre, extent in sides]
     if not all(a <= m <= b for a, m, b in zip(low, place.mean, high, strict=True)):
-        return f"place {list(place.mean)}: outside the area of the hole; {list(low)} to {list(high)} allowed"
+        return f"place {list(place.mean)}: outside the area of the hole; {low} to {high} allowed"
     return None
 
 
@@ -249,7 +248,7 @@ def digest(job: Job) -> str:
 
 
 def hole_found(records: Sequence[StageRecord]) -> Place | None:
-    """Return the hole found by a run, shape (2,), m, base frame: from the seated peg, else from the last edge contact."""
+    """Return the hole found by a run, m, base frame: from the seated peg, else from the last edge contact; None without one."""
     return next(
         (search.seated or search.edge for search in reversed(_searches(records)) if search.edge is not None), None
     )

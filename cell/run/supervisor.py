@@ -32,9 +32,7 @@ from skills.entry import Entry
 logger = logging.getLogger(__name__)
 
 ENDING = 5.0
-"""Longest wait for the halt of the arm when the scan is blocked, and longest time to halt the arm and close journal and
-devices when a blocked scan ends the program, s.
-"""
+"""Longest time to halt the arm while the scan is blocked, and to halt it and close journal and arm before the program exits, s."""
 EXIT_BLOCKED = 3
 """Exit status if a skill never returns; the same as for a fault."""
 _EVENT = {Control[event.name]: event for event in ASKED}
@@ -185,7 +183,7 @@ class Supervisor:
     # The scan inside a program: the execution calls these methods.
 
     def _beat(self) -> None:
-        """Register the start of a skill's scan.
+        """Take commands, check the timing and obey `quit` at the start of a skill's scan.
 
         Raises:
             PlcLostError: The client that started the program has timed out.
@@ -313,7 +311,6 @@ class Supervisor:
         fault = self._execution.run(command, entry, config)
         if fault is not None:
             self._fault(fault)
-            # Sequence 0 is valid too: the counter wraps.
             desk.report = replace(desk.report, result=Result.FAULT)
         desk.events.run = 0
         desk.publish()

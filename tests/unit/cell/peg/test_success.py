@@ -100,9 +100,9 @@ def test_an_ending_without_success_needs_no_proof(job, outcome):
         (CLOSED_TOLERANCE - E, 0.5e-3, 0.0, ""),
         (CLOSED_TOLERANCE + E, 0.5e-3, 0.0, "18.0 to 24.0 mm expected"),
         # The switch is early by what the peg gains after it closed, beyond the give of soft pads.
-        (-0.0015, MOST_SHALLOW + E, 0.0, "closed 1.0 mm above the bottom that supported the peg then; 1.0 mm"),
+        (-0.0015, MOST_SHALLOW + E, 0.0, "closed 1.0 mm above the bottom that later supported the peg; 1.0 mm"),
         (-0.0015, MOST_SHALLOW + 11.0 * GIVE - E, 11.0, ""),
-        (-0.0015, MOST_SHALLOW + 11.0 * GIVE + E, 11.0, "closed 3.2 mm above the bottom that supported the peg"),
+        (-0.0015, MOST_SHALLOW + 11.0 * GIVE + E, 11.0, "closed 3.2 mm above the bottom that later supported the peg"),
     ],
 )
 def test_the_switch_closes_at_the_depth_of_a_seated_peg(job, deeper, borne, push, words):
@@ -145,7 +145,7 @@ def test_lengths_are_reported_to_a_tenth_of_a_millimetre(job):
     deep = with_hole(job, centre=NOWHERE, depth=0.06044)
     assert fault(deep, proof=proven(deep, 0.04004)).endswith("tip 40.0 mm deep; 59.4 to 62.4 mm expected")
     told = fault(deep, proof=proven(deep, 0.05, borne=0.01104))
-    assert "closed 11.0 mm above the bottom that supported the peg then; 1.0 mm" in told
+    assert "closed 11.0 mm above the bottom that later supported the peg; 1.0 mm" in told
 
 
 # Exactly at a limit: a surface and a hole at the base's origin, where no length is rounded.

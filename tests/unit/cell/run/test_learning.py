@@ -117,7 +117,7 @@ def test_an_impossible_file_is_refused_and_fails_no_run(tmp_path, caplog, key, v
 def test_a_torn_or_newer_file_is_refused_and_can_be_forgotten(tmp_path, content, capsys):
     (tmp_path / FILE).write_bytes(content)
     assert main(["learned", "--journal", str(tmp_path)]) == 2
-    assert "`cell learned forget` begins anew" in capsys.readouterr().err.replace("\n", " ")
+    assert "`cell learned forget` deletes the file" in capsys.readouterr().err.replace("\n", " ")
     assert main(["learned", "forget", "--journal", str(tmp_path)]) == 0
     assert read_learned(tmp_path).places == {}
 
