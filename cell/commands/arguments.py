@@ -88,7 +88,7 @@ def add_cell(parser: argparse.ArgumentParser) -> None:
 
 
 def devices(text: str) -> tuple[str, ...]:
-    """Return the names of devices, separated by commas.
+    """Return the device names of a text such as `arm,skin`.
 
     Raises:
         ConfigError: A name is not that of a device.
@@ -241,7 +241,7 @@ def require_recipe(number: int, loaded: "LoadedConfig") -> None:
 
 
 def require_program(query: RunQuery) -> None:
-    """If a query found no run, require that its program exists.
+    """Require that the program which a query names exists.
 
     Raises:
         ConfigError: The program does not exist.
@@ -303,10 +303,10 @@ def writable(folder: Path) -> Path:
 
 
 def require_known(what: str, name: str, known: Iterable[str]) -> None:
-    """Require a known name.
+    """Require a known name; the message calls it `what`.
 
     Raises:
-        ConfigError: The name is unknown; `what` is the kind of name, for the message.
+        ConfigError: The name is unknown.
     """
     known = list(known)
     if name not in known:

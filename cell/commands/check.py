@@ -43,7 +43,9 @@ LAST_STEP = 12
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add --config, --set and the options of commissioning."""
     add_cell(parser)
-    parser.add_argument("--only", type=devices, default=(), metavar="DEVICES", help="check these devices alone: skin")
+    parser.add_argument(
+        "--only", type=devices, default=(), metavar="DEVICES", help="check these devices alone: arm,gripper,skin,switch"
+    )
     parser.add_argument(
         "--prove",
         action="store_true",
@@ -109,7 +111,7 @@ def _report(args: argparse.Namespace, found: list[tuple[str, str]]) -> int:
 
 
 def _computer(loaded: LoadedConfig) -> list[tuple[str, str]]:
-    """Return the verdicts on this computer, if a physical arm needs it, and the ages of the calibrations."""
+    """Return the verdicts on this computer, if the arm needs real time, and the dates of the calibrations."""
     config, files = loaded.cell, loaded.cell.calibration
     if config.is_simulated:
         return []

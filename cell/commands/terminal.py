@@ -30,7 +30,7 @@ def show(args: argparse.Namespace, picture: "RenderableType", data: object, stat
     if getattr(args, "sql", False):
         return status
     if args.json:
-        print(json.dumps(data, indent=2))
+        print(json.dumps(data, indent=2), flush=True)
     else:
         from rich.console import Group
 
@@ -38,8 +38,7 @@ def show(args: argparse.Namespace, picture: "RenderableType", data: object, stat
         for part in picture.renderables if isinstance(picture, Group) else (picture,):
             # Plain text is not wrapped, so that a line for a config file can be copied whole.
             terminal.print(_folded(part), soft_wrap=isinstance(part, str))
-            sys.stdout.flush()
-    sys.stdout.flush()  # the next part may take time
+            sys.stdout.flush()  # the next part may take time
     return status
 
 

@@ -28,16 +28,16 @@ def one_period(
     Args:
         inertia: M, shape (n, n), kg and kg·m².
         held: K, stiffness on the error held from frame to frame, shape (n, n), N/m and N·m/rad.
-        continuous: C, stiffness on the present error, shape (n, n).
+        continuous: C, stiffness on the present error, shape (n, n), N/m and N·m/rad.
         damping: D, shape (n, n), N·s/m and N·m·s/rad.
         period: Time between frames, s.
         delay: Age of a frame at its first use, in periods, >= 0, fractions included.
 
     Returns:
-        Matrix of shape (m, m), over position, velocity and the positions of earlier frames.
+        Matrix over position, velocity and the positions of earlier frames, shape (m, m), m = (3 + floor(delay)) n.
     """
     n = len(inertia)
-    flow = np.zeros((3 * n, 3 * n))
+    flow = np.zeros((3 * n, 3 * n))  # d/dt [x, x', x_held] = flow [x, x', x_held]
     flow[:n, n : 2 * n] = np.eye(n)
     flow[n : 2 * n] = np.linalg.solve(inertia, -np.hstack([continuous, damping, held]))
     whole = math.floor(delay)

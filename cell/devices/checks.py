@@ -36,7 +36,7 @@ def skin_verdict(frame: TaxelFrame, layout: Layout) -> str:
 
 
 def verdict(reading: object, layout: Layout) -> str:
-    """Return "ok", or the fault in the readings of a device in an idle and empty cell with a skin of this layout."""
+    """Return "ok", or the fault in one device's reading while the cell is idle and empty; `layout` is that of the skin."""
     if isinstance(reading, TaxelFrame):
         return skin_verdict(reading, layout)
     if reading is SwitchState.CLOSED:

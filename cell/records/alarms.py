@@ -31,7 +31,7 @@ SELECT begun.time, begun.kind, begun.code, begun.name, begun.text, begun.run,
 FROM begun LEFT JOIN events AS ended ON ended.event = begun.last
 ORDER BY begun.event DESC
 """
-"""Query for the alarms of a period. A fault is over when the cell leaves the states before a reset. A warning is over when
+"""Query for the alarms of a period. A fault is over when the cell leaves the states that need a reset. A warning is over when
 it clears or comes again. Both are over when the cell starts again."""
 
 
