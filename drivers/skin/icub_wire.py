@@ -79,5 +79,5 @@ class TriangleAssembler:
 
 
 def setup(board: int) -> CanFrame:
-    """Return the frame that makes a board send, with the offsets of the host program."""
+    """Return the frame that makes a board send, with the settings of icub-main."""
     return CanFrame(SETUP_CLASS << 8 | board, bytes([SETUP, 0x01, 0x01, 0x01, 0x00, 0x20, 0x00, 0x00]))

@@ -130,5 +130,5 @@ def _entries(variable: ODVariable) -> dict[str, object]:
 def _default(variable: ODVariable) -> str:
     if variable.relative:
         return f"$NODEID+0x{variable.default:X}"
-    is_word = variable.data_type == datatypes.UNSIGNED32
-    return f"0x{variable.default:08X}" if is_word else str(variable.default)
+    is_hexadecimal = variable.data_type == datatypes.UNSIGNED32
+    return f"0x{variable.default:08X}" if is_hexadecimal else str(variable.default)

@@ -24,7 +24,7 @@ SEND_BUFFER = 8192
 
 
 class Connection(asyncio.Protocol):
-    """One client."""
+    """Connection to one client."""
 
     def __init__(self, server: "ModbusServer") -> None:
         self._server = server
@@ -41,9 +41,9 @@ class Connection(asyncio.Protocol):
         self.station: LinkStation | None = None
         """View of the registers; None until the connection is admitted."""
         self.arrived = 0.0
-        """Time at which it was accepted, s."""
+        """Time at which the connection was accepted, s."""
         self.heard: float | None = None
-        """Time of its last request, s; None before the first."""
+        """Time of the client's last request, s; None before the first."""
 
     @property
     def holds_stop(self) -> bool:
@@ -103,7 +103,7 @@ class Connection(asyncio.Protocol):
     def pause_writing(self) -> None:
         """Stop answering while the client does not read."""
         self._is_writable = False
-        self._reading().pause_reading()
+        self._accepted().pause_reading()
 
     def resume_writing(self) -> None:
         """Continue answering."""
@@ -111,12 +111,12 @@ class Connection(asyncio.Protocol):
         if not self._is_waiting:
             self._turn()
 
-    def _reading(self) -> asyncio.Transport:
-        assert self.transport is not None  # from its arrival on
+    def _accepted(self) -> asyncio.Transport:
+        assert self.transport is not None  # set by `arrive`
         return self.transport
 
     def _turn(self) -> None:
-        """Answer received requests, at most one turn of them."""
+        """Answer one turn of the received requests; if there may be more, pause before the next turn."""
         began = self._server.loop.time()
         has_more = self._answer_some()
         took = self._server.loop.time() - began
@@ -124,7 +124,7 @@ class Connection(asyncio.Protocol):
         if not has_more:
             return
         self._is_waiting = True
-        self._reading().pause_reading()
+        self._accepted().pause_reading()
         self._server.crowd += 1
         # Pause before the next turn: 3 times the turn's duration for each connection with more requests. Even if a
         # client floods the server, three quarters of the time remain for the others and for the scan, on a computer of
@@ -133,7 +133,7 @@ class Connection(asyncio.Protocol):
 
     def _answer_some(self) -> bool:
         """Answer the requests of one turn; return True if there may be more."""
-        transport = self._reading()
+        transport = self._accepted()
         # Number of requests in one turn; then the other connections get their turn.
         for _ in range(8):
             if not self._is_writable or transport.is_closing():
@@ -150,7 +150,7 @@ class Connection(asyncio.Protocol):
 
     def _answer_next(self) -> bool:
         """Answer one request; return False if no whole request has arrived, or if the connection had to be closed."""
-        station, transport, counts = self.station, self._reading(), self._server.counts
+        station, transport, counts = self.station, self._accepted(), self._server.counts
         if station is None or len(self._buffer) < HEADER.size:
             return False
         transaction, protocol, length, unit = HEADER.unpack_from(self._buffer)

@@ -16,7 +16,7 @@ class PeerLog:
 
     Args:
         logger: Logger of the lines.
-        now: Monotonic time, s.
+        now: Function that returns the monotonic time, s.
     """
 
     def __init__(self, logger: logging.Logger, now: Callable[[], float] = time.monotonic) -> None:
