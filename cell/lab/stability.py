@@ -85,6 +85,7 @@ class GridCase:
     kind: str
     """Kind of the step and of the varied gain: `translation` or `rotation`."""
     observer: bool
+    """True if only theta is as old as the frame; False if the whole error is held."""
     period: float
     """Period of the frames, s."""
     delay: int
@@ -129,7 +130,7 @@ def shipped_margins(config: CellConfig) -> list[dict[str, Any]]:
 
 
 def boundaries(base: Gains, inertia: Vector, grid: Grid) -> Theory:
-    """Return the theoretical boundary for every period and delay, with the damping ratio of the insertion's gains."""
+    """Return the theoretical boundary for every period and delay, with the damping ratio of `base`."""
     return {
         (kind, period, delay): largest_factor(partial(loop_at, kind, base, inertia), period, delay)
         * getattr(base, kind)
@@ -157,10 +158,10 @@ def _column(config: CellConfig, cases: Sequence[GridCase]) -> tuple[list[StepTra
     """Run the cases of one column, with common period and observer; a new cell replaces one that has lost its peg."""
     traces: list[StepTrace] = []
     while len(traces) < len(cases):
-        with _held_peg(config, cases[0]) as bench:
-            while bench.is_usable and len(traces) < len(cases):
-                traces.append(bench.run(cases[len(traces)]))
-            inertia = bench.inertia
+        with _held_peg(config, cases[0]) as rig:
+            while rig.is_usable and len(traces) < len(cases):
+                traces.append(rig.run(cases[len(traces)]))
+            inertia = rig.inertia
     return traces, inertia
 
 
@@ -173,8 +174,9 @@ class PegRig:
     ctx: SkillContext
     base: Gains
     roll: Vector
+    """Setpoint of the closing axis, unit, shape (3,), base frame."""
     q: Vector
-    """Joint positions of the model, including the peg's hinge."""
+    """Positions of the whole model at rest, MuJoCo's `qpos`; the arm's joints come first, rad."""
     is_sound: bool = True
     """True if the physics stayed finite."""
 
@@ -201,7 +203,7 @@ class PegRig:
         limit, step = STEPS[case.kind], case.step
         seen = ctx.observe()
         goal = _stepped(case.kind, seen.tip, seen.axis, step)
-        truth = _stepped(case.kind, *end_point(world.tcp(), theta, self.length), step)
+        true_goal = _stepped(case.kind, *end_point(world.tcp(), theta, self.length), step)
         gains = self.base.model_copy(update={case.kind: case.gain})
         stiffness, ratios = gains.stiffness(), gains.damping_ratios()
         in_hand = ctx.in_hand()
@@ -221,7 +223,7 @@ class PegRig:
             elif case.observer and case.delay == 0:  # with the observer, theta is updated at every scan
                 commanded = replace(plain, in_hand=ctx.in_hand())
             ctx.devices.arm.follow(commanded)
-            away.append(_distance(case.kind, end_point(seen.arm.tcp, theta, self.length), truth))
+            away.append(_distance(case.kind, end_point(seen.arm.tcp, theta, self.length), true_goal))
             verdicts.setdefault(guard.update(plain, seen.arm.tcp, seen.stamp), elapsed)
             if away[-1] > LOST * limit:
                 break
@@ -235,8 +237,7 @@ class PegRig:
         *_, before, swing = (float(np.std(quarter)) for quarter in np.array_split(away, 4))
         return StepTrace(
             case,
-            # Standard deviation of the distance in the last quarter of a case, divided by the largest step. Below it, a
-            # motion is stable even if it grows, because noise of the skin causes as much.
+            # The swing in the last quarter must shrink, or stay below 0.15 of the largest step, the effect of the skin's noise.
             lost is None and swing < max(before, 0.15 * limit),
             max(away),
             verdicts.get(PassivityVerdict.SOFTEN),

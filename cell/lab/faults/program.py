@@ -1,4 +1,4 @@
-"""Starts of `cell serve` at a tenth of the cost: forks of a process that has loaded and compiled all code.
+"""Fast starts of `cell serve`: forks of a process that has loaded and compiled all code.
 
 Signals act on such a program as on any other program; it opens all files, records and servers after the fork.
 """
@@ -30,7 +30,7 @@ class ServedProgram:
     """A program that serves a cell."""
 
     def __init__(self, process: "ForkServerProcess", address: tuple[str, int], secure: tuple[str, int]) -> None:
-        """Store the process, and the addresses of its server and of its TLS server, which it need not have."""
+        """Store the process and the addresses of its server and of its TLS server, if it has one."""
         self._process, self.address, self.secure = process, address, secure
 
     @property
@@ -76,8 +76,8 @@ def served(folder: Path, arguments: Sequence[str], tls: Sequence[str] = ()) -> I
     process.start()
     its.close()
     try:
-        with os.fdopen(os.dup(ours.fileno()), encoding="utf-8") as told:
-            first = told.readline().split()
+        with os.fdopen(os.dup(ours.fileno()), encoding="utf-8") as output:
+            first = output.readline().split()
             if not first:
                 raise CellError(f"the cell does not start: cell {' '.join(words)}")
             host, port = first[-1].rsplit(":", 1)
@@ -110,10 +110,10 @@ def _free_port() -> int:
         return int(server.getsockname()[1])
 
 
-def serve(words: list[str], told: Connection) -> None:
-    """Run the program: collect its output in `told`, discard its error output."""
+def serve(words: list[str], output: Connection) -> None:
+    """Run the program: send its output to `output`, discard its error output."""
     from cell.commands.cli import main
 
-    os.dup2(told.fileno(), sys.stdout.fileno())
+    os.dup2(output.fileno(), sys.stdout.fileno())
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stderr.fileno())
     sys.exit(main(words))

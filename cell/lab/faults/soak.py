@@ -28,9 +28,9 @@ from skills.catalogue import CATALOGUE
 
 TABLE = "soak.csv"
 SETTLED = 0.25
-"""Share of a piece after which caches are filled; growth is measured from there on, fraction."""
+"""Share of a piece after which caches are filled and growth is measured, fraction."""
 LATEST = 60
-"""Largest number of the PLC cycle, counted from the start of a run, in which an event occurs."""
+"""Upper limit of the PLC cycles from the start of a run to the first control, exclusive."""
 ENDED = tuple(state for state in WAITING if state is not State.HELD)
 """States in which no run is in progress or on hold."""
 OVER = {Control.HOLD: WAITING, Control.UNHOLD: ENDED, Control.STOP: ENDED, Control.ABORT: ENDED}
@@ -63,7 +63,7 @@ class SoakGroup:
 
 @dataclass(frozen=True, slots=True)
 class Piece:
-    """One piece of the soak test; growth is per simulated hour, after caches are filled."""
+    """One piece of the soak test; memory (MB), handles and threads are the growth per simulated hour, after caches are filled."""
 
     piece: int
     began: str
@@ -160,7 +160,7 @@ def _ending(tested: FaultBench, act: Act, rng: np.random.Generator) -> str:
 
 
 def _interrupted(*controls: Control) -> Act:
-    """Return a function that sends these controls during an insertion, each when the cell waits after the previous one."""
+    """Return a function that sends these controls during an insertion, each after the cell has executed the previous one."""
 
     def act(tested: FaultBench, rng: np.random.Generator) -> None:
         tested.peer.trigger(INSERT)
