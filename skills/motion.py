@@ -21,7 +21,7 @@ LONGEST_MOVE = 10.0
 """Time limit of a move on the cell's clock, multiple of its planned time; late scans slow a move."""
 
 TWIST = 0.5
-"""Share of the rotational stiffness about the vertical during a move, fraction. The wrist's inertia about this axis is the lowest, and rotor
+"""Factor on the rotational stiffness about the vertical during a move, fraction. The wrist's inertia about this axis is the lowest, and rotor
 inertia may be hidden by the torque controller. With the full stiffness, the hand oscillated at a torque delay of 3.5 ms.
 Source: decision 0012.
 """
@@ -43,7 +43,7 @@ class Gains(ConfigModel):
     """Damping ratio of every mode, multiple of the critical damping at the arm's own inertia."""
 
     def stiffness(self) -> Vector:
-        """Return the stiffness, shape (6,)."""
+        """Return the stiffness, shape (6,), N/m and N·m/rad."""
         return np.array([self.translation] * 3 + [self.rotation] * 3)
 
     def damping_ratios(self) -> Vector:
@@ -118,8 +118,8 @@ def move(
         ctx: The skill's context.
         in_hand: Pose of the peg in the hand; its loss ends the move. None for the empty hand.
         settle: Time to settle at the end, s; None for that of the transfer.
-        limited: True to check the limits of force and workspace. False for a motion that can start in contact; the arm
-            then learns nothing about its joints from it.
+        limited: True to check the limits of force and workspace, and the clearance of the path. False for a motion that
+            can start in contact.
     """
     first = ctx.observe()
     if in_hand is None:
@@ -188,7 +188,7 @@ def _hand_frame(goal: Goal) -> Vector:
 
 
 def tilted_by(offset: Vector, length: float) -> Vector:
-    """Return the unit axis of a peg whose finger centre is `length`, m, from the tip and `offset`, m, from the vertical above the tip."""
+    """Return the unit axis, shape (3,), of a peg whose finger centre is `length`, m, from the tip and horizontally `offset`, shape (2,), m."""
     # v = [o_x, o_y, sqrt(length² - |o|²)] / length
     axis = np.array([offset[0], offset[1], 0.0]) + math.sqrt(max(length**2 - float(offset @ offset), 1e-12)) * UP
     return axis / math.sqrt(float(axis @ axis))

@@ -85,7 +85,7 @@ class Grip:
         return per_turn / math.hypot(per_turn, 1.0) * self.bears
 
     def adjusting(self, adjust: SpiralAdjustParams, length: float) -> SpiralAdjustParams:
-        """Return the adjustment parameters with the push limited to the load that the pads bear, for a peg of this length, m."""
+        """Return the adjustment parameters; a push above `bears` is reduced to `bears_dithered`, for a peg of this length, m."""
         push = adjust.push_stiffness * adjust.push_offset
         if push <= self.bears:
             return adjust
@@ -121,8 +121,8 @@ class Grip:
     def raising(self, insert: CornerInsertParams, tilt: float, peg: Peg) -> CornerInsertParams:
         """Return the parameters for raising and turning a peg that leans over its corner by `tilt`, rad.
 
-        If the pads do not bear the pushes at the start or at the end of the raise, one factor reduces the push down and the
-        push ahead.
+        Each push down is limited to the load that the pads bear: the reduced push at the start of the raise, the full push
+        at its end. The lead is limited by the smaller of both factors.
         """
         down, across = insert.push_stiffness * insert.push_offset, insert.gains.translation * insert.lead[1]
         share, kept = (

@@ -59,7 +59,7 @@ class Aim:
 
     in_hand: InHandTip
     direction: Vector
-    """Axis about which the finger centre moves, unit, shape (3,), base frame."""
+    """Axis of the peg without dither or sweep, from its end upwards, unit, shape (3,), base frame."""
     is_by_plate: bool = True
     """True if the direction is the plate's normal, False if it is the axis of the peg resting in the hole."""
 

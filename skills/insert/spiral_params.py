@@ -11,7 +11,7 @@ from skills.motion import Gains
 
 
 class SpiralAdjustParams(SkillParams):
-    """Parameters of tilting the peg about its tip on small circles of the finger centre, and on sweeps if it jams."""
+    """Parameters of the adjustment: the peg tilts about its tip on small circles of the finger centre, and in sweeps if it jams."""
 
     SOURCE: ClassVar[str] = "chosen, not measured"
 
@@ -21,9 +21,9 @@ class SpiralAdjustParams(SkillParams):
         Quantity("s", Tempo.WAIT),
         Source("chosen, not measured; reason in docs/tried/adjustment.md"),
     ]
-    """Stall timeout: longest time without a depth gain of `jammed`, s; after it the peg is not in the hole, or cannot enter it in
-    this attempt. In the first of several attempts of `insert_peg`, 0.4 of it applies (docs/tried/adjustment.md). Close to the bottom, twice
-    the time applies; if the switch is still open after it, switch and depth disagree.
+    """Longest time without a depth gain of `jammed`, s; then the attempt ends. In the first of several attempts of `insert_peg`,
+    0.4 of it applies (docs/tried/adjustment.md). Close to the bottom, twice the time applies; if the switch is still open
+    after it, switch and depth disagree.
     """
     stall_at_bottom: Annotated[float, Figure("s", Tempo.WAIT), Field(exclude=True)] = math.inf
     """Stall timeout close to the bottom, s."""
@@ -48,13 +48,13 @@ class SpiralAdjustParams(SkillParams):
     jammed: Annotated[
         NonNegativeFloat, Quantity("m"), Source("docs/tried/adjustment.md; a creeping peg docs/tried/adjustment.md")
     ]
-    """Least depth gain in one period of the dither, m; with less, the peg counts as standing still. Below ten times this gain, the skill
-    measures theta again. Every other time it aims along the resting peg, so that only the torque of the dither remains.
+    """Least depth gain in one period of the dither, m; with less, the peg counts as standing still. Below `creep` times this gain, the skill
+    measures theta again and aims along the resting peg or the plate's normal in turn. Along the peg, only the dither's torque remains.
     """
     arrival: Annotated[PositiveFloat, Quantity("m"), Source("docs/tried/adjustment.md")]
     """Distance from the bottom within which the damping is larger, m; it prevents an impact on the bottom."""
     swing_time: Annotated[float, Figure("s", Tempo.WAIT), Field(exclude=True), Source("docs/tried/adjustment.md")] = 0.6
-    """Time during which the descent is gentle if the hand swings, s; later turns of the hand come from this skill's own setpoints."""
+    """Time from the start during which the descent is gentle if the hand swings, s; later turns of the hand come from this skill's own setpoints."""
     sweep_time: Annotated[float, Figure("s", Tempo.WAIT), Field(exclude=True), Source("docs/tried/adjustment.md")] = 0.5
     """Time of one tilt sweep to both sides, s. If the peg stands still or creeps, the hand sweeps about its closing axis; then the
     dither continues.
@@ -87,7 +87,7 @@ class SpiralAdjustParams(SkillParams):
     swinging: Annotated[float, Figure("rad/s"), Field(exclude=True)] = 0.15
     """Turning rate of the hand beyond which it swings, rad/s; the dither turns it at 0.1 rad/s."""
     swing_smoothing: Annotated[float, Figure("fraction"), Field(exclude=True)] = 0.5
-    """Share of a new scan in the hand's turning rate, fraction."""
+    """Weight of a new scan in the smoothed turning rate of the hand, fraction."""
     swing_damping: Annotated[float, Figure("s/rad"), Field(exclude=True), Source("docs/tried/adjustment.md")] = 10.0
     """Growth of the factor on the damping along z with the turning rate beyond `swinging`, s/rad."""
     most_swing_damping: Annotated[

@@ -12,9 +12,9 @@ from drivers.quantities import Vector
 class SprayPaint:
     """Spray-paint path over a rectangle: one sinusoid for each axis, [gibbons], Sec. IV and [chhatpar].
 
-    x = a_x sin(w_x t + p_x), y = a_y sin(w_y t + p_y), with one fast and one slow axis. The passes are furthest apart
-    at the turning points of the fast axis in the middle of the slow axis. There, successive passes on the same side are
-    one fast period apart; their distance is the pitch, 2 pi a_slow w_slow / w_fast.
+    x = a_x sin(w_x t + p_x), y = a_y sin(w_y t + p_y), with one fast and one slow axis. Neighbouring passes are
+    furthest apart at the turning points of the fast axis, in the middle of the slow axis. Their distance there is the
+    slow axis' travel in one fast period, the pitch 2 pi a_slow w_slow / w_fast.
     """
 
     half: tuple[float, float]

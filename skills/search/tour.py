@@ -23,6 +23,7 @@ Source: docs/tried/search.md.
 _BEGAN = attrgetter("began")
 
 Point = tuple[float, float]
+"""Point in the plane of the area, m, from its middle, or velocity, m/s."""
 Stroke = tuple[Point, Point]
 """First and last point of a straight piece with constant speed, m."""
 
@@ -44,7 +45,7 @@ class Left:
 
     path: Path
     since: float
-    """Time along the path, s."""
+    """Time along the path at which the rest begins, s."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,7 +62,7 @@ class Leg:
     """Velocities at the first and the last point, m/s."""
 
     def at(self, time: float) -> tuple[Vector, Vector]:
-        """Return point and velocity at a time along the path, from Hermite's cubic."""
+        """Return the point, m, and its velocity, m/s, at `time` along the path, s, each shape (2,): a cubic Hermite curve."""
         s, span = (time - self.began) / self.duration, self.duration
         rise, begin, end = s * s * (3.0 - 2.0 * s), (1.0 - s) * (1.0 - 3.0 * s), s * (3.0 * s - 2.0)
         point, rate = np.empty(2), np.empty(2)
@@ -91,7 +92,7 @@ class Tour:
         return self.duration + max(self.then.path.cover - self.then.since, 0.0)
 
     def at(self, time: float) -> tuple[Vector, Vector]:
-        """Return the point, m, and its velocity, m/s, at `time`, each shape (2,), from the middle of the area."""
+        """Return the point, m, and its velocity, m/s, at `time`, s, each shape (2,), from the middle of the area."""
         if time >= self.duration:
             return self.then.path.at(time - self.duration + self.then.since)
         return self.legs[max(bisect_right(self.legs, time, key=_BEGAN) - 1, 0)].at(time)
@@ -115,8 +116,8 @@ class Rows:
         return (along, across) if self.fast == 0 else (across, along)
 
     def order(self, across: float, near: int) -> list[float]:
-        """Return the coordinates of all strokes, across them, m, in their order: the stroke next to `across`, then `near`
-        strokes on each side in turn, then the strokes up to the nearer border, then the rest.
+        """Return the coordinate of each stroke across the strokes, m, in order: the one nearest to `across`, `near` strokes
+        on each side alternately, those up to the nearer border, then the rest.
         """
         edge = self.half[1 - self.fast]
         count = max(math.ceil(2.0 * edge / self.pitch), 1)
