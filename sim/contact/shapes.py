@@ -21,7 +21,7 @@ class Solid:
     geom: mujoco.mjtGeom
     """Geom type of the peg; no other body of the scene has this type and collides with a plate."""
     size: Callable[[Part], str]
-    """Sizes of the geom across its axis, in MuJoCo's order."""
+    """Radius or half sides of the geom, m, as text in MuJoCo's order."""
     collide: Callable[..., Any]
     """Function that finds the contacts with a plate, see `sim.world.native.collide_by`."""
 
@@ -42,7 +42,7 @@ def install(part: Part) -> None:
 
 
 def peg_geom(part: Part, half_length: float) -> str:
-    """Return type, size and chamfer of a peg's geom as attributes of MuJoCo's XML.
+    """Return type, size, m, and chamfer, m, of a peg's geom as attributes of MuJoCo's XML.
 
     The chamfer is the first word of `geom_user`.
     """

@@ -66,15 +66,15 @@ class World(Stepper):
         self.begin_trial(scene, drawn.pad_friction, drawn.senses)
 
     def wait_until(self, stamp: float) -> None:
-        """Advance the physics to `stamp`; at a set pace also wait for the wall clock.
+        """Advance the physics to `stamp`, s; at a set pace also wait for the wall clock.
 
         Raises:
             SimulationUnstableError: The state is no longer finite.
         """
+        # At most ten control periods pass between two checks of the peg's situation.
         pace, most = self.pace, self.beat.law_every * 10
         ticks = round(stamp / pace.timestep) - pace.ticks
         while ticks > 0:
-            # Largest number of control periods between two checks of the peg's situation.
             ticks -= self.advance(most if ticks > most else ticks)
         pace.keep()
 
@@ -111,7 +111,7 @@ class World(Stepper):
         return self._felt(metering.FORCE)
 
     def contact_torque(self) -> Vector:
-        """Return the torque of that force about the finger centre, shape (3,), N·m, base frame."""
+        """Return the torque of the contact force about the finger centre, shape (3,), N·m, base frame."""
         return self._felt(metering.TORQUE)
 
     def _felt(self, first: int) -> Vector:
