@@ -77,7 +77,7 @@ class PtyEnd:
         return int.from_bytes(fcntl.ioctl(self._near, termios.FIONREAD, bytes(4)), sys.byteorder)
 
 
-class Cable:
+class BoardCable:
     """Connects an emulated board to a real bus or line, both open, for a driver at its other end."""
 
     def __init__(self, board, far) -> None:
@@ -130,11 +130,11 @@ class BoardRig:
             name = f"skin-{next(_BUSES)}"
             far: CanBus | PtyEnd = CanBus("virtual", name, config.bitrate)
             far.open()
-            self.clock = BoardClock(self.world, (Cabled(self.link, Cable(self.link, far)),))
+            self.clock = BoardClock(self.world, (Cabled(self.link, BoardCable(self.link, far)),))
             self.skin = CanSkin(config, CanBus("virtual", name, config.bitrate), self.clock)
         else:
             far = PtyEnd()
-            self.clock = BoardClock(self.world, (Cabled(self.link, Cable(self.link, far)),))
+            self.clock = BoardClock(self.world, (Cabled(self.link, BoardCable(self.link, far)),))
             self.skin = SerialSkin(config, SerialLine(far.port, config.baud_rate), self.clock)
         self.ends.append(far)
         return self
