@@ -1,3 +1,5 @@
+"""Status bits of the report exclude each other, and its life counter counts."""
+
 import pytest
 from pydantic import ValidationError
 

@@ -1,3 +1,5 @@
+"""`cell skin` shows every taxel on 80 columns and names those that are not trusted."""
+
 import io
 
 import numpy as np

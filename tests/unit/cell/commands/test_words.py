@@ -1,3 +1,5 @@
+"""The next steps after a fault are remedy, reset and peg, in this order."""
+
 import pytest
 
 from cell.commands.words import line, report

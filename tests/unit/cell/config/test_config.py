@@ -1,3 +1,5 @@
+"""A config is read in layers; a wrong value is refused in one line."""
+
 import re
 import shutil
 
@@ -44,10 +46,7 @@ WRONG = [
     ("hole.area=[60, 60]", ["hole.area", "0 to 0.2", "60 mm is 0.06 m"]),
     ("search.tilt=45", ["45: a number >= 0 and < 1.4 allowed; SI units: 45 degrees is 0.7854 rad"]),
     ("peg.diameter=0.0081", ["--set", "peg.diameter = 0.0081", "thicker than the hole", "0.0081"]),
-    (
-        "grasp.clearance=0.03",
-        ["--set", "grasp.clearance = 0.03", "leaves the peg in its slot", "rack.depth = 0.03"],
-    ),
+    ("grasp.clearance=0.03", ["--set", "grasp.clearance = 0.03", "leaves the peg in its slot", "rack.depth = 0.03"]),
     ("search.descent=0.001", ["--set", "search.descent = 0.001", "too slow to reach the plate", "at least 0.0207"]),
     ("preset=hasty", ["preset", "'hasty'", "presets/"]),
     ("preset=[1]", ["preset = [1]: no such file in presets/"]),

@@ -1,3 +1,5 @@
+"""The stability limit of a sampled loop is that of its exact discretisation."""
+
 import math
 
 import numpy as np

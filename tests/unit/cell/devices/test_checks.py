@@ -1,3 +1,5 @@
+"""A wrong reading, a late loop or a wrong load gets a verdict with its remedy."""
+
 import pytest
 
 from cell.config.files import arm_file

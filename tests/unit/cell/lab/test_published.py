@@ -1,3 +1,5 @@
+"""A stage of the published table succeeds if another stage follows it."""
+
 from cell.lab.published import Tried, stage_table
 
 

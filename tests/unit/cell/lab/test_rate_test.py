@@ -1,3 +1,5 @@
+"""Tests of a success rate err as rarely as stated, and intervals contain it as often."""
+
 from types import SimpleNamespace
 
 import pytest
@@ -45,11 +47,8 @@ def test_a_wrong_answer_is_as_rare_as_asked(share, wrong):
 
 def coverage(test: RateTest | LevelTest, share: float, most: int = MOST) -> float:
     """Return how often the Wilson interval of an ending contains the true share, exactly."""
-    return sum(
-        chance
-        for (lost, trials), chance in endings(test, share, most).items()
-        if wilson(lost, trials)[0] <= share <= wilson(lost, trials)[1]
-    )
+    ends = endings(test, share, most).items()
+    return sum(chance for end, chance in ends if wilson(*end)[0] <= share <= wilson(*end)[1])
 
 
 @pytest.mark.parametrize("test", [RateTest(good=0.02, bad=0.25, least=6), RateTest(good=0.01, bad=0.05, least=8)])

@@ -1,3 +1,5 @@
+"""Trials give the promised table and summary, for any order of finish and after a kill."""
+
 import io
 import json
 import re
@@ -37,8 +39,7 @@ def ran(monkeypatch):
 def test_the_table_has_the_promised_columns_and_empty_cells(tmp_path):
     drawn = {"reality.arm.gravity": "0.1 -0.2", "reality.skin.age": "0.01"}
     write_table([replace(ROW, more=drawn), replace(LOST, more=drawn)], tmp_path / "t.csv")
-    head = (tmp_path / "t.csv").read_text().splitlines()[0]
-    assert head == (
+    assert (tmp_path / "t.csv").read_text().splitlines()[0] == (
         "seed,outcome,reason,stage,grasp_time,search_time,insert_time,adjust_time,total_time,retries,peak_contact_force,"
         "max_penetration,max_in_hand_rotation,theta_rmse,tip_rmse,hole_x,hole_y,start_x,start_y,switch_closed,depth,"
         "sim_time,wall_time,cycle_time,time_over_20N,plate_penetration,grip_slip,found_error,jerk_free,jerk_contact,"

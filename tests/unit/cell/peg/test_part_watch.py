@@ -1,3 +1,5 @@
+"""The state of the peg follows switch, skin and hand, over silent devices and faults."""
+
 import json
 from contextlib import nullcontext
 from dataclasses import replace

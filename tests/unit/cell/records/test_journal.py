@@ -1,3 +1,5 @@
+"""The journal returns each run as recorded, and refuses a folder or index that it cannot use."""
+
 import shutil
 import sqlite3
 from contextlib import closing, contextmanager

@@ -1,3 +1,5 @@
+"""A slow or closed reader of the log delays no thread."""
+
 import io
 import logging
 import os

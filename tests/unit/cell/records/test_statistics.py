@@ -1,3 +1,5 @@
+"""The Wilson interval solves the score equation and contains the rate."""
+
 import math
 
 import pytest

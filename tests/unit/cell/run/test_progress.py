@@ -1,3 +1,5 @@
+"""Progress counts the work that is done."""
+
 import pytest
 
 from cell.run.execution import progress_of

@@ -1,3 +1,5 @@
+"""A run ends as its first failed stage, with the time of each stage."""
+
 import pytest
 
 from cell.peg.ending import ending_of

@@ -1,3 +1,5 @@
+"""The state model is that of PackML."""
+
 import pytest
 
 from cell.run.line import CONTROLS, TerminalLine

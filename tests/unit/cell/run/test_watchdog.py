@@ -1,3 +1,5 @@
+"""Late scans are counted, and a blocked scan halts the arm."""
+
 import threading
 from types import SimpleNamespace
 

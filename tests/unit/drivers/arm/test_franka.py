@@ -1,3 +1,5 @@
+"""The Franka driver reports a failed command once, and is silent before it is opened."""
+
 import math
 import os
 import subprocess

@@ -1,3 +1,5 @@
+"""Boards with a real driver: lost, corrupt or foreign data never become a wrong value."""
+
 import math
 
 import numpy as np
@@ -62,12 +64,9 @@ def test_stamp_is_no_more_than_one_scan_and_the_wire_behind_the_measurement(rig)
     rig.scan(0.095)
     frames = {frame.sequence: frame for frame in rig.scan(3.0)}
     first = min(frames)
-    delays = np.array(
-        [frame.stamp - measured[n - first][0] for n, frame in frames.items() if n - first < len(measured)]
-    )
+    delays = [frame.stamp - measured[n - first][0] for n, frame in frames.items() if n - first < len(measured)]
     assert len(delays) > 25
-    assert delays.min() > 0.0
-    assert delays.max() < 0.01 + 0.0015
+    assert 0.0 < min(delays) <= max(delays) < 0.01 + 0.0015
 
 
 def test_lost_messages_cost_scans_and_are_counted(rig):

@@ -1,3 +1,5 @@
+"""Messages of a CySkin hub are decoded exactly, or refused."""
+
 import numpy as np
 import pytest
 from hypothesis import given, settings

@@ -1,3 +1,5 @@
+"""Taxels that measure nothing are masked, and the baseline follows drift, not touch."""
+
 import numpy as np
 import pytest
 
@@ -154,11 +156,8 @@ def test_the_baseline_follows_by_the_share_of_the_time_that_has_passed(later, sh
     assert health.baseline == pytest.approx(before + share * (second - before))
 
 
-# Exactly at a limit: four taxels that read a count more and a count less in turn, so that a touch of each is 50 counts.
-
-
 def even(level):
-    """Return the health of taxels whose baseline is exactly this, counts."""
+    """Return the health of four taxels that read a count above and below `level` in turn; a touch of each is 50 counts."""
     still = np.full((50, 4), level - 1, dtype=np.uint16)
     still[::2] += 2
     return SkinHealth(SkinHealthConfig(), still, FULL_SCALE)

@@ -1,3 +1,5 @@
+"""Frames of an iCub board are joined to triangles, and broken ones are counted."""
+
 import numpy as np
 import pytest
 from hypothesis import given

@@ -1,3 +1,5 @@
+"""Modules that exchange their places are named; motion of the peg is no exchange."""
+
 from dataclasses import replace
 
 import numpy as np

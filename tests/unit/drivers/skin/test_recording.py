@@ -1,3 +1,5 @@
+"""A recording is replayed at its own times, or refused in one line."""
+
 import numpy as np
 import pytest
 

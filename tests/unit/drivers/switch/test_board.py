@@ -1,3 +1,5 @@
+"""A switch board that is silent, stale or hung is unknown, never open or closed."""
+
 import logging
 from dataclasses import replace
 

@@ -1,3 +1,5 @@
+"""Reports of the switch board are decoded exactly, or refused."""
+
 import random
 from itertools import combinations
 

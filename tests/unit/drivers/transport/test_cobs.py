@@ -1,3 +1,5 @@
+"""COBS frames come back whole, and a damaged frame costs only itself."""
+
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st

@@ -1,3 +1,5 @@
+"""Recorded traffic is replayed bit for bit, or refused in one line."""
+
 from pathlib import Path
 
 import pytest

@@ -1,3 +1,5 @@
+"""The node obeys CiA 301: NMT, SDO, PDO, heartbeat and emergency."""
+
 import random
 
 import pytest

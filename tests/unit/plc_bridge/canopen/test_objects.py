@@ -1,3 +1,5 @@
+"""The object dictionary has each register, with the limits of its parameter."""
+
 import itertools
 
 import pytest

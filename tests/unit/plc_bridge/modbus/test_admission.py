@@ -1,3 +1,5 @@
+"""If the server is full, one connection makes room for a new one."""
+
 from dataclasses import dataclass
 
 import pytest

@@ -1,3 +1,5 @@
+"""Requests are answered by the Modbus specification, or by an exception."""
+
 import pytest
 
 from plc_bridge.modbus.pdu import is_exception, respond

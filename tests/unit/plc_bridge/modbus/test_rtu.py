@@ -1,3 +1,5 @@
+"""Requests over RTU are answered by the serial-line specification, and noise changes nothing."""
+
 import random
 import threading
 

@@ -1,3 +1,5 @@
+"""RTU frames are found in noise and pieces, and bounded in length."""
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st

@@ -1,3 +1,5 @@
+"""Roles come from the certificate, and wrong keys or settings are refused."""
+
 import ssl
 
 import pytest

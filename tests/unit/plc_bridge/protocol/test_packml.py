@@ -1,3 +1,5 @@
+"""PackML times and counts are those of the states passed."""
+
 import pytest
 
 from plc_bridge.protocol.images import PACKML

@@ -1,3 +1,5 @@
+"""The log about each host is bounded, and so is the number of hosts."""
+
 import logging
 
 import pytest

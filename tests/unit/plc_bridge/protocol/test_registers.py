@@ -1,3 +1,5 @@
+"""The register map stays where PLC programs expect it, in every exported form."""
+
 import csv
 import io
 import json

@@ -1,3 +1,5 @@
+"""Sequence numbers start each command once, over wraps, losses and restarts."""
+
 import pytest
 
 from plc_bridge.protocol.sequence_numbers import KEPT, NumberMeaning, SequenceNumbers

@@ -1,3 +1,5 @@
+"""A latch resists with the force and energy of its kind."""
+
 import math
 
 import numpy as np

@@ -1,3 +1,5 @@
+"""The guard stops a swing by its energy, and lets planned motion pass."""
+
 import math
 from dataclasses import replace
 

@@ -1,3 +1,5 @@
+"""The printed image pipeline returns theta with its error."""
+
 import math
 from dataclasses import replace
 from functools import lru_cache

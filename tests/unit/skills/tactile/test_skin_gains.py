@@ -1,3 +1,5 @@
+"""Gains of taxels are found from a sweep with a rod."""
+
 import math
 from functools import lru_cache
 
@@ -31,8 +33,7 @@ def fitted(readings, layout="parallelogram", trusted=ALL):
 def test_gains_are_found_to_a_part_of_their_spread(layout):
     rng = np.random.default_rng(1)
     gains = rng.normal(1.0, 0.05, (2, 20))
-    noise = rng.normal(0.0, 67.0, swept(layout).shape)
-    found = fitted(gains * swept(layout) + noise, layout).gains
+    found = fitted(gains * swept(layout) + rng.normal(0.0, 67.0, swept(layout).shape), layout).gains
     assert (found / (gains / gains.mean(axis=1, keepdims=True))).std() < 0.03
 
 
