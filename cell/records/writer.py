@@ -74,7 +74,7 @@ class JournalWriter:
         self._samples = RunSamples(folder, keep.least_free)
         self._last, self._ready = 0, 0
         """Last assigned run number, and the number whose file is reserved; 0 for none."""
-        self._row_trouble = ""
+        self._row_trouble = self._file_trouble = ""
         self.is_disk_low = False
         """True if the free space of the disk is below `JournalConfig.least_free`."""
         self._lock = -1
@@ -84,7 +84,7 @@ class JournalWriter:
     @property
     def trouble(self) -> str:
         """Records that cannot be written now, and the reason; empty without trouble."""
-        return self._row_trouble or self._samples.trouble
+        return self._row_trouble or self._file_trouble or self._samples.trouble
 
     def open(self) -> None:
         """Open the index, close runs that a killed program left open, and start to write.
@@ -331,8 +331,9 @@ class JournalWriter:
         try:
             number = self._samples.claim(self._last)
         except OSError as error:
-            self._row_trouble = f"{self._folder}: no file can be made: {error.strerror}"
+            self._file_trouble = f"{self._folder}: no file can be made: {error.strerror}"
             return
+        self._file_trouble = ""
         with self._changed:
             if number > self._last:
                 self._ready = number

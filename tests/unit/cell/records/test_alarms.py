@@ -40,9 +40,8 @@ def time_of(second):
 
 def note(journal, happened):
     for second, kind, name, code in happened:
-        journal.writer.note(
-            EventRow(0, time_of(second), 1.0, kind, name, code, text="" if second % 60 == 0 else "BEFORE")
-        )
+        text = "" if second % 60 == 0 else "BEFORE"
+        journal.writer.note(EventRow(0, time_of(second), 1.0, kind, name, code, text=text))
 
 
 @pytest.fixture
@@ -54,10 +53,8 @@ def records(tmp_path):
 
 def shown(records, capsys, *options):
     assert main(["alarms", "--journal", str(records), "--json", *options]) == GOOD
-    return [
-        (alarm["name"], alarm["code"], alarm["state"], alarm["duration"])
-        for alarm in json.loads(capsys.readouterr().out)
-    ]
+    alarms = json.loads(capsys.readouterr().out)
+    return [(alarm["name"], alarm["code"], alarm["state"], alarm["duration"]) for alarm in alarms]
 
 
 def test_an_alarm_lasts_until_its_reset_or_its_end(records, capsys):

@@ -97,11 +97,8 @@ def test_a_run_with_a_damaged_byte_is_recorded_as_lost(tmp_path, seen):
 
 
 def test_an_error_of_the_start_reaches_the_caller(tmp_path, monkeypatch):
-    def fails(*_):
-        raise ZeroDivisionError("unforeseen")
-
-    monkeypatch.setattr("cell.records.writer.warn_of_clock", fails)
-    with pytest.raises(ZeroDivisionError, match="unforeseen"):
+    monkeypatch.setattr("cell.records.writer.warn_of_clock", lambda *_: 1 / 0)
+    with pytest.raises(ZeroDivisionError):
         Journal(tmp_path).open()
 
 

@@ -1,11 +1,12 @@
 """Records survive a killed program, a full disk, and an index that is locked, torn or deleted."""
 
+import os
 import shutil
 import sqlite3
 import subprocess
 import sys
 import threading
-from contextlib import closing
+from contextlib import closing, nullcontext
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from functools import partial
@@ -314,7 +315,7 @@ def test_the_writers_thread_is_named_and_leaves_nothing_open(tmp_path):
     assert not [link for link in links if link.is_relative_to(tmp_path)]
 
 
-class Turned:
+class Turned(nullcontext):
     """A writer in the test's own thread, and its condition: while it waits, time passes and due actions happen."""
 
     def __init__(self, monkeypatch, folder, **keep):
@@ -325,11 +326,7 @@ class Turned:
         monkeypatch.setattr(journal_writer, "Thread", lambda target, **_: setattr(self, "main", target) or thread)
         self.writer = JournalWriter(folder, JournalConfig(**keep))
 
-    def __enter__(self):
-        return self
-
-    def __exit__(self, *_):
-        pass
+    enter_result = None
 
     def notify_all(self):
         pass
@@ -409,6 +406,23 @@ def test_a_refused_row_is_retried_every_second(turned, refuse, caplog):
     assert np.diff(tried) == pytest.approx([RETRY_AFTER] * 3)
     assert found == ["index: busy"]
     assert caplog.messages == ["not on record, tried again: index: busy"]
+    assert turned.writer.trouble == ""
+
+
+def test_a_lack_of_files_is_reported_until_it_is_over(tmp_path, turned, monkeypatch):
+    opened, found = os.open, []
+
+    def refused(path, flags, *mode):
+        if flags & os.O_EXCL:
+            raise OSError(28, "No space left on device")
+        return opened(path, flags, *mode)
+
+    turned.after(5.0, lambda: (monkeypatch.setattr(os, "open", refused), turned.writer.begin(ROW)))
+    for time in (40.0, 41.0):  # before and after an event is written
+        turned.after(time, lambda: (found.append(turned.writer.trouble), turned.writer.note(EVENT)))
+    turned.after(50.0, lambda: monkeypatch.setattr(os, "open", opened))
+    turned.work(70.0)
+    assert found == [f"{tmp_path}: no file can be made: No space left on device"] * 2
     assert turned.writer.trouble == ""
 
 
