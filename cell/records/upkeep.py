@@ -38,7 +38,7 @@ def next_number(index: Index, folder: Path) -> int:
 
 
 def opened_to_write(folder: Path) -> Index:
-    """Return the index; if it is damaged, set it aside and rebuild it from the samples.
+    """Return the index; if it is damaged, set it aside and return an empty one, for `close_lost_runs` to fill.
 
     Raises:
         JournalError: The journal cannot be used.
@@ -55,7 +55,7 @@ def opened_to_write(folder: Path) -> Index:
 
 
 def made_again(folder: Path, why: str) -> Index:
-    """Set a damaged index aside and return a new one, restored from the samples.
+    """Set a damaged index aside and return an empty one; `close_lost_runs` restores its runs from the samples.
 
     Raises:
         JournalError: The folder cannot be written.
@@ -70,13 +70,8 @@ def made_again(folder: Path, why: str) -> Index:
     except OSError as error:
         raise JournalError(f"{folder / INDEX}: damaged, and cannot be put aside: {error}") from None
     index = Index(folder, is_read_only=False)
-    # The file reserved for the next run is empty until that run begins.
-    runs = {run: path for run, path in sampled_runs(folder).items() if path.stat().st_size}
-    with index.at_once():
-        for run, path in sorted(runs.items()):
-            _restore(index, run, path)
-        text = f"{why}; kept as {aside.name}; {len(runs)} runs restored from their samples"
-        index.put(event("index_damaged", text))
+    text = f"{why}; kept as {aside.name}; its runs are restored from their samples"
+    index.put(event("index_damaged", text))
     logger.warning("%s: damaged: %s", folder / INDEX, text)
     return index
 
@@ -93,6 +88,7 @@ def close_lost_runs(index: Index, folder: Path, under_way: Collection[int] = ())
         for row in lost:
             _restore(index, row.run, samples_path(folder, row.run), row)
         for run, path in sorted(unlisted.items()):
+            # The file reserved for the next run is empty until that run begins.
             if path.stat().st_size:
                 _restore(index, run, path)
             elif not under_way:

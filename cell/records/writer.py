@@ -303,6 +303,7 @@ class JournalWriter:
             self._index = None
         try:
             self._index = made_again(self._folder, why)
+            close_lost_runs(self._index, self._folder, self._samples.under_way)
         except JournalError as error:
             self._complain(str(error))
 
