@@ -52,7 +52,7 @@ DISK_PERIOD = 10.0
 UPKEEP_PERIOD = 3600.0
 """Time between two deletions of old records, s."""
 LOCK = "writer.lock"
-"""Name of the lock file held by the writing process; its text is the process id and the start time."""
+"""Name of the file with process id and start time of the writing process, which locks the folder."""
 _HOLDER = re.compile(r"(\d+) ([\d:.T+-]+)\n", re.ASCII)
 
 
@@ -196,19 +196,20 @@ class JournalWriter:
         Raises:
             JournalError: Another process holds the lock.
         """
-        self._lock = os.open(self._folder / LOCK, os.O_CREAT | os.O_RDWR, OWNER_ONLY)
+        # The lock is on the folder, because a person can delete a file as an old lock while its program runs.
+        self._lock, holder = os.open(self._folder, os.O_RDONLY), self._folder / LOCK
         try:
             fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
-            first = _HOLDER.match(os.read(self._lock, 80).decode(errors="replace"))
+            first = _HOLDER.match(holder.read_text(errors="replace") if holder.exists() else "")
             who = (
                 f"process {first[1]} writes these records since {first[2]}"
                 if first
                 else "another process writes these records"
             )
             raise JournalError(f"{self._folder}: {who}; stop it, or name another folder; reading goes on") from None
-        os.ftruncate(self._lock, 0)
-        os.write(self._lock, f"{os.getpid()} {now_text()}\n".encode())
+        with os.fdopen(os.open(holder, os.O_CREAT | os.O_TRUNC | os.O_WRONLY, OWNER_ONLY), "w") as file:
+            file.write(f"{os.getpid()} {now_text()}\n")
 
     def _tidy(self) -> None:
         """Close lost runs and delete old records."""
