@@ -71,14 +71,14 @@ class RunTrace:
         )
 
     def stages(self, run: int, records: Sequence[StageRecord], fault: CellError | None) -> list[StageRow]:
-        """Return the rows of the stages: with the program's results if there are any, else only with figures from the scans.
+        """Return the rows of the stages: with their results, and behind them those without one, with figures from the scans.
 
         If the program tried a stage several times in a row, the figures are in the row of the last try.
         """
-        if records:
-            return [self._answered(run, place, records) for place in range(1, len(records) + 1)]
-        rows = [self._seen(run, place, visit) for place, visit in enumerate(self.visits, 1)]
-        if rows and fault is not None:
+        rows = [self._answered(run, place, records) for place in range(1, len(records) + 1)]
+        later = [visit for visit in self.visits if not any(_is_of(visit, record) for record in records)]
+        rows += [self._seen(run, place, visit) for place, visit in enumerate(later, len(rows) + 1)]
+        if later and fault is not None:
             rows[-1] = replace(rows[-1], outcome=Outcome.FAULT)
         return rows
 
@@ -115,8 +115,12 @@ class RunTrace:
         )
 
     def _visit_of(self, record: StageRecord) -> Visit | None:
-        stays = (visit for visit in reversed(self.visits) if visit.name == record.name)
-        return next((visit for visit in stays if visit.began <= record.ended), None)
+        return next((visit for visit in reversed(self.visits) if _is_of(visit, record)), None)
+
+
+def _is_of(visit: Visit, record: StageRecord) -> bool:
+    """Return True if a stay belongs to the stage of a result, or to an earlier try of it."""
+    return visit.name == record.name and visit.began <= record.ended
 
 
 def _is_over(seen: Observation, hole: Hole) -> bool:

@@ -1,8 +1,11 @@
 """A run ends as its first failed stage, with the time of each stage."""
 
+from dataclasses import replace
+
 import pytest
 
 from cell.peg.ending import ending_of
+from cell.records.run_trace import RunTrace
 from cell.run.record import StageClock
 from drivers.errors import SkinSilentError
 from plc_bridge.protocol.messages import Result
@@ -36,6 +39,15 @@ def test_a_run_ends_as_the_first_stage_that_did_not_succeed():
     records = [stage("grasp_from_rack"), stage("spray_search", Outcome.FAILURE, Reason.NO_HOLE), stage("recover")]
     ending = ending_of(records, None, "recover")
     assert (ending.outcome, ending.stage, ending.reason) == ("failure", "spray_search", Reason.NO_HOLE)
+
+
+def test_a_fault_after_a_recovery_is_recorded_with_its_stage(seen, loaded):
+    trace = RunTrace(0.0, loaded.cell.hole)
+    for stamp, name in ((0.5, "recover"), (1.5, "grasp_from_rack")):
+        trace.see(replace(seen, stamp=stamp), name)
+    rows = trace.stages(1, [stage("recover")], SkinSilentError("skin: silent"))
+    told = [(row.place, row.name, row.outcome, row.began) for row in rows]
+    assert told == [(1, "recover", "success", 0.0), (2, "grasp_from_rack", "fault", 1.5)]
 
 
 @pytest.mark.parametrize("records", [[], [stage("grasp_from_rack")]])
