@@ -16,7 +16,7 @@ STARTED = SENT[:-1]
 
 @pytest.fixture
 def board():
-    taxels = np.array(list(COUNTS.values()))[:, 1:].reshape(2, 20)
+    taxels = np.array(list(COUNTS.values()))[:, HubConfig().channels].reshape(2, 20)
     return CanBoard(EmulatedHub(HubConfig(), lambda: taxels))
 
 
