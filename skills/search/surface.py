@@ -47,8 +47,8 @@ class SurfaceEstimate:
     """
     DOUBT = 5.0
     """Factor on the noise of a height more than three deviations below the plane, so that an edge hardly moves the plane."""
-    SLOPE = 0.02
-    """Prior standard deviation of the plate's slopes; slopes are clipped to three times as much."""
+    SLOPE = 5e-3
+    """Prior standard deviation of the plate's slopes. Source: largest tilt in config/reality.toml; reason in docs/tried/search.md."""
 
     HEIGHT = 1e-3
     """Prior standard deviation of the height, m; forgetting is limited to this value. Source: chosen, not measured."""
@@ -98,9 +98,7 @@ class SurfaceEstimate:
 
     def plane(self, near: Vector) -> Plane:
         """Return the plane at `near`, shape (2,) or more, m, base frame; level during the first `MEMORY` / 2 scans."""
-        slopes = np.clip(self._values[1:3], -3.0 * self.SLOPE, 3.0 * self.SLOPE)
-        if not self.knows_slopes:
-            slopes = np.zeros(2)
+        slopes = self._values[1:3] if self.knows_slopes else np.zeros(2)
         # Normal of z = a + b x + c y: [-b, -c, 1], normalized
         slope: Vector = np.array([-slopes[0], -slopes[1], 1.0])
         height = self._row(near) @ self._values

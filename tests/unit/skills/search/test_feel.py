@@ -39,7 +39,7 @@ def known_plate():
 DIP = PARAMS.dip_threshold
 EVIDENCE = {
     "shallow after the run-up where the hole is likely": (5e-4, 15, {"is_likely": True}, True),
-    "on the first lane while nothing is known of its slope": (5e-4, 15, {}, False),
+    "on the first lane": (5e-4, 15, {}, True),
     "on the first lane with the push that is lost": (5e-4, 20, {"unloaded": 3.0}, True),
     "later on the first lane": (5e-4, 60, {"unloaded": 3.0}, True),
     "early without the hand": (0.9 * DIP, 15, {"with_hand": 0.2}, False),
@@ -49,7 +49,8 @@ EVIDENCE = {
     "the same before it is known what the plate bears": (0.75 * DIP, 8, {"unloaded": 1.5}, False),
     "more than the threshold and more push borne": (1.5 * DIP, 300, {"unloaded": -2.0}, False),
     "less push borne at one height": (0.0, 300, {"unloaded": 6.0}, False),
-    "plate that leans by two degrees": (0.0, 90, {"slope": 0.035}, False),
+    "first lane on a plate that leans by one degree": (0.0, 90, {"slope": 0.017}, False),
+    "first lane on a plate that leans by two degrees": (0.0, 90, {"slope": 0.035}, True),
     "level plate where the hole is likely": (0.0, 60, {"is_likely": True}, False),
 }
 

