@@ -48,7 +48,7 @@ class SurfaceEstimate:
     DOUBT = 5.0
     """Factor on the noise of a height more than three deviations below the plane, so that an edge hardly moves the plane."""
     SLOPE = 5e-3
-    """Prior standard deviation of the plate's slopes. Source: largest tilt in config/reality.toml; reason in docs/tried/search.md."""
+    """Prior standard deviation of the plate's slopes, rad. Source: largest tilt in config/reality.toml; reason in docs/tried/search.md."""
 
     HEIGHT = 1e-3
     """Prior standard deviation of the height, m; forgetting is limited to this value. Source: chosen, not measured."""
