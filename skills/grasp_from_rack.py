@@ -161,7 +161,7 @@ class Centring:
         error = np.clip(self._off, -params.saturated, params.saturated)
         self._trim = np.clip(self._trim + params.trim_rate * seen.step * error, -params.trim_limit, params.trim_limit)
         tip = self._grip_at + params.proportion * error + self._trim
-        self._held = replace(self._held, tip=tip, valid_until=seen.stamp + VALIDITY)
+        self._held = self._held.moved(tip, seen.stamp + VALIDITY)
         self._ctx.follow(self._held)
         return self.is_within(params.centred, params.upright) and self._speed < params.resting
 
@@ -218,7 +218,7 @@ def _draw_out(height: float, params: GraspFromRackParams, ctx: SkillContext) -> 
         if seen.arm.tcp.position[2] >= height:
             break
         tip = held.tip + twist.linear * seen.elapsed
-        ctx.follow(replace(held, tip=tip, twist=twist, valid_until=seen.stamp + VALIDITY))
+        ctx.follow(held.moved(tip, seen.stamp + VALIDITY, twist))
 
 
 def _holds_peg(params: GraspFromRackParams, ctx: SkillContext) -> bool:

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Annotated, ClassVar
 
 import numpy as np
@@ -196,8 +196,9 @@ def tilted_by(offset: Vector, length: float) -> Vector:
 
 def stay(ctx: SkillContext, stamp: float) -> None:
     """Extend the validity of the held setpoint, with zero twist."""
-    if ctx.lead.held is not None:
-        ctx.follow(replace(ctx.lead.held, valid_until=stamp + VALIDITY, twist=None))
+    held = ctx.lead.held
+    if held is not None:
+        ctx.follow(held.moved(held.tip, stamp + VALIDITY))
 
 
 def between(goal: Vector, start: Vector, share: float) -> Vector:

@@ -51,7 +51,7 @@ class Lanes:
         lane = max(math.floor(time / (straight + TURN_TIME)), 0)
         within = time - lane * (straight + TURN_TIME)
         pitch = 2.0 * self.half[slow] / self.lanes
-        here, there = self._place(lane), self._place(lane + 1)
+        here = self._place(lane)
         way = -1.0 if lane % 2 == 0 else 1.0
         if within < straight:
             along, rate = self.speed * (within - straight / 2.0), self.speed
@@ -59,7 +59,7 @@ class Lanes:
         else:
             # Turn, T = TURN_TIME: along = v (straight/2 + t (1 - t/T)), its rate v (1 - 2 t/T);
             # across = here + (there - here) (1 - cos(pi t/T)) / 2
-            t = within - straight
+            t, there = within - straight, self._place(lane + 1)
             along = self.speed * (straight / 2.0 + t * (1.0 - t / TURN_TIME))
             rate = self.speed * (1.0 - 2.0 * t / TURN_TIME)
             angle = math.pi * t / TURN_TIME

@@ -54,7 +54,8 @@ class Proof:
     def after(self, seen: Observation, setpoint: ImpedanceSetpoint | None = None) -> "Proof":
         """Return the proof after one more scan and its setpoint; if the switch opens while the peg is held, the proof is void."""
         if seen.switch is SwitchState.OPEN:
-            return self._opened(seen.gripper.is_gripping)
+            is_kept = self.was_open and (self.seated_tip is None or not seen.gripper.is_gripping)
+            return self if is_kept else Proof(was_open=True)
         if not self.was_open or seen.switch is not SwitchState.CLOSED or not seen.gripper.is_gripping:
             return self
         footing = self.footing.after(seen, setpoint)
@@ -63,11 +64,6 @@ class Proof:
         if self.borne_tip is None and footing.is_firm(seen.stamp):
             return replace(self, footing=footing, borne_tip=seen.tip.copy())
         return replace(self, footing=footing)
-
-    def _opened(self, is_held: bool) -> "Proof":
-        """Return the proof after a scan with an open switch."""
-        is_kept = self.was_open and (self.seated_tip is None or not is_held)
-        return self if is_kept else Proof(was_open=True)
 
     @property
     def told(self) -> str:

@@ -30,7 +30,7 @@ class SimArm:
     def follow(self, setpoint: ImpedanceSetpoint) -> None:
         """Track `setpoint` until the next one arrives or its validity ends."""
         control = self._world.control
-        control.words[:] = setpoint_words.pack(setpoint, self._world.now())
+        control.words[:] = setpoint_words.pack(setpoint, self._world.pace.stamp)
         control.law[impedance.IS_HOLDING] = 0.0
 
     def halt(self) -> None:
@@ -48,7 +48,7 @@ class SimArm:
         If the arm is ideal, the external wrench is the plates' force on the peg, low-passed over 5 ms.
         """
         world = self._world
-        now, control = world.now(), world.control
+        now, control = world.pace.stamp, world.control
         q, dq, wrench, position, rotation, commanded, unexplained = world.scanned()
         words = control.words
         return ArmState(

@@ -16,18 +16,25 @@ class ClockPace:
         """
         self.timestep = timestep
         self.ticks = 0
+        self.stamp = 0.0
+        """Simulated time, s."""
         self._pace = pace
         self._wall: float | None = None
 
     def now(self) -> float:
         """Return the simulated time, s."""
-        return self.ticks * self.timestep
+        return self.stamp
+
+    def tick(self, ticks: int) -> None:
+        """Advance simulated time by a number of ticks."""
+        self.ticks += ticks
+        self.stamp = self.ticks * self.timestep
 
     def keep(self) -> None:
         """Wait until the wall clock has reached simulated time; no wait at pace "max"."""
         if self._pace == "max":
             return
-        now, simulated = time.monotonic(), self.now() / self._pace
+        now, simulated = time.monotonic(), self.stamp / self._pace
         if self._wall is None:
             self._wall = now - simulated
         behind = self._wall + simulated - now

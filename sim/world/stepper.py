@@ -195,7 +195,7 @@ class Stepper:
 
     def _begin(self, weight: float) -> None:
         """Complete the state after its positions have been set; the peg's weight is in N."""
-        mechanism, now = self.running, self.pace.now()
+        mechanism, now = self.running, self.pace.stamp
         data, is_held = mechanism.data, self.peg is PegSituation.HELD
         data.xfrc_applied[mechanism.peg_body, 2] = -weight
         latch.loosen(self.control.latch)
@@ -250,11 +250,11 @@ class Stepper:
         )
         if not taken:
             # Time still advances, because the code that reports the fault waits for the end of the scan.
-            pace.ticks += ticks
+            pace.tick(ticks)
             raise SimulationUnstableError(
-                f"simulation at {pace.now():.3f} s: state not finite (time step {pace.timestep} s); reduce gains or sim.timestep"
+                f"simulation at {pace.stamp:.3f} s: state not finite (time step {pace.timestep} s); reduce gains or sim.timestep"
             )
-        pace.ticks += taken
+        pace.tick(taken)
         self._pass_on()
         return taken
 
@@ -263,7 +263,7 @@ class Stepper:
         mechanism = self.running
         if mechanism.twin is None:
             return
-        data, now = mechanism.data, self.pace.now()
+        data, now = mechanism.data, self.pace.stamp
         gap = peg_distances.pad_gap(
             self.scene.pads, mechanism.model.geom_size, data.geom_xpos, data.geom_xmat, self.peg_view
         )
@@ -293,14 +293,14 @@ class Stepper:
             elif grip_force <= 0.0:
                 self.enter_free(self.scene.size.thickness, self.peg_pose())
         elif self._is_resting:
-            self._in_grip_since = self.pace.now()
+            self._in_grip_since = self.pace.stamp
         elif self.peg is PegSituation.FREE:
             lowest = self.lowest()
             if self._has_fallen(lowest):
                 self.fall()
             elif not situation.is_in_grip(self.pad_force(), grip_force, lowest - self.scene.rack.position[2]):
-                self._in_grip_since = self.pace.now()
-            elif self.pace.now() - self._in_grip_since > situation.SETTLED_GRIP:
+                self._in_grip_since = self.pace.stamp
+            elif self.pace.stamp - self._in_grip_since > situation.SETTLED_GRIP:
                 self.enter_held()
 
     # Present positions.

@@ -112,13 +112,15 @@ def next_phase(phase: Phase, felt: Felt, params: SpraySearchParams, course: Cour
         course: The course of the search.
         point: Present point of the course, from its middle, shape (2,), m.
     """
-    if isinstance(phase, Sliding):
-        return stopped(felt, params) if felt.is_edge else phase
-    if isinstance(phase, ComingDown):
-        return _touched(phase, felt, params, course)
-    if isinstance(phase, Probing):
-        return _probed(phase, felt, params, course, point)
-    return phase
+    match phase:
+        case Sliding():
+            return stopped(felt, params) if felt.is_edge else phase
+        case ComingDown():
+            return _touched(phase, felt, params, course)
+        case Probing():
+            return _probed(phase, felt, params, course, point)
+        case Resting():
+            return phase
 
 
 def after_rest(phase: Resting, felt: Felt, params: SpraySearchParams, course: Course, point: Vector) -> Phase:

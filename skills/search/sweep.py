@@ -78,17 +78,17 @@ class SearchSweep:
         felt = self._felt(seen, edge)
         before = self._phase
         self._enter(next_phase(before, felt, params, course, self._point))
-        if self._phase is before:
-            if isinstance(before, Sliding):
+        match before, self._phase:
+            case Sliding(), Sliding():
                 self._evidence.learn(edge)
-        elif isinstance(before, ComingDown) and isinstance(self._phase, Sliding):
-            self._take_touch_down(felt, edge)
-        if isinstance(self._phase, Resting) and self._phase.is_over(felt, params):
-            if felt.below >= params.fall:
-                return True
-            if self._is_stuck(felt):
-                self._pass_over()
-            self._enter(after_rest(self._phase, felt, params, course, self._point))
+            case ComingDown(), Sliding():
+                self._take_touch_down(felt, edge)
+            case _, Resting() as rest if rest.is_over(felt, params):
+                if felt.below >= params.fall:
+                    return True
+                if self._is_stuck(felt):
+                    self._pass_over()
+                self._enter(after_rest(rest, felt, params, course, self._point))
         return False
 
     def _take_touch_down(self, felt: Felt, edge: Vector) -> None:
@@ -159,7 +159,7 @@ class SearchSweep:
         phase = self._phase
         if isinstance(phase, Resting):
             assert self._resting is not None
-            return replace(self._resting, valid_until=seen.stamp + VALIDITY)
+            return self._resting.moved(self._resting.tip, seen.stamp + VALIDITY)
         back = phase.detour.left(seen.elapsed, self._params)
         target, velocity = self._way(phase, seen, back)
         slow = 1 - self._course.fast
@@ -234,18 +234,19 @@ class SearchSweep:
         # The setpoint descends at this rate even if the touch-down was detected too early.
         share = min(seen.elapsed * params.descent / (top - depth), 1.0)
         target, velocity = np.array([0.0, 0.0, top + (depth - top) * share]), np.zeros(3)
-        if isinstance(phase, Sliding):
-            # Under a smaller push, the peg falls more slowly, so the speed is reduced in proportion.
-            run_up = min((seen.elapsed - phase.detour.since) / params.run_up, 1.0)
-            pace = self._push.stiffness / params.push_stiffness * run_up
-            self._along += pace * seen.step
-            target[:2] = course.middle + self._point + back * phase.detour.offset
-            velocity[:2] = pace * self._velocity
-            self._lag = abs(float(target[course.fast] - seen.tip[course.fast]))
-        elif isinstance(phase, Probing):
-            target[:2] = phase.place + phase.looked(seen.elapsed, params) + back * phase.detour.offset
-        else:
-            target[:2] = course.middle + self._point
+        match phase:
+            case Sliding():
+                # Under a smaller push, the peg falls more slowly, so the speed is reduced in proportion.
+                run_up = min((seen.elapsed - phase.detour.since) / params.run_up, 1.0)
+                pace = self._push.stiffness / params.push_stiffness * run_up
+                self._along += pace * seen.step
+                target[:2] = course.middle + self._point + back * phase.detour.offset
+                velocity[:2] = pace * self._velocity
+                self._lag = abs(float(target[course.fast] - seen.tip[course.fast]))
+            case Probing():
+                target[:2] = phase.place + phase.looked(seen.elapsed, params) + back * phase.detour.offset
+            case ComingDown():
+                target[:2] = course.middle + self._point
         return target, velocity
 
     def _still(self, phase: Resting) -> ImpedanceSetpoint:
