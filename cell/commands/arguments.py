@@ -170,10 +170,16 @@ def open_journal(args: argparse.Namespace, config: "JournalConfig") -> "Journal"
 
 
 def read_journal(args: argparse.Namespace) -> "Journal":
-    """Return the unopened journal for reading: from --journal, else the user's data folder. With --sql, print its queries."""
+    """Return the unopened journal for reading: from --journal, else the user's data folder. With --sql, print its queries.
+
+    Raises:
+        ConfigError: The folder of --journal has no journal.
+    """
     from cell.records.journal import INDEX, Journal, default_folder
 
     folder, is_shown = args.journal or default_folder(), getattr(args, "sql", False)
+    if args.journal is not None and not (folder / INDEX).exists():
+        raise ConfigError(f"--journal {folder}: no {INDEX} there; a folder with the records of runs allowed")
     if is_shown:
         say(f"-- sqlite3 {folder / INDEX}")
     trace = (lambda statement: say(f"{statement.strip()};")) if is_shown else None
@@ -236,8 +242,7 @@ def require_recipe(number: int, loaded: "LoadedConfig") -> None:
     Raises:
         ConfigError: The recipe does not exist.
     """
-    if number not in loaded.recipes:
-        raise ConfigError(f"--recipe {number}: no such recipe; {', '.join(map(str, loaded.recipes))} allowed")
+    require_known("--recipe", str(number), map(str, loaded.recipes))
 
 
 def require_program(query: RunQuery) -> None:
@@ -353,11 +358,9 @@ def _endpoint(text: str, ports: range, example: str) -> tuple[str, int]:
 def scheduler(text: str) -> str:
     """Return the address of a Dask scheduler unchanged."""
     protocol, _, place = text.partition("://")
-    try:
+    with suppress(argparse.ArgumentTypeError):
         address(place)
-    except argparse.ArgumentTypeError:
-        protocol = ""
-    if protocol not in ("tcp", "tls"):
-        forms = "tcp://HOST:PORT or tls://HOST:PORT allowed, as in tcp://127.0.0.1:8786"
-        raise argparse.ArgumentTypeError(f"{text!r}: {forms}")
-    return text
+        if protocol in ("tcp", "tls"):
+            return text
+    forms = "tcp://HOST:PORT or tls://HOST:PORT allowed, as in tcp://127.0.0.1:8786"
+    raise argparse.ArgumentTypeError(f"{text!r}: {forms}")

@@ -136,11 +136,10 @@ def _verdict(found: ArmCalibration, joint: int, friction: float, offset: float) 
     """Return the verdict on a joint: within the permitted range, or not."""
     # Permitted ratio of measured to published friction; the range of `config/reality.toml`, tested by `cell study
     # margins`.
-    friction_range = (0.5, 2.0)
+    low, high = 0.5, 2.0
     share = found.friction[-1].value[joint] / friction if friction > 0.0 else 1.0
     told = []
-    if not friction_range[0] <= share <= friction_range[1]:
-        low, high = friction_range
+    if not low <= share <= high:
         told.append(f"friction {share:.1f} times the published: {low:g} to {high:g} expected")
     # Largest permitted offset, in standard deviations of the arm's own file.
     if abs(found.offset.value[joint]) > 2.0 * offset:

@@ -51,8 +51,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="with a person at the arm: prove wrench, hand, load and switch, and store the proof",
     )
-    parser.add_argument("--loop", action="store_true", help="measure the arm's 1 kHz loop while the arm holds still")
-    parser.add_argument("--minutes", type=float, default=10.0, metavar="M", help="duration of --loop, min; default 10")
+    loop = "measure the arm's 1 kHz loop for M minutes while the arm holds still; default 10"
+    parser.add_argument("--loop", type=float, nargs="?", const=10.0, metavar="M", help=loop)
     parser.add_argument(
         "--plc", metavar="HOST", help='address of the PLC that will connect, "node 1" on CAN, "rtu:ttyUSB0" on a line'
     )
@@ -65,14 +65,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Open each device and the bridge's sockets, or run the commissioning; return GOOD if all checks pass."""
     loaded = _loaded(args)
-    if args.loop:
+    if args.loop is not None:
         return _loop(args, loaded)
     return _check(args, loaded) if args.plc is None else _commission(args, loaded)
 
 
 def _loaded(args: argparse.Namespace) -> LoadedConfig:
     """Return the config; require options that go together and fit the cell."""
-    needs_arm = args.prove or args.loop
+    needs_arm = args.prove or args.loop is not None
     if args.plc is None and (args.name or args.out is not None):
         raise ConfigError("--name, --out: only with --plc HOST")
     if args.only and (args.plc or needs_arm):
@@ -159,7 +159,7 @@ def _prove(loaded: LoadedConfig, path: Path, found: dict[str, str]) -> None:
 
 def _loop(args: argparse.Namespace, loaded: LoadedConfig) -> int:
     """Hold the arm still and print the times of its 1 kHz loop; return GOOD if `loop_verdict` is ok."""
-    figures = loop_figures(loaded.cell, 60.0 * args.minutes, args.stop)
+    figures = loop_figures(loaded.cell, 60.0 * args.loop, args.stop)
     told = loop_verdict(figures)
     title = f"{figures.cycles} cycles, {figures.missed} missed: {told}"
     measured = (("between two states", figures.spacing), ("from state to torques", figures.busy))

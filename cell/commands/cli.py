@@ -131,8 +131,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return complain(str(error), WRONG_USE)
     except CellError as error:
         return complain(f"fault {error.code.value}: {error}", FAULT)
-    except PermissionError as error:
-        return complain(f"{error.filename}: {error.strerror}", WRONG_USE)
     except KeyboardInterrupt:
         return complain("stopped")
     except BrokenPipeError:
@@ -140,6 +138,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return NOT_GOOD
     except Exception as error:  # a technician must get one line, not a traceback
+        if isinstance(error, PermissionError) and error.filename is not None:
+            return complain(f"{error.filename}: {error.strerror}", WRONG_USE)
         return complain(f"fault {CellError.code.value}: {type(error).__name__}: {error}; -v shows more", FAULT)
 
 

@@ -5,15 +5,7 @@ from pathlib import Path
 
 from rich.table import Table
 
-from cell.commands.arguments import (
-    add_config,
-    add_journal,
-    load_config,
-    natural,
-    open_journal,
-    require_known,
-    require_recipe,
-)
+from cell.commands.arguments import add_config, add_journal, load_config, natural, open_journal, require_recipe
 from cell.commands.terminal import filled, show
 from cell.config.load import LoadedConfig
 from cell.records import wall_clock
@@ -26,15 +18,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the action, the recipe, and the folder of the records."""
     add_config(parser)
     add_journal(parser)
-    parser.add_argument(
-        "action", metavar="ACTION", nargs="?", default="show", help=f"{' or '.join(ACTIONS)}; default show"
-    )
+    text = f"{' or '.join(ACTIONS)}; default show"
+    parser.add_argument("action", choices=ACTIONS, metavar="ACTION", nargs="?", default="show", help=text)
     parser.add_argument("--recipe", type=natural, metavar="N", help="number of the recipe; default all")
 
 
 def run(args: argparse.Namespace) -> int:
     """Show the learnt places, one line per recipe, or delete them."""
-    require_known("learned", args.action, ACTIONS)
     loaded = load_config(args)
     folder = open_journal(args, loaded.cell.journal).folder
     if args.recipe is not None:

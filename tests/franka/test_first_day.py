@@ -204,7 +204,7 @@ def follow(person, steps):
     began = time.monotonic()
     for line in (line for step in steps for line in commands(step)):
         if "--loop" in line:  # its verdict depends on this computer
-            person.do(line.replace("--minutes 10", f"--minutes {MINUTES}"))
+            person.do(line.replace("--loop 10", f"--loop {MINUTES}"))
         else:
             assert person.do(line.replace("192.168.0.10", "127.0.0.1")) == 0, line
     now = person.boards.world.now()

@@ -9,9 +9,9 @@ from tests.bench.speed.starts import SHOWING, heavy_imports
 
 
 @pytest.mark.parametrize("name", SHOWING)
-def test_a_command_that_only_shows_something_imports_nothing_heavy(name, tmp_path):
-    arguments = (*SHOWING[name], *(("--journal", str(tmp_path)) if name == "runs" else ()))
-    assert heavy_imports(arguments) == []
+def test_a_command_that_only_shows_something_imports_nothing_heavy(name, tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))
+    assert heavy_imports(SHOWING[name]) == []
 
 
 def test_the_list_of_imports_would_show_a_heavy_one():

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from cell.commands import view
-from cell.commands.cli import COMMANDS, GOOD, WRONG_USE, load_command, main
+from cell.commands.cli import COMMANDS, FAULT, GOOD, WRONG_USE, load_command, main
 from cell.config.nearest import did_you_mean
 from cell.lab.commands.study import STUDIES
 from cell.records.journal import Journal
@@ -52,11 +52,12 @@ def test_every_command_and_study_has_its_help(name, capsys):
         (["faults", "skin_slient"], "SKIN_SILENT"),
         (["trials", "--trails", "3"], "--trials"),
         (["study", "faults", "--knid", "disk"], "--kind"),
-        (["runs", "--journal", "nowhere", "--program", "insert_pg"], "insert_peg"),
-        (["report", "--journal", "nowhere", "--program", "insert_pg"], "insert_peg"),
+        (["runs", "--program", "insert_pg"], "insert_peg"),
+        (["report", "--program", "insert_pg"], "insert_peg"),
     ],
 )
-def test_a_mistyped_word_is_answered_with_the_nearest(words, meant, capsys):
+def test_a_mistyped_word_is_answered_with_the_nearest(words, meant, tmp_path, monkeypatch, capsys):
+    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))
     assert main(words) == WRONG_USE
     assert capsys.readouterr().err.rstrip().endswith(f"; did you mean {meant}?")
 
@@ -187,11 +188,30 @@ def test_a_folder_that_cannot_be_written_is_refused_before_the_measurement(tmp_p
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_refused_permission_is_one_line_of_wrong_use(monkeypatch, capsys):
-    refused = PermissionError(13, "Permission denied", "run-000001.png")
+@pytest.mark.parametrize(
+    ("refused", "status", "told"),
+    [
+        (PermissionError(13, "Permission denied", "run-000001.png"), WRONG_USE, "run-000001.png: Permission denied"),
+        (
+            PermissionError(1, "Not permitted"),
+            FAULT,
+            "fault 4003: PermissionError: [Errno 1] Not permitted; -v shows more",
+        ),
+    ],
+)
+def test_a_refused_permission_is_wrong_use_only_if_it_names_a_file(refused, status, told, monkeypatch, capsys):
     monkeypatch.setattr(view, "run", lambda _: (each for each in ()).throw(refused))
-    assert main(["view"]) == WRONG_USE
-    assert capsys.readouterr().err == "cell: run-000001.png: Permission denied\n"
+    assert main(["view"]) == status
+    assert capsys.readouterr().err == f"cell: {told}\n"
+
+
+@pytest.mark.parametrize("words", ["runs", "alarms", "show 1", "report", "compare 1 2", "film 1 --out a.png", "view"])
+def test_a_named_folder_without_records_is_refused_in_one_line(words, tmp_path, capsys):
+    for folder in (tmp_path, tmp_path / "missing"):
+        assert main([*words.split(), "--journal", str(folder)]) == WRONG_USE
+        told = capsys.readouterr()
+        assert (told.out, told.err.count("\n")) == ("", 1)
+        assert f"--journal {folder}: no runs.sqlite there" in told.err
 
 
 def test_a_full_disk_keeps_the_commented_config(tmp_path):
