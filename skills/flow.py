@@ -1,5 +1,6 @@
 """Composition of skills: run them in order and record each stage."""
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -33,9 +34,9 @@ def run_stage(name: str, step: Step, ctx: SkillContext) -> StageRecord:
     ctx.callbacks.progress(0.0)
     started = ctx.devices.clock.now()
     try:
-        # The stop may have come before the first scan of the skill, which can open the hand before that scan.
-        if ctx.callbacks.poll() is Request.STOP:
-            raise Interrupted(Reason.STOPPED)
+        # A hold or a stop may have come before the first scan of the skill, which can open the hand before that scan.
+        if ctx.callbacks.poll() is not Request.RUN:
+            next(ctx.scan(math.inf))
         result = step(ctx)
     except Interrupted as interruption:
         outcome = Outcome.ABORTED if interruption.reason is Reason.STOPPED else Outcome.FAILURE

@@ -118,8 +118,7 @@ def move(
         ctx: The skill's context.
         in_hand: Pose of the peg in the hand; its loss ends the move. None for the empty hand.
         settle: Time to settle at the end, s; None for that of the transfer.
-        limited: True to check the limits of force and workspace, and the clearance of the path. False for a motion that
-            can start in contact.
+        limited: False if the motion can start in contact: no limits and no clearance are checked, no friction is learnt.
     """
     first = ctx.observe()
     if in_hand is None:
@@ -147,7 +146,7 @@ def move(
                 valid_until=seen.stamp + VALIDITY,
                 in_hand=in_hand,
                 posture=seen.arm.posture(transfer.elbow),
-                is_free=True,
+                is_free=limited,
                 twist=twist,
             )
         )

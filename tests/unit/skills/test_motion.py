@@ -102,6 +102,11 @@ def test_a_move_turns_the_axis_to_the_opposite_evenly():
         assert way.at(1.0)[0].roll == pytest.approx(across, abs=1e-9)
 
 
+def test_a_motion_that_can_start_in_contact_teaches_no_friction(ctx):
+    told = moved(ctx, beside(ctx, (0.0, 0.01, 0.0)), limited=False)
+    assert not any(each.is_free for _, each in told)
+
+
 def test_only_a_way_out_goes_without_the_limits(ctx):
     ctx.devices.arm.force = np.array([0.0, 0.0, 1.1 * ctx.limits.force])
     goal = beside(ctx, (0.0, 0.01, 0.0))

@@ -1,5 +1,8 @@
 """How a hand lets go of a seated peg, and what it says of the peg that it leaves."""
 
+from dataclasses import replace
+from functools import partial
+
 import numpy as np
 import pytest
 
@@ -7,7 +10,8 @@ from cell.config.load import load
 from drivers.frames import UP, rotation_about
 from drivers.quantities import GripperState, ImpedanceSetpoint, Pose, SwitchState
 from skills.catalogue import RELEASE
-from skills.contract import Outcome, Reason
+from skills.contract import Outcome, Reason, Request
+from skills.flow import run_stage
 from skills.motion import VALIDITY
 from skills.release_and_retract import HAND_TIME, let_go, run
 from tests.fakes import HAND_DOWN, PERIOD, FakeClock, context_of
@@ -56,6 +60,15 @@ def test_the_hand_opens_where_it_is_and_draws_straight_up():
     np.testing.assert_allclose(ctx.devices.arm.tcp.position, PLACE + PARAMS.height * UP, atol=1e-9)
     np.testing.assert_allclose(ctx.devices.arm.tcp.rotation, SLANT, atol=1e-9)
     assert ended.elapsed == pytest.approx(ctx.devices.clock.now() - 3.0, abs=PERIOD)
+
+
+@pytest.mark.parametrize(("asked", "opened"), [(Request.HOLD, [2.0]), (Request.STOP, [])])
+def test_a_request_before_the_first_scan_comes_before_the_hand_opens(asked, opened):
+    ctx = make()
+    clock, hand = ctx.devices.clock, ctx.devices.gripper
+    ctx.callbacks = replace(ctx.callbacks, poll=lambda: asked if clock.now() < 2.0 else Request.RUN)
+    run_stage("release_and_retract", partial(run, PARAMS), ctx)
+    assert [hand.told] * len(hand.opened) == pytest.approx(opened, abs=PERIOD)
 
 
 @pytest.mark.parametrize(

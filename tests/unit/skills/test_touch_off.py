@@ -45,8 +45,9 @@ def ctx():
 
 
 def down(ctx):
-    """Return time and setpoint of each scan of the way down and of the rest: those that are not of a way through free space."""
-    return [(now, setpoint) for now, setpoint in ctx.devices.arm.told if not setpoint.is_free]
+    """Return time and setpoint of each scan of the way down and of the rest: neither through free space nor back up."""
+    told = [(now, setpoint) for now, setpoint in ctx.devices.arm.told if not setpoint.is_free]
+    return [(now, setpoint) for now, setpoint in told if setpoint.twist is None or setpoint.twist.linear[2] < 0.0]
 
 
 @pytest.mark.parametrize("height", [-0.008, 0.0, 0.005])
