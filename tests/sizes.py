@@ -7,6 +7,7 @@ The first prints them for a checkout, this one by default; compare two checkouts
 lines of each room as its budget, which a test holds; a commit that raises one states what a user gets for it.
 """
 
+import argparse
 import ast
 import io
 import re
@@ -113,8 +114,15 @@ def main(root: Path) -> None:
 
 
 if __name__ == "__main__":
-    here = Path(__file__).parents[1]
-    if sys.argv[1:] == ["--budgets"]:
-        sys.stdout.write(budgets(here))
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument(
+        "folder", nargs="?", type=Path, default=Path(__file__).parents[1], help="a checkout; default this"
+    )
+    parser.add_argument("--budgets", action="store_true", help="print the budget of each room")
+    asked = parser.parse_args()
+    if not files(asked.folder, *PRODUCT):
+        parser.error(f"{asked.folder}: no {', '.join(PRODUCT)} there; a checkout allowed")
+    if asked.budgets:
+        sys.stdout.write(budgets(asked.folder))
     else:
-        main(Path(sys.argv[1]) if sys.argv[1:] else here)
+        main(asked.folder)
