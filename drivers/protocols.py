@@ -48,7 +48,11 @@ class Arm(Device, Protocol):
         """Hold the arm still at its present pose, compliant; any thread may call it, for example a watchdog."""
 
     def reset(self) -> None:
-        """Leave a reflex or a released stop; the arm does not move again before this call."""
+        """Leave a reflex or a released stop; the arm does not move again before this call.
+
+        Raises:
+            ArmStoppedError: The stop is still pressed.
+        """
 
 
 class Gripper(Device, Protocol):

@@ -49,7 +49,6 @@ LOOK = 5e-4
 """Time between two looks at that process's time, s of wall time."""
 PAUSE = 0.05
 """Longest time without a state for the client, s of wall time: it would take the arm for lost."""
-
 STILL = 0.1
 """Time for which the fingers stand still before the hand reports arrival, s."""
 
@@ -282,7 +281,7 @@ class Server(FrankaSimServer):  # type: ignore[misc]  # no hints
     is_hurried = False
     """Send a state as soon as the client's torques for the last one are applied, not a millisecond of wall time later."""
     is_stopped = False
-    """The stop button is pressed while a client connects."""
+    """The stop button is kept pressed."""
     is_braked = False
     """The brakes are closed, or Desk is not in execution."""
     loss = 0.0
@@ -297,11 +296,6 @@ class Server(FrankaSimServer):  # type: ignore[misc]  # no hints
         """Number of collision thresholds that the arm has accepted."""
         self._draws = np.random.default_rng(1)
 
-    def reset_state(self) -> None:
-        super().reset_state()
-        if self.is_stopped:
-            self.robot_state.state["robot_mode"] = RobotMode.kUserStopped.value
-
     def send_response(self, client_socket: Any, command: int, command_id: int, status: Any, version: int) -> None:
         is_refused = self.system != version
         super().send_response(
@@ -312,15 +306,21 @@ class Server(FrankaSimServer):  # type: ignore[misc]  # no hints
             self.system,
         )
 
+    def _refuse(self, client_socket: Any, command: Command, header: Any) -> None:
+        self._send_tcp(client_socket, MessageHeader(command, header.command_id, 16).to_bytes() + bytes([2, 0, 0, 0]))
+
     def handle_automatic_error_recovery_command(self, client_socket: Any, header: Any, payload: bytes) -> None:
+        """Refuse to recover while the stop is pressed, as the arm does."""
         self.may_recover.wait()
-        super().handle_automatic_error_recovery_command(client_socket, header, payload)
+        if self.is_stopped:
+            self._refuse(client_socket, Command.kAutomaticErrorRecovery, header)
+        else:
+            super().handle_automatic_error_recovery_command(client_socket, header, payload)
 
     def handle_set_collision_behavior_command(self, client_socket: Any, header: Any, payload: bytes) -> None:
         """Refuse thresholds in a reflex or a pressed stop, as the arm does."""
-        if self.robot_state.state["robot_mode"] in (RobotMode.kReflex, RobotMode.kUserStopped):
-            answer = MessageHeader(Command.kSetCollisionBehavior, header.command_id, 16).to_bytes()
-            self._send_tcp(client_socket, answer + bytes([2, 0, 0, 0]))
+        if self.is_stopped or self.robot_state.state["robot_mode"] == RobotMode.kReflex:
+            self._refuse(client_socket, Command.kSetCollisionBehavior, header)
             return
         self.thresholds_set += 1
         super().handle_set_collision_behavior_command(client_socket, header, payload)
@@ -339,7 +339,7 @@ class Server(FrankaSimServer):  # type: ignore[misc]  # no hints
         return absorbed
 
     def press_stop(self) -> None:
-        """Stop the motion as the stop button does: no error, and a mode of its own."""
+        """Press and release the stop button: it stops the motion without an error, and in a mode of its own."""
         with self._motion_lock:
             self._abort_with_error((), "stop button")
             self.robot_state.state["robot_mode"] = RobotMode.kUserStopped.value
@@ -363,6 +363,8 @@ class Server(FrankaSimServer):  # type: ignore[misc]  # no hints
         self.physics_sim.step()
         state = self.physics_sim.get_robot_state()
         self.robot_state.state.update({k: v for k, v in state.items() if k not in self._server_owned_state_fields})
+        if self.is_stopped:
+            self.robot_state.state["robot_mode"] = RobotMode.kUserStopped.value
 
 
 def address(number: int) -> str:

@@ -151,15 +151,16 @@ def test_a_pressed_stop_is_distinguished_from_a_reflex(simulated, arm):
     assert arm.read().setpoint_age == math.inf
 
 
-def test_thresholds_refused_by_a_pressed_stop_are_set_after_a_reset(simulated, arm):
+def test_a_pressed_stop_refuses_thresholds_and_reset_until_its_release(simulated, arm):
     _, server = simulated
     arm.close()
     server.is_stopped, server.thresholds_set = True, 0
     arm.open()
-    server.is_stopped = False
-    with pytest.raises(ArmStoppedError):
-        arm.read()
+    for refused in (arm.read, arm.reset):
+        with pytest.raises(ArmStoppedError):
+            refused()
     assert server.thresholds_set == 0
+    server.is_stopped = False
     arm.reset()
     assert (server.thresholds_set, arm.phase) == (1, LoopPhase.RUNNING)
 
