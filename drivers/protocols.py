@@ -48,11 +48,7 @@ class Arm(Device, Protocol):
         """Hold the arm still at its present pose, compliant; any thread may call it, for example a watchdog."""
 
     def reset(self) -> None:
-        """Leave a reflex or a released stop; the arm does not move again before this call.
-
-        Raises:
-            ArmStoppedError: The stop is still pressed.
-        """
+        """Leave a reflex or a released stop; the arm moves again only after this. A pressed stop raises `ArmStoppedError`."""
 
 
 class Gripper(Device, Protocol):
