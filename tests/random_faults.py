@@ -18,7 +18,7 @@ import numpy as np
 from cell.config.load import load
 from cell.lab.faults import tables
 from cell.lab.faults.bench import KEYS, FaultBench
-from cell.lab.faults.cases import STAGES, TABLE, FaultCase, Planned, begun
+from cell.lab.faults.cases import STAGES, TABLE, Planned, begun
 from cell.lab.faults.contract import FaultKind, Undo
 from cell.lab.faults.measure import measure
 from cell.lab.rows import write_rows
@@ -153,14 +153,12 @@ def main() -> int:
     tried = [drawn(args.seed, number) for number in range(args.cases)]
     rows = begun(tried, FOLDER)
 
-    def watch(case: FaultCase) -> None:
-        rows.append(case)
-        write_rows(rows, FOLDER / TABLE)
-
     def make(number: int) -> Any:
         return load(sets=[*KEYS, "sim.pace=max", f"sim.seed={args.seed + number}"])
 
-    measure(make, tried, FOLDER, watch, len(rows))
+    for case in measure(make, tried, FOLDER, len(rows)):
+        rows.append(case)
+        write_rows(rows, FOLDER / TABLE)
     line = tables.lines(rows, make(0).cell.limits.force)[-1]
     sys.stdout.write(", ".join(f"{name} {value}" for name, value in line.items()) + "\n")
     return int(any(line[name] for name in tables.NEVER))

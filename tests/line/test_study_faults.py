@@ -84,7 +84,7 @@ def test_a_slice_of_the_campaign_has_zeros_where_there_must_be(tmp_path):
     is, which goes on so slowly that it is not 61 mm away for 79 s.
     """
     tried = [(BY_NAME["arm: deaf"], "spiral_adjust", 0.3), (BY_NAME["skill: lies"], "grasp_from_rack", 1.5)]
-    cases = measure(lambda number: load(sets=list(HONEST)), tried, tmp_path)
+    cases = list(measure(lambda number: load(sets=list(HONEST)), tried, tmp_path))
     line = tables.lines(cases, load().cell.limits.force)[-1]
     assert line["n"] == len(tried)
     # Where the peg is after the fault depends on how far the peg had come, and so on the computer's load.

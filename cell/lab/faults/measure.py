@@ -30,31 +30,27 @@ def measure(
     make: Callable[[int], LoadedConfig],
     tried: Sequence[Planned],
     folder: Path,
-    watch: Callable[[FaultCase], None] = lambda case: None,
     done: int = 0,
     arguments: Callable[[int], Sequence[str]] = lambda number: (),
-) -> list[FaultCase]:
-    """Run every case except the first `done`; each cell serves several cases, and a new cell replaces one that does not recover.
+) -> Iterator[FaultCase]:
+    """Run every case except the first `done`, and yield each when it is done.
+
+    Each cell serves several cases, and a new cell replaces one that does not recover.
 
     Args:
         make: Function that returns the config of the cell with this number.
         tried: The cases.
         folder: Folder for the records of cells that are separate programs; they share it.
-        watch: Function called with each completed case.
         done: Number of cases from earlier calls.
         arguments: Function that returns the arguments of the program that serves the cell with this number.
 
     Raises:
         CellError: A new cell cannot be created.
     """
-    found: list[FaultCase] = []
     for first in range(done - done % CELL_CASES, len(tried), CELL_CASES):
         batch = tried[max(first, done) : first + CELL_CASES]
         number = first // CELL_CASES
-        for case in _served(make(number), batch, arguments(number), folder):
-            found.append(case)
-            watch(case)
-    return found
+        yield from _served(make(number), batch, arguments(number), folder)
 
 
 def _served(

@@ -38,13 +38,10 @@ def run(args: argparse.Namespace) -> StudyReport:
     tried = cases.planned(kinds, number, args.seed)
     rows = cases.begun(tried, folder)
     with advancing("faults", len(tried), len(rows)) as done:
-
-        def watch(case: cases.FaultCase) -> None:
+        for case in measure.measure(make, tried, folder / "journal", len(rows), arguments):
             rows.append(case)
             write_rows(rows, folder / cases.TABLE)  # an interrupted campaign keeps its results
             done(1)
-
-        measure.measure(make, tried, folder / "journal", watch, len(rows), arguments)
     lines = tables.lines(rows, limit)
     is_good = not any(lines[-1][name] for name in tables.NEVER)
     return reported(tables.shown(lines), folder, {cases.TABLE: rows}, is_good=is_good, kinds=lines, cases=rows)
