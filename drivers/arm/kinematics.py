@@ -92,23 +92,18 @@ def joints_at(arm: ArmModel, tip: Vector, axis: Vector, closing: Vector, length:
     """
     wanted = np.column_stack([-axis, np.cross(closing, -axis), closing])
     low, high = np.array(arm.joints.q_min), np.array(arm.joints.q_max)
-    hand = frames.rotation_about(_Z, arm.hand.turn)
     moving = [i for i in range(JOINTS) if i != arm.kinematics.elbow - 1]
     q = np.array(arm.home)
     q[arm.kinematics.elbow - 1] = elbow
     # Largest number of iterations of the inverse kinematics.
     for _ in range(100):
-        rotations, origins = links(arm, q)
-        axes = np.array([R[:, 2] for R in rotations])
-        point = origins[-1] + (arm.kinematics.flange + arm.hand.finger_centre + length) * axes[-1]
-        flange = rotations[-1] @ hand
-        # The finger frame: x out of the hand, z along the closing axis.
-        finger = np.column_stack([flange[:, 2], flange[:, 0], flange[:, 1]])
-        error = np.concatenate([tip - point, _turn(wanted @ finger.T)])
+        finger = finger_frame(arm, q)
+        point = finger.position + length * finger.rotation[:, 0]
+        error = np.concatenate([tip - point, _turn(wanted @ finger.rotation.T)])
         # Error below which the inverse kinematics has converged, m and rad.
         if float(np.abs(error).max()) < 1e-9:
             return q
-        J = jacobian(point, axes, origins)[:, moving]
+        J = tip_jacobian(arm, q, length)[:, moving]
         # dq = (JᵀJ + λI)⁻¹ Jᵀ e, scaled to `LONGEST_STEP`.
         # Damping of the least-squares step; it keeps the step finite at a singular pose.
         step = np.linalg.solve(J.T @ J + 1e-6 * np.eye(len(moving)), J.T @ error)
@@ -119,8 +114,7 @@ def joints_at(arm: ArmModel, tip: Vector, axis: Vector, closing: Vector, length:
 
 def _turn(R: Vector) -> Vector:
     """Return the rotation vector of a rotation matrix, shape (3,), rad."""
-    # 2 sin φ u = (R32 - R23, R13 - R31, R21 - R12) and 2 cos φ = tr R - 1; the result is φ u.
-    twice = np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])
-    sine, cosine = 0.5 * float(np.linalg.norm(twice)), 0.5 * (float(np.trace(R)) - 1.0)
-    turn: Vector = 0.5 * twice * (math.atan2(sine, cosine) / sine if sine > 1e-12 else 1.0)
-    return turn
+    # The quaternion is (cos φ/2, u sin φ/2); the result is φ u.
+    w, *vector = frames.quaternion(R)
+    sine = float(np.linalg.norm(vector))
+    return np.array(vector) * (2.0 * math.atan2(sine, w) / sine if sine > 1e-12 else 2.0)
