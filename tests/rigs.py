@@ -6,20 +6,16 @@ import mujoco
 import numpy as np
 
 from cell.config.load import load
-from cell.lab.contact_rig import HOLE_DEPTH
+from cell.lab.contact_rig import HOLE_DEPTH, SLIDES, peg_above
 from drivers.frames import UP, rotation_about
 from drivers.part.contract import Part
-from sim.contact import shapes
-from sim.contact import table as contact
-from sim.contact.plate import Plate, geoms, words
-from sim.world import metering, native
+from sim.contact.plate import Plate, geoms
+from sim.world import metering
 from sim.world.physics import World
 from skills.search.surface import SurfaceEstimate
 
 DT = 0.0005
 """Time step of the gates, s."""
-LENGTH = 0.05
-"""Length of the pegs, m."""
 Drive = Callable[[float, np.ndarray, np.ndarray], np.ndarray]
 """Force on the peg at a time, s, from its place, m, and speed, m/s."""
 
@@ -30,21 +26,10 @@ def plate_with(hole: Part, yaw: float = 0.0) -> Plate:
 
 
 def over(
-    plate: Plate, peg: Part, axes: np.ndarray, friction: float = 0.0, joints: str = ""
+    plate: Plate, peg: Part, axes: np.ndarray, friction: float = 0.0, joints: str = SLIDES
 ) -> tuple[mujoco.MjModel, mujoco.MjData]:
     """Return a peg with these axes over a plate, and the data; the centre of its end is the slides' origin."""
-    shapes.install(peg)
-    slides = "".join(f'<joint type="slide" axis="{words(axis)}"/>' for axis in np.eye(3))
-    turn = np.empty(4)
-    mujoco.mju_mat2Quat(turn, axes.flatten())
-    model = mujoco.MjModel.from_xml_string(
-        f"""<mujoco><option timestep="{DT}" gravity="0 0 0" cone="elliptic" impratio="10" tolerance="1e-14" iterations="60">
-        <flag autoreset="disable"/></option><size nuser_geom="{contact.USER}" nuserdata="{native.NUSERDATA}"/>
-        <worldbody>{"".join(geoms("plate", plate, friction, DT))}
-        <body name="peg">{joints or slides}<geom name="peg" {shapes.peg_geom(peg, LENGTH / 2)}
-        pos="{words(axes[:, 2] * LENGTH / 2)}" quat="{words(turn)}" mass="0.5" contype="0" conaffinity="1"/></body>
-        </worldbody></mujoco>"""
-    )
+    model = peg_above(geoms("plate", plate, friction, DT), peg, axes, DT, joints)
     return model, mujoco.MjData(model)
 
 

@@ -4,6 +4,7 @@ The slides are rigid, so that only the contacts are compliant. The computation i
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import mujoco
@@ -21,6 +22,7 @@ from sim.world import engine, metering, native
 
 SHIPPED = HoleModel()
 HOLE_DEPTH = 0.03
+SLIDES = "".join(f'<joint type="slide" axis="{axis}"/>' for axis in ("1 0 0", "0 1 0", "0 0 1"))
 MASS = 0.5
 """Mass of the peg and its carrier, kg."""
 SERVO_STIFFNESS, SERVO_DAMPING = 5e4, 300.0
@@ -50,18 +52,26 @@ def tilted_peg(
         model: Model of the hole.
         is_judged: True to meter the penetration even if facets make the contacts.
     """
-    shapes.install(peg)
-    length, axes = 0.05, attitude(tilt, azimuth)
     plate = Plate(np.zeros(3), np.eye(3), hole.half, HOLE_DEPTH, chamfer=hole.chamfer)
-    turn = np.empty(4)
+    around = geoms(plate, friction, timestep, model, is_judged)
+    return peg_above(around, peg, attitude(tilt, azimuth), timestep, flags=model.flags())
+
+
+def peg_above(
+    plate: Sequence[str], peg: Part, axes: Vector, timestep: float, joints: str = SLIDES, flags: str = ""
+) -> mujoco.MjModel:
+    """Return the model of a peg with these axes, shape (3, 3), above the geoms of a plate.
+
+    The geoms, the joints and the flags are MuJoCo's XML. The centre of the peg's end is the origin of the joints.
+    """
+    shapes.install(peg)
+    length, turn = 0.05, np.empty(4)
     mujoco.mju_mat2Quat(turn, axes.flatten())
     return mujoco.MjModel.from_xml_string(
         f"""<mujoco><option timestep="{timestep}" gravity="0 0 0" cone="elliptic" impratio="10" tolerance="1e-14" iterations="60">
-        <flag autoreset="disable" {model.flags()}/></option>
-        <size nuser_geom="{contact.USER}" nuserdata="{native.NUSERDATA}"/>
-        <worldbody>{"".join(geoms(plate, friction, timestep, model, is_judged))}
-        <body><joint type="slide" axis="1 0 0"/><joint type="slide" axis="0 1 0"/><joint type="slide" axis="0 0 1"/>
-        <geom name="peg" {shapes.peg_geom(peg, length / 2)} pos="{words(axes[:, 2] * length / 2)}"
+        <flag autoreset="disable" {flags}/></option>
+        <size nuser_geom="{contact.USER}" nuserdata="{native.NUSERDATA}"/><worldbody>{"".join(plate)}
+        <body>{joints}<geom name="peg" {shapes.peg_geom(peg, length / 2)} pos="{words(axes[:, 2] * length / 2)}"
         quat="{words(turn)}" mass="{MASS}" contype="0" conaffinity="1"/></body></worldbody></mujoco>"""
     )
 
