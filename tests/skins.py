@@ -1,11 +1,7 @@
 """Skins for tests: a scripted world without physics, and boards behind every wire in it."""
 
-import fcntl
 import os
-import pty
-import sys
-import termios
-import tty
+import select
 from itertools import count
 
 import numpy as np
@@ -17,24 +13,20 @@ from drivers.transport.can_bus import CanBus
 from drivers.transport.serial_line import SerialLine
 from sim.boards.board_clock import BoardClock
 from sim.boards.board_links import emulated_can, emulated_line
+from sim.boards.terminal import Terminal
 from sim.config import SkinBoardConfig
 from sim.hand.pads import PadLoad
+from tests.fakes import FakeClock
 
 _BUSES = count()
 
 
-class ScriptedWorld:
-    """A Clock whose time passes only during waits, and a PadSource with a scripted load."""
+class ScriptedWorld(FakeClock):
+    """A clock that is a PadSource with a scripted load."""
 
     def __init__(self) -> None:
-        self.time = 0.0
+        super().__init__()
         self.load: PadLoad | None = None
-
-    def now(self) -> float:
-        return self.time
-
-    def wait_until(self, stamp: float) -> None:
-        self.time = max(self.time, stamp)
 
     def pad_load(self) -> PadLoad | None:
         return self.load
@@ -44,37 +36,15 @@ def held_peg(theta: float = 0.3) -> PadLoad:
     return PadLoad(theta, 0.0, 30.0, 0.0, 0.0, 0.05, 0.012, 0.008)
 
 
-class PtyEnd:
-    """The far end of a pseudo-terminal; what is written has arrived when `write` returns, however busy the machine is."""
+class SerialEnd(Terminal):
+    """The far end of a serial port, with the interface of a bus or line."""
 
-    character_time = 0.0
-
-    def __init__(self) -> None:
-        self._far, self._near = pty.openpty()
-        tty.setraw(self._near)
-        os.set_blocking(self._far, False)
-        self.port = os.ttyname(self._near)
-
-    def open(self) -> None: ...
-
-    def close(self) -> None:
-        os.close(self._far)
-        os.close(self._near)
+    open, close, write = Terminal.plug_in, Terminal.unplug, Terminal.send
 
     def read(self, timeout: float) -> bytes:
-        try:
-            return os.read(self._far, 4096)
-        except BlockingIOError:
-            return b""
-
-    def write(self, data: bytes) -> None:
-        arrived = self._waiting() + len(data)
-        os.write(self._far, data)
-        while self._waiting() < arrived:
-            os.sched_yield()
-
-    def _waiting(self) -> int:
-        return int.from_bytes(fcntl.ioctl(self._near, termios.FIONREAD, bytes(4)), sys.byteorder)
+        assert self._ends is not None
+        far, _ = self._ends
+        return os.read(far, 4096) if select.select([far], [], [], timeout)[0] else b""
 
 
 class BoardCable:
@@ -111,7 +81,7 @@ class BoardRig:
 
     def __init__(self, config: CanSkinConfig | SerialSkinConfig, seed: int = 0, **model: object) -> None:
         self.world = ScriptedWorld()
-        self.ends: list[CanBus | PtyEnd] = []
+        self.ends: list[CanBus | SerialEnd] = []
         described = SkinBoardConfig.model_validate(model)
         rng = np.random.default_rng(seed)
         if isinstance(config, CanSkinConfig):
@@ -126,16 +96,16 @@ class BoardRig:
     def connect_really(self, config: CanSkinConfig | SerialSkinConfig) -> "BoardRig":
         """Put a virtual CAN bus of python-can, or a pseudo-terminal and pyserial, between board and driver."""
         self.link.open()
+        name = f"skin-{next(_BUSES)}"
         if isinstance(config, CanSkinConfig):
-            name = f"skin-{next(_BUSES)}"
-            far: CanBus | PtyEnd = CanBus("virtual", name, config.bitrate)
-            far.open()
+            far: CanBus | SerialEnd = CanBus("virtual", name, config.bitrate)
             self.clock = BoardClock(self.world, (Cabled(self.link, BoardCable(self.link, far)),))
             self.skin = CanSkin(config, CanBus("virtual", name, config.bitrate), self.clock)
         else:
-            far = PtyEnd()
+            far = SerialEnd(name)
             self.clock = BoardClock(self.world, (Cabled(self.link, BoardCable(self.link, far)),))
             self.skin = SerialSkin(config, SerialLine(far.port, config.baud_rate), self.clock)
+        far.open()
         self.ends.append(far)
         return self
 

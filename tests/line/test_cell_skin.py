@@ -3,8 +3,6 @@
 import io
 import json
 import math
-import os
-import pty
 import re
 import sys
 import tomllib
@@ -21,6 +19,7 @@ from cell.config.load import load
 from cell.devices.assembly import bench_skin, make_estimator
 from drivers.parts import Peg
 from drivers.quantities import TaxelFrame
+from sim.boards.terminal import Terminal
 from sim.config import PadConfig
 from sim.hand.pads import PadLoad, Pads
 from skills.tactile.skin_gains import fit_gains, rod_angles
@@ -143,10 +142,10 @@ def test_recorded_traffic_plays_back_to_the_same_frame(capsys, tmp_path):
 @pytest.fixture
 def nobody():
     """Yield a serial port without a device."""
-    far, near = pty.openpty()
-    yield os.ttyname(near)
-    os.close(far)
-    os.close(near)
+    terminal = Terminal("nobody")
+    terminal.plug_in()
+    yield terminal.port
+    terminal.unplug()
 
 
 HUB_SILENT, SHORT = "fault 1001: skin: hub 1 does not answer: check its supply", "skin.open_timeout=0.2"
