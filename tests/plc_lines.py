@@ -33,7 +33,8 @@ class PlcLine:
     """How the run's record begins to name who asked."""
 
 
-def _patient(**buses: object) -> PlcConfig:
+def patient(**buses: object) -> PlcConfig:
+    """Return the config of a cell that loses no run on a busy computer."""
     return PlcConfig(life_timeout=60.0, lease_timeout=60.0, **{"modbus": ModbusConfig(port=0), **buses})
 
 
@@ -43,7 +44,7 @@ def at_once(seconds: float) -> None:
 
 @contextmanager
 def modbus_tcp() -> Iterator[PlcLine]:
-    yield PlcLine(_patient(), lambda bridge: Peer(*bridge.address, timeout=TIMEOUT, wait=at_once), "127.0.0.1:")
+    yield PlcLine(patient(), lambda bridge: Peer(*bridge.address, timeout=TIMEOUT, wait=at_once), "127.0.0.1:")
 
 
 @contextmanager
@@ -61,7 +62,7 @@ def modbus_tls() -> Iterator[PlcLine]:
             peer._client = ModbusTlsClient(host, port=port, sslctx=context, timeout=TIMEOUT, retries=0)
             return peer
 
-        yield PlcLine(_patient(tls=tls), connect, f"{ROLE}@127.0.0.1:")
+        yield PlcLine(patient(tls=tls), connect, f"{ROLE}@127.0.0.1:")
 
 
 @contextmanager
@@ -77,14 +78,14 @@ def modbus_rtu() -> Iterator[PlcLine]:
             return peer
 
         rtu = RtuConfig(port=cable.ends[0], baud_rate=115200, parity="none")
-        yield PlcLine(_patient(rtu=rtu), connect, "rtu:")
+        yield PlcLine(patient(rtu=rtu), connect, "rtu:")
 
 
 @contextmanager
 def canopen() -> Iterator[PlcLine]:
     """CANopen, on a bus of its own within this process."""
     can = CanConfig(interface="virtual", channel=str(uuid4()), plc_timeout=0.0)
-    yield PlcLine(_patient(can=can), lambda bridge: CanPeer(can, timeout=TIMEOUT, wait=at_once), "node 1")
+    yield PlcLine(patient(can=can), lambda bridge: CanPeer(can, timeout=TIMEOUT, wait=at_once), "node 1")
 
 
 PLC_LINES = {"modbus_tcp": modbus_tcp, "modbus_tls": modbus_tls, "modbus_rtu": modbus_rtu, "canopen": canopen}

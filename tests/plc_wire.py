@@ -7,6 +7,7 @@ from cell.run.states import State
 from plc_bridge.protocol.images import COMMAND, REPORT, CommandImage, command_words
 from plc_bridge.protocol.messages import Control
 from plc_bridge.protocol.registers import COILS, DISCRETE_INPUTS
+from tests.plc_bytes import coil, word
 from tests.quick_cell import CODE
 from tests.sockets import PATIENCE, answer, frame
 from tests.trouble import first, until
@@ -32,7 +33,7 @@ class Wire:
         return self.ask(*(struct.pack(">BHHBHH", 16, 1, 2, 4, *command) for command in commands))
 
     def coil(self, name, value):
-        self.ask(coil(name, value))
+        self.ask(coil(COILS[name], value))
 
     def report(self):
         (answer,) = self.ask(struct.pack(">BHH", 4, REPORT.start, REPORT.words))
@@ -59,10 +60,6 @@ def block(wire, life, life_tail=None, **what):
     wire.ask(struct.pack(f">BHHB{len(words)}H", 16, COMMAND.start, len(words), 2 * len(words), *words))
 
 
-def coil(name, value):
-    return struct.pack(">BHH", 5, COILS[name], 0xFF00 if value else 0)
-
-
 def stopped(plc):
     """Bring the cell into its state STOPPED, and leave the number 2 behind."""
     plc.order((1, Control.NONE), (2, Control.STOP))
@@ -71,7 +68,7 @@ def stopped(plc):
 
 def ladder(plc):
     """Let a connection be that of a plain ladder, which has only its code in the block."""
-    plc.ask(struct.pack(">BHH", 6, 2, CODE))
+    plc.ask(word(2, CODE))
 
 
 def until_bits(plc, *names):

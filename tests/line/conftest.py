@@ -7,18 +7,15 @@ import pytest
 
 from cell.config.load import LoadedConfig
 from cell.page.server import PageServer
-from plc_bridge.config import ModbusConfig, PlcConfig
+from tests.plc_lines import patient
 from tests.plc_wire import Wire
 from tests.quick_cell import QuickCell, quick_cell
-
-CALM = PlcConfig(life_timeout=60.0, lease_timeout=60.0, modbus=ModbusConfig(port=0))
-"""So that a busy computer loses no run."""
 
 
 @pytest.fixture
 def served(loaded: LoadedConfig, tmp_path: Path) -> Iterator[QuickCell]:
     """Yield a cell whose one program obeys the test."""
-    with quick_cell(loaded, CALM, tmp_path) as served:
+    with quick_cell(loaded, patient(), tmp_path) as served:
         yield served
 
 

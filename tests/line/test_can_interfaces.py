@@ -11,10 +11,11 @@ import pytest
 from drivers.errors import CellError
 from drivers.transport.can_bus import MOST_ERRORS, CanBus
 from drivers.transport.wires import CanFrame, CanLostError
-from plc_bridge.config import CanConfig, ModbusConfig, PlcConfig
+from plc_bridge.config import CanConfig
 from plc_bridge.protocol.messages import Result
 from tests.can_peer import CanPeer
 from tests.hubs import SlcanHub, SocketcandHub
+from tests.plc_lines import patient
 from tests.quick_cell import CODE, quick_cell
 
 PATIENT = {"plc_timeout": 60.0}  # a busy computer makes a late PLC
@@ -64,9 +65,7 @@ def or_skip(config):
 
 def served(loaded, folder, config):
     """Serve a cell on CAN whose program ends at once."""
-    return quick_cell(
-        loaded, PlcConfig(life_timeout=60.0, lease_timeout=60.0, modbus=ModbusConfig(port=0), can=config), folder
-    )
+    return quick_cell(loaded, patient(can=config), folder)
 
 
 @pytest.mark.parametrize("two_ends", ["virtual", "udp_multicast", "socketcand", "slcan", "socketcan"], indirect=True)

@@ -16,7 +16,7 @@ from drivers.errors import FAULTS
 from plc_bridge.peer import Peer
 from plc_bridge.protocol.messages import Diagnostics
 from tests.emulation import emulated_or_skip
-from tests.line.conftest import CALM
+from tests.plc_lines import patient
 from tests.quick_cell import quick_cell
 
 REAL = DEFAULT.parent / "cell_01.toml"
@@ -194,7 +194,7 @@ def test_watch_takes_over_nothing_from_a_plc_of_the_same_host(served, watched):
 
 def test_the_journal_shows_a_run_with_its_picture_and_samples(loaded, capsys, tmp_path):
     folder = tmp_path / "journal"
-    with quick_cell(loaded, CALM, folder) as cell:
+    with quick_cell(loaded, patient(), folder) as cell:
         main(["run", "grasp_from_rack", "--connect", "{}:{}".format(*cell.bridge.address)])
     capsys.readouterr()
     assert main(["runs", "--json", "--journal", str(folder)]) == GOOD

@@ -9,10 +9,11 @@ from pathlib import Path
 
 import pytest
 
-from plc_bridge.config import CanConfig, ModbusConfig, PlcConfig, RtuConfig
+from plc_bridge.config import CanConfig, RtuConfig
 from tests.certificates import Authority, utf8
 from tests.foreign import by_canopen, by_node, call, go_client, has_go, has_libmodbus, has_node, libmodbus_client
 from tests.hubs import Cable, SocketcandHub
+from tests.plc_lines import patient
 from tests.quick_cell import quick_cell
 
 CLIENTS = Path(__file__).parents[1] / "clients"
@@ -22,7 +23,6 @@ COUNT = 50
 """Number of commands, as many as the program in AWL gives."""
 PEGS = 20
 """Number of commands over OPC UA."""
-PATIENT = {"life_timeout": 60.0, "lease_timeout": 60.0, "modbus": ModbusConfig(port=0)}
 
 
 @pytest.fixture(scope="module")
@@ -50,14 +50,14 @@ def test_libmodbus_over_tcp(served, libmodbus):
 def test_libmodbus_over_a_serial_line(loaded, tmp_path, libmodbus):
     with Cable() as cable:
         rtu = RtuConfig(port=cable.ends[0], unit=17, baud_rate=115200, parity="none")
-        with quick_cell(loaded, PlcConfig(**PATIENT, rtu=rtu), tmp_path) as served:
+        with quick_cell(loaded, patient(rtu=rtu), tmp_path) as served:
             assert is_all_done(served, call(libmodbus, "rtu", cable.ends[1], rtu.unit, COUNT))
 
 
 def test_go_over_tls(loaded, tmp_path, go):
     authority = Authority(tmp_path / "certificates")
     tls = authority.cell(roles={"Operator": ("read", "command")})
-    with quick_cell(loaded, PlcConfig(**PATIENT, tls=tls), tmp_path / "journal") as served:
+    with quick_cell(loaded, patient(tls=tls), tmp_path / "journal") as served:
         host, port = served.bridge.secure_address
         client = authority.sign("plc", utf8("Operator"))
         said = call(go, f"tcp+tls://{host}:{port}", COUNT, go.parent / "cell_map.h", *client, authority.certificate)
@@ -70,7 +70,7 @@ def test_node_over_opcua_loses_its_session_and_finds_its_result(loaded, tmp_path
     pytest.importorskip("asyncua", reason="the extra opcua is not installed")
     authority = Authority(tmp_path / "certificates")
     tls = authority.cell("urn:test:cell", host="127.0.0.1", roles={"Operator": ("read", "command")})
-    plc, opcua = PlcConfig(**PATIENT, tls=tls), ("127.0.0.1", 0)
+    plc, opcua = patient(tls=tls), ("127.0.0.1", 0)
     authority.sign("plc", utf8("Operator"), uri="urn:test:plc")
     with quick_cell(loaded, plc, tmp_path / "journal", opcua=opcua) as served:
         assert is_all_done(
@@ -82,7 +82,7 @@ def test_canopen_by_its_eds(loaded, tmp_path):
     hub = SocketcandHub()
     try:
         can = CanConfig(interface="socketcand", channel=f"127.0.0.1:{hub.port}/can0", plc_timeout=0.0)
-        with quick_cell(loaded, PlcConfig(**PATIENT, can=can), tmp_path) as served:
+        with quick_cell(loaded, patient(can=can), tmp_path) as served:
             said = by_canopen(tmp_path, served.bridge.address, ("127.0.0.1", hub.port), COUNT)
             assert is_all_done(served, said)
     finally:

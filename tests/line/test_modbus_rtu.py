@@ -7,11 +7,12 @@ import pytest
 from drivers.errors import DeviceNotOpenedError
 from drivers.transport.serial_line import SerialLine
 from plc_bridge.bridge import Bridge
-from plc_bridge.config import ModbusConfig, PlcConfig, RtuConfig
+from plc_bridge.config import RtuConfig
 from plc_bridge.protocol.messages import Control, Report, Result
 from plc_bridge.protocol.registers import DISCRETE_INPUTS, Lease, table
 from tests import mbpoll
 from tests.hubs import Cable
+from tests.plc_lines import patient
 from tests.scan_thread import take
 
 PROGRAM, UNIT = 100, 17
@@ -20,8 +21,7 @@ AT = {register.name: register.address for register in table()}
 
 def start(port, **settings):
     rtu = RtuConfig(**{"port": port, "unit": UNIT, "parity": "none", **settings})
-    patient = PlcConfig(life_timeout=60.0, lease_timeout=60.0, modbus=ModbusConfig(port=0), rtu=rtu)
-    bridge = Bridge(patient, {PROGRAM: "insert_peg"})
+    bridge = Bridge(patient(rtu=rtu), {PROGRAM: "insert_peg"})
     bridge.start()
     return bridge
 

@@ -10,10 +10,10 @@ from typing import NamedTuple
 import pytest
 
 from drivers.errors import ArmSilentError
-from plc_bridge.config import ModbusConfig, PlcConfig
 from plc_bridge.protocol.messages import Control, Refusal, Result
 from plc_bridge.protocol.registers import Lease
 from tests.certificates import Authority, utf8
+from tests.plc_lines import patient
 from tests.plc_wire import Wire
 from tests.quick_cell import QuickCell, quick_cell
 from tests.scenes import played
@@ -55,7 +55,7 @@ def opcua(loaded, tmp_path_factory):
         revoked=authority.revoke(keys["former"][0]),
         roles={"Operator": ("read", "command"), "Guard": ("read", "stop")},
     )
-    plc = PlcConfig(life_timeout=60.0, lease_timeout=60.0, modbus=ModbusConfig(port=0), tls=tls, opcua_anonymous=True)
+    plc = patient(tls=tls, opcua_anonymous=True)
     with quick_cell(loaded, plc, tmp_path_factory.mktemp("runs"), opcua=("127.0.0.1", 0)) as cell:
         host, port = cell.bridge.opcua_address
         yield Served(cell, f"opc.tcp://{host}:{port}/", keys, tls.certificate)
