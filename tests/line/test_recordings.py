@@ -35,12 +35,9 @@ pytestmark = pytest.mark.skipif(not RECORDINGS.is_dir(), reason=f"no recordings 
 
 @lru_cache
 def _recording(name):
-    """Return module of each taxel, and frames of taxels, counts; temperature channels (name 0) left out."""
-    lines = (RECORDINGS / name).read_text().splitlines()
-    uid = np.array(lines[0].split(), dtype=np.int64)
-    frames = np.array([line.split()[2:] for line in lines[1:] if line.strip()], dtype=float)
-    is_taxel = uid & 15 > 0
-    return uid[is_taxel] >> 4, frames[:, is_taxel].astype(np.uint16)
+    """Return module of each taxel, and frames of taxels, counts."""
+    recording = Recording(RECORDINGS / name)
+    return recording.module, recording.counts
 
 
 def _patch_health():
