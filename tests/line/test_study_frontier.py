@@ -37,16 +37,6 @@ def test_every_point_has_its_trials_and_those_are_not_run_again(monkeypatch, tmp
     assert all(line.error for line in compared(args_of(tmp_path, *SETS), points, range(2, 3)).lines)
 
 
-def test_a_variant_that_fails_is_shown_and_the_others_go_on(tmp_path):
-    tried = [Variant("refused", sets=("skin.rate=0",)), Variant("blind", sets=("skin.dead_taxels=40",))]
-    with in_this_process():
-        refused, blind = compared(args_of(tmp_path), tried, range(1, 2)).lines
-    assert "skin.rate" in refused.error
-    assert refused.trials == 0
-    assert (blind.trials, blind.successes) == (1, 0)
-    assert "skin_untrusted" in blind.endings
-
-
 def test_trials_end_once_decided_and_are_continued_so(tmp_path):
     tried = [Variant("blind", sets=("skin.dead_taxels=40",))]
     with in_this_process():

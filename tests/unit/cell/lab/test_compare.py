@@ -34,10 +34,13 @@ def test_an_unknown_group_of_variants_is_refused_by_name():
 
 def test_a_refused_variant_has_its_reason_and_the_others_run(tmp_path):
     args = argparse.Namespace(config=None, set=["sim.pace=max", "search.timeout=0.2"], out=tmp_path, workers=1)
-    tried = [Variant("bad", sets=("peg.diameter=-1",)), Variant("good")]
+    tried = [Variant("bad", sets=("peg.diameter=-1",)), Variant("blind", sets=("skin.dead_taxels=40",))]
     with in_this_process():
         found = compared(args, tried, range(3, 4))
-    assert "peg.diameter" in found.lines[0].error
+    bad, blind = found.lines
+    assert "peg.diameter" in bad.error
+    assert (bad.trials, blind.trials, blind.successes) == (0, 1, 0)
+    assert "skin_untrusted" in blind.endings
     assert [len(rows) for rows in found.rows] == [0, 1]
     assert table("title", NAMES, VARIANTS, found.lines).row_count == 2
 
