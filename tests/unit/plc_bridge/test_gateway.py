@@ -7,7 +7,6 @@ from tests.scan_thread import take
 from tests.unit.plc_bridge.exports.test_structured_text import CYCLE, INSERT, Plc
 
 LIFE_TIMEOUT = 1.0  # s, as shipped
-PATIENT = LIFE_TIMEOUT * 10
 LONGEST = 20_000  # cycles
 
 
@@ -17,7 +16,7 @@ class GatewayPlc(Plc):
     def __init__(self, update, repeats):
         self.update, self.repeats, self.passed, self.written = update, repeats, 0.0, None
         super().__init__()
-        self.v["SilentTime"] = PATIENT
+        self.v["SilentTime"] = 10 * LIFE_TIMEOUT
 
     def cycle(self, count=1, **inputs):
         self.v.update(inputs)
@@ -37,21 +36,21 @@ class GatewayPlc(Plc):
         self.written = command
         self.take_report()
 
-    def until(self, is_reached, **inputs):
+    def until(self, look, **inputs):
+        """Return the first true value of `look`, which is called once a cycle."""
         self.v.update(inputs)
         for _ in range(LONGEST):
-            if is_reached():
-                return self
+            if found := look():
+                return found
             self.cycle()
         raise AssertionError(self.shown)
 
     def run(self):
         """Insert one peg and return the outputs of the block."""
         self.until(lambda: self.v["Busy"], Execute=True)
-        commands = []
-        self.until(lambda: commands.append(take(self.bridge)) or commands[-1] is not None)
-        self.publish(Report(sequence=commands[-1].sequence, state=17, result=Result.SUCCESS))
-        shown = self.until(lambda: not self.v["Busy"]).shown
+        command = self.until(lambda: take(self.bridge))
+        self.publish(Report(sequence=command.sequence, state=17, result=Result.SUCCESS))
+        shown = self.until(lambda: not self.v["Busy"] and self.shown)
         self.until(lambda: (told := self.bridge.poll()) and told.code == Control.ACKNOWLEDGE, Execute=False)
         return shown
 
@@ -66,11 +65,11 @@ def test_twenty_pegs_through_a_gateway(update, repeats):
 
 def test_a_gateway_that_is_slower_than_the_life_timeout_ends_the_run():
     plc = GatewayPlc(1.4 * LIFE_TIMEOUT, 1)
-    plc.until(lambda: plc.v["IsReady"], Code=INSERT).until(lambda: plc.v["Busy"], Execute=True)
-    commands = []
-    plc.until(lambda: commands.append(take(plc.bridge)) or commands[-1] is not None)
-    plc.publish(Report(sequence=commands[-1].sequence, state=6))
+    plc.until(lambda: plc.v["IsReady"], Code=INSERT)
+    plc.until(lambda: plc.v["Busy"], Execute=True)
+    command = plc.until(lambda: take(plc.bridge))
+    plc.publish(Report(sequence=command.sequence, state=6))
     plc.until(lambda: (told := plc.bridge.poll()) and told.code == Control.LOST)
-    plc.publish(Report(sequence=commands[-1].sequence, state=9, result=Result.FAULT, fault=1006))
+    plc.publish(Report(sequence=command.sequence, state=9, result=Result.FAULT, fault=1006))
     plc.until(lambda: not plc.v["Busy"])
     assert (plc.shown, plc.v["ErrorID"]) == (["Error"], 1006)
