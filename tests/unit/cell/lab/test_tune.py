@@ -17,11 +17,8 @@ WISHES = wishes_of("p95<=8 s, force<=20 N")
 
 
 def test_a_wish_is_read_with_and_without_units():
-    assert [wish.text for wish in wishes_of("p95 <= 8, force<=20N,success>=98 %")] == [
-        "p95<=8 s",
-        "force<=20 N",
-        "success>=98 %",
-    ]
+    found = wishes_of("p95 <= 8, force<=20N,success>=98 %")
+    assert [wish.text for wish in found] == ["p95<=8 s", "force<=20 N", "success>=98 %"]
 
 
 @pytest.mark.parametrize(
