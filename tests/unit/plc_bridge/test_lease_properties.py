@@ -13,7 +13,7 @@ PAGE = "page 10.0.0.3"
 """A user's link, whose orders have no numbers of their own."""
 LINKS = ("10.0.0.1:49152", "Operator@10.0.0.2:40000", "rtu:ttyS0", "node 1", PAGE)
 WORDS = "ask ask start start start write read release stop finish wait wait reconnect"
-ACTIONS = st.tuples(st.sampled_from(WORDS.split()), st.sampled_from(LINKS), st.sampled_from([0.5, 4.9, 5.1]))
+ACTIONS = st.tuples(st.sampled_from(WORDS.split()), st.sampled_from(LINKS), st.sampled_from([0.5, 4.9, TIMEOUT, 5.1]))
 
 
 class Cell:

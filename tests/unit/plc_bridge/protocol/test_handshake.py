@@ -218,17 +218,6 @@ def test_a_link_reads_any_run_until_its_first_write():
     assert (line.answer("a").sequence, line.answer("a").result) == (2, Result.SUCCESS)
 
 
-def test_an_idle_holder_loses_the_lease(line):
-    line.now = 3.0
-    line.connect("panel")
-    assert line.write("panel", is_numbered=False, lease=Lease.TAKE).lease is LeaseState.YOURS
-    assert line.write(is_numbered=False, lease=Lease.TAKE).lease is LeaseState.TAKEN
-    for now, holder in ((8.0, "panel"), (8.1, "")):
-        line.now = now
-        line.poll()
-        assert line.handshake.holder == holder
-
-
 @pytest.mark.parametrize(
     ("host", "holder_closes", "is_taken"),
     [("a", "first", True), ("a", "never", False), ("a", "last", False), ("b", "first", False)],
