@@ -71,21 +71,6 @@ def test_execute_that_is_1_in_its_first_write_is_an_error(plc, served):
     assert len(served.program.runs) == 1
 
 
-def test_done_waits_for_its_reader_when_execute_fell_before_the_end(plc, connect, served):
-    other = connect()
-    served.program.may_end.clear()
-    ladder(plc)
-    for value in (0, 1, 0):
-        plc.coil("execute", value)
-    assert plc.bits() == {"busy"}
-    served.program.may_end.set()
-    other.until(lambda report: report.state == State.COMPLETE)
-    plc.coil("execute", 0)
-    assert plc.bits() == {"done"}
-    plc.coil("execute", 0)
-    assert plc.bits() == set()
-
-
 @pytest.mark.parametrize("is_closed", [False, True])
 def test_nothing_starts_or_resets_until_the_stop_coil_falls(plc, connect, served, is_closed):
     """It falls by itself or with its connection."""

@@ -442,10 +442,12 @@ def test_execute_coil_acknowledges_only_a_result_that_was_read(line):
     line.coils(execute=False)
     assert line.coils(execute=True).is_busy
     line.poll()
-    line.coils(execute=False)
+    assert line.coils(execute=False).is_busy
     line.end(1)
     assert line.coils(execute=False).result is Result.SUCCESS
+    assert line.handshake.inputs("plc").done
     assert line.coils(execute=False).result is Result.NONE
+    assert not line.handshake.inputs("plc").done
 
 
 def test_a_coil_of_a_link_takes_no_number_of_its_block(line):
