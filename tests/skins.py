@@ -47,33 +47,26 @@ class SerialEnd(Terminal):
         return os.read(far, 4096) if select.select([far], [], [], timeout)[0] else b""
 
 
-class BoardCable:
-    """Connects an emulated board to a real bus or line, both open, for a driver at its other end."""
-
-    def __init__(self, board, far) -> None:
-        self._board, self._far = board, far
-
-    def advance(self) -> None:
-        """Forward what has arrived at either end."""
-        while part := self._far.read(0.0):
-            self._board.write(part)
-        while part := self._board.read(0.0):
-            self._far.write(part)
-
-
 class Cabled:
-    """A board at the end of a cable, as its clock sees it."""
+    """An emulated board on a real bus or line, both open, for a driver at its other end; its clock advances it."""
 
-    def __init__(self, link, cable) -> None:
-        self._link, self._cable = link, cable
+    def __init__(self, link, far) -> None:
+        self._link, self._far = link, far
 
     def due(self) -> float:
         return self._link.due()
 
     def advance(self) -> None:
-        self._cable.advance()
+        self._forward()
         self._link.advance()
-        self._cable.advance()
+        self._forward()
+
+    def _forward(self) -> None:
+        """Forward what has arrived at either end."""
+        while part := self._far.read(0.0):
+            self._link.write(part)
+        while part := self._link.read(0.0):
+            self._far.write(part)
 
 
 class BoardRig:
@@ -83,30 +76,27 @@ class BoardRig:
         self.world = ScriptedWorld()
         self.ends: list[CanBus | SerialEnd] = []
         described = SkinBoardConfig.model_validate(model)
-        rng = np.random.default_rng(seed)
-        if isinstance(config, CanSkinConfig):
-            self.link = emulated_can(config, described, self.world, rng, seed)
-            self.clock = BoardClock(self.world, (self.link,))
-            self.skin: CanSkin | SerialSkin = CanSkin(config, self.link, self.clock)
-        else:
-            self.link = emulated_line(config, described, self.world, rng, seed)
-            self.clock = BoardClock(self.world, (self.link,))
-            self.skin = SerialSkin(config, self.link, self.clock)
+        make = emulated_can if isinstance(config, CanSkinConfig) else emulated_line
+        self.link = make(config, described, self.world, np.random.default_rng(seed), seed)
+        self._drive(config, self.link, self.link)
+
+    def _drive(self, config, near, board) -> None:
+        """Put a driver at the near end of the wire; its clock advances the board."""
+        self.clock = BoardClock(self.world, (board,))
+        self.skin = (CanSkin if isinstance(config, CanSkinConfig) else SerialSkin)(config, near, self.clock)
 
     def connect_really(self, config: CanSkinConfig | SerialSkinConfig) -> "BoardRig":
         """Put a virtual CAN bus of python-can, or a pseudo-terminal and pyserial, between board and driver."""
         self.link.open()
         name = f"skin-{next(_BUSES)}"
         if isinstance(config, CanSkinConfig):
-            far: CanBus | SerialEnd = CanBus("virtual", name, config.bitrate)
-            self.clock = BoardClock(self.world, (Cabled(self.link, BoardCable(self.link, far)),))
-            self.skin = CanSkin(config, CanBus("virtual", name, config.bitrate), self.clock)
+            far, near = (CanBus("virtual", name, config.bitrate) for _ in range(2))
         else:
             far = SerialEnd(name)
-            self.clock = BoardClock(self.world, (Cabled(self.link, BoardCable(self.link, far)),))
-            self.skin = SerialSkin(config, SerialLine(far.port, config.baud_rate), self.clock)
+            near = SerialLine(far.port, config.baud_rate)
         far.open()
         self.ends.append(far)
+        self._drive(config, near, Cabled(self.link, far))
         return self
 
     def close(self) -> None:
@@ -130,6 +120,17 @@ class BoardRig:
             except SkinSilentError:
                 frames.append(None)
         return frames
+
+    def spied(self):
+        """Return a list that receives time, s, and counts of each measurement of the board from now on."""
+        measured, real = [], self.hub.measure
+
+        def measure():
+            measured.append((self.world.time, real()))
+            return measured[-1][1].copy()
+
+        self.hub.measure = measure
+        return measured
 
     def unplug(self, seconds: float) -> None:
         """Unplug the board for `seconds` from now on."""

@@ -16,7 +16,7 @@ from sim.boards.board_clock import BoardClock
 from sim.boards.board_links import emulated_can
 from sim.boards.switch_board import EmulatedSwitchBoard
 from sim.config import WireFaults
-from tests.skins import BoardCable, Cabled
+from tests.skins import Cabled
 
 _BUSES = count()
 
@@ -31,7 +31,7 @@ class Wires:
         self._hub = emulated_can(described, config.boards.skin, source, rng, 0)
         self._far = CanBus("virtual", name, described.bitrate)
         self.switch_board = EmulatedSwitchBoard(source)
-        self.clock: Clock = BoardClock(source, (Cabled(self._hub, BoardCable(self._hub, self._far)), self.switch_board))
+        self.clock: Clock = BoardClock(source, (Cabled(self._hub, self._far), self.switch_board))
         self.skin = CanSkin(described, CanBus("virtual", name, described.bitrate), self.clock)
         self.switch = SerialSuccessSwitch(SerialSwitchConfig(kind="serial", port=self.switch_board.port), self.clock)
 

@@ -42,7 +42,7 @@ from sim.boards.switch_board import EmulatedSwitchBoard
 from sim.hand.bench import CalibrationBench
 from sim.world.situation import PegSituation
 from tests.franka.simulated import Arm, Seen, address, served
-from tests.skins import BoardCable
+from tests.skins import Cabled
 
 STEP = 0.002
 """Time between two looks of the boards, s."""
@@ -173,7 +173,7 @@ def desk(number: int, folder: Path) -> Iterator[Desk]:
         source: Any = OnTheDesk(world, person)
         hub = emulated_can(described, CONFIG.boards.skin, source, source.draw.skin, 0)
         far, switch = CanBus("udp_multicast", bus, described.bitrate), EmulatedSwitchBoard(source)
-        cable, is_over = BoardCable(hub, far), threading.Event()
+        skin, is_over = Cabled(hub, far), threading.Event()
 
         due = world.now()
 
@@ -181,8 +181,7 @@ def desk(number: int, folder: Path) -> Iterator[Desk]:
             nonlocal due
             if world.now() >= due:
                 due = world.now() + STEP
-                cable.advance()
-                hub.advance()
+                skin.advance()
                 switch.advance()
 
         def live() -> None:

@@ -28,23 +28,10 @@ def rig(request):
     return made
 
 
-def spied(rig):
-    """Return a list that receives time, s, and counts of each measurement of the board from now on."""
-    measured, real = [], rig.hub.measure
-
-    def measure():
-        counts = real()
-        measured.append((rig.world.time, counts.copy()))
-        return counts
-
-    rig.hub.measure = measure
-    return measured
-
-
 @pytest.mark.parametrize("name", [name for name in WIRED if name != "icub"])
 def test_every_count_that_the_board_measures_comes_through(name):
     rig = BoardRig(WIRED[name].model_copy(update={"health": STEADY}))
-    measured = spied(rig)
+    measured = rig.spied()
     rig.skin.open()
     rig.world.load = held_peg()
     frames = {frame.sequence: frame for frame in rig.scan(2.0)}
@@ -60,7 +47,7 @@ def test_every_count_that_the_board_measures_comes_through(name):
 
 
 def test_stamp_is_no_more_than_one_scan_and_the_wire_behind_the_measurement(rig):
-    measured = spied(rig)
+    measured = rig.spied()
     rig.scan(0.095)
     frames = {frame.sequence: frame for frame in rig.scan(3.0)}
     first = min(frames)

@@ -41,14 +41,12 @@ def test_answer_takes_its_time_on_the_bus():
 
 
 def test_world_is_measured_at_the_instant_of_the_scan():
-    rig, seen = opened(*SENT[:-2], PERIOD_73), []
-    real = rig.hub.measure
-    rig.hub.measure = lambda: (seen.append(rig.world.time), real())[1]
+    rig = opened(*SENT[:-2], PERIOD_73)
+    measured = rig.spied()
     rig.link.write(SENT[-1])
     for time in (0.02, 1.0):  # it is started, and then scans
         rig.clock.wait_until(time)
-    assert np.diff(seen) == pytest.approx(np.full(len(seen) - 1, 0.073))
-    assert len(seen) == 13
+    assert np.diff([time for time, _ in measured]) == pytest.approx(np.full(12, 0.073))
 
 
 def test_same_seed_breaks_the_same_way():
