@@ -36,6 +36,18 @@ def held_peg(theta: float = 0.3) -> PadLoad:
     return PadLoad(theta, 0.0, 30.0, 0.0, 0.0, 0.05, 0.012, 0.008)
 
 
+def scanned(clock, skin, seconds: float):
+    """Return the frames read every 10 ms for `seconds`; None while the skin is silent."""
+    frames = []
+    for _ in range(round(seconds / 0.01)):
+        clock.wait_until(clock.now() + 0.01)
+        try:
+            frames.append(skin.read())
+        except SkinSilentError:
+            frames.append(None)
+    return frames
+
+
 class SerialEnd(Terminal):
     """The far end of a serial port, with the interface of a bus or line."""
 
@@ -110,16 +122,8 @@ class BoardRig:
         """The board's inner life: a hub, or an iCub board itself."""
         return getattr(self.link.board, "hub", self.link.board)
 
-    def scan(self, seconds: float, period: float = 0.01):
-        """Return the frames read once a scan for `seconds`; None while the skin is silent."""
-        frames = []
-        for _ in range(round(seconds / period)):
-            self.clock.wait_until(self.clock.now() + period)
-            try:
-                frames.append(self.skin.read())
-            except SkinSilentError:
-                frames.append(None)
-        return frames
+    def scan(self, seconds: float):
+        return scanned(self.clock, self.skin, seconds)
 
     def spied(self):
         """Return a list that receives time, s, and counts of each measurement of the board from now on."""

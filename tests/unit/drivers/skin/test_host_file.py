@@ -15,6 +15,7 @@ from drivers.skin.boards import HostSkin
 from drivers.skin.health import BASELINE_FRAMES
 from drivers.skin.host_file import HostFile
 from drivers.skin.recording import Recording
+from tests.skins import scanned
 
 RECORDINGS = Path(__file__).parents[5] / "shared" / "data"
 SUIS = (3500, 3501, 3502, 3503)
@@ -53,17 +54,6 @@ class HostProgram:
             self.number += 1
         self.time = max(self.time, stamp)
 
-    def scans(self, skin, seconds):
-        """Read every 10 ms for `seconds`; None while the skin is silent."""
-        frames = []
-        for _ in range(round(seconds / 0.01)):
-            self.wait_until(self.time + 0.01)
-            try:
-                frames.append(skin.read())
-            except SkinSilentError:
-                frames.append(None)
-        return frames
-
 
 @pytest.fixture
 def host(tmp_path):
@@ -79,7 +69,7 @@ def skin(host):
 
 def test_samples_are_frames_at_the_host_programs_rate(skin, host):
     skin.open()
-    frames = host.scans(skin, 2.0)
+    frames = scanned(host, skin, 2.0)
     assert frames[-1].sequence == 20
     assert skin.figures().rate == pytest.approx(10.0, rel=0.01)
     assert all(0.0 <= host.time - frame.stamp < 0.11 for frame in frames[-1:])
@@ -88,7 +78,7 @@ def test_samples_are_frames_at_the_host_programs_rate(skin, host):
 def test_readings_go_to_their_taxels_by_the_first_line(skin, host):
     skin.open()
     host.touch[host.uids.index(3502 << 4 | 4)] = 9000
-    values = host.scans(skin, 0.3)[-1].values
+    values = scanned(host, skin, 0.3)[-1].values
     assert np.argwhere(values > 4000.0).tolist() == [[1, 3]]
     assert skin.figures().temperature == pytest.approx(np.full(4, 5000.0), abs=40.0)
 
@@ -108,23 +98,23 @@ def test_line_that_is_not_whole_yet_waits_for_its_rest(skin, host):
     host.is_running = False
     text = " ".join(map(str, [host.number, f"{host.number * PERIOD:.6f}", *range(5000, 5048)])) + "\n"
     host.append(text[:40])
-    assert host.scans(skin, 0.05)[-1].sequence == before
+    assert scanned(host, skin, 0.05)[-1].sequence == before
     host.append(text[40:])
-    assert host.scans(skin, 0.05)[-1].sequence == before + 1
+    assert scanned(host, skin, 0.05)[-1].sequence == before + 1
 
 
 def test_lines_that_are_no_samples_are_counted_and_left_out(skin, host):
     skin.open()
     for text in ("1 2 3\n", "x\n", "7 0.1 " + "70000 " * 48 + "\n", "7 0.1 " + "-1 " * 48 + "\n"):
         host.append(text)
-    assert None not in host.scans(skin, 0.3)
+    assert None not in scanned(host, skin, 0.3)
     assert skin.figures().refused == 4
 
 
 def test_host_program_that_stops_is_silent_and_named(skin, host):
     skin.open()
     host.is_running = False
-    assert host.scans(skin, 1.0)[-1] is None
+    assert scanned(host, skin, 1.0)[-1] is None
     with pytest.raises(SkinSilentError, match=r"skin_data.txt no longer grows: check cyskin_acquisition and the hub"):
         skin.read()
 
@@ -132,20 +122,20 @@ def test_host_program_that_stops_is_silent_and_named(skin, host):
 def test_hub_that_falls_silent_behind_the_host_program_is_not_trusted(skin, host):
     skin.open()
     host.is_hub_silent = True
-    assert not host.scans(skin, 1.0)[-1].trusted.any()
+    assert not scanned(host, skin, 1.0)[-1].trusted.any()
 
 
 def test_host_program_that_starts_again_is_followed(skin, host):
     skin.open()
-    before = host.scans(skin, 0.5)[-1]
+    before = scanned(host, skin, 0.5)[-1]
     host.begin()
-    assert host.scans(skin, 0.5)[-1].sequence > before.sequence
+    assert scanned(host, skin, 0.5)[-1].sequence > before.sequence
 
 
 def test_other_channels_than_before_need_a_new_opening(skin, host):
     skin.open()
     host.begin((9, 8, 7, 6))
-    assert host.scans(skin, 0.5)[-1] is None
+    assert scanned(host, skin, 0.5)[-1] is None
     with pytest.raises(SkinSilentError, match="other channels than when the skin was opened"):
         skin.read()
 
