@@ -78,7 +78,6 @@ class CanPeer(Peer):
         period: Time between two cycles while waiting, s.
         timeout: Longest wait for one answer, s.
         wait: Waits this number of seconds.
-        now: Monotonic time, s.
     """
 
     def __init__(
@@ -88,9 +87,8 @@ class CanPeer(Peer):
         period: float = 0.02,
         timeout: float = 3.0,
         wait: Callable[[float], None] = time.sleep,
-        now: Callable[[], float] = time.monotonic,
     ) -> None:
-        super().__init__(config.channel, 0, wait=wait, now=now)
+        super().__init__(config.channel, 0, wait=wait)
         self._where, self._period = f"CANopen node {config.node_id} on {config.interface} {config.channel}", period
         self._config, self._timeout = config, timeout
         self._places = {register.name: register for register in table()}

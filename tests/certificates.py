@@ -58,10 +58,10 @@ class Authority:
         files = {"certificate": certificate, "key": key, "authority": self.certificate}
         return TlsConfig.model_validate({"port": 0, **files, **settings})
 
-    def revoke(self, *certificates: Path, lifetime: datetime.timedelta = DAY) -> Path:
+    def revoke(self, *certificates: Path) -> Path:
         """Return the path of a list of revoked certificates."""
         now = datetime.datetime.now(datetime.UTC)
-        builder = x509.CertificateRevocationListBuilder(self._name, now - DAY, now + lifetime)
+        builder = x509.CertificateRevocationListBuilder(self._name, now - DAY, now + DAY)
         for path in certificates:
             number = x509.load_pem_x509_certificate(path.read_bytes()).serial_number
             revoked = x509.RevokedCertificateBuilder().serial_number(number).revocation_date(now - DAY).build()

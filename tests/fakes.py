@@ -178,8 +178,8 @@ class FakeSkin:
 class FakeSwitch:
     """Reports the state that the test has set."""
 
-    def __init__(self, state: SwitchState = SwitchState.OPEN) -> None:
-        self.state = state
+    def __init__(self) -> None:
+        self.state = SwitchState.OPEN
 
     def open(self) -> None: ...
 
@@ -204,16 +204,14 @@ PERIOD = 0.01
 """Period of the scan of a context of fakes, s."""
 
 
-def context_of(
-    config: CellConfig, arm: FakeArm, hand: FakeGripper, scan_limits: ScanLimits | None = None
-) -> SkillContext:
+def context_of(config: CellConfig, arm: FakeArm, hand: FakeGripper) -> SkillContext:
     """Return what a skill runs in, of an arm and a hand that share the arm's clock."""
     return SkillContext(
         devices=Devices(arm.clock, arm, hand, FakeSkin(arm.clock, hand), "parallelogram", FakeSwitch()),
         perception=Perception(ToldEstimator(), Blend(Smoothing())),
         job=config.job(),
         limits=config.limits,
-        schedule=ScanSchedule(PERIOD, scan_limits or ScanLimits()),
+        schedule=ScanSchedule(PERIOD, ScanLimits()),
         rng=np.random.default_rng(1),
     )
 

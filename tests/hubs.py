@@ -31,10 +31,10 @@ class _Hub:
 
 
 class Cable(_Hub):
-    """Pseudo terminals that forward received bytes to each other; `ends` are their ports."""
+    """Two pseudo terminals that forward received bytes to each other; `ends` are their ports."""
 
-    def __init__(self, ends=2):
-        pairs = [os.openpty() for _ in range(ends)]
+    def __init__(self):
+        pairs = [os.openpty() for _ in range(2)]
         for _, end in pairs:
             tty.setraw(end)
         self.ends = [os.ttyname(end) for _, end in pairs]

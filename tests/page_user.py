@@ -18,8 +18,8 @@ def get(
         return answer, answer.read()
 
 
-def take_lease(handshake: Handshake, source: str = "page") -> bool:
+def take_lease(handshake: Handshake) -> bool:
     """Open the link of a user, who requests the lease; return True if the link holds it then."""
-    handshake.opened(source, source)
-    handshake.wrote(source, CommandImage(lease=Lease.TAKE), is_numbered=False)
-    return handshake.holder == source
+    handshake.opened("page", "page")
+    handshake.wrote("page", CommandImage(lease=Lease.TAKE), is_numbered=False)
+    return handshake.holder == "page"

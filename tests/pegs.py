@@ -57,11 +57,11 @@ def folded(angle):
     return (angle + math.pi / 2) % math.pi - math.pi / 2
 
 
-def swept(estimator, layout, spoil=lambda rng, values: (values, ALL), count=321, seed=11, offset=None, peg=LOAD):
+def swept(estimator, layout, spoil=lambda rng, values: (values, ALL), count=321, seed=11, peg=LOAD):
     """Return error of theta, rad, its sigma, error of the offset, m, and health over the whole range of angles."""
     rng, rows = np.random.default_rng(seed), []
     for theta in np.radians(np.linspace(-80.0, 80.0, count)):
-        load = pushed(rng, theta, rng.normal(0.0, 0.7e-3) if offset is None else offset(rng), peg)
+        load = pushed(rng, theta, rng.normal(0.0, 0.7e-3), peg)
         pose = estimator.estimate(framed(*spoil(rng, readings(layout, load, rng))))
         rows.append((folded(pose.theta - theta), pose.sigma, pose.offset - load.offset, pose.healthy))
     return np.array(rows).T

@@ -637,10 +637,9 @@ def steps(seed: int, count: int) -> list[Step]:
     return walk
 
 
-def walk(taken: Iterable[Step], line: Line | None = None) -> tuple[int, str, Line]:
+def walk(taken: Iterable[Step]) -> tuple[int, str, Line]:
     """Take steps until one breaks what must hold; return how many were taken, what broke, and the line."""
-    line = line or Line()
-    count = 0
+    line, count = Line(), 0
     for count, step in enumerate(taken, 1):
         try:
             line.take(step)

@@ -5,8 +5,8 @@ import pytest
 WIDTH = 0.03
 
 
-def wait_for_rest(bench, longest=5.0):
-    end = bench.clock.now() + longest
+def wait_for_rest(bench):
+    end = bench.clock.now() + 5.0
     while bench.device.read().is_moving and bench.clock.now() < end:
         bench.clock.wait_until(bench.clock.now() + 0.05)
     return bench.device.read()

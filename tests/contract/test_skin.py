@@ -15,10 +15,10 @@ def opened(skin_bench):
     return skin_bench
 
 
-def scanned(bench, seconds, period=0.01):
-    """Yield each frame read during `seconds`, its age when it is read, and the duration of the reading, s."""
-    for _ in range(round(seconds / period)):
-        bench.clock.wait_until(bench.clock.now() + period)
+def scanned(bench, seconds):
+    """Yield each frame read every 10 ms for `seconds`, its age when it is read, and the duration of the reading, s."""
+    for _ in range(round(seconds / 0.01)):
+        bench.clock.wait_until(bench.clock.now() + 0.01)
         now = bench.clock.now()
         frame = bench.device.read()
         yield frame, now - frame.stamp, bench.clock.now() - now

@@ -13,11 +13,11 @@ from drivers.part.round import Round
 PARTS: tuple[Part, ...] = (Round(0.008), Rectangular(0.008, 0.008), Rectangular(0.012, 0.007), Rectangular(0.004, 0.02))
 
 
-def outline(part: Part, points: int = 3600) -> np.ndarray:
+def outline(part: Part) -> np.ndarray:
     """Return the outline by rays at many angles, those of corners among them, shape (n, 2): the oracle of what the part answers."""
     corner = math.atan2(part.half[1], part.half[0])
     corners = [corner, math.pi - corner, math.pi + corner, -corner]
-    angle = np.concatenate([np.linspace(0.0, 2.0 * math.pi, points, endpoint=False), corners])
+    angle = np.concatenate([np.linspace(0.0, 2.0 * math.pi, 3600, endpoint=False), corners])
     ray = np.column_stack([np.cos(angle), np.sin(angle)])
     if isinstance(part, Round):
         return part.diameter / 2 * ray

@@ -97,11 +97,11 @@ def test_the_bus_is_quiet_while_and_after_a_board_is_unplugged(is_fault):
         assert rig.link.read(0.0) is None
 
 
-def lateness(probability: float, delay: float, scans: int = 4000) -> np.ndarray:
+def lateness(probability: float, delay: float) -> np.ndarray:
     drawn = {**AS_BELIEVED, "scan.late": np.array(probability), "scan.delay": np.array(delay)}
     clock = BusyClock(ScriptedWorld(), drawn, np.random.default_rng(1))
     late = []
-    for _ in range(scans):
+    for _ in range(4000):
         due = clock.now() + 0.01
         clock.wait_until(due)
         late.append(clock.now() - due)
