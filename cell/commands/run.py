@@ -1,9 +1,7 @@
 """`cell run`: run one skill, program or control, in this process or on a served cell."""
 
 import argparse
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
-from threading import Event, Thread
+from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING
 
 from rich.console import Group
@@ -132,11 +130,13 @@ def _run_here(args: argparse.Namespace) -> int:
     with (
         open_journal(args, loaded.cell.journal) as journal,
         opened(assemble(warm_up(loaded))) as cell,
-        _progress_shown(args.name) as shown,
+        progress() as bars,
     ):
+        bar = bars.add_task(args.name, total=100)
 
         def watch(report: Report) -> None:
-            shown[0] = report.progress
+            # A thread of the bars draws them, so that a blocked terminal does not delay the scan.
+            bars.update(bar, completed=report.progress)
             if report.sequence == command.sequence and report.result is not Result.NONE:
                 args.stop.set()
 
@@ -162,24 +162,3 @@ def _told(args: argparse.Namespace, loaded: LoadedConfig, supervisor: "Superviso
     if row.outcome == Outcome.FAULT:
         return complain(f"fault {row.fault}: {row.message}", FAULT)
     return GOOD if row.outcome == Outcome.SUCCESS else NOT_GOOD
-
-
-@contextmanager
-def _progress_shown(name: str) -> Iterator[list[int]]:
-    """Yield a list with the progress, %, which a separate thread shows, so that a blocked terminal does not delay the scan."""
-    shown, end = [0], Event()
-    with progress() as bars:
-        bar = bars.add_task(name, total=100)
-
-        def show_on() -> None:
-            # Period of the progress display, s.
-            while not end.wait(0.1):
-                bars.update(bar, completed=shown[0])
-
-        thread = Thread(target=show_on, name="progress", daemon=True)
-        thread.start()
-        try:
-            yield shown
-        finally:
-            end.set()
-            thread.join(1.0)
