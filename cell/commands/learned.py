@@ -6,7 +6,7 @@ from pathlib import Path
 from rich.table import Table
 
 from cell.commands.arguments import add_config, add_journal, load_config, natural, open_journal, require_recipe
-from cell.commands.terminal import filled, show
+from cell.commands.terminal import show
 from cell.config.load import LoadedConfig
 from cell.records import wall_clock
 from cell.run.learning import forget, read_learned, unusable
@@ -33,49 +33,42 @@ def run(args: argparse.Namespace) -> int:
         forgotten = forget(folder, args.recipe)
         told = f"forgotten: recipe {', '.join(map(str, forgotten))}" if forgotten else "nothing was learnt"
         return show(args, told, {"forgotten": forgotten})
-    rows = _rows(args.recipe, loaded, folder)
-    return show(args, _table(rows) if rows else "nothing was learnt", rows)
+    table, data = _table(args.recipe, loaded, folder)
+    return show(args, table if data else "nothing was learnt", data)
 
 
-def _rows(recipe: int | None, loaded: LoadedConfig, folder: Path) -> list[dict[str, object]]:
-    """Return the learnt place of one recipe, or of every recipe if it is None, in SI units."""
-    rows: list[dict[str, object]] = []
-    for number, place in sorted(read_learned(folder).places.items(), key=lambda item: int(item[0])):
-        if recipe is not None and int(number) != recipe:
+def _table(recipe: int | None, loaded: LoadedConfig, folder: Path) -> tuple[Table, list[dict[str, object]]]:
+    """Return the learnt place of one recipe, or of every recipe if it is None, as a table and as data in SI units."""
+    table = Table("recipe", "x, y (mm)", "deviation (mm)", "parts", "age (h)", "use")
+    data: list[dict[str, object]] = []
+    now = wall_clock.now()
+    for name, place in sorted(read_learned(folder).places.items(), key=lambda item: int(item[0])):
+        number = int(name)
+        if recipe is not None and number != recipe:
             continue
-        config = loaded.recipes.get(int(number))
-        now = wall_clock.now()
+        config = loaded.recipes.get(number)
         why = (
             "no such recipe" if config is None else unusable(place, config.job(), config.learning, now) or place.doubt()
         )
         prior = place.estimate().prior(loaded.cell.learning)
-        rows.append(
+        deviation = None if prior is None else prior.deviation
+        age = (now - place.updated).total_seconds()
+        use = why or "in use"
+        data.append(
             {
-                "recipe": int(number),
+                "recipe": number,
                 "mean": place.mean,
-                "deviation": prior.deviation if prior is not None else None,
+                "deviation": deviation,
                 "parts": place.parts,
-                "age": (now - place.updated).total_seconds(),
-                "use": why or "in use",
+                "age": age,
+                "use": use,
             }
         )
-    return rows
-
-
-def _table(rows: list[dict[str, object]]) -> Table:
-    shown = [
-        (
-            str(row["recipe"]),
-            _millimetres(row["mean"]),
-            _millimetres(row["deviation"]),
-            str(row["parts"]),
-            f"{float(str(row['age'])) / 3600:.1f}",
-            str(row["use"]),
+        table.add_row(
+            str(number), _millimetres(place.mean), _millimetres(deviation), str(place.parts), f"{age / 3600:.1f}", use
         )
-        for row in rows
-    ]
-    return filled(("recipe", "x, y (mm)", "deviation (mm)", "parts", "age (h)", "use"), shown)
+    return table, data
 
 
-def _millimetres(pair: object) -> str:
-    return ", ".join(f"{value * 1e3:.2f}" for value in pair) if isinstance(pair, tuple) else ""
+def _millimetres(pair: tuple[float, float] | None) -> str:
+    return "" if pair is None else ", ".join(f"{value * 1e3:.2f}" for value in pair)
