@@ -124,14 +124,10 @@ class Index:
         Raises:
             JournalError: The index cannot be written.
         """
-        self.execute("BEGIN IMMEDIATE")
-        try:
+        with self._connection:  # rolls back after any exception, so that even an interrupt leaves no half transaction
+            self.execute("BEGIN IMMEDIATE")
             yield
             self.execute("COMMIT")
-        except BaseException:  # even an interrupt must not leave half a transaction; it is raised again
-            with suppress(sqlite3.Error):
-                self._connection.execute("ROLLBACK")
-            raise
 
     def rows(self, row: type[Row], where: str = "", values: Sequence[object] = ()) -> list[Row]:
         """Return the rows of a table that `where` selects; `values` replace its question marks."""

@@ -230,17 +230,13 @@ def create(index: sqlite3.Connection) -> None:
     """
     if is_present(index):
         return
-    index.execute("BEGIN IMMEDIATE")
-    try:
+    with index:
+        index.execute("BEGIN IMMEDIATE")
         for row, table in TABLES.items():
             index.execute(f"CREATE TABLE {table} ({', '.join(_declared(row, field) for field in fields(row))})")
         for statement in _INDICES:
             index.execute(statement)
         index.execute(f"PRAGMA user_version = {LAYOUT}")
-        index.execute("COMMIT")
-    except sqlite3.Error:
-        index.execute("ROLLBACK")
-        raise
 
 
 def is_present(index: sqlite3.Connection) -> bool:
