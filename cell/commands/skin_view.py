@@ -14,6 +14,7 @@ from rich.text import Text
 
 from cell.config.cell_config import CellConfig
 from cell.devices.assembly import SkinLine, assemble, opened, played_skin
+from cell.records.schema import finite
 from drivers.errors import CellError, ConfigError
 from drivers.quantities import FINGER_NAMES, FINGERS, Mask, TaxelFrame, Vector
 from drivers.scene_facts import BRIGHT, NOISE, felt, touch_colours
@@ -112,8 +113,8 @@ def as_data(seen: SeenFrame) -> dict[str, Any]:
         "trusted": frame.trusted.tolist(),
     }
     if figures is not None:
-        plain = {name: _finite(value) for name, value in asdict(figures).items() if name != "temperature"}
-        data["figures"] = plain | {"temperature": [_finite(value) for value in figures.temperature.tolist()]}
+        plain = {name: finite(value) for name, value in asdict(figures).items() if name != "temperature"}
+        data["figures"] = plain | {"temperature": [finite(value) for value in figures.temperature.tolist()]}
     return data
 
 
@@ -146,10 +147,6 @@ class _PlayClock:
 
     def wait_until(self, stamp: float) -> None:
         self._time = max(stamp, self._time)
-
-
-def _finite(value: float) -> float | None:
-    return value if np.isfinite(value) else None
 
 
 def _ink(counts: float) -> str:

@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass, field, fields, replace
 
 import numpy as np
 
-from cell.records.schema import RunRow, StageRow
+from cell.records.schema import RunRow, StageRow, finite
 from drivers.errors import CellError
 from drivers.parts import Hole
 from skills.contract import Observation, Outcome, Reason, SkillResult
@@ -91,7 +91,7 @@ class RunTrace:
             began=visit.began - self.began,
             ended=visit.ended - self.began,
             theta=peg.theta if peg is not None else None,
-            sigma=_finite(peg.sigma) if peg is not None else None,
+            sigma=finite(peg.sigma) if peg is not None else None,
             residual=peg.residual if peg is not None else None,
             peak_force=visit.peak_force,
             deepest=visit.deepest,
@@ -133,13 +133,9 @@ def _facts(result: SkillResult) -> dict[str, object]:
     """Return the fields that a skill adds to its result; numbers that are not finite become None, because JSON cannot express them."""
     common = {each.name for each in fields(SkillResult)}
     told = {name: value for name, value in asdict(result).items() if name not in common}
-    return {name: _finite(value) if isinstance(value, float) else value for name, value in told.items()}
+    return {name: finite(value) if isinstance(value, float) else value for name, value in told.items()}
 
 
 def _plain(value: object) -> object:
     """Return a value for which JSON has no type: an array as lists of numbers, any other value as text."""
     return value.tolist() if isinstance(value, np.ndarray | np.generic) else str(value)
-
-
-def _finite(value: float) -> float | None:
-    return value if math.isfinite(value) else None

@@ -15,7 +15,7 @@ import pyarrow.parquet as pq
 
 from cell.records.sample_blocks import COLUMNS, JOINT_COLUMNS
 from cell.records.samples import columns_of
-from cell.records.schema import RunRow
+from cell.records.schema import RunRow, finite
 from drivers.errors import ConfigError
 from drivers.quantities import Vector
 from skills.catalogue import CATALOGUE
@@ -140,7 +140,7 @@ def _messages(row: RunRow, samples: dict[str, Vector]) -> Iterator[tuple[int, st
     stamps = samples["stamp"]
     for scan in range(stamps.size):
         time = start + round(float(stamps[scan] - stamps[0]) * 1e9)
-        at = {name: _finite(samples[name][scan]) for name in COLUMNS}
+        at = {name: finite(samples[name][scan]) for name in COLUMNS}
         stamp = {"timestamp": {"sec": time // 10**9, "nsec": time % 10**9}}
         force = {axis: at[f"force_{axis}"] for axis in "xyz"}
         axis = np.array([samples[f"axis_{part}"][scan] for part in "xyz"])
@@ -149,10 +149,10 @@ def _messages(row: RunRow, samples: dict[str, Vector]) -> Iterator[tuple[int, st
         age = float(stamps[scan] - samples["theta_stamp"][scan])
         yield time, "/tip", {**stamp, "frame_id": FRAME, "pose": pose}
         size = math.sqrt(sum(float(samples[f"force_{part}"][scan]) ** 2 for part in "xyz"))
-        yield time, "/force", {**stamp, "frame_id": FRAME, "force": force, "magnitude": _finite(size)}
-        yield time, "/peg", {**stamp, "theta": at["theta"], "age": _finite(age)}
+        yield time, "/force", {**stamp, "frame_id": FRAME, "force": force, "magnitude": finite(size)}
+        yield time, "/peg", {**stamp, "theta": at["theta"], "age": finite(age)}
         yield time, "/touch", {**stamp, "left": left.tolist(), "right": right.tolist()}
-        joints = ([_finite(each) for each in samples[name][scan].tolist()] for name in JOINT_COLUMNS)
+        joints = ([finite(each) for each in samples[name][scan].tolist()] for name in JOINT_COLUMNS)
         yield time, "/joints", {**stamp, **dict(zip(("position", "velocity", "effort"), joints, strict=True))}
         stage = CATALOGUE.stages.get(int(samples["stage"][scan]), "")
         yield time, "/cell", {**stamp, "stage": stage, "width": at["width"], "switch": at["switch"]}
@@ -165,10 +165,6 @@ def _turn(axis: Vector) -> dict[str, float]:
         return {"x": 1.0, "y": 0.0, "z": 0.0, "w": 0.0}
     w = math.sqrt((1.0 + z) / 2.0)
     return {"x": -y / (2.0 * w), "y": x / (2.0 * w), "z": 0.0, "w": w}
-
-
-def _finite(value: float) -> float | None:
-    return float(value) if math.isfinite(value) else None
 
 
 @contextmanager

@@ -11,6 +11,7 @@ The number of the layout is the index's `PRAGMA user_version`; `LAYOUT` is the p
 """
 
 import json
+import math
 import sqlite3
 from dataclasses import MISSING, Field, asdict, dataclass, fields
 from enum import StrEnum
@@ -219,6 +220,11 @@ def plain(row: Any) -> dict[str, Any]:
         name: json.loads(value) if name in ("stage_times", "versions", "parameters", "facts") else value
         for name, value in asdict(row).items()
     }
+
+
+def finite(value: float) -> float | None:
+    """Return a value; None if it is not finite, because JSON cannot express it."""
+    return value if math.isfinite(value) else None
 
 
 def create(index: sqlite3.Connection) -> None:
