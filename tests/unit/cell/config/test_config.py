@@ -370,12 +370,6 @@ def test_equal_sides_become_the_diameter_of_a_round_peg(tmp_path):
     assert sizes("peg.shape=round", path=path) == (0.01, 0.0101)
 
 
-def test_a_diameter_of_a_square_peg_is_refused_with_its_sides(tmp_path):
-    path = cell_file(tmp_path, 'shape = "square"\ndiameter = 0.008')
-    line = line_about(path=path)
-    assert line == f'{path}: peg.diameter = 0.008: not for peg.shape = "square"; peg.sides = [0.008, 0.008] allowed'
-
-
 def test_unequal_sides_below_leave_a_round_peg_without_its_diameter(tmp_path):
     path = cell_file(tmp_path, 'shape = "rectangular"\nsides = [0.012, 0.008]', "sides = [0.0121, 0.0081]")
     line = line_about("peg.shape=round", path=path)
