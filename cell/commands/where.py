@@ -18,7 +18,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Open only the arm, read it once, and print its pose."""
-    config = load_config(args, default_pace="max").cell
+    config = load_config(args).cell
     with opened(assemble(config), "arm") as cell:
         state = cell.arm.read()
     joints = config.arm_model().joints

@@ -11,6 +11,9 @@ import pytest
 from cell.commands import map as map_command
 from cell.commands.cli import FAULT, GOOD, NOT_GOOD, WRONG_USE, main
 from cell.config.files import DEFAULT
+from cell.config.keys import in_force
+from cell.config.load import load
+from cell.config.text import as_toml
 from cell.lab import demo
 from drivers.errors import FAULTS
 from plc_bridge.peer import Peer
@@ -26,7 +29,6 @@ SKIN = "skin --set sim.pace=max --set reality.scale=0"
 CAN, SERIAL = f"{SKIN} --set skin.kind=can", f"{SKIN} --set skin.kind=serial"
 WRONG = [
     ("check --set peg.diametre=0.008", "peg.diametre: unknown key"),
-    ("serve --set peg.diameter=8", "peg.diameter = 8"),
     ("check --config no_such_cell.toml", "no_such_cell.toml"),
     ("trials --out never --set peg.diameter=0.0082", "thicker than the hole"),
     ("run juggle", "juggle"),
@@ -54,8 +56,6 @@ WRONG = [
     (f"{SKIN} --replay no_such_file", "cannot be read"),
     (f"{SKIN} --replay {__file__}", "no recording"),
     (f"{SKIN} --record traffic", "skin.record: unknown key; dead_modules, "),
-    (f"{CAN} --set skin.rate=200", "skin.rate = 200: a number from 1 to 100 allowed"),
-    (f"{SKIN} --set skin.kind=usb", '\'usb\': "can", "host", "serial", "sim" allowed'),
     (f"{CAN} --set skin.board.kind=ican", '"cyskin", "icub" allowed'),
     (f"{SERIAL} --set skin.board.wire.crc.polynomial=6", "makes the lowest bit of every check sum 0"),
     (f"{CAN} --out /proc/picture.png", "cannot be written"),
@@ -98,6 +98,14 @@ def test_every_fault_of_the_check_names_its_step_of_the_first_day(capsys):
         assert found[name].endswith(f"; docs/first-day.md, step {step}")
         assert "\n" not in found[name]
     assert found["proven"].startswith("ok, but in commissioning: wrench, end effector, load, switch, places not proven")
+
+
+def test_a_physical_cell_without_a_simulated_world_is_asked_where_its_arm_is(tmp_path, capsys):
+    (tmp_path / "cell.toml").write_text(
+        as_toml(each for each in in_force(load(REAL)) if each.key.name.split(".")[0] not in ("sim", "contact", "grip"))
+    )
+    assert main(["where", "--config", str(tmp_path / "cell.toml"), *NOWHERE]) == FAULT
+    assert "fault 1007: arm: " in capsys.readouterr().err
 
 
 def test_no_plc_is_commissioned_before_the_cell_is_proven(capsys):
