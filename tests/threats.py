@@ -61,7 +61,7 @@ a file of the config or of a calibration is damaged
  tests/unit/test_bytes_outside.py::test_a_damaged_file_is_read_or_refused_in_one_line
 somebody fills the log
  cell.records.patient_log.SparseFilter
- tests/line/test_page_server.py::test_wrong_tokens_fill_no_log
+ tests/line/test_page_server.py::test_without_the_token_nothing_moves_and_guessing_ends
 a row that cannot be written stops the records
  cell.records.index.Index.put
  tests/unit/cell/records/test_journal_content.py::test_a_row_that_cannot_be_written_holds_up_no_other

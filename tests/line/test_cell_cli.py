@@ -41,7 +41,7 @@ WRONG = [
     ("watch --connect localhost", "localhost"),
     ("demo --trials 0", "--trials"),
     (f"demo --config {REAL}", ""),
-    ("dance", "dance"),
+    ("dance", " allowed\n"),  # no command is similar
     ("", ""),
     ("map --format pdf", "pdf"),
     (f"demo --out {DEFAULT}", str(DEFAULT)),
@@ -52,6 +52,7 @@ WRONG = [
     ("compare --since 7d --with 1d", "--since 7d: not after --with 1d"),
     ("compare 1 2 --since 7d", "compare: two runs (RUN RUN) or two periods"),
     ("alarms --fault 9999", "--fault 9999: no such name"),
+    ("faults 9999", "fault 9999: no such code; "),
     ("report --shifts 25:00", "'25:00': times of a day"),
     (f"{SKIN} --replay no_such_file", "cannot be read"),
     (f"{SKIN} --replay {__file__}", "no recording"),

@@ -123,7 +123,7 @@ def test_a_port_in_use_is_reported_in_one_line(server, served, loaded):
 
 
 @played
-async def test_without_the_token_nothing_moves_and_guessing_ends(server, served):
+async def test_without_the_token_nothing_moves_and_guessing_ends(server, served, caplog):
     async with connected(server) as page:
         for what in ("start", "stop", "take", "abort"):
             ask(page, what, program="insert_peg")
@@ -132,6 +132,7 @@ async def test_without_the_token_nothing_moves_and_guessing_ends(server, served)
             ask(page, "unlock", token="guess")
         await closed(page)
     assert (served.bridge.run, served.bridge.holder) == (0, "")
+    assert len(caplog.records) == 1  # guesses fill no log
 
 
 @played
@@ -252,16 +253,6 @@ async def test_what_no_parser_can_read_is_answered_in_one_line_and_logged_in_non
         page.write_message("x" * 10_000)
         await closed(page)  # too long
     assert caplog.text == ""
-
-
-@played
-async def test_wrong_tokens_fill_no_log(server, caplog):
-    for _ in range(5):
-        async with connected(server) as page:
-            for _ in range(TRIES):
-                ask(page, "unlock", token="x" * 30)
-            await closed(page)
-    assert len(caplog.records) == 1
 
 
 @pytest.fixture

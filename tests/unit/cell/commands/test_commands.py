@@ -13,7 +13,6 @@ import pytest
 
 from cell.commands import view
 from cell.commands.cli import COMMANDS, FAULT, GOOD, WRONG_USE, load_command, main
-from cell.config.nearest import did_you_mean
 from cell.lab.commands.study import STUDIES
 from cell.records.journal import Journal
 from cell.records.provenance import PINS, licence, packages, versions
@@ -141,17 +140,6 @@ def test_the_fingerprint_of_the_program_covers_the_arm_files(tmp_path, monkeypat
 def test_every_package_of_the_program_is_pinned():
     assert PINS.read_text() == (ROOT / "constraints.txt").read_text()
     assert [line.name for line in packages() if line.tested == "not pinned"] == []
-
-
-@pytest.mark.parametrize("words", [("show", "99"), ("runs", "--fault", "9999")])
-def test_a_question_about_what_does_not_exist_is_wrong_use(words, tmp_path, capsys):
-    with Journal(tmp_path):
-        pass
-    assert main([*words, "--journal", str(tmp_path)]) == WRONG_USE
-    assert capsys.readouterr().err.count("\n") == 1
-    assert main(["faults", "9999"]) == WRONG_USE
-    assert "1002" in capsys.readouterr().err
-    assert did_you_mean("xyzzy", ["check", "demo", "serve"]) == ""
 
 
 WRONG = {
