@@ -23,24 +23,21 @@ class Visit:
     began: float
     """Beginning of the stay on the cell's clock, s."""
     ended: float
-    peak_force: float | None = None
-    deepest: float | None = None
+    peak_force: float = 0.0
+    deepest: float = -math.inf
+    """Largest depth of the held peg's tip over the area of the hole, m; -inf if it was never there."""
     newest: Observation | None = None
     """Last scan with a healthy pose of the peg."""
 
     def see(self, seen: Observation, hole: Hole) -> None:
         """Add one scan."""
         self.ended, force = seen.stamp, seen.arm.wrench.force
-        size = math.sqrt(float(force @ force))
-        if self.peak_force is None or size > self.peak_force:
-            self.peak_force = size
+        self.peak_force = max(self.peak_force, math.sqrt(float(force @ force)))
         if not seen.peg.healthy:
             return
         self.newest = seen
         if seen.gripper.is_gripping and _is_over(seen, hole):
-            depth = depth_of(seen.tip, hole)
-            if self.deepest is None or depth > self.deepest:
-                self.deepest = depth
+            self.deepest = max(self.deepest, depth_of(seen.tip, hole))
 
 
 @dataclass(slots=True)
@@ -63,8 +60,8 @@ class RunTrace:
         last = next((visit.newest for visit in reversed(self.visits) if visit.newest is not None), None)
         return replace(
             row,
-            peak_force=max((visit.peak_force for visit in self.visits if visit.peak_force is not None), default=None),
-            deepest=max((visit.deepest for visit in self.visits if visit.deepest is not None), default=None),
+            peak_force=max((visit.peak_force for visit in self.visits), default=None),
+            deepest=finite(max((visit.deepest for visit in self.visits), default=-math.inf)),
             theta=last.peg.theta if last is not None else None,
             sigma=last.peg.sigma if last is not None else None,
             length=float(np.linalg.norm(last.tip - last.arm.tcp.position)) if last is not None else None,
@@ -94,13 +91,14 @@ class RunTrace:
             sigma=finite(peg.sigma) if peg is not None else None,
             residual=peg.residual if peg is not None else None,
             peak_force=visit.peak_force,
-            deepest=visit.deepest,
+            deepest=finite(visit.deepest),
         )
 
     def _answered(self, run: int, place: int, records: Sequence[StageRecord]) -> StageRow:
         record = records[place - 1]
         is_followed = place < len(records) and records[place].name == record.name
-        visit = None if is_followed else self._visit_of(record)
+        stays = (visit for visit in reversed(self.visits) if _is_of(visit, record))
+        visit = None if is_followed else next(stays, None)
         row = StageRow(run, place, record.name, 0.0, 0.0) if visit is None else self._seen(run, place, visit)
         reason = record.result.reason
         return replace(
@@ -113,9 +111,6 @@ class RunTrace:
             retried=int(record.retried),
             facts=json.dumps(_facts(record.result), default=_plain),
         )
-
-    def _visit_of(self, record: StageRecord) -> Visit | None:
-        return next((visit for visit in reversed(self.visits) if _is_of(visit, record)), None)
 
 
 def _is_of(visit: Visit, record: StageRecord) -> bool:
