@@ -71,27 +71,18 @@ class Margin:
     limit: float
     """First unstable gain with the damping ratio unchanged, the lower one of the two attitudes, N/m or N·m/rad."""
 
-    @property
-    def factor(self) -> float:
-        """Ratio of the limit to the gain."""
-        return self.limit / self.gain
-
-
-def margins(gains: Gains, rate: float, place: Place) -> tuple[Margin, ...]:
-    """Return the margins of translation and rotation at a frame rate, Hz, at a place within reach."""
-    return tuple(_margin(kind, gains, rate, place) for kind in HELD)
-
 
 def too_high(gains: Gains, rate: float, place: Place) -> Margin | None:
     """Return the first margin below `MARGIN`, None if both are larger; the place must be within reach."""
     for kind in HELD:
         loops = (loop_at(kind, gains, inertia, MARGIN) for inertia in inertias(place))
         if not all(radius(one_period(*loop, 1.0 / rate, 0.0)) < 1.0 for loop in loops):
-            return _margin(kind, gains, rate, place)
+            return margin(kind, gains, rate, place)
     return None
 
 
-def _margin(kind: str, gains: Gains, rate: float, place: Place) -> Margin:
+def margin(kind: str, gains: Gains, rate: float, place: Place) -> Margin:
+    """Return the margin of one kind of gain at a frame rate, Hz, at a place within reach."""
     limits = (largest_factor(partial(loop_at, kind, gains, inertia), 1.0 / rate, 0.0) for inertia in inertias(place))
     gain: float = getattr(gains, kind)
     return Margin(kind, gain, min(limits) * gain)

@@ -22,7 +22,7 @@ import numpy as np
 
 from cell.commands.arguments import out_folder
 from cell.config.cell_config import CellConfig
-from cell.config.margins import HELD, MARGIN, loop_at, margins
+from cell.config.margins import HELD, MARGIN, loop_at, margin
 from cell.config.sampled_loop import largest_factor
 from cell.devices.assembly import Cell, assemble, opened
 from cell.lab.arguments import load_simulated
@@ -123,9 +123,14 @@ Theory = Mapping[tuple[str, float, int], float]
 def shipped_margins(config: CellConfig) -> list[dict[str, Any]]:
     """Return a row for every gain in the loop through the skin: skill, period of the frames, s, and its `Margin`."""
     return [
-        {"skill": key.removesuffix(".gains"), "period": 1.0 / config.skin.rate, **asdict(found), "margin": found.factor}
+        {
+            "skill": key.removesuffix(".gains"),
+            "period": 1.0 / config.skin.rate,
+            **asdict(found),
+            "margin": found.limit / found.gain,
+        }
         for key, gains in config.steered().items()
-        for found in margins(gains, config.skin.rate, config.place())
+        for found in (margin(kind, gains, config.skin.rate, config.place()) for kind in HELD)
     ]
 
 
