@@ -31,10 +31,8 @@ def run(args: argparse.Namespace) -> int:
             if sys.stdout.isatty() and not args.json and not args.once:
                 status.update(Text(line))
             else:
-                told = {
-                    **data,
-                    "diagnostics": asdict(replace(counts, requests=0)),
-                }  # every poll increases this counter, so that the text would always differ
+                # Every poll increases the number of requests, so that the text would always differ.
+                told = {**data, "diagnostics": asdict(replace(counts, requests=0))}
                 if told != last:
                     say(json.dumps(data) if args.json else line)
                 last.update(told)

@@ -215,8 +215,9 @@ class CellConfig(Catalogued):
         if self.paper is not None:
             require_printable(self.paper, peg, hole)
         if self.switch.kind == "none" and hole.evidence == "switch":
-            text = 'hole.evidence = "switch": this cell has no switch (switch.kind = "none"); "force" allowed'
-            raise ValueError(text)
+            raise ValueError(
+                'hole.evidence = "switch": this cell has no switch (switch.kind = "none"); "force" allowed'
+            )
         return self
 
     @model_validator(mode="after")
@@ -251,8 +252,9 @@ class CellConfig(Catalogued):
         if not self.is_simulated and isinstance(self.switch, SerialSwitchConfig) and self.switch.port == EMULATED:
             raise ValueError(f'switch.port = "{EMULATED}": needs a simulated cell; the name of a port allowed')
         if self.is_simulated and self.gripper.kind != "sim":
-            text = f'gripper.kind = "{self.gripper.kind}": needs the real arm; "sim" allowed with a simulated one'
-            raise ValueError(text)
+            raise ValueError(
+                f'gripper.kind = "{self.gripper.kind}": needs the real arm; "sim" allowed with a simulated one'
+            )
         return self
 
     @model_validator(mode="after")

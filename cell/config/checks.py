@@ -29,8 +29,9 @@ def require_shallow(peg: Peg, hole: Hole, rack: Rack) -> None:
     """Require that the peg reaches the bottom of hole and slot."""
     for name, depth in (("hole.depth", hole.depth), ("rack.depth", rack.depth)):
         if depth >= peg.length:
-            text = f"{name} = {depth}: deeper than the peg reaches; less than peg.length = {peg.length} allowed"
-            raise ValueError(text)
+            raise ValueError(
+                f"{name} = {depth}: deeper than the peg reaches; less than peg.length = {peg.length} allowed"
+            )
 
 
 def require_apart(hole: Hole, rack: Rack) -> None:
@@ -86,13 +87,13 @@ def require_permitted(followed: Mapping[str, Gains], arm: ArmModel) -> None:
     Raises:
         ValueError: A gain is above its bound; one line.
     """
-    asked = [
-        *((f"{key}.translation", gains.translation, arm.stiffness, "stiffness") for key, gains in followed.items()),
-        *((f"{key}.rotation", gains.rotation, arm.turn_stiffness, "turn_stiffness") for key, gains in followed.items()),
-    ]
-    for key, value, most, figure in asked:
-        if value > most:
-            raise ValueError(f"{key} = {value:g}: more than {figure} of {arm.name}; at most {most:g} allowed")
+    for kind, figure in (("translation", "stiffness"), ("rotation", "turn_stiffness")):
+        for key, gains in followed.items():
+            value, most = getattr(gains, kind), getattr(arm, figure)
+            if value > most:
+                raise ValueError(
+                    f"{key}.{kind} = {value:g}: more than {figure} of {arm.name}; at most {most:g} allowed"
+                )
 
 
 def require_pressed(
