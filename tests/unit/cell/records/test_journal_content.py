@@ -21,6 +21,7 @@ from cell.records.journal import INDEX, Journal
 from cell.records.schema import LOST, EventKind, EventRow, StageRow
 from drivers.errors import JournalError
 from tests.inputs import KEPT, inputs
+from tests.unit.cell.page.test_outside import changed
 from tests.unit.cell.records.test_journal_writer import ROW, recorded
 
 EVENT = EventRow(0, "2025", 0.0, EventKind.FAULT, "SKIN_SILENT")
@@ -143,21 +144,6 @@ for folder in Path(sys.argv[1]).iterdir():
 FOLDERS = inputs(200)
 
 
-def bad(data: bytes, rng: random.Random) -> bytes:
-    """Return a file's bytes cut off, emptied of sense, replaced, or with one or many wrong ones."""
-    kind = rng.randrange(5)
-    if kind == 0:
-        return data[: rng.randrange(len(data) + 1)]
-    if kind == 1:
-        return bytes(len(data))
-    if kind == 2 or not data:
-        return rng.randbytes(rng.randrange(4096))
-    wrong = bytearray(data)
-    for _ in range(1 if kind == 3 else 40):
-        wrong[rng.randrange(len(wrong))] = rng.randrange(256)
-    return bytes(wrong)
-
-
 def damage(folder: Path, rng: random.Random) -> None:
     """Damage a journal's folder as crashes, disks and people do."""
     for path in rng.sample(sorted(folder.iterdir()), rng.randrange(1, 4)):
@@ -166,7 +152,7 @@ def damage(folder: Path, rng: random.Random) -> None:
         if rng.random() < 0.05:
             path.mkdir()
         elif rng.random() < 0.9:
-            path.write_bytes(bad(data, rng))
+            path.write_bytes(changed(data, rng))
             path.chmod(0o600)
     if rng.random() < 0.05:
         (folder / f"run-{rng.randrange(10**12):06d}.arrows").write_bytes(rng.randbytes(100))
