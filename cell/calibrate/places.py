@@ -88,12 +88,12 @@ class MeasuredPlaces:
         )
 
     def corrected(self, config: CellConfig) -> CellConfig:
-        """Return the config with the printed values in place of its own."""
+        """Return the config with the values that `point` prints in place of its own."""
         hole, rack = config.hole, config.rack
         if self.is_plate_elsewhere:
-            hole = hole.model_copy(update={"centre": _printed(self.centre)})
+            hole = hole.model_copy(update={"centre": tuple(round(x, 5) for x in self.centre)})
         if self.is_rack_elsewhere:
-            rack = rack.model_copy(update={"first": _printed(self.first)})
+            rack = rack.model_copy(update={"first": tuple(round(x, 5) for x in self.first)})
         return config.model_copy(update={"hole": hole, "rack": rack})
 
     def write(self, path: Path) -> None:
@@ -269,8 +269,3 @@ def implausible(found: MeasuredPlaces, config: CellConfig) -> str | None:
 def point(values: Sequence[float]) -> str:
     """Return a position in the format of a config file, m."""
     return f"[{', '.join(f'{value:.5f}' for value in values)}]"
-
-
-def _printed(values: Sequence[float]) -> tuple[float, ...]:
-    """Return the position that `point` prints."""
-    return tuple(float(f"{value:.5f}") for value in values)

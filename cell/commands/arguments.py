@@ -93,7 +93,8 @@ def devices(text: str) -> tuple[str, ...]:
     Raises:
         ConfigError: A name is not that of a device.
     """
-    for name in (names := tuple(text.split(","))):
+    names = tuple(text.split(","))
+    for name in names:
         require_known("device", name, DEVICES)
     return names
 

@@ -15,7 +15,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Show the faults."""
-    faults = FAULTS if args.code is None else {(code := _found(args.code)): FAULTS[code]}
+    codes = FAULTS if args.code is None else [_found(args.code)]
+    faults = {code: FAULTS[code] for code in codes}
     head = ("code", "name", "meaning", "cause", "what to do before the reset")
     rows = [(str(code.value), code.name, text.meaning, text.cause, text.remedy) for code, text in faults.items()]
     data = [{"code": code.value, "name": code.name, **asdict(text)} for code, text in faults.items()]

@@ -8,7 +8,7 @@ from rich.console import Group
 
 from cell.commands import words
 from cell.commands.arguments import add_cell, address, load_proven, natural, open_journal, require_known, require_recipe
-from cell.commands.terminal import FAULT, GOOD, NOT_GOOD, complain, progress, show
+from cell.commands.terminal import FAULT, GOOD, NOT_GOOD, complain, counting, show
 from cell.config.layers import parse_set
 from cell.config.load import LoadedConfig
 from cell.config.parameters import PARAMETERS
@@ -52,9 +52,8 @@ def _run_there(args: argparse.Namespace) -> int:
     if args.config is not None or args.simulate:
         raise ConfigError("--config, --simulate: not together with --connect, the cell there has its own devices")
     parameters = _raw_parameters(args.set)
-    with progress() as bars:
-        bar = bars.add_task(args.name, total=100)
-        report = _run_remote(args, parameters, lambda r: bars.update(bar, completed=r.progress))
+    with counting(args.name) as done:
+        report = _run_remote(args, parameters, lambda r: done(r.progress, 100))
     data = words.report(report)
     show(args, " ".join(f"{k}={v}" for k, v in data.items() if v not in ("", "none")), data)
     if refusal := Refusal(report.refusal):
@@ -130,13 +129,12 @@ def _run_here(args: argparse.Namespace) -> int:
     with (
         open_journal(args, loaded.cell.journal) as journal,
         opened(assemble(warm_up(loaded))) as cell,
-        progress() as bars,
+        counting(args.name) as done,
     ):
-        bar = bars.add_task(args.name, total=100)
 
         def watch(report: Report) -> None:
-            # A thread of the bars draws them, so that a blocked terminal does not delay the scan.
-            bars.update(bar, completed=report.progress)
+            # A thread of the bar draws it, so that a blocked terminal does not delay the scan.
+            done(report.progress, 100)
             if report.sequence == command.sequence and report.result is not Result.NONE:
                 args.stop.set()
 

@@ -108,7 +108,8 @@ def run(row: RunRow, stages: Sequence[StageRow] = ()) -> Table:
         if text := _shown(name, getattr(row, name)):
             label, unit, _ = LABELS.get(name, (name.replace("_", " "), "", 1.0))
             table.add_row(label, f"{text} {unit}".rstrip())
-    for name, text in asdict(why).items() if (why := explained(row.fault, row.reason)) else ():
+    why = explained(row.fault, row.reason)
+    for name, text in asdict(why).items() if why else ():
         table.add_row(name, text)
     for stage in stages:
         found = {name: value for name, value in json.loads(stage.facts).items() if not isinstance(value, dict | None)}
