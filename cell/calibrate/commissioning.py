@@ -60,10 +60,6 @@ class Memory:
     """Monotonic time of the first observation of each event, s, by name of the event."""
     run: Command | None = None
 
-    def first(self, what: str, now: CellSighting) -> None:
-        """Store the time of the first observation of `what`."""
-        self.at.setdefault(what, now.time)
-
 
 @dataclass(frozen=True, slots=True)
 class Step:
@@ -169,17 +165,16 @@ def _connected(memory: Memory, now: CellSighting) -> str | None:
         return None
     if not now.plc.version:
         return f"{now.plc.source}, which reports no map version"
-    if now.plc.version >> 8 != VERSION_MAJOR:
-        raise StepFailedError(
-            f"{now.plc.source} has map {now.plc.version >> 8}.{now.plc.version & 0xFF}; {VERSION_MAJOR}.x allowed"
-        )
-    return f"{now.plc.source}, map {now.plc.version >> 8}.{now.plc.version & 0xFF}"
+    major, minor = divmod(now.plc.version, 0x100)
+    if major != VERSION_MAJOR:
+        raise StepFailedError(f"{now.plc.source} has map {major}.{minor}; {VERSION_MAJOR}.x allowed")
+    return f"{now.plc.source}, map {major}.{minor}"
 
 
 def _answered(controls: Sequence[Control], states: Sequence[State], memory: Memory, now: CellSighting) -> str | None:
     """Return the delay from one of the controls to one of the states; None before that."""
     if now.command is not None and now.command.code in controls:
-        memory.first("command", now)
+        memory.at.setdefault("command", now.time)
     if "command" not in memory.at or now.report.state not in states:
         return None
     return f"{State(now.report.state).name} {1000 * (now.time - memory.at['command']):.1f} ms after the scan that read the command"
@@ -201,7 +196,7 @@ def _begin(memory: Memory, now: CellSighting) -> None:
     if now.command.code != MOTION:
         raise StepFailedError(f"code {now.command.code} was started; {MOTION} allowed")
     memory.run = now.command
-    memory.first("run", now)
+    memory.at.setdefault("run", now.time)
 
 
 def _acknowledged(memory: Memory, now: CellSighting) -> str | None:
@@ -215,7 +210,7 @@ def _lost(memory: Memory, now: CellSighting) -> str | None:
     if now.plc is not None:
         memory.at["heard"] = now.time - now.plc.silence
     if now.command is not None and now.command.code == Control.LOST:
-        memory.first("lost", now)
+        memory.at.setdefault("lost", now.time)
     if "lost" not in memory.at or now.report.state not in STOPPED:
         return None
     silence = now.time - memory.at.get("heard", memory.began.time)

@@ -82,10 +82,12 @@ class MeasuredPlaces:
     @property
     def sections(self) -> str:
         """Lines for the cell's file; empty if all stated values are within the intervals."""
-        return "\n".join(
-            [f"[hole]\ncentre = {point(self.centre)}\n"] * self.is_plate_elsewhere
-            + [f"[rack]\nfirst = {point(self.first)}\n"] * self.is_rack_elsewhere
-        )
+        found = []
+        if self.is_plate_elsewhere:
+            found.append(("hole", "centre", point(self.centre)))
+        if self.is_rack_elsewhere:
+            found.append(("rack", "first", point(self.first)))
+        return sections(found)
 
     def corrected(self, config: CellConfig) -> CellConfig:
         """Return the config with the values that `point` prints in place of its own."""
@@ -269,3 +271,11 @@ def implausible(found: MeasuredPlaces, config: CellConfig) -> str | None:
 def point(values: Sequence[float]) -> str:
     """Return a position in the format of a config file, m."""
     return f"[{', '.join(f'{value:.5f}' for value in values)}]"
+
+
+def sections(lines: Sequence[tuple[str, str, str]]) -> str:
+    """Return section, key and value of each line as text of the cell's file."""
+    named: dict[str, list[str]] = {}
+    for section, key, value in lines:
+        named.setdefault(section, []).append(f"{key} = {value}\n")
+    return "\n".join(f"[{section}]\n{''.join(rows)}" for section, rows in named.items())

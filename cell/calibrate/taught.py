@@ -2,14 +2,11 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from datetime import date
-from pathlib import Path
 
 import numpy as np
 
 from cell.calibrate.hand_motion import GRIP, OPEN
 from cell.calibrate.places import MOST_RACK, MOST_TILT, plane_through, point
-from drivers.figures_file import write_whole
 from drivers.frames import UP, angle_between
 from drivers.parts import Hole, Rack
 from drivers.quantities import Vector
@@ -143,27 +140,6 @@ def lines(shown: Shown, hole: Hole, rack: Rack) -> list[tuple[str, str, str]]:
 def _firsts(shown: Shown, rack: Rack) -> Vector:
     """Return the place of the first slot computed from each shown slot, shape (n, 3), m."""
     return np.array([place - [0.0, rack.pitch * (int(key) - 1), 0.0] for key, place in shown.of(SLOTS)]).reshape(-1, 3)
-
-
-def sections(found: list[tuple[str, str, str]]) -> str:
-    """Return the lines as text of the cell's file."""
-    named: dict[str, list[str]] = {}
-    for section, key, value in found:
-        named.setdefault(section, []).append(f"{key} = {value}\n")
-    return "\n".join(f"[{section}]\n{''.join(rows)}" for section, rows in named.items())
-
-
-def write(path: Path, text: str, today: date, unit: str) -> None:
-    """Write a file whole or not at all.
-
-    Raises:
-        ConfigError: The file cannot be written; an existing file stays unchanged.
-    """
-    write_whole(
-        path,
-        f"# Shown by hand with `cell teach` on {today}, arm {unit}; for the cell's file. SI units.\n{text}",
-        "places",
-    )
 
 
 def key_taken(

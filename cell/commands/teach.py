@@ -8,11 +8,13 @@ import numpy as np
 from cell.calibrate import taught
 from cell.calibrate.hand_motion import moved_by_keys
 from cell.calibrate.keys import keys
+from cell.calibrate.places import sections
 from cell.commands.arguments import add_calibration_folder, add_config, calibration_folder, load_config
 from cell.commands.terminal import complain, say, show
 from cell.config.load import load
 from cell.devices.assembly import assemble, opened
 from drivers.errors import ConfigError
+from drivers.figures_file import write_whole
 from drivers.frames import end_point
 from drivers.quantities import ArmState
 
@@ -56,7 +58,8 @@ def run(args: argparse.Namespace) -> int:
         return complain(f"teach: {why}; nothing written")
     load(args.config, sets=[*args.set, *(f"{section}.{key}={value}" for section, key, value in found)])
     path = folder / f"taught_{today.isoformat()}.toml"
-    text = taught.sections(found)
-    taught.write(path, text, today, config.arm_unit())
+    text = sections(found)
+    head = f"# Shown by hand with `cell teach` on {today}, arm {config.arm_unit()}; for the cell's file. SI units.\n"
+    write_whole(path, head + text, "places")
     told = f"written: {path}\nfor the cell's file; run `cell calibrate places` afterwards:\n\n{text}"
     return show(args, told, {"file": str(path), "write": text})

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cell.calibrate.taught import Shown, implausible, key_taken, lines, sections
+from cell.calibrate.taught import Shown, implausible, key_taken, lines
 from cell.config.load import load
 from drivers.frames import UP
 
@@ -39,12 +39,6 @@ def judged(*places):
 )
 def test_corners_plate_slots_and_bin_become_their_lines(places, found):
     assert lines(shown(*places), HOLE, RACK) == found
-
-
-def test_lines_are_sections_of_a_file():
-    text = sections(lines(shown(*CORNERS, slot(1)), HOLE, RACK))
-    assert text.startswith("[hole]\ncentre = [")
-    assert "\n[rack]\nfirst = [0.45000, -0.25000, 0.10000]\n" in text
 
 
 def test_two_opposite_corners_of_plate_and_area_in_one_line_suffice():
