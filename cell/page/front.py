@@ -126,7 +126,8 @@ class HttpServer:
     def url(self) -> str:
         """Address of the server for a browser."""
         host, port = self.address
-        return f"http{'s' * (self._context is not None)}://{f'[{host}]' if ':' in host else host}:{port}/"
+        scheme = "http" if self._context is None else "https"
+        return f"{scheme}://{f'[{host}]' if ':' in host else host}:{port}/"
 
     @property
     def address(self) -> tuple[str, int]:

@@ -17,7 +17,7 @@ from cell.records import wall_clock
 from cell.records.alarms import Alarm
 from cell.records.journal import Journal
 from cell.records.run_query import RunQuery, moment
-from cell.records.schema import LOST, RUNNING, RunRow, plain
+from cell.records.schema import RUNNING, RunRow, plain
 from cell.records.statistics import wilson
 from cell.run.line import PROGRAMS
 from drivers.errors import JournalError
@@ -32,7 +32,6 @@ SHIFT = timedelta(hours=8)
 """Period before the present time; the yield counts the runs that started in this period."""
 ALARMS = 200
 """Largest number of alarms in one answer."""
-OUTCOMES = tuple(str(each) for each in Outcome)
 REPORT = "report.html"
 """File of the last report made for the page."""
 WAITING = 8
@@ -47,6 +46,8 @@ class Records:
     def __init__(self, folder: Path) -> None:
         """Keep the folder of the records; each query opens the journal again, because it may be moved or created later."""
         self._folder = folder
+        self.path_of_report = folder / REPORT
+        """Path of the last report; the file may not exist."""
         self._reading, self._making = asyncio.Lock(), asyncio.Lock()
         self._films: dict[int, asyncio.Task[None]] = {}
         """Tasks of films that are being drawn or wait, by run."""
@@ -102,11 +103,6 @@ class Records:
         period = ["--since", since] if since else []
         async with self._making:
             return self.path_of_report if await self._make(["report", *period], self.path_of_report) else None
-
-    @property
-    def path_of_report(self) -> Path:
-        """Path of the last report; the file may not exist."""
-        return self._folder / REPORT
 
     def config(self, run: int) -> str | None:
         """Return the config of a run as JSON; None if it is not on record.
@@ -181,7 +177,8 @@ def _can_be_drawn(journal: Journal, row: RunRow) -> bool:
 
 def shift(counts: Mapping[str, int]) -> dict[str, object]:
     """Return counts and yield of the ended runs of a shift, from the number of runs of each outcome."""
-    ended = sum(counts.values()) - counts.get(RUNNING, 0)
+    counts = {name: number for name, number in counts.items() if name != RUNNING}
+    ended = sum(counts.values())
     good = counts.get(Outcome.SUCCESS, 0)
     low, high = wilson(good, ended)
     return {
@@ -190,7 +187,7 @@ def shift(counts: Mapping[str, int]) -> dict[str, object]:
         "yield": round(good / ended, 4) if ended else None,
         "low": round(low, 4),
         "high": round(high, 4),
-        "counts": {name: counts.get(name, 0) for name in (*OUTCOMES, LOST) if name != LOST or LOST in counts},
+        "counts": dict.fromkeys(map(str, Outcome), 0) | counts,
     }
 
 

@@ -86,13 +86,17 @@ class PageSocket(WebSocketHandler):
         elif not self._source:
             self._say("refused", why="this page may only look; show the token first")
         elif ask.cable is not None:
-            self._pull(ask)
+            if why := self._hub.pull(CablePull(ask.cable, ask.is_out, self._source)):
+                self._say("refused", why=why)
         else:
             self._pass_on(ask)
 
     def on_pong(self, data: bytes) -> None:
         """Count the answer to a ping as a sign of life for this page's run; it does not extend the lease."""
-        if self._source and self._is_running():
+        if not self._source:
+            return
+        report = self._bridge.report_for(self._source)
+        if report.code >= FIRST_PROGRAM and report.result == Result.NONE:
             self._bridge.heard(self._source)
 
     def on_close(self) -> None:
@@ -159,21 +163,12 @@ class PageSocket(WebSocketHandler):
                 self._bridge.opened(self._source, f"page {self.peer}")
             self._say("unlocked", source=self._source)
 
-    def _pull(self, ask: Ask) -> None:
-        assert ask.cable is not None
-        if why := self._hub.pull(CablePull(ask.cable, ask.is_out, self._source)):
-            self._say("refused", why=why)
-
     def _pass_on(self, ask: Ask) -> None:
         self._bridge.heard(self._source)
         if ask.command is None:
             self._bridge.wrote(self._source, CommandImage(lease=ask.lease), is_numbered=False)
         else:
             self._bridge.submit(self._source, ask.command)
-
-    def _is_running(self) -> bool:
-        report = self._bridge.report_for(self._source)
-        return report.code >= FIRST_PROGRAM and report.result == Result.NONE
 
     def _say(self, kind: str, **data: object) -> None:
         self.tell(json.dumps({"kind": kind, **data}).encode())
