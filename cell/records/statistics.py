@@ -41,5 +41,6 @@ def spread(values: Sequence[float] | NDArray[np.float64]) -> dict[str, float] | 
     """Return mean, median, 95th percentile and number of values; None without values."""
     if not len(values):
         return None
-    median, p95 = np.percentile(found := np.asarray(values), [50, 95])
+    found = np.asarray(values)
+    median, p95 = np.percentile(found, [50, 95])
     return {"mean": float(found.mean()), "median": float(median), "p95": float(p95), "n": len(values)}
