@@ -84,12 +84,12 @@ def test_lanes_begin_beside_the_area_outside_of_any_hole(axis, fast, chamfer):
 
 
 @pytest.mark.parametrize(("axis", "fast"), [("x", 0), ("y", 1)])
-def test_lanes_reach_beyond_the_area_and_lie_a_pitch_apart(axis, fast):
-    course = course_of(fast_axis=axis, margin=(2e-3, 5e-4), pitch=0.6)
+def test_lanes_reach_the_borders_of_the_area_and_lie_a_pitch_apart(axis, fast):
+    course = course_of(fast_axis=axis, pitch=0.6)
     swept = np.abs(points(course, course.path.cover - TURN_TIME, start=0.6))
-    half = AREA[1 - fast] / 2 + 5e-4
+    half = AREA[1 - fast] / 2
     lanes = math.ceil(2 * half / (0.6 * WIDTH))
-    assert swept[:, fast].max() == pytest.approx(AREA[fast] / 2 + 2e-3, abs=2e-4)
+    assert swept[:, fast].max() == pytest.approx(AREA[fast] / 2, abs=2e-4)
     assert course.path.lanes == lanes
     assert swept[:, 1 - fast].max() == pytest.approx(half * (1.0 - 1.0 / lanes), abs=2e-4)
 
@@ -144,11 +144,12 @@ def test_the_lane_over_a_less_known_place_is_swept_again():
 
 def test_a_next_attempt_looks_again_and_goes_on_with_the_rest():
     left = Left(course_of(seed=3).path, 1.5)
-    belief = replace(likely(deviation=1e-3), left=left)
+    deviation = 0.4 * PARAMS.pitch * WIDTH  # one lane on each side
+    belief = replace(likely(deviation=deviation), left=left)
     course = course_of(belief=belief)
     assert course.path.then == left
     begin = abs(course.path.at(0.0)[0][1])
-    first, others = begin + GATE * 1e-3 + WIDTH / 2, 2 * GATE * 1e-3 + WIDTH
+    first, others = begin + GATE * deviation + WIDTH / 2, 2 * GATE * deviation + WIDTH
     assert course.likely_until == pytest.approx((first + 2 * others) / PARAMS.speed)
 
 

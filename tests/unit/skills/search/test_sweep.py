@@ -157,7 +157,7 @@ def test_a_slip_in_the_hand_reduces_push_and_pace_alike(slide, sense):
 def test_a_dent_stops_the_hand_and_leads_it_back_pushing(slide):
     gains = PARAMS.gains.model_copy(update={"damping_ratio": 1.2})
     slide.begin(gains=gains)
-    slide.dig(*slide.ahead(0.4), 3e-3, 0.5e-3)
+    slide.dig(*slide.ahead(0.3), 3e-3, 0.5e-3)
     slide.go_on(DOWN + 1.0)
     rest = stopped(slide)
     hand, back = rest[0][0].arm.tcp, PARAMS.probe_radius * heading(slide)

@@ -25,8 +25,8 @@ def times(belief: Belief, holes: np.ndarray, seed: int) -> np.ndarray:
     """Return when the path of a search comes by each hole, shape (n, 2), m, from the middle of the area, s."""
     path = make_course(PARAMS, JOB, np.random.default_rng(seed), belief).path
     stamps = np.arange(0.0, 15.0, 0.02)
-    offsets = np.abs(np.array([path.at(time)[0] for time in stamps])[:, None] - holes)
-    by = (offsets[..., 0] <= CAUGHT) & (offsets[..., 1] <= 2e-3)
+    offsets = np.array([path.at(time)[0] for time in stamps])[:, None] - holes
+    by = np.hypot(offsets[..., 0], offsets[..., 1]) <= CAUGHT
     assert by.any(axis=0).all()
     return stamps[by.argmax(axis=0)]
 
