@@ -99,11 +99,11 @@ def make_course(
     """
     hole, part = job.hole, job.peg.part
     fast, pitch = 0 if params.fast_axis == "x" else 1, params.pitch * hole.part.inscribed
-    over = (hole.area[0] / 2, hole.area[1] / 2)
+    over = (hole.area[0] / 2 + params.margin, hole.area[1] / 2 + params.margin)
     start = rng.uniform(-np.array(hole.area) / 2, np.array(hole.area) / 2)
     begin = (start[0], start[1])
     outside = hole.part.reach + hole.part.chamfer + rng.uniform(*params.outside)
-    whole = lanes(over, pitch, params.speed, fast, begin, outside)
+    whole = lanes(over, pitch, params.speed, fast, begin, max(outside - params.margin, 0.0))
     # Strokes are shorter by the reach of their turns, so that the turns end at the same border as those of the lanes.
     ends = [extent - params.speed * TURN_TIME / 4.0 if axis == fast else extent for axis, extent in enumerate(over)]
     rows = Rows((max(ends[0], 0.0), max(ends[1], 0.0)), fast, pitch, params.speed)

@@ -64,6 +64,8 @@ class SpraySearchParams(SkillParams):
     """Time in which the tip reaches its speed, s; if it started at full speed, the peg's edge would dig into the plate."""
     pitch: Annotated[float, Field(gt=0.0, le=2.0), Quantity("multiple"), Source("measured by `cell trials`")]
     """Largest distance between neighbouring passes, multiple of the hole's diameter or shorter side."""
+    margin: Annotated[float, Field(ge=0.0, le=0.01), Quantity("m"), Source("docs/tried/search.md")]
+    """Reach of the passes beyond the area, m; it covers errors of the tip's place."""
     height: Annotated[float, Field(gt=0.0, le=0.1), Quantity("m")]
     """Height above the surface at the end of the free-space approach, m."""
     descent: Annotated[float, Field(gt=0.0, le=0.5), Quantity("m/s", Tempo.SPEED)]

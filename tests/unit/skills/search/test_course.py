@@ -84,12 +84,12 @@ def test_lanes_begin_beside_the_area_outside_of_any_hole(axis, fast, chamfer):
 
 
 @pytest.mark.parametrize(("axis", "fast"), [("x", 0), ("y", 1)])
-def test_lanes_reach_the_borders_of_the_area_and_lie_a_pitch_apart(axis, fast):
-    course = course_of(fast_axis=axis, pitch=0.6)
+def test_lanes_reach_beyond_the_area_and_lie_a_pitch_apart(axis, fast):
+    course = course_of(fast_axis=axis, margin=2e-3, pitch=0.6)
     swept = np.abs(points(course, course.path.cover - TURN_TIME, start=0.6))
-    half = AREA[1 - fast] / 2
+    half = AREA[1 - fast] / 2 + 2e-3
     lanes = math.ceil(2 * half / (0.6 * WIDTH))
-    assert swept[:, fast].max() == pytest.approx(AREA[fast] / 2, abs=2e-4)
+    assert swept[:, fast].max() == pytest.approx(AREA[fast] / 2 + 2e-3, abs=2e-4)
     assert course.path.lanes == lanes
     assert swept[:, 1 - fast].max() == pytest.approx(half * (1.0 - 1.0 / lanes), abs=2e-4)
 
