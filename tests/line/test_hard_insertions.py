@@ -94,10 +94,9 @@ def test_a_peg_that_turns_in_weak_pads_is_inserted():
 
 
 def test_a_swinging_hand_does_not_strike_the_hole_with_a_deep_peg():
-    # An arm with heavy rotors and late scans, turned at 1 rad/s: let down as fast as an upright peg, this peg
-    # was 5 to 6 mm deep when the hand passed upright, and the walls stopped it with 72 N.
+    # Let down as fast as an upright peg, this peg is deep when the hand swings beyond upright, and the walls stop it with 47 N.
     careless = load(sets=["world=v1", "reality.scale=2"]).cell
-    gently, at_once = (run_trial(each, 115320) for each in (careless, careless.with_params(ADJUST, swing_time=1e-6)))
+    gently, at_once = (run_trial(each, 115349) for each in (careless, careless.with_params(ADJUST, swing_time=1e-6)))
     assert gently.outcome == "success"
     assert gently.peak_contact_force < 0.6 * at_once.peak_contact_force
 

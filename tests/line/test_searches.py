@@ -16,7 +16,7 @@ from tests.simulated_line import at_work
 
 PARTS = {
     "as shipped": (),
-    "no margin": ("search.margin=[0.0, 0.0]",),
+    "no margin": ("search.margin=0.0",),
     "10 x 10 mm": ("hole.area=[0.01, 0.01]",),
     "16 mm": ("peg.diameter=0.016", "hole.diameter=0.0162"),
     "square": ("peg.shape=square", "hole.area=[0.01, 0.01]"),
