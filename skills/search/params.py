@@ -65,7 +65,7 @@ class SpraySearchParams(SkillParams):
     pitch: Annotated[float, Field(gt=0.0, le=2.0), Quantity("multiple"), Source("measured by `cell trials`")]
     """Largest distance between neighbouring passes, multiple of the hole's diameter or shorter side."""
     margin: Annotated[float, Field(ge=0.0, le=0.01), Quantity("m"), Source("docs/tried/search.md")]
-    """Reach of the passes beyond the area, m; it covers errors of the tip's place."""
+    """Reach of the passes beyond the area, m; it covers errors of the tip's place, and the lag by which friction holds the tip behind its setpoint."""
     height: Annotated[float, Field(gt=0.0, le=0.1), Quantity("m")]
     """Height above the surface at the end of the free-space approach, m."""
     descent: Annotated[float, Field(gt=0.0, le=0.5), Quantity("m/s", Tempo.SPEED)]

@@ -82,7 +82,7 @@ def test_a_peg_with_theta_3_degrees_wrong_is_swept_through_the_axis(monkeypatch,
 
     monkeypatch.setattr(cell.devices.assembly, "make_estimator", made)
     row = tried(159901, "world=v1", "hole.area=[0.02,0.02]")
-    assert (row.outcome, row.retries, row.peak_contact_force < 25.0) == ("success", 0, True)
+    assert (row.outcome, row.retries, row.peak_contact_force < 30.0) == ("success", 0, True)
     assert row.adjust_time < 4.0
 
 

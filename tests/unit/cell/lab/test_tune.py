@@ -79,7 +79,6 @@ def test_between_two_settings_every_figure_lies_between_theirs():
     sets = Space(None, []).sets({"search": 0.5, "insert": 1.0})
     shipped, careful = (load(None, style).cell.search.rest for style in (None, "careful"))
     assert f"search.rest={(shipped + careful) / 2:g}" in sets
-    assert "search.margin=0.0015" in sets
     assert not any(text.startswith("insert.") for text in sets)
 
 
