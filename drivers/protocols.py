@@ -6,7 +6,7 @@ from drivers.quantities import ArmState, GripperState, ImpedanceSetpoint, Switch
 
 
 class Device(Protocol):
-    """A device that is connected and disconnected."""
+    """A device with a connection that can be opened and closed."""
 
     def open(self) -> None:
         """Connect to the device; the constructor accesses no hardware.
@@ -48,7 +48,7 @@ class Arm(Device, Protocol):
         """Hold the arm still at its present pose, compliant; any thread may call it, for example a watchdog."""
 
     def reset(self) -> None:
-        """Leave a reflex or a released stop; the arm moves again only after this. A pressed stop raises `ArmStoppedError`."""
+        """Enable motion after a reflex or a released stop. If a stop is still pressed, raise `ArmStoppedError`."""
 
 
 class Gripper(Device, Protocol):

@@ -26,9 +26,9 @@ def run(args: argparse.Namespace) -> int:
     came = headed("came", (alarm.time for alarm in alarms))
     table = Table(came, "alarm", "state", "s", "run", "details", box=SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
     table.columns[3].justify = table.columns[4].justify = "right"
-    # Width of the columns before the details, characters.
+    # Width left for the details beside the other columns, characters.
     room = max(get_terminal_size().columns - 58, 12)
-    table.caption = "s: time until it was over, for a fault until the reset; acknowledged: cleared, not reset"
+    table.caption = "s: duration, of a fault until its reset; acknowledged: fault cleared, but not reset"
     for alarm in alarms:
         what = str(alarm.code) if alarm.code else alarm.name
         lasted = "" if alarm.duration is None else f"{alarm.duration:.1f}"

@@ -34,12 +34,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the device and the output folder."""
     add_config(parser)
     parser.add_argument("device", choices=list(DEVICES), metavar="DEVICE", help=" or ".join(DEVICES))
-    parser.add_argument("--pegs", type=positive, metavar="N", help="pegs that touch the places off; default 3")
+    parser.add_argument("--pegs", type=positive, metavar="N", help="places: number of pegs to touch with; default 3")
     add_calibration_folder(parser)
 
 
 def run(args: argparse.Namespace) -> int:
-    """Measure, with reduced speed and force until all facts are proven; write the file, and show the result."""
+    """Measure the device, write the file and show the result; at reduced speed and force until all facts are proven."""
     today = date.today()
     if args.pegs is not None and args.device != "places":
         raise ConfigError("--pegs: only for places")
@@ -67,7 +67,7 @@ def _arm(args: argparse.Namespace, config: CellConfig, today: date, path: Path) 
 
 def _places(args: argparse.Namespace, config: CellConfig, today: date, path: Path) -> int:
     pegs = PEGS if args.pegs is None else args.pegs
-    # A feeder refills the rack.
+    # If a feeder refills the rack, its slots do not limit the number of pegs.
     most = config.rack.slots if config.rack.refill == "asked" else 20
     if most < 2:
         raise ConfigError('rack.slots = 1: two pegs needed; 2 or more, or rack.refill = "feeder" allowed')
@@ -87,7 +87,7 @@ DEVICES = {"skin": _skin, "arm": _arm, "places": _places}
 
 
 def _written(args: argparse.Namespace, found: SkinCalibration | ArmCalibration, table: Table, path: Path) -> int:
-    """Write the file of a device, and show its table with the lines that name it in the cell's file."""
+    """Write the calibration file of a device; show its table, and the lines that add it to the cell's file."""
     found.write(path)
     named = f'for the cell\'s file:\n\n[calibration]\n{args.device} = "{path.resolve()}"\n'
     return show(args, Group(table, named), {**found.model_dump(mode="json"), "file": str(path)})
@@ -108,8 +108,8 @@ def _skin_table(found: SkinCalibration, path: Path) -> Table:
 def _arm_table(found: ArmCalibration, config: CellConfig, path: Path) -> Table:
     joints = config.arm_model().joints
     caption = (
-        "N·m, with half the width of the 95 % interval; published: the arm file's friction, and its standard deviation of"
-        " the offset"
+        "N·m, ± half the width of the 95 % interval; published: friction, and standard deviation of the offset, of the"
+        " arm file"
     )
     table = Table(title=f"{found.arm}, {found.unit}; written: {path}", caption=caption)
     speeds = [f"friction at {v:g} rad/s" for v in found.speeds]
@@ -133,15 +133,15 @@ def _figure(value: float, interval: float) -> str:
 
 
 def _verdict(found: ArmCalibration, joint: int, friction: float, offset: float) -> str:
-    """Return the verdict on a joint: within the permitted range, or not."""
-    # Permitted ratio of measured to published friction; the range of `config/reality.toml`, tested by `cell study
+    """Return the figures of a joint that are outside their expected range, or `as expected`."""
+    # Expected ratio of measured to published friction; the range of `config/reality.toml`, tested by `cell study
     # margins`.
     low, high = 0.5, 2.0
     share = found.friction[-1].value[joint] / friction if friction > 0.0 else 1.0
     told = []
     if not low <= share <= high:
         told.append(f"friction {share:.1f} times the published: {low:g} to {high:g} expected")
-    # Largest permitted offset, in standard deviations of the arm's own file.
+    # Largest expected offset, in standard deviations from the arm file.
     if abs(found.offset.value[joint]) > 2.0 * offset:
         told.append("offset: check the payload that is set in the arm's controller")
     return "; ".join(told) or "as expected"
@@ -160,7 +160,7 @@ def _places_table(found: MeasuredPlaces, config: CellConfig, path: Path) -> Grou
         ("plate, tilt (degrees)", f"{math.degrees(found.tilt):.2f}", ""),
         ("plate, uneven (rms)", f"{found.uneven * 1e3:.2f}", ""),
         *((f"rack, along {axis}", mm(off), within(interval)) for axis, off, interval in rack),
-        *((f"peg {n}, further out of the hand than the mean", mm(off), "") for n, off in enumerate(found.pegs, 1)),
+        *((f"peg {n}, protrusion minus the mean", mm(off), "") for n, off in enumerate(found.pegs, 1)),
     )
     title, caption = f"{found.unit}; written: {path}", "mm, values measured by this arm minus those of the config"
     table = filled(("place", "off by", "95 %"), rows, title=title, caption=caption)

@@ -31,7 +31,7 @@ WRITERS = {
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the format."""
-    forms = f"{', '.join(WRITERS)}; on a terminal a table, in a pipe md"
+    forms = f"{', '.join(WRITERS)}; by default a table on a terminal, md in a pipe"
     parser.add_argument("--format", choices=[*WRITERS], metavar="FORMAT", help=forms)
 
 
@@ -46,7 +46,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _picture(registers: Sequence[Register]) -> "Group":
-    """Return the table for terminals, at most 80 columns wide, with the rules for all registers above it."""
+    """Return the table for terminals, which wraps at the terminal's width, below the rules for all registers."""
     from rich import box  # imported late: the other formats do not need it
     from rich.console import Group
     from rich.table import Table

@@ -20,7 +20,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of the cell, its page and its records."""
     add_cell(parser)
     for option, default, what in (
-        ("--page", "127.0.0.1:8080", "a page for browsers"),  # by default for this computer alone
+        ("--page", "127.0.0.1:8080", "a page for browsers"),  # by default, only this computer can connect
         ("--opcua", "127.0.0.1:4840", "the cell as a PackML unit over OPC UA"),
         ("--metrics", "127.0.0.1:9464", "counters and timings as Prometheus text"),
     ):
@@ -64,7 +64,7 @@ def _serve(args: argparse.Namespace) -> None:
         supervisor = Supervisor(cell, loaded, bridge, journal, args.stop, live)
         supervisor.scan()  # the first scan compiles; no client may connect before the cell can answer
         gc.freeze()  # a garbage collection of all loaded objects would delay a scan
-        args.stop.is_set()  # read once: from here on a signal sets the flag, and never interrupts a scan
+        args.stop.is_set()  # once it is read, the first signal sets the flag and interrupts no scan
         servers.callback(bridge.close)
         bridge.start()
         say(f"serving on {bridge.address[0]}:{bridge.address[1]}")
@@ -76,7 +76,7 @@ def _serve(args: argparse.Namespace) -> None:
 
             cables = tuple(cell.cables)
             page = servers.enter_context(PageServer(args.page, bridge, live, loaded, journal.folder, cables))
-            # A terminal shows the token, a log only its file.
+            # Print the token on a terminal only; a log gets the path of its file.
             token = f"#token={page.token}" if sys.stdout.isatty() else f" token in {journal.folder / FILE}"
             say(f"page on {page.url}{token}")
         if args.metrics is not None:
@@ -88,7 +88,7 @@ def _serve(args: argparse.Namespace) -> None:
 
 
 def _warn(plc: "PlcConfig", args: argparse.Namespace) -> None:
-    """Log the open ports and the keys that expire soon."""
+    """Log each open port as a warning, and the days left of each key; a warning if they are few."""
     from cell.devices.checks import OK
     from cell.run.exposure import exposures, key_days, key_verdict
 

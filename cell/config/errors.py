@@ -57,16 +57,16 @@ def _schema() -> Mapping[str, Any]:
 
 
 def _beginner(section: Place, given: Layers) -> str:
-    """Return the origin of a section if a preset, a recipe or an option stated it first, else the cell's file."""
+    """Return the first layer that states a key of the section if all such layers are above the file, else the file."""
     begun = {name for place, name in given.origins.items() if section and place[: len(section)] == section}
     later = given.order[given.order.index(given.file) + 1 :]
     return min(begun, key=later.index) if begun and begun <= set(later) else given.file
 
 
 def _blamed(text: str, given: Layers) -> str:
-    """Return the origin of the conflicting key from the latest layer; the cell's file if no key in `text` has an origin.
+    """Return the latest layer that stated one of the keys in `text`; the cell's file if no layer stated any of them.
 
-    If this key is not the first one in `text`, return its name too.
+    If the key of that layer is not at the start of `text`, add its name.
     """
     named = [place for word in _KEY.findall(text) if (place := tuple(word.split("."))) in given.origins]
     if not named:
@@ -99,7 +99,7 @@ def _elsewhere(place: Place) -> str:
 
 
 def _variants(schema: Mapping[str, Any]) -> list[Mapping[str, Any]]:
-    """Return the permitted sections of a key, one for each kind."""
+    """Return the schema of each alternative of a key; one schema if it has no alternatives."""
     return [follow(branch) for branch in schema.get("anyOf", schema.get("oneOf", [schema]))]
 
 
@@ -150,7 +150,7 @@ def _allowed_number(name: str, schema: Mapping[str, Any]) -> str:
 
 
 _SMALLER = {"m": ("mm", 1e-3), "m/s": ("mm/s", 1e-3), "rad": ("degrees", math.pi / 180.0)}
-"""Smaller unit that people type in place of an SI unit, and its size, by the SI unit."""
+"""Smaller unit often typed by mistake, and its size in the SI unit, by SI unit."""
 
 
 def _hint(place: Place, found: Any, schema: Mapping[str, Any]) -> str:
@@ -195,7 +195,7 @@ def schema_at(loc: tuple[int | str, ...], tree: Any) -> tuple[Place, Mapping[str
 
 
 def _item(schema: Mapping[str, Any], number: int) -> Mapping[str, Any]:
-    """Return the schema of an item of a list; if all items have the same schema, that of the list."""
+    """Return the schema of one item of a list; the schema of the list if its items have no schemas of their own."""
     for branch in schema.get("anyOf", [schema]):
         items = branch.get("prefixItems", ())
         if number < len(items):

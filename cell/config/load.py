@@ -33,7 +33,7 @@ class LoadedConfig:
 def load(
     path: Path | None = None, preset: str | None = None, sets: Iterable[str] = (), simulate: Iterable[str] = ()
 ) -> LoadedConfig:
-    """Load a cell from layers, each laid over those before.
+    """Load a cell from layers; each layer replaces values of the earlier ones.
 
     The order is: the file's `base`, the file, its world, its preset, the file of each recipe, simulated devices, single keys. The folders
     `worlds/`, `presets/` and `recipes/` are beside the file. If a world or a preset is missing there, the shipped one is
@@ -60,7 +60,7 @@ def load(
 
 
 def with_parameters(config: CellConfig, parameters: Iterable[tuple[str, Any]]) -> CellConfig:
-    """Return a config with the parameters of a command in place of its own values; a command can replace keys of recipes only.
+    """Return a config with values replaced by the parameters of a command: keys of recipes, except `preset`.
 
     Raises:
         ConfigError: A key is unknown, or a value is not permitted.
@@ -71,7 +71,7 @@ def with_parameters(config: CellConfig, parameters: Iterable[tuple[str, Any]]) -
     merged = Layers("parameter", config.model_dump())
     for name, _ in parameters:
         if name.split(".")[0] not in RECIPE_SECTIONS - {"preset"}:
-            known = ", ".join(sorted(RECIPE_SECTIONS))
+            known = ", ".join(sorted(RECIPE_SECTIONS - {"preset"}))
             raise ConfigError(f"parameter {name}: not for a command; keys of {known} allowed")
     merged.lay(nested((tuple(name.split(".")), value) for name, value in parameters), "parameter")
     return _validated(merged)

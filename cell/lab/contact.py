@@ -1,9 +1,9 @@
 """The ladder of contact models, each measured on the same tasks: speed, accuracy and failures.
 
 A rig pushes the cell's peg at five fixed tilts with 10 N into the cell's hole; sideways the peg is free. The study compares
-the depth with the exact test by sections. A drag over solid plate reveals seams, and a peg that is 20 um too thick must
-stay out. A map shows the limits of integration, measured and from theory. Every model stays in the table: if bodies
-penetrate, it is void; if the peg never comes to rest, it is unstable.
+the depth with the exact depth, computed from sections. A drag over solid plate reveals seams, and a peg 20 um too thick
+must stay out. A map shows the limits of integration, measured and from theory. Models that fail stay in the table: the
+verdict names each failure, for example `void` if bodies penetrate.
 """
 
 import argparse
@@ -32,7 +32,7 @@ from sim.world.truth import VOID_PENETRATION, VOID_SHARE
 
 SHIPPED = "closed form, 0.5 ms"
 SHALLOW, STEEP = (1, 2, 5), (15, 45)
-"""Tilts, degrees, of a peg during release (`SHALLOW`), and of a peg that drops into the hole (`STEEP`)."""
+"""Tilts, degrees: of an almost upright peg (`SHALLOW`), and of a leaning peg that drops into the hole (`STEEP`)."""
 PUSH, SECONDS = 10.0, 1.5
 """Force, N, and duration, s, of a push."""
 AT_REST = 1e-2
@@ -42,7 +42,7 @@ EXACT_ENOUGH = 0.01
 MAP_SECONDS, MAP_TILT = 0.6, 5
 TIMESTEPS, STIFFNESSES = np.geomspace(1e-4, 4e-3, 12), np.geomspace(1e4, 1e8, 17)
 """Time steps of the map's columns, s, and stiffnesses of its rows, 1/s²."""
-HOLES = {"exact": "contacts ahead of touch (shipped)", "unpredicted": "contacts only while touching"}
+HOLES = {"exact": "contacts begin before touch (shipped)", "unpredicted": "contacts begin at touch"}
 """Models of the hole on the map of integration."""
 VERDICTS = {"holds": GREEN, "penetrates": COLOURS[4], "unstable": RED}
 LOWEST, HIGHEST = 0.02, 1000.0
@@ -61,7 +61,7 @@ class Rung:
 
 
 def model(**changes: Any) -> HoleModel:
-    """Return a model other than the default, with contacts as stiff as its time step allows."""
+    """Return a model with these changes, without the lower bound of the contacts' time constant."""
     return HoleModel(contact_time=0.0, **changes)
 
 
@@ -174,7 +174,7 @@ def size(part: Part) -> str:
 
 
 def measure_rung(rung: Rung, azimuths: Sequence[float], peg: Part, hole: Part) -> RungRow:
-    """Measure one rung on a peg and its hole; if the model cannot work, the row gives the reason."""
+    """Measure one rung on a peg and its hole; if the model raises an error, the row gives it as fault."""
     try:
         with native.quiet():
             return _measure_rung(rung, azimuths, peg, hole)
@@ -253,7 +253,7 @@ def measure_point(kind: str, timestep: float, stiffness: float, peg: Part, hole:
 
 
 def ladder_panel(rows: Sequence[RungRow], parts: str) -> Panel:
-    """Return the panel of error against speed, with a colour for each family; a hollow mark is a model with a fault in its verdict."""
+    """Return the panel of error against speed, a colour per family; failing models are hollow, the shipped one has a ring."""
     families = list(dict.fromkeys(row.family for row in rows))
     colours = dict(zip(families, cycle((*COLOURS[1:], GREY)), strict=False))
     groups: dict[tuple[str, bool], list[RungRow]] = {}
@@ -283,7 +283,7 @@ def _rungs(rows: Sequence[RungRow], colour: str, label: str, size: float, is_hol
 
 
 def map_panels(rows: Sequence[MapRow]) -> list[Panel]:
-    """Return a panel for each model of `HOLES`: the result of integration by step and stiffness, and the boundaries of theory."""
+    """Return a panel for each model of `HOLES`: results of integration by step and stiffness, with theoretical limits."""
     return [_map_panel([row for row in rows if row.hole == hole], title) for hole, title in HOLES.items()]
 
 
@@ -307,7 +307,7 @@ LAWS = (
     (boundary_bound, "theory, bound: k dt² + 2 b dt = 4", "-"),
     (boundary_bouncing, "theory, bouncing: k dt² + b dt = 2", "--"),
 )
-"""Boundaries of theory, with label and line style."""
+"""Theoretical limits of the stiffness, each with label and line style."""
 
 
 def run(args: argparse.Namespace) -> StudyReport:

@@ -98,7 +98,7 @@ class Phases(Probe):
         self._tilts.append((self._world.now(), angle_between(axis, normal)))
 
     def columns(self, records: Sequence[StageRecord]) -> dict[str, str]:
-        """Return time and bound of each phase, s, and the share of the first cover before the hole; empty if a phase was not reached."""
+        """Return time and bound of each phase, s, and the share of the first cover up to the hole; empty if unknown."""
         found = {**self._covered(records), **self._turned(), **self._seated()}
         return {name: "" if math.isnan(value) else f"{value:.7g}" for name, value in found.items()}
 
@@ -177,7 +177,7 @@ class LimitsLine:
 
 
 def lines_of(variant: str, rows: Sequence[TrialRow]) -> list[LimitsLine]:
-    """Return each phase of the seated trials; the time of a whole cover is the time of the search divided by the share covered."""
+    """Return the phases of the successful trials; a whole cover takes the search time divided by the share covered."""
     good = successes(rows)
 
     def of(name: str) -> list[float]:

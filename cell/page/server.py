@@ -47,8 +47,8 @@ class PageServer(HttpServer):
 
     Args:
         address: Host and port; port 0 takes a free one.
-        bridge: The mailbox of the line.
-        live: The exchange filled by the scan.
+        bridge: Bridge to the PLCs.
+        live: Exchange that the scan thread fills with its readings.
         loaded: The cell and its recipes.
         folder: Folder of the records.
         cables: Names of the simulated devices whose cables the page can unplug.
@@ -108,7 +108,7 @@ class PageServer(HttpServer):
             token=self.token,
             build=build,
             compress_response=True,
-            # Three pings within the timeout of a link; an answer is a sign of life for the page's run, and a late answer closes no page.
+            # Three pings per link timeout; each answer is a sign of life. A late answer closes no page: ping timeout 0.
             websocket_ping_interval=self._loaded.cell.plc.life_timeout / 3,
             websocket_ping_timeout=0,
             websocket_max_message_size=MOST,
@@ -172,14 +172,14 @@ class FileHandler(RecordsHandler, StaticFileHandler):
 
 
 class Static(FileHandler):
-    """Handler of the page's own files; a browser keeps them, and the server confirms their version at each use."""
+    """Handler of the page's own files; a browser caches them, and the server confirms their version at each use."""
 
     def compute_etag(self) -> str | None:
-        """Return the version of the page's files; None for a page, because a page that a browser keeps loses its socket."""
+        """Return the version of the page's files; None for HTML, because a page from the cache has lost its socket."""
         return None if self.path.endswith(".html") else f'"{self.settings["build"]}"'
 
     def set_extra_headers(self, path: str) -> None:
-        """Let a browser keep any file except a page, and check its version at each use."""
+        """Let a browser cache a file if it checks the version at each use; HTML is not cached."""
         if not path.endswith(".html"):
             self.set_header("Cache-Control", "no-cache")
 

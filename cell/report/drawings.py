@@ -13,10 +13,10 @@ from drivers.quantities import Vector
 GOOD, BAD, PLAIN, FAINT = "#228833", "#bb4455", "#4477aa", "#9aa5ad"
 """Colours that colour-blind readers can distinguish."""
 MOST_LOSSES, MOST_SHIFTS = 8, 93
-"""Largest numbers of kinds of losses and of shifts in a drawing; three shifts a day for a month."""
+"""Largest number of kinds of losses, and of shifts, in a drawing; 93 shifts are a month with three shifts a day."""
 COLOURS = ("#222222", "#bbbbbb", "#4477aa", "#66ccee", "#228833", "#ccbb44", "#ee6677", "#aa3377")
 MOST_POINTS, SPANS = 2000, 100
-"""Largest number of runs drawn as single points, and number of spans for more runs."""
+"""Largest number of runs drawn as single points; more runs are drawn as this number of spans."""
 
 
 def draw(facts: Facts) -> Figure:
@@ -92,7 +92,7 @@ def _losses(axes: Axes, facts: Facts) -> None:
         axes.text(
             loss.minutes,
             row,
-            f" {loss.minutes:.1f} min, {loss.count} runs, together {100 * loss.cumulative:.0f} %",
+            f" {loss.minutes:.1f} min, {loss.count} runs, cumulative {100 * loss.cumulative:.0f} %",
             fontsize=8,
             va="center",
         )
@@ -142,8 +142,8 @@ def _drift(axes: Axes, facts: Facts) -> None:
         axes.axhline(WORN, color=BAD, lw=0.8, ls="--", label=f"limit {WORN}: change the pads")
         axes.legend(fontsize=8)
     axes.set_ylim(bottom=0)
-    axes.set_xlabel("days since the first run; it rises as the pads wear")
-    axes.set_ylabel("residual (0 to 1)")
+    axes.set_xlabel("days since the first run")
+    axes.set_ylabel("residual (0 to 1), rises with wear")
 
 
 def _spans(axes: Axes, time: Vector, value: Vector) -> None:
@@ -151,5 +151,5 @@ def _spans(axes: Axes, time: Vector, value: Vector) -> None:
     spans = [np.array_split(values[np.argsort(time, kind="stable")], SPANS) for values in (time, value)]
     middle = [float(span.mean()) for span in spans[0]]
     low, median, high = np.array([np.percentile(span, (10, 50, 90)) for span in spans[1]]).T
-    axes.fill_between(middle, low, high, color=FAINT, lw=0, alpha=0.5, label=f"8 of 10 of {len(time) // SPANS} runs")
+    axes.fill_between(middle, low, high, color=FAINT, lw=0, alpha=0.5, label=f"10 to 90 % of {len(time) // SPANS} runs")
     axes.plot(middle, median, color=FAINT, lw=1.5, label="their median")

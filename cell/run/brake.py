@@ -48,13 +48,13 @@ class Brake:
         self.request, self.resumed = Request.RESUME, self._cell.clock.now()
 
     def halt(self) -> None:
-        """Halt the arm; do nothing if it is at rest, because a halt lets it sink by the error of its gravity model."""
+        """Halt the arm unless it is at rest: after a halt, an arm sinks by the error of its gravity model."""
         if self.is_at_rest:
             return
         try:
             self._cell.arm.halt()
         except CellError as error:
-            logger.error("the arm does not take the halt: %s", error)
+            logger.error("the arm could not be halted: %s", error)
 
     def wait(self, meanwhile: Callable[[], None] = lambda: None) -> CellError | None:
         """Wait until the arm is at rest, calling `meanwhile` at each scan; after a fault, halt the arm and return the fault."""

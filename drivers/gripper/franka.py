@@ -79,11 +79,11 @@ class FrankaGripper:
         self._command(f"move {width} {self._config.speed}")
 
     def read(self) -> GripperState:
-        """Return the newest state; restart a process that has ended, without a motion of the fingers.
+        """Return the newest state. If the process has ended, restart it; the fingers do not move.
 
         Raises:
-            GripperSilentError: The newest state is too old, or a command takes too long. If the hand has refused a
-                command, or has not opened, only the next call raises this.
+            GripperSilentError: The newest state is too old, or a command takes too long. If the hand refused a
+                command, or did not open, this is raised once.
         """
         self._listen()
         self._revive()
@@ -117,7 +117,7 @@ class FrankaGripper:
         try:
             self._process.stdin.write(f"{self._number} {line}\n".encode())
         except BrokenPipeError:
-            raise GripperSilentError(f"gripper at {self._config.host}: its line has ended") from None
+            raise GripperSilentError(f"gripper at {self._config.host}: its process has ended") from None
         self._last, self._heard = line, time.monotonic()
         self._is_busy, self._is_grasped = True, False
         self._done_at, self._has_grasped = math.inf, False
@@ -130,7 +130,7 @@ class FrankaGripper:
         if time.monotonic() >= self._started + 2.0:
             self.close()
             self._start()
-        self._lost = "its line has ended and is started again"
+        self._lost = "its process has ended and is being restarted"
 
     def _listen(self) -> None:
         if self._process is None or self._process.stdout is None:

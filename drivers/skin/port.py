@@ -33,7 +33,7 @@ class SkinPort(Protocol):
 
     @property
     def changed(self) -> str:
-        """Text that names the exchanges since the board was first discovered; empty if there are none."""
+        """Text that names the modules exchanged since the first discovery of the board; empty if none."""
 
     def forget(self) -> None:
         """Discard everything received."""
@@ -70,7 +70,7 @@ class HubOnCan(CySkinDialogue):
         self._own = self._others = 0
 
     def exchange(self, now: float) -> list[RawScan]:
-        """Return the received scans, then send what is due."""
+        """Take the received messages, send what is due, and return the completed scans."""
         scans, wire = list[RawScan](), self._config.wire
         for part in _waiting(self.link):
             hub = sender(part)
@@ -123,7 +123,7 @@ class IcubOnCan:
         self._begun: dict[int, TriangleReading] = {}
 
     def exchange(self, now: float) -> list[RawScan]:
-        """Start the board until it sends, and return the received scans."""
+        """Repeat the start message until the board sends, and return the completed scans."""
         if now >= self._next and not self.is_started:
             self._next = now + RETRY
             self.link.write(setup(self._config.board))
@@ -181,11 +181,11 @@ class HubOnSerial(CySkinDialogue):
         self._frames, self._whole = Deframer(LONGEST), 0
 
     def exchange(self, now: float) -> list[RawScan]:
-        """Return the received scans, then send what is due."""
+        """Take the received messages, send what is due, and return the completed scans."""
         data = self.link.read(0.0)
         behind, scans = len(data), list[RawScan]()
         for piece in _pieces(data):
-            # A frame's first byte arrived at least the transfer time of the frame and of all later bytes ago.
+            # A frame's first byte is at least as old as the transfer time of all bytes from it to the end of `data`.
             stamp = now - behind * self.link.character_time
             behind -= len(piece)
             for content in self._frames.feed(piece):
@@ -203,7 +203,7 @@ class HubOnSerial(CySkinDialogue):
     def trouble(self) -> str:
         """Return the reason why no scan arrives."""
         if self._frames.bytes and not self._whole:
-            return f"{self._frames.bytes} bytes heard and no frame among them: another baud rate than skin.baud_rate?"
+            return f"{self._frames.bytes} bytes received, but no frame: check that skin.baud_rate is the board's"
         return super().trouble() + (
             "" if self._frames.bytes else ": check its supply and cable, whether this is its port, and skin.baud_rate"
         )

@@ -66,5 +66,5 @@ def body_of(block: FunctionBlock) -> str:
 
 
 def _wide(high: int | str, low: int | str) -> str:
-    """Return the expression for two words of the report."""
+    """Return the expression that joins two words of the report to a UDINT."""
     return f"DWORD_TO_UDINT(SHL(WORD_TO_DWORD(Report[{high}]), 16) OR WORD_TO_DWORD(Report[{low}]))"

@@ -13,8 +13,8 @@ Links open and close at any time. The handshake decides, in one way for all buse
 Answers
     Every number gets an answer, `answered` with `refusal`, as soon as the command is refused, begun or carried out.
     `sequence` and `result` give the result of the link's own last command, until the link acknowledges the result or
-    sends its next command. They never show another link's run; only before its first write does a link read the run of
-    any link. An answer never changes afterwards: if a link repeats its block, even after a loss, the answer remains.
+    sends its next command. Until a link first writes more than its stop coil, they show the run of any link; afterwards
+    only its own. An answer never changes: if a link repeats its block, even after a loss, the answer remains.
 Stops
     The cell obeys STOP, ABORT and the stop coil from every link, under every number and in every state. If a link
     repeats a block unchanged, the cell stops only once. The stop coil is a level; each connection has its own.
@@ -129,7 +129,7 @@ class Handshake:
         link.forget()
         self._lease.lose(link)
         if run is not None and run.link is link and run.is_watched:
-            self._lose(run, link, "its bus says so")
+            self._lose(run, link, "reported by its bus")
 
     def heard(self, source: str) -> None:
         """Record a request of any kind from `source`."""
@@ -144,7 +144,7 @@ class Handshake:
             source: The link.
             image: The whole block.
             is_numbered: True if the link has ever written its sequence number.
-            by: Connection that has just written the number; None if none has, or if each link is one connection.
+            by: Connection that has just written the number; None without a new number, or if a link is one connection.
         """
         now, link = self._expire(), self._links[source]
         link.has_spoken = True
@@ -172,7 +172,7 @@ class Handshake:
         self._orders.take_coils(link, coils, by)
 
     def submit(self, source: str, image: CommandImage) -> Refusal:
-        """Submit an order of a local user of `source` under a number of its own; return its refusal, or NONE."""
+        """Submit an order of the local user `source`; its number is assigned here. Return its refusal, or NONE."""
         link = self._links[source]
         link.watchdog.heard, link.has_spoken, link.image = self._expire(), True, image
         return self._orders.command(link, link.numbers.give(), image).refusal
@@ -231,8 +231,8 @@ class Handshake:
     def report_for(self, source: str) -> Report:
         """Return the report that `source` reads; no other function composes it.
 
-        Until a link has written more than a stop, its report shows the run of any link. The fault of the link's own run
-        stays with its result, also after another link has reset the cell.
+        Until a link has written more than its stop coil, its report shows the run of any link. The fault of the link's
+        own run stays with its result, also after another link has reset the cell.
         """
         link, orders = self._links[source], self._orders
         shown, answered = link.in_view, link.answered
@@ -280,7 +280,7 @@ class Handshake:
         )
 
     def sight(self, host: str) -> PlcSight | None:
-        """Return the cell's view of the PLC at `host`, an address, node or line; None if it is not connected.
+        """Return the cell's view of the PLC at `host`, an address, node or line; None if no open link has written.
 
         If one host has several links, the view is of the link whose life counter changed most often.
         """

@@ -10,7 +10,7 @@ from plc_bridge.protocol.messages import PACKML, TRANSITIONS, Control, Report, R
 STATES = 17
 """Number of PackML states, numbered from 1."""
 STOPPED, EXECUTE, STOPPING, ABORTING, ABORTED = 2, 6, 7, 8, 9
-"""PackML states with a stop reason, and EXECUTE, which deletes the stop reason."""
+"""PackML states with a stop reason, and EXECUTE, which clears the stop reason."""
 
 
 @dataclass(slots=True)
@@ -19,12 +19,12 @@ class PackTags:
 
     unit_mode: int = entry("u16", "PackTags UnitModeCurrent: 1 production", 1)
     state: int = entry("u16", "PackTags StateCurrent, equal to report_state")
-    cntrl_cmd: int = entry("u16", f"PackTags CntrlCmd, obeyed last: {TRANSITIONS}")
+    cntrl_cmd: int = entry("u16", f"PackTags CntrlCmd, last control carried out: {TRANSITIONS}")
     stop_reason: int = entry(
-        "u16", "PackTags StopReason: fault code, or the control that stopped the cell; 0 since it went on"
+        "u16", "PackTags StopReason: fault code, or the control that stopped the cell; 0 from the next EXECUTE on"
     )
     processed: int = entry("u32", "PackTags ProdProcessedCount: insertions that have ended since the start")
-    defective: int = entry("u32", "PackTags ProdDefectiveCount: those of them that did not end in success")
+    defective: int = entry("u32", "PackTags ProdDefectiveCount: insertions that have ended without success")
     times: list[float] = entry(  # noqa: RUF009  a new list for each instance
         "u32",
         "PackTags StateCumulativeTime: time in state {} since the start",

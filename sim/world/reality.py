@@ -40,7 +40,7 @@ class ErrorKind(NamedTuple):
     ideal: float
     """Value in a cell that agrees with the software's assumptions."""
     part_of: str = ""
-    """Name of the error without which this error has no effect; if that one is drawn alone, this one is drawn too."""
+    """Name of the error that this error needs to have an effect; `reality.alone` with that name draws both."""
 
     def shape(self, layout: Layout) -> tuple[int, ...]:
         """Return the shape of a draw in a cell with this skin."""
@@ -178,7 +178,7 @@ class Lognormal(ErrorModel):
 class Quantiles(ErrorModel):
     """A factor about 1 with measured quantiles.
 
-    Its logarithm is uniform between two quantiles and ends at the outermost ones.
+    Its logarithm is uniform between neighbouring quantiles; the outermost ones are its limits.
     """
 
     distribution: Literal["quantiles"]
@@ -308,7 +308,7 @@ def read(path: Path) -> Reality:
     errors = _errors(str(path), read_toml(path))
     for name in KINDS:
         if name not in errors:
-            raise ConfigError(f"{path}: {name}: missing; a sigma or a spread of nothing leaves an error out")
+            raise ConfigError(f"{path}: {name}: missing; sigma = 0 or spread = 1 leaves an error out")
     return Reality({name: errors[name] for name in KINDS})
 
 
@@ -328,7 +328,7 @@ def _errors(path: str, tree: Mapping[str, Any]) -> dict[str, AnyError]:
     found = {}
     for group, tables in tree.items():
         if not isinstance(tables, dict):
-            raise ConfigError(f"{path}: {group}: not a table; a table an error allowed, as [arm.gravity]")
+            raise ConfigError(f"{path}: {group}: not a table; one table for each error needed, as [arm.gravity]")
         for key, table in tables.items():
             name = f"{group}.{key}"
             if name not in KINDS:

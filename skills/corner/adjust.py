@@ -1,7 +1,7 @@
-"""Bring a peg with corners, one corner in its hole, upright between the walls, so that the hole guides it.
+"""Bring a peg with corners upright between the walls of its hole, so that the hole guides it.
 
-At a small tilt, the peg rests at the depth of its corner. The skill raises the peg and pushes its corner into the hole's
-corner, which holds the peg's corner at two walls. Meanwhile it sweeps the yaw about the yaw found by the insertion. The
+At the start, the peg leans a little, with one corner in the hole. The skill raises the peg and pushes this corner into
+the hole's corner, which holds it at two walls. Meanwhile it sweeps the yaw about the yaw found by the insertion. The
 depth gained by the tip shows when the peg is between the walls. From then on, the hole guides it like a round peg.
 """
 
@@ -24,13 +24,13 @@ from skills.search.surface import Plane, nominal
 from skills.seating.decision import is_seated
 
 STRAYED_FOR = 0.15
-"""Time beyond the distance `strayed` after which the corner has left the hole, s: a few frames of the skin. Source: docs/tried/corners.md."""
+"""Time of the tip beyond `strayed` after which the corner is out of the hole, s: a few frames of the skin. Source: docs/tried/corners.md."""
 
 
 class CornerAdjustParams(SkillParams):
     """Parameters of bringing a peg with corners between the walls of its hole.
 
-    The skill uses the theta measured at its start, and later theta only to detect a slip in the hand.
+    The setpoints use the theta measured at the start. Later theta serves only to detect a slip or a strayed tip.
     """
 
     SOURCE: ClassVar[str] = "chosen, not measured; reason in docs/tried/corners.md"
@@ -187,7 +187,7 @@ class EntryWatch:
         return EntryWatch(self.stall.after(sunk, elapsed, params.sinks * params.caught), inside)
 
     def has_strayed(self, elapsed: float) -> bool:
-        """Return True if the tip has strayed for longer than `STRAYED_FOR`; within this time the skin measures any turn in the hand."""
+        """Return True if the tip has strayed for longer than `STRAYED_FOR`, in which the skin measures a turn in the hand."""
         return elapsed - self.inside > STRAYED_FOR
 
     def is_caught(self, elapsed: float, params: CornerAdjustParams) -> bool:

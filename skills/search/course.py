@@ -15,10 +15,10 @@ from skills.search.params import SpraySearchParams
 from skills.search.tour import Left, Path, Rows, Stroke, first_look, outwards, tour
 
 MOST_LOOKS = 5
-"""Number of short strokes; if more are needed to cover the likely place, the search begins with whole lanes."""
+"""Largest number of short strokes over the likely place; if more are needed, the search begins with whole lanes, else with one."""
 SURE = 2.0
-"""Number of standard deviations that one stroke must cover to each side, so that the whole lanes continue from its end.
-Otherwise the first lane repeats the length of the stroke."""
+"""Standard deviations of the likely place, to each side, that a short stroke must cover so that the next one continues
+from its end. Otherwise the next stroke starts at its beginning."""
 ANYWHERE = Belief()
 """Distribution of the hole's place if only the area is known."""
 STEP = 0.01
@@ -47,7 +47,7 @@ class Course:
     lowest: Vector
     """Lowest point of the leaning peg with its tip at the path's middle, shape (2,), m, base frame."""
     cover: float
-    """Time in which the path covers the area once, s; after it, decoys are tried again, in case one is the hole."""
+    """Time in which whole lanes cover the area once, s; after it, a new decoy is tried again: it may be the hole."""
     until: float
     """Time along the path until which the decoys are skipped, s."""
     decoys: tuple[Decoy, ...]
@@ -65,7 +65,7 @@ class Course:
         return replace(self, decoys=(*self.decoys, decoy), until=time + self.cover)
 
     def down_from(self, time: float) -> "Course":
-        """Return the course with the descent at the first time along the path, from `time`, s, on, at which the peg is in no decoy."""
+        """Return the course whose descent is at the first time from `time` on, s, with the peg outside every decoy."""
         return replace(self, since=self.beyond(time))
 
     def beyond(self, time: float) -> float:
@@ -85,10 +85,11 @@ def make_course(
     belief: Belief = ANYWHERE,
     is_length_known: bool = True,
 ) -> Course:
-    """Return the course over the area: lanes that start at the corner next to a random point, followed by the middle of the
-    band in which the leaning edge falls.
+    """Return the course over the area: lanes that start at the corner next to a random point. The middle of the capture
+    band of the leaning edge follows the lanes.
 
-    If a place of the hole is likely, short strokes over that place come first; the rest of the area follows from there outwards.
+    If a place of the hole is likely, the path begins with a short stroke over it and continues outwards. In a later
+    attempt, it begins with several short strokes and continues with the rest of the earlier path.
 
     Args:
         params: Parameters of the search.
@@ -134,8 +135,9 @@ def leading(reach: float, tilt: float, fall: float) -> float:
 
     If the lowest point is at a depth h = `fall` in the hole, two points of the peg in the mouth's plane must be inside the rim:
     - the peg's side, h tan(tilt) ahead of the lowest point;
-    - the end face, h / tan(tilt) behind it, along a chord at the height h / sin(tilt) of the face.
-    The middle of the band is therefore off the lowest point by (h / 2) (1 / tan(tilt / 2) - tan(tilt)).
+    - the end face, h / tan(tilt) behind it, along a chord at the height s = h / sin(tilt) of the face.
+    At the ends of the chord, a rim with the peg's radius is nearer by s. The middle of the band is therefore behind the
+    lowest point by (h / tan(tilt) + s - h tan(tilt)) / 2 = (h / 2) (1 / tan(tilt / 2) - tan(tilt)).
 
     Args:
         reach: Largest distance of a point of the peg's end from its axis, m.

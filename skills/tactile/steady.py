@@ -13,7 +13,7 @@ from drivers.skin.layout import Layout, layout_of, module_of
 JUDGED = 8
 """Largest number of frames to judge after the first one: 0.8 s at 10 Hz."""
 NEEDED = 3
-"""Number of frames that decide: so many frames with the peg accept the print; so many with a restless module end the check.
+"""Number of frames that decide: so many frames with the peg accept the print, so many with a restless module refuse it.
 
 If the skin is noisy or the grip weak, most frames show the peg, but not all. Source: docs/tried/grasp.md.
 """
@@ -72,7 +72,7 @@ class GraspPrint:
             raise SkinUntrustedError(
                 f"{found}; {FINGER_NAMES[finger]} finger, module {module} reads at random: check its plug, or change the finger"
             )
-        raise SkinUntrustedError(f"{found}; a line across both pads needed: run `cell skin`")
+        raise SkinUntrustedError(f"{found}; a line across both pads needed: look for it with `cell skin`")
 
 
 def restless_modules(before: TaxelFrame, frame: TaxelFrame, layout: Layout) -> Mask:

@@ -35,8 +35,8 @@ from skills.guards.rest import REST_SPEED
 WAITING = (State.IDLE, State.COMPLETE, State.STOPPED, State.ABORTED, State.HELD)
 """States that wait for a command."""
 LIFE_TIMEOUT, PATIENCE = 2.0, 30.0
-"""Times after which a silent PLC counts as lost, s of wall time: for kinds of faults with a silent PLC, and for all other
-kinds. The second time is long, for busy computers; it is also the PLC's timeout for an answer."""
+"""Times after which a silent PLC counts as lost, s of wall time. The first is for faults that silence the PLC. The
+second is for all other faults and long, for busy computers; it is also the PLC's timeout for an answer."""
 LEASE_TIMEOUT = 30.0
 """Silence after which the lease is free again, s of wall time."""
 CYCLE = 0.02
@@ -66,8 +66,8 @@ class Sighting:
 
     injected: float | None = None
     detected: float | None = None
-    """Time of detection, whichever is first: a report with a fault, the start of the run's recovery, or the end of the
-    running states."""
+    """Time of detection: the first scan with a fault in the report, with the run's recovery under way, or in a state in
+    which no program runs."""
     moved: float = 0.0
     """Time of the arm's last motion."""
     stood: Vector | None = None
@@ -111,7 +111,7 @@ class FaultyPeer(Peer):
 
 @dataclass(slots=True)
 class FaultBench:
-    """The served cell, with access to its devices, its PLC and its program for the faults."""
+    """The served cell; faults can act on its devices, its PLC and its program."""
 
     loaded: LoadedConfig
     cell: Cell
@@ -133,7 +133,7 @@ class FaultBench:
     """Time from the stage's first scan to the fault, s."""
     inject: Callable[[], None] = lambda: None
     plc_act: Callable[[], None] | None = None
-    """Action of the PLC in its next cycle, on its own thread."""
+    """Action that the PLC's thread executes in its next cycle."""
     is_plc_lost: bool = False
     """True if the PLC that started the run never reads the end of the run."""
     _entered: float | None = None
@@ -244,7 +244,7 @@ class FaultBench:
 
 @contextmanager
 def bench(loaded: LoadedConfig, life_timeout: float = PATIENCE) -> Iterator[FaultBench]:
-    """Yield a served cell and close it at the end; `life_timeout` is the timeout of a silent PLC, s of wall time."""
+    """Yield a served cell, then close it; `life_timeout` is the least timeout of a silent PLC, s of wall time."""
     plc = loaded.cell.plc
     patient = plc.model_copy(
         update={
@@ -282,7 +282,7 @@ def bench(loaded: LoadedConfig, life_timeout: float = PATIENCE) -> Iterator[Faul
 
 
 def _scanning(supervisor: Supervisor) -> threading.Thread:
-    """Return the thread that serves the cell."""
+    """Start the thread that serves the cell, and return it."""
 
     def serve() -> None:
         with suppress(Exception):  # the report and the record contain the reason of the end

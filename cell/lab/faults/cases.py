@@ -1,4 +1,4 @@
-"""Result of one fault, the cases of a campaign, and the operator who ends each case; nothing is measured here."""
+"""Result of one fault, the cases of a campaign, and the operator's actions after a case; nothing is measured here."""
 
 import math
 from collections.abc import Callable, Iterator, Sequence
@@ -26,7 +26,7 @@ STAGES: dict[str, tuple[float, float]] = {
     "spiral_adjust": (0.05, 0.9),
     "release_and_retract": (0.05, 0.8),
 }
-"""First and last time of a fault after the first scan of each stage, s: in motion, in contact and while the hand works."""
+"""Earliest and latest fault after the first scan of each stage, s: in motion, in contact, or while the fingers move."""
 TURNS = 4
 """Number of cases of each kind at each stage in a whole campaign."""
 LONGEST = 600.0
@@ -57,8 +57,8 @@ class FaultCase:
     detection: float = math.nan
     """Time from the fault to its report, s; NaN if the run continued to a success."""
     rest: float = math.nan
-    """Time from the report to the arm's last motion, s; NaN if the run continued to a success or, after a failure, to
-    its recovery."""
+    """Time from the report to the arm's last motion, s; NaN if the run continued, to a success or to a failure with its
+    recovery."""
     rest_after: float = math.nan
     """Time from the fault to the arm's last motion in the run, s; NaN in the same cases as `rest`."""
     creep: float = math.nan
@@ -72,7 +72,7 @@ class FaultCase:
     part_untrue: bool = False
     """True if the peg is not at the reported position."""
     record: bool = False
-    """True if the run is recorded to its end, with samples unless the disk was the fault."""
+    """True if the record of the run is complete; samples can be missing only if the fault was in the disk."""
     reset: str = ""
     """Result of the RESET; empty if none was needed."""
     actions: int = 0
@@ -156,5 +156,5 @@ def reset_if_needed(peer: Peer) -> str:
 
 
 def remedy(report: Report) -> int:
-    """Return the command that resolves the refusal of a start: release of the held peg, or removal by a person."""
+    """Return the operator's action after a refusal or a fault: RECOVER if the hand holds a peg, else CLEARED."""
     return RECOVER if report.part_evidence & PartEvidence.HAND_HOLDS else Control.CLEARED

@@ -2,7 +2,7 @@
 
     python -m tests.bench.speed.bare
 
-serves 100 holding registers on a free port of this computer, prints that port, and ends with its standard input.
+serves 100 holding registers on a free port of this computer, prints that port, and ends when its standard input closes.
 """
 
 import asyncio

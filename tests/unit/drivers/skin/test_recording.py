@@ -1,4 +1,4 @@
-"""A recording is replayed at its own times, or refused in one line."""
+"""Frames of a recording are replayed at their recorded times; a wrong file is refused in one line."""
 
 import numpy as np
 import pytest
@@ -41,7 +41,7 @@ def test_frames_come_when_they_were_recorded(path):
         assert (frame.sequence, frame.stamp) == (number, pytest.approx(0.1 * number))
 
 
-def test_most_touched_modules_stand_for_the_fingers_without_their_temperatures(path):
+def test_most_touched_modules_become_the_fingers_without_temperatures(path):
     values = _opened(path)[0].read().values.reshape(4, 10)
     assert values[0].tolist() == [100 + 10 * name for name in (1, 2, 3, 4, 9, 10, 5, 8, 6, 7)]
     assert values[3, 0] == 410

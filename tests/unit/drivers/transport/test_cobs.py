@@ -1,4 +1,4 @@
-"""COBS frames come back whole, and a damaged frame costs only itself."""
+"""COBS frames come back whole, and a damaged frame is never taken for another one."""
 
 import pytest
 from hypothesis import given, settings
@@ -45,7 +45,7 @@ def test_truncated_frame_is_counted_and_the_next_one_read(content):
 @settings(max_examples=60)
 @given(st.binary(max_size=60), st.binary(max_size=20))
 def test_flipped_bit_never_gives_another_frame(content, following):
-    """A bit turned in the delimiter joins two frames, hence the third."""
+    """A flipped bit in the delimiter joins two frames; the third must still arrive."""
     for spoilt in each_bit_flipped(frame(content)):
         deframer = Deframer(300)
         got = deframer.feed(spoilt + frame(following) + frame(b"third"))

@@ -20,7 +20,7 @@ FEW = np.array([0.9e-3, 1.2e-3, 1.5e-3])
 
 @lru_cache
 def swept(layout, blur=1.2e-3):
-    """Return what perfect taxels read in a sweep, counts: the stand-in's pads, not the templates."""
+    """Return the readings of perfect taxels in a sweep, counts, from the simulated pads instead of the templates."""
     pads = Pads(PadConfig(blur=blur), layout)
     return np.array([0.05 * pads.pressure(PadLoad(theta, 0.0, 30.0, 0.0, 0.0, 0.05, 0.05, 0.008)) for theta in ANGLES])
 
