@@ -35,9 +35,9 @@ it is half the breadth: while a tilted peg is raised upright in the hole, its ti
 class Gains(ConfigModel):
     """Stiffness and damping ratio of the arm's impedance law."""
 
-    translation: Annotated[PositiveFloat, Quantity("N/m")]
+    translation: Annotated[float, Field(gt=0.0, le=1e5), Quantity("N/m")]
     """Translational stiffness, N/m."""
-    rotation: Annotated[PositiveFloat, Quantity("N·m/rad")]
+    rotation: Annotated[float, Field(gt=0.0, le=1e4), Quantity("N·m/rad")]
     """Rotational stiffness, N·m/rad."""
     damping_ratio: Annotated[float, Figure("multiple"), Field(exclude=True), Source("decision 0011")] = 1.0
     """Damping ratio of every mode, multiple of the critical damping at the arm's own inertia."""

@@ -96,6 +96,7 @@ WRONG = [
         for wrong in ("[0.0,0.001]", "[0.001,0.2]", "[0.001]")
     ),
     ("rack.first=[0.45, -0.1, 0.1]", ["rack.first = [0.45, -0.1, 0.1]: the rack overlaps the plate; slots outside x"]),
+    ("search.gains.translation=1e20", ["translation = 1e+20: a number > 0 and <= 100000 allowed"]),
     ("search.gains.damping_ratio=6", ["search.gains: oscillates from", "times the torques with 2 ms of delay"]),
     ("world=moon", ["world = 'moon': no such file in worlds/; \"backlash\", "]),
 ]
