@@ -42,7 +42,7 @@ MOST_REPLAY = 1.0
 """Longest time from a tap on the run of a fault to its touch, path, curves and 3D view, drawn without a graphics processor, s."""
 SCANS, MOST_SHARE = 300, 0.15
 """Number of scans, 100 per second, and the largest share of one core that the page's thread takes for two pages."""
-TURNS, MOST_LATER = 3, 1.05
+TURNS, MOST_LATER = 3, 1.25
 """Number of runs without pages and with them, and the largest ratio of the p99 of their times between scans."""
 VISITS = 5
 """Number of times the replay is opened; the median counts."""
