@@ -1,4 +1,4 @@
-"""Insertions of a served cell with two pages open: times of its scans, and growth of its memory, threads and files.
+"""Insertions of a served cell with two pages open, and growth of its memory, threads and files.
 
     python -m tests.bench.watched HOURS
 
@@ -10,8 +10,8 @@ import os
 import sys
 import threading
 import time
-from collections.abc import Generator, Iterator, Sequence
-from contextlib import closing, contextmanager, nullcontext
+from collections.abc import Generator, Iterator
+from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -21,7 +21,6 @@ from rich.console import Console
 from tornado.websocket import websocket_connect
 
 from cell.lab.faults.cases import INSERT, LONGEST
-from cell.records.samples import read_samples
 from plc_bridge.peer import Peer
 from plc_bridge.protocol.messages import Result
 from tests.serving import process
@@ -38,7 +37,6 @@ class WatchedRun:
 
     hours: float
     """Wall time since the first run, hours."""
-    run: int
     grown: tuple[float, int, int]
     """Memory, MB, and number of threads and of open files of the cell's process after the run."""
 
@@ -69,35 +67,22 @@ def open_pages(address: tuple[str, int]) -> Iterator[None]:
         watcher.join()
 
 
-def watched(folder: Path, in_turns: bool) -> Generator[WatchedRun, None, None]:
-    """Yield insertions of one cell without end; the first only fills its caches.
-
-    Args:
-        folder: Folder of its records.
-        in_turns: True to open the pages in every second run alone, first without; False to keep them open.
-    """
+def watched(folder: Path) -> Generator[WatchedRun, None, None]:
+    """Yield insertions of one cell without end; the first only fills its caches. `folder` is that of its records."""
     with (
         process(folder, (), "--page", "127.0.0.1:0", lines=2) as (running, [modbus, page]),
         closing(Peer(*modbus)) as peer,
-        nullcontext() if in_turns else open_pages(page),
+        open_pages(page),
     ):
         peer.connect()
         peer.take()
         peer.run(INSERT, timeout=LONGEST)
-        began, number = time.monotonic(), 0
+        began = time.monotonic()
         while True:
-            with open_pages(page) if in_turns and number % 2 else nullcontext():
-                report = peer.run(INSERT, timeout=LONGEST)
+            report = peer.run(INSERT, timeout=LONGEST)
             if report.result not in (Result.SUCCESS, Result.FAILURE):
                 raise RuntimeError(f"run {report.run}: {Result(report.result).name}, fault {report.fault}")
-            yield WatchedRun((time.monotonic() - began) / 3600.0, report.run, _grown(running.pid))
-            number += 1
-
-
-def p99(folder: Path, runs: Sequence[WatchedRun]) -> float:
-    """Return the 99th percentile of the time from one recorded scan of these runs to the next, s."""
-    stamps = [read_samples(folder / f"run-{run.run:06d}.arrows")["stamp"] for run in runs]
-    return float(np.percentile(np.concatenate([np.diff(each) for each in stamps]), 99))
+            yield WatchedRun((time.monotonic() - began) / 3600.0, _grown(running.pid))
 
 
 def _grown(pid: int) -> tuple[float, int, int]:
@@ -109,18 +94,15 @@ def _grown(pid: int) -> tuple[float, int, int]:
 def main() -> None:
     """Serve for some hours and print what grew."""
     hours, runs = float(sys.argv[1]), list[WatchedRun]()
-    with TemporaryDirectory() as folder, closing(watched(Path(folder), in_turns=False)) as watching:
+    with TemporaryDirectory() as folder, closing(watched(Path(folder))) as watching:
         for run in watching:
             runs.append(run)
             if run.hours >= hours:
                 break
-        interval = 1e3 * p99(Path(folder), runs)
     kept = runs[int(SETTLED * len(runs)) :]
     slopes = np.polyfit([run.hours for run in kept], [run.grown for run in kept], 1)[0] * DAY
     console = Console(soft_wrap=True)
-    console.print(
-        f"{runs[-1].hours:.2f} h, {len(runs)} insertions, {PAGES} pages; p99 of the scan's interval {interval:.1f} ms"
-    )
+    console.print(f"{runs[-1].hours:.2f} h, {len(runs)} insertions, {PAGES} pages")
     course = [f"{run.grown[0]:.1f}" for run in runs[:: max(len(runs) // 8, 1)]]
     console.print(f"memory in equal steps, MB: {', '.join(course)}")
     console.print(f"growth in a day: {slopes[0]:+.1f} MB, {slopes[1]:+.1f} threads, {slopes[2]:+.1f} files")
